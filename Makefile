@@ -1,0 +1,40 @@
+# The two commands of the README are `make run` and `make check`; each builds the venv it needs.
+PYTHON ?= python3
+DATA ?=
+OUT ?= out
+
+.PHONY: run check bench bars clean
+
+.venv/.ready: pyproject.toml
+	$(PYTHON) -m venv .venv
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check -e .
+	touch $@
+
+.venv-check/.ready: pyproject.toml
+	$(PYTHON) -m venv .venv-check
+	.venv-check/bin/python -m pip install --quiet --disable-pip-version-check -e ".[dev]"
+	touch $@
+
+.venv-bench/.ready: pyproject.toml
+	$(PYTHON) -m venv .venv-bench
+	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check -e ".[dev,bench]"
+	touch $@
+
+run: .venv/.ready  ## the main job: on DATA, or on the built-in synthetic fleet
+	.venv/bin/tripwatt evaluate $(DATA) --out $(OUT)
+
+check: .venv-check/.ready  ## the whole gate
+	.venv-check/bin/ruff format --check .
+	.venv-check/bin/ruff check .
+	.venv-check/bin/mypy
+	.venv-check/bin/lint-imports
+	.venv-check/bin/python -m pytest -n 2
+
+bench: .venv-bench/.ready  ## ratios against peers, all measured in one run, into bench.json
+	.venv-bench/bin/python -m benchmarks --out bench.json
+
+bars: .venv-bench/.ready  ## the long measurements against the project's own bars
+	.venv-bench/bin/python -m benchmarks.bars
+
+clean:
+	rm -rf .venv .venv-check .venv-bench out bench.json

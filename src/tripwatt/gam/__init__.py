@@ -1,0 +1,1 @@
+"""Generalised additive mixed models with gaussian or Student's t errors; knows neither cars nor trips."""

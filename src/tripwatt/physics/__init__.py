@@ -1,0 +1,1 @@
+"""The car as pure functions on arrays: road load, drivetrain, battery, and the simulation that chains them."""

@@ -1,0 +1,29 @@
+"""Constants of nature and unit conversions. Conversions happen at the edges, never in between."""
+
+from __future__ import annotations
+
+from typing import Final
+
+GRAVITY_M_S2: Final = 9.80665
+"""Standard acceleration of gravity (CGPM 1901)."""
+
+DRY_AIR_GAS_CONSTANT_J_KG_K: Final = 287.05287
+"""Specific gas constant of dry air (ICAO Doc 7488, standard atmosphere)."""
+
+SEA_LEVEL_PRESSURE_PA: Final = 101_325.0
+"""Pressure of the ICAO standard atmosphere at sea level."""
+
+TEMPERATURE_LAPSE_K_M: Final = 0.0065
+"""Temperature lapse rate of the ICAO standard atmosphere below 11 km."""
+
+SEA_LEVEL_TEMPERATURE_K: Final = 288.15
+"""Temperature of the ICAO standard atmosphere at sea level."""
+
+ZERO_CELSIUS_K: Final = 273.15
+
+SECONDS_PER_HOUR: Final = 3600.0
+M_S_PER_KM_H: Final = 1.0 / 3.6
+M_PER_MILE: Final = 1609.344
+KG_PER_LB: Final = 0.45359237
+N_PER_LBF: Final = 4.4482216152605
+WH_PER_J: Final = 1.0 / 3600.0
