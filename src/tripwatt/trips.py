@@ -338,3 +338,38 @@ def require_unique_ids(trips: Iterable[Trip]) -> None:
         raise InvalidInput(
             Fault("two trips with one id", "trips", ", ".join(map(str, twice)), "one id per trip")
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Fleet:
+    """Trips that were read together, and what their source says of them.
+
+    Attributes
+    ----------
+    name : str
+        The data set, e.g. "tum"; "synthetic" for the built-in fleet.
+    trips : tuple of Trip
+        Raw trips, before any audit.
+    notes : tuple of str
+        What a reader had to say, e.g. that season and weather are unknown. Shown to the user, never lost.
+    reference : mapping of str to (float or None), or None
+        The data set's reference trips: id -> time [s] at which the trip ends, None for its own end. None when the
+        data set defines none.
+    citation : str
+        Attribution that the data's licence asks for, empty when it asks for none.
+    """
+
+    name: str
+    trips: tuple[Trip, ...]
+    notes: tuple[str, ...] = ()
+    reference: Mapping[str, float | None] | None = None
+    citation: str = ""
+
+    def reference_trips(self) -> tuple[Trip, ...]:
+        """The reference trips among `trips`, ended where the reference says; empty without a reference."""
+        ends = self.reference or {}
+        return tuple(
+            t if ends[t.trip_id] is None else t.between(-math.inf, ends[t.trip_id] or math.inf)
+            for t in self.trips
+            if t.trip_id in ends
+        )
