@@ -6,6 +6,7 @@ from itertools import pairwise
 from types import SimpleNamespace
 
 import matplotlib
+import matplotlib.text
 import numpy as np
 import pandas as pd
 import pytest
