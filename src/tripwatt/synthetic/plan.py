@@ -16,7 +16,7 @@ N_DRIVERS: Final = 6
 DAYS_PER_SEASON: Final = 90
 
 # what a stream of random numbers is for; with the seed, the day and the trip it makes the stream's key
-DRIVERS, DAYS, TRIPS, ROADS, WHEEL, WORLD, SENSORS = range(7)
+DRIVERS, DAYS, TRIPS, ROADS, WHEEL, WORLD, AIR, NOISE, SENSORS = range(9)
 
 
 def stream(seed: int, purpose: int, *index: int) -> np.random.Generator:
@@ -145,12 +145,12 @@ def draw_driver(seed: int, number: int) -> Driver:
         deceleration_m_s2=1.5 * math.exp(0.15 * vigour),
         half_acceleration_speed_m_s=20.0 * math.exp(0.15 * vigour),
         speed_share=float(np.clip(0.95 + 0.02 * vigour, 0.9, 1.0)),
-        fluctuation=float(rng.uniform(0.05, 0.12)),
+        fluctuation=float(rng.uniform(0.08, 0.16)),
         fluctuation_length_m=float(rng.uniform(90.0, 160.0)),
         dwell_mean_s=22.0,
     )
     setpoint = float(np.clip(np.round(2.0 * rng.normal(22.0, 1.0)) / 2.0, 20.0, 25.0))
-    return Driver(f"driver {number + 1}", style, setpoint, float(rng.normal(0.03, 0.03)))
+    return Driver(f"driver {number + 1}", style, setpoint, float(rng.normal(0.05, 0.03)))
 
 
 def draw_day(seed: int, number: int) -> Day:

@@ -7,7 +7,7 @@ come on top at the battery terminals. Every figure here *defines* the synthetic 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -15,17 +15,17 @@ import numpy.typing as npt
 
 from tripwatt.driver import smooth_field
 from tripwatt.physics import simulate
-from tripwatt.synthetic.plan import WORLD, Plan, stream
+from tripwatt.physics.battery import discharge
+from tripwatt.synthetic.plan import AIR, NOISE, WORLD, Plan, stream
 from tripwatt.synthetic.roads import Drive
 from tripwatt.units import (
     DRY_AIR_GAS_CONSTANT_J_KG_K,
     GRAVITY_M_S2,
-    MOLAR_GAS_CONSTANT_J_MOL_K,
     SEA_LEVEL_PRESSURE_PA,
     WH_PER_J,
     ZERO_CELSIUS_K,
 )
-from tripwatt.vehicles import Vehicle
+from tripwatt.vehicles import Battery, Vehicle
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class HiddenCar:
     """How the true car differs from its data sheet."""
 
     drag_share: float = 0.04
-    extra_load_w: float = 60.0
+    extra_load_w: float = 130.0
     resistance_share: float = 0.15
     capacity_share: float = -0.04
 
@@ -44,15 +44,15 @@ class HiddenCar:
 class HiddenCabin:
     """The true cabin: one heat capacity, losses that grow with speed, a slow heater and an air conditioner."""
 
-    heat_capacity_j_k: float = 90e3
-    loss_w_k: float = 50.0
+    heat_capacity_j_k: float = 110e3
+    loss_w_k: float = 60.0
     loss_per_speed_w_s_k_m: float = 1.3
     gain_w_k: float = 350.0
     heater_max_w: float = 5500.0
     heater_efficiency: float = 0.92
     heater_lag_s: float = 45.0
     aircon_max_w: float = 2200.0
-    aircon_idle_w: float = 180.0
+    aircon_idle_w: float = 240.0
     aircon_performance: float = 2.3
     cools_down_s: float = 2400.0
 
@@ -119,18 +119,21 @@ def live_through(plan: Plan, drive: Drive, vehicle: Vehicle, seed: int) -> Truth
     """The truth of one trip. O(samples)."""
     rng = stream(seed, WORLD, *plan.key)
     time, speed = drive.profile.time_s, drive.profile.speed_m_s
-    ambient = draw_ambient(plan, time, rng)
+    # what is drawn per sample has streams of its own, so that no count of samples moves the trip's own effects
+    ambient = draw_ambient(plan, time, stream(seed, AIR, *plan.key))
     climate = heat_balance(plan, time, speed, ambient, rng)
     wind_n, headwind, rolling_n, rolling_share = hidden_forces(plan, drive, ambient, vehicle, rng)
     weight_n = (vehicle.body.test_mass_kg + plan.payload_mass_kg) * GRAVITY_M_S2
+    battery_degc = _battery_temperature(plan, float(ambient[0]), rng)
     driven = simulate(
         vehicle,
         time,
         speed,
         grade=drive.grade + (wind_n + rolling_n) / weight_n,
-        ambient_temperature_degc=ambient,
+        elevation_m=drive.elevation_m,  # for the air density; the slope is the given one
+        ambient_temperature_degc=float(ambient.mean()),
         initial_soc=plan.soc,
-        initial_battery_temperature_degc=_battery_temperature(plan, float(ambient[0]), rng),
+        initial_battery_temperature_degc=battery_degc,
         payload_mass_kg=plan.payload_mass_kg,
         hvac_power_w=0.0,
     )
@@ -145,31 +148,47 @@ def live_through(plan: Plan, drive: Drive, vehicle: Vehicle, seed: int) -> Truth
         "lamps": np.full_like(time, lamps),
         "driver": plan.driver.power_share * propelling,
         "trip": trip_share * propelling,
-        "noise": heavy_tailed_noise(time, driven.battery_power_w, rng),
+        "noise": heavy_tailed_noise(time, driven.battery_power_w, stream(seed, NOISE, *plan.key)),
     }
-    voltage, current, soc = terminals(sum(parts.values()), time, driven.battery_temperature_degc, plan.soc, vehicle)
+    battery = discharge(
+        aged(vehicle.battery),
+        np.sum(list(parts.values()), axis=0),
+        np.diff(time, prepend=time[0]),
+        float(ambient.mean()),
+        plan.soc,
+        battery_degc,
+    )
     effects = {f"{name}_energy_wh": _energy_wh(power, time) for name, power in parts.items()}
     effects |= {
-        "energy_wh": _energy_wh(voltage * current, time),
+        "energy_wh": _energy_wh(battery.power_w, time),
         "wind_work_wh": _energy_wh(wind_n * speed, time),
         "rolling_work_wh": _energy_wh(rolling_n * speed, time),
         "headwind_m_s": headwind,
         "rolling_share": rolling_share,
         "driver_share": plan.driver.power_share,
         "trip_share": trip_share,
-        "end_soc": float(soc[-1]),
+        "end_soc": float(battery.soc[-1]),
     }
     return Truth(
         ambient_temperature_degc=ambient,
         cabin_temperature_degc=climate.cabin_temperature_degc,
-        battery_temperature_degc=driven.battery_temperature_degc,
+        battery_temperature_degc=battery.temperature_degc,
         heating_power_w=climate.heating_power_w,
         requested_heating_power_w=climate.requested_heating_power_w,
         aircon_power_w=climate.aircon_power_w,
-        voltage_v=voltage,
-        current_a=current,
-        soc=soc,
+        voltage_v=battery.terminal_voltage_v,
+        current_a=battery.current_a,
+        soc=battery.soc,
         effects=effects,
+    )
+
+
+def aged(battery: Battery) -> Battery:
+    """The battery that is really in the car."""
+    return replace(
+        battery,
+        capacity_ah=battery.capacity_ah * (1.0 + CAR.capacity_share),
+        resistance_ohm=tuple(r * (1.0 + CAR.resistance_share) for r in battery.resistance_ohm),
     )
 
 
@@ -207,7 +226,9 @@ def heat_balance(
     steady_w = loss * (plan.setpoint_degc - outside) - sun_w
     rows = np.empty((len(seconds), 4))
     heater = 0.0
-    for i, (k, out, steady) in enumerate(zip(loss.tolist(), outside.tolist(), steady_w.tolist(), strict=True)):
+    for i, (k, out, steady) in enumerate(
+        zip(loss.tolist(), outside.tolist(), steady_w.tolist(), strict=True)
+    ):
         needed = steady + CABIN.gain_w_k * (plan.setpoint_degc - cabin)
         wanted = needed / CABIN.heater_efficiency
         request = min(wanted, CABIN.heater_max_w) if wanted > 0.0 else 0.0
@@ -229,9 +250,7 @@ def hidden_forces(
     warm_k = ambient_degc + ZERO_CELSIUS_K
     height = GRAVITY_M_S2 * drive.elevation_m / (DRY_AIR_GAS_CONSTANT_J_KG_K * warm_k)
     density = SEA_LEVEL_PRESSURE_PA * np.exp(-height) / (DRY_AIR_GAS_CONSTANT_J_KG_K * warm_k)
-    headwind = (
-        plan.day.wind_m_s * WIND_AT_CAR_SHARE * np.cos(drive.heading_rad - plan.day.wind_from_rad)
-    )
+    headwind = plan.day.wind_m_s * WIND_AT_CAR_SHARE * np.cos(drive.heading_rad - plan.day.wind_from_rad)
     flow = speed + headwind
     area = vehicle.road_load.drag_area_m2
     wind_n = 0.5 * density * area * ((1.0 + CAR.drag_share) * flow * np.abs(flow) - speed**2)
@@ -256,28 +275,3 @@ def heavy_tailed_noise(time_s: FloatArray, power_w: FloatArray, rng: np.random.G
     shocks = rng.standard_t(NOISE_DF, len(time_s)) * math.sqrt((NOISE_DF - 2.0) / NOISE_DF)
     unit = lfilter([math.sqrt(1.0 - memory**2)], [1.0, -memory], shocks)
     return np.asarray((NOISE_FLOOR_W + NOISE_SHARE * np.abs(power_w)) * unit, dtype=np.float64)
-
-
-def terminals(
-    power_w: FloatArray, time_s: FloatArray, temperature_degc: FloatArray, soc: float, vehicle: Vehicle
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Voltage [V], current [A] and state of charge of the true, aged battery that gives a power at its terminals.
-
-    The current solves `P = (OCV - I R) I`. The state of charge it stands on moves slowly, so that putting the one
-    into the other three times settles both.
-    """
-    battery = vehicle.battery
-    capacity_as = 3600.0 * battery.capacity_ah * (1.0 + CAR.capacity_share)
-    cold = 1.0 / (temperature_degc + ZERO_CELSIUS_K) - 1.0 / (
-        battery.resistance_temperature_degc + ZERO_CELSIUS_K
-    )
-    arrhenius = np.exp(battery.resistance_activation_energy_j_mol / MOLAR_GAS_CONSTANT_J_MOL_K * cold)
-    level = np.full_like(power_w, soc)
-    for _ in range(3):
-        ocv = battery.cells_in_series * np.interp(level, battery.ocv_soc, battery.ocv_v)
-        cell = np.interp(level, battery.resistance_soc, battery.resistance_ohm) * arrhenius
-        resistance = battery.cells_in_series * (1.0 + CAR.resistance_share) * cell
-        current = 2.0 * power_w / (ocv + np.sqrt(np.maximum(ocv**2 - 4.0 * resistance * power_w, 0.0)))
-        charge = np.cumsum(0.5 * (current[1:] + current[:-1]) * np.diff(time_s))
-        level = soc - np.concatenate(([0.0], charge)) / capacity_as
-    return ocv - current * resistance, current, level
