@@ -1,1 +1,18 @@
 """Cars as frozen dataclasses, one TOML per car: value, unit and source for every entry."""
+
+from tripwatt.vehicles.loading import Entry, Vehicle, load_vehicle, vehicle_from_document, vehicle_names
+from tripwatt.vehicles.parts import Auxiliaries, Battery, Body, Drivetrain, Regeneration, RoadLoad
+
+__all__ = [
+    "Auxiliaries",
+    "Battery",
+    "Body",
+    "Drivetrain",
+    "Entry",
+    "Regeneration",
+    "RoadLoad",
+    "Vehicle",
+    "load_vehicle",
+    "vehicle_from_document",
+    "vehicle_names",
+]

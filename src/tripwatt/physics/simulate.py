@@ -1,0 +1,437 @@
+"""The chain: road load -> drivetrain -> auxiliaries -> battery, over a whole trip at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.physics.battery import BatteryRun, discharge, shifted
+from tripwatt.physics.drivetrain import Propulsion, propulsion, regeneration_acceptance
+from tripwatt.physics.road_load import (
+    aero_drag_force,
+    air_density,
+    grade_force,
+    grade_from_elevation,
+    inertia_force,
+    rolling_resistance_force,
+)
+from tripwatt.trips import Trip
+from tripwatt.units import WH_PER_J
+from tripwatt.vehicles import Vehicle
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FloatArray = npt.NDArray[np.float64]
+
+CAUSES: Final = (
+    "air",
+    "rolling",
+    "climb",
+    "acceleration",
+    "friction_brakes",
+    "drivetrain",
+    "base_load",
+    "hvac",
+    "shortfall",
+)
+"""Causes of `Simulation.energy_by_cause_wh`; `shortfall` is what the trace asked for and the car could not give."""
+
+ACCEPTANCE_TOLERANCE: Final = 1e-4
+MOST_ACCEPTANCE_PASSES: Final = 6
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Simulation:
+    """What the car does over a trip. Arrays have shape (samples,).
+
+    Value k belongs to the interval that ends at sample k; the first interval has no length. Powers are positive
+    when they discharge the battery, except `regen_power_w` and `friction_brake_power_w`, which are never negative.
+
+    Attributes
+    ----------
+    time_s : ndarray
+    grade : ndarray
+        Road grade used [1].
+    aero_drag_force_n, rolling_resistance_force_n, grade_force_n, inertia_force_n : ndarray
+        Their sum is the traction force at the wheels.
+    wheel_power_w : ndarray
+        Power at the wheels that the trace asks for.
+    motor_power_w : ndarray
+        Electric power of motor and inverter.
+    regen_power_w : ndarray
+        Electric power that motor and inverter give back.
+    friction_brake_power_w, auxiliary_power_w, hvac_power_w : ndarray
+    battery_power_w : ndarray
+        Power at the battery terminals, on which the energy is counted.
+    battery_current_a, terminal_voltage_v, battery_temperature_degc, soc : ndarray
+    battery_loss_w : ndarray
+        Heat in the battery, on top of `battery_power_w`.
+    energy_wh : ndarray
+        Cumulative energy at the battery terminals [Wh].
+    energy_by_cause_wh : dict of str to ndarray
+        Cumulative energy [Wh] by each of `CAUSES`; they sum to `energy_wh`.
+    flags : tuple of str
+        What the car could not follow, each with the number of samples; empty when all is well.
+    """
+
+    time_s: FloatArray
+    grade: FloatArray
+    aero_drag_force_n: FloatArray
+    rolling_resistance_force_n: FloatArray
+    grade_force_n: FloatArray
+    inertia_force_n: FloatArray
+    wheel_power_w: FloatArray
+    motor_power_w: FloatArray
+    regen_power_w: FloatArray
+    friction_brake_power_w: FloatArray
+    auxiliary_power_w: FloatArray
+    hvac_power_w: FloatArray
+    battery_power_w: FloatArray
+    battery_current_a: FloatArray
+    terminal_voltage_v: FloatArray
+    battery_temperature_degc: FloatArray
+    soc: FloatArray
+    battery_loss_w: FloatArray
+    energy_wh: FloatArray
+    energy_by_cause_wh: Mapping[str, FloatArray]
+    flags: tuple[str, ...]
+
+    @property
+    def simulated_energy_wh(self) -> float:
+        """Energy of the whole trip at the battery terminals [Wh]."""
+        return float(self.energy_wh[-1])
+
+    @property
+    def traction_force_n(self) -> FloatArray:
+        """Force at the wheels that the trace asks for [N], + propels."""
+        return (
+            self.aero_drag_force_n
+            + self.rolling_resistance_force_n
+            + self.grade_force_n
+            + self.inertia_force_n
+        )
+
+    def frame(self) -> pd.DataFrame:
+        """All arrays as columns, energies by cause as `energy_<cause>_wh`."""
+        import pandas as pd
+
+        names = [n for n in self.__slots__ if n not in ("energy_by_cause_wh", "flags")]
+        columns = {n: getattr(self, n) for n in names}
+        columns |= {f"energy_{cause}_wh": e for cause, e in self.energy_by_cause_wh.items()}
+        return pd.DataFrame(columns)
+
+
+def simulate(
+    vehicle: Vehicle,
+    time_s: npt.ArrayLike,
+    speed_m_s: npt.ArrayLike,
+    *,
+    grade: npt.ArrayLike | None = None,
+    elevation_m: npt.ArrayLike | None = None,
+    ambient_temperature_degc: float = 20.0,
+    initial_soc: float = 0.8,
+    initial_battery_temperature_degc: float | None = None,
+    payload_mass_kg: float = 0.0,
+    hvac_power_w: npt.ArrayLike = 0.0,
+    air_density_kg_m3: float | None = None,
+) -> Simulation:
+    """Drive a speed trace with a car. O(samples), no loop over samples.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    time_s, speed_m_s : array_like, shape (samples,)
+        Increasing times [s] and speeds [m/s].
+    grade : array_like, shape (samples,), optional
+        Road grade at the samples, rise over distance. Wins over `elevation_m`.
+    elevation_m : array_like, shape (samples,), optional
+        Logged elevation [m], cleaned by `grade_from_elevation`; NaN where missing.
+    ambient_temperature_degc : float
+    initial_soc : float
+        State of charge of the battery management, 0 to 1.
+    initial_battery_temperature_degc : float, optional
+        The ambient temperature when not given.
+    payload_mass_kg : float
+        Load on top of the car's test mass; may be negative for a lighter test.
+    hvac_power_w : float or array_like, shape (samples,)
+        Electric power of heating and cooling [W] over the interval that ends at each sample.
+    air_density_kg_m3 : float, optional
+        Air density [kg/m³] in place of the atmosphere's, as on a dynamometer, whose load knows no weather.
+
+    Returns
+    -------
+    Simulation
+
+    Raises
+    ------
+    InvalidInput
+        With every argument that cannot be used. A trace that the car cannot follow is no error: see `flags`.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> parked = simulate(load_vehicle("bmw_i3_60ah"), [0.0, 3600.0], [0.0, 0.0])
+    >>> parked.simulated_energy_wh
+    300.0
+    """
+    time = np.asarray(time_s, dtype=np.float64)
+    speed = np.asarray(speed_m_s, dtype=np.float64)
+    slope = None if grade is None else np.asarray(grade, dtype=np.float64)
+    height = None if elevation_m is None else np.asarray(elevation_m, dtype=np.float64)
+    hvac = np.asarray(hvac_power_w, dtype=np.float64)
+    if initial_battery_temperature_degc is None:
+        initial_battery_temperature_degc = ambient_temperature_degc
+    scalars = {
+        "ambient_temperature_degc": (ambient_temperature_degc, -60.0, 70.0),
+        "initial_soc": (initial_soc, 0.0, 1.0),
+        "initial_battery_temperature_degc": (initial_battery_temperature_degc, -60.0, 100.0),
+        "payload_mass_kg": (payload_mass_kg, -0.5 * vehicle.body.curb_mass_kg, 60_000.0),
+        "air_density_kg_m3": (1.2 if air_density_kg_m3 is None else air_density_kg_m3, 0.0, 10.0),
+    }
+    faults = tuple(argument_faults(time, speed, slope, height, hvac, scalars))
+    if faults:
+        raise InvalidInput(faults)
+    if slope is None:
+        slope = np.zeros(len(time)) if height is None else grade_from_elevation(time, speed, height)
+    elif len(slope) > 1:
+        slope = np.concatenate((slope[:1], 0.5 * (slope[1:] + slope[:-1])))
+    if air_density_kg_m3 is None:
+        known = None if height is None else height[np.isfinite(height)]
+        mean_height = float(known.mean()) if known is not None and len(known) else 0.0
+        air_density_kg_m3 = air_density(ambient_temperature_degc, mean_height)
+    return _chain(
+        vehicle,
+        time,
+        speed,
+        slope,
+        vehicle.body.test_mass_kg + payload_mass_kg,
+        air_density_kg_m3,
+        np.broadcast_to(hvac, time.shape),
+        ambient_temperature_degc,
+        initial_soc,
+        initial_battery_temperature_degc,
+    )
+
+
+def simulate_trip(vehicle: Vehicle, trip: Trip) -> Simulation:
+    """Simulate a trip from what is known at departure, its speed trace and its road.
+
+    Of the measured columns only the first known value of ambient temperature, battery temperature and state of
+    charge (`soc`, else `displayed_soc`) enters, and of the context the payload; what is unknown is left to the
+    defaults of `simulate`. Works on raw and on resampled trips.
+
+    Raises
+    ------
+    InvalidInput
+        As `simulate`.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> log = pd.DataFrame({"time_s": [0.0, 1.0, 2.0], "speed_m_s": [0.0, 1.0, 2.0]})
+    >>> run = simulate_trip(load_vehicle("bmw_i3_60ah"), Trip.from_samples("start", log))
+    >>> bool(run.simulated_energy_wh > 0.0)
+    True
+    """
+    ambient = at_departure(trip, "ambient_temperature_degc")
+    soc = at_departure(trip, "soc")
+    displayed = at_departure(trip, "displayed_soc")
+    if soc is None and displayed is not None:
+        soc = min(1.0, max(0.0, vehicle.battery.soc_from_displayed(displayed)))
+    return simulate(
+        vehicle,
+        trip.array("time_s"),
+        trip.array("speed_m_s"),
+        grade=trip.array("grade") if trip.has("grade") else None,
+        elevation_m=trip.array("elevation_m") if "elevation_m" in trip else None,
+        ambient_temperature_degc=20.0 if ambient is None else ambient,
+        initial_soc=0.8 if soc is None else soc,
+        initial_battery_temperature_degc=at_departure(trip, "battery_temperature_degc"),
+        payload_mass_kg=trip.context.payload_mass_kg,
+    )
+
+
+def at_departure(trip: Trip, column: str) -> float | None:
+    """Value of a column in the first sample, None when it is missing there.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> log = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 1.0], "soc": [0.7, 0.6]})
+    >>> at_departure(Trip.from_samples("t", log), "soc"), at_departure(Trip.from_samples("t", log), "voltage_v")
+    (0.7, None)
+    """
+    if column not in trip:
+        return None
+    first = float(trip.samples[column].iloc[0])
+    return first if np.isfinite(first) else None
+
+
+def argument_faults(
+    time: FloatArray,
+    speed: FloatArray,
+    slope: FloatArray | None,
+    height: FloatArray | None,
+    hvac: FloatArray,
+    scalars: Mapping[str, tuple[float, float, float]],
+) -> Iterator[Fault]:
+    """Every argument of `simulate` that cannot be used."""
+    if time.ndim != 1 or len(time) < 2:
+        yield Fault("wrong shape", "time_s", str(time.shape), "one dimension, at least 2 samples")
+    arrays = {"time_s": time, "speed_m_s": speed, "grade": slope, "elevation_m": height, "hvac_power_w": hvac}
+    for name, values in arrays.items():
+        if values is None or (name == "hvac_power_w" and values.ndim == 0):
+            continue
+        if values.shape != time.shape:
+            yield Fault("wrong shape", name, str(values.shape), f"that of time_s, {time.shape}")
+        elif name == "elevation_m":
+            if np.isinf(values).any():
+                yield Fault("infinite value", name, "inf", "finite numbers, NaN where missing")
+        elif not np.isfinite(values).all():
+            first = int(np.flatnonzero(~np.isfinite(values.ravel()))[0])
+            yield Fault(
+                "missing value", f"{name}, sample {first}", str(values.ravel()[first]), "finite numbers"
+            )
+    if time.ndim == 1 and len(time) > 1 and np.isfinite(time).all() and not (np.diff(time) > 0).all():
+        first = int(np.flatnonzero(np.diff(time) <= 0)[0]) + 1
+        got = f"{time[first]:g} s after {time[first - 1]:g} s"
+        yield Fault("time does not increase", f"time_s, sample {first}", got, "increasing times")
+    for name, values, low, high in (
+        ("speed_m_s", speed, 0.0, 150.0),
+        ("grade", slope, -1.0, 1.0),
+        ("hvac_power_w", hvac, 0.0, 1e5),
+    ):
+        if values is None:
+            continue
+        if np.isfinite(values).all() and values.size and (values.min() < low or values.max() > high):
+            worst = values.min() if values.min() < low else values.max()
+            yield Fault("value out of range", name, f"{worst:g}", f"{low:g} to {high:g}")
+    for name, (value, low, high) in scalars.items():
+        if not (np.isfinite(value) and low <= value <= high):
+            yield Fault("value out of range", name, f"{value}", f"{low:g} to {high:g}")
+
+
+def _chain(
+    vehicle: Vehicle,
+    time: FloatArray,
+    speed: FloatArray,
+    slope: FloatArray,
+    mass: float,
+    density: float,
+    hvac: FloatArray,
+    ambient: float,
+    initial_soc: float,
+    initial_temperature: float,
+) -> Simulation:
+    step = np.diff(time, prepend=time[:1])
+    mean_speed = speed.copy()
+    mean_speed[1:] = 0.5 * (speed[1:] + speed[:-1])
+    acceleration = np.zeros_like(speed)
+    acceleration[1:] = np.diff(speed) / step[1:]
+    cosine = 1.0 / np.sqrt(1.0 + slope * slope)
+    aero = aero_drag_force(mean_speed, vehicle.road_load.drag_area_m2, density)
+    rolling = rolling_resistance_force(mean_speed, mass, vehicle.road_load.rolling_coefficients, cosine)
+    climb = grade_force(slope, mass)
+    # Mean speed times change of speed is the change of v²/2: kinetic energy adds up exactly over a trip.
+    inertia = inertia_force(acceleration, mass, vehicle.body.rotating_mass_factor)
+    wheel_power = (aero + rolling + climb + inertia) * mean_speed
+    auxiliary = hvac + vehicle.auxiliaries.base_load_w
+    drive, battery = _drive_and_battery(
+        vehicle, wheel_power, mean_speed, auxiliary, step, ambient, initial_soc, initial_temperature
+    )
+    shortfall = drive.shortfall_power_w + (drive.motor_power_w + auxiliary - battery.power_w)
+    by_cause = {
+        "air": aero * mean_speed,
+        "rolling": rolling * mean_speed,
+        "climb": climb * mean_speed,
+        "acceleration": inertia * mean_speed,
+        "friction_brakes": drive.friction_brake_power_w,
+        "drivetrain": drive.motor_power_w
+        - (wheel_power + drive.friction_brake_power_w - drive.shortfall_power_w),
+        "base_load": np.full_like(step, vehicle.auxiliaries.base_load_w),
+        "hvac": hvac,
+        "shortfall": -shortfall,
+    }
+    hours = step * WH_PER_J
+    current = battery.current_a
+    return Simulation(
+        time_s=time,
+        grade=slope,
+        aero_drag_force_n=aero,
+        rolling_resistance_force_n=rolling,
+        grade_force_n=climb,
+        inertia_force_n=inertia,
+        wheel_power_w=wheel_power,
+        motor_power_w=drive.motor_power_w,
+        regen_power_w=np.maximum(-drive.motor_power_w, 0.0),
+        friction_brake_power_w=drive.friction_brake_power_w,
+        auxiliary_power_w=auxiliary,
+        hvac_power_w=hvac,
+        battery_power_w=battery.power_w,
+        battery_current_a=current,
+        terminal_voltage_v=battery.terminal_voltage_v,
+        battery_temperature_degc=battery.temperature_degc,
+        soc=np.clip(battery.soc, 0.0, 1.0),
+        battery_loss_w=battery.open_circuit_power_w - battery.power_w,
+        energy_wh=np.cumsum(battery.power_w * hours),
+        energy_by_cause_wh={cause: np.cumsum(power * hours) for cause, power in by_cause.items()},
+        flags=_flags(vehicle, drive, battery),
+    )
+
+
+def _drive_and_battery(
+    vehicle: Vehicle,
+    wheel_power: FloatArray,
+    mean_speed: FloatArray,
+    auxiliary: FloatArray,
+    step: FloatArray,
+    ambient: float,
+    initial_soc: float,
+    initial_temperature: float,
+) -> tuple[Propulsion, BatteryRun]:
+    """Drivetrain and battery, repeated until the regeneration that the battery accepts has settled."""
+    acceptance = regeneration_acceptance(
+        np.array([initial_soc]), np.array([initial_temperature]), vehicle.regeneration
+    )
+    previous: BatteryRun | None = None
+    for _ in range(MOST_ACCEPTANCE_PASSES):
+        drive = propulsion(wheel_power, mean_speed, acceptance, vehicle.drivetrain, vehicle.regeneration)
+        power = drive.motor_power_w + auxiliary
+        run = discharge(
+            vehicle.battery, power, step, ambient, initial_soc, initial_temperature, guess=previous
+        )
+        previous = run
+        settled = regeneration_acceptance(
+            shifted(initial_soc, run.soc),
+            shifted(initial_temperature, run.temperature_degc),
+            vehicle.regeneration,
+        )
+        if float(np.max(np.abs(settled - acceptance))) < ACCEPTANCE_TOLERANCE:
+            break
+        acceptance = settled
+    return drive, run
+
+
+def _flags(vehicle: Vehicle, drive: Propulsion, battery: BatteryRun) -> tuple[str, ...]:
+    window = vehicle.battery
+    counts = {
+        "motor torque limit": drive.torque_limited,
+        "motor power limit": drive.power_limited,
+        "motor speed limit": drive.over_speed,
+        "battery voltage floor": battery.voltage_floor,
+        "battery empty": battery.soc < window.displayed_zero_soc,
+        "battery over-full": battery.soc > 1.0,
+        "battery over-voltage": battery.terminal_voltage_v
+        > window.max_cell_voltage_v * window.cells_in_series,
+    }
+    flags = [f"{name}: {int(np.count_nonzero(mask))} samples" for name, mask in counts.items() if mask.any()]
+    if not battery.converged:
+        flags.append("battery state did not settle")
+    return tuple(flags)
