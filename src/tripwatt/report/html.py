@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from tripwatt.report.figures import INK, PAPER_COLOUR, RULE, style_context
 from tripwatt.report.panels import Section, build_sections
+from tripwatt.report.style import INK, PAPER_COLOUR, RULE, style_context
 from tripwatt.report.view import View, of_evaluation, plain
 
 if TYPE_CHECKING:
