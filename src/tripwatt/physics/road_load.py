@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.physics.thermal import relaxation
+from tripwatt.physics.thermal import Relaxation
 from tripwatt.units import (
     DRY_AIR_GAS_CONSTANT_J_KG_K,
     GRAVITY_M_S2,
@@ -95,7 +95,7 @@ def rolling_factor(
     array([1.3 , 1.11, 1.  ])
     """
     settled = np.sqrt(np.minimum(speed_m_s / tyres.warm_up_speed_m_s, 1.0))
-    warmth = relaxation(1.0 if warm_start else 0.0, settled, step_s / tyres.warm_up_time_s)
+    warmth = Relaxation(step_s / tyres.warm_up_time_s).solve(1.0 if warm_start else 0.0, settled)
     weather = 1.0 + tyres.temperature_coefficient_per_k * (
         tyres.reference_temperature_degc - temperature_degc
     )
