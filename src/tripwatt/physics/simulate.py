@@ -18,6 +18,7 @@ from tripwatt.physics.road_load import (
     grade_force,
     grade_from_elevation,
     inertia_force,
+    rolling_factor,
     rolling_resistance_force,
 )
 from tripwatt.trips import Trip
@@ -139,6 +140,7 @@ def simulate(
     initial_battery_temperature_degc: float | None = None,
     payload_mass_kg: float = 0.0,
     hvac_power_w: npt.ArrayLike = 0.0,
+    warm_start: bool = False,
     air_density_kg_m3: float | None = None,
 ) -> Simulation:
     """Drive a speed trace with a car. O(samples), no loop over samples.
@@ -161,6 +163,8 @@ def simulate(
         Load on top of the car's test mass; may be negative for a lighter test.
     hvac_power_w : float or array_like, shape (samples,)
         Electric power of heating and cooling [W] over the interval that ends at each sample.
+    warm_start : bool
+        Whether tyres and driveline are warm from a drive just before.
     air_density_kg_m3 : float, optional
         Air density [kg/m³] in place of the atmosphere's, as on a dynamometer, whose load knows no weather.
 
@@ -216,6 +220,7 @@ def simulate(
         ambient_temperature_degc,
         initial_soc,
         initial_battery_temperature_degc,
+        warm_start,
     )
 
 
@@ -223,7 +228,8 @@ def simulate_trip(vehicle: Vehicle, trip: Trip) -> Simulation:
     """Simulate a trip from what is known at departure, its speed trace and its road.
 
     Of the measured columns only the first known value of ambient temperature, battery temperature and state of
-    charge (`soc`, else `displayed_soc`) enters, and of the context the payload; what is unknown is left to the
+    charge (`soc`, else `displayed_soc`) enters, and of the context the payload and whether the trip
+    follows another; what is unknown is left to the
     defaults of `simulate`. Works on raw and on resampled trips.
 
     Raises
@@ -255,6 +261,7 @@ def simulate_trip(vehicle: Vehicle, trip: Trip) -> Simulation:
         initial_soc=0.8 if soc is None else soc,
         initial_battery_temperature_degc=at_departure(trip, "battery_temperature_degc"),
         payload_mass_kg=trip.context.payload_mass_kg,
+        warm_start=trip.context.follows_trip,
     )
 
 
@@ -329,6 +336,7 @@ def _chain(
     ambient: float,
     initial_soc: float,
     initial_temperature: float,
+    warm_start: bool,
 ) -> Simulation:
     step = np.diff(time, prepend=time[:1])
     mean_speed = speed.copy()
@@ -338,6 +346,8 @@ def _chain(
     cosine = 1.0 / np.sqrt(1.0 + slope * slope)
     aero = aero_drag_force(mean_speed, vehicle.road_load.drag_area_m2, density)
     rolling = rolling_resistance_force(mean_speed, mass, vehicle.road_load.rolling_coefficients, cosine)
+    if vehicle.tyres is not None:
+        rolling *= rolling_factor(mean_speed, step, ambient, vehicle.tyres, warm_start=warm_start)
     climb = grade_force(slope, mass)
     # Mean speed times change of speed is the change of v²/2: kinetic energy adds up exactly over a trip.
     inertia = inertia_force(acceleration, mass, vehicle.body.rotating_mass_factor)
