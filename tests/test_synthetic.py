@@ -9,11 +9,11 @@ import pytest
 
 import tripwatt.synthetic as synthetic
 from tripwatt.errors import InvalidInput
-from tripwatt.physics import simulate, simulate_trip
+from tripwatt.physics import Simulation, simulate
 from tripwatt.synthetic import example_trip, synthetic_fleet, synthetic_truth, synthetic_world
 from tripwatt.synthetic import plan as plan_module
 from tripwatt.synthetic.world import NOISE_FLOOR_W, aged, heavy_tailed_noise
-from tripwatt.trips import COLUMNS
+from tripwatt.trips import COLUMNS, Trip
 from tripwatt.vehicles import load_vehicle
 
 
@@ -30,6 +30,21 @@ def fleet(world):
 @pytest.fixture(scope="module")
 def truth(world):
     return world[1]
+
+
+def without_climate(trip: Trip) -> Simulation:
+    """The physics of the car on a logged trip, no heating or cooling."""
+    return simulate(
+        load_vehicle(synthetic.VEHICLE),
+        trip.array("time_s"),
+        trip.array("speed_m_s"),
+        elevation_m=trip.array("elevation_m"),
+        ambient_temperature_degc=trip.array("ambient_temperature_degc")[0],
+        initial_soc=trip.array("soc")[0],
+        initial_battery_temperature_degc=trip.array("battery_temperature_degc")[0],
+        payload_mass_kg=trip.context.payload_mass_kg,
+        hvac_power_w=0.0,
+    )
 
 
 def test_a_seed_makes_the_same_fleet_and_a_longer_one_begins_with_it(fleet, truth):
@@ -138,8 +153,7 @@ def test_charge_agrees_with_current_and_energy(fleet, truth):
 
 def test_the_hidden_truth_can_be_found_again(fleet, truth):
     """What physics misses is explained by the hidden effects, each with about the weight that it really had."""
-    car = load_vehicle(synthetic.VEHICLE)
-    missed = np.array([t.observed_energy_wh - simulate_trip(car, t).simulated_energy_wh for t in fleet.trips])
+    missed = np.array([t.observed_energy_wh - without_climate(t).simulated_energy_wh for t in fleet.trips])
     causes = [
         "heating_energy_wh",
         "aircon_energy_wh",
@@ -165,10 +179,9 @@ def test_the_hidden_truth_can_be_found_again(fleet, truth):
 
 
 def test_the_car_can_follow_and_physics_alone_is_wrong(fleet):
-    car = load_vehicle(synthetic.VEHICLE)
     error = []
     for t in fleet.trips[:32]:
-        driven = simulate_trip(car, t)
+        driven = without_climate(t)
         assert float(driven.energy_by_cause_wh["shortfall"][-1]) <= 0.01 * driven.simulated_energy_wh
         error.append(abs(driven.simulated_energy_wh / t.observed_energy_wh - 1.0))
     assert 0.1 < np.mean(error) < 0.5
