@@ -169,7 +169,7 @@ def plot_mean_errors(
         axes.plot([], [], marker, color=INK, ms=5 if number == 0 else 4, label=of_evaluation(evaluation))
         for row, model in enumerate(models):
             score = (evaluation.get("models") or {}).get(model)
-            if not score or score.get("mape") is None:
+            if not score or score.get("mape") is None or not np.isfinite(score["mape"]):
                 continue
             mean = float(score["mape"])
             low, high = score.get("mape_ci95") or (mean, mean)
@@ -211,7 +211,8 @@ def plot_error_distribution(folds: pd.DataFrame, *, note: str = "", synthetic: b
         Whether the trips are made up.
     """
     models = ordered(map(str, folds["model"].unique()))
-    errors = {m: signed_errors(folds, m) for m in models}
+    errors = {m: found for m in models if len(found := signed_errors(folds, m))}
+    models = list(errors)
     every = np.concatenate(list(errors.values())) if errors else np.empty(0)
     limit = max(0.2, np.ceil(10 * _cut_at(every)) / 10)
     bins = np.linspace(-limit, limit, 41)
@@ -281,13 +282,16 @@ def plot_error_boxes(
         Whether the trips are made up.
     """
     models = list(models) if models is not None else ordered(map(str, folds["model"].unique()))
-    values = {m: folds.loc[folds["model"] == m, "ape"].to_numpy(dtype=np.float64) for m in models}
+    known = folds[np.isfinite(folds["ape"].to_numpy(dtype=np.float64))]
+    values = {m: known.loc[known["model"] == m, "ape"].to_numpy(dtype=np.float64) for m in models}
     every = np.concatenate(list(values.values())) if values else np.empty(0)
     limit = _cut_at(every)
     figure = _new_figure(1.55 + 0.52 * len(models), title, note, synthetic)
     axes = figure.add_subplot()
     for row, model in enumerate(models):
         found, colour = values[model], model_style(model).colour
+        if not len(found):
+            continue
         # a fixed low-discrepancy jitter: points of one row stay apart without a random state
         shift = 0.3 * (((np.arange(len(found)) * 0.618034) % 1.0) - 0.5)
         inside = found <= limit
@@ -402,7 +406,7 @@ def plot_trip_errors(
     synthetic : bool
         Whether the trips are made up.
     """
-    wide = absolute_errors(folds).sort_values(model, kind="stable", ascending=False)
+    wide = absolute_errors(folds).dropna(subset=model).sort_values(model, kind="stable", ascending=False)
     total = len(wide)
     wide = wide.head(MOST_TRIPS)
     shown = f"the {len(wide)} largest of {total}" if total > len(wide) else f"all {total} trips"
@@ -494,7 +498,7 @@ def plot_paired_differences(paired: Sequence[Record], *, note: str = "", synthet
     axes.tick_params(axis="y", length=0)
     axes.spines["left"].set_visible(False)
     difference = f"mean error minus that of {common}" if common else "difference of mean errors"
-    _percent_axis(axes, f"{difference} [percentage points]\nfilled, solid: 95 % interval leaves out 0")
+    _percent_axis(axes, f"{difference}\n[percentage points];  filled, solid: 95 % interval leaves out 0")
     return figure
 
 
@@ -563,8 +567,8 @@ def plot_importances(importances: pd.DataFrame, *, synthetic: bool = False) -> F
         rows = mean[mean["model"] == model].sort_values("importance", ascending=False, kind="stable")
         places = np.arange(len(rows))
         bars = axes.barh(places, rows["importance"], color=model_style(model).colour, height=0.65)
-        for bar in bars:
-            bar.set_gid(f"importance-{models.index(model)}")
+        for place, bar in enumerate(bars):
+            bar.set_gid(f"importance-{models.index(model)}-{place}")
         axes.set_yticks(places, [plain(c, 30) for c in rows["covariate"]])
         axes.invert_yaxis()
         axes.tick_params(axis="y", length=0)

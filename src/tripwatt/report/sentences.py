@@ -100,6 +100,21 @@ def on_paper(view: View) -> str:
     return text
 
 
+def on_intervals(view: View) -> str:
+    """Which models' intervals lie wholly above the best hybrid's."""
+    models = view.main.get("models") or {}
+    best = view.best
+    bounds = {m: models[m]["mape_ci95"] for m in view.models if models[m].get("mape_ci95")}
+    if best not in bounds:
+        return "No interval is known."
+    top = bounds[best][1]
+    above = [label(m) for m in bounds if m != best and bounds[m][0] > top]
+    rest = len(bounds) - 1 - len(above)
+    text = f"The interval of {label(str(best))} ends at {percent(top)}; "
+    text += f"wholly above it: {listed(above)}" if above else "no other model lies wholly above it"
+    return f"{text}; {rest} of the other {len(bounds) - 1} overlap it (paired differences below are the sharper test)."
+
+
 def on_sets(view: View) -> str:
     """How the best model's error moves with the choice of trips and with days left out whole."""
     best = view.best
@@ -151,8 +166,8 @@ def on_boxes(view: View) -> str:
     parts = []
     for model in dict.fromkeys(names):
         low, high = wide[model].quantile([0.25, 0.75])
-        parts.append(f"of {label(model)} between {100 * low:.1f} and {100 * high:.1f} %")
-    return f"The middle half of the trip errors lies {listed(parts)}." if parts else "No fold is known."
+        parts.append(f"from {100 * low:.1f} to {100 * high:.1f} % with {label(model)}")
+    return f"The middle half of the trips is off by {listed(parts)}." if parts else "No fold is known."
 
 
 def on_benchmark(view: View, models: Sequence[str]) -> str:

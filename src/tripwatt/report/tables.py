@@ -56,14 +56,14 @@ def number(value: object, factor: float = 1.0, digits: int = 2) -> str:
 
 
 def span(bounds: Sequence[float] | None, digits: int = 1) -> str:
-    """An interval of fractions in percent."""
+    """An interval of fractions in percent, in one piece."""
     if not bounds:
         return DASH
-    return f"{number(bounds[0], 100, digits)} to {number(bounds[1], 100, digits)}"
+    return f"{number(bounds[0], 100, digits)}\u00a0to\u00a0{number(bounds[1], 100, digits)}"
 
 
 def _unbroken(bounds: Sequence[float] | None) -> str:
-    return f"({span(bounds)})".replace(" ", "\u00a0") if bounds else ""
+    return f"({span(bounds)})" if bounds else ""
 
 
 def results_table(view: View, evaluation: Record, *, caption: str | None = None) -> Table:
@@ -80,8 +80,8 @@ def results_table(view: View, evaluation: Record, *, caption: str | None = None)
         "Max [%]",
         "Bias [%]",
         "RMSE [kWh]",
-        "Better than paper preset [% of trips]",
-        "Better than default preset [% of trips]",
+        "Beats paper preset [% of trips]",
+        "Beats default preset [% of trips]",
         "Fit [s]",
         "Predict [ms]",
     ]
@@ -300,7 +300,7 @@ def render_table(results: Mapping[str, Any]) -> rich.table.Table:
         "Max %",
         "Bias %",
         "RMSE kWh",
-        "Better %",
+        "Beats physics-paper %",
         "Fit s",
     ]
     for place, head in enumerate(heads):
@@ -319,7 +319,7 @@ def render_table(results: Mapping[str, Any]) -> rich.table.Table:
                 "Max [%]",
                 "Bias [%]",
                 "RMSE [kWh]",
-                "Better than paper preset [% of trips]",
+                "Beats paper preset [% of trips]",
                 "Fit [s]",
             ),
         ]
