@@ -339,6 +339,7 @@ def _sampled(
     into_s = np.minimum(np.maximum(time - departure[cell], 0.0), driving_s[cell])
     slope = (node_speed[cell + 1] - node_speed[cell]) / driving_s[cell]
     there = into_s >= driving_s[cell]
+    there[-1] = True  # the last sample has arrived, whatever the last bit of its time says
     speed = np.where(there, node_speed[cell + 1], node_speed[cell] + slope * into_s)
     driven = position[cell] + into_s * (node_speed[cell] + 0.5 * slope * into_s)
     driven = np.where(there, position[cell + 1], driven)

@@ -129,6 +129,8 @@ class Plan:
         return "dark" if self.day.dark_at(self.hour) and self.day.sky != "rainy" else self.day.sky
 
 
+LAST_DEPARTURE_S: Final = 21.0 * 3600.0
+
 EXPECTED_SPEED_M_S: Final = {"city": 6.5, "rural": 14.0, "highway": 23.0, "mixed": 13.0}
 """Mean speed [m/s] that a plan reckons with, standstill included."""
 
@@ -189,7 +191,7 @@ def draw_plans(n_trips: int, seed: int) -> Iterator[Plan]:
     while made < n_trips:
         day = draw_day(seed, number)
         of_day = stream(seed, TRIPS, number)
-        hour_s = 3600.0 * float(of_day.uniform(6.5, 15.0))
+        hour_s = 3600.0 * float(of_day.uniform(6.25, 17.0))
         driver = drivers[int(of_day.integers(N_DRIVERS))]
         soc = float(of_day.uniform(0.6, 0.88))
         parked_s: float | None = None
@@ -219,4 +221,6 @@ def draw_plans(n_trips: int, seed: int) -> Iterator[Plan]:
             soc -= use
             parked_s = float(rng.choice([120.0, 900.0, 5400.0]) * rng.uniform(0.7, 1.3))
             hour_s += 1.3 * duration_s + parked_s
+            if hour_s > LAST_DEPARTURE_S:
+                break
         number += 1

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from tripwatt.driver import smooth_field
 from tripwatt.physics import simulate
-from tripwatt.physics.battery import discharge
+from tripwatt.physics.battery import BatteryRun, discharge
 from tripwatt.synthetic.plan import AIR, NOISE, WORLD, Plan, stream
 from tripwatt.synthetic.roads import Drive
 from tripwatt.units import (
@@ -67,7 +67,7 @@ WINTER_SUN_SHARE: Final = 0.5
 WIND_AT_CAR_SHARE: Final = 0.6
 WET_ROAD_SHARE: Final = 0.12
 WINTER_TYRE_SHARE: Final = 0.04
-COLD_TYRE_SHARE_PER_K: Final = 0.005
+COLD_TYRE_SHARE_PER_K: Final = 0.002
 WARM_TYRE_DEGC: Final = 20.0
 SURFACE_SHARE_SD: Final = 0.05
 LAMPS_W: Final = 110.0
@@ -81,31 +81,6 @@ NOISE_TIME_S: Final = 6.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Truth:
-    """What really happened on a trip, before any sensor.
-
-    Attributes
-    ----------
-    ambient_temperature_degc, cabin_temperature_degc, battery_temperature_degc : ndarray, shape (samples,)
-    heating_power_w, requested_heating_power_w, aircon_power_w : ndarray, shape (samples,)
-    voltage_v, current_a, soc : ndarray, shape (samples,)
-    effects : dict of str to float
-        The hidden effects as numbers, see `tripwatt.synthetic.synthetic_truth`.
-    """
-
-    ambient_temperature_degc: FloatArray
-    cabin_temperature_degc: FloatArray
-    battery_temperature_degc: FloatArray
-    heating_power_w: FloatArray
-    requested_heating_power_w: FloatArray
-    aircon_power_w: FloatArray
-    voltage_v: FloatArray
-    current_a: FloatArray
-    soc: FloatArray
-    effects: dict[str, float]
-
-
-@dataclass(frozen=True, eq=False, slots=True)
 class Climate:
     """Cabin temperature [°C] and the electric powers that made it [W], at each sample."""
 
@@ -113,6 +88,26 @@ class Climate:
     requested_heating_power_w: FloatArray
     heating_power_w: FloatArray
     aircon_power_w: FloatArray
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Truth:
+    """What really happened on a trip, before any sensor.
+
+    Attributes
+    ----------
+    ambient_temperature_degc : ndarray, shape (samples,)
+    climate : Climate
+    battery : BatteryRun
+        Power, current, voltage, temperature and charge of the true battery.
+    effects : dict of str to float
+        The hidden effects as numbers, see `tripwatt.synthetic.synthetic_truth`.
+    """
+
+    ambient_temperature_degc: FloatArray
+    climate: Climate
+    battery: BatteryRun
+    effects: dict[str, float]
 
 
 def live_through(plan: Plan, drive: Drive, vehicle: Vehicle, seed: int) -> Truth:
@@ -169,18 +164,7 @@ def live_through(plan: Plan, drive: Drive, vehicle: Vehicle, seed: int) -> Truth
         "trip_share": trip_share,
         "end_soc": float(battery.soc[-1]),
     }
-    return Truth(
-        ambient_temperature_degc=ambient,
-        cabin_temperature_degc=climate.cabin_temperature_degc,
-        battery_temperature_degc=battery.temperature_degc,
-        heating_power_w=climate.heating_power_w,
-        requested_heating_power_w=climate.requested_heating_power_w,
-        aircon_power_w=climate.aircon_power_w,
-        voltage_v=battery.terminal_voltage_v,
-        current_a=battery.current_a,
-        soc=battery.soc,
-        effects=effects,
-    )
+    return Truth(ambient, climate, battery, effects)
 
 
 def aged(battery: Battery) -> Battery:
