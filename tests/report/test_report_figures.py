@@ -221,7 +221,7 @@ def test_sentences_follow_the_numbers(made_up: MakeRun) -> None:
     assert best is not None
     hybrids = {m: view.main["models"][m]["mape"] for m in ("physics4", "forest", "boosting")}
     assert best == min(hybrids, key=lambda m: hybrids[m])
-    assert f"{100 * hybrids[best]:.1f} %" in sentences.on_main_table(view)
+    assert f"{100 * hybrids[best]:.1f}\u00a0%" in sentences.on_main_table(view)
     pairs = [
         {"a": "constant", "b": best, "diff": 0.1, "ci95": [0.05, 0.2]},
         {"a": best, "b": "linear4", "diff": 0.0, "ci95": [-0.1, 0.1]},

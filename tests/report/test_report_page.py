@@ -139,7 +139,7 @@ def test_synthetic_trips_are_called_so_in_every_table_and_figure(html: str, made
     assert "ynthetic" not in html
 
 
-def test_hostile_names_are_text_and_nothing_else(recwarn: pytest.WarningsRecorder, made_up: MakeRun) -> None:
+def test_hostile_names_are_text_and_nothing_else(made_up: MakeRun) -> None:
     hostile = made_up("tum", trips=HOSTILE)
     hostile.results["notes"] = ["<img src=x onerror=alert(1)>"]
     hostile.results["audit"][0]["what"] = "</table><script>1</script>"

@@ -115,7 +115,8 @@ def plot_error_distribution(folds: pd.DataFrame, *, note: str = "", synthetic: b
     every = np.concatenate(list(errors.values())) if errors else np.empty(0)
     limit = max(0.2, np.ceil(10 * cut_at(every)) / 10)
     bins = np.linspace(-limit, limit, 41)
-    figure = new_figure(1.4 + 0.72 * len(models), "Error of every trip, by model", note, synthetic)
+    head = "\n".join(filter(None, [note, "height: number of trips, every row to its own scale"]))
+    figure = new_figure(1.5 + 0.72 * len(models), "Error of every trip, by model", head, synthetic)
     panels = figure.subplots(max(len(models), 1), 1, sharex=True, squeeze=False)[:, 0]
     for axes, model in zip(panels, models, strict=False):
         values, colour = errors[model], model_style(model).colour

@@ -13,14 +13,14 @@ from tripwatt.report.view import Record, View, absolute_errors, of_evaluation, p
 
 
 def percent(fraction: float | None, digits: int = 1) -> str:
-    """A fraction as percent; a dash when unknown.
+    r"""A fraction as percent; a dash when unknown.
 
     Examples
     --------
     >>> percent(0.1034)
-    '10.3 %'
+    '10.3\xa0%'
     """
-    return "–" if fraction is None or not np.isfinite(fraction) else f"{100 * fraction:.{digits}f} %"
+    return "–" if fraction is None or not np.isfinite(fraction) else f"{100 * fraction:.{digits}f}\u00a0%"
 
 
 def points(difference: float) -> str:
@@ -168,7 +168,7 @@ def on_boxes(view: View) -> str:
     parts = []
     for model in dict.fromkeys(names):
         low, high = wide[model].quantile([0.25, 0.75])
-        parts.append(f"from {100 * low:.1f} to {100 * high:.1f} % with {label(model)}")
+        parts.append(f"{100 * low:.1f} to {100 * high:.1f}\u00a0% with {label(model)}")
     return f"The middle half of the trips is off by {listed(parts)}." if parts else "No fold is known."
 
 
