@@ -149,7 +149,9 @@ def test_hostile_names_are_text_and_nothing_else(made_up: MakeRun) -> None:
     assert '<script>alert("x")</script>' in page.words()
     assert "$\\frac{1}{0}$ _^" in page.words()
     assert "\x00" not in html
-    for picture in re.findall(r"<svg.*?</svg>", html, re.DOTALL):
+    pictures = re.findall(r"<svg.*?</svg>", html, re.DOTALL)
+    assert any(">$\\frac{1}{0}$ _^</text>" in p for p in pictures)  # not typeset as mathematics
+    for picture in pictures:
         ElementTree.fromstring(picture)
 
 
