@@ -141,39 +141,44 @@ def _control_steps(
     to_air = climate.occupant_heat_w + climate.solar_share_to_air * sun
     to_interior = (1.0 - climate.solar_share_to_air) * sun
     approach = 1.0 - math.exp(-dt / climate.control_time_s)
+    setpoint = start.setpoint_degc
     fan_range = climate.fresh_air_high_w_k - climate.fresh_air_low_w_k
-    heat_pump = heat_pump_cop(ambient, climate)
-    defrosting = 0.0
-    if ambient < climate.defrost_below_degc and not start.warm_start:
-        defrosting = climate.defrost_time_s
+    blower_range = climate.blower_high_power_w - climate.blower_low_power_w
+    most_heat, most_cooling = climate.heater_max_heat_w, climate.cooler_max_heat_w
+    most_pumped, pump_cop = climate.heat_pump_max_heat_w, heat_pump_cop(ambient, climate)
+    resistive, cooler_cop = climate.heater_efficiency, climate.cooler_cop
+    shell, per_speed = climate.shell_w_k, climate.shell_per_speed_w_s_k_m
+    low_fresh, high_fresh = climate.fresh_air_low_w_k, climate.fresh_air_high_w_k
+    low_blower = climate.blower_low_power_w
     air = interior = start.temperature_degc
     fan = 0.0
     powers: list[float] = []
     temperatures = [air]
-    for number, speed in enumerate(speeds):
-        fresh = climate.fresh_air_low_w_k + fan * fan_range
-        loss = climate.shell_w_k + climate.shell_per_speed_w_s_k_m * speed + fresh
+    for speed in speeds:
+        fresh = low_fresh + fan * fan_range
+        loss = shell + per_speed * speed + fresh
         total = air_rate + loss + exchange
         given = air_rate * air + loss * ambient + exchange * interior + to_air
-        wanted = total * (air + approach * (start.setpoint_degc - air)) - given
+        wanted = total * (air + approach * (setpoint - air)) - given
         if wanted >= 0.0:
-            heat = min(wanted, climate.heater_max_heat_w)
-            pumped = min(heat, climate.heat_pump_max_heat_w)
-            power = pumped / heat_pump + (heat - pumped) / climate.heater_efficiency
-            fan = heat / climate.heater_max_heat_w
+            heat = wanted if wanted < most_heat else most_heat
+            pumped = heat if heat < most_pumped else most_pumped
+            power = pumped / pump_cop + (heat - pumped) / resistive
+            fan = heat / most_heat
         else:
-            free = max(0.0, (climate.fresh_air_high_w_k - fresh) * (air - ambient))
-            cooling = min(max(0.0, -wanted - free), climate.cooler_max_heat_w)
-            heat = -cooling - min(free, -wanted)
-            power = cooling / climate.cooler_cop
-            fan = min(1.0, -heat / climate.cooler_max_heat_w)
-        power += climate.blower_low_power_w + fan * (climate.blower_high_power_w - climate.blower_low_power_w)
-        if number * dt < defrosting:
-            power += climate.defrost_power_w
+            free = (high_fresh - fresh) * (air - ambient) if air > ambient else 0.0
+            free = min(free, -wanted)
+            cooling = min(-wanted - free, most_cooling)
+            heat = -cooling - free
+            power = cooling / cooler_cop
+            fan = min(1.0, -heat / most_cooling)
         air = (given + heat) / total
         interior = (interior_rate * interior + exchange * air + to_interior) / (interior_rate + exchange)
-        powers.append(power)
+        powers.append(power + low_blower + fan * blower_range)
         temperatures.append(air)
+    if ambient < climate.defrost_below_degc and not start.warm_start:
+        for number in range(min(len(powers), math.ceil(climate.defrost_time_s / dt))):
+            powers[number] += climate.defrost_power_w
     return powers, temperatures
 
 

@@ -459,9 +459,9 @@ def _chain(
         terminal_voltage_v=battery.terminal_voltage_v,
         battery_temperature_degc=battery.temperature_degc,
         cabin_temperature_degc=np.full_like(time, np.nan) if cabin_temperature is None else cabin_temperature,
-        soc=np.clip(battery.soc, 0.0, 1.0),
+        soc=np.minimum(np.maximum(battery.soc, 0.0), 1.0),
         battery_loss_w=battery.open_circuit_power_w - battery.power_w,
-        energy_wh=np.cumsum(battery.power_w * (step * WH_PER_J)),
+        energy_wh=(battery.power_w * (step * WH_PER_J)).cumsum(),
         power_by_cause_w=by_cause,
         flags=_flags(vehicle, drive, battery),
     )
@@ -494,7 +494,7 @@ def _drive_and_battery(
             shifted(initial_temperature, run.temperature_degc),
             vehicle.regeneration,
         )
-        if float(np.max(np.abs(settled - acceptance))) < ACCEPTANCE_TOLERANCE:
+        if float(np.abs(settled - acceptance).max()) < ACCEPTANCE_TOLERANCE:
             break
         acceptance = settled
     return drive, run
