@@ -21,7 +21,7 @@ DRIVERS, DAYS, TRIPS, ROADS, WHEEL, WORLD, AIR, NOISE, SENSORS = range(9)
 
 def stream(seed: int, purpose: int, *index: int) -> np.random.Generator:
     """Random numbers for one purpose, independent of those for any other."""
-    return np.random.default_rng([seed, purpose, *index])
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(purpose, *index)))
 
 
 @dataclass(frozen=True, slots=True)

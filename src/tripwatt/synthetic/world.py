@@ -158,6 +158,7 @@ def live_through(plan: Plan, drive: Drive, vehicle: Vehicle, seed: int) -> Truth
         "energy_wh": _energy_wh(battery.power_w, time),
         "wind_work_wh": _energy_wh(wind_n * speed, time),
         "rolling_work_wh": _energy_wh(rolling_n * speed, time),
+        "ambient_temperature_degc": float(ambient.mean()),
         "headwind_m_s": headwind,
         "rolling_share": rolling_share,
         "driver_share": plan.driver.power_share,
