@@ -239,7 +239,7 @@ def test_noise_has_heavy_tails_and_its_size():
     assert noise.std() == pytest.approx(1.0, abs=0.1)
     assert ((noise - noise.mean()) ** 4).mean() / noise.var() ** 2 > 4.0  # a normal law has 3
     memory = np.corrcoef(noise[1:], noise[:-1])[0, 1]
-    assert memory == pytest.approx(np.exp(-1.0 / 6.0), abs=0.02)
+    assert memory == pytest.approx(0.5 * np.exp(-1.0 / 6.0), abs=0.02)
 
 
 def test_hidden_forces_have_the_right_sign():
