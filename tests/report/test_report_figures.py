@@ -1,7 +1,7 @@
 """Figures and tables show the numbers they were given."""
 
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -12,14 +12,17 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made_up_run import MODELS, make_run
 from rich.console import Console
 
 from tripwatt.errors import InvalidInput
 from tripwatt.report import figures, render_table, sentences, tables, update_readme
-from tripwatt.report.figures import WIDTH_IN
+from tripwatt.report.models import MODELS as STYLES
 from tripwatt.report.panels import paired_with
+from tripwatt.report.style import WIDTH_IN, style_context
 from tripwatt.report.view import View
+
+MakeRun = Callable[..., SimpleNamespace]
+MODELS = [name for name in STYLES if name not in ("gamm", "hybrid")]
 
 
 @pytest.fixture(scope="module")
@@ -121,8 +124,11 @@ def test_errors_by_trip_are_sorted_and_complete(folds: pd.DataFrame) -> None:
 
 
 def test_learning_curve_and_importances(view: View) -> None:
-    curve = by_gid(figures.plot_learning_curves(view.learning_curves), "mean")
-    np.testing.assert_allclose(curve.get_ydata(), view.learning_curves.groupby("rounds")["error"].mean())
+    curves = view.learning_curves
+    drawn = figures.plot_learning_curves(curves)
+    for number, model in enumerate(("boosting", "boosting-only")):
+        mean = curves[curves["model"] == model].groupby("rounds")["error"].mean()
+        np.testing.assert_allclose(by_gid(drawn, f"mean-{number}").get_ydata(), mean)
     figure = figures.plot_importances(view.importances)
     bars = figure.findobj(lambda a: (a.get_gid() or "").startswith("importance-0-"))
     forest = view.importances[view.importances["model"] == "forest"]["importance"]
@@ -143,7 +149,7 @@ def test_no_text_of_a_figure_leaves_it_or_covers_its_neighbour(view: View, folds
         figures.plot_importances(view.importances, synthetic=True),
     ]
     for figure in drawn:
-        with figures.style_context():
+        with style_context():
             figure.draw_without_rendering()
         page = figure.bbox
         for text in shown_texts(figure):
@@ -208,14 +214,14 @@ def test_turning_a_pair_round_keeps_its_verdict(diff: float, low: float, high: f
     assert turned["ci95"][0] <= turned["diff"] <= turned["ci95"][1]
 
 
-def test_sentences_follow_the_numbers() -> None:
-    small = make_run("tum", trips=["a", "b", "c", "d"])
+def test_sentences_follow_the_numbers(made_up: MakeRun) -> None:
+    small = made_up("tum", trips=["a", "b", "c", "d"])
     view = View.of(small)
     best = view.best
     assert best is not None
     hybrids = {m: view.main["models"][m]["mape"] for m in ("physics4", "forest", "boosting")}
     assert best == min(hybrids, key=lambda m: hybrids[m])
-    assert f"{100 * hybrids[best]:.1f} %" in sentences.on_main_table(view)
+    assert f"{100 * hybrids[best]:.1f}\u00a0%" in sentences.on_main_table(view)
     pairs = [
         {"a": "constant", "b": best, "diff": 0.1, "ci95": [0.05, 0.2]},
         {"a": best, "b": "linear4", "diff": 0.0, "ci95": [-0.1, 0.1]},

@@ -60,7 +60,10 @@ MODELS: Final[Mapping[str, ModelStyle]] = MappingProxyType(
             "Physics (default preset)", "#a6761d", "physics", "simulation with the values of public sources"
         ),
         "physics4": ModelStyle(
-            "Physics + 4 coefficients", "#9a6a4f", "hybrid", "simulated energy and the four coefficients"
+            "Physics + 4 coefficients",
+            "#9a6a4f",
+            "hybrid",
+            "default simulation in place of distance, and the other three coefficients",
         ),
         "forest": ModelStyle(
             "Hybrid forest", "#1f8a5b", "hybrid", "paper preset + forest with subject-level bootstrap"
@@ -70,7 +73,9 @@ MODELS: Final[Mapping[str, ModelStyle]] = MappingProxyType(
             "Boosting without physics", "#c2609c", "data", "the same boosting on the energy itself"
         ),
         "gamm": ModelStyle("Hybrid GAMM", "#7d6bc6", "hybrid", "paper preset + GAMM with Student's t errors"),
-        "hybrid": ModelStyle("Hybrid forecast", "#0f8797", "hybrid", "default physics + corrected power"),
+        "hybrid": ModelStyle(
+            "Hybrid forecast", "#0f8797", "hybrid", "default physics + learned correction of its power"
+        ),
     }
 )
 """Display name, colour and kind of every model, in the order of the tables."""

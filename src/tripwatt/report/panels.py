@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tripwatt.report import figures, sentences, tables
-from tripwatt.report.models import model_style
 from tripwatt.report.tables import Table
 from tripwatt.report.view import Record, View, of_evaluation
 
@@ -269,13 +268,9 @@ def _inside(view: View) -> tuple[Panel, ...]:
         ),
         Panel(
             "signals",
-            f"Simulated signals against measured ones{_preset(view)}",
+            "Simulated signals against measured ones (default preset)",
             sentences.on_signals(view.signals),
             tables=(signals,) if signals else (),
             folded=True,
         ),
     )
-
-
-def _preset(view: View) -> str:
-    return f" ({model_style(view.physics).label})" if view.physics else ""
