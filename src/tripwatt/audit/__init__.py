@@ -7,6 +7,7 @@ function with named thresholds in one of the modules beside this one; this one p
 from __future__ import annotations
 
 import datetime as dt
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -32,6 +33,8 @@ __all__ = ["Audit", "Finding", "audit"]
 SHORTEST_LEG_M: Final = 1000.0
 SHORTEST_LEG_S: Final = 120.0
 """On shorter drives pulling away once and the resolution of the sensors are most of the energy."""
+
+ALL_LOGS: Final = "all logs"
 
 DRIVEN_M: Final = 50.0
 """A piece of a log with less than this is part of the stop beside it, not a drive."""
@@ -118,7 +121,7 @@ def audit(logs: Fleet | Iterable[Trip]) -> Audit:
     for number, leg in zip(order, legs, strict=True):
         findings += [(number, f) for f in by_leg.get(leg.trip_id, [])]
     findings.sort(key=lambda item: item[0])
-    ordered = tuple(f for _, f in findings)
+    ordered = _told_once([f for _, f in findings], len(trips))
     sound = _unblemished(legs, ordered)
     return Audit(tuple(t for t, ok in zip(legs, sound, strict=True) if ok), ordered, len(trips))
 
@@ -240,6 +243,14 @@ def _judge_leg(leg: Trip) -> tuple[Trip, list[Finding]]:
     faults = (*structure_faults(samples, name), *value_faults(samples, name))
     findings += [whole(samples, name, f"{f.what}: {f.got}", "set aside") for f in faults]
     return mended, findings
+
+
+def _told_once(findings: Sequence[Finding], n_logs: int) -> tuple[Finding, ...]:
+    """A note that every log of a set earns, such as a column the set does not have, is one note on the set."""
+    counts = Counter(f.what for f in findings if f.consequence == "noted")
+    common = {what for what, n in counts.items() if n == n_logs > 1}
+    shared = (Finding(ALL_LOGS, 0.0, max(f.to_s for f in findings), what, "noted") for what in sorted(common))
+    return (*shared, *(f for f in findings if f.what not in common or f.consequence != "noted"))
 
 
 def _unblemished(legs: Sequence[Trip], findings: Iterable[Finding]) -> list[bool]:

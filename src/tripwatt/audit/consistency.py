@@ -22,11 +22,18 @@ SOC_DRIFT: Final = 0.01
 SMALLEST_SOC_CHANGE: Final = 0.03
 """A smaller change says too little of the capacity to count for the car's median."""
 
+SPREADS: Final = 5.0
+"""A car whose state of charge scatters by itself (near full some stand still for kilometres) is allowed so many of
+its own standard deviations; 5 of them leave one sound drive in a million outside."""
+
 FEWEST_TRIPS: Final = 5
 """Of fewer drives a median says nothing."""
 
 OF_ANOTHER_CAR: Final = 2
 """So many other drives with the same capacity make it another car, not a fault."""
+
+NORMAL_MAD: Final = 1.4826
+"""Standard deviation of a normal distribution per median absolute deviation."""
 
 POSSIBLE_CAPACITY_AH: Final = (10.0, 1500.0)
 """From a light quadricycle's pack to a heavy truck's."""
@@ -60,11 +67,12 @@ class Balance:
         """Charge per unit of state of charge."""
         return self.charge_ah / self.soc_change if self.soc_change else float("nan")
 
-    def fits(self, capacity_ah: float) -> bool:
+    def fits(self, capacity_ah: float, spread: float) -> bool:
         """Whether a battery of that capacity explains the change of state of charge."""
         expected = self.charge_ah / capacity_ah
         allowed = SOC_TOLERANCE * max(abs(expected), abs(self.soc_change))
-        return abs(expected - self.soc_change) <= allowed + 2.0 * self.resolution + SOC_DRIFT
+        allowed += 2.0 * self.resolution + SOC_DRIFT
+        return abs(expected - self.soc_change) <= max(allowed, SPREADS * spread)
 
 
 def charge_balance(samples: pd.DataFrame) -> Balance | None:
@@ -111,7 +119,11 @@ def soc_findings(trips: Sequence[Trip], sound: Sequence[bool]) -> dict[str, list
         if is_sound and t.trip_id in balances and abs(balances[t.trip_id].soc_change) >= SMALLEST_SOC_CHANGE
     }
     low, high = POSSIBLE_CAPACITY_AH
+    spread = 0.0
     median = float(np.median(list(telling.values()))) if len(telling) >= FEWEST_TRIPS else None
+    if median is not None:
+        errors = [b.soc_change - b.charge_ah / median for b in balances.values()]
+        spread = NORMAL_MAD * float(np.median(np.abs(np.array(errors) - np.median(errors))))
     for trip in trips:
         balance = balances.get(trip.trip_id)
         if balance is None:
@@ -120,8 +132,8 @@ def soc_findings(trips: Sequence[Trip], sound: Sequence[bool]) -> dict[str, list
         if abs(balance.soc_change) >= 2 * SMALLEST_SOC_CHANGE and not low <= balance.capacity_ah <= high:
             what = f"{text} would make a battery of {balance.capacity_ah:.3g} Ah: check unit and sign of the current"
             found[trip.trip_id] = [whole(trip.samples, trip.trip_id, what, "set aside")]
-        elif median is not None and not balance.fits(median):
-            alike = sum(balance.fits(c) for other, c in telling.items() if other != trip.trip_id)
+        elif median is not None and not balance.fits(median, spread):
+            alike = sum(balance.fits(c, spread) for other, c in telling.items() if other != trip.trip_id)
             what = f"energy contradicts SoC: {text}, the other drives' battery of {median:.1f} Ah would give "
             what += f"{100 * balance.charge_ah / median:.1f} points"
             if alike >= OF_ANOTHER_CAR:

@@ -37,6 +37,9 @@ FROZEN_SENSOR_S: Final = 60.0
 
 SPEED_CHANGE_M_S: Final = 3.0
 
+FROZEN_SHARE: Final = 0.1
+"""A current that stands for more of the drive leaves its energy unknown. The voltage varies by a few percent only."""
+
 STANDING_POWER_W: Final = 20_000.0
 """Heater, air conditioner and everything else of a standing car stay below this."""
 
@@ -58,7 +61,9 @@ CHARGING_A: Final = 1.0
 STUCK_SHARE: Final = 0.9
 """A heater that is on follows a controller; one value in nine tenths of the samples is a message that stands."""
 
+STUCK_S: Final = 600.0
 STUCK_W: Final = 50.0
+
 PULSE_W: Final = 3000.0
 PULSE_S: Final = 3.0
 """A heater's water circuit takes many seconds to take or lose kilowatts; shorter pulses are codes, not power."""
@@ -100,7 +105,10 @@ def frozen_sensor_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Find
                 continue
             if np.ptp(speed[first : last + 1]) > SPEED_CHANGE_M_S:
                 what = f"{name} stands at {values[first]:g} for {lasted:.1f} s while the speed changes"
-                yield Finding(trip_id, float(time[first]), float(time[last]), what, "set aside")
+                long = name == "current_a" and lasted > FROZEN_SHARE * (time[-1] - time[0])
+                yield Finding(
+                    trip_id, float(time[first]), float(time[last]), what, "set aside" if long else "noted"
+                )
     power = array(samples, "voltage_v") * array(samples, "current_a")
     with np.errstate(invalid="ignore"):
         standing = (speed < STANDSTILL_M_S) & (power > STANDING_POWER_W)
@@ -179,32 +187,52 @@ def charging_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
 
 
 def blank_stuck_heater(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
-    """Heater and air-conditioner signals that stand at one value, or that hold pulses no heater can make."""
+    """A heater signal that stands at one value, and pulses that no heater can make."""
     findings: list[Finding] = []
     blanked: dict[str, FloatArray] = {}
-    for name in ("heating_power_w", "requested_heating_power_w", "aircon_power_w"):
+    time = array(samples, "time_s")
+    for name in ("heating_power_w", "requested_heating_power_w"):
         if not has(samples, name):
             continue
         values = array(samples, name)
-        known = values[np.isfinite(values)]
-        levels, counts = np.unique(known, return_counts=True)
-        mode, share = float(levels[counts.argmax()]), float(counts.max() / len(known))
-        if abs(mode) >= STUCK_W and share >= STUCK_SHARE and len(known) >= FEWEST_SAMPLES:
-            what = f"{name} stands at {mode:g} W in {share:.0%} of the samples: the column is blank"
+        pulses = _pulses(time, values)
+        stuck = _stuck_at(samples, values, pulses) if name == "heating_power_w" else None
+        if stuck is not None:
+            what = f"{name} stands at {stuck[0]:g} W in {stuck[1]:.0%} of the samples: the column is blank"
             findings.append(whole(samples, trip_id, what, "noted"))
             blanked[name] = np.full(len(values), np.nan)
-            continue
-        pulses = _pulses(array(samples, "time_s"), values)
-        if len(pulses) >= FEWEST_PULSES:
+        elif len(pulses) >= FEWEST_PULSES:
             mended = values.copy()
             for first, last in pulses:
                 mended[first:last] = np.nan
-            time = array(samples, "time_s")
             what = f"{name} jumps up and back by more than {PULSE_W:g} W {len(pulses)} times: those samples are blank"
             span = float(time[pulses[0][0]]), float(time[pulses[-1][1] - 1])
             findings.append(Finding(trip_id, *span, what, "noted"))
             blanked[name] = mended
     return (samples.assign(**blanked) if blanked else samples), findings
+
+
+def _stuck_at(
+    samples: pd.DataFrame, values: FloatArray, pulses: list[tuple[int, int]]
+) -> tuple[float, float] | None:
+    """The value [W] that a heater signal stands at and its share of the samples; None for one that works.
+
+    A heater may hold one power for a while, above all its highest. It is stuck when it holds it although other power
+    was requested, when pulses stand on top, or for very long while it is neither off nor at its highest.
+    """
+    known = values[np.isfinite(values)]
+    levels, counts = np.unique(known, return_counts=True)
+    mode, share = float(levels[counts.argmax()]), float(counts.max() / len(known))
+    if mode < STUCK_W or share < STUCK_SHARE or len(known) < FEWEST_SAMPLES:
+        return None
+    requested = array(samples, "requested_heating_power_w")
+    contradicted = False
+    if np.isfinite(requested).any():
+        contradicted = float(np.nanmedian(np.abs(requested - mode))) > 0.5 * mode
+    long = float(samples["time_s"].iloc[-1] - samples["time_s"].iloc[0]) >= STUCK_S and mode < float(
+        levels[-1]
+    )
+    return (mode, share) if contradicted or pulses or long else None
 
 
 def _pulses(time: FloatArray, values: FloatArray) -> list[tuple[int, int]]:
