@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
-from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from tripwatt.trees import (
@@ -36,10 +35,13 @@ from tripwatt.trees import (
     checked,
     column_blocks,
     column_names,
+    folds_of,
     from_text_array,
+    mean_over_groups,
     permutation_losses,
     plain,
     row_weights,
+    seed_of,
     settings_of,
     sum_of_trees,
     thinned_rows,
@@ -216,7 +218,7 @@ class ClusteredForest(RegressorMixin, BaseEstimator):  # type: ignore[misc]  # s
         forests = [self._grow(sample, counts, setting, seed) for setting in self._settings()]
         out_of_bag = counts == 0
         errors = [_oob_losses(forest, sample, out_of_bag) for forest in forests]
-        means = np.array([_mean_over_groups(error) for error in errors])
+        means = np.array([mean_over_groups(error) for error in errors])
         best = int(np.argmin(means))
         self.groups_ = clusters.labels
         self.counts_ = counts
@@ -284,7 +286,7 @@ class ClusteredForest(RegressorMixin, BaseEstimator):  # type: ignore[misc]  # s
         part = Clusters(clusters.labels, clusters.codes[kept])
         loss = GroupLoss(target[kept], part.codes, self.loss, self.score_rows)
         blocks = column_blocks(column_names(self), columns)
-        rng = np.random.default_rng(_seed(self.random_state))
+        rng = np.random.default_rng(seed_of(self.random_state))
         return permutation_losses(lambda Z: self._oob_sum(Z, part), rows[kept], loss, blocks, n_repeats, rng)
 
     def leave_groups_out(self, X: Any, y: Any, groups: Any = None, folds: Any = None) -> Floats:
@@ -385,7 +387,7 @@ class ClusteredForest(RegressorMixin, BaseEstimator):  # type: ignore[misc]  # s
             loss=GroupLoss(target[kept], codes, self.loss, self.score_rows),
             n_groups=clusters.n_groups,
         )
-        return sample, clusters, rows, _seed(self.random_state)
+        return sample, clusters, rows, seed_of(self.random_state)
 
     def _base(self) -> dict[str, Any]:
         return {name: getattr(self, name) for name in _SETTINGS}
@@ -416,7 +418,7 @@ class ClusteredForest(RegressorMixin, BaseEstimator):  # type: ignore[misc]  # s
         counts = _bootstrap(self.n_trees, allowed, seed)
         forests = [self._grow(sample, counts, setting, seed) for setting in self._settings()]
         losses = [_oob_losses(forest, sample, counts == 0)[allowed] for forest in forests]
-        best = int(np.argmin([_mean_over_groups(loss) for loss in losses]))
+        best = int(np.argmin([mean_over_groups(loss) for loss in losses]))
         return forests[best], np.ones(len(counts), dtype=bool)
 
     def _choices(self, forests: list[_Grown], sample: _Sample, held: Bools, without: Bools) -> Ints:
@@ -426,7 +428,7 @@ class ClusteredForest(RegressorMixin, BaseEstimator):  # type: ignore[misc]  # s
         out_of_bag = forests[0].counts == 0
         errors = np.array([_nested_losses(forest, sample, out_of_bag, without) for forest in forests])
         errors[:, held] = np.nan
-        return np.asarray(np.argmin([[_mean_over_groups(e) for e in error] for error in errors], axis=0))
+        return np.asarray(np.argmin([[mean_over_groups(e) for e in error] for error in errors], axis=0))
 
     def _keep(self, forest: _Grown) -> None:
         """Write the leaf values into the booster, so that it alone predicts."""
@@ -464,15 +466,14 @@ _ALLOWED = {
     "group_weight": ("'equal' or 'rows'", lambda v: v in ("equal", "rows")),
     "max_rows_per_group": ("None or an integer >= 1", lambda v: v is None or v >= 1),
     "max_bins": ("an integer >= 2", lambda v: v >= 2),
-    "param_grid": ("None, 'default' or a dict", lambda v: v is None or v == "default" or isinstance(v, Mapping)),
+    "param_grid": (
+        "None, 'default' or a dict",
+        lambda v: v is None or v == "default" or isinstance(v, Mapping),
+    ),
     "loss": ("'squared', 'absolute' or a function", lambda v: callable(v) or v in ("squared", "absolute")),
     "score_rows": ("'all' or 'last'", lambda v: v in ("all", "last")),
     "min_oob_trees": ("an integer >= 1", lambda v: v >= 1),
 }
-
-
-def _seed(random_state: Any) -> int:
-    return int(check_random_state(random_state).randint(2**31 - 2))
 
 
 def _bootstrap(n_trees: int, allowed: Bools, seed: int) -> Ints:
@@ -501,31 +502,3 @@ def _nested_losses(forest: _Grown, sample: _Sample, out_of_bag: Bools, without: 
     total = fold_trees @ (forest.sample_predictions() * out_of_bag[:, sample.codes])
     n_used = (fold_trees @ out_of_bag.astype(float))[:, sample.codes]
     return sample.loss(np.divide(total, n_used, out=np.full(total.shape, np.nan), where=n_used > 0))
-
-
-def _mean_over_groups(losses: Floats) -> float:
-    """Mean of the groups that have a loss; infinite if none has."""
-    known = losses[~np.isnan(losses)]
-    return float(known.mean()) if known.size else np.inf
-
-
-def folds_of(folds: Any, clusters: Clusters) -> tuple[npt.NDArray[Any], Ints]:
-    """Labels of the folds and the fold of each group."""
-    if folds is None:
-        return clusters.labels, np.arange(clusters.n_groups)
-    by_row = Clusters.of(folds, clusters.codes.size)
-    fold_of_group = np.zeros(clusters.n_groups, dtype=np.int64)
-    fold_of_group[clusters.codes] = by_row.codes
-    torn = clusters.labels[np.unique(clusters.codes[fold_of_group[clusters.codes] != by_row.codes])]
-    if torn.size:
-        raise_torn(torn)
-    return by_row.labels, fold_of_group
-
-
-def raise_torn(torn: npt.NDArray[Any]) -> None:
-    """Refuse folds that cut groups in two."""
-    from tripwatt.errors import Fault, InvalidInput
-
-    raise InvalidInput(
-        [Fault("a group lies in two folds", f"group {label}", allowed="one fold for all rows of a group") for label in torn]
-    )

@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_consistent_length, validate_data
 
 from tripwatt.errors import Fault, InvalidInput
@@ -111,7 +112,9 @@ class Clusters:
         codes, labels = pd.factorize(pd.Series(values.ravel()), sort=True)
         if (codes < 0).any():
             rows = np.flatnonzero(codes < 0)
-            raise InvalidInput(Fault("missing group label", f"row {rows[0]}", f"{rows.size} missing", "a label"))
+            raise InvalidInput(
+                Fault("missing group label", f"row {rows[0]}", f"{rows.size} missing", "a label")
+            )
         return cls(np.asarray(labels), codes.astype(np.int64))
 
     @property
@@ -314,7 +317,11 @@ class Trees:
         split = wanted >= 0
         if split.any():
             kept = self.booster.predict(
-                X, start_iteration=int(wanted[split][0]), num_iteration=int(split.sum()), pred_leaf=True, num_threads=1
+                X,
+                start_iteration=int(wanted[split][0]),
+                num_iteration=int(split.sum()),
+                pred_leaf=True,
+                num_threads=1,
             )
             result[split] = np.asarray(kept).reshape(len(X), -1).T
         return result
@@ -325,7 +332,8 @@ def sum_of_trees(booster: Any, X: Floats, first: int, n_trees: int) -> Floats:
     if n_trees <= 0 or booster is None:
         return np.zeros(len(X))
     return np.asarray(
-        booster.predict(X, start_iteration=first, num_iteration=n_trees, raw_score=True, num_threads=1), dtype=float
+        booster.predict(X, start_iteration=first, num_iteration=n_trees, raw_score=True, num_threads=1),
+        dtype=float,
     )
 
 
@@ -361,7 +369,10 @@ def settings_of(base: Mapping[str, Any], grid: Mapping[str, Sequence[Any]] | Non
     unknown = [name for name in grid if name not in base]
     if unknown:
         raise InvalidInput(
-            [Fault("unknown setting in param_grid", name, allowed=", ".join(sorted(base))) for name in unknown]
+            [
+                Fault("unknown setting in param_grid", name, allowed=", ".join(sorted(base)))
+                for name in unknown
+            ]
         )
     return [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
 
@@ -376,7 +387,9 @@ def checked(estimator: Any, allowed: Mapping[str, tuple[str, Callable[[Any], boo
         except TypeError:
             sound = False
         if not sound:
-            faults.append(Fault("setting out of range", f"{type(estimator).__name__}({name}=)", repr(value), text))
+            faults.append(
+                Fault("setting out of range", f"{type(estimator).__name__}({name}=)", repr(value), text)
+            )
     if faults:
         raise InvalidInput(faults)
 
@@ -455,3 +468,34 @@ def plain(value: Any) -> Any:
     if isinstance(value, list | tuple | np.ndarray):
         return [plain(v) for v in value]
     return value if value is None or isinstance(value, bool | int | float | str) else None
+
+
+def mean_over_groups(losses: Floats) -> float:
+    """Mean of the groups that have a loss; infinite if none has."""
+    known = losses[~np.isnan(losses)]
+    return float(known.mean()) if known.size else np.inf
+
+
+def seed_of(random_state: Any) -> int:
+    """An integer seed out of whatever scikit-learn takes for one."""
+    return int(check_random_state(random_state).randint(2**31 - 2))
+
+
+def folds_of(folds: Any, clusters: Clusters) -> tuple[npt.NDArray[Any], Ints]:
+    """Labels of the folds and the fold of each group."""
+    if folds is None:
+        return clusters.labels, np.arange(clusters.n_groups)
+    by_row = Clusters.of(folds, clusters.codes.size)
+    fold_of_group = np.zeros(clusters.n_groups, dtype=np.int64)
+    fold_of_group[clusters.codes] = by_row.codes
+    torn = clusters.labels[np.unique(clusters.codes[fold_of_group[clusters.codes] != by_row.codes])]
+    if torn.size:
+        raise InvalidInput(
+            [
+                Fault(
+                    "a group lies in two folds", f"group {label}", allowed="one fold for all rows of a group"
+                )
+                for label in torn
+            ]
+        )
+    return by_row.labels, fold_of_group
