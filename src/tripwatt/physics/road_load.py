@@ -29,6 +29,10 @@ GRADE_WINDOW_M: Final = 200.0
 GRADE_JUMP: Final = 0.25
 """A rise per distance between neighbouring pieces above this is a jump of the sensor: no public road is steeper."""
 
+_HALF: Final = int(GRADE_WINDOW_M / GRADE_BIN_M)
+GRADE_WEIGHT: Final = np.minimum(np.arange(1.0, 2 * _HALF), np.arange(2 * _HALF - 1.0, 0.0, -1.0)) / _HALF**2
+"""Triangular weight of the pieces of road, sum 1."""
+
 
 def air_density(temperature_degc: float, elevation_m: float = 0.0) -> float:
     """Density of dry air [kg/m³] at the pressure of the ICAO standard atmosphere.
@@ -75,13 +79,12 @@ def rolling_factor(
     step_s: FloatArray,
     temperature_degc: float,
     tyres: Tyres,
-    *,
-    warm_start: bool = False,
+    initial_warmth: float = 0.0,
 ) -> FloatArray:
     """Rolling and driveline drag over that of the warm car at the reference temperature. Shape of `speed_m_s`.
 
-    The factor is (1 + k (T_ref - T)) (1 + e (1 - w)), never below half. The state of warm-up w relaxes, with the
-    tyres' time constant, to the square root of speed over the speed that warms up fully.
+    The factor is (1 + k (T_ref - T)) (1 + e (1 - w)), never below half. The warmth w, `initial_warmth` at departure,
+    relaxes with the tyres' time constant to the square root of speed over the speed that warms up fully.
 
     Notes
     -----
@@ -95,7 +98,7 @@ def rolling_factor(
     array([1.3 , 1.11, 1.  ])
     """
     settled = np.sqrt(np.minimum(speed_m_s / tyres.warm_up_speed_m_s, 1.0))
-    warmth = Relaxation(step_s / tyres.warm_up_time_s).solve(1.0 if warm_start else 0.0, settled)
+    warmth = Relaxation(step_s / tyres.warm_up_time_s).solve(initial_warmth, settled)
     weather = 1.0 + tyres.temperature_coefficient_per_k * (
         tyres.reference_temperature_degc - temperature_degc
     )
@@ -153,7 +156,8 @@ def grade_from_elevation(time_s: FloatArray, speed_m_s: FloatArray, elevation_m:
     if not known.any():
         return flat
     step = np.diff(time_s) * (0.5 * (speed_m_s[1:] + speed_m_s[:-1]))
-    distance = np.concatenate(([0.0], np.cumsum(step)))
+    distance = np.zeros_like(time_s)
+    np.cumsum(step, out=distance[1:])
     n_bins = int(distance[-1] / GRADE_BIN_M) + 1
     if n_bins < 3:
         return flat
@@ -168,10 +172,9 @@ def grade_from_elevation(time_s: FloatArray, speed_m_s: FloatArray, elevation_m:
     height = np.interp(np.arange(n_bins), filled, total[filled] / count[filled])
     slope = np.diff(height) / GRADE_BIN_M
     slope[np.abs(slope) > GRADE_JUMP] = 0.0
-    half = int(GRADE_WINDOW_M / GRADE_BIN_M)
-    weight = np.concatenate((np.arange(1.0, half + 1.0), np.arange(half - 1.0, 0.0, -1.0)))
+    half = (len(GRADE_WEIGHT) + 1) // 2
     # Mirrored ends let the smoothed slopes climb exactly as high as the unsmoothed ones.
-    smooth = np.convolve(np.pad(slope, half - 1, mode="symmetric"), weight / weight.sum(), mode="valid")
+    smooth = np.convolve(np.pad(slope, half - 1, mode="symmetric"), GRADE_WEIGHT, mode="valid")
     middle = distance.copy()
     middle[1:] -= 0.5 * step
     return np.asarray(

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
+from tripwatt.physics.arguments import argument_faults
 from tripwatt.physics.battery import BatteryRun, discharge, shifted
+from tripwatt.physics.cabin import UNKNOWN_SUN_W_M2, CabinRun, CabinStart, condition_cabin, irradiance
+from tripwatt.physics.departure import at_departure, cabin_at_departure, warmth_from_cabin
 from tripwatt.physics.drivetrain import Propulsion, propulsion, regeneration_acceptance
 from tripwatt.physics.road_load import (
     aero_drag_force,
@@ -44,6 +46,9 @@ CAUSES: Final = (
 )
 """Causes of `Simulation.power_by_cause_w`; `shortfall` is what the trace asked for and the car could not give."""
 
+UNKNOWN_AMBIENT_DEGC: Final = 20.0
+"""Ambient temperature of a trip that does not say."""
+
 ACCEPTANCE_TOLERANCE: Final = 1e-4
 MOST_ACCEPTANCE_PASSES: Final = 6
 
@@ -72,6 +77,8 @@ class Simulation:
     battery_power_w : ndarray
         Power at the battery terminals, on which the energy is counted.
     battery_current_a, terminal_voltage_v, battery_temperature_degc, soc : ndarray
+    cabin_temperature_degc : ndarray
+        NaN where no climate control was simulated.
     battery_loss_w : ndarray
         Heat in the battery, on top of `battery_power_w`.
     energy_wh : ndarray
@@ -98,6 +105,7 @@ class Simulation:
     battery_current_a: FloatArray
     terminal_voltage_v: FloatArray
     battery_temperature_degc: FloatArray
+    cabin_temperature_degc: FloatArray
     soc: FloatArray
     battery_loss_w: FloatArray
     energy_wh: FloatArray
@@ -142,12 +150,16 @@ def simulate(
     *,
     grade: npt.ArrayLike | None = None,
     elevation_m: npt.ArrayLike | None = None,
-    ambient_temperature_degc: float = 20.0,
+    ambient_temperature_degc: float = UNKNOWN_AMBIENT_DEGC,
     initial_soc: float = 0.8,
     initial_battery_temperature_degc: float | None = None,
     payload_mass_kg: float = 0.0,
-    hvac_power_w: npt.ArrayLike = 0.0,
-    warm_start: bool = False,
+    hvac_power_w: npt.ArrayLike | None = None,
+    climate: bool = True,
+    initial_cabin_temperature_degc: float | None = None,
+    cabin_setpoint_degc: float | None = None,
+    solar_irradiance_w_m2: float = UNKNOWN_SUN_W_M2,
+    initial_warmth: float = 0.0,
     air_density_kg_m3: float | None = None,
 ) -> Simulation:
     """Drive a speed trace with a car. O(samples), no loop over samples.
@@ -168,10 +180,18 @@ def simulate(
         The ambient temperature when not given.
     payload_mass_kg : float
         Load on top of the car's test mass; may be negative for a lighter test.
-    hvac_power_w : float or array_like, shape (samples,)
-        Electric power of heating and cooling [W] over the interval that ends at each sample.
-    warm_start : bool
-        Whether tyres and driveline are warm from a drive just before.
+    hvac_power_w : float or array_like, shape (samples,), optional
+        Electric power of heating and cooling [W] over the interval that ends at each sample, in place of what the
+        car's climate model says.
+    climate : bool
+        Whether the climate control is on; without effect for a car without one.
+    initial_cabin_temperature_degc : float, optional
+        The ambient temperature when not given.
+    cabin_setpoint_degc : float, optional
+        The car's usual set-point when not given.
+    solar_irradiance_w_m2 : float
+    initial_warmth : float
+        0 for tyres and driveline after a long stop, 1 as warm as after a long fast drive.
     air_density_kg_m3 : float, optional
         Air density [kg/m³] in place of the atmosphere's, as on a dynamometer, whose load knows no weather.
 
@@ -187,7 +207,7 @@ def simulate(
     Examples
     --------
     >>> from tripwatt.vehicles import load_vehicle
-    >>> parked = simulate(load_vehicle("bmw_i3_60ah"), [0.0, 3600.0], [0.0, 0.0])
+    >>> parked = simulate(load_vehicle("bmw_i3_60ah"), [0.0, 3600.0], [0.0, 0.0], climate=False)
     >>> parked.simulated_energy_wh
     300.0
     """
@@ -195,7 +215,11 @@ def simulate(
     speed = np.asarray(speed_m_s, dtype=np.float64)
     slope = None if grade is None else np.asarray(grade, dtype=np.float64)
     height = None if elevation_m is None else np.asarray(elevation_m, dtype=np.float64)
-    hvac = np.asarray(hvac_power_w, dtype=np.float64)
+    hvac = np.asarray(0.0 if hvac_power_w is None else hvac_power_w, dtype=np.float64)
+    if initial_cabin_temperature_degc is None:
+        initial_cabin_temperature_degc = ambient_temperature_degc
+    if cabin_setpoint_degc is None:
+        cabin_setpoint_degc = 22.0 if vehicle.climate is None else vehicle.climate.setpoint_degc
     if initial_battery_temperature_degc is None:
         initial_battery_temperature_degc = ambient_temperature_degc
     scalars = {
@@ -203,6 +227,10 @@ def simulate(
         "initial_soc": (initial_soc, 0.0, 1.0),
         "initial_battery_temperature_degc": (initial_battery_temperature_degc, -60.0, 100.0),
         "payload_mass_kg": (payload_mass_kg, -0.5 * vehicle.body.curb_mass_kg, 60_000.0),
+        "initial_cabin_temperature_degc": (initial_cabin_temperature_degc, -60.0, 100.0),
+        "cabin_setpoint_degc": (cabin_setpoint_degc, 0.0, 50.0),
+        "solar_irradiance_w_m2": (solar_irradiance_w_m2, 0.0, 1500.0),
+        "initial_warmth": (initial_warmth, 0.0, 1.0),
         "air_density_kg_m3": (1.2 if air_density_kg_m3 is None else air_density_kg_m3, 0.0, 10.0),
     }
     faults = tuple(argument_faults(time, speed, slope, height, hvac, scalars))
@@ -216,6 +244,12 @@ def simulate(
         known = None if height is None else height[np.isfinite(height)]
         mean_height = float(known.mean()) if known is not None and len(known) else 0.0
         air_density_kg_m3 = air_density(ambient_temperature_degc, mean_height)
+    cabin: CabinRun | None = None
+    if climate and hvac_power_w is None and vehicle.climate is not None:
+        start = CabinStart(
+            initial_cabin_temperature_degc, cabin_setpoint_degc, solar_irradiance_w_m2, initial_warmth
+        )
+        cabin = condition_cabin(vehicle.climate, time, speed, ambient_temperature_degc, start)
     return _chain(
         vehicle,
         time,
@@ -223,21 +257,21 @@ def simulate(
         slope,
         vehicle.body.test_mass_kg + payload_mass_kg,
         air_density_kg_m3,
-        np.broadcast_to(hvac, time.shape),
+        np.broadcast_to(hvac, time.shape) if cabin is None else cabin.power_w,
+        None if cabin is None else cabin.temperature_degc,
         ambient_temperature_degc,
         initial_soc,
         initial_battery_temperature_degc,
-        warm_start,
+        initial_warmth,
     )
 
 
 def simulate_trip(vehicle: Vehicle, trip: Trip) -> Simulation:
     """Simulate a trip from what is known at departure, its speed trace and its road.
 
-    Of the measured columns only the first known value of ambient temperature, battery temperature and state of
-    charge (`soc`, else `displayed_soc`) enters, and of the context the payload and whether the trip
-    follows another; what is unknown is left to the
-    defaults of `simulate`. Works on raw and on resampled trips.
+    Of the measured columns only the first sample of ambient, battery and cabin temperature, set-point and state of
+    charge (`soc`, else `displayed_soc`) enters, and of the context payload, set-point, weather, season and whether
+    the trip follows another; what is unknown is left to the defaults of `simulate`. Works on raw and on resampled trips.
 
     Raises
     ------
@@ -253,82 +287,38 @@ def simulate_trip(vehicle: Vehicle, trip: Trip) -> Simulation:
     >>> bool(run.simulated_energy_wh > 0.0)
     True
     """
-    ambient, battery_temperature, soc, displayed = at_departure(
-        trip, "ambient_temperature_degc", "battery_temperature_degc", "soc", "displayed_soc"
+    ambient, battery_temperature, soc, displayed, cabin, setpoint = at_departure(
+        trip,
+        "ambient_temperature_degc",
+        "battery_temperature_degc",
+        "soc",
+        "displayed_soc",
+        "cabin_temperature_degc",
+        "cabin_setpoint_degc",
     )
     if soc is None and displayed is not None:
         soc = min(1.0, max(0.0, vehicle.battery.soc_from_displayed(displayed)))
+    if ambient is None:
+        ambient = UNKNOWN_AMBIENT_DEGC
+    context = trip.context
+    if setpoint is None:
+        setpoint = context.cabin_setpoint_degc
+    warmth = 1.0 if context.follows_trip else warmth_from_cabin(vehicle, cabin, setpoint, ambient)
     return simulate(
         vehicle,
         trip.array("time_s"),
         trip.array("speed_m_s"),
         grade=trip.array("grade") if "grade" in trip and trip.has("grade") else None,
         elevation_m=trip.array("elevation_m") if "elevation_m" in trip else None,
-        ambient_temperature_degc=20.0 if ambient is None else ambient,
+        ambient_temperature_degc=ambient,
         initial_soc=0.8 if soc is None else soc,
         initial_battery_temperature_degc=battery_temperature,
-        payload_mass_kg=trip.context.payload_mass_kg,
-        warm_start=trip.context.follows_trip,
+        payload_mass_kg=context.payload_mass_kg,
+        initial_cabin_temperature_degc=cabin_at_departure(vehicle, cabin, ambient),
+        cabin_setpoint_degc=setpoint,
+        solar_irradiance_w_m2=irradiance(context.weather, context.season),
+        initial_warmth=warmth,
     )
-
-
-def at_departure(trip: Trip, *columns: str) -> tuple[float | None, ...]:
-    """Values of columns in the first sample, None for one that is missing there.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> log = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 1.0], "soc": [0.7, 0.6]})
-    >>> at_departure(Trip.from_samples("t", log), "soc", "voltage_v")
-    (0.7, None)
-    """
-    first = trip.samples.iloc[0]
-    values = [float(first[c]) if c in first else math.nan for c in columns]
-    return tuple(v if math.isfinite(v) else None for v in values)
-
-
-def argument_faults(
-    time: FloatArray,
-    speed: FloatArray,
-    slope: FloatArray | None,
-    height: FloatArray | None,
-    hvac: FloatArray,
-    scalars: Mapping[str, tuple[float, float, float]],
-) -> Iterator[Fault]:
-    """Every argument of `simulate` that cannot be used."""
-    if time.ndim != 1 or len(time) < 2:
-        yield Fault("wrong shape", "time_s", str(time.shape), "one dimension, at least 2 samples")
-    arrays = {"time_s": time, "speed_m_s": speed, "grade": slope, "elevation_m": height, "hvac_power_w": hvac}
-    for name, values in arrays.items():
-        if values is None or (name == "hvac_power_w" and values.ndim == 0):
-            continue
-        if values.shape != time.shape:
-            yield Fault("wrong shape", name, str(values.shape), f"that of time_s, {time.shape}")
-        elif name == "elevation_m":
-            if np.isinf(values).any():
-                yield Fault("infinite value", name, "inf", "finite numbers, NaN where missing")
-        elif not np.isfinite(values).all():
-            first = int(np.flatnonzero(~np.isfinite(values.ravel()))[0])
-            yield Fault(
-                "missing value", f"{name}, sample {first}", str(values.ravel()[first]), "finite numbers"
-            )
-    if time.ndim == 1 and len(time) > 1 and np.isfinite(time).all() and not (np.diff(time) > 0).all():
-        first = int(np.flatnonzero(np.diff(time) <= 0)[0]) + 1
-        got = f"{time[first]:g} s after {time[first - 1]:g} s"
-        yield Fault("time does not increase", f"time_s, sample {first}", got, "increasing times")
-    for name, values, low, high in (
-        ("speed_m_s", speed, 0.0, 150.0),
-        ("grade", slope, -1.0, 1.0),
-        ("hvac_power_w", hvac, 0.0, 1e5),
-    ):
-        if values is None:
-            continue
-        if np.isfinite(values).all() and values.size and (values.min() < low or values.max() > high):
-            worst = values.min() if values.min() < low else values.max()
-            yield Fault("value out of range", name, f"{worst:g}", f"{low:g} to {high:g}")
-    for name, (value, low, high) in scalars.items():
-        if not (np.isfinite(value) and low <= value <= high):
-            yield Fault("value out of range", name, f"{value}", f"{low:g} to {high:g}")
 
 
 def _chain(
@@ -339,10 +329,11 @@ def _chain(
     mass: float,
     density: float,
     hvac: FloatArray,
+    cabin_temperature: FloatArray | None,
     ambient: float,
     initial_soc: float,
     initial_temperature: float,
-    warm_start: bool,
+    initial_warmth: float,
 ) -> Simulation:
     step = np.zeros_like(time)
     np.subtract(time[1:], time[:-1], out=step[1:])
@@ -354,7 +345,7 @@ def _chain(
     aero = aero_drag_force(mean_speed, vehicle.road_load.drag_area_m2, density)
     rolling = rolling_resistance_force(mean_speed, mass, vehicle.road_load.rolling_coefficients, cosine)
     if vehicle.tyres is not None:
-        rolling *= rolling_factor(mean_speed, step, ambient, vehicle.tyres, warm_start=warm_start)
+        rolling *= rolling_factor(mean_speed, step, ambient, vehicle.tyres, initial_warmth)
     climb = grade_force(slope, mass)
     # Mean speed times change of speed is the change of v²/2: kinetic energy adds up exactly over a trip.
     inertia = inertia_force(acceleration, mass, vehicle.body.rotating_mass_factor)
@@ -394,9 +385,10 @@ def _chain(
         battery_current_a=current,
         terminal_voltage_v=battery.terminal_voltage_v,
         battery_temperature_degc=battery.temperature_degc,
-        soc=np.clip(battery.soc, 0.0, 1.0),
+        cabin_temperature_degc=np.full_like(time, np.nan) if cabin_temperature is None else cabin_temperature,
+        soc=np.minimum(np.maximum(battery.soc, 0.0), 1.0),
         battery_loss_w=battery.open_circuit_power_w - battery.power_w,
-        energy_wh=np.cumsum(battery.power_w * (step * WH_PER_J)),
+        energy_wh=(battery.power_w * (step * WH_PER_J)).cumsum(),
         power_by_cause_w=by_cause,
         flags=_flags(vehicle, drive, battery),
     )
@@ -429,7 +421,7 @@ def _drive_and_battery(
             shifted(initial_temperature, run.temperature_degc),
             vehicle.regeneration,
         )
-        if float(np.max(np.abs(settled - acceptance))) < ACCEPTANCE_TOLERANCE:
+        if float(np.abs(settled - acceptance).max()) < ACCEPTANCE_TOLERANCE:
             break
         acceptance = settled
     return drive, run

@@ -21,7 +21,7 @@ DRIVERS, DAYS, TRIPS, ROADS, WHEEL, WORLD, AIR, NOISE, SENSORS = range(9)
 
 def stream(seed: int, purpose: int, *index: int) -> np.random.Generator:
     """Random numbers for one purpose, independent of those for any other."""
-    return np.random.default_rng([seed, purpose, *index])
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(purpose, *index)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,9 +143,9 @@ def draw_driver(seed: int, number: int) -> Driver:
     rng = stream(seed, DRIVERS, number)
     vigour = float(np.clip(rng.normal(), -1.5, 1.5))
     style = DriverStyle(
-        acceleration_m_s2=1.6 * math.exp(0.2 * vigour),
-        deceleration_m_s2=1.5 * math.exp(0.15 * vigour),
-        half_acceleration_speed_m_s=20.0 * math.exp(0.15 * vigour),
+        acceleration_m_s2=2.4 * math.exp(0.2 * vigour),
+        deceleration_m_s2=2.0 * math.exp(0.15 * vigour),
+        half_acceleration_speed_m_s=22.0 * math.exp(0.15 * vigour),
         speed_share=float(np.clip(0.95 + 0.02 * vigour, 0.9, 1.0)),
         fluctuation=float(rng.uniform(0.08, 0.16)),
         fluctuation_length_m=float(rng.uniform(90.0, 160.0)),
@@ -180,8 +180,8 @@ def draw_day(seed: int, number: int) -> Day:
 
 
 def _draw_duration_s(route: str, rng: np.random.Generator) -> float:
-    longest = 1700.0 if route == "highway" else 2600.0
-    return float(np.clip(1250.0 * math.exp(0.4 * rng.normal()), 780.0, longest))
+    longest = 1700.0 if route == "highway" else 2500.0
+    return float(np.clip(1250.0 * math.exp(0.4 * rng.normal()), 820.0, longest))
 
 
 def draw_plans(n_trips: int, seed: int) -> Iterator[Plan]:

@@ -70,6 +70,8 @@ WINTER_TYRE_SHARE: Final = 0.04
 COLD_TYRE_SHARE_PER_K: Final = 0.002
 WARM_TYRE_DEGC: Final = 20.0
 SURFACE_SHARE_SD: Final = 0.05
+HUNTING_SHARE: Final = 0.1
+HUNTING_TIME_S: Final = 20.0
 LAMPS_W: Final = 110.0
 WIPERS_W: Final = 90.0
 TRIP_SHARE_SCALE: Final = 0.015
@@ -115,8 +117,10 @@ def live_through(plan: Plan, drive: Drive, vehicle: Vehicle, seed: int) -> Truth
     rng = stream(seed, WORLD, *plan.key)
     time, speed = drive.profile.time_s, drive.profile.speed_m_s
     # what is drawn per sample has streams of its own, so that no count of samples moves the trip's own effects
-    ambient = draw_ambient(plan, time, stream(seed, AIR, *plan.key))
+    air = stream(seed, AIR, *plan.key)
+    ambient = draw_ambient(plan, time, air)
     climate = heat_balance(plan, time, speed, ambient, rng)
+    climate = replace(climate, aircon_power_w=climate.aircon_power_w * compressor_hunting(time, air))
     wind_n, headwind, rolling_n, rolling_share = hidden_forces(plan, drive, ambient, vehicle, rng)
     weight_n = (vehicle.body.test_mass_kg + plan.payload_mass_kg) * GRAVITY_M_S2
     battery_degc = _battery_temperature(plan, float(ambient[0]), rng)
@@ -132,18 +136,19 @@ def live_through(plan: Plan, drive: Drive, vehicle: Vehicle, seed: int) -> Truth
         payload_mass_kg=plan.payload_mass_kg,
         hvac_power_w=0.0,
     )
-    propelling = np.maximum(driven.battery_power_w, 0.0)
+    driving_w = at_samples(driven.battery_power_w)
+    propelling = np.maximum(driving_w, 0.0)
     trip_share = TRIP_SHARE_SCALE * float(rng.standard_t(TRIP_SHARE_DF))
     wet, unlit = plan.day.sky == "rainy", plan.day.dark_at(plan.hour)
     lamps = CAR.extra_load_w + LAMPS_W * (wet or unlit) + WIPERS_W * wet
     parts = {
-        "driving": driven.battery_power_w,
+        "driving": driving_w,
         "heating": climate.heating_power_w,
         "aircon": climate.aircon_power_w,
         "lamps": np.full_like(time, lamps),
         "driver": plan.driver.power_share * propelling,
         "trip": trip_share * propelling,
-        "noise": heavy_tailed_noise(time, driven.battery_power_w, stream(seed, NOISE, *plan.key)),
+        "noise": heavy_tailed_noise(time, driving_w, stream(seed, NOISE, *plan.key)),
     }
     battery = discharge(
         aged(vehicle.battery),
@@ -158,6 +163,7 @@ def live_through(plan: Plan, drive: Drive, vehicle: Vehicle, seed: int) -> Truth
         "energy_wh": _energy_wh(battery.power_w, time),
         "wind_work_wh": _energy_wh(wind_n * speed, time),
         "rolling_work_wh": _energy_wh(rolling_n * speed, time),
+        "ambient_temperature_degc": float(ambient.mean()),
         "headwind_m_s": headwind,
         "rolling_share": rolling_share,
         "driver_share": plan.driver.power_share,
@@ -165,6 +171,18 @@ def live_through(plan: Plan, drive: Drive, vehicle: Vehicle, seed: int) -> Truth
         "end_soc": float(battery.soc[-1]),
     }
     return Truth(ambient, climate, battery, effects)
+
+
+def at_samples(of_intervals: FloatArray) -> FloatArray:
+    """Values at the samples for the means over the intervals that end at them: the middle of both neighbours.
+
+    Examples
+    --------
+    >>> at_samples(np.array([0.0, 2.0, 4.0]))
+    array([2., 3., 4.])
+    """
+    inner = 0.5 * (of_intervals[1:-1] + of_intervals[2:])
+    return np.concatenate((of_intervals[1:2], inner, of_intervals[-1:]))
 
 
 def aged(battery: Battery) -> Battery:
@@ -187,6 +205,12 @@ def draw_ambient(plan: Plan, time_s: FloatArray, rng: np.random.Generator) -> Fl
     ) * (time_s / 3600.0)
     local = np.interp(time_s, *smooth_field(float(time_s[-1]), 400.0, rng))
     return np.asarray(course + 0.5 * local, dtype=np.float64)
+
+
+def compressor_hunting(time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Factor around 1 by which a compressor takes more or less than its cooling asks for."""
+    wave = np.interp(time_s, *smooth_field(float(time_s[-1]), HUNTING_TIME_S, rng))
+    return np.maximum(1.0 + HUNTING_SHARE * wave, 0.5)
 
 
 def _battery_temperature(plan: Plan, ambient_degc: float, rng: np.random.Generator) -> float:
@@ -252,10 +276,11 @@ def hidden_forces(
 
 
 def heavy_tailed_noise(time_s: FloatArray, power_w: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Power [W] that nobody can explain: an autoregression with Student's t shocks, larger where power is."""
+    """Power [W] that nobody can explain: Student's t shocks, half of their variance remembered, larger with power."""
     from scipy.signal import lfilter
 
     memory = math.exp(-float(time_s[1] - time_s[0]) / NOISE_TIME_S)
-    shocks = rng.standard_t(NOISE_DF, len(time_s)) * math.sqrt((NOISE_DF - 2.0) / NOISE_DF)
-    unit = lfilter([math.sqrt(1.0 - memory**2)], [1.0, -memory], shocks)
+    shocks = rng.standard_t(NOISE_DF, (2, len(time_s))) * math.sqrt((NOISE_DF - 2.0) / NOISE_DF)
+    remembered = lfilter([math.sqrt(1.0 - memory**2)], [1.0, -memory], shocks[0])
+    unit = math.sqrt(0.5) * (remembered + shocks[1])
     return np.asarray((NOISE_FLOOR_W + NOISE_SHARE * np.abs(power_w)) * unit, dtype=np.float64)
