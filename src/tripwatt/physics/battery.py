@@ -31,7 +31,7 @@ def open_circuit_voltage(soc: FloatArray, battery: Battery) -> FloatArray:
     --------
     >>> from tripwatt.vehicles import load_vehicle
     >>> open_circuit_voltage(np.array([0.5]), load_vehicle("bmw_i3_60ah").battery).round(1)
-    array([354.6])
+    array([356.9])
     """
     return battery.cells_in_series * np.interp(soc, battery.ocv_soc, battery.ocv_v)
 
