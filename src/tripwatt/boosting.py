@@ -8,7 +8,6 @@ values that solve the estimating equation sum_i Z_i' V_i^-1 (y_i - F_i - Z_i b) 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -29,11 +28,10 @@ from tripwatt.clusters import (
     folds_of,
     thinned_rows,
 )
-from tripwatt.correlation import LARGEST, Correlation, WorkingCorrelation
+from tripwatt.correlation import LARGEST, Correlation
+from tripwatt.rounds import Path, boost, fill_losses, written
 from tripwatt.trees import (
     Sample,
-    Trees,
-    TreeShape,
     about_columns,
     as_text_array,
     booster_array,
@@ -61,37 +59,6 @@ _SETTINGS = (
     "subsample",
     "correlation",
 )
-
-
-@dataclass
-class _Path:
-    """One run of boosting: `values[t]` are the leaf values of round t, `losses[t]` the loss of each group after it."""
-
-    start: float
-    trees: Trees
-    values: list[Floats] = field(default_factory=list)
-    losses: list[Floats] = field(default_factory=list)
-    ends: list[int] = field(default_factory=list)
-    rho: float = 0.0
-
-
-class _Patience:
-    """Stops a set of groups whose mean loss has not improved for so many rounds; `end` is its last round."""
-
-    def __init__(self, groups: Ints, patience: int) -> None:
-        self.groups, self.patience = groups, patience
-        self.end = self.best_round = 0
-        self.best = np.inf
-        self.running = True
-
-    def update(self, losses: Floats) -> bool:
-        if self.running:
-            self.end += 1
-            mean = float(losses[self.groups].mean())
-            if mean < self.best:
-                self.best, self.best_round = mean, self.end
-            self.running = self.end - self.best_round < self.patience
-        return self.running
 
 
 class ClusteredBoosting(RegressorMixin, BaseEstimator):
@@ -248,7 +215,7 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
             best, n_rounds = _choice(errors)
             self.learning_curve_ = _learning_curve(errors[best], block)
         chosen = self._base() | settings[best]
-        path = self._boost(sample, chosen, np.ones(sample.n_groups, dtype=bool), n_rounds, seed)
+        path = boost(sample, chosen, np.ones(sample.n_groups, dtype=bool), n_rounds, seed, start=self.start)
         self.groups_ = clusters.labels
         self.best_params_ = chosen
         self.n_rounds_ = n_rounds
@@ -399,86 +366,33 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
         total = sum_of_trees(self.booster_, rows, 0, int((~lone).sum()))
         return np.asarray(self.start_ + total + self.steps_[lone].sum())
 
-    def _keep(self, path: _Path) -> None:
+    def _keep(self, path: Path) -> None:
         self.start_ = path.start
-        self.booster_, self.position_, self.steps_ = _written(path)
+        self.booster_, self.position_, self.steps_ = written(path)
 
     def _predicted(
         self, sample: Sample, setting: dict[str, Any], allowed: Bools, n_rounds: int, seed: int, rows: Floats
     ) -> Floats:
         """Fit the allowed groups and predict `rows`."""
-        path = self._boost(sample, setting, allowed, n_rounds, seed)
-        booster, position, steps = _written(path)
+        path = boost(sample, setting, allowed, n_rounds, seed, start=self.start)
+        booster, position, steps = written(path)
         total = sum_of_trees(booster, rows, 0, int((position >= 0).sum()))
         return np.asarray(path.start + total + steps[position < 0].sum())
 
-    def _boost(
-        self,
-        sample: Sample,
-        setting: dict[str, Any],
-        allowed: Bools,
-        n_rounds: int,
-        seed: int,
-        scored: Sequence[Ints] = (),
-    ) -> _Path:
-        """Boost on the allowed groups; with `scored` sets of groups, stop once all of them stopped improving."""
-        inside = allowed[sample.codes]
-        weight = np.where(inside, sample.weight, 0.0)
-        y = np.where(inside, sample.y, 0.0)
-        shape = TreeShape(**{name: setting[name] for name in TreeShape.__dataclass_fields__})
-        path = _Path(0.0, sample.grower.start(shape))
-        working = WorkingCorrelation(setting["correlation"], sample.codes, weight)
-        if self.start == "mean":
-            working.estimate(np.where(inside, y - np.average(y, weights=weight), 0.0))
-            one = np.zeros(y.size, dtype=np.int64)
-            path.start = float(working.solve(y).sum() / working.normal_matrix(one, 1)[0, 0])
-        fitted = np.full(y.size, path.start)
-        rng = np.random.default_rng([seed, 2])
-        watched = [_Patience(groups, self.patience) for groups in scored]
-        for _ in range(n_rounds):
-            drawn = rng.random(sample.n_groups) < setting["subsample"]
-            tree_seed = int(rng.integers(1, 2**31 - 1))
-            residual = np.where(inside, y - fitted, 0.0)
-            working.estimate(residual)
-            round_weight = weight
-            if setting["subsample"] < 1.0 and (drawn & allowed).any():
-                round_weight = np.where(drawn[sample.codes], weight, 0.0)
-            fitted = fitted + self._round(path, working, residual, round_weight, setting, tree_seed, sample)
-            if watched:
-                path.losses.append(sample.loss(fitted))
-                running = [watch.update(path.losses[-1]) for watch in watched]
-                if not any(running):
-                    break
-        path.ends = [watch.end for watch in watched]
-        path.rho = working.rho
-        return path
-
-    def _round(
-        self,
-        path: _Path,
-        working: WorkingCorrelation,
-        residual: Floats,
-        weight: Floats,
-        setting: dict[str, Any],
-        tree_seed: int,
-        sample: Sample,
-    ) -> Floats:
-        """Add a tree; the step of every row of the sample."""
-        current = working
-        if weight is not working.weight:
-            current = WorkingCorrelation(working.kind, working.codes, weight)
-            current.rho = working.rho
-        gradient = current.solve(residual)
-        path.trees.grow(gradient, weight, tree_seed)
-        leaf = path.trees.leaves(sample.grower.X, first=len(path.trees.position) - 1)[0]
-        n_leaves = int(leaf.max()) + 1
-        normal = current.normal_matrix(leaf, n_leaves)
-        empty = np.diag(normal) <= 0
-        normal[empty, empty] = 1.0
-        score = np.bincount(leaf, gradient, n_leaves)
-        values = setting["learning_rate"] * np.linalg.solve(normal, score)
-        path.values.append(values)
-        return np.asarray(values[leaf])
+    def _scored_path(
+        self, sample: Sample, setting: dict[str, Any], inside: Bools, seed: int, scored: Sequence[Ints]
+    ) -> Path:
+        """Boost some groups, scoring others, until the others stop improving."""
+        return boost(
+            sample,
+            setting,
+            inside,
+            self.n_rounds,
+            seed,
+            start=self.start,
+            patience=self.patience,
+            scored=scored,
+        )
 
     def _fold_errors(
         self, sample: Sample, setting: dict[str, Any], block: Ints, allowed: Bools, seed: int
@@ -490,8 +404,8 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
             groups = np.flatnonzero(allowed & (block == left_out))
             if not inside.any():
                 continue
-            path = self._boost(sample, self._base() | setting, inside, self.n_rounds, seed, [groups])
-            _fill(errors, path, groups, path.ends[0])
+            path = self._scored_path(sample, self._base() | setting, inside, seed, [groups])
+            fill_losses(errors, path, groups, path.ends[0])
         return errors
 
     def _shared_choices(
@@ -531,9 +445,9 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
         scored = [np.flatnonzero(block == b) for b in pair]
         inside = (block != pair[0]) & (block != pair[1])
         errors = np.full((self.n_rounds, sample.n_groups), np.nan)
-        path = self._boost(sample, setting, inside, self.n_rounds, seed, scored)
+        path = self._scored_path(sample, setting, inside, seed, scored)
         for groups, end in zip(scored, path.ends, strict=True):
-            _fill(errors, path, groups, end)
+            fill_losses(errors, path, groups, end)
         return errors[:, scored[0]], errors[:, scored[1]]
 
 
@@ -566,11 +480,6 @@ def _blocks(n: int, n_blocks: int, seed: int) -> Ints:
     return np.random.default_rng([seed, 3]).permutation(np.arange(n) % min(n, n_blocks))
 
 
-def _fill(errors: Floats, path: _Path, groups: Ints, end: int) -> None:
-    """Write the losses of `groups` up to the round where they alone would have stopped."""
-    errors[:end, groups] = np.array(path.losses)[:end, groups]
-
-
 def _choice(errors: Sequence[Floats]) -> tuple[int, int]:
     """Setting and number of rounds of the least mean error over groups, among rounds that all groups reached."""
     best, n_rounds, least = 0, 1, np.inf
@@ -595,13 +504,3 @@ def _learning_curve(errors: Floats, block: Ints) -> pd.DataFrame:
             pd.DataFrame({"round": np.flatnonzero(reached) + 1, "fold": fold, "error": curve[reached]})
         )
     return pd.concat(parts, ignore_index=True)
-
-
-def _written(path: _Path) -> tuple[Any, Ints, Floats]:
-    """Booster with the leaf values of the path, tree -> its place there, first value of each tree."""
-    position = np.array(path.trees.position, dtype=np.int64)
-    for place, values in zip(position, path.values, strict=True):
-        if place >= 0:
-            for leaf, value in enumerate(values):
-                path.trees.booster.set_leaf_output(int(place), leaf, float(value))
-    return path.trees.booster, position, np.array([values[0] for values in path.values])

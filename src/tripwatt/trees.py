@@ -80,19 +80,20 @@ class TreeGrower:
             X, np.zeros(len(X)), categorical_feature=categorical, params=parameters, free_raw_data=False
         )
         self._data.construct()
+        self._barren = all(self._data.feature_num_bin(column) < 2 for column in range(X.shape[1]))
 
     def __reduce__(self) -> tuple[type[TreeGrower], tuple[Any, ...]]:
         return (type(self), self._arguments)  # the library's handle cannot travel to another process
 
     def start(self, shape: TreeShape) -> Trees:
         """An empty sequence of trees of one shape on this table."""
-        return Trees(self._data, shape)
+        return Trees(None if self._barren else self._data, shape)
 
 
 class Trees:
     """A growing sequence of trees; tree `t` may be a lone leaf, which the library does not keep."""
 
-    def __init__(self, data: Any, shape: TreeShape) -> None:
+    def __init__(self, data: Any | None, shape: TreeShape) -> None:
         self._data = data
         self._parameters = shape.parameters()
         self._reseed = shape.max_features < 1.0
@@ -102,7 +103,7 @@ class Trees:
     def _restart(self) -> None:
         import lightgbm
 
-        self.booster = lightgbm.Booster(self._parameters, self._data)
+        self.booster: Any = None if self._data is None else lightgbm.Booster(self._parameters, self._data)
         self._n_kept = 0
 
     def grow(self, gradient: Floats, weight: Floats, seed: int) -> bool:
@@ -110,6 +111,9 @@ class Trees:
 
         The seed restarts the draw of columns, so that a tree depends on nothing but its own arguments.
         """
+        if self.booster is None:  # no column has two values
+            self.position.append(-1)
+            return False
         if self._reseed:
             self.booster.reset_parameter({"feature_fraction_seed": seed})
         finished = self.booster.update(fobj=lambda _prediction, _data: (-gradient, weight))
