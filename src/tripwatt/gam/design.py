@@ -480,6 +480,26 @@ class _Builder:
         rows = TableRows(self._parts(), len(self.frame), start)
         return Design(self.formula, self.blocks, rows, training, self.notes, [], self.joint, self.codes)
 
+    def _nested(self, parts: list[Part]) -> list[Part]:
+        """Curves written into the table of a surface that has their covariate: one index instead of two."""
+        index_of = {id(points.index): names for names, points in self.joint.items()}
+        wide = [part for part in parts if len(index_of.get(id(part.index), ())) > 1 and part.scale is None]
+        out = list(parts)
+        for part in parts:
+            names = index_of.get(id(part.index), ())
+            home = next((w for w in wide if names and w is not part and set(names) <= set(index_of[id(w.index)])), None)
+            if home is None or part.scale is not None or len(names) > 1:
+                continue
+            surface = self.joint[index_of[id(home.index)]]
+            position = np.empty(len(surface.values), dtype=np.intp)
+            position[surface.index] = part.index  # all rows of a point share the value of the curve
+            merged = Part(
+                np.concatenate([home.columns, part.columns]), np.hstack([home.table, part.table[position]]), home.index
+            )
+            out = [merged if q is home else q for q in out if q is not part]
+            wide = [merged if w is home else w for w in wide]
+        return out
+
     def _parts(self) -> list[Part]:
         """Parts, with all factors and the intercept merged over their joint levels where those are few."""
         plain = [piece for piece in self.pieces if all(b.kind == "random" or b.contrast is not None or b.term is None for b in piece[0])]
@@ -488,6 +508,7 @@ class _Builder:
             for blocks, table, index, scale in self.pieces
             if not any(blocks is piece[0] for piece in plain)
         ]
+        parts = self._nested(parts)
         if not plain:
             return parts
         code = np.zeros(len(self.frame), dtype=np.int64)
