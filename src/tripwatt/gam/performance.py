@@ -25,7 +25,6 @@ from tripwatt.gam.fit import (
 )
 from tripwatt.gam.penalties import PenaltyStack
 
-
 SHORT = 0.5
 """Steps of log smoothing parameters below which, near the end, the working model is not evaluated a second time."""
 
@@ -114,7 +113,7 @@ class PerformanceIteration:
         return State(self.stack.rotated(first.beta), moved, theta)
 
     def residual(self, state: State) -> Array:
-        """y minus the predictor of a state, (n,)."""
+        """Response minus the predictor of a state, (n,)."""
         return np.asarray(self.data.y - self.data.rows.predictor(self.stack.restored(state.beta)))
 
     def advance(self, state: State, lower: Array, upper: Array, near: bool = False) -> Pass | None:
@@ -175,9 +174,10 @@ class PerformanceIteration:
         c = self.family.expected_weight(start.theta.nu, start.theta.sigma)
         lower, upper = bounds(c * np.diag(self.data.gram), self.stack)
         mixing = Mixing(close=CLOSE * float(np.sqrt(self.data.rows.n / self.data.rows.p)))
-        state, done, iteration, largest = start, False, 0, np.inf
+        state, done, count, largest = start, False, 0, np.inf
         result: Pass | None = None
-        for iteration in range(1, max_iter + 1):
+        while not done and count < max_iter:
+            count += 1
             trial = self.advance(state, lower, upper, largest <= 4 * mixing.close)
             if trial is None:
                 return None
@@ -185,11 +185,9 @@ class PerformanceIteration:
             x, fx = state.packed(), trial.state.packed()
             change = trial.weights * (fx - x)
             largest = float(np.abs(change).max(initial=0.0))
-            if largest <= tolerance:
-                done = True
-                break
+            done = largest <= tolerance
             state = trial.state.unpacked(mixing.next(x, fx, trial.weights), lower, upper)
-        return self._solution(result, done, iteration, tolerance) if result is not None else None
+        return self._solution(result, done, count, tolerance) if result is not None else None
 
     def _solution(self, last: Pass, done: bool, iterations: int, tolerance: float) -> Solution:
         message = (
@@ -232,7 +230,10 @@ class Mixing:
         self.memory, self.close = memory, close
         self.change: Array | None = None
         self.plain, self.patience = 0, 10
-        self._forget()
+        self.points: list[Array] = []
+        self.images: list[Array] = []
+        self.best, self.landmark, self.mixed = np.inf, np.inf, 0
+        self.best_image: Array = np.empty(0)
 
     def next(self, x: Array, fx: Array, weights: Array) -> Array:
         """Where to evaluate next, given the map's value `fx` at `x` and weights of the components."""
@@ -249,7 +250,9 @@ class Mixing:
             self.plain -= 1
             # where residuals are small the observed weight is (nu + 3) / nu times the expected one: at nu = 3 a
             # pass overshoots by as much as it had to go, and only half of it gets anywhere
-            swings = before is not None and float(before @ change) < -0.5 * size * float(np.linalg.norm(before))
+            swings = before is not None and float(before @ change) < -0.5 * size * float(
+                np.linalg.norm(before)
+            )
             return (x + fx) / 2 if swings else fx
         if size < self.best:
             self.best, self.best_image = size, fx
@@ -274,6 +277,5 @@ class Mixing:
         return np.asarray(fx + moved * min(1.0, 20 * largest / max(far, 1e-300)))
 
     def _forget(self) -> None:
-        self.points: list[Array] = []
-        self.images: list[Array] = []
-        self.best, self.best_image, self.landmark, self.mixed = np.inf, np.empty(0), np.inf, 0
+        self.points, self.images, self.mixed = [], [], 0
+        self.best, self.landmark = np.inf, np.inf

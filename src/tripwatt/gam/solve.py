@@ -10,13 +10,13 @@ from scipy.optimize import minimize_scalar
 
 from tripwatt.gam.bases import Array
 from tripwatt.gam.covariates import Index
-from tripwatt.gam.design import TableRows
 from tripwatt.gam.families import Family, Gaussian, ScaledT, Theta
 from tripwatt.gam.fit import NormalEquations, Rows, Solution, fit_gaussian
 from tripwatt.gam.laplace import LaplaceModel, fit_laplace
 from tripwatt.gam.moments import Moments
 from tripwatt.gam.penalties import PenaltyStack
 from tripwatt.gam.performance import PerformanceIteration, State, TData
+from tripwatt.gam.tables import TableRows
 
 Method = Literal["fREML", "REML"]
 THIN_ROWS = 10_000
@@ -56,18 +56,24 @@ def _steadied(data: NormalEquations) -> NormalEquations:
     return replace(data, gram=gram)
 
 
-def _gaussian(data: NormalEquations, stack: PenaltyStack, settings: Settings, scale: float | None) -> Solution | None:
+def _gaussian(
+    data: NormalEquations, stack: PenaltyStack, settings: Settings, scale: float | None
+) -> Solution | None:
     if settings.rho is not None:
         return fit_gaussian(data, stack, settings.rho, True, scale)
     found = [
         solution
         for shift in (0.0, -8.0)  # the score may have two optima; the lower one counts
-        if (solution := fit_gaussian(data, stack, None, False, scale, max_iter=settings.max_iter, shift=shift))
+        if (
+            solution := fit_gaussian(data, stack, None, False, scale, max_iter=settings.max_iter, shift=shift)
+        )
     ]
     return min(found, key=lambda solution: (not solution.converged, solution.score)) if found else None
 
 
-def _autoregressive(sums: Moments, stack: PenaltyStack, active: Index, settings: Settings, scale: float | None) -> Solution | None:
+def _autoregressive(
+    sums: Moments, stack: PenaltyStack, active: Index, settings: Settings, scale: float | None
+) -> Solution | None:
     if not isinstance(settings.ar1_rho, str):
         rho = float(settings.ar1_rho or 0.0)
         found = _gaussian(sums.normal(stack, active, rho), stack, settings, scale)
@@ -75,7 +81,9 @@ def _autoregressive(sums: Moments, stack: PenaltyStack, active: Index, settings:
     last: dict[str, Array] = {}
 
     def score(z: float) -> float:
-        solution = fit_gaussian(sums.normal(stack, active, float(np.tanh(z))), stack, last.get("rho"), False, scale)
+        solution = fit_gaussian(
+            sums.normal(stack, active, float(np.tanh(z))), stack, last.get("rho"), False, scale
+        )
         if solution is None:
             return np.inf
         last["rho"] = solution.rho
@@ -113,7 +121,9 @@ def _thinned(rows: Rows, y: Array, stack: PenaltyStack, settings: Settings) -> S
     return State(stack.rotated(found.beta), found.rho, theta)
 
 
-def _scaled_t(rows: Rows, y: Array, data: NormalEquations, stack: PenaltyStack, settings: Settings) -> Solution | None:
+def _scaled_t(
+    rows: Rows, y: Array, data: NormalEquations, stack: PenaltyStack, settings: Settings
+) -> Solution | None:
     family = settings.family
     assert isinstance(family, ScaledT)
     fixed = settings.rho is not None
@@ -130,7 +140,9 @@ def _scaled_t(rows: Rows, y: Array, data: NormalEquations, stack: PenaltyStack, 
     return fit_laplace(model, first.rho, theta, data.gram, fixed, max_iter=settings.max_iter)
 
 
-def solve(rows: Rows, y: Array, sums: Moments, stack: PenaltyStack, active: Index, settings: Settings) -> Solution | None:
+def solve(
+    rows: Rows, y: Array, sums: Moments, stack: PenaltyStack, active: Index, settings: Settings
+) -> Solution | None:
     """Fit the active coefficients.
 
     Parameters
@@ -160,5 +172,3 @@ def solve(rows: Rows, y: Array, sums: Moments, stack: PenaltyStack, active: Inde
     data = sums.normal(stack, active)
     found = _scaled_t(rows, y, data, stack, settings)
     return found if found is not None else _scaled_t(rows, y, _steadied(data), stack, settings)
-
-
