@@ -8,7 +8,7 @@ two tables at the end put a model's parts into them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -16,13 +16,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripwatt.gam.chisq import weighted_chi2_sf
+from tripwatt.gam.families import Gaussian
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from tripwatt.gam.model import GAMM
 
-__all__ = ["TermTest", "coefficient_table", "random_effect_test", "smooth_test", "term_table", "total_penalty"]
+__all__ = [
+    "TermTest",
+    "coefficient_table",
+    "random_effect_test",
+    "smooth_test",
+    "term_table",
+    "total_penalty",
+]
 
 _FloatArray = NDArray[np.float64]
 _WHOLE: Final = 1e-6  # a reference df this close to a whole number is one
@@ -216,7 +224,8 @@ def _null_model(
 
 def _solve(a: _FloatArray, b: _FloatArray) -> _FloatArray:
     """Solve a symmetric non-negative system; scaled to unit diagonal, through eigenvalues if it is singular."""
-    d = np.sqrt(np.maximum(np.diag(a), np.finfo(float).tiny))
+    diagonal = np.diag(a)
+    d = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     scaled = a / np.outer(d, d)
     try:
         lower = np.linalg.cholesky(scaled)
@@ -229,3 +238,102 @@ def _solve(a: _FloatArray, b: _FloatArray) -> _FloatArray:
 
         solution = cho_solve((lower, True), b / d[:, None])
     return np.asarray(solution / d[:, None], dtype=float)
+
+
+def total_penalty(model: GAMM) -> _FloatArray:
+    """Penalty of a fitted model, smoothing parameters included.
+
+    Parameters
+    ----------
+    model : GAMM
+        A fitted model.
+
+    Returns
+    -------
+    ndarray, shape (p, p)
+    """
+    p = model.coef_.size
+    penalty = np.zeros((p, p))
+    parameters = iter(_parameters(model))
+    for block in model.blocks_:
+        for matrix in block.penalties:
+            penalty[block.slice, block.slice] += next(parameters) * matrix
+    return penalty
+
+
+def _parameters(model: GAMM) -> list[float]:
+    given = model.smoothing_parameters_
+    return [float(v) for v in (given.values() if isinstance(given, Mapping) else np.ravel(given))]
+
+
+def _estimated_scale_df(model: GAMM) -> float | None:
+    """Residual degrees of freedom where the scale is estimated, None where it is known."""
+    family = model.family_
+    return float(model.residual_df_) if isinstance(family, Gaussian) and family.scale is None else None
+
+
+def coefficient_table(model: GAMM) -> pd.DataFrame:
+    """Tests of the parametric coefficients.
+
+    Parameters
+    ----------
+    model : GAMM
+        A fitted model.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per coefficient, named in the index: ``estimate``, ``std_error`` (Bayesian, as is usual),
+        ``statistic`` (t where the scale is estimated, z where it is known) and ``p_value``. A level without
+        data has 0, 0 and no test.
+    """
+    import pandas as pd
+    from scipy import stats
+
+    inside = [np.arange(model.coef_.size)[b.slice] for b in model.blocks_ if b.kind == "parametric"]
+    index = np.concatenate([np.arange(0), *inside]).astype(int)
+    error = np.sqrt(np.clip(np.diag(model.Vp_)[index], 0.0, None))
+    known = error > 0
+    estimate = np.where(known, model.coef_[index], 0.0)
+    statistic = np.where(known, estimate / np.where(known, error, 1.0), np.nan)
+    df = _estimated_scale_df(model)
+    tail = stats.norm.sf(np.abs(statistic)) if df is None else stats.t.sf(np.abs(statistic), df)
+    columns = {"estimate": estimate, "std_error": error, "statistic": statistic, "p_value": 2 * tail}
+    return pd.DataFrame(columns, index=pd.Index([model.coef_names_[i] for i in index], name="term"))
+
+
+def term_table(model: GAMM) -> pd.DataFrame:
+    """Tests of the smooth terms and random effects.
+
+    Parameters
+    ----------
+    model : GAMM
+        A fitted model.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per term, named in the index: ``edf``, ``ref_df``, ``statistic`` (F where the scale is estimated,
+        chi-square where it is known), ``p_value``. A term whose penalty leaves nothing free, a random effect
+        among them, is tested as a variance (Wood 2013b), every other one as a function (Wood 2013a).
+    """
+    import pandas as pd
+
+    df = _estimated_scale_df(model)
+    smooth = [block for block in model.blocks_ if block.kind != "parametric"]
+    random = [block for block in smooth if block.kind == "random"]
+    gram = model.R_.T @ model.R_
+    penalty = total_penalty(model)
+    unit = 1.0 if df is None else float(model.scale_)
+    rows = []
+    for block in smooth:
+        at = block.slice
+        if block.null_dim == 0:
+            others = [other.slice for other in random if other is not block]
+            test = random_effect_test(model.coef_, gram, penalty, at, others, unit, df)
+        else:
+            ref_df = float(model.edf1_[at].sum())
+            test = smooth_test(model.coef_[at], model.Vp_[at, at], model.R_[:, at], ref_df, df)
+        rows.append((float(model.edf_[at].sum()), test.ref_df, test.statistic, test.p_value))
+    index = pd.Index([block.label for block in smooth], name="term")
+    return pd.DataFrame(rows, columns=["edf", "ref_df", "statistic", "p_value"], index=index, dtype=float)
