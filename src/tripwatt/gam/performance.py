@@ -1,0 +1,257 @@
+"""Scaled t models by performance iteration with expected weights: one crossproduct for the whole fit.
+
+Each pass updates shape and scale given the residuals, forms the working response z = eta + g / c with the
+constant weight c, takes a Newton step of the working model's REML score, and solves for the coefficients
+(Wood, Goude & Shaw 2015; Wood et al. 2017). The passes converge linearly; Anderson mixing accelerates them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tripwatt.gam.bases import Array
+from tripwatt.gam.families import LOG_EXCESS_DF, ScaledT, Theta, fit_theta
+from tripwatt.gam.fit import (
+    Evaluation,
+    NormalEquations,
+    Rows,
+    Solution,
+    bounds,
+    fit_gaussian,
+    gaussian_score,
+    newton_step,
+)
+from tripwatt.gam.penalties import PenaltyStack
+
+
+@dataclass(frozen=True)
+class TData:
+    """Response, rows and crossproduct of a scaled t model.
+
+    Attributes
+    ----------
+    rows : Rows
+        Model matrix.
+    y : ndarray (n,)
+    gram : ndarray (p, p)
+        X'X of the rows that count, in rotated coordinates.
+    cross : ndarray (p,)
+        X'y there.
+    mask : ndarray (n,) or None
+        One for rows that count, zero for the others.
+    """
+
+    rows: Rows
+    y: Array
+    gram: Array
+    cross: Array
+    mask: Array | None = None
+
+    @property
+    def n(self) -> float:
+        """Number of rows that count."""
+        return float(self.rows.n if self.mask is None else self.mask.sum())
+
+
+@dataclass(frozen=True)
+class State:
+    """Where the iteration stands: rotated coefficients, log smoothing parameters, shape and scale."""
+
+    beta: Array
+    rho: Array
+    theta: Theta
+
+    def packed(self) -> Array:
+        """As one vector."""
+        return np.concatenate([self.beta, self.rho, [self.theta.excess, self.theta.log_sigma]])
+
+    def unpacked(self, x: Array, lower: Array, upper: Array) -> State:
+        """From one vector, smoothing parameters and shape within their bounds."""
+        p = len(self.beta)
+        low, high = LOG_EXCESS_DF
+        theta = Theta(float(np.clip(x[-2], low, high)), float(x[-1]), self.theta.min_df)
+        return State(x[:p], np.clip(x[p:-2], lower, upper), theta)
+
+
+@dataclass(frozen=True)
+class Pass:
+    """Result of one pass: next state, the working model there, and weights of the state's components."""
+
+    state: State
+    working: Evaluation
+    weights: Array
+    data: NormalEquations
+
+
+class PerformanceIteration:
+    """One scaled t model, ready to iterate.
+
+    Parameters
+    ----------
+    data : TData
+    stack : PenaltyStack
+    family : ScaledT
+    fixed : bool
+        Whether the smoothing parameters are given and kept.
+    """
+
+    def __init__(self, data: TData, stack: PenaltyStack, family: ScaledT, fixed: bool = False) -> None:
+        self.data, self.stack, self.family, self.fixed = data, stack, family, fixed
+        self.free = (family.nu is None, family.sigma is None)
+
+    def start(self, rho: Array | None) -> State | None:
+        """Gaussian fit, and the scaled t that its residuals look like."""
+        d = self.data
+        square = float(d.y @ d.y if d.mask is None else d.mask @ d.y**2)
+        normal = NormalEquations(d.gram, d.cross, square, d.n)
+        first = fit_gaussian(normal, self.stack, rho if self.fixed else None, self.fixed, tolerance=1e-4)
+        if first is None:
+            return None
+        sigma = self.family.sigma if self.family.sigma is not None else 0.8 * float(np.sqrt(first.scale))
+        nu = self.family.nu if self.family.nu is not None else self.family.min_df + 2.0
+        theta = Theta.of(nu, max(sigma, 1e-150), self.family.min_df)
+        moved = first.rho if self.fixed else first.rho - np.log(first.scale)
+        return State(self.stack.rotated(first.beta), moved, theta)
+
+    def residual(self, state: State) -> Array:
+        """y minus the predictor of a state, (n,)."""
+        return np.asarray(self.data.y - self.data.rows.predictor(self.stack.restored(state.beta)))
+
+    def advance(self, state: State, lower: Array, upper: Array) -> Pass | None:
+        """One pass: shape and scale, working response, smoothing parameters, coefficients."""
+        d = self.data
+        r = self.residual(state)
+        theta = fit_theta(r, state.theta, self.free, d.mask, steps=3) if any(self.free) else state.theta
+        c = self.family.expected_weight(theta.nu, theta.sigma)
+        g = self.family.score(r, theta.nu, theta.sigma)
+        pulled = g / c - r
+        if d.mask is not None:
+            g = g * d.mask
+        gram = c * d.gram
+        cross = gram @ state.beta + self.stack.rotated(d.rows.transpose(g))
+        z = pulled + d.y
+        square = c * float(z @ z if d.mask is None else (d.mask * z) @ z)
+        normal = NormalEquations(gram, cross, square, d.n)
+        here = gaussian_score(normal, self.stack, state.rho, 1.0, derivatives=not self.fixed)
+        if here is None:
+            return None
+        diagonal = np.sqrt(np.maximum(np.diag(self.stack.add_to(gram, state.rho)), 1e-300))
+        ends = np.sqrt(d.n) * np.array([1.0 if theta.nu < 50 else 0.1, 1.0])
+        if theta.at_bound:
+            ends[0] = 0.0
+        if self.fixed or not self.stack.size:
+            weights = np.concatenate([diagonal, np.zeros(self.stack.size), ends])
+            return Pass(State(here.beta, state.rho, theta), here, weights, normal)
+        found, rho = self._smoothed(normal, here, state.rho, lower, upper)
+        curvature = np.sqrt(np.maximum(np.diag(here.hessian), 1e-8))
+        return Pass(State(found.beta, rho, theta), found, np.concatenate([diagonal, curvature, ends]), normal)
+
+    def _smoothed(
+        self, normal: NormalEquations, here: Evaluation, rho: Array, lower: Array, upper: Array
+    ) -> tuple[Evaluation, Array]:
+        """One Newton step of the working model's score, halved until it descends."""
+        step = newton_step(here.gradient, here.hessian, rho, lower, upper)
+        for _ in range(12):
+            trial = gaussian_score(normal, self.stack, rho + step, 1.0, derivatives=False)
+            if trial is not None and trial.value <= here.value + 1e-9 * (1 + abs(here.value)):
+                return trial, rho + step
+            step = step / 2
+        return here, rho
+
+    def run(self, start: State, tolerance: float = 1e-4, max_iter: int = 400) -> Solution | None:
+        """Iterate to convergence.
+
+        Parameters
+        ----------
+        start : State
+        tolerance : float
+            Largest change in one pass, in posterior standard deviations.
+        max_iter : int
+            Most passes.
+
+        Returns
+        -------
+        Solution or None
+            None where the model is not identifiable.
+        """
+        c = self.family.expected_weight(start.theta.nu, start.theta.sigma)
+        lower, upper = bounds(c * np.diag(self.data.gram), self.stack)
+        mixing = Mixing()
+        state, done, iteration = start, False, 0
+        result: Pass | None = None
+        for iteration in range(1, max_iter + 1):
+            trial = self.advance(state, lower, upper)
+            if trial is None:
+                return None
+            result = trial
+            x, fx = state.packed(), trial.state.packed()
+            change = trial.weights * (fx - x)
+            if float(np.abs(change).max(initial=0.0)) <= tolerance:
+                done = True
+                break
+            state = trial.state.unpacked(mixing.next(x, fx, trial.weights), lower, upper)
+        return self._solution(result, done, iteration, tolerance) if result is not None else None
+
+    def _solution(self, last: Pass, done: bool, iterations: int, tolerance: float) -> Solution:
+        message = (
+            f"the last pass moved nothing by more than {tolerance:g} standard errors"
+            if done
+            else f"{iterations} accelerated passes did not settle; a larger max_iter or method='REML' may"
+        )
+        final = gaussian_score(last.data, self.stack, last.state.rho, 1.0)
+        found = last.working if final is None else final
+        return Solution(
+            beta=self.stack.restored(found.beta),
+            rho=last.state.rho,
+            scale=1.0,
+            score=found.value,
+            covariance=self.stack.restored_both(found.factor.inverse),
+            information=self.stack.restored_both(last.data.gram),
+            converged=done,
+            n_iter=iterations,
+            message=message,
+            gradient=found.gradient,
+            nu=last.state.theta.nu if self.family.nu is None else self.family.nu,
+            sigma=last.state.theta.sigma,
+        )
+
+
+class Mixing:
+    """Anderson acceleration of a fixed point iteration, restarted where it makes things worse.
+
+    Parameters
+    ----------
+    memory : int
+        Number of earlier passes that are mixed in.
+    """
+
+    def __init__(self, memory: int = 8) -> None:
+        self.memory = memory
+        self.points: list[Array] = []
+        self.images: list[Array] = []
+        self.best = np.inf
+
+    def next(self, x: Array, fx: Array, weights: Array) -> Array:
+        """Where to evaluate next, given the map's value `fx` at `x` and weights of the components."""
+        size = float(np.linalg.norm(weights * (fx - x)))
+        if size > 3 * self.best:
+            self.points, self.images = [], []
+            self.best = size
+        self.best = min(self.best, size)
+        self.points.append(x)
+        self.images.append(fx)
+        self.points, self.images = self.points[-self.memory - 1 :], self.images[-self.memory - 1 :]
+        if len(self.points) == 1:
+            return fx
+        P, F = np.array(self.points), np.array(self.images)
+        R = (F - P) * weights
+        dR, dF = np.diff(R, axis=0), np.diff(F, axis=0)
+        A = dR @ dR.T
+        A[np.diag_indices_from(A)] *= 1 + 1e-8
+        try:
+            mix = np.linalg.solve(A, dR @ R[-1])
+        except np.linalg.LinAlgError:
+            return fx
+        return np.asarray(fx - mix @ dF)
