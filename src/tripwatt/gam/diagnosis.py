@@ -139,9 +139,10 @@ class QuantileQuantile:
         ends = np.arange(min(200, self.residual.size))
         keep = np.union1d(_thinned(self.residual.size), np.concatenate([ends, self.residual.size - 1 - ends]))
         x = self.theoretical[keep]
-        ax.fill_between(x, self.lower[keep], self.upper[keep], color=GREY, alpha=0.3, linewidth=0)
+        ax.fill_between(x, self.lower[keep], self.upper[keep], color=GREY, alpha=0.3, linewidth=0, label="95 %, were rows independent")
         ax.scatter(x, self.residual[keep], s=8, color=BLUE, alpha=0.6, linewidths=0, rasterized=True)
         ax.plot(x[[0, -1]], x[[0, -1]], color=RED, linewidth=1.5)
+        ax.legend(frameon=False, loc="upper left", fontsize="small")
         span = np.array([self.residual[0], self.residual[-1], x[0], x[-1]])
         pad = 0.04 * float(np.ptp(span))
         ax.set_ylim(float(span.min()) - pad, float(span.max()) + pad)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.gam.diagnosis import BLUE, GREY, RED, _axes, _thinned
+from tripwatt.gam.diagnosis import BLUE, GREY, RED, _axes
 from tripwatt.gam.terms import RandomEffect, Smooth, Tensor
 
 if TYPE_CHECKING:
@@ -82,16 +82,8 @@ class CurveEffect:
         ax.plot(self.x, self.effect, color=BLUE, linewidth=1.8)
         if self.rug.size:
             rug = np.unique(self.rug)
-            shown = rug[_thinned(rug.size)[:: max(1, rug.size // 400)]]
-            ax.plot(
-                shown,
-                np.zeros_like(shown),
-                "|",
-                color="black",
-                alpha=0.35,
-                markersize=7,
-                transform=ax.get_xaxis_transform(),
-            )
+            shown = rug[:: max(1, rug.size // 400)]
+            ax.vlines(shown, 0.0, 0.03, color="black", alpha=0.35, linewidth=0.6, transform=ax.get_xaxis_transform())
         ax.set(title=f"{self.label}, EDF {self.edf:.2f}", xlabel=self.covariate, ylabel="Effect")
         return ax
 
@@ -220,6 +212,8 @@ class FactorEffect:
         0 with standard error 0 for a level without data.
     multiplier : float
         Half width of the interval in standard errors.
+    reference : str
+        Level that the others are compared with; empty for a number.
     """
 
     label: str
@@ -227,6 +221,7 @@ class FactorEffect:
     effect: _FloatArray
     std_error: _FloatArray
     multiplier: float
+    reference: str = ""
 
     def frame(self) -> pd.DataFrame:
         """The numbers: ``level``, ``effect``, ``std_error``, ``lower``, ``upper``."""
@@ -254,7 +249,8 @@ class FactorEffect:
         )
         ax.set_yticks(rows, self.level)
         ax.set_ylim(len(self.level) - 0.5, -0.5)
-        ax.set(title=self.label, xlabel="Coefficient")
+        against = f"Difference from {self.reference}" if self.reference else "Coefficient"
+        ax.set(title=self.label, xlabel=against)
         return ax
 
 
@@ -410,8 +406,11 @@ def _random_sd(model: GAMM, block: Block) -> float:
 def _factor(model: GAMM, block: Block, multiplier: float) -> FactorEffect:
     at = block.slice
     error = np.sqrt(np.clip(np.diag(model.Vp_)[at], 0.0, None))
-    names = tuple(str(name).removeprefix(block.label) or str(name) for name in block.names)
-    return FactorEffect(block.label, names, np.asarray(model.coef_[at], dtype=float), error, multiplier)
+    levels = [str(name) for name in model.levels_.get(block.label, ())]
+    shown = tuple(str(name).removeprefix(block.label) if levels else str(name) for name in block.names)
+    reference = next((name for name in levels if name not in shown), "")
+    effect = np.asarray(model.coef_[at], dtype=float)
+    return FactorEffect(block.label, shown, effect, error, multiplier, reference)
 
 
 def plot_effects(found: Mapping[str, Effect], figure: Figure | None = None, columns: int = 3) -> Figure:

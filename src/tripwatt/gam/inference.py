@@ -257,7 +257,7 @@ def total_penalty(model: GAMM) -> _FloatArray:
     parameters = iter(_parameters(model))
     for block in model.blocks_:
         for matrix in block.penalties:
-            penalty[block.slice, block.slice] += next(parameters) * matrix
+            penalty[block.slice, block.slice] += np.nan_to_num(next(parameters)) * matrix  # NaN: no data, no part
     return penalty
 
 
@@ -322,15 +322,14 @@ def term_table(model: GAMM) -> pd.DataFrame:
     df = _estimated_scale_df(model)
     smooth = [block for block in model.blocks_ if block.kind != "parametric"]
     random = [block for block in smooth if block.kind == "random"]
-    gram = model.R_.T @ model.R_
+    gram = model.R_.T @ model.R_ * float(model.scale_)
     penalty = total_penalty(model)
-    unit = 1.0 if df is None else float(model.scale_)
     rows = []
     for block in smooth:
         at = block.slice
         if block.null_dim == 0:
             others = [other.slice for other in random if other is not block]
-            test = random_effect_test(model.coef_, gram, penalty, at, others, unit, df)
+            test = random_effect_test(model.coef_, gram, penalty, at, others, float(model.scale_), df)
         else:
             ref_df = float(model.edf1_[at].sum())
             test = smooth_test(model.coef_[at], model.Vp_[at, at], model.R_[:, at], ref_df, df)

@@ -61,6 +61,10 @@ class Summary:
         Whether nu stopped at the least value it was allowed.
     converged : bool
         Whether the fit did.
+    message : str
+        What ended the fit.
+    notes : tuple of str
+        Reductions that the data forced: columns removed, levels without data.
     """
 
     parametric: pd.DataFrame
@@ -80,6 +84,8 @@ class Summary:
     sigma: float
     nu_at_bound: bool
     converged: bool
+    message: str = ""
+    notes: tuple[str, ...] = ()
 
     def frame(self) -> pd.DataFrame:
         """Both tables in one, term by term.
@@ -145,7 +151,7 @@ class Summary:
         """
         lines = [f"Family:  {self.distribution()}", f"Formula: {self.formula}"]
         if not self.converged:
-            lines.append("WARNING: the fit did not converge; its figures are not to be trusted.")
+            lines.append(f"WARNING: the fit did not converge; its figures are not to be trusted. {self.message}".rstrip())
         parametric, smooth = ("z", "Chi-sq") if self.scale_known else ("t", "F")
         tables = (
             ("Parametric coefficients", self.parametric, ("Estimate", "Std. error", parametric), "%.4f"),
@@ -156,6 +162,7 @@ class Summary:
                 lines += ["", f"{title}:", *_aligned(table, heads, style)]
         lines += ["", f"Stars: {_LEGEND}", ""]
         lines += [f"{label + ':':<20}{value}" for label, value in self.scores().items()]
+        lines += ["", *(f"Note: {note}" for note in self.notes)] if self.notes else []
         return "\n".join(lines) + "\n"
 
     def rows(self) -> list[tuple[str, str, str]]:
@@ -198,7 +205,8 @@ class Summary:
         head = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in heads)
         scores = {"Family": self.distribution(), **self.scores()}
         if not self.converged:
-            scores["Warning"] = "the fit did not converge"
+            scores["Warning"] = f"the fit did not converge. {self.message}".rstrip()
+        scores |= {f"Note {i}": note for i, note in enumerate(self.notes, 1)}
         foot = "".join(
             f'<tr><th scope="row">{escape(label)}</th><td colspan="3">{escape(value)}</td></tr>\n'
             for label, value in scores.items()
@@ -296,4 +304,6 @@ def summary(model: GAMM) -> Summary:
         sigma=float(model.sigma_) if model.sigma_ is not None else float("nan"),
         nu_at_bound=bool(model.nu_at_bound_),
         converged=bool(model.converged_),
+        message=str(model.message_),
+        notes=tuple(model.notes_),
     )
