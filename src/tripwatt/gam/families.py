@@ -212,19 +212,14 @@ def t_derivatives(residual: Array, theta: Theta) -> TDerivatives:
     return TDerivatives(eta, first, second)
 
 
-def theta_objective(residual: Array, theta: Theta, weights: Array | None = None) -> tuple[float, Array, Array]:
+def theta_objective(residual: Array, theta: Theta) -> tuple[float, Array, Array]:
     """Log-likelihood of residuals (n,) with its gradient (2,) and Hessian (2, 2) in the parameters of `Theta`."""
     nu = theta.nu
     t = theta.sigma * math.sqrt(nu)
     square = residual**2
     inverse = 1.0 / (square + t * t)
-    if weights is None:
-        n = float(len(residual))
-        f, q1, q2 = -float(np.log(inverse).sum()), float(inverse.sum()), float(inverse @ inverse)
-    else:
-        n = float(weights.sum())
-        f, q1 = -float(weights @ np.log(inverse)), float(weights @ inverse)
-        q2 = float((weights * inverse) @ inverse)
+    n = float(len(residual))
+    f, q1, q2 = -float(np.log(inverse).sum()), float(inverse.sum()), float(inverse @ inverse)
     f_t, f_tt = 2 * t * q1, 2 * q1 - 4 * t * t * q2
     value = n * (gammaln((nu + 1) / 2) - gammaln(nu / 2) - math.log(math.pi) / 2 + nu * math.log(t)) - (nu + 1) / 2 * f
     d_nu = n * ((digamma((nu + 1) / 2) - digamma(nu / 2)) / 2 + math.log(t)) - f / 2
@@ -245,7 +240,7 @@ def theta_objective(residual: Array, theta: Theta, weights: Array | None = None)
 
 
 def fit_theta(
-    residual: Array, theta: Theta, free: tuple[bool, bool], weights: Array | None = None, steps: int = 50
+    residual: Array, theta: Theta, free: tuple[bool, bool], steps: int = 50
 ) -> Theta:
     """Maximum likelihood of shape and scale given residuals (n,), by Newton with step halving.
 
@@ -257,8 +252,6 @@ def fit_theta(
         Start.
     free : tuple of bool
         Whether nu, and whether sigma is estimated.
-    weights : ndarray (n,), optional
-        Zero or one: rows that count.
     steps : int
         Most Newton steps.
 
@@ -268,7 +261,7 @@ def fit_theta(
     """
     free_now = np.array(free)
     low, high = LOG_EXCESS_DF
-    value, gradient, hessian = theta_objective(residual, theta, weights)
+    value, gradient, hessian = theta_objective(residual, theta)
     for _ in range(steps):
         stuck = (theta.excess <= low and gradient[0] <= 0) or (theta.excess >= high and gradient[0] >= 0)
         active = free_now & np.array([not stuck, True])
@@ -277,7 +270,7 @@ def fit_theta(
         step = _ascent(gradient, hessian, active)
         for _ in range(30):
             trial = theta.moved(float(step[0]), float(step[1]))
-            trial_value, trial_gradient, trial_hessian = theta_objective(residual, trial, weights)
+            trial_value, trial_gradient, trial_hessian = theta_objective(residual, trial)
             if trial_value >= value:
                 break
             step = step / 2

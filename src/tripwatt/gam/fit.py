@@ -304,6 +304,7 @@ def fit_gaussian(
     scale: float | None = None,
     tolerance: float = 1e-7,
     max_iter: int = 200,
+    shift: float = 0.0,
 ) -> Solution | None:
     """REML fit of a gaussian model from its normal equations.
 
@@ -319,6 +320,8 @@ def fit_gaussian(
         Known variance.
     tolerance, max_iter
         Of Newton's method.
+    shift : float
+        Moves the default start towards rougher (negative) or smoother functions.
 
     Returns
     -------
@@ -326,7 +329,7 @@ def fit_gaussian(
         None where the model is not identifiable.
     """
     lower, upper = bounds(np.diag(data.gram), stack)
-    start = rho if rho is not None else lower - LOG_RATIO[0] - 3
+    start = rho if rho is not None else lower - LOG_RATIO[0] - 3 + shift
     if fixed or not stack.size:
         x, n_iter, converged, message = start, 0, True, "smoothing parameters were given"
     else:

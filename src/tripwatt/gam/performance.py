@@ -36,23 +36,15 @@ class TData:
         Model matrix.
     y : ndarray (n,)
     gram : ndarray (p, p)
-        X'X of the rows that count, in rotated coordinates.
+        X'X in rotated coordinates.
     cross : ndarray (p,)
         X'y there.
-    mask : ndarray (n,) or None
-        One for rows that count, zero for the others.
     """
 
     rows: Rows
     y: Array
     gram: Array
     cross: Array
-    mask: Array | None = None
-
-    @property
-    def n(self) -> float:
-        """Number of rows that count."""
-        return float(self.rows.n if self.mask is None else self.mask.sum())
 
 
 @dataclass(frozen=True)
@@ -104,8 +96,7 @@ class PerformanceIteration:
     def start(self, rho: Array | None) -> State | None:
         """Gaussian fit, and the scaled t that its residuals look like."""
         d = self.data
-        square = float(d.y @ d.y if d.mask is None else d.mask @ d.y**2)
-        normal = NormalEquations(d.gram, d.cross, square, d.n)
+        normal = NormalEquations(d.gram, d.cross, float(d.y @ d.y), d.rows.n)
         first = fit_gaussian(normal, self.stack, rho if self.fixed else None, self.fixed, tolerance=1e-4)
         if first is None:
             return None
@@ -123,22 +114,18 @@ class PerformanceIteration:
         """One pass: shape and scale, working response, smoothing parameters, coefficients."""
         d = self.data
         r = self.residual(state)
-        theta = fit_theta(r, state.theta, self.free, d.mask, steps=3) if any(self.free) else state.theta
+        theta = fit_theta(r, state.theta, self.free, steps=3) if any(self.free) else state.theta
         c = self.family.expected_weight(theta.nu, theta.sigma)
         g = self.family.score(r, theta.nu, theta.sigma)
-        pulled = g / c - r
-        if d.mask is not None:
-            g = g * d.mask
         gram = c * d.gram
         cross = gram @ state.beta + self.stack.rotated(d.rows.transpose(g))
-        z = pulled + d.y
-        square = c * float(z @ z if d.mask is None else (d.mask * z) @ z)
-        normal = NormalEquations(gram, cross, square, d.n)
+        z = g / c - r + d.y
+        normal = NormalEquations(gram, cross, c * float(z @ z), d.rows.n)
         here = gaussian_score(normal, self.stack, state.rho, 1.0, derivatives=not self.fixed)
         if here is None:
             return None
         diagonal = np.sqrt(np.maximum(np.diag(self.stack.add_to(gram, state.rho)), 1e-300))
-        ends = np.sqrt(d.n) * np.array([1.0 if theta.nu < 50 else 0.1, 1.0])
+        ends = np.sqrt(d.rows.n) * np.array([1.0 if theta.nu < 50 else 0.1, 1.0])
         if theta.at_bound:
             ends[0] = 0.0
         if self.fixed or not self.stack.size:
