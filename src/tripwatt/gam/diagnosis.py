@@ -139,7 +139,15 @@ class QuantileQuantile:
         ends = np.arange(min(200, self.residual.size))
         keep = np.union1d(_thinned(self.residual.size), np.concatenate([ends, self.residual.size - 1 - ends]))
         x = self.theoretical[keep]
-        ax.fill_between(x, self.lower[keep], self.upper[keep], color=GREY, alpha=0.3, linewidth=0, label="95 %, were rows independent")
+        ax.fill_between(
+            x,
+            self.lower[keep],
+            self.upper[keep],
+            color=GREY,
+            alpha=0.3,
+            linewidth=0,
+            label="95 %, were rows independent",
+        )
         ax.scatter(x, self.residual[keep], s=8, color=BLUE, alpha=0.6, linewidths=0, rasterized=True)
         ax.plot(x[[0, -1]], x[[0, -1]], color=RED, linewidth=1.5)
         ax.legend(frameon=False, loc="upper left", fontsize="small")
@@ -238,6 +246,9 @@ class ResidualHistogram:
         ax.set(
             title="Histogram of residuals", xlabel=f"Residual ({note})" if note else "Residual", ylabel="Rows"
         )
+        ax.set_ylim(
+            0.0, 1.3 * max(float(self.count.max()), float(self.expected.max()))
+        )  # room for the legend
         ax.legend(frameon=False, loc="upper right")
         return ax
 
@@ -301,10 +312,11 @@ class Diagnosis:
 
             figure = Figure(figsize=(9.0, 7.2), layout="constrained")
             FigureCanvasAgg(figure)
-        for part, ax in zip(
-            (self.qq, self.predictor, self.histogram, self.response), figure.subplots(2, 2).flat, strict=True
-        ):
-            part.plot(ax)
+        axes = figure.subplots(2, 2)
+        self.qq.plot(axes[0, 0])
+        self.predictor.plot(axes[0, 1])
+        self.histogram.plot(axes[1, 0])
+        self.response.plot(axes[1, 1])
         return figure
 
 

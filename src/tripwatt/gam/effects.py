@@ -83,7 +83,9 @@ class CurveEffect:
         if self.rug.size:
             rug = np.unique(self.rug)
             shown = rug[:: max(1, rug.size // 400)]
-            ax.vlines(shown, 0.0, 0.03, color="black", alpha=0.35, linewidth=0.6, transform=ax.get_xaxis_transform())
+            ax.vlines(
+                shown, 0.0, 0.03, color="black", alpha=0.35, linewidth=0.6, transform=ax.get_xaxis_transform()
+            )
         ax.set(title=f"{self.label}, EDF {self.edf:.2f}", xlabel=self.covariate, ylabel="Effect")
         return ax
 
@@ -133,7 +135,7 @@ class SurfaceEffect:
         if float(np.ma.ptp(shown) if shown.count() else 0.0) > 0:
             filled = ax.contourf(self.x, self.y, shown, levels=12, cmap="cividis")
             lines = ax.contour(
-                self.x, self.y, shown, levels=filled.levels[::2], colors="white", linewidths=0.6
+                self.x, self.y, shown, levels=np.asarray(filled.levels)[::2], colors="white", linewidths=0.6
             )
             ax.clabel(lines, fontsize=7)
             ax.figure.colorbar(filled, ax=ax, label="Effect")

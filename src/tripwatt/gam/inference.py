@@ -105,7 +105,7 @@ def smooth_test(
     >>> round(test.statistic, 6), round(test.p_value, 6)
     (9.0, 0.011109)
     """
-    root = np.linalg.qr(factor, mode="r")
+    root = np.linalg.qr(factor)[1]
     values, vectors = np.linalg.eigh(root @ vp @ root.T)
     values, vectors = values[::-1], vectors[:, ::-1]
     rank = int((values > _RANK * max(values[0], 0.0)).sum())
@@ -257,7 +257,9 @@ def total_penalty(model: GAMM) -> _FloatArray:
     parameters = iter(_parameters(model))
     for block in model.blocks_:
         for matrix in block.penalties:
-            penalty[block.slice, block.slice] += np.nan_to_num(next(parameters)) * matrix  # NaN: no data, no part
+            penalty[block.slice, block.slice] += (
+                np.nan_to_num(next(parameters)) * matrix
+            )  # NaN: no data, no part
     return penalty
 
 

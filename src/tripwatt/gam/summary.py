@@ -151,7 +151,9 @@ class Summary:
         """
         lines = [f"Family:  {self.distribution()}", f"Formula: {self.formula}"]
         if not self.converged:
-            lines.append(f"WARNING: the fit did not converge; its figures are not to be trusted. {self.message}".rstrip())
+            lines.append(
+                f"WARNING: the fit did not converge; its figures are not to be trusted. {self.message}".rstrip()
+            )
         parametric, smooth = ("z", "Chi-sq") if self.scale_known else ("t", "F")
         tables = (
             ("Parametric coefficients", self.parametric, ("Estimate", "Std. error", parametric), "%.4f"),
