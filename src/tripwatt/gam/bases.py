@@ -154,13 +154,19 @@ class CubicRegression:
 class ThinPlate:
     """Thin plate regression spline: the truncated eigenbasis of Wood (2003).
 
+    Made by `thin_plate`.
+
     Parameters
     ----------
-    points : ndarray (n, d)
-        Distinct points of the data; beyond `MAX_KNOTS` an even or seeded random subset carries the basis.
-    data_mean, column_scale : see `thin_plate`
-    k : int
-        Number of columns.
+    knots : ndarray (m, d)
+        Centred points that carry radial functions.
+    shift : ndarray (d,)
+        Centre.
+    loadings : ndarray (m, k - M)
+        Radial functions to columns.
+    scale : ndarray (k,)
+        Divisors of the columns.
+    penalty : ndarray (k, k)
     order : int
         Order m of the derivatives in the penalty, 2 m > d.
     """
@@ -266,10 +272,7 @@ def _largest_eigenpairs(E: Array, k: int) -> tuple[Array, Array]:
 def _basis_knots(points: Array) -> Array:
     if len(points) <= MAX_KNOTS:
         return points
-    if points.shape[1] == 1:
-        return points[np.linspace(0, len(points) - 1, MAX_KNOTS).round().astype(int)]
-    chosen = np.random.default_rng(0).choice(len(points), MAX_KNOTS, replace=False)
-    return points[np.sort(chosen)]
+    return points[np.linspace(0, len(points) - 1, MAX_KNOTS).round().astype(int)]
 
 
 def thin_plate(points: Array, counts: Array, k: int, order: int) -> ThinPlate:
@@ -278,7 +281,7 @@ def thin_plate(points: Array, counts: Array, k: int, order: int) -> ThinPlate:
     Parameters
     ----------
     points : ndarray (n, d)
-        Distinct points, sorted.
+        Distinct points, sorted; beyond `MAX_KNOTS` an even subset of them carries the basis.
     counts : ndarray (n,)
         How many rows of the data lie on each point: columns have unit mean square over the rows.
     k : int

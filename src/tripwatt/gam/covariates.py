@@ -135,28 +135,28 @@ class Points:
     counts: Array
 
     @classmethod
-    def of(cls, x: Array, limit: int | None) -> Points:
-        """Distinct points of rows `x` (n, d); with a limit, each covariate is rounded to an even grid of that many values."""
-        most = None if limit is None else (limit if x.shape[1] == 1 else max(MAX_JOINT, limit))
-        while True:
-            axes = [_distinct(x[:, j], limit) for j in range(x.shape[1])]
-            code = axes[0][1]
-            for values, index in axes[1:]:
-                code = code * len(values) + index
-            if len(axes) == 1:
-                distinct, index = np.arange(len(axes[0][0])), axes[0][1]
-            else:
-                index, distinct = pd.factorize(code, sort=True)
-            if most is None or len(distinct) <= most or limit is None or limit <= 20:
-                break
-            limit = limit * 2 // 3
-        values = np.empty((len(distinct), x.shape[1]))
-        rest = distinct
-        for j in range(x.shape[1] - 1, -1, -1):
+    def of(cls, x: Array, limits: tuple[int | None, ...] | None = None) -> Points:
+        """Distinct points of rows `x` (n, d), each covariate rounded to an even grid of at most so many values."""
+        wanted = limits if limits is not None else (None,) * x.shape[1]
+        axes = [_distinct(x[:, j], limit) for j, limit in enumerate(wanted)]
+        code = axes[0][1]
+        for values, index in axes[1:]:
+            code = code * len(values) + index
+        if len(axes) == 1:
+            return cls(axes[0][0][:, None], code, np.bincount(code, minlength=len(axes[0][0])).astype(float))
+        index, rest = pd.factorize(code, sort=True)
+        values = np.empty((len(rest), len(axes)))
+        for j in range(len(axes) - 1, -1, -1):
             rest, position = np.divmod(rest, len(axes[j][0]))
             values[:, j] = axes[j][0][position]
-        counts = np.bincount(index, minlength=len(values)).astype(float)
-        return cls(values, index.astype(np.intp, copy=False), counts)
+        return cls(values, index.astype(np.intp, copy=False), np.bincount(index, minlength=len(values)).astype(float))
+
+
+def grid_limit(x: Array, limit: int) -> int:
+    """Values per covariate that keep the distinct points of rows `x` (n, d) at `MAX_JOINT` or fewer."""
+    while limit > 20 and len(Points.of(x, (limit,) * x.shape[1]).values) > MAX_JOINT:
+        limit = limit * 3 // 4
+    return limit
 
 
 def _distinct(x: Array, limit: int | None) -> tuple[Array, Index]:

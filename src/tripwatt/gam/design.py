@@ -24,6 +24,7 @@ from tripwatt.gam.covariates import (
     Points,
     Support,
     Training,
+    grid_limit,
     is_factor,
     missing_columns,
     missing_levels,
@@ -142,7 +143,7 @@ class Block:
         x = frame[names].to_numpy(dtype=np.float64)[used]
         if not len(x):
             return out
-        points = Points.of(x, None)
+        points = Points.of(x)
         support = known.supports[self.term.names]
         table = self.smoother.matrix(support.clamped(points.values))
         if self.extrapolation == "linear" and points.values.shape[1] == 1:
@@ -302,7 +303,7 @@ class Design:
 
     def active(self, gram_diagonal: Array) -> Index:
         """Coefficients that data or penalties determine."""
-        alive = gram_diagonal > 1e-12 * max(float(gram_diagonal.max(initial=0.0)), 1e-300)
+        alive = gram_diagonal > 0
         alive[self.empty] = False
         for block in self.blocks:
             if block.kind == "random" or (block.penalties and alive[block.slice].any()):
@@ -368,11 +369,27 @@ class _Builder:
         self.codes: dict[str, Index] = {}
         self.levels: dict[str, Levels] = {}
         self.supports: dict[tuple[str, ...], Support] = {}
+        self.grids = self._grids()
+
+    def _covariates(self, names: tuple[str, ...]) -> Array:
+        return np.stack([self.frame[name].to_numpy(dtype=np.float64) for name in names], axis=1)
+
+    def _grids(self) -> dict[str, int]:
+        """Values that each covariate keeps: the same in curves and surfaces, so that nested terms stay nested."""
+        out: dict[str, int] = {}
+        if self.limit is None:
+            return out
+        for term in self.formula.terms:
+            if isinstance(term, Smooth | Tensor):
+                many = len(term.names) > 1
+                most = grid_limit(self._covariates(term.names), self.limit) if many else self.limit
+                out.update({name: min(most, out.get(name, most)) for name in term.names})
+        return out
 
     def points(self, names: tuple[str, ...]) -> Points:
         if names not in self.joint:
-            x = np.stack([self.frame[name].to_numpy(dtype=np.float64) for name in names], axis=1)
-            self.joint[names] = Points.of(x, self.limit)
+            limits = tuple(self.grids.get(name, self.limit) for name in names)
+            self.joint[names] = Points.of(self._covariates(names), limits)
             self.supports[names] = Support(self.joint[names].values)
         return self.joint[names]
 

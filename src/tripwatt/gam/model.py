@@ -18,7 +18,8 @@ from tripwatt.gam.design import Design, Extrapolation, build_design
 from tripwatt.gam.families import Family, Gaussian, ScaledT
 from tripwatt.gam.fit import Solution
 from tripwatt.gam.identify import identified
-from tripwatt.gam.moments import Moments, moments
+from tripwatt.gam.leaveout import grouped_moments, leave_out
+from tripwatt.gam.moments import Moments
 from tripwatt.gam.results import Results, results
 from tripwatt.gam.solve import Method, Settings, solve
 from tripwatt.gam.terms import Formula, RandomEffect, Smooth, Tensor
@@ -94,7 +95,7 @@ class GAMM(RegressorMixin, BaseEstimator):
         extrapolation: Extrapolation = "clamp",
         smoothing_parameters: Sequence[float] | Mapping[str, float] | None = None,
         ar1_rho: float | Literal["estimate"] | None = None,
-        tolerance: float = 1e-4,
+        tolerance: float = 1e-3,
         max_iter: int = 400,
     ) -> None:
         self.formula = formula
@@ -245,8 +246,6 @@ class GAMM(RegressorMixin, BaseEstimator):
         ndarray (n,)
             Held-out predictions; a held-out group's random effect is 0.
         """
-        from tripwatt.gam.leaveout import leave_out
-
         formula, family = self._formula(), self._family()
         values = response(frame, y, formula.response)
         group_codes, fold_codes = self._groups(frame, groups), self._groups(frame, folds)
@@ -310,15 +309,8 @@ class GAMM(RegressorMixin, BaseEstimator):
         return codes
 
     def _moments(self, design: Design, y: Array, groups: Index | None) -> Moments:
-        if self.ar1_rho is None:
-            return moments(design.rows, y, np.arange(len(y), dtype=np.intp), False)
         codes = groups if groups is not None else np.zeros(len(y), dtype=np.intp)
-        order = np.argsort(codes, kind="stable")
-        pieces = np.split(order, np.flatnonzero(np.diff(codes[order])) + 1)
-        total = moments(design.rows, y, pieces[0], True)
-        for piece in pieces[1:]:
-            total = total + moments(design.rows, y, piece, True)
-        return total
+        return grouped_moments(design, y, codes, np.arange(len(y), dtype=np.intp), self.ar1_rho is not None)
 
     def _given(self, design: Design) -> Array | None:
         """Given smoothing parameters as logs, in the order of the design."""

@@ -124,7 +124,7 @@ class PerformanceIteration:
         here = gaussian_score(normal, self.stack, state.rho, 1.0, derivatives=not self.fixed)
         if here is None:
             return None
-        diagonal = np.sqrt(np.maximum(np.diag(self.stack.add_to(gram, state.rho)), 1e-300))
+        diagonal = 1 / np.sqrt(np.maximum(np.diag(here.factor.inverse), 1e-300))
         ends = np.sqrt(d.rows.n) * np.array([1.0 if theta.nu < 50 else 0.1, 1.0])
         if theta.at_bound:
             ends[0] = 0.0
@@ -147,7 +147,7 @@ class PerformanceIteration:
             step = step / 2
         return here, rho
 
-    def run(self, start: State, tolerance: float = 1e-4, max_iter: int = 400) -> Solution | None:
+    def run(self, start: State, tolerance: float = 1e-3, max_iter: int = 400) -> Solution | None:
         """Iterate to convergence.
 
         Parameters
@@ -206,39 +206,52 @@ class PerformanceIteration:
 
 
 class Mixing:
-    """Anderson acceleration of a fixed point iteration, restarted where it makes things worse.
+    """Anderson acceleration of a fixed point iteration, only where it is already close.
+
+    A scaled t has several modes; the plain passes decide which one is met, mixing only shortens the way there.
 
     Parameters
     ----------
     memory : int
         Number of earlier passes that are mixed in.
+    close : float
+        Largest change of a pass, in standard errors, from which on passes are mixed.
     """
 
-    def __init__(self, memory: int = 8) -> None:
-        self.memory = memory
+    def __init__(self, memory: int = 6, close: float = 0.05) -> None:
+        self.memory, self.close = memory, close
         self.points: list[Array] = []
         self.images: list[Array] = []
-        self.best = np.inf
+        self.best, self.best_image = np.inf, np.empty(0)
+        self.change: Array | None = None
 
     def next(self, x: Array, fx: Array, weights: Array) -> Array:
         """Where to evaluate next, given the map's value `fx` at `x` and weights of the components."""
-        size = float(np.linalg.norm(weights * (fx - x)))
-        if size > 3 * self.best:
-            self.points, self.images = [], []
-            self.best = size
-        self.best = min(self.best, size)
-        self.points.append(x)
-        self.images.append(fx)
-        self.points, self.images = self.points[-self.memory - 1 :], self.images[-self.memory - 1 :]
+        change = weights * (fx - x)
+        size, largest = float(np.linalg.norm(change)), float(np.abs(change).max(initial=0.0))
+        before, self.change = self.change, change
+        if self.points and (size > 2 * self.best or largest > self.close):
+            back = self.best_image  # mixing made it worse: on from the best point with plain passes
+            self._forget()
+            return back
+        if largest > self.close:
+            # where residuals are small the observed weight is (nu + 3) / nu times the expected one: at nu = 3 a
+            # pass overshoots by as much as it had to go, and only half of it gets anywhere
+            swings = before is not None and float(before @ change) < -0.5 * size * float(np.linalg.norm(before))
+            return (x + fx) / 2 if swings else fx
+        if size < self.best:
+            self.best, self.best_image = size, fx
+        self.points = [*self.points, x][-self.memory - 1 :]
+        self.images = [*self.images, fx][-self.memory - 1 :]
         if len(self.points) == 1:
             return fx
         P, F = np.array(self.points), np.array(self.images)
         R = (F - P) * weights
         dR, dF = np.diff(R, axis=0), np.diff(F, axis=0)
-        A = dR @ dR.T
-        A[np.diag_indices_from(A)] *= 1 + 1e-8
-        try:
-            mix = np.linalg.solve(A, dR @ R[-1])
-        except np.linalg.LinAlgError:
-            return fx
-        return np.asarray(fx - mix @ dF)
+        mix = np.linalg.lstsq(dR.T, R[-1], rcond=1e-8)[0]
+        moved = -mix @ dF
+        far = float(np.abs(weights * moved).max(initial=0.0))
+        return np.asarray(fx + moved * min(1.0, 20 * largest / max(far, 1e-300)))
+
+    def _forget(self) -> None:
+        self.points, self.images, self.best, self.change = [], [], np.inf, None

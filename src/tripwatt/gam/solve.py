@@ -41,7 +41,7 @@ class Settings:
     method: Method = "fREML"
     rho: Array | None = None
     ar1_rho: float | Literal["estimate"] | None = None
-    tolerance: float = 1e-4
+    tolerance: float = 1e-3
     max_iter: int = 400
 
 
