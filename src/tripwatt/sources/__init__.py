@@ -1,1 +1,82 @@
-"""One small file per data set: raw columns in, canonical trips out."""
+"""Readers: one small file per data set. All renaming and unit conversion happens here and nowhere else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final, cast
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.trips import Fleet
+
+if TYPE_CHECKING:
+    from tripwatt.sources.tum_fetch import FolderReport
+
+DATASETS: Final[Mapping[str, str]] = MappingProxyType(
+    {"tum": "tripwatt.sources.tum:read_tum", "ved": "tripwatt.sources.ved:read_ved"}
+)
+"""Name of a data set -> its reader, imported when it is used."""
+
+
+def read_fleet(path: Path | str, dataset: str = "tum") -> Fleet:
+    """Read all trips of a data set.
+
+    Parameters
+    ----------
+    path : path
+        The data set's folder or file.
+    dataset : str
+        A key of `DATASETS`.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of everything that is wrong with the data set.
+
+    Examples
+    --------
+    >>> read_fleet("anywhere", dataset="tmu")
+    Traceback (most recent call last):
+    ...
+    tripwatt.errors.InvalidInput: no such data set: dataset: got 'tmu'; allowed: tum...
+    """
+    if dataset not in DATASETS:
+        raise InvalidInput(Fault("no such data set", "dataset", repr(dataset), ", ".join(DATASETS)))
+    module, _, name = DATASETS[dataset].partition(":")
+    reader = cast(Callable[[Path], Fleet], getattr(import_module(module), name))
+    return reader(Path(path))
+
+
+def where_to_get(dataset: str) -> str:
+    """Where a data set can be had, and under which licence.
+
+    Raises
+    ------
+    InvalidInput
+        When nothing is known of such a data set.
+    """
+    _require_fetchable(dataset)
+    from tripwatt.sources.tum_fetch import where_to_get_tum
+
+    return where_to_get_tum()
+
+
+def check_folder(path: Path | str, dataset: str = "tum") -> FolderReport:
+    """What a folder holds of a data set: which trips are there, missing, unreadable or shortened.
+
+    Raises
+    ------
+    InvalidInput
+        When nothing is known of such a data set, there is no such folder, or it holds no trip at all.
+    """
+    _require_fetchable(dataset)
+    from tripwatt.sources.tum_fetch import check_tum_folder
+
+    return check_tum_folder(path)
+
+
+def _require_fetchable(dataset: str) -> None:
+    if dataset != "tum":
+        raise InvalidInput(Fault("no such data set", "dataset", repr(dataset), "tum"))

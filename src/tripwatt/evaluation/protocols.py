@@ -1,0 +1,103 @@
+"""Which models a protocol compares, and on which physics they stand.
+
+In the protocol `paper` the correctors always stand on `physics-paper`, also when the default physics gets better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.hybrid import DataOnly, EnergyModel, EnergyRegression, HybridModel, PhysicsOnly
+
+PHYSICS_PRESETS: Final[Mapping[str, str]] = MappingProxyType({"physics-paper": "paper", "physics": "default"})
+"""Name of the simulated energy -> preset of the vehicle."""
+
+FOUR: Final = ("distance_km", "duration_h", "cold_h", "hot_h")
+SIX: Final = (*FOUR, "cubed_speed", "acceleration_work")
+
+
+@dataclass(frozen=True, slots=True)
+class ModelSpec:
+    """A model of a protocol: its name in every table, and how to make it from a seed.
+
+    Attributes
+    ----------
+    name : str
+    title : str
+        What it is, in a few words.
+    """
+
+    name: str
+    title: str
+
+    def build(self, seed: int) -> EnergyModel:
+        """A fresh, unfitted model."""
+        match self.name:
+            case "constant":
+                return EnergyRegression(("distance_km",))
+            case "linear4":
+                return EnergyRegression(FOUR)
+            case "linear6":
+                return EnergyRegression(SIX)
+            case "physics-paper" | "physics":
+                return PhysicsOnly(self.name)
+            case "physics4":
+                return EnergyRegression(FOUR[1:], simulation="physics")
+            case "forest":
+                from tripwatt.forest import ClusteredForest
+
+                return HybridModel(ClusteredForest(random_state=seed), "physics-paper", shares_folds=True)
+            case "boosting":
+                from tripwatt.boosting import ClusteredBoosting
+
+                return HybridModel(ClusteredBoosting(random_state=seed), "physics-paper")
+            case "boosting-only":
+                from tripwatt.boosting import ClusteredBoosting
+
+                return DataOnly(ClusteredBoosting(random_state=seed))
+        raise InvalidInput(Fault("unknown model", "models", self.name, ", ".join(MODEL_NAMES)))
+
+
+PAPER_MODELS: Final = (
+    ModelSpec("constant", "constant energy per km"),
+    ModelSpec("linear4", "regression, 4 coefficients"),
+    ModelSpec("linear6", "regression, 6 coefficients"),
+    ModelSpec("physics-paper", "physics as in the paper"),
+    ModelSpec("physics", "physics, default preset"),
+    ModelSpec("physics4", "default physics + 4 coefficients"),
+    ModelSpec("forest", "hybrid, clustered forest"),
+    ModelSpec("boosting", "hybrid, clustered boosting"),
+    ModelSpec("boosting-only", "boosting without physics"),
+)
+
+PROTOCOLS: Final[Mapping[str, tuple[ModelSpec, ...]]] = MappingProxyType({"paper": PAPER_MODELS})
+MODEL_NAMES: Final = tuple(spec.name for spec in PAPER_MODELS)
+
+
+def protocol_models(protocol: str, names: tuple[str, ...] | None = None) -> tuple[ModelSpec, ...]:
+    """The models of a protocol, or those of them that are named.
+
+    Raises
+    ------
+    InvalidInput
+        On an unknown protocol or model.
+
+    Examples
+    --------
+    >>> [spec.name for spec in protocol_models("paper", ("physics", "constant"))]
+    ['constant', 'physics']
+    """
+    if protocol not in PROTOCOLS:
+        raise InvalidInput(Fault("unknown protocol", "--protocol", protocol, ", ".join(PROTOCOLS)))
+    specs = PROTOCOLS[protocol]
+    if names is None:
+        return specs
+    known = [spec.name for spec in specs]
+    wrong = [name for name in names if name not in known]
+    if wrong:
+        raise InvalidInput([Fault("unknown model", "--models", name, ", ".join(known)) for name in wrong])
+    return tuple(spec for spec in specs if spec.name in names)

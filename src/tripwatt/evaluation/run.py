@@ -1,0 +1,320 @@
+"""Held-out runs: leave one trip out, leave one day out, over every set of trips and every model.
+
+Everything that is fitted, tuned or scaled is fitted inside the fold. A fold is one task; finished folds are kept on
+disk, so that an interrupted run goes on where it stopped and ends with the identical table.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+import zipfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+import tripwatt
+from tripwatt.audit import Audit, audit
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.evaluation.protocols import PHYSICS_PRESETS, ModelSpec, protocol_models
+from tripwatt.evaluation.results import Evaluation, EvaluationRun, FoldResult, assemble
+from tripwatt.hybrid import HybridModel, IntArray, TripTable, build_table
+from tripwatt.parallel import map_unordered
+from tripwatt.trips import Fleet, Trip, value_faults
+from tripwatt.vehicles import load_vehicle
+
+FOLDS_PER_TASK: Final = 4
+MIN_FOLDS: Final = 3
+
+Progress = Callable[[int, int], None]
+"""Called with (finished folds, all folds)."""
+
+
+@dataclass(frozen=True)
+class _Task:
+    """Some folds of one model in one evaluation."""
+
+    evaluation: int
+    spec: ModelSpec
+    table: TripTable
+    folds: IntArray
+    members: tuple[int, ...]
+    seed: int
+
+
+def evaluate(
+    fleet: Fleet,
+    *,
+    protocol: str = "paper",
+    models: Sequence[str] | None = None,
+    vehicle: str = "bmw_i3_60ah",
+    seed: int = 0,
+    n_jobs: int = -1,
+    work_dir: Path | None = None,
+    resume: bool = False,
+    progress: Progress | None = None,
+) -> EvaluationRun:
+    """Audit, simulate, train and score every model of a protocol on trips it has not seen.
+
+    Parameters
+    ----------
+    fleet : Fleet
+        Raw trips of one car.
+    protocol : {"paper"}
+    models : sequence of str, optional
+        Some of the protocol's models; all by default.
+    vehicle : str
+        Name or path of the vehicle's TOML.
+    seed : int
+        Makes the run identical, also over a different number of processes.
+    n_jobs : int
+        Processes; -1 takes all cores.
+    work_dir : Path, optional
+        Where finished folds are kept.
+    resume : bool
+        Use the finished folds that are there, if they belong to the same trips, models, seed and version.
+    progress : callable, optional
+
+    Raises
+    ------
+    InvalidInput
+        On an unknown protocol, model or vehicle, or when too few trips are left.
+    """
+    specs = protocol_models(protocol, None if models is None else tuple(models))
+    physics = {name: load_vehicle(vehicle, preset=preset) for name, preset in PHYSICS_PRESETS.items()}
+    audited = audit(fleet)
+    evaluations, notes = _evaluations(fleet, audited, lambda trips: build_table(trips, physics))
+    store = _FoldStore.open(work_dir, evaluations, specs, seed, resume)
+    results = _run_folds(evaluations, specs, seed, n_jobs, store, progress)
+    return assemble(
+        evaluations,
+        results,
+        specs=specs,
+        fleet=fleet,
+        audited=audited,
+        protocol=protocol,
+        seed=seed,
+        physics=physics,
+        notes=(*fleet.notes, *notes),
+    )
+
+
+def _evaluations(
+    fleet: Fleet, audited: Audit, build: Callable[[Sequence[Trip]], TripTable]
+) -> tuple[list[Evaluation], list[str]]:
+    """Each set of trips under leave-one-trip-out, and the main set under leave-one-day-out."""
+    usable, notes = _usable(fleet.trips)
+    sets: dict[str, Sequence[Trip]] = {
+        "reference": fleet.reference_trips(),
+        "audited": audited.trips,
+        "all": usable,
+    }
+    evaluations: list[Evaluation] = []
+    for name, trips in sets.items():
+        if not trips:
+            if name == "reference":
+                notes.append(f"the data set {fleet.name!r} defines no reference trips that are present here")
+            continue
+        evaluations.append(_leave_one_trip_out(name, build(trips)))
+    if not evaluations or max(len(e.table) for e in evaluations) < MIN_FOLDS:
+        got = f"{len(audited.trips)} of {len(fleet.trips)}"
+        fault = Fault(
+            "too few trips after the audit", fleet.name, got, f"at least {MIN_FOLDS} with measured energy"
+        )
+        raise InvalidInput(fault)
+    main = evaluations[0]
+    days = [t.context.day for t in main.table.trips]
+    if any(day is None for day in days) or len(set(days)) < MIN_FOLDS:
+        notes.append("leave-one-day-out left out: the dates of the trips are unknown or fewer than three")
+    else:
+        _, folds = np.unique(np.array([str(day) for day in days]), return_inverse=True)
+        evaluations.append(Evaluation("leave_one_day_out", main.trips, main.table, folds.astype(np.int64)))
+    notes.extend(main.table.notes)
+    return evaluations, notes
+
+
+def _leave_one_trip_out(name: str, table: TripTable) -> Evaluation:
+    return Evaluation("leave_one_trip_out", name, table, np.arange(len(table), dtype=np.int64))
+
+
+def _usable(trips: Sequence[Trip]) -> tuple[list[Trip], list[str]]:
+    """Unaudited trips that can be simulated and scored at all; the others are named."""
+    usable, notes = [], []
+    for trip in trips:
+        faults = list(value_faults(trip.samples, trip.trip_id))
+        if trip.observed_energy_wh is None or not trip.observed_energy_wh > 0:
+            faults.append(Fault("no measured, positive energy", trip.trip_id))
+        if faults:
+            notes.append(f"unaudited row leaves out {faults[0]}")
+        else:
+            usable.append(trip)
+    return usable, notes
+
+
+def _run_folds(
+    evaluations: Sequence[Evaluation],
+    specs: Sequence[ModelSpec],
+    seed: int,
+    n_jobs: int,
+    store: _FoldStore,
+    progress: Progress | None,
+) -> list[FoldResult]:
+    results: list[FoldResult] = []
+    total = sum(int(e.folds.max()) + 1 for e in evaluations) * len(specs)
+    tasks: list[_Task] = []
+    for index, evaluation in enumerate(evaluations):
+        for spec in specs:
+            done = store.load(index, spec.name)
+            results.extend(done)
+            missing = sorted(set(range(int(evaluation.folds.max()) + 1)) - {r.fold for r in done})
+            tasks.extend(_tasks(index, evaluation, spec, missing, seed))
+    finished = len(results)
+    if progress:
+        progress(finished, total)
+    tasks.sort(
+        key=lambda task: -len(task.members)
+    )  # the long tasks first, so that no core waits for one at the end
+    for index, found in map_unordered(_run_task, tasks, n_jobs=n_jobs):
+        store.save(tasks[index].evaluation, tasks[index].spec.name, found)
+        results.extend(found)
+        finished += len(found)
+        if progress:
+            progress(finished, total)
+    return results
+
+
+def _tasks(
+    index: int, evaluation: Evaluation, spec: ModelSpec, missing: Sequence[int], seed: int
+) -> Iterator[_Task]:
+    if not missing:
+        return
+    model = spec.build(seed)
+    slim = evaluation.table.without_samples()
+    together = isinstance(model, HybridModel) and model.shares_folds
+    size = len(missing) if together or not isinstance(model, HybridModel) else FOLDS_PER_TASK
+    for start in range(0, len(missing), size):
+        yield _Task(index, spec, slim, evaluation.folds, tuple(missing[start : start + size]), seed)
+
+
+def _run_task(task: _Task) -> list[FoldResult]:
+    model = task.spec.build(task.seed)
+    if isinstance(model, HybridModel) and model.shares_folds:
+        return _run_shared(task, model)
+    return [_run_fold(task, fold) for fold in task.members]
+
+
+def _run_fold(task: _Task, fold: int) -> FoldResult:
+    held_out = np.flatnonzero(task.folds == fold)
+    model = task.spec.build(task.seed)
+    started = time.perf_counter()
+    model.fit(task.table.take(np.flatnonzero(task.folds != fold)))
+    fitted = time.perf_counter()
+    test = task.table.take(held_out)
+    predicted = model.predict(test)
+    done = time.perf_counter()
+    return FoldResult(
+        task.evaluation,
+        task.spec.name,
+        fold,
+        predicted,
+        fit_s=fitted - started,
+        predict_ms=1000.0 * (done - fitted) / len(held_out),
+    )
+
+
+def _run_shared(task: _Task, model: HybridModel) -> list[FoldResult]:
+    """All folds of a model that yields them at once; its times are those of one plain fit."""
+    predicted = model.predict_held_out(task.table, task.folds)
+    started = time.perf_counter()
+    plain = task.spec.build(task.seed).fit(task.table)
+    fitted = time.perf_counter()
+    plain.predict(task.table)
+    predict_ms = 1000.0 * (time.perf_counter() - fitted) / len(task.table)
+    return [
+        FoldResult(
+            task.evaluation,
+            task.spec.name,
+            fold,
+            predicted[task.table.rows_of(np.flatnonzero(task.folds == fold))],
+            fit_s=fitted - started,
+            predict_ms=predict_ms,
+        )
+        for fold in task.members
+    ]
+
+
+@dataclass(frozen=True)
+class _FoldStore:
+    """Finished folds on disk, one .npz per fold; the folder's name tells what they belong to."""
+
+    folder: Path | None
+
+    @classmethod
+    def open(
+        cls,
+        work_dir: Path | None,
+        evaluations: Sequence[Evaluation],
+        specs: Sequence[ModelSpec],
+        seed: int,
+        resume: bool,
+    ) -> _FoldStore:
+        if work_dir is None:
+            return cls(None)
+        what = json.dumps(
+            [
+                _code_digest(),
+                seed,
+                [[e.scheme, e.trips, e.table.digest(), e.folds.tolist()] for e in evaluations],
+            ]
+        )
+        folder = work_dir / hashlib.sha256(what.encode()).hexdigest()[:16]
+        folder.mkdir(parents=True, exist_ok=True)
+        if not resume:
+            for old in folder.glob("*.npz"):
+                old.unlink()
+        return cls(folder)
+
+    def load(self, evaluation: int, model: str) -> list[FoldResult]:
+        if self.folder is None:
+            return []
+        found = []
+        for path in sorted(self.folder.glob(f"{evaluation}.{model}.*.npz")):
+            try:
+                with np.load(path, allow_pickle=False) as stored:
+                    fold, fit_s, predict_ms = (stored[key].item() for key in ("fold", "fit_s", "predict_ms"))
+                    found.append(
+                        FoldResult(evaluation, model, int(fold), stored["predicted_wh"], fit_s, predict_ms)
+                    )
+            except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+                path.unlink()  # half-written when the run was interrupted: that fold is run again
+        return found
+
+    def save(self, evaluation: int, model: str, results: Sequence[FoldResult]) -> None:
+        if self.folder is None:
+            return
+        for result in results:
+            path = self.folder / f"{evaluation}.{model}.{result.fold}.npz"
+            arrays: dict[str, npt.NDArray[Any]] = {
+                "fold": np.array(result.fold),
+                "fit_s": np.array(result.fit_s),
+                "predict_ms": np.array(result.predict_ms),
+                "predicted_wh": result.predicted_wh,
+            }
+            half = path.with_suffix(".part")
+            with half.open("wb") as stream:
+                np.savez(stream, **arrays)  # type: ignore[arg-type]  # numpy's stub mistakes ** for its own keyword
+            half.replace(path)
+
+
+def _code_digest() -> str:
+    """SHA-256 of the package's own source: a fold of other code is another fold."""
+    root = Path(tripwatt.__file__).parent
+    sha = hashlib.sha256()
+    for path in sorted(p for p in root.rglob("*") if p.suffix in {".py", ".toml"}):
+        sha.update(path.read_bytes())
+    return sha.hexdigest()

@@ -1,0 +1,49 @@
+"""The same map over independent tasks: in this process, on local cores, or on a cluster that joblib knows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TypeVar
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+
+def map_unordered(
+    function: Callable[[Task], Result], tasks: Sequence[Task], *, n_jobs: int = -1
+) -> Iterator[tuple[int, Result]]:
+    """Results as they finish, each with the index of its task.
+
+    Parameters
+    ----------
+    function : callable
+        Must be importable by name when `n_jobs` is not 1.
+    tasks : sequence
+    n_jobs : int
+        Number of processes; 1 stays in this process, -1 takes all cores. Inside a ``joblib.parallel_config`` of
+        another backend (for example Dask) that backend does the work.
+
+    Yields
+    ------
+    index, result
+
+    Examples
+    --------
+    >>> sorted(map_unordered(abs, [-3, 2], n_jobs=1))
+    [(0, 3), (1, 2)]
+    """
+    if n_jobs == 1 or len(tasks) < 2:
+        for index, task in enumerate(tasks):
+            yield index, function(task)
+        return
+    from joblib import Parallel, delayed
+
+    work = (delayed(_numbered)(function, index, task) for index, task in enumerate(tasks))
+    results: Iterable[tuple[int, Result]] = Parallel(
+        n_jobs=n_jobs, return_as="generator_unordered", batch_size=1
+    )(work)
+    yield from results
+
+
+def _numbered(function: Callable[[Task], Result], index: int, task: Task) -> tuple[int, Result]:
+    return index, function(task)

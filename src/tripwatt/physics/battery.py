@@ -1,0 +1,182 @@
+"""The high-voltage battery: open-circuit voltage behind one resistance, charge counting, one temperature."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from tripwatt.physics.thermal import Relaxation
+from tripwatt.units import SECONDS_PER_HOUR, ZERO_CELSIUS_K
+from tripwatt.vehicles import Battery
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+MOLAR_GAS_CONSTANT_J_MOL_K: Final = 8.314462618
+"""CODATA 2018."""
+
+SOC_TOLERANCE: Final = 1e-5
+"""Two passes that agree to this state of charge have converged; each pass cuts the error by about 50."""
+
+MOST_PASSES: Final = 60
+
+
+def open_circuit_voltage(soc: FloatArray, battery: Battery) -> FloatArray:
+    """Open-circuit voltage of the pack [V], linear between the table's points. Shape of `soc`.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> open_circuit_voltage(np.array([0.5]), load_vehicle("bmw_i3_60ah").battery).round(1)
+    array([354.6])
+    """
+    return battery.cells_in_series * np.interp(soc, battery.ocv_soc, battery.ocv_v)
+
+
+def internal_resistance(soc: FloatArray, temperature_degc: FloatArray, battery: Battery) -> FloatArray:
+    """Resistance of the pack [ohm]: table over state of charge, Arrhenius law over temperature. Shape of `soc`.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> battery = load_vehicle("bmw_i3_60ah").battery
+    >>> internal_resistance(np.array([0.5, 0.5]), np.array([25.0, 0.0]), battery).round(3)
+    array([0.079, 0.165])
+    """
+    table = battery.cells_in_series * np.interp(soc, battery.resistance_soc, battery.resistance_ohm)
+    scale = battery.resistance_activation_energy_j_mol / MOLAR_GAS_CONSTANT_J_MOL_K
+    reference = battery.resistance_temperature_degc + ZERO_CELSIUS_K
+    return np.asarray(
+        table * np.exp(scale * (1.0 / (temperature_degc + ZERO_CELSIUS_K) - 1.0 / reference)),
+        dtype=np.float64,
+    )
+
+
+def battery_current(power_w: FloatArray, ocv_v: FloatArray, resistance_ohm: FloatArray) -> FloatArray:
+    """Current [A] that gives a terminal power, from P = (U - I R) I, the smaller root. + discharges.
+
+    The caller keeps the power below U²/(4 R). The form 2 P / (U + sqrt(U² - 4 R P)) also holds without resistance.
+
+    Examples
+    --------
+    >>> battery_current(np.array([900.0]), np.array([100.0]), np.array([1.0]))
+    array([10.])
+    """
+    root = np.sqrt(np.maximum(ocv_v * ocv_v - 4.0 * resistance_ohm * power_w, 0.0))
+    return np.asarray(2.0 * power_w / (ocv_v + root), dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryRun:
+    """The battery over a trip. Arrays have shape (samples,); value k belongs to the interval that ends at k.
+
+    `power_w` [W] is the terminal power after limits, `open_circuit_power_w` [W] that with the heat in the battery; `soc` and `temperature_degc` are those at the end of the
+    interval. `converged` says whether the passes settled.
+    """
+
+    power_w: FloatArray
+    current_a: FloatArray
+    open_circuit_power_w: FloatArray
+    terminal_voltage_v: FloatArray
+    soc: FloatArray
+    temperature_degc: FloatArray
+    voltage_floor: BoolArray
+    converged: bool
+
+
+def largest_power(ocv_v: FloatArray, resistance_ohm: FloatArray, floor_v: float) -> FloatArray:
+    """Largest terminal power [W] that keeps the voltage above `floor_v`. Shape of `ocv_v`.
+
+    Examples
+    --------
+    >>> largest_power(np.array([100.0]), np.array([1.0]), 90.0), largest_power(np.array([100.0]), np.array([1.0]), 0.0)
+    (array([900.]), array([2500.]))
+    """
+    voltage = np.minimum(np.maximum(0.5 * ocv_v, floor_v), ocv_v)
+    tiny = np.finfo(np.float64).tiny
+    return np.asarray(voltage * (ocv_v - voltage) / np.maximum(resistance_ohm, tiny), dtype=np.float64)
+
+
+def shifted(initial: float, values: FloatArray) -> FloatArray:
+    """State at the start of each interval, for the states at their ends. Shape of `values`.
+
+    Examples
+    --------
+    >>> shifted(0.0, np.array([1.0, 2.0]))
+    array([0., 1.])
+    """
+    result = np.empty_like(values)
+    result[0] = initial
+    result[1:] = values[:-1]
+    return result
+
+
+def discharge(
+    battery: Battery,
+    power_w: FloatArray,
+    step_s: FloatArray,
+    ambient_temperature_degc: float,
+    initial_soc: float,
+    initial_temperature_degc: float,
+    *,
+    guess: BatteryRun | None = None,
+) -> BatteryRun:
+    """Draw a terminal power from the battery. O(samples x passes), no loop over samples.
+
+    The state of an interval depends on those before it alone, so repeated passes over the whole trip (open-circuit
+    voltage -> current -> charge -> state) settle; four or five do.
+
+    Parameters
+    ----------
+    power_w, step_s : ndarray, shape (samples,)
+        Terminal power wanted [W], + discharges, and length [s] of the interval that ends at each sample.
+    guess : BatteryRun, optional
+        A run under a similar power to start from.
+    """
+    per_step = step_s / (battery.capacity_ah * SECONDS_PER_HOUR)
+    loss = battery.heat_loss_w_k
+    cooling = Relaxation(step_s * (loss / battery.heat_capacity_j_k))
+    heating = step_s / battery.heat_capacity_j_k
+    floor_v = battery.min_cell_voltage_v * battery.cells_in_series
+    if guess is None:
+        nominal = battery.cells_in_series * float(np.interp(initial_soc, battery.ocv_soc, battery.ocv_v))
+        drawn = (power_w * per_step).cumsum() / nominal
+        halfway = battery.cells_in_series * float(
+            np.interp(initial_soc - 0.5 * drawn[-1], battery.ocv_soc, battery.ocv_v)
+        )
+        soc = initial_soc - drawn * (nominal / halfway)
+        temperature = np.full_like(soc, initial_temperature_degc)
+    else:
+        soc, temperature = guess.soc, guess.temperature_degc
+    converged = False
+    for _ in range(MOST_PASSES):
+        before = shifted(initial_soc, soc)
+        ocv = open_circuit_voltage(before, battery)
+        resistance = internal_resistance(before, shifted(initial_temperature_degc, temperature), battery)
+        bound = largest_power(ocv, resistance, floor_v)
+        power = np.minimum(power_w, bound)
+        current = battery_current(power, ocv, resistance)
+        new_soc = initial_soc - (current * per_step).cumsum()
+        heat = current * current * resistance
+        if loss > 0.0:
+            temperature = cooling.solve(initial_temperature_degc, ambient_temperature_degc + heat / loss)
+        else:
+            temperature = initial_temperature_degc + (heat * heating).cumsum()
+        change = float(np.abs(new_soc - soc).max())
+        soc = new_soc
+        if change < SOC_TOLERANCE:
+            converged = True
+            break
+    return BatteryRun(
+        power_w=power,
+        current_a=current,
+        open_circuit_power_w=ocv * current,
+        terminal_voltage_v=ocv - current * resistance,
+        soc=soc,
+        temperature_degc=temperature,
+        voltage_floor=power_w > bound,
+        converged=converged,
+    )

@@ -1,0 +1,136 @@
+"""From the wheel to the direct-current side of the inverter, with limits, losses and regeneration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from tripwatt.vehicles import Drivetrain, Regeneration
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+
+def motor_loss(torque_nm: FloatArray, speed_rad_s: FloatArray, drivetrain: Drivetrain) -> FloatArray:
+    """Loss of motor and inverter [W] at a torque of either sign; zero without torque. Shape of `torque_nm`.
+
+    The sum of four terms: copper 3/2 R (i_q² + i_d²) with i_q from the torque and i_d from field weakening,
+    iron (k1 ω + k2 ω²) |T|^x, inverter conduction and switching u·i + r·i², and what the inverter needs whenever it
+    switches. The magnets' drag without torque is part of the coast-down.
+
+    Notes
+    -----
+    Form and values for the BMW i3 after the TUMFTM repository Efficiency_Models_of_Inverters_for_BMW_i3.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle("bmw_i3_60ah")
+    >>> motor_loss(np.array([0.0, 50.0]), np.array([500.0, 500.0]), car.drivetrain).round()
+    array([  0., 853.])
+    """
+    torque = np.abs(torque_nm)
+    q_current = torque / drivetrain.torque_constant_nm_a
+    with np.errstate(divide="ignore"):
+        weakening = 1.0 - drivetrain.field_weakening_speed_rad_s / speed_rad_s
+    d_current = drivetrain.characteristic_current_a * np.maximum(weakening, 0.0)
+    squared = q_current * q_current + d_current * d_current
+    iron = (
+        drivetrain.iron_loss_linear + drivetrain.iron_loss_quadratic * speed_rad_s
+    ) * speed_rad_s  # negative below about 20 rad/s, where the fit does not hold
+    loss = (
+        (1.5 * drivetrain.phase_resistance_ohm + drivetrain.inverter_resistance_ohm) * squared
+        + drivetrain.inverter_voltage_drop_v * np.sqrt(squared)
+        + np.maximum(iron, 0.0) * torque**drivetrain.iron_loss_torque_exponent
+        + drivetrain.inverter_fixed_loss_w
+    )
+    return np.asarray(np.where(torque > 0.0, loss, 0.0), dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class Propulsion:
+    """What the drivetrain does with the wheel power that a trace asks for. Arrays have shape (samples,).
+
+    `motor_power_w` [W] is on the direct-current side, + discharges. `friction_brake_power_w` [W] is braking that
+    becomes heat, `shortfall_power_w` [W] the wheel power that the motor could not give; neither is negative.
+    """
+
+    motor_power_w: FloatArray
+    friction_brake_power_w: FloatArray
+    shortfall_power_w: FloatArray
+    torque_limited: BoolArray
+    power_limited: BoolArray
+    over_speed: BoolArray
+
+
+def regeneration_acceptance(
+    soc: FloatArray, temperature_degc: FloatArray, regeneration: Regeneration
+) -> FloatArray:
+    """Share of the largest braking power that a full or cold battery still takes, 0 to 1. Shape of `soc`.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> rules = load_vehicle("bmw_i3_60ah").regeneration
+    >>> regeneration_acceptance(np.array([0.5, 0.5, 1.0]), np.array([20.0, -30.0, 20.0]), rules)
+    array([1., 0., 0.])
+    """
+    full = (regeneration.zero_soc - soc) / (regeneration.zero_soc - regeneration.full_soc)
+    cold = (temperature_degc - regeneration.zero_temperature_degc) / (
+        regeneration.full_temperature_degc - regeneration.zero_temperature_degc
+    )
+    return np.asarray(np.maximum(np.minimum(np.minimum(full, cold), 1.0), 0.0), dtype=np.float64)
+
+
+def propulsion(
+    wheel_power_w: FloatArray,
+    speed_m_s: FloatArray,
+    acceptance: FloatArray,
+    drivetrain: Drivetrain,
+    regeneration: Regeneration,
+) -> Propulsion:
+    """Take the wheel power of each interval through gearbox, motor and inverter. Arrays of shape (samples,).
+
+    Braking power goes through the motor up to `fraction`, the torque and power limits, and the fade-out at low
+    speed; `acceptance` scales the power limit. Where that would cost energy rather than bring some, the friction
+    brakes take all.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle("bmw_i3_60ah")
+    >>> power, speed = np.array([10_000.0, -10_000.0]), np.array([15.0, 15.0])
+    >>> run = propulsion(power, speed, np.ones(2), car.drivetrain, car.regeneration)
+    >>> run.motor_power_w[0] > 10_000.0, run.motor_power_w[1] > -10_000.0, run.friction_brake_power_w.round()
+    (np.True_, np.True_, array([  0., 500.]))
+    """
+    speed_rad_s = speed_m_s * (drivetrain.gear_ratio / drivetrain.wheel_radius_m)
+    efficiency = drivetrain.gearbox_efficiency
+    asked = np.maximum(wheel_power_w, 0.0) / efficiency
+    torque_bound = drivetrain.motor_max_torque_nm * speed_rad_s
+    shaft = np.minimum(np.minimum(asked, drivetrain.motor_max_power_w), torque_bound)
+    short = asked - shaft
+    braking = np.maximum(-wheel_power_w, 0.0)
+    fade_range = regeneration.full_speed_m_s - regeneration.zero_speed_m_s
+    fade = np.minimum(np.maximum((speed_m_s - regeneration.zero_speed_m_s) / fade_range, 0.0), 1.0)
+    taken = np.minimum(braking * regeneration.fraction * fade, regeneration.max_power_w * acceptance)
+    taken = np.minimum(taken, regeneration.max_torque_nm * speed_rad_s / efficiency)
+    shaft -= taken * efficiency
+    with np.errstate(invalid="ignore", divide="ignore"):
+        torque = np.where(speed_rad_s > 0.0, shaft / speed_rad_s, 0.0)
+    motor_power = shaft + motor_loss(torque, speed_rad_s, drivetrain)
+    useless = (taken > 0.0) & (motor_power >= 0.0)
+    motor_power[useless] = 0.0
+    taken[useless] = 0.0
+    limited = short > 1e-9 * asked
+    by_torque = limited & (torque_bound < drivetrain.motor_max_power_w)
+    return Propulsion(
+        motor_power_w=motor_power,
+        friction_brake_power_w=braking - taken,
+        shortfall_power_w=short * efficiency,
+        torque_limited=by_torque,
+        power_limited=limited & ~by_torque,
+        over_speed=speed_rad_s > drivetrain.motor_max_speed_rad_s,
+    )

@@ -1,0 +1,445 @@
+"""The chain: road load -> drivetrain -> auxiliaries -> battery, over a whole trip at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from tripwatt.errors import InvalidInput
+from tripwatt.physics.arguments import argument_faults
+from tripwatt.physics.battery import BatteryRun, discharge, shifted
+from tripwatt.physics.cabin import UNKNOWN_SUN_W_M2, CabinRun, CabinStart, condition_cabin, irradiance
+from tripwatt.physics.departure import at_departure, cabin_at_departure, warmth_from_cabin
+from tripwatt.physics.drivetrain import Propulsion, propulsion, regeneration_acceptance
+from tripwatt.physics.road_load import (
+    aero_drag_force,
+    air_density,
+    grade_force,
+    grade_from_elevation,
+    inertia_force,
+    rolling_factor,
+    rolling_resistance_force,
+)
+from tripwatt.trips import Trip
+from tripwatt.units import WH_PER_J
+from tripwatt.vehicles import Vehicle
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FloatArray = npt.NDArray[np.float64]
+
+CAUSES: Final = (
+    "air",
+    "rolling",
+    "climb",
+    "acceleration",
+    "friction_brakes",
+    "drivetrain",
+    "base_load",
+    "hvac",
+    "shortfall",
+)
+"""Causes of `Simulation.power_by_cause_w`; `shortfall` is what the trace asked for and the car could not give."""
+
+UNKNOWN_AMBIENT_DEGC: Final = 20.0
+"""Ambient temperature of a trip that does not say."""
+
+ACCEPTANCE_TOLERANCE: Final = 1e-4
+MOST_ACCEPTANCE_PASSES: Final = 6
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Simulation:
+    """What the car does over a trip. Arrays have shape (samples,).
+
+    Value k belongs to the interval that ends at sample k; the first interval has no length. Powers are positive
+    when they discharge the battery, except `regen_power_w` and `friction_brake_power_w`, which are never negative.
+
+    Attributes
+    ----------
+    time_s : ndarray
+    grade : ndarray
+        Road grade used [1].
+    aero_drag_force_n, rolling_resistance_force_n, grade_force_n, inertia_force_n : ndarray
+        Their sum is the traction force at the wheels.
+    wheel_power_w : ndarray
+        Power at the wheels that the trace asks for.
+    motor_power_w : ndarray
+        Electric power of motor and inverter.
+    regen_power_w : ndarray
+        Electric power that motor and inverter give back.
+    friction_brake_power_w, auxiliary_power_w, hvac_power_w : ndarray
+    battery_power_w : ndarray
+        Power at the battery terminals, on which the energy is counted.
+    battery_current_a, terminal_voltage_v, battery_temperature_degc, soc : ndarray
+    cabin_temperature_degc : ndarray
+        NaN where no climate control was simulated.
+    battery_loss_w : ndarray
+        Heat in the battery, on top of `battery_power_w`.
+    energy_wh : ndarray
+        Cumulative energy at the battery terminals [Wh].
+    power_by_cause_w : dict of str to ndarray
+        Power at the battery terminals [W] by each of `CAUSES`; they sum to `battery_power_w`.
+    flags : tuple of str
+        What the car could not follow, each with the number of samples; empty when all is well.
+    """
+
+    time_s: FloatArray
+    grade: FloatArray
+    aero_drag_force_n: FloatArray
+    rolling_resistance_force_n: FloatArray
+    grade_force_n: FloatArray
+    inertia_force_n: FloatArray
+    wheel_power_w: FloatArray
+    motor_power_w: FloatArray
+    regen_power_w: FloatArray
+    friction_brake_power_w: FloatArray
+    auxiliary_power_w: FloatArray
+    hvac_power_w: FloatArray
+    battery_power_w: FloatArray
+    battery_current_a: FloatArray
+    terminal_voltage_v: FloatArray
+    battery_temperature_degc: FloatArray
+    cabin_temperature_degc: FloatArray
+    soc: FloatArray
+    battery_loss_w: FloatArray
+    energy_wh: FloatArray
+    power_by_cause_w: Mapping[str, FloatArray]
+    flags: tuple[str, ...]
+
+    @property
+    def simulated_energy_wh(self) -> float:
+        """Energy of the whole trip at the battery terminals [Wh]."""
+        return float(self.energy_wh[-1])
+
+    @property
+    def energy_by_cause_wh(self) -> dict[str, FloatArray]:
+        """Cumulative energy [Wh] by each of `CAUSES`; they sum to `energy_wh`."""
+        hours = np.diff(self.time_s, prepend=self.time_s[:1]) * WH_PER_J
+        return {cause: np.cumsum(power * hours) for cause, power in self.power_by_cause_w.items()}
+
+    @property
+    def traction_force_n(self) -> FloatArray:
+        """Force at the wheels that the trace asks for [N], + propels."""
+        return (
+            self.aero_drag_force_n
+            + self.rolling_resistance_force_n
+            + self.grade_force_n
+            + self.inertia_force_n
+        )
+
+    def frame(self) -> pd.DataFrame:
+        """All arrays as columns, energies by cause as `energy_<cause>_wh`."""
+        import pandas as pd
+
+        names = [n for n in self.__slots__ if n not in ("power_by_cause_w", "flags")]
+        columns = {n: getattr(self, n) for n in names}
+        columns |= {f"energy_{cause}_wh": e for cause, e in self.energy_by_cause_wh.items()}
+        return pd.DataFrame(columns)
+
+
+def simulate(
+    vehicle: Vehicle,
+    time_s: npt.ArrayLike,
+    speed_m_s: npt.ArrayLike,
+    *,
+    grade: npt.ArrayLike | None = None,
+    elevation_m: npt.ArrayLike | None = None,
+    ambient_temperature_degc: float = UNKNOWN_AMBIENT_DEGC,
+    initial_soc: float = 0.8,
+    initial_battery_temperature_degc: float | None = None,
+    payload_mass_kg: float = 0.0,
+    hvac_power_w: npt.ArrayLike | None = None,
+    climate: bool = True,
+    initial_cabin_temperature_degc: float | None = None,
+    cabin_setpoint_degc: float | None = None,
+    solar_irradiance_w_m2: float = UNKNOWN_SUN_W_M2,
+    initial_warmth: float = 0.0,
+    air_density_kg_m3: float | None = None,
+) -> Simulation:
+    """Drive a speed trace with a car. O(samples), no loop over samples.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    time_s, speed_m_s : array_like, shape (samples,)
+        Increasing times [s] and speeds [m/s].
+    grade : array_like, shape (samples,), optional
+        Road grade at the samples, rise over distance. Wins over `elevation_m`.
+    elevation_m : array_like, shape (samples,), optional
+        Logged elevation [m], cleaned by `grade_from_elevation`; NaN where missing.
+    ambient_temperature_degc : float
+    initial_soc : float
+        State of charge of the battery management, 0 to 1.
+    initial_battery_temperature_degc : float, optional
+        The ambient temperature when not given.
+    payload_mass_kg : float
+        Load on top of the car's test mass; may be negative for a lighter test.
+    hvac_power_w : float or array_like, shape (samples,), optional
+        Electric power of heating and cooling [W] over the interval that ends at each sample, in place of what the
+        car's climate model says.
+    climate : bool
+        Whether the climate control is on; without effect for a car without one.
+    initial_cabin_temperature_degc : float, optional
+        The ambient temperature when not given.
+    cabin_setpoint_degc : float, optional
+        The car's usual set-point when not given.
+    solar_irradiance_w_m2 : float
+    initial_warmth : float
+        0 for tyres and driveline after a long stop, 1 as warm as after a long fast drive.
+    air_density_kg_m3 : float, optional
+        Air density [kg/m³] in place of the atmosphere's, as on a dynamometer, whose load knows no weather.
+
+    Returns
+    -------
+    Simulation
+
+    Raises
+    ------
+    InvalidInput
+        With every argument that cannot be used. A trace that the car cannot follow is no error: see `flags`.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> parked = simulate(load_vehicle("bmw_i3_60ah"), [0.0, 3600.0], [0.0, 0.0], climate=False)
+    >>> parked.simulated_energy_wh
+    300.0
+    """
+    time = np.asarray(time_s, dtype=np.float64)
+    speed = np.asarray(speed_m_s, dtype=np.float64)
+    slope = None if grade is None else np.asarray(grade, dtype=np.float64)
+    height = None if elevation_m is None else np.asarray(elevation_m, dtype=np.float64)
+    hvac = np.asarray(0.0 if hvac_power_w is None else hvac_power_w, dtype=np.float64)
+    if initial_cabin_temperature_degc is None:
+        initial_cabin_temperature_degc = ambient_temperature_degc
+    if cabin_setpoint_degc is None:
+        cabin_setpoint_degc = 22.0 if vehicle.climate is None else vehicle.climate.setpoint_degc
+    if initial_battery_temperature_degc is None:
+        initial_battery_temperature_degc = ambient_temperature_degc
+    scalars = {
+        "ambient_temperature_degc": (ambient_temperature_degc, -60.0, 70.0),
+        "initial_soc": (initial_soc, 0.0, 1.0),
+        "initial_battery_temperature_degc": (initial_battery_temperature_degc, -60.0, 100.0),
+        "payload_mass_kg": (payload_mass_kg, -0.5 * vehicle.body.curb_mass_kg, 60_000.0),
+        "initial_cabin_temperature_degc": (initial_cabin_temperature_degc, -60.0, 100.0),
+        "cabin_setpoint_degc": (cabin_setpoint_degc, 0.0, 50.0),
+        "solar_irradiance_w_m2": (solar_irradiance_w_m2, 0.0, 1500.0),
+        "initial_warmth": (initial_warmth, 0.0, 1.0),
+        "air_density_kg_m3": (1.2 if air_density_kg_m3 is None else air_density_kg_m3, 0.0, 10.0),
+    }
+    faults = tuple(argument_faults(time, speed, slope, height, hvac, scalars))
+    if faults:
+        raise InvalidInput(faults)
+    if slope is None:
+        slope = np.zeros(len(time)) if height is None else grade_from_elevation(time, speed, height)
+    elif len(slope) > 1:
+        slope = np.concatenate((slope[:1], 0.5 * (slope[1:] + slope[:-1])))
+    if air_density_kg_m3 is None:
+        known = None if height is None else height[np.isfinite(height)]
+        mean_height = float(known.mean()) if known is not None and len(known) else 0.0
+        air_density_kg_m3 = air_density(ambient_temperature_degc, mean_height)
+    cabin: CabinRun | None = None
+    if climate and hvac_power_w is None and vehicle.climate is not None:
+        start = CabinStart(
+            initial_cabin_temperature_degc, cabin_setpoint_degc, solar_irradiance_w_m2, initial_warmth
+        )
+        cabin = condition_cabin(vehicle.climate, time, speed, ambient_temperature_degc, start)
+    return _chain(
+        vehicle,
+        time,
+        speed,
+        slope,
+        vehicle.body.test_mass_kg + payload_mass_kg,
+        air_density_kg_m3,
+        np.broadcast_to(hvac, time.shape) if cabin is None else cabin.power_w,
+        None if cabin is None else cabin.temperature_degc,
+        ambient_temperature_degc,
+        initial_soc,
+        initial_battery_temperature_degc,
+        initial_warmth,
+    )
+
+
+def simulate_trip(vehicle: Vehicle, trip: Trip) -> Simulation:
+    """Simulate a trip from what is known at departure, its speed trace and its road.
+
+    Of the measured columns only the first sample of ambient, battery and cabin temperature, set-point and state of
+    charge (`soc`, else `displayed_soc`) enters, and of the context payload, set-point, weather, season and whether
+    the trip follows another; what is unknown is left to the defaults of `simulate`. Works on raw and on resampled trips.
+
+    Raises
+    ------
+    InvalidInput
+        As `simulate`.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> log = pd.DataFrame({"time_s": [0.0, 1.0, 2.0], "speed_m_s": [0.0, 1.0, 2.0]})
+    >>> run = simulate_trip(load_vehicle("bmw_i3_60ah"), Trip.from_samples("start", log))
+    >>> bool(run.simulated_energy_wh > 0.0)
+    True
+    """
+    ambient, battery_temperature, soc, displayed, cabin, setpoint = at_departure(
+        trip,
+        "ambient_temperature_degc",
+        "battery_temperature_degc",
+        "soc",
+        "displayed_soc",
+        "cabin_temperature_degc",
+        "cabin_setpoint_degc",
+    )
+    if soc is None and displayed is not None:
+        soc = min(1.0, max(0.0, vehicle.battery.soc_from_displayed(displayed)))
+    if ambient is None:
+        ambient = UNKNOWN_AMBIENT_DEGC
+    context = trip.context
+    if setpoint is None:
+        setpoint = context.cabin_setpoint_degc
+    warmth = 1.0 if context.follows_trip else warmth_from_cabin(vehicle, cabin, setpoint, ambient)
+    return simulate(
+        vehicle,
+        trip.array("time_s"),
+        trip.array("speed_m_s"),
+        grade=trip.array("grade") if "grade" in trip and trip.has("grade") else None,
+        elevation_m=trip.array("elevation_m") if "elevation_m" in trip else None,
+        ambient_temperature_degc=ambient,
+        initial_soc=0.8 if soc is None else soc,
+        initial_battery_temperature_degc=battery_temperature,
+        payload_mass_kg=context.payload_mass_kg,
+        initial_cabin_temperature_degc=cabin_at_departure(vehicle, cabin, ambient),
+        cabin_setpoint_degc=setpoint,
+        solar_irradiance_w_m2=irradiance(context.weather, context.season),
+        initial_warmth=warmth,
+    )
+
+
+def _chain(
+    vehicle: Vehicle,
+    time: FloatArray,
+    speed: FloatArray,
+    slope: FloatArray,
+    mass: float,
+    density: float,
+    hvac: FloatArray,
+    cabin_temperature: FloatArray | None,
+    ambient: float,
+    initial_soc: float,
+    initial_temperature: float,
+    initial_warmth: float,
+) -> Simulation:
+    step = np.zeros_like(time)
+    np.subtract(time[1:], time[:-1], out=step[1:])
+    mean_speed = speed.copy()
+    mean_speed[1:] = 0.5 * (speed[1:] + speed[:-1])
+    acceleration = np.zeros_like(speed)
+    acceleration[1:] = (speed[1:] - speed[:-1]) / step[1:]
+    cosine = 1.0 / np.sqrt(1.0 + slope * slope)
+    aero = aero_drag_force(mean_speed, vehicle.road_load.drag_area_m2, density)
+    rolling = rolling_resistance_force(mean_speed, mass, vehicle.road_load.rolling_coefficients, cosine)
+    if vehicle.tyres is not None:
+        rolling *= rolling_factor(mean_speed, step, ambient, vehicle.tyres, initial_warmth)
+    climb = grade_force(slope, mass)
+    # Mean speed times change of speed is the change of v²/2: kinetic energy adds up exactly over a trip.
+    inertia = inertia_force(acceleration, mass, vehicle.body.rotating_mass_factor)
+    wheel_power = (aero + rolling + climb + inertia) * mean_speed
+    auxiliary = hvac + vehicle.auxiliaries.base_load_w
+    drive, battery = _drive_and_battery(
+        vehicle, wheel_power, mean_speed, auxiliary, step, ambient, initial_soc, initial_temperature
+    )
+    shortfall = drive.shortfall_power_w + (drive.motor_power_w + auxiliary - battery.power_w)
+    by_cause = {
+        "air": aero * mean_speed,
+        "rolling": rolling * mean_speed,
+        "climb": climb * mean_speed,
+        "acceleration": inertia * mean_speed,
+        "friction_brakes": drive.friction_brake_power_w,
+        "drivetrain": drive.motor_power_w
+        - (wheel_power + drive.friction_brake_power_w - drive.shortfall_power_w),
+        "base_load": np.full_like(step, vehicle.auxiliaries.base_load_w),
+        "hvac": hvac,
+        "shortfall": -shortfall,
+    }
+    current = battery.current_a
+    return Simulation(
+        time_s=time,
+        grade=slope,
+        aero_drag_force_n=aero,
+        rolling_resistance_force_n=rolling,
+        grade_force_n=climb,
+        inertia_force_n=inertia,
+        wheel_power_w=wheel_power,
+        motor_power_w=drive.motor_power_w,
+        regen_power_w=np.maximum(-drive.motor_power_w, 0.0),
+        friction_brake_power_w=drive.friction_brake_power_w,
+        auxiliary_power_w=auxiliary,
+        hvac_power_w=hvac,
+        battery_power_w=battery.power_w,
+        battery_current_a=current,
+        terminal_voltage_v=battery.terminal_voltage_v,
+        battery_temperature_degc=battery.temperature_degc,
+        cabin_temperature_degc=np.full_like(time, np.nan) if cabin_temperature is None else cabin_temperature,
+        soc=np.minimum(np.maximum(battery.soc, 0.0), 1.0),
+        battery_loss_w=battery.open_circuit_power_w - battery.power_w,
+        energy_wh=(battery.power_w * (step * WH_PER_J)).cumsum(),
+        power_by_cause_w=by_cause,
+        flags=_flags(vehicle, drive, battery),
+    )
+
+
+def _drive_and_battery(
+    vehicle: Vehicle,
+    wheel_power: FloatArray,
+    mean_speed: FloatArray,
+    auxiliary: FloatArray,
+    step: FloatArray,
+    ambient: float,
+    initial_soc: float,
+    initial_temperature: float,
+) -> tuple[Propulsion, BatteryRun]:
+    """Drivetrain and battery, repeated until the regeneration that the battery accepts has settled."""
+    acceptance = regeneration_acceptance(
+        np.array([initial_soc]), np.array([initial_temperature]), vehicle.regeneration
+    )
+    previous: BatteryRun | None = None
+    for _ in range(MOST_ACCEPTANCE_PASSES):
+        drive = propulsion(wheel_power, mean_speed, acceptance, vehicle.drivetrain, vehicle.regeneration)
+        power = drive.motor_power_w + auxiliary
+        run = discharge(
+            vehicle.battery, power, step, ambient, initial_soc, initial_temperature, guess=previous
+        )
+        previous = run
+        settled = regeneration_acceptance(
+            shifted(initial_soc, run.soc),
+            shifted(initial_temperature, run.temperature_degc),
+            vehicle.regeneration,
+        )
+        if float(np.abs(settled - acceptance).max()) < ACCEPTANCE_TOLERANCE:
+            break
+        acceptance = settled
+    return drive, run
+
+
+def _flags(vehicle: Vehicle, drive: Propulsion, battery: BatteryRun) -> tuple[str, ...]:
+    window = vehicle.battery
+    counts = {
+        "motor torque limit": drive.torque_limited,
+        "motor power limit": drive.power_limited,
+        "motor speed limit": drive.over_speed,
+        "battery voltage floor": battery.voltage_floor,
+        "battery empty": battery.soc < window.displayed_zero_soc,
+        "battery over-full": battery.soc > 1.0,
+        "battery over-voltage": battery.terminal_voltage_v
+        > window.max_cell_voltage_v * window.cells_in_series,
+    }
+    flags = [f"{name}: {int(np.count_nonzero(mask))} samples" for name, mask in counts.items() if mask.any()]
+    if not battery.converged:
+        flags.append("battery state did not settle")
+    return tuple(flags)

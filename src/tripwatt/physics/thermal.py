@@ -1,0 +1,79 @@
+"""Linear recursions without a loop over samples: lumped temperatures relax towards what heats or cools them."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+LONGEST_BLOCK: Final = 200.0
+"""Time constants solved at once; exp(200) is far from overflow and sums of one sign lose no digits."""
+
+
+class Relaxation:
+    """Solver of y[k] = y[k-1] e^(-step[k]) + target[k] (1 - e^(-step[k])) for all k at once.
+
+    What depends on the steps alone is computed once, for repeated passes over one trip.
+
+    Parameters
+    ----------
+    step : ndarray, shape (samples,)
+        Length of each interval in time constants, not negative.
+
+    Examples
+    --------
+    >>> Relaxation(np.array([0.0, np.log(2.0)])).solve(0.0, np.array([1.0, 1.0]))
+    array([0. , 0.5])
+    """
+
+    __slots__ = ("blocks", "gain", "growth")
+
+    def __init__(self, step: FloatArray) -> None:
+        self.gain = -np.expm1(-step)
+        elapsed = step.cumsum()
+        self.blocks: list[tuple[int, int]] = []
+        if elapsed[-1] < LONGEST_BLOCK:
+            self.growth = np.exp(elapsed)
+            return
+        self.growth = np.ones_like(step)
+        first = 0
+        while first < len(step):
+            before = elapsed[first] - step[first]
+            last = int(np.searchsorted(elapsed, before + LONGEST_BLOCK))
+            if last <= first:  # one interval longer than a block: what came before is forgotten
+                last = first + 1
+                self.growth[first] = np.inf
+            else:
+                self.growth[first:last] = np.exp(elapsed[first:last] - before)
+            self.blocks.append((first, last))
+            first = last
+
+    def solve(self, initial: float, target: FloatArray) -> FloatArray:
+        """The state at the end of each interval, for where it would settle in each. O(samples).
+
+        Parameters
+        ----------
+        initial : float
+            State before the first interval.
+        target : ndarray, shape (samples,)
+            Where the state would settle, constant over the interval that ends at k.
+        """
+        if not self.blocks:
+            result = (self.gain * self.growth * target).cumsum()
+            result += initial
+            result /= self.growth
+            return np.asarray(result, dtype=np.float64)
+        result = np.empty_like(target)
+        state = initial
+        for first, last in self.blocks:
+            growth = self.growth[first:last]
+            if np.isinf(growth[0]):
+                result[first] = target[first]
+            else:
+                gain = self.gain[first:last] * target[first:last]
+                result[first:last] = (state + np.cumsum(gain * growth)) / growth
+            state = float(result[last - 1])
+        return result

@@ -1,0 +1,119 @@
+"""How a model is called and coloured: the one place from which every table and figure takes it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final, Literal
+
+Kind = Literal["baseline", "physics", "hybrid", "data"]
+
+
+@dataclass(frozen=True, slots=True)
+class ModelStyle:
+    """The reader's name and the colour of a model.
+
+    Attributes
+    ----------
+    label : str
+        Name for tables and axes.
+    colour : str
+        sRGB hex. At least 3:1 in contrast on the light and on the dark page; a label or a marker always says the
+        same again, so that nothing depends on colour alone.
+    kind : {"baseline", "physics", "hybrid", "data"}
+        `hybrid` = simulation + learned correction, `data` = learned without simulation.
+    meaning : str
+        One line for the legend of the table.
+    """
+
+    label: str
+    colour: str
+    kind: Kind
+    meaning: str
+
+
+MODELS: Final[Mapping[str, ModelStyle]] = MappingProxyType(
+    {
+        "constant": ModelStyle(
+            "Constant Wh/km", "#7c7c7c", "baseline", "one consumption per distance for every trip"
+        ),
+        "linear4": ModelStyle(
+            "Linear (4 coefficients)",
+            "#8a7f55",
+            "baseline",
+            "distance, time, and time weighted by cold and by heat",
+        ),
+        "linear6": ModelStyle(
+            "Linear (6 coefficients)",
+            "#5f7f8f",
+            "baseline",
+            "the four, and sums for air drag and for acceleration",
+        ),
+        "physics-paper": ModelStyle(
+            "Physics (paper preset)",
+            "#d55e00",
+            "physics",
+            "simulation as in the paper: 50 % regeneration, no climate",
+        ),
+        "physics": ModelStyle(
+            "Physics (default preset)", "#a6761d", "physics", "simulation with the values of public sources"
+        ),
+        "physics4": ModelStyle(
+            "Physics + 4 coefficients",
+            "#9a6a4f",
+            "hybrid",
+            "default simulation in place of distance, and the other three coefficients",
+        ),
+        "forest": ModelStyle(
+            "Hybrid forest", "#1f8a5b", "hybrid", "paper preset + forest with subject-level bootstrap"
+        ),
+        "boosting": ModelStyle("Hybrid boosting", "#0072b2", "hybrid", "paper preset + marginal boosting"),
+        "boosting-only": ModelStyle(
+            "Boosting without physics", "#c2609c", "data", "the same boosting on the energy itself"
+        ),
+        "gamm": ModelStyle("Hybrid GAMM", "#7d6bc6", "hybrid", "paper preset + GAMM with Student's t errors"),
+        "hybrid": ModelStyle(
+            "Hybrid forecast", "#0f8797", "hybrid", "default physics + learned correction of its power"
+        ),
+    }
+)
+"""Display name, colour and kind of every model, in the order of the tables."""
+
+PAPER: Final = "arXiv:2405.10984, Table 3"
+"""Where the paper states its average errors."""
+
+PAPER_MAPE: Final[Mapping[str, float]] = MappingProxyType(
+    {"physics-paper": 0.379, "gamm": 0.115, "forest": 0.106, "boosting": 0.103}
+)
+"""Average error from leave-one-trip-out that the paper reports on its TUM trips (`PAPER`), by our model names."""
+
+PAPER_IMPROVED: Final = "over 90 % of the trips"
+"""The paper's words on the share of trips that a corrector improves over the physics (its conclusion)."""
+
+_UNKNOWN_COLOUR: Final = "#7c7c7c"
+
+
+def model_style(name: str) -> ModelStyle:
+    """The style of a model; a model without an entry keeps its own name and a neutral colour.
+
+    Examples
+    --------
+    >>> model_style("boosting").label
+    'Hybrid boosting'
+    >>> model_style("brand-new").label
+    'brand-new'
+    """
+    return MODELS.get(name) or ModelStyle(name, _UNKNOWN_COLOUR, "data", "")
+
+
+def ordered(names: Iterable[str]) -> list[str]:
+    """Model names in the order of the tables, unknown ones last and by name.
+
+    Examples
+    --------
+    >>> ordered(["forest", "zebra", "constant"])
+    ['constant', 'forest', 'zebra']
+    """
+    rank = {name: i for i, name in enumerate(MODELS)}
+    return sorted(set(names), key=lambda name: (rank.get(name, len(rank)), name))

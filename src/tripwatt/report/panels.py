@@ -1,0 +1,276 @@
+"""The panels of the report: a heading, a sentence from the numbers, and a figure, tables, or why there are none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from tripwatt.report import figures, sentences, tables
+from tripwatt.report.tables import Table
+from tripwatt.report.view import Record, View, of_evaluation
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One panel.
+
+    Attributes
+    ----------
+    key : str
+        Anchor in the page and stem of the figure's files.
+    title : str
+    sentence : str
+        What it shows, from the numbers; in an empty panel, why there is nothing to show.
+    figure : Figure or None
+    tables : tuple of Table
+    folded : bool
+        Whether the tables start closed.
+    wide, tall : bool
+        Whether it takes the full width, or two rows, of a desktop page.
+    """
+
+    key: str
+    title: str
+    sentence: str
+    figure: Figure | None = None
+    tables: tuple[Table, ...] = ()
+    folded: bool = False
+    wide: bool = False
+    tall: bool = False
+
+
+@dataclass(frozen=True)
+class Section:
+    """Panels under one heading."""
+
+    key: str
+    title: str
+    panels: tuple[Panel, ...]
+
+
+def build_sections(view: View) -> list[Section]:
+    """Every section of the report; a panel without data stays and says why it is empty."""
+    return [
+        Section("result", "Result", _result(view)),
+        Section("errors", "Errors of every model", _errors(view)),
+        Section("trips", "Trip by trip", _trips(view)),
+        Section("comparison", "Which differences are real", _comparison(view)),
+        Section("audit", "Which trips were used, and why others were not", _audit(view)),
+        Section("inside", "Inside the models", _inside(view)),
+    ]
+
+
+def _result(view: View) -> tuple[Panel, ...]:
+    evaluations = view.evaluations
+    if not evaluations:
+        return (Panel("table", "The table", "No evaluation was run: no trip could be used, see the audit."),)
+    notes = [sentences.on_main_table(view), sentences.on_paper(view)]
+    mean = figures.plot_mean_errors(evaluations, paper=view.paper_mape, synthetic=view.synthetic)
+    others = [tables.results_table(view, e) for e in evaluations[1:]]
+    sets = " ".join(filter(None, [sentences.on_sets(view), sentences.without_days(view)]))
+    return (
+        Panel(
+            "table", "The table", " ".join(notes), tables=(tables.results_table(view, view.main),), wide=True
+        ),
+        Panel("mean-errors", "Mean error and its interval", sentences.on_intervals(view), mean),
+        Panel(
+            "legend",
+            "What the models are",
+            f"{len(view.models)} models, the same trips for each.",
+            tables=(tables.legend_table(view),),
+        ),
+        Panel("sets", "Other trips, other folds", sets, tables=(tables.sets_table(view),), wide=True),
+        *(
+            [
+                Panel(
+                    "full-tables",
+                    "The other evaluations in full",
+                    f"{len(others)} more.",
+                    tables=tuple(others),
+                    folded=True,
+                    wide=True,
+                )
+            ]
+            if others
+            else []
+        ),
+    )
+
+
+def _errors(view: View) -> tuple[Panel, ...]:
+    folds, note, made_up = view.folds_of(view.main), of_evaluation(view.main), view.synthetic
+    if folds.empty:
+        return (
+            Panel(
+                "error-distribution", "Error distribution", "No fold is known, so there is no distribution."
+            ),
+        )
+    distribution = figures.plot_error_distribution(folds, note=note, synthetic=made_up)
+    boxes = figures.plot_error_boxes(folds, paper=view.paper_mape, note=note, synthetic=made_up)
+    return (
+        Panel(
+            "error-distribution",
+            "Error distribution over the folds",
+            sentences.on_distribution(view),
+            distribution,
+            tall=True,
+        ),
+        Panel("error-boxes", "Box plot of all models", sentences.on_boxes(view), boxes),
+        _benchmark(view),
+    )
+
+
+def _benchmark(view: View) -> Panel:
+    folds = view.folds_of(view.main)
+    models = [m for m in ("physics-paper", "boosting", "boosting-only") if m in set(folds["model"])]
+    title = "The benchmark: physics, hybrid, learned alone"
+    sentence = sentences.on_benchmark(view, models)
+    if not models:
+        return Panel("benchmark-boxes", title, sentence)
+    figure = figures.plot_error_boxes(
+        folds,
+        models=models,
+        paper=view.paper_mape,
+        title="Physics, hybrid boosting, boosting without physics",
+        note=of_evaluation(view.main),
+        synthetic=view.synthetic,
+    )
+    return Panel("benchmark-boxes", title, sentence, figure)
+
+
+def _trips(view: View) -> tuple[Panel, ...]:
+    folds, best = view.folds_of(view.main), view.best
+    if best is None or best not in set(folds["model"]):
+        return (
+            Panel("trip-errors", "Error by trip", "No fold is known, so there is nothing to show by trip."),
+        )
+    selected = view.selected_trips()
+    along = Panel("trip-energy", "Energy along the trip", "No predictions along the trips were kept.")
+    if selected:
+        said = sentences.on_trip_energy(selected, best)
+        simulated = view.physics if view.physics != best else None
+        along = Panel(
+            "trip-energy",
+            "Energy along the best, the median and the worst trip",
+            said,
+            figures.plot_trip_energy(
+                view.series, selected, best, simulated=simulated, synthetic=view.synthetic
+            ),
+        )
+    against = view.physics if view.physics != best else None
+    by_trip = figures.plot_trip_errors(
+        folds, best, against, note=of_evaluation(view.main), synthetic=view.synthetic
+    )
+    return (
+        along,
+        Panel("trip-errors", "Error by trip", sentences.on_trip_errors(view), by_trip),
+        Panel(
+            "all-trips",
+            "Every trip and model",
+            f"{folds['trip'].nunique()} trips.",
+            tables=(tables.trips_table(view),),
+            folded=True,
+            wide=True,
+        ),
+    )
+
+
+def _comparison(view: View) -> tuple[Panel, ...]:
+    pairs, best = view.paired_of(view.main), view.best
+    if not pairs:
+        return (Panel("paired-differences", "Paired differences", "No pair of models was compared."),)
+    shown = paired_with(pairs, best) or pairs
+    figure = figures.plot_paired_differences(shown, note=of_evaluation(view.main), synthetic=view.synthetic)
+    table = tables.paired_table(view)
+    return (
+        Panel("paired-differences", "Paired differences", sentences.on_paired(pairs, best), figure),
+        Panel(
+            "all-pairs",
+            "Every pair",
+            f"{len(table.rows)} pairs; an interval that leaves out 0 is significant.",
+            tables=(table,),
+            folded=True,
+        ),
+    )
+
+
+def paired_with(pairs: Sequence[Record], best: str | None) -> list[Record]:
+    """The pairs that hold `best`, turned so that `best` is always `b`: a positive difference says that it is closer.
+
+    Examples
+    --------
+    >>> paired_with([{"a": "boosting", "b": "forest", "diff": -0.01, "ci95": [-0.02, 0.005]}], "boosting")
+    [{'a': 'forest', 'b': 'boosting', 'diff': 0.01, 'ci95': [-0.005, 0.02]}]
+    """
+    turned: list[Record] = []
+    for pair in pairs:
+        if pair["b"] == best:
+            turned.append(pair)
+        elif pair["a"] == best:
+            low, high = pair["ci95"]
+            turned.append({**pair, "a": pair["b"], "b": best, "diff": -pair["diff"], "ci95": [-high, -low]})
+    return turned
+
+
+def _audit(view: View) -> tuple[Panel, ...]:
+    table = tables.audit_table(view)
+    empty = "" if table.rows else " Every trip was used as it was logged."
+    used = tables.used_table(view)
+    return (
+        Panel(
+            "audit-findings",
+            "What the audit found and did",
+            f"{sentences.on_audit(view)}{empty}",
+            tables=(table,) if table.rows else (),
+            wide=True,
+        ),
+        *(
+            [
+                Panel(
+                    "trips-used",
+                    "Trips in each set",
+                    "Which trips each row of the result stands on.",
+                    tables=(used,),
+                    folded=True,
+                    wide=True,
+                )
+            ]
+            if used.rows
+            else []
+        ),
+    )
+
+
+def _inside(view: View) -> tuple[Panel, ...]:
+    curves, importances = view.learning_curves, view.importances
+    signals = tables.signals_table(view)
+    made_up = view.synthetic
+
+    def drawn(plot: Callable[..., Figure], data: object) -> Figure | None:
+        return None if data is None else plot(data, synthetic=made_up)
+
+    return (
+        Panel(
+            "importances",
+            "What the correctors use",
+            sentences.on_importances(importances),
+            drawn(figures.plot_importances, importances),
+        ),
+        Panel(
+            "learning-curve",
+            "Learning curve",
+            sentences.on_learning_curves(curves),
+            drawn(figures.plot_learning_curves, curves),
+        ),
+        Panel(
+            "signals",
+            "Simulated signals against measured ones (default preset)",
+            sentences.on_signals(view.signals),
+            tables=(signals,) if signals else (),
+            folded=True,
+        ),
+    )

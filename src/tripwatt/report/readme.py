@@ -1,0 +1,71 @@
+"""The results table of the README, written between two markers from a `results.json` and never by hand."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.report import sentences
+from tripwatt.report.tables import markdown, results_table, sets_table
+from tripwatt.report.view import View
+
+BEGIN: Final = "<!-- results:begin -->"
+END: Final = "<!-- results:end -->"
+
+
+def render_readme_results(results: Mapping[str, Any]) -> str:
+    """The README's results as Markdown: headline, main table, the other trip sets, what to know.
+
+    Parameters
+    ----------
+    results : mapping
+        The contract of `results.json`.
+    """
+    view = View(results)
+    said = [sentences.on_main_table(view), sentences.on_paper(view)]
+    if view.synthetic:
+        said.insert(
+            0,
+            "**These trips are synthetic: they show that the pipeline works, not how good it is on a road.**",
+        )
+    parts = [" ".join(said), markdown(results_table(view, view.main)), markdown(sets_table(view))]
+    if missing := sentences.without_days(view):
+        parts.append(missing)
+    if citation := str(results.get("citation") or ""):
+        parts.append(f"Data: {citation}")
+    parts.append(
+        f"Protocol `{results.get('protocol', '?')}`, seed {results.get('seed', '?')}; "
+        "written from `results.json` by `tripwatt.report.update_readme`."
+    )
+    return "\n\n".join(parts)
+
+
+def update_readme(results: Mapping[str, Any], readme_path: Path) -> None:
+    """Replace what stands between the markers of a README by the results. The rest stays as it is.
+
+    Parameters
+    ----------
+    results : mapping
+        The contract of `results.json`.
+    readme_path : Path
+        A file that holds `<!-- results:begin -->` and `<!-- results:end -->`, once each and in this order.
+
+    Raises
+    ------
+    InvalidInput
+        When the markers are not there.
+    """
+    text = readme_path.read_text(encoding="utf-8")
+    before, begin, rest = text.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end or text.count(BEGIN) != 1 or text.count(END) != 1:
+        got = f"{text.count(BEGIN)} times begin, {text.count(END)} times end"
+        raise InvalidInput(
+            Fault("no place for the results", str(readme_path), got, f"one {BEGIN} and, after it, one {END}")
+        )
+    partial = readme_path.with_name(f"{readme_path.name}.partial")
+    partial.write_text(f"{before}{BEGIN}\n{render_readme_results(results)}\n{END}{after}", encoding="utf-8")
+    os.replace(partial, readme_path)

@@ -1,0 +1,243 @@
+"""One evaluation run as the report reads it: what is missing is empty, never an error, and never invented."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from tripwatt.report.models import PAPER_MAPE, model_style, ordered
+
+Record = Mapping[str, Any]
+
+SCHEMES: Final = {"leave_one_trip_out": "leave one trip out", "leave_one_day_out": "leave one day out"}
+TRIP_SETS: Final = {
+    "reference": "reference trips",
+    "audited": "trips the audit keeps",
+    "all": "all trips, unaudited",
+}
+_FOLD_COLUMNS: Final = (
+    "scheme",
+    "trips",
+    "trip",
+    "model",
+    "observed_energy_wh",
+    "simulated_energy_wh",
+    "correction_wh",
+    "predicted_energy_wh",
+    "ape",
+)
+
+
+def plain(text: object, longest: int = 48) -> str:
+    """A name as one printable line: control characters become a visible mark, a long one is cut in the middle.
+
+    Examples
+    --------
+    >>> plain("a" * 60, 9)
+    'aaaa…aaaa'
+    """
+    line = "".join("�" if unicodedata.category(c) in ("Cc", "Cs", "Cn", "Co") else c for c in str(text))
+    if len(line) <= longest:
+        return line
+    half = (longest - 1) // 2
+    return f"{line[:half]}…{line[-half:]}"
+
+
+def natural_key(name: object) -> tuple[tuple[int, int, str], ...]:
+    """Sort key under which `B2` comes before `B10`.
+
+    Examples
+    --------
+    >>> sorted(["B10", "B2", "A1"], key=natural_key)
+    ['A1', 'B2', 'B10']
+    """
+    parts: list[tuple[int, int, str]] = []
+    digits = ""
+    for char in [*str(name), ""]:
+        if char.isascii() and char.isdigit():
+            digits += char
+            continue
+        if digits:
+            parts.append((0, int(digits), ""))
+            digits = ""
+        parts.append((1, 0, char))
+    return tuple(parts)
+
+
+def of_evaluation(evaluation: Record) -> str:
+    """Scheme and trip set of an evaluation in words.
+
+    Examples
+    --------
+    >>> of_evaluation({"scheme": "leave_one_trip_out", "trips": "reference", "n_trips": 58})
+    'leave one trip out, 58 reference trips'
+    """
+    scheme, trips = str(evaluation.get("scheme", "")), str(evaluation.get("trips", ""))
+    words = TRIP_SETS.get(trips, trips)
+    number = evaluation.get("n_trips")
+    if number is None:
+        counted = words
+    elif trips == "all":
+        counted = f"all {number} trips, unaudited"
+    else:
+        counted = f"{number} {words}"
+    return f"{SCHEMES.get(scheme, scheme.replace('_', ' '))}, {counted}"
+
+
+def signed_errors(folds: pd.DataFrame, model: str) -> npt.NDArray[np.float64]:
+    """(predicted - observed) / observed of a model, one finite value per trip, in the order of `folds`."""
+    rows = folds[folds["model"] == model]
+    observed = rows["observed_energy_wh"].to_numpy(dtype=np.float64)
+    errors = (rows["predicted_energy_wh"].to_numpy(dtype=np.float64) - observed) / observed
+    return np.asarray(errors[np.isfinite(errors)], dtype=np.float64)
+
+
+def absolute_errors(folds: pd.DataFrame) -> pd.DataFrame:
+    """APE by trip (rows) and model (columns, in table order)."""
+    wide = folds.pivot_table(index="trip", columns="model", values="ape", aggfunc="mean", observed=True)
+    wide = wide[ordered(map(str, wide.columns))]
+    return wide.loc[sorted(wide.index, key=natural_key)]
+
+
+def _frame(run: object, name: str) -> pd.DataFrame | None:
+    frame = getattr(run, name, None)
+    return frame if isinstance(frame, pd.DataFrame) and len(frame) else None
+
+
+@dataclass(frozen=True)
+class View:
+    """What the report knows of a run. Made by `View.of`.
+
+    Attributes
+    ----------
+    results : mapping
+        The contract of `results.json`.
+    folds : DataFrame
+        One row per scheme, trip set, trip and model; possibly empty.
+    series : mapping of str to DataFrame
+        Held-out predictions of the main evaluation along each trip; possibly empty.
+    signals, learning_curves, importances : DataFrame or None
+    """
+
+    results: Record
+    folds: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(_FOLD_COLUMNS)))
+    series: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+    signals: pd.DataFrame | None = None
+    learning_curves: pd.DataFrame | None = None
+    importances: pd.DataFrame | None = None
+
+    @classmethod
+    def of(cls, run: object) -> View:
+        """Read a run, whatever optional part it lacks."""
+        folds = _frame(run, "folds")
+        series = getattr(run, "series", None) or {}
+        return cls(
+            results=getattr(run, "results", None) or {},
+            folds=folds if folds is not None else pd.DataFrame(columns=list(_FOLD_COLUMNS)),
+            series={str(trip): frame for trip, frame in dict(series).items()},
+            signals=_frame(run, "signals"),
+            learning_curves=_frame(run, "learning_curves"),
+            importances=_frame(run, "importances"),
+        )
+
+    @property
+    def dataset(self) -> str:
+        """Name of the data set, empty when unknown."""
+        return str(self.results.get("dataset") or "")
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether the trips are made up; then every table and figure says so."""
+        return bool(self.results.get("synthetic")) or "synthetic" in self.dataset.lower()
+
+    @property
+    def paper_mape(self) -> Mapping[str, float]:
+        """The paper's figures where they may stand beside ours: on the TUM trips only."""
+        return PAPER_MAPE if self.dataset.lower().startswith("tum") else {}
+
+    @property
+    def evaluations(self) -> Sequence[Record]:
+        """Every evaluation, the main one first."""
+        found = list(self.results.get("evaluations") or ())
+        sets, schemes = list(TRIP_SETS), list(SCHEMES)
+
+        def rank(evaluation: Record) -> tuple[int, int]:
+            scheme, trips = evaluation.get("scheme"), evaluation.get("trips")
+            return (
+                schemes.index(scheme) if scheme in schemes else len(schemes),
+                sets.index(trips) if trips in sets else len(sets),
+            )
+
+        return sorted(found, key=rank)
+
+    @property
+    def main(self) -> Record:
+        """The evaluation that figures show: leave-one-trip-out on the reference trips where there are any."""
+        evaluations = self.evaluations
+        return evaluations[0] if evaluations else {}
+
+    @property
+    def models(self) -> list[str]:
+        """Models of the main evaluation in table order."""
+        return ordered(map(str, self.main.get("models") or {}))
+
+    @property
+    def best(self) -> str | None:
+        """The hybrid with the lowest mean error in the main evaluation; any model when there is no hybrid."""
+        scores = {
+            m: float(v["mape"]) for m, v in (self.main.get("models") or {}).items() if _known(v, "mape")
+        }
+        hybrids = {m: e for m, e in scores.items() if model_style(m).kind == "hybrid"}
+        pool = hybrids or scores
+        return min(ordered(pool), key=lambda m: pool[m]) if pool else None
+
+    @property
+    def physics(self) -> str | None:
+        """The simulation that hybrids are set against: the paper's preset, else any."""
+        names = [m for m in self.models if model_style(m).kind == "physics"]
+        return names[0] if names else None
+
+    def folds_of(self, evaluation: Record) -> pd.DataFrame:
+        """The folds of one evaluation."""
+        folds = self.folds
+        if "scheme" in folds.columns and "scheme" in evaluation:
+            folds = folds[folds["scheme"] == evaluation["scheme"]]
+        if "trips" in folds.columns and "trips" in evaluation:
+            folds = folds[folds["trips"] == evaluation["trips"]]
+        return folds
+
+    def paired_of(self, evaluation: Record) -> list[Record]:
+        """The paired comparisons of one evaluation; one that names no evaluation belongs to the main one."""
+        main = self.main
+        return [
+            pair
+            for pair in self.results.get("paired") or ()
+            if all(pair.get(key, main.get(key)) == evaluation.get(key) for key in ("scheme", "trips"))
+        ]
+
+    def selected_trips(self) -> list[tuple[str, str, float]]:
+        """(role, trip, APE) of the best, the median and the worst trip of `best` among the trips with a series."""
+        folds = self.folds_of(self.main)
+        rows = folds[(folds["model"] == self.best) & folds["trip"].astype(str).isin(list(self.series))]
+        rows = rows.dropna(subset="ape").sort_values("ape", kind="stable")
+        if rows.empty:
+            return []
+        places = {"Best": 0, "Median": (len(rows) - 1) // 2, "Worst": len(rows) - 1}
+        chosen: dict[int, str] = {}
+        for role, place in places.items():
+            chosen.setdefault(place, role)
+        return [
+            (role, str(rows["trip"].iloc[place]), float(rows["ape"].iloc[place]))
+            for place, role in chosen.items()
+        ]
+
+
+def _known(record: Record, key: str) -> bool:
+    value = record.get(key)
+    return isinstance(value, int | float) and bool(np.isfinite(value))

@@ -1,0 +1,275 @@
+"""The TUM BMW i3 set: 70 trips of one car around Munich, one CSV a trip and a sheet that gives their context.
+
+M. Steinstraeter, J. Buberger, D. Trifonov, "Battery and Heating Data in Real Driving Cycles", IEEE DataPort, 2020,
+doi 10.21227/6jr9-5235, CC BY 4.0. The raw files are 10 Hz, semicolon separated and latin-1; re-saved copies (comma,
+UTF-8, 1 s) are read alike. The logs win over the sheet: state of charge, distance and duration never come from it.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.sources.delimited import Delimited, column_key, open_delimited, read_numbers
+from tripwatt.sources.tum_overview import read_overview
+from tripwatt.trips import COLUMNS, REQUIRED_COLUMNS, Context, Fleet, Trip, raise_faults, structure_faults
+from tripwatt.units import M_S_PER_KM_H
+
+FloatArray = npt.NDArray[np.float64]
+
+CITATION: Final = (
+    'M. Steinstraeter, J. Buberger, D. Trifonov, "Battery and Heating Data in Real Driving Cycles", '
+    "IEEE DataPort, 2020, https://doi.org/10.21227/6jr9-5235, licensed under CC BY 4.0"
+)
+OVERVIEW_NAME: Final = "Overview.xlsx"
+
+
+@dataclass(frozen=True, slots=True)
+class RawColumn:
+    """Where one of our columns stands in the files, and the factor to our unit and sign."""
+
+    name: str
+    ours: str
+    factor: float
+
+
+RAW_COLUMNS: Final = (
+    RawColumn("Time [s]", "time_s", 1.0),
+    RawColumn("Velocity [km/h]", "speed_m_s", M_S_PER_KM_H),
+    RawColumn("Elevation [m]", "elevation_m", 1.0),
+    RawColumn("Ambient Temperature [°C]", "ambient_temperature_degc", 1.0),
+    RawColumn("Cabin Temperature Sensor [°C]", "cabin_temperature_degc", 1.0),
+    RawColumn("Battery Temperature [°C]", "battery_temperature_degc", 1.0),
+    RawColumn("Battery Voltage [V]", "voltage_v", 1.0),
+    RawColumn("Battery Current [A]", "current_a", -1.0),  # the files count discharge as negative
+    RawColumn("SoC [%]", "soc", 0.01),
+    RawColumn("displayed SoC [%]", "displayed_soc", 0.01),
+    RawColumn("Motor Torque [Nm]", "motor_torque_nm", 1.0),
+    # The heater reports its own power on the LIN bus; the CAN message is frozen in some trips and jumps to 5.5 kW
+    # while the heater is off in others, so it only serves where the first is not in the file.
+    RawColumn("Heating Power LIN [W]", "heating_power_w", 1.0),
+    RawColumn("Heating Power CAN [kW]", "heating_power_w", 1000.0),
+    RawColumn("Requested Heating Power [W]", "requested_heating_power_w", 1.0),
+    RawColumn("AirCon Power [kW]", "aircon_power_w", 1000.0),
+)
+"""The whole reader's knowledge of columns. Of two sources for one column the first that a file has is read."""
+
+NEEDED_COLUMNS: Final = (*REQUIRED_COLUMNS, "voltage_v", "current_a")
+"""Without these a file gives no observed energy and is refused when no columns are asked for by name."""
+
+_TRIP_FILE: Final = re.compile(r"trip([ab]\d{2,3})(?!\d).*\.csv", re.IGNORECASE)
+_ABSENT_FROM_REFERENCE: Final = (
+    "B01",
+    "B02",
+    "B04",
+    "B07",
+    "B08",
+    "B09",
+    "B10",
+    "B12",
+    "B14",
+    "B15",
+    "B34",
+    "B36",
+)
+
+REFERENCE_TRIPS: Final[Mapping[str, float | None]] = MappingProxyType(
+    {
+        f"Trip{short}": 1203.9 if short == "B28" else None
+        for short in [*(f"A{i:02d}" for i in range(1, 33)), *(f"B{i:02d}" for i in range(1, 39))]
+        if short not in _ABSENT_FROM_REFERENCE
+    }
+)
+"""The 58 trips of every published comparison: id -> time [s] at which the trip ends, None for its own end."""
+
+ALL_TRIP_IDS: Final = (*(f"TripA{i:02d}" for i in range(1, 33)), *(f"TripB{i:02d}" for i in range(1, 39)))
+"""The 70 trips that were published."""
+
+
+def read_tum(folder: Path | str, *, columns: Iterable[str] | None = None, n_jobs: int | None = None) -> Fleet:
+    """Read a folder of `TripA*.csv` and `TripB*.csv`, with `Overview.xlsx` for their context.
+
+    Parameters
+    ----------
+    folder : path
+    columns : iterable of str, optional
+        Our columns to read (see `tripwatt.trips.COLUMNS`); time and speed always come along. All that the files
+        hold by default.
+    n_jobs : int, optional
+        Threads; as many as there are processors by default.
+
+    Returns
+    -------
+    Fleet
+        Raw trips in the order of their ids. Without the sheet season and weather are None and `notes` says so.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of the folder, of all its files and of the sheet.
+
+    Examples
+    --------
+    >>> read_tum("no/such/folder")
+    Traceback (most recent call last):
+    ...
+    tripwatt.errors.InvalidInput: no such folder: no/such/folder: allowed: a folder with TripA*.csv and TripB*.csv; ...
+    """
+    folder = Path(folder)
+    wanted = _checked_columns(columns)
+    files, notes = trip_files(folder)
+    faults: list[Fault] = []
+    contexts: Mapping[str, Context] = {}
+    try:
+        contexts, overview_notes = read_overview(folder / OVERVIEW_NAME, tuple(files))
+        notes += overview_notes
+    except InvalidInput as error:
+        faults += error.faults
+
+    def read_one(item: tuple[str, Path]) -> Trip | InvalidInput:
+        try:
+            return read_tum_file(item[1], item[0], contexts.get(item[0]), wanted)
+        except InvalidInput as error:
+            return error
+
+    with ThreadPoolExecutor(n_jobs or os.cpu_count() or 1) as pool:
+        results = list(pool.map(read_one, files.items()))
+    for result in results:
+        if isinstance(result, InvalidInput):
+            faults += result.faults
+    raise_faults(faults)
+    trips = tuple(r for r in results if isinstance(r, Trip))
+    return Fleet("tum", trips, tuple(notes), REFERENCE_TRIPS, CITATION)
+
+
+def _checked_columns(columns: Iterable[str] | None) -> frozenset[str] | None:
+    if columns is None:
+        return None
+    asked = [columns] if isinstance(columns, str) else list(columns)
+    known = {raw.ours for raw in RAW_COLUMNS}
+    raise_faults(
+        Fault("no such column", "columns", repr(name), f"any of {', '.join(sorted(known))}")
+        for name in asked
+        if name not in known
+    )
+    return frozenset(asked) | set(REQUIRED_COLUMNS)
+
+
+def trip_files(folder: Path) -> tuple[dict[str, Path], list[str]]:
+    """The trip files of a folder by trip id, and notes on what else lies there.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such folder, it holds no trip, or two of its files are the same trip.
+    """
+    allowed = "a folder with TripA*.csv and TripB*.csv"
+    get_it = "`tripwatt fetch tum` says where to get the data"
+    if not folder.exists():
+        raise InvalidInput(Fault("no such folder", f"{folder}", "", allowed, get_it))
+    if not folder.is_dir():
+        raise InvalidInput(
+            Fault("not a folder", f"{folder}", "a file", allowed, f"give the folder: {folder.parent}")
+        )
+    try:
+        csv_files = sorted(p for p in folder.iterdir() if p.suffix.lower() == ".csv" and p.is_file())
+    except OSError as error:
+        raise InvalidInput(
+            Fault("cannot read the folder", f"{folder}", error.strerror or str(error), allowed)
+        ) from error
+    files: dict[str, Path] = {}
+    faults: list[Fault] = []
+    for path in csv_files:
+        match = _TRIP_FILE.fullmatch(path.name)
+        if match is None:
+            continue
+        trip_id = f"Trip{match[1].upper()}"
+        if trip_id in files:
+            faults.append(
+                Fault(
+                    "two files of one trip", f"{folder}", f"{files[trip_id].name} and {path.name}", "one file"
+                )
+            )
+        files.setdefault(trip_id, path)
+    if not files:
+        below = sorted({p.parent for p in folder.glob("*/[Tt]rip[ABab]*.csv")})
+        got = f"{len(csv_files)} CSV files, none named like a trip"
+        faults.append(Fault("no trips", f"{folder}", got, allowed, f"give {below[0]}" if below else get_it))
+    raise_faults(faults)
+    others = len(csv_files) - len(files)
+    return files, ([f"{others} CSV files that are not named like a trip were not read"] if others else [])
+
+
+def read_tum_file(
+    path: Path, trip_id: str, context: Context | None = None, columns: frozenset[str] | None = None
+) -> Trip:
+    """One trip file as a raw trip. See `read_tum`.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of the file.
+    """
+    source = open_delimited(path)
+    chosen = _choose(source, columns)
+    values = read_numbers(source, list(chosen))
+    samples = pd.DataFrame(
+        {
+            raw.ours: column if raw.factor == 1.0 else column * raw.factor
+            for raw, column in zip(chosen.values(), values, strict=True)
+        },
+        copy=False,
+    )
+    raise_faults(structure_faults(samples, str(path)))
+    return Trip.from_log(trip_id, samples, context)
+
+
+def _choose(source: Delimited, columns: frozenset[str] | None) -> dict[int, RawColumn]:
+    """Which positions of the header to read, in the order of `COLUMNS`."""
+    positions: dict[str, list[int]] = {}
+    for position, name in enumerate(source.names):
+        positions.setdefault(column_key(name), []).append(position)
+    chosen: dict[str, tuple[int, RawColumn]] = {}
+    faults: list[Fault] = []
+    for raw in RAW_COLUMNS:
+        found = positions.get(column_key(raw.name), [])
+        if not found or raw.ours in chosen or (columns is not None and raw.ours not in columns):
+            continue
+        chosen[raw.ours] = (found[0], raw)
+        if len(found) > 1:
+            faults.append(
+                Fault(
+                    "column twice",
+                    f"{source.path} row {source.header_line} column {raw.name!r}",
+                    f"columns {', '.join(str(p + 1) for p in found)}",
+                    "one column of that name",
+                )
+            )
+    needed = NEEDED_COLUMNS if columns is None else [c for c in COLUMNS if c in columns]
+    faults.extend(_missing_column(source, ours) for ours in needed if ours not in chosen)
+    raise_faults(faults)
+    return {chosen[c][0]: chosen[c][1] for c in COLUMNS if c in chosen}
+
+
+def _missing_column(source: Delimited, ours: str) -> Fault:
+    names = " or ".join(repr(raw.name) for raw in RAW_COLUMNS if raw.ours == ours)
+    shown = ", ".join(repr(name[:40]) for name in source.names[:6])
+    more = f" and {len(source.names) - 6} more" if len(source.names) > 6 else ""
+    return Fault(
+        "missing column",
+        f"{source.path} row {source.header_line}",
+        f"{len(source.names)} columns: {shown}{more}",
+        f"a column {names}",
+        "is this a file of the TUM set, with ';' or ',' between columns?" if len(source.names) < 4 else "",
+    )

@@ -1,0 +1,163 @@
+"""Context of the TUM trips from `Overview.xlsx`: season, weather, departure, set-point, payload, notes.
+
+Only what the logs cannot know is taken from the sheet; its states of charge, distances and durations are in part
+wrong and are never read.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.sources.delimited import column_key
+from tripwatt.trips import Context
+
+SEASONS: Final = {"A": "summer", "B": "winter"}
+"""The set's two campaigns, told by the letter in the trip's id."""
+
+_TRIP_ID: Final = re.compile(r"trip([ab]\d{2,3})", re.IGNORECASE)
+_PAYLOAD: Final = re.compile(r"\+\s*(\d+(?:[.,]\d+)?)\s*kg", re.IGNORECASE)
+_NOT_A_DIGIT: Final = re.compile(r"[^0-9]+")
+_FOLLOWS: Final = "directly after previous trip"
+_SETPOINT_RANGE_DEGC: Final = (10.0, 40.0)
+_LARGEST_PAYLOAD_KG: Final = 1000.0
+
+
+def read_overview(path: Path, trip_ids: Sequence[str]) -> tuple[dict[str, Context], list[str]]:
+    """Context of each trip that the sheet holds, and what has to be said about the sheet.
+
+    A missing sheet, or a trip that it lacks, is a note: season and weather are then unknown.
+
+    Raises
+    ------
+    InvalidInput
+        When the sheet is there but cannot be read or has no column of trip ids.
+    """
+    if not path.exists():
+        return {}, [f"{path.name} is missing: season, weather and departure of every trip are unknown"]
+    rows = _sheet_rows(path)
+    contexts: dict[str, Context] = {}
+    notes: list[str] = []
+    for row in rows:
+        match = _TRIP_ID.fullmatch(_text(row.get("trip")))
+        if match is None:
+            continue
+        trip_id = f"Trip{match[1].upper()}"
+        if trip_id in contexts:
+            notes.append(f"{path.name} has two rows of {trip_id}: the first counts")
+            continue
+        contexts[trip_id] = _context(trip_id, row, path.name, notes if trip_id in trip_ids else [])
+    absent = [t for t in trip_ids if t not in contexts]
+    if absent:
+        notes.append(f"{path.name} lacks {', '.join(absent)}: their season and weather are unknown")
+    departures: dict[dt.datetime, str] = {}
+    for trip_id in trip_ids:
+        departure = contexts[trip_id].started_at if trip_id in contexts else None
+        if departure is not None and departures.setdefault(departure, trip_id) != trip_id:
+            notes.append(
+                f"{path.name} gives {departures[departure]} and {trip_id} one time of departure: at least one is wrong"
+            )
+    return contexts, notes
+
+
+def read_durations(path: Path) -> dict[str, float]:
+    """Duration [s] of each trip as the sheet gives it, only for telling a shortened log; empty without a sheet.
+
+    Raises
+    ------
+    InvalidInput
+        When the sheet is there but cannot be read.
+    """
+    durations: dict[str, float] = {}
+    for row in _sheet_rows(path) if path.exists() else []:
+        match = _TRIP_ID.fullmatch(_text(row.get("trip")))
+        minutes = row.get("duration")
+        if match and isinstance(minutes, int | float):
+            durations[f"Trip{match[1].upper()}"] = 60.0 * minutes
+    return durations
+
+
+def _sheet_rows(path: Path) -> list[Mapping[str, object]]:
+    """Rows of the first sheet that has a column `Trip`, keyed by `column_key` of the header without its unit."""
+    import openpyxl
+
+    fix = "fetch it again, or remove it to read the trips without season and weather"
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # about styles and extensions, which are not read
+            book = openpyxl.load_workbook(path, data_only=True)
+            tables = [list(sheet.iter_rows(values_only=True)) for sheet in book.worksheets]
+    except Exception as error:  # openpyxl documents no error types: a damaged archive raises a dozen kinds
+        got = f"{type(error).__name__}: {error}"[:160]
+        raise InvalidInput(Fault("unreadable sheet", f"{path}", got, "an .xlsx workbook", fix)) from error
+    for table in tables:
+        for number, cells in enumerate(table[:10]):
+            names = [re.sub(r"\s*\[.*", "", column_key(_text(cell))) for cell in cells]
+            if "trip" in names:
+                return [
+                    {name: cell for name, cell in zip(names, row, strict=False) if name}
+                    for row in table[number + 1 :]
+                ]
+    raise InvalidInput(
+        Fault(
+            "missing column", f"{path}", "no header with a column 'Trip'", "a row a trip, headed 'Trip'", fix
+        )
+    )
+
+
+def _context(trip_id: str, row: Mapping[str, object], sheet: str, notes: list[str]) -> Context:
+    remarks = "; ".join(t for t in (_text(row.get("fan")), _text(row.get("note"))) if t)
+    route = _text(row.get("route/area"))
+    payload = sum((float(m.replace(",", ".")) for m in _PAYLOAD.findall(remarks)), start=0.0)
+    if payload > _LARGEST_PAYLOAD_KG:
+        notes.append(f"{sheet}: payload of {trip_id}, {payload:g} kg, is no car's and is not used")
+        payload = 0.0
+    return Context(
+        season=SEASONS[trip_id[4]],
+        weather=_text(row.get("weather")).lower() or None,
+        started_at=_departure(row.get("date"), trip_id, sheet, notes),
+        route=route or None,
+        cabin_setpoint_degc=_setpoint(row.get("target cabin temperature"), trip_id, sheet, notes),
+        payload_mass_kg=payload,
+        follows_trip=_FOLLOWS in remarks.lower(),
+        notes=remarks,
+    )
+
+
+def _departure(cell: object, trip_id: str, sheet: str, notes: list[str]) -> dt.datetime | None:
+    if isinstance(cell, dt.datetime):
+        return cell.replace(tzinfo=None)
+    text = _text(cell)
+    try:  # 2019-06-25_13-21-14 and 2019_12_08_09-38-26 both occur
+        return dt.datetime.strptime(_NOT_A_DIGIT.sub("-", text), "%Y-%m-%d-%H-%M-%S")
+    except ValueError:
+        pass
+    if text:
+        notes.append(f"{sheet}: departure of {trip_id}, {text[:40]!r}, is no date and is not used")
+    return None
+
+
+def _setpoint(cell: object, trip_id: str, sheet: str, notes: list[str]) -> float | None:
+    text = _text(cell).replace(",", ".")
+    if not text:
+        return None
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    low, high = _SETPOINT_RANGE_DEGC
+    if low <= value <= high:
+        return value
+    notes.append(
+        f"{sheet}: set-point of {trip_id}, {text[:40]!r}, is not {low:g} to {high:g} °C and is not used"
+    )
+    return None
+
+
+def _text(cell: object) -> str:
+    return "" if cell is None else " ".join(str(cell).split())

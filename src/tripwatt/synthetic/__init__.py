@@ -1,0 +1,169 @@
+"""A built-in fleet with a known truth, so that the whole pipeline can be seen to work and be held to account.
+
+Nothing here is measured. Drivers, days, routes and weather are drawn from a seed (`plan`, `roads`); the driver model
+gives the speed; a *hidden* car and world give the energy (`world`): the physics of the i3 on the true road, with wind,
+wet or cold tyres, habits, a cabin with its own heat balance, lamps, and heavy-tailed noise that no model of the package
+knows. The truth is then read by noisy sensors of the usual resolution (`sensors`). `synthetic_truth` tells what was
+hidden.
+
+Every trip draws from streams of its own, keyed by the seed, its day and its place in the day: a longer fleet begins
+with the shorter one, and no trip depends on another. A following trip starts with the warmth and the charge that its
+day's plan expects, not with those that the trip before it happened to end with.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.synthetic.plan import Plan, draw_plans
+from tripwatt.synthetic.roads import drive_route
+from tripwatt.synthetic.sensors import logged
+from tripwatt.synthetic.world import live_through
+from tripwatt.trips import Context, Fleet, Trip
+from tripwatt.vehicles import Vehicle, load_vehicle
+
+__all__ = ["VEHICLE", "example_trip", "synthetic_fleet", "synthetic_truth", "synthetic_world"]
+
+VEHICLE: Final = "bmw_i3_60ah"
+"""The car whose physics the fleet stands on."""
+
+FOLLOWS_WITHIN_S: Final = 300.0
+"""A trip that starts this soon [s] after the last one is said to follow it."""
+
+NOTES: Final = (
+    "synthetic: these trips were computed, not driven; no figure on them says anything of a real car",
+    "the hidden truth of each trip is in tripwatt.synthetic.synthetic_truth",
+)
+
+
+def synthetic_fleet(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0) -> Fleet:
+    """A computed fleet of one car and several drivers over summer and winter days. O(samples).
+
+    Parameters
+    ----------
+    n_trips : int
+        Number of trips; the first trips of a longer fleet are those of a shorter one.
+    seed : int
+        Trips of equal seed are equal to the last bit.
+    step_s : float
+        Time between two samples [s], 1 or less.
+
+    Returns
+    -------
+    Fleet
+        Name "synthetic"; its notes say that nothing was measured; no reference trips.
+
+    Raises
+    ------
+    InvalidInput
+        With every argument that is out of range.
+
+    Examples
+    --------
+    >>> fleet = synthetic_fleet(3, seed=1)
+    >>> fleet.name, [trip.trip_id for trip in fleet.trips]
+    ('synthetic', ['S001', 'S002', 'S003'])
+    """
+    return synthetic_world(n_trips, seed, step_s=step_s)[0]
+
+
+def synthetic_truth(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0) -> pd.DataFrame:
+    """What is hidden behind `synthetic_fleet` of the same arguments. O(samples).
+
+    Returns
+    -------
+    DataFrame
+        One row per trip, index `trip`. `energy_wh` is the true energy at the battery terminals [Wh], the sum of
+        `driving_` (the i3's physics with the hidden forces), `heating_`, `aircon_`, `lamps_`, `driver_` (the driver's
+        habit), `trip_` (an effect of this trip alone) and `noise_energy_wh`. `wind_work_wh` and `rolling_work_wh` are
+        the work [Wh] at the wheel against hidden wind and rolling resistance, part of driving. `headwind_m_s`,
+        `rolling_share`, `driver_share` and `trip_share` are what caused them; `ambient_temperature_degc` is the true
+        mean outside temperature [°C]; `end_soc` is the true state of charge at the end; `driver`, `day`, `season`,
+        `sky`, `route` say whose and when.
+
+    Raises
+    ------
+    InvalidInput
+        As `synthetic_fleet`.
+
+    Examples
+    --------
+    >>> truth = synthetic_truth(3, seed=1)
+    >>> bool((truth["heating_energy_wh"] >= 0).all())
+    True
+    """
+    return synthetic_world(n_trips, seed, step_s=step_s)[1]
+
+
+def synthetic_world(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0) -> tuple[Fleet, pd.DataFrame]:
+    """Fleet and truth together, computed once. Arguments, results and errors as in those two.
+
+    Examples
+    --------
+    >>> fleet, truth = synthetic_world(2)
+    >>> fleet.trips[0].trip_id == truth.index[0]
+    True
+    """
+    _require_sound(n_trips, seed, step_s)
+    vehicle = load_vehicle(VEHICLE)
+    trips, rows = [], []
+    for plan in draw_plans(n_trips, seed):
+        trip, row = _trip(plan, vehicle, seed, step_s)
+        trips.append(trip)
+        rows.append(row)
+    truth = pd.DataFrame(rows).set_index("trip")
+    return Fleet("synthetic", tuple(trips), notes=NOTES), truth
+
+
+def example_trip(seed: int = 0) -> pd.DataFrame:
+    """One computed trip as a table in canonical columns at 1 Hz, for documentation and for trying commands.
+
+    Examples
+    --------
+    >>> list(example_trip().columns[:4])
+    ['time_s', 'speed_m_s', 'elevation_m', 'ambient_temperature_degc']
+    """
+    return synthetic_fleet(1, seed).trips[0].samples
+
+
+def _require_sound(n_trips: int, seed: int, step_s: float) -> None:
+    faults = []
+    if n_trips < 1:
+        faults.append(Fault("no trips", "n_trips", f"{n_trips}", "at least 1"))
+    if seed < 0:
+        faults.append(Fault("seed out of range", "seed", f"{seed}", "0 or more"))
+    if not (math.isfinite(step_s) and 0.01 <= step_s <= 1.0):
+        faults.append(Fault("step out of range", "step_s", f"{step_s}", "0.01 to 1 s"))
+    if faults:
+        raise InvalidInput(faults)
+
+
+def _trip(plan: Plan, vehicle: Vehicle, seed: int, step_s: float) -> tuple[Trip, dict[str, object]]:
+    drive = drive_route(plan, seed, step_s)
+    truth = live_through(plan, drive, vehicle, seed)
+    follows = plan.parked_s is not None and plan.parked_s <= FOLLOWS_WITHIN_S
+    context = Context(
+        season=plan.day.season,
+        weather=plan.weather,
+        started_at=plan.started_at,
+        route=plan.route,
+        cabin_setpoint_degc=plan.setpoint_degc,
+        payload_mass_kg=plan.payload_mass_kg,
+        follows_trip=follows,
+        notes=f"synthetic, {plan.driver.name}" + (", directly after previous trip" if follows else ""),
+    )
+    trip = Trip.from_samples(plan.trip_id, logged(plan, drive, truth, vehicle, seed), context)
+    row: dict[str, object] = {
+        "trip": plan.trip_id,
+        "driver": plan.driver.name,
+        "day": plan.day.date,
+        "season": plan.day.season,
+        "sky": plan.day.sky,
+        "route": plan.route,
+        **truth.effects,
+    }
+    return trip, row

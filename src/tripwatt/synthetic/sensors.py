@@ -1,0 +1,56 @@
+"""What the logger writes: the truth with noise, in the steps in which a car's bus reports it."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from tripwatt.synthetic.plan import SENSORS, Plan, stream
+from tripwatt.synthetic.roads import Drive
+from tripwatt.synthetic.world import Truth
+from tripwatt.units import M_S_PER_KM_H
+from tripwatt.vehicles import Vehicle
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def quantised(values: FloatArray, step: float) -> FloatArray:
+    """Values rounded to whole steps, without the dust of binary fractions."""
+    steps_per_unit = round(1.0 / step) if step < 1.0 else 1.0 / step
+    return np.asarray(np.round(values * steps_per_unit) / steps_per_unit, dtype=np.float64)
+
+
+def logged(plan: Plan, drive: Drive, truth: Truth, vehicle: Vehicle, seed: int) -> pd.DataFrame:
+    """The table of a trip in canonical columns. O(samples)."""
+    rng = stream(seed, SENSORS, *plan.key)
+    climate, battery, cells = truth.climate, truth.battery, vehicle.battery
+    n = len(drive.profile.time_s)
+    true_speed = drive.profile.speed_m_s
+    speed_km_h = true_speed / M_S_PER_KM_H + 0.12 * rng.standard_normal(n)
+    # a wheel that stands gives no pulses, so standstill is exactly 0
+    speed = np.where(true_speed > 0.1, quantised(np.maximum(speed_km_h, 0.0), 0.1) * M_S_PER_KM_H, 0.0)
+    displayed = cells.displayed_from_soc(0.0) + battery.soc * (
+        cells.displayed_from_soc(1.0) - cells.displayed_from_soc(0.0)
+    )
+    heater_seen = np.where(climate.heating_power_w > 40.0, climate.heating_power_w, 0.0)
+    return pd.DataFrame(
+        {
+            "time_s": drive.profile.time_s,
+            "speed_m_s": speed,
+            "elevation_m": quantised(drive.elevation_m + 0.15 * rng.standard_normal(n), 0.5),
+            "ambient_temperature_degc": quantised(truth.ambient_temperature_degc, 0.5),
+            "cabin_temperature_degc": quantised(
+                climate.cabin_temperature_degc + 0.05 * rng.standard_normal(n), 0.1
+            ),
+            "cabin_setpoint_degc": np.full(n, plan.setpoint_degc),
+            "battery_temperature_degc": quantised(battery.temperature_degc, 0.5),
+            "voltage_v": quantised(battery.terminal_voltage_v + 0.1 * rng.standard_normal(n), 0.1),
+            "current_a": quantised(battery.current_a + 0.15 * rng.standard_normal(n), 0.1),
+            "soc": quantised(battery.soc, 0.001),
+            "displayed_soc": quantised(np.clip(displayed, 0.0, 1.0), 0.005),
+            "heating_power_w": quantised(heater_seen, 20.0),
+            "requested_heating_power_w": quantised(climate.requested_heating_power_w, 20.0),
+            "aircon_power_w": quantised(climate.aircon_power_w, 20.0),
+        }
+    )

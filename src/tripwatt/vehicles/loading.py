@@ -1,0 +1,411 @@
+"""From a car's TOML to a `Vehicle`, with every fault of the file in one message.
+
+An entry is `key = { value = ..., unit = "...", source = "...", estimated = "how" }`; `estimated` is optional and says
+how a value came about that no source states as it stands. `[preset.NAME.SECTION]` tables replace entries, and
+`without = ["climate"]` in `[preset.NAME]` leaves out an optional part.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import itertools
+import math
+import tomllib
+import types
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Any, Final
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.vehicles.parts import (
+    Auxiliaries,
+    Battery,
+    Body,
+    Climate,
+    Drivetrain,
+    Regeneration,
+    RoadLoad,
+    Tyres,
+)
+
+Value = float | str | tuple[float, ...]
+
+SECTIONS: Final[Mapping[str, type]] = types.MappingProxyType(
+    {
+        "body": Body,
+        "road_load": RoadLoad,
+        "tyres": Tyres,
+        "drivetrain": Drivetrain,
+        "regeneration": Regeneration,
+        "battery": Battery,
+        "auxiliaries": Auxiliaries,
+        "climate": Climate,
+    }
+)
+"""Sections of a car's TOML and the part that each describes."""
+
+OPTIONAL_SECTIONS: Final[frozenset[str]] = frozenset({"tyres", "climate"})
+"""Parts that a car may lack."""
+
+ENTRY_KEYS: Final = ("value", "unit", "source", "estimated", "scale")
+SCALES: Final = ("soc", "displayed_soc")
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One value of a car with its unit and where it comes from. `estimated` is empty for a stated value."""
+
+    value: Value
+    unit: str
+    source: str
+    estimated: str = ""
+    scale: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Vehicle:
+    """A car: its parts, and the origin of every value.
+
+    Attributes
+    ----------
+    name : str
+        Name of the TOML without its ending.
+    title : str
+        Name for people.
+    preset : str
+    entries : mapping of str to Entry
+        "section.key" -> value, unit and source, as used.
+
+    Examples
+    --------
+    >>> car = load_vehicle("bmw_i3_60ah")
+    >>> car.body.test_mass_kg
+    1356.0
+    >>> car.entries["regeneration.fraction"].unit
+    '1'
+    """
+
+    name: str
+    title: str
+    preset: str
+    body: Body
+    road_load: RoadLoad
+    tyres: Tyres | None
+    drivetrain: Drivetrain
+    regeneration: Regeneration
+    battery: Battery
+    auxiliaries: Auxiliaries
+    climate: Climate | None
+    entries: Mapping[str, Entry] = dataclasses.field(repr=False, compare=False, hash=False)
+
+
+def _data_folder() -> Any:
+    return resources.files("tripwatt.vehicles") / "data"
+
+
+def vehicle_names() -> tuple[str, ...]:
+    """Names of the cars that come with the package, sorted.
+
+    Examples
+    --------
+    >>> "bmw_i3_60ah" in vehicle_names()
+    True
+    """
+    return tuple(sorted(f.name[:-5] for f in _data_folder().iterdir() if f.name.endswith(".toml")))
+
+
+def load_vehicle(
+    name_or_path: str | Path, preset: str = "default", overrides: Mapping[str, float | str] | None = None
+) -> Vehicle:
+    """Load a car that comes with the package, or one from a TOML file.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        A name from `vehicle_names()`, or the path of a TOML file.
+    preset : str
+        "default", or a preset of the file.
+    overrides : mapping of str to (float or str), optional
+        "section.key" -> value in the unit of the entry, e.g. ``{"auxiliaries.base_load_w": 400.0}``.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of the file, the preset and the overrides.
+
+    Examples
+    --------
+    >>> load_vehicle("bmw_i3_60ah", preset="paper").regeneration.fraction
+    0.5
+    """
+    path = Path(name_or_path)
+    if path.suffix == ".toml":
+        name, text, where = path.stem, _read(path), str(path)
+    else:
+        name, where = str(name_or_path), f"{name_or_path}.toml"
+        if name not in vehicle_names():
+            near = difflib.get_close_matches(name, vehicle_names(), n=1)
+            fix = f"did you mean {near[0]!r}?" if near else "or give the path of a .toml file"
+            raise InvalidInput(Fault("unknown car", "vehicle", name, ", ".join(vehicle_names()), fix))
+        text = _bundled_text(name)
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InvalidInput(Fault("not a TOML file", where, str(error), "TOML 1.0")) from error
+    return vehicle_from_document(document, name, where, preset, overrides or {})
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InvalidInput(Fault("file cannot be read", str(path), str(error), "a TOML text file")) from error
+
+
+@cache
+def _bundled_text(name: str) -> str:
+    return str((_data_folder() / f"{name}.toml").read_text(encoding="utf-8"))
+
+
+def vehicle_from_document(
+    document: Mapping[str, Any],
+    name: str,
+    where: str,
+    preset: str = "default",
+    overrides: Mapping[str, float | str] = types.MappingProxyType({}),
+) -> Vehicle:
+    """Build a `Vehicle` from a parsed TOML document. Arguments and errors as in `load_vehicle`."""
+    faults: list[Fault] = []
+    tables = _preset_tables(document, preset, where, faults)
+    entries: dict[str, Entry] = {}
+    for section, table in tables.items():
+        for key, raw in table.items():
+            entry = _entry(section, key, raw, where, faults)
+            if entry is not None:
+                entries[f"{section}.{key}"] = entry
+    for key, value in overrides.items():
+        _override(entries, key, value, faults)
+    parts: dict[str, Any] = {}
+    for section, part in SECTIONS.items():
+        present = {k.partition(".")[2]: e for k, e in entries.items() if k.startswith(f"{section}.")}
+        if section in OPTIONAL_SECTIONS and section not in tables and not present:
+            parts[section] = None
+            continue
+        missing = [f.name for f in dataclasses.fields(part) if _required(f) and f.name not in present]
+        faults += [
+            Fault("missing entry", f"{where}, [{section}]", "nothing", f"an entry {key!r}") for key in missing
+        ]
+        if not missing:
+            parts[section] = part(**{k: e.value for k, e in present.items()})
+    if not faults:
+        parts["road_load"] = _with_method(parts["road_load"], where, faults)
+        parts["battery"] = _on_soc_scale(parts["battery"], entries)
+        faults += _consistency_faults(parts, where)
+    if faults:
+        raise InvalidInput(faults)
+    title = str(document.get("name", name))
+    return Vehicle(name, title, preset, entries=entries, **parts)
+
+
+def _preset_tables(
+    document: Mapping[str, Any], preset: str, where: str, faults: list[Fault]
+) -> dict[str, dict[str, Any]]:
+    """The sections with the preset's entries in place of their own."""
+    faults += [
+        _unknown("section", f"{where}, [{key}]", key, [*SECTIONS, "preset"])
+        for key in document
+        if key not in (*SECTIONS, "preset", "name")
+    ]
+    presets = document.get("preset", {})
+    if preset != "default" and preset not in presets:
+        allowed = ", ".join(sorted({"default", *presets}))
+        faults.append(Fault("unknown preset", where, preset, allowed))
+    chosen = presets.get(preset, {})
+    dropped = chosen.get("without", [])
+    for section in dropped:
+        if section not in OPTIONAL_SECTIONS:
+            allowed = ", ".join(sorted(OPTIONAL_SECTIONS)) or "nothing"
+            faults.append(Fault("part cannot be left out", f"{where}, [preset.{preset}]", section, allowed))
+    tables: dict[str, dict[str, Any]] = {}
+    for section in SECTIONS:
+        if (section in document or section in chosen) and section not in dropped:
+            tables[section] = {**document.get(section, {}), **chosen.get(section, {})}
+    faults += [
+        _unknown("section", f"{where}, [preset.{preset}.{key}]", key, SECTIONS)
+        for key in chosen
+        if key not in (*SECTIONS, "without")
+    ]
+    return tables
+
+
+def _required(field: dataclasses.Field[Any]) -> bool:
+    return field.default is dataclasses.MISSING
+
+
+def _unknown(what: str, where: str, got: str, allowed: Sequence[str] | Mapping[str, Any]) -> Fault:
+    near = difflib.get_close_matches(got, list(allowed), n=1)
+    return Fault(
+        f"unknown {what}",
+        where,
+        got,
+        ", ".join(sorted(allowed)) if len(allowed) < 12 else "a key of the documentation's parameter table",
+        f"did you mean {near[0]!r}?" if near else "",
+    )
+
+
+def _fields(section: str) -> dict[str, dataclasses.Field[Any]]:
+    return {f.name: f for f in dataclasses.fields(SECTIONS[section])}
+
+
+def _entry(section: str, key: str, raw: object, where: str, faults: list[Fault]) -> Entry | None:
+    """One checked entry; None when it cannot be used, with the reason in `faults`."""
+    place = f"{where}, {section}.{key}"
+    field = _fields(section).get(key)
+    if field is None:
+        faults.append(_unknown("key", place, key, list(_fields(section))))
+        return None
+    if not isinstance(raw, Mapping):
+        got = repr(raw)
+        faults.append(Fault("not an entry", place, got, "{ value = ..., unit = ..., source = ... }"))
+        return None
+    before = len(faults)
+    scaled = bool(field.metadata.get("scaled"))
+    faults += [
+        _unknown("word in an entry", place, str(word), ENTRY_KEYS) for word in raw if word not in ENTRY_KEYS
+    ]
+    faults += [
+        Fault(f"missing {word}", place, "nothing", "every entry has value, unit and source")
+        for word in ("value", "unit")
+        if word not in raw
+    ]
+    if not str(raw.get("source", "")).strip():
+        faults.append(Fault("missing source", place, "nothing", "where the value comes from"))
+    unit = field.metadata["unit"]
+    if "unit" in raw and raw["unit"] != unit:
+        faults.append(Fault("wrong unit", place, repr(raw["unit"]), repr(unit)))
+    if scaled and raw.get("scale") not in SCALES:
+        faults.append(Fault("missing scale", place, repr(raw.get("scale")), " or ".join(map(repr, SCALES))))
+    if not scaled and "scale" in raw:
+        faults.append(Fault("scale without meaning", place, repr(raw["scale"]), "no scale"))
+    if "value" in raw:
+        faults.extend(_value_faults(field, raw["value"], place))
+    if len(faults) > before:
+        return None
+    return Entry(
+        _as_value(raw["value"]),
+        unit,
+        str(raw["source"]),
+        str(raw.get("estimated", "")),
+        str(raw.get("scale", "")),
+    )
+
+
+def _as_value(raw: object) -> Value:
+    if isinstance(raw, str):
+        return raw
+    if isinstance(raw, Sequence):
+        return tuple(float(v) for v in raw)
+    assert isinstance(raw, int | float)
+    return float(raw)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _value_faults(field: dataclasses.Field[Any], value: object, place: str) -> Iterator[Fault]:
+    meta = field.metadata
+    if "choice" in meta:
+        if value not in meta["choice"]:
+            yield Fault("unknown word", place, repr(value), " or ".join(map(repr, meta["choice"])))
+        return
+    table = str(field.type).startswith("tuple")
+    numbers = value if table and isinstance(value, Sequence) and not isinstance(value, str) else [value]
+    if table and (isinstance(value, str) or not isinstance(value, Sequence) or len(value) < 2):
+        yield Fault("not a table", place, repr(value), "a list of at least two numbers")
+        return
+    for number in numbers:
+        if not _is_number(number):
+            yield Fault("not a number", place, repr(number), "a finite number")
+        elif not meta["minimum"] <= number <= meta["maximum"]:
+            allowed = f"{meta['minimum']:g} to {meta['maximum']:g} {meta['unit']}"
+            yield Fault("value out of range", place, f"{number:g} {meta['unit']}", allowed)
+
+
+def _override(entries: dict[str, Entry], key: str, value: float | str, faults: list[Fault]) -> None:
+    section, _, name = key.partition(".")
+    known = section in SECTIONS and name in _fields(section)
+    if not known:
+        allowed = [f"{s}.{f}" for s in SECTIONS for f in _fields(s)]
+        faults.append(_unknown("key", "overrides", key, allowed))
+        return
+    field = _fields(section)[name]
+    found = list(_value_faults(field, value, f"overrides, {key}"))
+    faults.extend(found)
+    if not found:
+        old = entries.get(key)
+        entries[key] = Entry(
+            _as_value(value), field.metadata["unit"], "given by the caller", scale=old.scale if old else "soc"
+        )
+
+
+def _with_method(road_load: RoadLoad, where: str, faults: list[Fault]) -> RoadLoad:
+    """The road load with its method settled: the one whose values are all there."""
+    names = {
+        "coastdown": [f.name for f in dataclasses.fields(RoadLoad) if f.name.startswith("coastdown_")],
+        "coefficients": ["drag_coefficient", "frontal_area_m2", "rolling_resistance_coefficient"],
+    }
+    complete = [m for m, keys in names.items() if all(getattr(road_load, k) is not None for k in keys)]
+    place = f"{where}, [road_load]"
+    if road_load.method and road_load.method not in complete:
+        lacking = [k for k in names[road_load.method] if getattr(road_load, k) is None]
+        faults.append(Fault("missing entry", place, "nothing", f"entries {', '.join(lacking)}"))
+    elif not road_load.method and len(complete) != 1:
+        allowed = "either all of " + " or all of ".join(", ".join(keys) for keys in names.values())
+        got = "both descriptions and no method" if complete else "no complete description"
+        faults.append(Fault("road load is not clear", place, got, allowed, "name `method` to choose"))
+    elif not road_load.method:
+        return dataclasses.replace(road_load, method=complete[0])
+    return road_load
+
+
+def _on_soc_scale(battery: Battery, entries: Mapping[str, Entry]) -> Battery:
+    """The battery with its capacity between soc 0 and soc 1."""
+    if entries["battery.capacity_ah"].scale == "soc":
+        return battery
+    window = battery.displayed_full_soc - battery.displayed_zero_soc
+    return dataclasses.replace(battery, capacity_ah=battery.capacity_ah / window)
+
+
+def _consistency_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]:
+    """Faults that only show between two values."""
+    battery: Battery = parts["battery"]
+    for grid, values in (("ocv_soc", "ocv_v"), ("resistance_soc", "resistance_ohm")):
+        x, y = getattr(battery, grid), getattr(battery, values)
+        place = f"{where}, battery.{grid}"
+        if len(x) != len(y):
+            got = f"{len(x)} and {len(y)} values"
+            yield Fault("tables differ in length", f"{place} and {values}", got, "as many values")
+        if any(b <= a for a, b in itertools.pairwise(x)):
+            yield Fault("table does not increase", place, str(list(x)), "increasing values")
+    if any(b < a for a, b in itertools.pairwise(battery.ocv_v)):
+        yield Fault("table decreases", f"{where}, battery.ocv_v", "a falling voltage", "rising with soc")
+    if battery.min_cell_voltage_v >= battery.ocv_v[0]:
+        got = f"{battery.min_cell_voltage_v:g} V and {battery.ocv_v[0]:g} V"
+        yield Fault(
+            "empty cell is below its limit", f"{where}, battery.min_cell_voltage_v", got, "less than ocv_v"
+        )
+    pairs = (
+        ("regeneration", "zero_speed_m_s", "full_speed_m_s"),
+        ("regeneration", "full_soc", "zero_soc"),
+        ("regeneration", "zero_temperature_degc", "full_temperature_degc"),
+        ("climate", "fresh_air_low_w_k", "fresh_air_high_w_k"),
+    )
+    for section, low, high in pairs:
+        if parts[section] is not None and getattr(parts[section], low) >= getattr(parts[section], high):
+            got = f"{getattr(parts[section], low):g} and {getattr(parts[section], high):g}"
+            yield Fault("wrong order", f"{where}, {section}.{low} and {high}", got, f"{low} below {high}")

@@ -1,0 +1,203 @@
+"""A seeded run with every part that a report can show, and ways to take parts away."""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+MODELS = {
+    "constant": (0.20, 0.0),
+    "linear4": (0.12, 0.0),
+    "linear6": (0.11, 0.0),
+    "physics-paper": (0.15, -0.33),
+    "physics": (0.16, -0.12),
+    "physics4": (0.11, 0.0),
+    "forest": (0.12, 0.01),
+    "boosting": (0.115, 0.0),
+    "boosting-only": (0.4, 0.05),
+}
+
+
+def bootstrap(values: np.ndarray, rng: np.random.Generator) -> list[float]:
+    draws = values[rng.integers(0, len(values), (500, len(values)))].mean(axis=1)
+    return [float(q) for q in np.quantile(draws, [0.025, 0.975])]
+
+
+def make_folds(trips: list[str], scheme: str, name: str, rng: np.random.Generator) -> pd.DataFrame:
+    observed = rng.uniform(600.0, 6000.0, len(trips))
+    simulated = observed * (0.67 + 0.15 * rng.standard_normal(len(trips)))
+    parts = []
+    for model, (spread, bias) in MODELS.items():
+        noise = rng.standard_t(4, len(trips))
+        predicted = simulated if model == "physics-paper" else observed * (1 + bias + spread * noise / 1.4)
+        parts.append(
+            pd.DataFrame(
+                {
+                    "scheme": scheme,
+                    "trips": name,
+                    "trip": trips,
+                    "model": model,
+                    "observed_energy_wh": observed,
+                    "simulated_energy_wh": simulated,
+                    "correction_wh": predicted - simulated,
+                    "predicted_energy_wh": predicted,
+                    "ape": np.abs(predicted - observed) / observed,
+                }
+            )
+        )
+    return pd.concat(parts, ignore_index=True)
+
+
+def evaluation_of(folds: pd.DataFrame, rng: np.random.Generator) -> dict:
+    wide = folds.pivot_table(index="trip", columns="model", values="ape")
+    models = {}
+    for model in MODELS:
+        rows = folds[folds["model"] == model]
+        difference = rows["predicted_energy_wh"] - rows["observed_energy_wh"]
+        models[model] = {
+            "mape": float(rows["ape"].mean()),
+            "mape_ci95": bootstrap(rows["ape"].to_numpy(), rng),
+            "median_ape": float(rows["ape"].median()),
+            "max_ape": float(rows["ape"].max()),
+            "bias": float((difference / rows["observed_energy_wh"]).mean()),
+            "rmse_wh": float(np.sqrt((difference**2).mean())),
+            "improved_share": {
+                p: float((wide[model] < wide[p]).mean()) for p in ("physics-paper", "physics")
+            },
+            "fit_s": float(rng.uniform(0.01, 4.0)),
+            "predict_ms": float(rng.uniform(0.1, 9.0)),
+        }
+    first = folds.iloc[0]
+    return {"scheme": first["scheme"], "trips": first["trips"], "n_trips": len(wide), "models": models}
+
+
+def pairs_of(folds: pd.DataFrame, rng: np.random.Generator) -> list[dict]:
+    wide = folds.pivot_table(index="trip", columns="model", values="ape")
+    names = list(MODELS)
+    pairs = []
+    for i, a in enumerate(names):
+        for b in names[i + 1 :]:
+            difference = (wide[a] - wide[b]).to_numpy()
+            pair = {"a": a, "b": b, "diff": float(difference.mean()), "ci95": bootstrap(difference, rng)}
+            pairs.append({"scheme": folds["scheme"].iloc[0], "trips": folds["trips"].iloc[0], **pair})
+    return pairs
+
+
+def make_series(folds: pd.DataFrame, rng: np.random.Generator) -> dict[str, pd.DataFrame]:
+    series = {}
+    for trip, rows in folds.groupby("trip", sort=False):
+        time = np.arange(0.0, float(rng.integers(400, 2400)))
+        speed = np.clip(14 + 10 * np.sin(time / 70) + 4 * np.sin(time / 13), 0, None)
+        share = np.cumsum(speed) / speed.sum()
+        wave = 1 + 0.15 * np.sin(6 * share)
+        columns = {
+            "time_s": time,
+            "speed_m_s": speed,
+            "observed_energy_wh": share * rows["observed_energy_wh"].iloc[0],
+        }
+        for model, value in zip(rows["model"], rows["predicted_energy_wh"], strict=True):
+            columns[model] = value * share * wave / wave[-1]
+        series[str(trip)] = pd.DataFrame(columns)
+    return series
+
+
+def make_inside(trips: list[str], rng: np.random.Generator) -> dict[str, pd.DataFrame]:
+    n = len(trips)
+    signals = pd.DataFrame(
+        {
+            "trip": trips,
+            "current_rmse_a": rng.gamma(9, 1.1, n),
+            "voltage_rmse_v": rng.gamma(9, 0.4, n),
+            "battery_temperature_rmse_degc": rng.gamma(4, 0.3, n),
+            "soc_rmse": rng.gamma(4, 0.004, n),
+        }
+    )
+    rounds = np.arange(1, 301)
+    curves = pd.concat(
+        pd.DataFrame(
+            {
+                "model": model,
+                "fold": f,
+                "rounds": rounds,
+                "error": 0.12 + 0.2 * np.exp(-rounds / 40) + 1e-7 * (rounds - 150 - 9 * f) ** 2 + 0.01 * e,
+            }
+        )
+        for model in ("boosting", "boosting-only")
+        for f, e in enumerate(rng.standard_normal(6))
+    )
+    covariates = [
+        "time_s",
+        "speed_m_s",
+        "ambient_temperature_degc",
+        "elevation_difference_m",
+        "season",
+        "weather",
+    ]
+    importances = pd.DataFrame(
+        [
+            {"model": m, "covariate": c, "importance": float(rng.gamma(1.0, 0.1))}
+            for m in ("forest", "boosting")
+            for c in covariates
+        ]
+    )
+    return {"signals": signals, "learning_curves": curves, "importances": importances}
+
+
+def make_run(dataset: str = "tum", trips: list[str] | None = None, seed: int = 7) -> SimpleNamespace:
+    rng = np.random.default_rng(seed)
+    trips = trips or [f"A{i:02d}" for i in range(1, 33)] + [f"B{i:02d}" for i in range(2, 28)]
+    sets = [
+        ("leave_one_trip_out", "all"),
+        ("leave_one_trip_out", "reference"),
+        ("leave_one_trip_out", "audited"),
+        ("leave_one_day_out", "reference"),
+    ]
+    folds = [make_folds(trips, scheme, name, rng) for scheme, name in sets]
+    main = folds[1]
+    results = {
+        "protocol": "paper",
+        "seed": seed,
+        "versions": {"tripwatt": "0.1.0", "numpy": np.__version__},
+        "dataset": dataset,
+        "citation": "Nobody et al.: Made-up drives, DOI 10.0000/none, CC BY 4.0",
+        "notes": ["Season and weather come from the overview sheet."],
+        "audit": [
+            {
+                "trip": trips[-1],
+                "from_s": 293.0,
+                "to_s": 733.7,
+                "what": "every signal frozen",
+                "consequence": "trimmed",
+            },
+            {
+                "trip": "X99",
+                "from_s": None,
+                "to_s": None,
+                "what": "energy contradicts SoC",
+                "consequence": "set aside",
+            },
+        ],
+        "trips_read": [*trips, "X99"],
+        "trips_used": {"reference": trips, "audited": trips[1:], "all": [*trips, "X99"]},
+        "evaluations": [evaluation_of(f, rng) for f in folds],
+        "paired": [p for f in folds for p in pairs_of(f, rng)],
+    }
+    return SimpleNamespace(
+        results=results,
+        folds=pd.concat(folds, ignore_index=True),
+        series=make_series(main, rng),
+        **make_inside(trips, rng),
+    )
+
+
+@pytest.fixture(scope="session")
+def run() -> SimpleNamespace:
+    return make_run()
+
+
+@pytest.fixture(scope="session")
+def made_up() -> Callable[..., SimpleNamespace]:
+    """Makes a run of any data set and trips: `made_up("tum", trips=["a", "b"])`."""
+    return make_run

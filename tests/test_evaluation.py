@@ -1,0 +1,134 @@
+"""The held-out runs: nothing leaks, nothing depends on chance, an interrupted run ends like any other."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tripwatt.errors import InvalidInput
+from tripwatt.evaluation import MODEL_NAMES, evaluate, write_results
+from tripwatt.evaluation.protocols import PHYSICS_PRESETS, protocol_models
+from tripwatt.evaluation.results import FOLD_COLUMNS
+from tripwatt.hybrid import HybridModel, build_table
+from tripwatt.synthetic import synthetic_fleet
+from tripwatt.vehicles import load_vehicle
+
+FAST = ("constant", "linear4", "physics-paper", "physics", "physics4")
+
+
+@pytest.fixture(scope="module")
+def fleet():
+    return synthetic_fleet(n_trips=10, seed=3)
+
+
+@pytest.fixture(scope="module")
+def table(fleet):
+    cars = {name: load_vehicle("bmw_i3_60ah", preset=preset) for name, preset in PHYSICS_PRESETS.items()}
+    return build_table(fleet.trips, cars, step_s=5.0)
+
+
+@pytest.mark.parametrize("name", MODEL_NAMES)
+def test_the_held_out_energy_does_not_move_its_prediction(table, name):
+    spec = protocol_models("paper", (name,))[0]
+    held_out, others = 4, [i for i in range(len(table)) if i != 4]
+    rows = table.rows_of(np.array([held_out]))
+    changed_wh = table.observed_wh.copy()
+    changed_wh[rows] = 7.0 * changed_wh[rows] + 321.0
+    changed = dataclasses.replace(table, observed_wh=changed_wh)
+
+    def predictions(which):
+        model = spec.build(0)
+        if isinstance(model, HybridModel) and model.shares_folds:
+            return model.predict_held_out(which, np.arange(len(which)))
+        return model.fit(which.take(others)).predict(which)
+
+    before, after = predictions(table), predictions(changed)
+    np.testing.assert_array_equal(before[rows], after[rows])
+    if isinstance(spec.build(0), HybridModel) and spec.build(0).shares_folds:
+        assert not np.array_equal(before, after), "the change must matter to the other trips' models"
+
+
+def test_corrections_start_from_the_simulation(table):
+    for name in ("forest", "boosting"):
+        model = protocol_models("paper", (name,))[0].build(0).fit(table)
+        perfect = dataclasses.replace(table, observed_wh=table.simulated_wh["physics-paper"])
+        exact = protocol_models("paper", (name,))[0].build(0).fit(perfect).predict(perfect)
+        np.testing.assert_allclose(exact, table.simulated_wh["physics-paper"], atol=1e-6)
+        assert not np.allclose(model.predict(table), table.simulated_wh["physics-paper"], atol=1.0)
+
+
+def test_regressions_recover_their_own_law(table):
+    truth = 123.0 * table.totals["distance_km"] + 400.0 * table.totals["duration_h"] + 30.0 * table.totals["cold_h"]
+    lawful = dataclasses.replace(table, observed_wh=truth.to_numpy())
+    model = protocol_models("paper", ("linear4",))[0].build(0).fit(lawful.take(range(8)))
+    np.testing.assert_allclose(model.predict(lawful), truth, rtol=1e-8, atol=1e-6)
+
+
+def test_results_hold_the_contract(fleet, tmp_path):
+    run = evaluate(fleet, models=FAST, n_jobs=1)
+    write_results(run, tmp_path)
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert {"protocol", "seed", "versions", "audit", "evaluations", "paired"} <= set(results)
+    schemes = {(e["scheme"], e["trips"]) for e in results["evaluations"]}
+    assert ("leave_one_trip_out", "audited") in schemes
+    assert any(scheme == "leave_one_day_out" for scheme, _ in schemes)
+    for evaluation in results["evaluations"]:
+        assert list(evaluation["models"]) == list(FAST)
+        for name, model in evaluation["models"].items():
+            assert model["mape_ci95"][0] <= model["mape"] <= model["mape_ci95"][1], name
+            assert model["max_ape"] >= model["median_ape"] >= 0
+            assert {"bias", "rmse_wh", "improved_share", "fit_s", "predict_ms"} <= set(model)
+    folds = pd.read_csv(tmp_path / "folds.csv")
+    assert tuple(folds.columns) == FOLD_COLUMNS
+    np.testing.assert_allclose(folds["simulated_energy_wh"] + folds["correction_wh"], folds["predicted_energy_wh"])
+    part = folds[(folds["scheme"] == "leave_one_trip_out") & (folds["trips"] == "audited") & (folds["model"] == "linear4")]
+    assert part["ape"].mean() == pytest.approx(results["evaluations"][0]["models"]["linear4"]["mape"])
+    assert len(results["paired"]) == len(FAST) * (len(FAST) - 1) // 2
+
+
+class Stop(Exception):
+    pass
+
+
+def test_an_interrupted_run_resumes_to_the_identical_table(fleet, tmp_path):
+    whole = evaluate(fleet, models=FAST, n_jobs=1)
+
+    def stop_half_way(finished, total):
+        if finished > total // 2:
+            raise Stop
+
+    with pytest.raises(Stop):
+        evaluate(fleet, models=FAST, n_jobs=1, work_dir=tmp_path, progress=stop_half_way)
+    kept = len(list(tmp_path.rglob("*.npz")))
+    assert kept > 0
+    broken = next(tmp_path.rglob("*.npz"))
+    broken.write_bytes(b"half a file")
+    seen = []
+    resumed = evaluate(
+        fleet, models=FAST, n_jobs=1, work_dir=tmp_path, resume=True, progress=lambda done, total: seen.append(done)
+    )
+    assert seen[0] == kept - 1, "finished folds are used, the broken one is run again"
+    pd.testing.assert_frame_equal(resumed.folds, whole.folds)
+    for old, new in zip(whole.results["evaluations"], resumed.results["evaluations"], strict=True):
+        for name in FAST:
+            assert old["models"][name]["mape_ci95"] == new["models"][name]["mape_ci95"]
+
+
+def test_the_number_of_processes_changes_nothing(fleet):
+    one = evaluate(fleet, models=("linear6", "forest"), n_jobs=1, seed=5)
+    two = evaluate(fleet, models=("linear6", "forest"), n_jobs=2, seed=5)
+    pd.testing.assert_frame_equal(one.folds, two.folds)
+
+
+def test_too_few_trips_are_refused(fleet):
+    with pytest.raises(InvalidInput, match="too few trips"):
+        evaluate(dataclasses.replace(fleet, trips=fleet.trips[:2]), models=("constant",), n_jobs=1)
+
+
+def test_unknown_names_are_refused(fleet):
+    with pytest.raises(InvalidInput, match="nonsense"):
+        evaluate(fleet, models=("nonsense",))
+    with pytest.raises(InvalidInput, match="unknown protocol"):
+        evaluate(fleet, protocol="nonsense")
