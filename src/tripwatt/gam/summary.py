@@ -293,7 +293,7 @@ def summary(model: GAMM) -> Summary:
         smooth=term_table(model),
         formula=render_formula(model.formula_),
         family=family.name,
-        method="REML",
+        method=str(model.method) if family.name == "scat" else "REML",
         scale_known=not (isinstance(family, Gaussian) and family.scale is None),
         r2=float(model.r2_),
         deviance_explained=float(model.deviance_explained_),
