@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Autocorrelation",
     "Diagnosis",
+    "ErrorDistribution",
     "QuantileQuantile",
     "ResidualHistogram",
     "ResidualsAgainstPredictor",
@@ -64,23 +65,34 @@ def _scatter(ax: Axes, x: _FloatArray, y: _FloatArray) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class _Distribution:
-    """The fitted error distribution: normal or sigma times Student's t."""
+class ErrorDistribution:
+    """The fitted error distribution: normal or sigma times Student's t.
+
+    Attributes
+    ----------
+    sigma : float
+        Scale, in units of the response.
+    nu : float
+        Degrees of freedom; NaN for the normal distribution.
+    """
 
     sigma: float
     nu: float
 
     @property
     def name(self) -> str:
+        """Name in figures."""
         return "normal" if np.isnan(self.nu) else f"t with {self.nu:.3g} df"
 
     def quantile(self, p: _FloatArray) -> _FloatArray:
+        """Quantiles at probabilities `p`."""
         from scipy import stats
 
         q = stats.norm.ppf(p) if np.isnan(self.nu) else stats.t.ppf(p, self.nu)
         return np.asarray(self.sigma * q, dtype=float)
 
     def density(self, x: _FloatArray) -> _FloatArray:
+        """Density at `x`."""
         from scipy import stats
 
         z = x / self.sigma
@@ -88,9 +100,9 @@ class _Distribution:
         return np.asarray(d / self.sigma, dtype=float)
 
 
-def _distribution(model: GAMM) -> _Distribution:
+def _distribution(model: GAMM) -> ErrorDistribution:
     nu = float("nan") if model.nu_ is None else float(model.nu_)
-    return _Distribution(float(np.sqrt(model.scale_)) if np.isnan(nu) else float(model.sigma_), nu)
+    return ErrorDistribution(float(np.sqrt(model.scale_)) if np.isnan(nu) else float(model.sigma_), nu)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,35 +115,47 @@ class QuantileQuantile:
         Sorted residuals, in units of the response.
     theoretical : ndarray (n,)
         Quantiles of the fitted distribution at (i - 1/2) / n.
-    lower, upper : ndarray (n,)
-        Where 95 % of each ordered residual would lie, were the rows independent.
-    distribution : str
-        Name of the fitted distribution.
+    distribution : ErrorDistribution
+        The fitted distribution.
     """
 
     residual: _FloatArray
     theoretical: _FloatArray
-    lower: _FloatArray
-    upper: _FloatArray
-    distribution: str
+    distribution: ErrorDistribution
 
     @classmethod
-    def of(cls, residual: _FloatArray, distribution: _Distribution) -> QuantileQuantile:
+    def of(cls, residual: _FloatArray, distribution: ErrorDistribution) -> QuantileQuantile:
         """Sort residuals (n,) and find their quantiles."""
+        n = residual.size
+        return cls(np.sort(residual), distribution.quantile((np.arange(n) + 0.5) / n), distribution)
+
+    def band(self, at: NDArray[np.intp] | None = None) -> tuple[_FloatArray, _FloatArray]:
+        """Where 95 % of each ordered residual would lie, were the rows independent.
+
+        Parameters
+        ----------
+        at : ndarray of int, optional
+            Which of them; default all.
+
+        Returns
+        -------
+        tuple of ndarray
+            Lower and upper end.
+        """
         from scipy import stats
 
-        n = residual.size
-        i = np.arange(1, n + 1)
-        low, high = (distribution.quantile(stats.beta.ppf(p, i, n - i + 1)) for p in (0.025, 0.975))
-        middle = distribution.quantile((i - 0.5) / n)
-        return cls(np.sort(residual), middle, low, high, distribution.name)
+        n = self.residual.size
+        i = 1 + (np.arange(n) if at is None else at)
+        low, high = (self.distribution.quantile(stats.beta.ppf(p, i, n - i + 1)) for p in (0.025, 0.975))
+        return low, high
 
     def frame(self) -> pd.DataFrame:
-        """The numbers: ``theoretical``, ``residual``, ``lower``, ``upper``."""
+        """The numbers: ``theoretical``, ``residual``, ``lower``, ``upper`` (of `band`)."""
         import pandas as pd
 
-        names = ("theoretical", "residual", "lower", "upper")
-        return pd.DataFrame({name: getattr(self, name) for name in names})
+        lower, upper = self.band()
+        columns = {"theoretical": self.theoretical, "residual": self.residual}
+        return pd.DataFrame({**columns, "lower": lower, "upper": upper})
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw it, on new axes if none are given."""
@@ -139,22 +163,17 @@ class QuantileQuantile:
         ends = np.arange(min(200, self.residual.size))
         keep = np.union1d(_thinned(self.residual.size), np.concatenate([ends, self.residual.size - 1 - ends]))
         x = self.theoretical[keep]
-        ax.fill_between(
-            x,
-            self.lower[keep],
-            self.upper[keep],
-            color=GREY,
-            alpha=0.3,
-            linewidth=0,
-            label="95 %, were rows independent",
-        )
+        lower, upper = self.band(keep)
+        ax.fill_between(x, lower, upper, color=GREY, alpha=0.3, linewidth=0, label="95 %, were rows independent")
         ax.scatter(x, self.residual[keep], s=8, color=BLUE, alpha=0.6, linewidths=0, rasterized=True)
         ax.plot(x[[0, -1]], x[[0, -1]], color=RED, linewidth=1.5)
         ax.legend(frameon=False, loc="upper left", fontsize="small")
         span = np.array([self.residual[0], self.residual[-1], x[0], x[-1]])
         pad = 0.04 * float(np.ptp(span))
         ax.set_ylim(float(span.min()) - pad, float(span.max()) + pad)
-        ax.set(title="Q-Q plot", xlabel=f"Quantiles of the fitted {self.distribution}", ylabel="Residual")
+        ax.set(
+            title="Q-Q plot", xlabel=f"Quantiles of the fitted {self.distribution.name}", ylabel="Residual"
+        )
         return ax
 
 
@@ -211,7 +230,7 @@ class ResidualHistogram:
     distribution: str
 
     @classmethod
-    def of(cls, residual: _FloatArray, distribution: _Distribution) -> ResidualHistogram:
+    def of(cls, residual: _FloatArray, distribution: ErrorDistribution) -> ResidualHistogram:
         """Bin residuals (n,) after Freedman & Diaconis, at most 60 bins."""
         low, q1, q3, high = np.quantile(residual, [0.002, 0.25, 0.75, 0.998])
         width = 2 * (q3 - q1) / residual.size ** (1 / 3)

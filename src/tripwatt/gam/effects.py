@@ -36,6 +36,7 @@ __all__ = [
 
 _FloatArray = NDArray[np.float64]
 _TOO_FAR: Final = 0.1  # of the range of the data: what lies farther from every point is not shown
+_CELLS: Final = 400  # per covariate, finer than a figure shows
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,8 +141,8 @@ class SurfaceEffect:
             ax.clabel(lines, fontsize=7)
             ax.figure.colorbar(filled, ax=ax, label="Effect")
         if self.points.size:
-            unique = np.unique(self.points, axis=0)
-            keep = unique[:: max(1, len(unique) // 1500)]
+            spread = _cells(self.points, np.array([self.x[0], self.y[0]]), np.array([self.x[-1], self.y[-1]]))
+            keep = spread[:: max(1, len(spread) // 1500)]
             ax.scatter(keep[:, 0], keep[:, 1], s=2, color="black", alpha=0.35, linewidths=0, rasterized=True)
         held = "".join(f", {name} = {value:.3g}" for name, value in self.at.items())
         ax.set(
@@ -337,6 +338,14 @@ def _rows(block: Block, frame: pd.DataFrame, names: tuple[str, ...]) -> _FloatAr
     return frame[list(names)].to_numpy(dtype=float)
 
 
+def _cells(points: _FloatArray, low: _FloatArray, high: _FloatArray) -> _FloatArray:
+    """Points (n, 2) thinned to one for each cell of a fine grid."""
+    step = np.where(high > low, high - low, 1.0) / _CELLS
+    cell = np.rint((points - low) / step).astype(np.int64)
+    _, first = np.unique(cell[:, 0] * (2 * _CELLS) + cell[:, 1], return_index=True)
+    return points[first]
+
+
 def _grid(model: GAMM, name: str, points: int) -> _FloatArray:
     low, high = model.ranges_[name]
     return np.linspace(float(low), float(high), points)
@@ -369,10 +378,9 @@ def _surface(model: GAMM, block: Block, frame: pd.DataFrame | None, points: int)
     if len(cloud):
         from scipy.spatial import cKDTree
 
-        span = np.array([np.ptp(x), np.ptp(y)])
-        distance, _ = cKDTree(np.unique(cloud, axis=0) / span).query(
-            np.c_[across.ravel(), along.ravel()] / span
-        )
+        low, span = np.array([x[0], y[0]]), np.array([np.ptp(x), np.ptp(y)])
+        tree = cKDTree(_cells(cloud, low, low + span) / span)
+        distance, _ = tree.query(np.c_[across.ravel(), along.ravel()] / span)
         effect, error = (np.where(distance > _TOO_FAR, np.nan, v) for v in (effect, error))
     shape = across.shape
     edf = float(model.edf_[block.slice].sum())

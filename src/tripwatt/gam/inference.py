@@ -35,6 +35,7 @@ __all__ = [
 _FloatArray = NDArray[np.float64]
 _WHOLE: Final = 1e-6  # a reference df this close to a whole number is one
 _RANK: Final = 1e-8  # relative size below which an eigenvalue is rounding
+_LEFT: Final = 1e-7  # share of a column, less than which the other terms' rounding can leave of it
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,19 +188,26 @@ def random_effect_test(
     fixed = np.setdiff1d(np.flatnonzero(alive), np.concatenate([index, random]))
     covariance, weighted = _null_model(gram, penalty, np.flatnonzero(alive), index, random)
     b = coef[index]
-    lean = weighted[np.ix_(index, index)] + penalty[np.ix_(index, index)]
+    told = weighted[np.ix_(index, index)]
     if fixed.size:
         cross = weighted[np.ix_(fixed, index)]
-        lean = lean - cross.T @ _solve((weighted + penalty)[np.ix_(fixed, fixed)], cross)
+        told = told - cross.T @ _solve((weighted + penalty)[np.ix_(fixed, fixed)], cross)
+    lean = told + penalty[np.ix_(index, index)]
     total = float(b @ lean @ b / scale)
     values, vectors = np.linalg.eigh(lean)
     half = vectors * np.sqrt(np.clip(values, 0.0, None))
-    weights = np.linalg.eigvalsh(half.T @ covariance @ half)
-    weights = weights[weights > _RANK * weights.max(initial=0.0)]
-    if weights.size == 0:
+    rank = _rank(told, np.diag(gram)[index])
+    if rank == 0:
         return TermTest(0.0, 0.0, 1.0)
+    weights = np.clip(np.linalg.eigvalsh(half.T @ covariance @ half)[::-1][:rank], 0.0, None)
     p = _tail(total, weights, residual_df)
     return TermTest(float(weights.size), total if residual_df is None else total / weights.size, p)
+
+
+def _rank(a: _FloatArray, size: _FloatArray) -> int:
+    """Rank of what profiling left of a crossproduct whose diagonal was `size`."""
+    d = np.where(size > 0, size, 1.0) ** 0.5
+    return int((np.linalg.eigvalsh(a / np.outer(d, d)) > _LEFT).sum())
 
 
 def _null_model(
