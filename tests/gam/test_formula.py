@@ -1,11 +1,13 @@
 """Formulas: what is read, that it is written back the same, and what every complaint says."""
 
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tripwatt.errors import InvalidInput
 from tripwatt.gam.formula import parse_formula, render_formula, validate_columns
+from tripwatt.gam.model import GAMM
 from tripwatt.gam.terms import Formula, Parametric, RandomEffect, Smooth, Tensor
 
 NAMES = st.sampled_from(["time", "Ambient.Temp", "a b", "class", "s", "été", "x_1", "50%"])
@@ -103,6 +105,14 @@ def test_all_faults_travel_together():
         "k is no whole number",
         "unknown basis",
     ]
+
+
+def test_fit_names_near_matches_of_an_unknown_column():
+    frame = pd.DataFrame({"time": [1.0, 2.0, 3.0], "season": ["a", "b", "a"], "y": [1.0, 2.0, 4.0]})
+    with pytest.raises(
+        InvalidInput, match=r"'tme'.*did you mean time\?[\s\S]*'seasn'.*did you mean season\?"
+    ):
+        GAMM("y ~ s(tme, by=seasn)").fit(frame)
 
 
 def test_unknown_column_names_near_matches():

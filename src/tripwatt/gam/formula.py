@@ -18,7 +18,7 @@ from typing import Final, get_args
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.gam.terms import Basis, Formula, Parametric, RandomEffect, Smooth, Tensor, Term
 
-__all__ = ["parse_formula", "render_formula", "unknown_columns", "validate_columns"]
+__all__ = ["nearest", "parse_formula", "render_formula", "unknown_columns", "validate_columns"]
 
 _BASES: Final = (*get_args(Basis), "re")
 _ARGUMENTS: Final[Mapping[str, tuple[str, ...]]] = {
@@ -95,7 +95,7 @@ class _Reader:
         values = {e.value if isinstance(e, ast.Constant) else None for e in self.vector(node)}
         value = next(iter(values)) if len(values) == 1 else None
         if not isinstance(value, str) or value not in _BASES:
-            hint = _nearest(value, _BASES) if isinstance(value, str) else "one basis for all margins"
+            hint = nearest(value, _BASES) if isinstance(value, str) else "one basis for all margins"
             allowed = ", ".join(f'"{b}"' for b in _BASES)
             self.complain(call, "unknown basis", f"bs={self.original(node)}", allowed, hint)
             raise _Unreadable
@@ -133,7 +133,7 @@ class _Reader:
         """A smooth, tensor or random effect from its call."""
         kind = self.column(node.func) or self.original(node.func)
         if kind not in _ARGUMENTS:
-            fix = _nearest(kind, _ARGUMENTS) or "compute transformed columns beforehand"
+            fix = nearest(kind, _ARGUMENTS) or "compute transformed columns beforehand"
             self.complain(node, "unknown function", f"{kind}()", "s(), te(), ti()", fix)
             raise _Unreadable
         names = tuple(self.column(argument) for argument in node.args)
@@ -155,7 +155,7 @@ class _Reader:
         for keyword in node.keywords:
             if keyword.arg not in allowed:
                 name = keyword.arg or "**"
-                self.complain(node, "unknown argument", name, ", ".join(allowed), _nearest(name, allowed))
+                self.complain(node, "unknown argument", name, ", ".join(allowed), nearest(name, allowed))
                 raise _Unreadable
             given[keyword.arg] = keyword.value
         return given
@@ -221,7 +221,14 @@ def _as_basis(name: str) -> Basis:
     return next(basis for basis in get_args(Basis) if basis == name)
 
 
-def _nearest(name: str, allowed: Iterable[str]) -> str:
+def nearest(name: str, allowed: Iterable[str]) -> str:
+    """What may have been meant, as a question; empty if nothing comes near.
+
+    Examples
+    --------
+    >>> nearest("tmie", ["time", "vel"])
+    'did you mean time?'
+    """
     near = difflib.get_close_matches(name, list(allowed), n=3, cutoff=0.5)
     return f"did you mean {' or '.join(near)}?" if near else ""
 
@@ -401,7 +408,7 @@ def unknown_columns(formula: Formula, columns: Iterable[str]) -> list[Fault]:
     present = [str(column) for column in columns]
     shown = ", ".join(present[:12]) + (f" and {len(present) - 12} more" if len(present) > 12 else "")
     return [
-        Fault("unknown column", f"term {term.label!r}", name, shown or "no columns", _nearest(name, present))
+        Fault("unknown column", f"term {term.label!r}", name, shown or "no columns", nearest(name, present))
         for term in formula.terms
         for name in term.columns
         if name not in present
