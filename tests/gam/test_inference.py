@@ -9,7 +9,7 @@ from scipy import stats
 from tests.gam.oracle import HERE, small, synthetic
 
 from tripwatt.gam.chisq import _liu, weighted_chi2_sf
-from tripwatt.gam.diagnosis import _concurvity, concurvity
+from tripwatt.gam.dependence import _concurvity, concurvity
 from tripwatt.gam.inference import coefficient_table, smooth_test, term_table
 
 POSITIVE = st.floats(0.01, 100)

@@ -18,6 +18,16 @@ FORMULAS = {
 }
 
 
+PS = 'bs="ps", k=12'
+TUM = {
+    "core60s": 'y ~ weather + s(time) + s(tamb) + s(vel) + s(delev) + s(trip, bs="re")',
+    "ps60s": f'y ~ weather + s(time, bs="ps", k=20) + s(tamb, {PS}) + s(vel, {PS}) + s(delev, {PS})'
+    ' + ti(tamb, delev, bs="ps", k=c(6, 6)) + s(trip, bs="re")',
+    "psby60s": f'y ~ weather + season + s(time, by=season, bs="ps", k=20) + s(tamb, {PS}) + s(vel, by=season, {PS})'
+    f' + s(delev, by=season, {PS}) + ti(tamb, delev, bs="ps", k=c(6, 6)) + s(trip, bs="re")',
+}
+
+
 @pytest.fixture(scope="module")
 def data():
     rng = np.random.default_rng(4)
@@ -56,6 +66,27 @@ def test_the_whole_page_is_that_of_mgcv_at_its_parameters(reference_dir, kind, f
     assert page.reml == pytest.approx(scalars["score"], rel=1e-6)
     if family == "scat":
         assert (page.nu, page.sigma) == pytest.approx((scalars["nu"], scalars["sigma"]), rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "fit", ["core60s_gam_gauss", "core60s_gam_scat", "ps60s_gam_scat", "psby60s_gam_scat"]
+)
+def test_terms_are_those_of_mgcv_on_the_tum_regressions(reference_dir, fit):
+    folder = reference_dir / "mgcv" / fit
+    name, _, family = fit.split("_")
+    family = {"gauss": "gaussian"}.get(family, family)
+    parameters = pd.read_csv(folder / "sp.csv")["sp"].to_numpy()
+    model = GAMM(TUM[name], family=family, method="REML", smoothing_parameters=parameters)
+    page = summary(model.fit(pd.read_csv(folder.parent / "tum_60s.csv")))
+    printed = pd.read_csv(folder / "edf.csv")
+    np.testing.assert_allclose(page.smooth["edf"], printed["edf"], atol=0.01)
+    tested = printed["stat"].notna().to_numpy()  # the random effect was not
+    ours = page.smooth[tested]
+    np.testing.assert_allclose(
+        ours[["ref_df", "statistic"]], printed.loc[tested, ["ref.df", "stat"]], rtol=5e-4
+    )
+    np.testing.assert_allclose(ours["p_value"], printed.loc[tested, "p"], atol=1e-3)
+    assert page.reml == pytest.approx(pd.read_csv(folder / "scalars.csv")["score"][0], rel=1e-6)
 
 
 def test_level_without_data_is_zero_everywhere(fit):

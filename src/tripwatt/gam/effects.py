@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.gam.diagnosis import BLUE, GREY, RED, _axes
+from tripwatt.gam.figures import BLUE, GREY, RED, axes_or_new, new_figure
 from tripwatt.gam.terms import RandomEffect, Smooth, Tensor
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class CurveEffect:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw it, on new axes if none are given."""
-        ax = _axes(ax)
+        ax = axes_or_new(ax)
         table = self.frame()
         ax.fill_between(self.x, table["lower"], table["upper"], color=BLUE, alpha=0.2, linewidth=0)
         ax.axhline(0.0, color=GREY, linewidth=0.8)
@@ -131,7 +131,7 @@ class SurfaceEffect:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw it, on new axes if none are given."""
-        ax = _axes(ax)
+        ax = axes_or_new(ax)
         shown = np.ma.masked_invalid(self.effect)
         if float(np.ma.ptp(shown) if shown.count() else 0.0) > 0:
             filled = ax.contourf(self.x, self.y, shown, levels=12, cmap="cividis")
@@ -144,7 +144,7 @@ class SurfaceEffect:
             spread = _cells(self.points, np.array([self.x[0], self.y[0]]), np.array([self.x[-1], self.y[-1]]))
             keep = spread[:: max(1, len(spread) // 1500)]
             ax.scatter(keep[:, 0], keep[:, 1], s=2, color="black", alpha=0.35, linewidths=0, rasterized=True)
-        held = "".join(f", {name} = {value:.3g}" for name, value in self.at.items())
+        held = "".join(f"\nat {name} {value:.3g}" for name, value in self.at.items())
         ax.set(
             title=f"{self.label}, EDF {self.edf:.2f}{held}",
             xlabel=self.covariates[0],
@@ -185,7 +185,7 @@ class RandomEffects:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw it, on new axes if none are given."""
-        ax = _axes(ax)
+        ax = axes_or_new(ax)
         ends = self.theoretical[[0, -1]]
         ax.plot(ends, ends, color=RED, linewidth=1.5)
         ax.errorbar(
@@ -238,7 +238,7 @@ class FactorEffect:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw it, on new axes if none are given."""
-        ax = _axes(ax)
+        ax = axes_or_new(ax)
         rows = np.arange(len(self.level))
         ax.axvline(0.0, color=GREY, linewidth=0.8)
         ax.errorbar(
@@ -285,6 +285,17 @@ def effects(
     ------
     InvalidInput
         If `level` or `points` makes no sense, or `frame` lacks a column of the model.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from tripwatt.gam.model import GAMM
+    >>> x = np.linspace(0, 1, 60)
+    >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
+    >>> model = GAMM("y ~ s(x, k=8)").fit(frame)
+    >>> curve = effects(model, frame, points=3)["s(x)"]
+    >>> curve.frame().columns.tolist(), curve.rug.size
+    (['x', 'effect', 'std_error', 'lower', 'upper'], 60)
     """
     from scipy import stats
 
@@ -438,15 +449,22 @@ def plot_effects(found: Mapping[str, Effect], figure: Figure | None = None, colu
     Returns
     -------
     matplotlib Figure
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from tripwatt.gam.model import GAMM
+    >>> x = np.linspace(0, 1, 60)
+    >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
+    >>> model = GAMM("y ~ s(x, k=8)").fit(frame)
+    >>> figure = plot_effects(effects(model, frame))
+    >>> [ax.get_xlabel() for ax in figure.axes]
+    ['x']
     """
     columns = max(1, min(columns, len(found)))
     rows = -(-len(found) // columns)
     if figure is None:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure as NewFigure
-
-        figure = NewFigure(figsize=(4.6 * columns, 3.6 * max(rows, 1)), layout="constrained")
-        FigureCanvasAgg(figure)
+        figure = new_figure(4.6 * columns, 3.6 * max(rows, 1))
     axes = figure.subplots(max(rows, 1), columns, squeeze=False).ravel()
     for effect, ax in zip(found.values(), axes, strict=False):
         effect.plot(ax)

@@ -259,6 +259,16 @@ def total_penalty(model: GAMM) -> _FloatArray:
     Returns
     -------
     ndarray, shape (p, p)
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from tripwatt.gam.model import GAMM
+    >>> x = np.linspace(0, 1, 60)
+    >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
+    >>> model = GAMM("y ~ s(x, k=8)").fit(frame)
+    >>> total_penalty(model).shape
+    (8, 8)
     """
     p = model.coef_.size
     penalty = np.zeros((p, p))
@@ -296,6 +306,16 @@ def coefficient_table(model: GAMM) -> pd.DataFrame:
         One row per coefficient, named in the index: ``estimate``, ``std_error`` (Bayesian, as is usual),
         ``statistic`` (t where the scale is estimated, z where it is known) and ``p_value``. A level without
         data has 0, 0 and no test.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from tripwatt.gam.model import GAMM
+    >>> x = np.linspace(0, 1, 60)
+    >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
+    >>> model = GAMM("y ~ s(x, k=8)").fit(frame)
+    >>> coefficient_table(model).round(2).loc["(Intercept)", "estimate"]
+    np.float64(0.01)
     """
     import pandas as pd
     from scipy import stats
@@ -326,6 +346,16 @@ def term_table(model: GAMM) -> pd.DataFrame:
         One row per term, named in the index: ``edf``, ``ref_df``, ``statistic`` (F where the scale is estimated,
         chi-square where it is known), ``p_value``. A term whose penalty leaves nothing free, a random effect
         among them, is tested as a variance (Wood 2013b), every other one as a function (Wood 2013a).
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from tripwatt.gam.model import GAMM
+    >>> x = np.linspace(0, 1, 60)
+    >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
+    >>> model = GAMM("y ~ s(x, k=8)").fit(frame)
+    >>> term_table(model).index.tolist(), bool(term_table(model)["p_value"].iloc[0] < 1e-20)
+    (['s(x)'], True)
     """
     import pandas as pd
 

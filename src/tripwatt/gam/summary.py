@@ -284,6 +284,19 @@ def summary(model: GAMM) -> Summary:
     Returns
     -------
     Summary
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from tripwatt.gam.model import GAMM
+    >>> x = np.linspace(0, 1, 60)
+    >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
+    >>> model = GAMM("y ~ s(x, k=8)").fit(frame)
+    >>> page = summary(model)
+    >>> page.smooth.round(1).loc["s(x)", ["edf", "ref_df"]].tolist()
+    [6.3, 6.8]
+    >>> print(page.text().splitlines()[1])
+    Formula: y ~ s(x, k=8)
     """
     from tripwatt.gam.families import Gaussian
 
