@@ -77,7 +77,10 @@ def _inversion(q: float, lam: _FloatArray, h: _FloatArray) -> float | None:
     def integrand(x: _FloatArray) -> _FloatArray:
         s = c + width * (1j * np.sinh(x) + bend * (np.cosh(x) - 1))
         slope = width * (1j * np.cosh(x) + bend * np.sinh(x))
-        phi = -0.5 * (h @ np.log(1 - 2 * lam[:, None] * s)) - q * s - np.log(s)
+        logs = (h[:, None] * np.log(1 - 2 * lam[:, None] * s)).sum(
+            axis=0
+        )  # too small for BLAS and its threads
+        phi = -0.5 * logs - q * s - np.log(s)
         return np.asarray((np.exp(phi - top) * slope).imag / np.pi, dtype=float)
 
     step, before = 0.25, np.nan

@@ -133,11 +133,14 @@ class SurfaceEffect:
         """Draw it, on new axes if none are given."""
         ax = axes_or_new(ax)
         shown = np.ma.masked_invalid(self.effect)
-        if float(np.ma.ptp(shown) if shown.count() else 0.0) > 0:
-            filled = ax.contourf(self.x, self.y, shown, levels=12, cmap="cividis")
-            lines = ax.contour(
-                self.x, self.y, shown, levels=np.asarray(filled.levels)[::2], colors="white", linewidths=0.6
-            )
+        if shown.count() and float(np.ma.ptp(shown)) > 0:
+            from matplotlib.ticker import MaxNLocator
+
+            # a spline's runaway corner must not take all the colours
+            low, high = np.quantile(shown.compressed(), [0.02, 0.98])
+            levels = np.asarray(MaxNLocator(12).tick_values(low, high))
+            filled = ax.contourf(self.x, self.y, shown, levels=levels, cmap="cividis", extend="both")
+            lines = ax.contour(self.x, self.y, shown, levels=levels[::2], colors="white", linewidths=0.6)
             ax.clabel(lines, fontsize=7)
             ax.figure.colorbar(filled, ax=ax, label="Effect")
         if self.points.size:
