@@ -143,7 +143,9 @@ class CubicRegression:
         j = np.clip(np.searchsorted(self.knots, v, side="right") - 1, 0, self.k - 2)
         left, right = self.knots[j], self.knots[j + 1]
         h, up, down = right - left, right - v, v - left
-        values = F[j] * ((up**3 / h - h * up) / 6)[:, None] + F[j + 1] * ((down**3 / h - h * down) / 6)[:, None]
+        values = (
+            F[j] * ((up**3 / h - h * up) / 6)[:, None] + F[j + 1] * ((down**3 / h - h * down) / 6)[:, None]
+        )
         rows = np.arange(len(v))
         values[rows, j] += up / h
         values[rows, j + 1] += down / h
@@ -186,7 +188,7 @@ class ThinPlate:
     @property
     def null_dim(self) -> int:
         """Number of polynomials of a total degree below `order`."""
-        return self.k - self.loadings.shape[1]
+        return self.k - int(self.loadings.shape[1])
 
     def matrix(self, x: Array) -> Array:
         """Columns at `x` (n, d), as (n, k)."""
@@ -229,7 +231,9 @@ def _radial(x: Array, knots: Array, order: int) -> Array:
         np.maximum(square, 0.0, out=square)
     power = 2 * order - d
     if d % 2:
-        constant = math.gamma(d / 2 - order) / (2 ** (2 * order) * math.pi ** (d / 2) * math.factorial(order - 1))
+        constant = math.gamma(d / 2 - order) / (
+            2 ** (2 * order) * math.pi ** (d / 2) * math.factorial(order - 1)
+        )
         return np.asarray(constant * square ** (power / 2))
     constant = (-1) ** (order + 1 + d // 2) / (
         2 ** (2 * order - 1) * math.pi ** (d / 2) * math.factorial(order - 1) * math.factorial(order - d // 2)
@@ -272,7 +276,7 @@ def _largest_eigenpairs(E: Array, k: int) -> tuple[Array, Array]:
 def _basis_knots(points: Array) -> Array:
     if len(points) <= MAX_KNOTS:
         return points
-    return points[np.linspace(0, len(points) - 1, MAX_KNOTS).round().astype(int)]
+    return np.asarray(points[np.linspace(0, len(points) - 1, MAX_KNOTS).round().astype(int)])
 
 
 def thin_plate(points: Array, counts: Array, k: int, order: int) -> ThinPlate:

@@ -153,7 +153,9 @@ class Points:
         for j in range(len(axes) - 1, -1, -1):
             rest, position = np.divmod(rest, len(axes[j][0]))
             values[:, j] = axes[j][0][position]
-        return cls(values, index.astype(np.intp, copy=False), np.bincount(index, minlength=len(values)).astype(float))
+        return cls(
+            values, index.astype(np.intp, copy=False), np.bincount(index, minlength=len(values)).astype(float)
+        )
 
 
 def grid_limit(x: Array, limit: int) -> int:
@@ -172,7 +174,7 @@ def _distinct(x: Array, limit: int | None) -> tuple[Array, Index]:
     step = (high - low) / (limit - 1)
     cell = np.rint((values - low) / step).astype(np.intp)
     used, position = np.unique(cell, return_inverse=True)
-    grid = low + step * used
+    grid: Array = np.asarray(low + step * used, dtype=np.float64)
     grid[0], grid[-1] = low, high
     return grid, position.astype(np.intp)[index]
 
@@ -250,7 +252,9 @@ def response(frame: pd.DataFrame, y: object, name: str | None) -> Array:
     """The response (n,) from an argument or a column; raises for what cannot be fitted."""
     if y is None:
         if name is None:
-            raise InvalidInput(Fault("no response", "fit(frame, y)", "y is None", "y, or a formula with a left side"))
+            raise InvalidInput(
+                Fault("no response", "fit(frame, y)", "y is None", "y, or a formula with a left side")
+            )
         faults = missing_columns(frame, [name])
         if faults:
             raise InvalidInput(faults)
@@ -261,7 +265,9 @@ def response(frame: pd.DataFrame, y: object, name: str | None) -> Array:
         raise InvalidInput(Fault("wrong length", "response y", got, f"one for each of the {len(frame)} rows"))
     values, faults = numbers(pd.DataFrame({"y": series}), "y", "the response")
     if not faults and len(values) and np.ptp(values) == 0:
-        faults = [Fault("constant response", f"{name or 'y'}", f"{values[0]} in every row", "at least two values")]
+        faults = [
+            Fault("constant response", f"{name or 'y'}", f"{values[0]} in every row", "at least two values")
+        ]
     if faults:
         raise InvalidInput(faults)
     return values

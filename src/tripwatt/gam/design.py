@@ -1,8 +1,7 @@
 """The model matrix as small tables and an index per row: terms meet a frame here.
 
 A term is a table over the distinct (or discretised) values of its covariates; a row of X is a row of each
-table. Products with X cost a few operations per row and term, crossproducts go chunk by chunk through BLAS
-(Wood et al. 2017, section 3 has the idea of discrete covariates).
+table.
 """
 
 from __future__ import annotations
@@ -15,6 +14,7 @@ import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.gam.bases import Array
+from tripwatt.gam.blocks import Block, Extrapolation
 from tripwatt.gam.covariates import (
     EXACT_ROWS,
     MAX_JOINT,
@@ -31,240 +31,9 @@ from tripwatt.gam.covariates import (
     numbers,
 )
 from tripwatt.gam.penalties import PenaltyStack
-from tripwatt.gam.smoothers import Built, Smoother, build_smooth, build_tensor
-from tripwatt.gam.terms import Formula, Parametric, RandomEffect, Smooth, Tensor, Term
-
-CHUNK = 4096
-Extrapolation = Literal["clamp", "linear"]
-
-
-@dataclass
-class Block:
-    """One fitted piece of a model: a term, or one level of a by-factor smooth.
-
-    Attributes
-    ----------
-    label : str
-        As in tables, e.g. ``s(time):seasonwinter``.
-    term : Term
-    kind : {"parametric", "smooth", "tensor", "random"}
-    names : list of str
-        Names of the coefficients.
-    penalties : list of ndarray (q, q)
-        In the coordinates of the block.
-    null_dim, rank : int
-        Dimensions that the penalties together do not see, and do see.
-    start : int
-        First coefficient.
-    smoother : Smoother or None
-    by, level : str or None
-        By-variable, and the level this block belongs to.
-    training : Training
-        What prediction falls back on.
-    extrapolation : {"clamp", "linear"}
-    """
-
-    label: str
-    term: Term | None
-    kind: Literal["parametric", "smooth", "tensor", "random"]
-    names: list[str]
-    penalties: list[Array]
-    start: int = 0
-    smoother: Smoother | None = None
-    by: str | None = None
-    level: str | None = None
-    contrast: Array | None = None
-    training: Training = field(default_factory=lambda: Training({}, {}))
-    extrapolation: Extrapolation = "clamp"
-
-    @property
-    def size(self) -> int:
-        """Number of coefficients."""
-        return len(self.names)
-
-    @property
-    def slice(self) -> slice:
-        """Its coefficients."""
-        return slice(self.start, self.start + self.size)
-
-    @property
-    def rank(self) -> int:
-        """Dimension of the penalised space."""
-        if not self.penalties:
-            return 0
-        total = sum((S / np.linalg.norm(S) for S in self.penalties), np.zeros_like(self.penalties[0]))
-        values = np.linalg.eigvalsh(total)
-        return int((values > 1e-9 * values[-1]).sum())
-
-    @property
-    def null_dim(self) -> int:
-        """Dimension of the unpenalised space."""
-        return self.size - self.rank
-
-    def matrix(self, frame: pd.DataFrame, training: Training | None = None) -> Array:
-        """Columns of the block at the rows of a frame.
-
-        Parameters
-        ----------
-        frame : DataFrame
-            Columns of the term, finite.
-        training : Training, optional
-            Rows that count as known, when they are not those of the fit.
-
-        Returns
-        -------
-        ndarray (n, size)
-        """
-        known = training if training is not None else self.training
-        if self.term is None:
-            return np.ones((len(frame), 1))
-        if isinstance(self.term, RandomEffect):
-            if self.term.name not in frame.columns:
-                return np.zeros((len(frame), self.size))
-            codes = self.training.levels[self.term.name].codes(frame[self.term.name])
-            return np.asarray(np.vstack([np.eye(self.size), np.zeros(self.size)])[codes])
-        if isinstance(self.term, Parametric):
-            return self._parametric(frame, self.term.name, known)
-        return self._smooth(frame, known)
-
-    def _parametric(self, frame: pd.DataFrame, name: str, known: Training) -> Array:
-        if self.contrast is None:
-            return known.supports[(name,)].clamped(frame[name].to_numpy(dtype=np.float64)[:, None])
-        levels = known.levels[name]
-        return np.asarray(levels.rows(levels.codes(frame[name])) @ self.contrast)
-
-    def _smooth(self, frame: pd.DataFrame, known: Training) -> Array:
-        assert isinstance(self.term, Smooth | Tensor)
-        assert self.smoother is not None
-        weight = self._by_weight(frame, known)
-        out = np.zeros((len(frame), self.size))
-        used = np.flatnonzero(weight)
-        names = list(self.term.names)
-        x = frame[names].to_numpy(dtype=np.float64)[used]
-        if not len(x):
-            return out
-        points = Points.of(x)
-        support = known.supports[self.term.names]
-        table = self.smoother.matrix(support.clamped(points.values))
-        if self.extrapolation == "linear" and points.values.shape[1] == 1:
-            table = table + self._slope(points.values, support)
-        out[used] = table[points.index] * weight[used, None]
-        return out
-
-    def _slope(self, x: Array, support: Support) -> Array:
-        """What a straight continuation beyond the range adds to the clamped columns."""
-        assert self.smoother is not None
-        low, high = support.low, support.high
-        h = 1e-4 * (high - low)
-        ends = np.stack([low, low + h, high - h, high])
-        B = self.smoother.matrix(ends)
-        below, above = np.minimum(x - low, 0.0), np.maximum(x - high, 0.0)
-        return np.asarray(below * (B[1] - B[0]) / h + above * (B[3] - B[2]) / h)
-
-    def _by_weight(self, frame: pd.DataFrame, known: Training) -> Array:
-        if self.by is None:
-            return np.ones(len(frame))
-        if self.level is None:
-            return frame[self.by].to_numpy(dtype=np.float64)
-        levels = known.levels[self.by]
-        column = levels.rows(levels.codes(frame[self.by]))
-        return np.asarray(column[:, levels.names.index(self.level)])
-
-
-@dataclass(frozen=True)
-class Part:
-    """Blocks that share an index: columns, a table (m, q), each row's position in it, and a multiplier."""
-
-    columns: Index
-    table: Array
-    index: Index
-    scale: Array | None = None
-
-
-class TableRows:
-    """A model matrix made of parts; every product that fitting needs, and no (n, p) array.
-
-    Parameters
-    ----------
-    parts : list of Part
-    n, p : int
-        Rows and columns.
-    """
-
-    def __init__(self, parts: list[Part], n: int, p: int) -> None:
-        self.parts, self.n, self.p = parts, n, p
-
-    def subset(self, rows: Index | None = None, columns: Index | None = None) -> TableRows:
-        """Some rows and some columns, in the given order of rows."""
-        parts = self.parts
-        if rows is not None:
-            parts = [
-                Part(q.columns, q.table, q.index[rows], None if q.scale is None else q.scale[rows]) for q in parts
-            ]
-        p = self.p
-        if columns is not None:
-            position = np.full(self.p, -1)
-            position[columns] = np.arange(len(columns))
-            kept = []
-            for q in parts:
-                good = position[q.columns] >= 0
-                if good.any():
-                    kept.append(Part(position[q.columns[good]], q.table[:, good], q.index, q.scale))
-            parts, p = kept, len(columns)
-        return TableRows(parts, self.n if rows is None else len(rows), p)
-
-    def predictor(self, beta: Array) -> Array:
-        """X beta for beta (p,) or (p, q)."""
-        out = np.zeros((self.n, *beta.shape[1:]))
-        for q in self.parts:
-            piece = np.take(q.table @ beta[q.columns], q.index, axis=0)
-            if q.scale is not None:
-                piece *= q.scale if beta.ndim == 1 else q.scale[:, None]
-            out += piece
-        return out
-
-    def transpose(self, v: Array) -> Array:
-        """X' v for v (n,) or (n, q)."""
-        if v.ndim == 2:
-            return np.stack([self.transpose(np.ascontiguousarray(column)) for column in v.T], axis=1)
-        out = np.zeros(self.p)
-        for q in self.parts:
-            weights = v if q.scale is None else v * q.scale
-            out[q.columns] += q.table.T @ np.bincount(q.index, weights=weights, minlength=len(q.table))
-        return out
-
-    def dense(self, rows: slice | Index) -> Array:
-        """Rows of X as an array."""
-        first = self.parts[0].index[rows]
-        out = np.zeros((len(first), self.p))
-        for q in self.parts:
-            piece = np.take(q.table, q.index[rows], axis=0)
-            if q.scale is not None:
-                piece *= q.scale[rows][:, None]
-            if len(q.columns) and q.columns[-1] - q.columns[0] + 1 == len(q.columns):
-                out[:, q.columns[0] : q.columns[-1] + 1] = piece
-            else:
-                out[:, q.columns] = piece
-        return out
-
-    def _chunks(self) -> list[slice]:
-        return [slice(start, min(start + CHUNK, self.n)) for start in range(0, self.n, CHUNK)]
-
-    def gram(self, weights: Array | None = None) -> Array:
-        """X' W X, (p, p)."""
-        out = np.zeros((self.p, self.p))
-        for rows in self._chunks():
-            X = self.dense(rows)
-            out += X.T @ X if weights is None else (weights[rows, None] * X).T @ X
-        return out
-
-    def leverage(self, K: Array) -> Array:
-        """Diagonal (n,) of X K X'."""
-        out = np.empty(self.n)
-        for rows in self._chunks():
-            X = self.dense(rows)
-            out[rows] = np.einsum("ij,ij->i", X @ K, X)
-        return out
+from tripwatt.gam.smoothers import Built, build_smooth, build_tensor
+from tripwatt.gam.tables import Part, TableRows
+from tripwatt.gam.terms import Formula, Parametric, RandomEffect, Smooth, Tensor
 
 
 @dataclass
@@ -310,9 +79,11 @@ class Design:
                 alive[block.slice] = True
         return np.flatnonzero(alive).astype(np.intp)
 
-    def stack(self, active: Index) -> tuple[PenaltyStack, list[int]]:
+    def penalty_stack(self, active: Index) -> tuple[PenaltyStack, list[int]]:
         """Penalties of the active coefficients, and which of the model's smoothing parameters they are."""
-        terms, which, j = [], [], 0
+        terms: list[tuple[int, list[Array]]] = []
+        which: list[int] = []
+        j = 0
         position = {int(column): i for i, column in enumerate(active)}
         for block in self.blocks:
             if block.penalties and block.start in position:
@@ -360,7 +131,9 @@ def check_columns(formula: Formula, frame: pd.DataFrame) -> None:
 class _Builder:
     """Collects blocks and parts while terms are built one after the other."""
 
-    def __init__(self, formula: Formula, frame: pd.DataFrame, limit: int | None, extrapolation: Extrapolation) -> None:
+    def __init__(
+        self, formula: Formula, frame: pd.DataFrame, limit: int | None, extrapolation: Extrapolation
+    ) -> None:
         self.formula, self.frame, self.limit, self.extrapolation = formula, frame, limit, extrapolation
         self.blocks: list[Block] = []
         self.pieces: list[tuple[list[Block], Array, Index, Array | None]] = []
@@ -400,7 +173,9 @@ class _Builder:
             if (self.codes[name] < 0).any():
                 row = int(np.argmax(self.codes[name] < 0))
                 got = f"{self.frame[name].iloc[row]!r} at row {row}"
-                raise InvalidInput(Fault("unknown level", f"{name!r} of {label}", got, ", ".join(self.levels[name].names)))
+                raise InvalidInput(
+                    Fault("unknown level", f"{name!r} of {label}", got, ", ".join(self.levels[name].names))
+                )
         return self.levels[name], self.codes[name]
 
     def parametric(self, term: Parametric) -> None:
@@ -415,9 +190,13 @@ class _Builder:
         levels, codes = self.factor(term.name, term.levels, term.label)
         reference = int(np.argmax(levels.share > 0)) if self.formula.intercept else -1
         if self.formula.intercept and reference > 0:
-            self.notes.append(f"{term.label}: the first levels have no rows, the reference is {levels.names[reference]!r}")
+            self.notes.append(
+                f"{term.label}: the first levels have no rows, the reference is {levels.names[reference]!r}"
+            )
         if (levels.share > 0).sum() < 2 and self.formula.intercept:
-            raise InvalidInput(Fault("factor with one level", term.label, levels.names[reference], "at least two levels"))
+            raise InvalidInput(
+                Fault("factor with one level", term.label, levels.names[reference], "at least two levels")
+            )
         kept = [i for i in range(len(levels.names)) if i != reference]
         block = Block(term.label, term, "parametric", [term.name + levels.names[i] for i in kept], [])
         block.contrast = np.eye(len(levels.names))[:, kept]
@@ -429,7 +208,9 @@ class _Builder:
         size = len(levels.names)
         if size < 2:
             fix = "leave the random effect out"
-            raise InvalidInput(Fault("one group only", term.label, f"level {levels.names[0]!r}", "two or more levels", fix))
+            raise InvalidInput(
+                Fault("one group only", term.label, f"level {levels.names[0]!r}", "two or more levels", fix)
+            )
         names = [f"{term.label}.{i + 1}" for i in range(size)]
         block = Block(term.label, term, "random", names, [np.eye(size)])
         self.blocks.append(block)
@@ -440,7 +221,11 @@ class _Builder:
         by_factor = term.by is not None and is_factor(self.frame[term.by])
         by = None if term.by is None or by_factor else self.frame[term.by].to_numpy(dtype=np.float64)
         centred = by is None or bool(np.ptp(by) == 0)
-        built = build_smooth(term, points, centred) if isinstance(term, Smooth) else build_tensor(term, points, centred)
+        built = (
+            build_smooth(term, points, centred)
+            if isinstance(term, Smooth)
+            else build_tensor(term, points, centred)
+        )
         self.notes += built.notes
         if not by_factor:
             block = self._block(term, built, None, term.label)
@@ -453,7 +238,7 @@ class _Builder:
         self.blocks += blocks
         m, q = built.table.shape
         if m * q * len(blocks) ** 2 <= 4_000_000:
-            table = np.kron(np.eye(len(blocks)), built.table)
+            table: Array = np.kron(np.eye(len(blocks)), built.table).astype(np.float64)
             self.pieces.append((blocks, table, codes * m + points.index, None))
             return
         padded = np.vstack([built.table, np.zeros(q)])
@@ -463,7 +248,9 @@ class _Builder:
     def _block(self, term: Smooth | Tensor, built: Built, level: str | None, label: str) -> Block:
         names = [f"{label}.{i + 1}" for i in range(built.table.shape[1])]
         kind: Literal["smooth", "tensor"] = "smooth" if isinstance(term, Smooth) else "tensor"
-        return Block(label, term, kind, names, built.penalties, smoother=built.smoother, by=term.by, level=level)
+        return Block(
+            label, term, kind, names, built.penalties, smoother=built.smoother, by=term.by, level=level
+        )
 
     def design(self) -> Design:
         order = {"parametric": 0, "smooth": 1, "tensor": 1, "random": 1}
@@ -480,14 +267,44 @@ class _Builder:
         rows = TableRows(self._parts(), len(self.frame), start)
         return Design(self.formula, self.blocks, rows, training, self.notes, [], self.joint, self.codes)
 
+    def _nested(self, parts: list[Part]) -> list[Part]:
+        """Curves written into the table of a surface that has their covariate: one index instead of two."""
+        index_of = {id(points.index): names for names, points in self.joint.items()}
+        wide = [part for part in parts if len(index_of.get(id(part.index), ())) > 1 and part.scale is None]
+        out = list(parts)
+        for part in parts:
+            names = index_of.get(id(part.index), ())
+            home = next(
+                (w for w in wide if names and w is not part and set(names) <= set(index_of[id(w.index)])),
+                None,
+            )
+            if home is None or part.scale is not None or len(names) > 1:
+                continue
+            surface = self.joint[index_of[id(home.index)]]
+            position = np.empty(len(surface.values), dtype=np.intp)
+            position[surface.index] = part.index  # all rows of a point share the value of the curve
+            merged = Part(
+                np.concatenate([home.columns, part.columns]),
+                np.hstack([home.table, part.table[position]]),
+                home.index,
+            )
+            out = [merged if q is home else q for q in out if q is not part]
+            wide = [merged if w is home else w for w in wide]
+        return out
+
     def _parts(self) -> list[Part]:
         """Parts, with all factors and the intercept merged over their joint levels where those are few."""
-        plain = [piece for piece in self.pieces if all(b.kind == "random" or b.contrast is not None or b.term is None for b in piece[0])]
+        plain = [
+            piece
+            for piece in self.pieces
+            if all(b.kind == "random" or b.contrast is not None or b.term is None for b in piece[0])
+        ]
         parts = [
             Part(_columns(blocks), table, index, scale)
             for blocks, table, index, scale in self.pieces
             if not any(blocks is piece[0] for piece in plain)
         ]
+        parts = self._nested(parts)
         if not plain:
             return parts
         code = np.zeros(len(self.frame), dtype=np.int64)
@@ -495,14 +312,18 @@ class _Builder:
             code = pd.factorize(code * len(table) + index)[0]
         _, first = np.unique(code, return_index=True)
         if len(first) > MAX_JOINT:
-            return parts + [Part(_columns(blocks), table, index, scale) for blocks, table, index, scale in plain]
+            return parts + [
+                Part(_columns(blocks), table, index, scale) for blocks, table, index, scale in plain
+            ]
         table = np.hstack([table[index[first]] for _, table, index, _ in plain])
         columns = np.concatenate([_columns(blocks) for blocks, _, _, _ in plain])
         return [*parts, Part(columns, table, code.astype(np.intp), None)]
 
 
 def _columns(blocks: list[Block]) -> Index:
-    return np.concatenate([np.arange(block.start, block.start + block.size, dtype=np.intp) for block in blocks])
+    return np.concatenate(
+        [np.arange(block.start, block.start + block.size, dtype=np.intp) for block in blocks]
+    )
 
 
 def value_limit(discretise: bool | int, n: int) -> int | None:
@@ -512,12 +333,17 @@ def value_limit(discretise: bool | int, n: int) -> int | None:
     if discretise is False:
         return None
     if discretise < 20:
-        raise InvalidInput(Fault("discretise too coarse", "GAMM(discretise=)", str(discretise), "a number of at least 20"))
+        raise InvalidInput(
+            Fault("discretise too coarse", "GAMM(discretise=)", str(discretise), "a number of at least 20")
+        )
     return int(discretise)
 
 
 def build_design(
-    formula: Formula, frame: pd.DataFrame, discretise: bool | int = True, extrapolation: Extrapolation = "clamp"
+    formula: Formula,
+    frame: pd.DataFrame,
+    discretise: bool | int = True,
+    extrapolation: Extrapolation = "clamp",
 ) -> Design:
     """Terms of a formula as columns over the rows of a frame.
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from tripwatt.gam.design import Block
+    from tripwatt.gam.blocks import Block
     from tripwatt.gam.model import GAMM
 
 __all__ = [

@@ -90,9 +90,7 @@ Family: TypeAlias = Gaussian | ScaledT
 
 
 def _log_constant(nu: float, sigma: float) -> float:
-    return float(
-        gammaln((nu + 1) / 2) - gammaln(nu / 2) - math.log(math.pi * nu) / 2 - math.log(sigma)
-    )
+    return float(gammaln((nu + 1) / 2) - gammaln(nu / 2) - math.log(math.pi * nu) / 2 - math.log(sigma))
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,7 +219,10 @@ def theta_objective(residual: Array, theta: Theta) -> tuple[float, Array, Array]
     n = float(len(residual))
     f, q1, q2 = -float(np.log(inverse).sum()), float(inverse.sum()), float(inverse @ inverse)
     f_t, f_tt = 2 * t * q1, 2 * q1 - 4 * t * t * q2
-    value = n * (gammaln((nu + 1) / 2) - gammaln(nu / 2) - math.log(math.pi) / 2 + nu * math.log(t)) - (nu + 1) / 2 * f
+    value = (
+        n * (gammaln((nu + 1) / 2) - gammaln(nu / 2) - math.log(math.pi) / 2 + nu * math.log(t))
+        - (nu + 1) / 2 * f
+    )
     d_nu = n * ((digamma((nu + 1) / 2) - digamma(nu / 2)) / 2 + math.log(t)) - f / 2
     d_t = n * nu / t - (nu + 1) / 2 * f_t
     nu1, nu2, t1, t2 = theta.jacobian()
@@ -239,9 +240,7 @@ def theta_objective(residual: Array, theta: Theta) -> tuple[float, Array, Array]
     return float(value), gradient, hessian
 
 
-def fit_theta(
-    residual: Array, theta: Theta, free: tuple[bool, bool], steps: int = 50
-) -> Theta:
+def fit_theta(residual: Array, theta: Theta, free: tuple[bool, bool], steps: int = 50) -> Theta:
     """Maximum likelihood of shape and scale given residuals (n,), by Newton with step halving.
 
     Parameters

@@ -227,7 +227,9 @@ def gaussian_score(
     return Evaluation(value, gradient, hessian, beta, factor, phi)
 
 
-def newton_step(gradient: Array, hessian: Array, x: Array, lower: Array, upper: Array, longest: float = 5.0) -> Array:
+def newton_step(
+    gradient: Array, hessian: Array, x: Array, lower: Array, upper: Array, longest: float = 5.0
+) -> Array:
     """Descent step: Newton where the Hessian is positive, its absolute value elsewhere, within bounds."""
     free = ~(((x <= lower) & (gradient > 0)) | ((x >= upper) & (gradient < 0)))
     step = np.zeros_like(x)
@@ -243,7 +245,12 @@ def newton_step(gradient: Array, hessian: Array, x: Array, lower: Array, upper: 
 
 
 def minimise(
-    score: Callable[[Array], Value | None], start: Array, lower: Array, upper: Array, tolerance: float, max_iter: int
+    score: Callable[[Array], Value | None],
+    start: Array,
+    lower: Array,
+    upper: Array,
+    tolerance: float,
+    max_iter: int,
 ) -> tuple[Array, Value, int, bool, str]:
     """Newton's method with step halving and bounds.
 

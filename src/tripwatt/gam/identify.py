@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from tripwatt.gam.bases import Array
+from tripwatt.gam.blocks import Block
 from tripwatt.gam.covariates import Index
-from tripwatt.gam.design import Block, Design, Part, TableRows
+from tripwatt.gam.design import Design
+from tripwatt.gam.tables import Part, TableRows
 from tripwatt.gam.terms import Smooth, Tensor
 
 NULL_TOLERANCE = 1e-12
@@ -39,7 +41,11 @@ def _place(block: Block) -> int:
     """Where a block stands when a direction must be taken from one: surfaces first, then curves, then factors."""
     if block.kind == "parametric":
         return 0
-    return 2 if isinstance(block.term, Tensor) or (isinstance(block.term, Smooth) and len(block.term.names) > 1) else 1
+    return (
+        2
+        if isinstance(block.term, Tensor) or (isinstance(block.term, Smooth) and len(block.term.names) > 1)
+        else 1
+    )
 
 
 def identified(design: Design, gram: Array) -> tuple[Design, Array]:

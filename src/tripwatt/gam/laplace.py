@@ -209,7 +209,9 @@ def fit_laplace(
     x, n_iter, converged, message = x0[free], 0, True, "all parameters were given"
     gradient = np.zeros(0)
     if free.any():
-        x, last, n_iter, converged, message = minimise(score, x, lower[free], upper[free], tolerance, max_iter)
+        x, last, n_iter, converged, message = minimise(
+            score, x, lower[free], upper[free], tolerance, max_iter
+        )
         gradient = last[1]
     best_rho, best = whole(x)
     found = model.score(best_rho, best)

@@ -47,7 +47,13 @@ def training_of(design: Design, rows: npt.NDArray[np.bool_]) -> Training:
 
 
 def _fold(
-    design: Design, frame: pd.DataFrame, y: Array, groups: Index, held: npt.NDArray[np.bool_], total: Moments, settings: Settings
+    design: Design,
+    frame: pd.DataFrame,
+    y: Array,
+    groups: Index,
+    held: npt.NDArray[np.bool_],
+    total: Moments,
+    settings: Settings,
 ) -> tuple[Array, dict[str, float]]:
     """Predictions of the rows held out, and how the fit without them went."""
     lagged = len(total.gram) > 1
@@ -60,7 +66,7 @@ def _fold(
         sums = grouped_moments(own, y, groups, kept, lagged)
         gram = sums.gram[0]
     active = own.active(np.diag(gram))
-    stack, which = own.stack(active)
+    stack, which = own.penalty_stack(active)
     if settings.rho is not None:
         settings = replace(settings, rho=settings.rho[which])
     solution = solve(own.rows.subset(kept, active), y[kept], sums, stack, active, settings)

@@ -13,8 +13,9 @@ from sklearn.base import BaseEstimator, RegressorMixin
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.gam.bases import Array
+from tripwatt.gam.blocks import Extrapolation
 from tripwatt.gam.covariates import Index, missing_columns, numbers, response
-from tripwatt.gam.design import Design, Extrapolation, build_design
+from tripwatt.gam.design import Design, build_design
 from tripwatt.gam.families import Family, Gaussian, ScaledT
 from tripwatt.gam.fit import Solution
 from tripwatt.gam.identify import identified
@@ -140,17 +141,24 @@ class GAMM(RegressorMixin, BaseEstimator):
             sums = self._moments(design, values, self._groups(frame, groups))
             reduced = sums.gram[0]
         active = design.active(np.diag(reduced))
-        stack, which = design.stack(active)
+        stack, which = design.penalty_stack(active)
         if len(frame) <= stack.null_dim:
             got = f"{len(frame)} rows"
-            raise InvalidInput(Fault("too few rows", "frame", got, f"more than {stack.null_dim} unpenalised coefficients"))
+            raise InvalidInput(
+                Fault("too few rows", "frame", got, f"more than {stack.null_dim} unpenalised coefficients")
+            )
         given = self._given(design)
         settings = self._settings(family, None if given is None else given[which])
         rows = design.rows.subset(columns=active)
         solution = solve(rows, values, sums, stack, active, settings)
         if solution is None:
             raise InvalidInput(
-                Fault("model not identifiable", str(formula.response or "y"), "singular system", "terms that differ")
+                Fault(
+                    "model not identifiable",
+                    str(formula.response or "y"),
+                    "singular system",
+                    "terms that differ",
+                )
             )
         self._keep(design, values, family, solution, active, which)
         return self
@@ -250,7 +258,9 @@ class GAMM(RegressorMixin, BaseEstimator):
         values = response(frame, y, formula.response)
         group_codes, fold_codes = self._groups(frame, groups), self._groups(frame, folds)
         if group_codes is None:
-            raise InvalidInput(Fault("no groups", "leave_groups_out", "groups is None", "a group for each row"))
+            raise InvalidInput(
+                Fault("no groups", "leave_groups_out", "groups is None", "a group for each row")
+            )
         design = build_design(formula, frame, self.discretise, self.extrapolation)
         given = self._given(design)
         settings = self._settings(family, given)
@@ -286,11 +296,15 @@ class GAMM(RegressorMixin, BaseEstimator):
             raise InvalidInput(Fault("unknown extrapolation", "GAMM(extrapolation=)", got, "clamp or linear"))
         if self.ar1_rho is not None:
             if not isinstance(family, Gaussian):
-                raise InvalidInput(Fault("ar1_rho needs gaussian errors", "GAMM(ar1_rho=)", family.name, "gaussian"))
+                raise InvalidInput(
+                    Fault("ar1_rho needs gaussian errors", "GAMM(ar1_rho=)", family.name, "gaussian")
+                )
             good = self.ar1_rho == "estimate" or (not isinstance(self.ar1_rho, str) and -1 < self.ar1_rho < 1)
             if not good:
                 got = repr(self.ar1_rho)
-                raise InvalidInput(Fault("bad autocorrelation", "GAMM(ar1_rho=)", got, "'estimate' or within -1 to 1"))
+                raise InvalidInput(
+                    Fault("bad autocorrelation", "GAMM(ar1_rho=)", got, "'estimate' or within -1 to 1")
+                )
         return Settings(family, self.method, rho, self.ar1_rho, self.tolerance, self.max_iter)
 
     def _groups(self, frame: pd.DataFrame, groups: object) -> Index | None:
@@ -305,7 +319,9 @@ class GAMM(RegressorMixin, BaseEstimator):
         codes = pd.factorize(np.asarray(groups))[0].astype(np.intp)
         if len(codes) != len(frame) or (codes < 0).any():
             got = f"{len(codes)} labels, {int((codes < 0).sum())} missing"
-            raise InvalidInput(Fault("bad groups", "groups=", got, f"a label for each of the {len(frame)} rows"))
+            raise InvalidInput(
+                Fault("bad groups", "groups=", got, f"a label for each of the {len(frame)} rows")
+            )
         return codes
 
     def _moments(self, design: Design, y: Array, groups: Index | None) -> Moments:
@@ -320,7 +336,9 @@ class GAMM(RegressorMixin, BaseEstimator):
         if isinstance(self.smoothing_parameters, Mapping):
             odd = set(self.smoothing_parameters) ^ set(names)
             if odd:
-                raise InvalidInput(Fault("smoothing parameters do not match", ", ".join(sorted(odd)), "", ", ".join(names)))
+                raise InvalidInput(
+                    Fault("smoothing parameters do not match", ", ".join(sorted(odd)), "", ", ".join(names))
+                )
             values = np.array([self.smoothing_parameters[name] for name in names], dtype=np.float64)
         else:
             values = np.asarray(self.smoothing_parameters, dtype=np.float64).ravel()
@@ -374,16 +392,18 @@ class GAMM(RegressorMixin, BaseEstimator):
         if groups is not None and len(absent) == 1:
             labels = frame[groups] if isinstance(groups, str) else np.asarray(groups)
             frame = frame.assign(**{absent[0]: np.asarray(labels)})
-        used = [block.term for block in self.blocks_ if block.label not in set(exclude) and block.term is not None]
+        used = [
+            block.term for block in self.blocks_ if block.label not in set(exclude) and block.term is not None
+        ]
         needed = dict.fromkeys(name for term in used for name in term.columns if name not in random)
         faults += missing_columns(frame, needed)
         for term in used:
             for name in term.columns:
-                factor = name in self.levels_ and not (isinstance(term, Smooth | Tensor) and name in term.names)
+                factor = name in self.levels_ and not (
+                    isinstance(term, Smooth | Tensor) and name in term.names
+                )
                 if name in frame.columns and not factor and not isinstance(term, RandomEffect):
                     faults += numbers(frame, name, term.label)[1]
         if faults:
             raise InvalidInput(dict.fromkeys(faults))
         return frame
-
-

@@ -14,9 +14,9 @@ import numpy as np
 
 from tripwatt.gam.bases import Array
 from tripwatt.gam.covariates import Index
-from tripwatt.gam.design import CHUNK, TableRows
 from tripwatt.gam.fit import NormalEquations
 from tripwatt.gam.penalties import PenaltyStack
+from tripwatt.gam.tables import CHUNK, TableRows
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy.linalg import eigh, qr, solve_triangular
 
 from tripwatt.gam.bases import Array
@@ -77,7 +78,9 @@ class PenaltyBlock:
     def log_determinant(self, rho: Array) -> tuple[float, Array, Array]:
         """log|S|+ with its gradient and Hessian in the log smoothing parameters `rho` of the block."""
         if self.diagonal is not None:
-            logs = np.where(self.diagonal > 0, np.log(np.where(self.diagonal > 0, self.diagonal, 1.0)), -np.inf)
+            logs = np.where(
+                self.diagonal > 0, np.log(np.where(self.diagonal > 0, self.diagonal, 1.0)), -np.inf
+            )
             terms = logs + rho[:, None]
             top = terms.max(axis=0)
             parts = np.exp(terms - top)
@@ -142,7 +145,7 @@ class PenaltyStack:
         self.p = p
         self.blocks = [PenaltyBlock.of(start, matrices) for start, matrices in terms]
         self.penalties: list[Penalty] = []
-        self.members: list[Array] = []
+        self.members: list[npt.NDArray[np.intp]] = []
         for block in self.blocks:
             first = len(self.penalties)
             for S in block.matrices:

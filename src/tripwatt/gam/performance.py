@@ -25,6 +25,12 @@ from tripwatt.gam.fit import (
 )
 from tripwatt.gam.penalties import PenaltyStack
 
+SHORT = 0.5
+"""Steps of log smoothing parameters below which, near the end, the working model is not evaluated a second time."""
+
+CLOSE = 0.014
+"""Change of the predictor in one pass, over sigma, from which on passes are mixed."""
+
 
 @dataclass(frozen=True)
 class TData:
@@ -107,10 +113,10 @@ class PerformanceIteration:
         return State(self.stack.rotated(first.beta), moved, theta)
 
     def residual(self, state: State) -> Array:
-        """y minus the predictor of a state, (n,)."""
+        """Response minus the predictor of a state, (n,)."""
         return np.asarray(self.data.y - self.data.rows.predictor(self.stack.restored(state.beta)))
 
-    def advance(self, state: State, lower: Array, upper: Array) -> Pass | None:
+    def advance(self, state: State, lower: Array, upper: Array, near: bool = False) -> Pass | None:
         """One pass: shape and scale, working response, smoothing parameters, coefficients."""
         d = self.data
         r = self.residual(state)
@@ -131,15 +137,17 @@ class PerformanceIteration:
         if self.fixed or not self.stack.size:
             weights = np.concatenate([diagonal, np.zeros(self.stack.size), ends])
             return Pass(State(here.beta, state.rho, theta), here, weights, normal)
-        found, rho = self._smoothed(normal, here, state.rho, lower, upper)
+        found, rho = self._smoothed(normal, here, state.rho, lower, upper, near)
         curvature = np.sqrt(np.maximum(np.diag(here.hessian), 1e-8))
         return Pass(State(found.beta, rho, theta), found, np.concatenate([diagonal, curvature, ends]), normal)
 
     def _smoothed(
-        self, normal: NormalEquations, here: Evaluation, rho: Array, lower: Array, upper: Array
+        self, normal: NormalEquations, here: Evaluation, rho: Array, lower: Array, upper: Array, near: bool
     ) -> tuple[Evaluation, Array]:
-        """One Newton step of the working model's score, halved until it descends."""
+        """One Newton step of the working model's score, halved until it descends; a short one near the end is trusted."""
         step = newton_step(here.gradient, here.hessian, rho, lower, upper)
+        if near and float(np.abs(step).max()) < SHORT:
+            return here, rho + step  # the coefficients follow in the next pass
         for _ in range(12):
             trial = gaussian_score(normal, self.stack, rho + step, 1.0, derivatives=False)
             if trial is not None and trial.value <= here.value + 1e-9 * (1 + abs(here.value)):
@@ -165,21 +173,21 @@ class PerformanceIteration:
         """
         c = self.family.expected_weight(start.theta.nu, start.theta.sigma)
         lower, upper = bounds(c * np.diag(self.data.gram), self.stack)
-        mixing = Mixing()
-        state, done, iteration = start, False, 0
+        mixing = Mixing(close=CLOSE * float(np.sqrt(self.data.rows.n / self.data.rows.p)))
+        state, done, count, largest = start, False, 0, np.inf
         result: Pass | None = None
-        for iteration in range(1, max_iter + 1):
-            trial = self.advance(state, lower, upper)
+        while not done and count < max_iter:
+            count += 1
+            trial = self.advance(state, lower, upper, largest <= 4 * mixing.close)
             if trial is None:
                 return None
             result = trial
             x, fx = state.packed(), trial.state.packed()
             change = trial.weights * (fx - x)
-            if float(np.abs(change).max(initial=0.0)) <= tolerance:
-                done = True
-                break
+            largest = float(np.abs(change).max(initial=0.0))
+            done = largest <= tolerance
             state = trial.state.unpacked(mixing.next(x, fx, trial.weights), lower, upper)
-        return self._solution(result, done, iteration, tolerance) if result is not None else None
+        return self._solution(result, done, count, tolerance) if result is not None else None
 
     def _solution(self, last: Pass, done: bool, iterations: int, tolerance: float) -> Solution:
         message = (
@@ -212,18 +220,20 @@ class Mixing:
 
     Parameters
     ----------
-    memory : int
-        Number of earlier passes that are mixed in.
     close : float
         Largest change of a pass, in standard errors, from which on passes are mixed.
+    memory : int
+        Number of earlier passes that are mixed in.
     """
 
-    def __init__(self, memory: int = 6, close: float = 0.05) -> None:
+    def __init__(self, close: float, memory: int = 6) -> None:
         self.memory, self.close = memory, close
+        self.change: Array | None = None
+        self.plain, self.patience = 0, 10
         self.points: list[Array] = []
         self.images: list[Array] = []
-        self.best, self.best_image = np.inf, np.empty(0)
-        self.change: Array | None = None
+        self.best, self.landmark, self.mixed = np.inf, np.inf, 0
+        self.best_image: Array = np.empty(0)
 
     def next(self, x: Array, fx: Array, weights: Array) -> Array:
         """Where to evaluate next, given the map's value `fx` at `x` and weights of the components."""
@@ -233,18 +243,31 @@ class Mixing:
         if self.points and (size > 2 * self.best or largest > self.close):
             back = self.best_image  # mixing made it worse: on from the best point with plain passes
             self._forget()
+            self.plain = 2
             return back
-        if largest > self.close:
+        growing = before is not None and size > float(np.linalg.norm(before))
+        if largest > self.close or self.plain > 0 or (not self.points and growing):
+            self.plain -= 1
             # where residuals are small the observed weight is (nu + 3) / nu times the expected one: at nu = 3 a
             # pass overshoots by as much as it had to go, and only half of it gets anywhere
-            swings = before is not None and float(before @ change) < -0.5 * size * float(np.linalg.norm(before))
+            swings = before is not None and float(before @ change) < -0.5 * size * float(
+                np.linalg.norm(before)
+            )
             return (x + fx) / 2 if swings else fx
         if size < self.best:
             self.best, self.best_image = size, fx
         self.points = [*self.points, x][-self.memory - 1 :]
         self.images = [*self.images, fx][-self.memory - 1 :]
-        if len(self.points) == 1:
-            return fx
+        self.mixed += 1
+        if self.mixed % (2 * self.memory) == 1:
+            if self.best > 0.5 * self.landmark:  # as at a point that plain passes would leave again
+                self._forget()
+                self.plain, self.patience = self.patience, 2 * self.patience
+                return fx
+            self.landmark = self.best
+        return self._mixture(fx, weights, largest) if len(self.points) > 1 else fx
+
+    def _mixture(self, fx: Array, weights: Array, largest: float) -> Array:
         P, F = np.array(self.points), np.array(self.images)
         R = (F - P) * weights
         dR, dF = np.diff(R, axis=0), np.diff(F, axis=0)
@@ -254,4 +277,5 @@ class Mixing:
         return np.asarray(fx + moved * min(1.0, 20 * largest / max(far, 1e-300)))
 
     def _forget(self) -> None:
-        self.points, self.images, self.best, self.change = [], [], np.inf, None
+        self.points, self.images, self.mixed = [], [], 0
+        self.best, self.landmark = np.inf, np.inf

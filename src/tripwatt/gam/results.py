@@ -57,7 +57,9 @@ def _square_root(M: Array) -> Array:
         return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
 
 
-def _likelihood(family: Family, residual: Array, y: Array, nu: float, sigma: float) -> tuple[float, float, float]:
+def _likelihood(
+    family: Family, residual: Array, y: Array, nu: float, sigma: float
+) -> tuple[float, float, float]:
     """Log-likelihood, deviance and deviance of the best constant."""
     n = len(y)
     if isinstance(family, Gaussian):

@@ -97,10 +97,18 @@ def _usable(k: int, least: int, points: Points, label: str, what: str) -> tuple[
     """Basis dimension that the data can carry, and the note where it had to be reduced."""
     distinct = len(points.values)
     if distinct < 2:
-        raise InvalidInput(Fault("constant covariate", f"{what} in {label}", "one distinct value", "at least two"))
+        raise InvalidInput(
+            Fault("constant covariate", f"{what} in {label}", "one distinct value", "at least two")
+        )
     if distinct < least:
         raise InvalidInput(
-            Fault("too few distinct values", f"{what} in {label}", str(distinct), f"at least {least}", "use a factor or a straight line")
+            Fault(
+                "too few distinct values",
+                f"{what} in {label}",
+                str(distinct),
+                f"at least {least}",
+                "use a factor or a straight line",
+            )
         )
     if k < least:
         raise InvalidInput(Fault("k too small", label, f"k={k}", f"at least {least}"))
@@ -109,7 +117,9 @@ def _usable(k: int, least: int, points: Points, label: str, what: str) -> tuple[
     return k, []
 
 
-def _basis(kind: str, points: Points, k: int, m: int | None, label: str, what: str) -> tuple[Basis, list[str]]:
+def _basis(
+    kind: str, points: Points, k: int, m: int | None, label: str, what: str
+) -> tuple[Basis, list[str]]:
     """One basis over distinct points (count, d)."""
     d = points.values.shape[1]
     order = m if m is not None else (2 if d == 1 else (d + 1) // 2 + 1)
@@ -159,7 +169,9 @@ def build_smooth(term: Smooth, points: Points, centred: bool) -> Built:
     """
     d = len(term.names)
     if d > 1 and term.basis != "tp":
-        raise InvalidInput(Fault("basis for one covariate only", term.label, term.basis, "tp, or a tensor product"))
+        raise InvalidInput(
+            Fault("basis for one covariate only", term.label, term.basis, "tp, or a tensor product")
+        )
     k = term.k if term.k is not None else {1: 10, 2: 30}.get(d, 110)
     basis, notes = _basis(term.basis, points, k, term.m, term.label, ", ".join(term.names))
     table = basis.matrix(points.values)
@@ -171,7 +183,7 @@ def build_smooth(term: Smooth, points: Points, centred: bool) -> Built:
 def _margin(term: Tensor, points: Points, column: int, k: int) -> tuple[Margin, Array, list[str]]:
     """A margin parametrised by its values at even points (Wood 2006), centred for a pure interaction, and its penalty."""
     values, index = np.unique(points.values[:, column], return_inverse=True)
-    counts = np.bincount(index, weights=points.counts)
+    counts: Array = np.bincount(index, weights=points.counts).astype(np.float64)
     own = Points(values[:, None], index.astype(np.intp), counts)
     basis, notes = _basis(term.basis, own, k, term.m, term.label, term.names[column])
     T = np.eye(basis.k)
@@ -210,9 +222,9 @@ def build_tensor(term: Tensor, points: Points, centred: bool) -> Built:
     table = product.matrix(points.values)
     penalties = []
     for j, part in enumerate(parts):
-        S = np.ones((1, 1))
+        S: Array = np.ones((1, 1))
         for i, size in enumerate(sizes):
-            S = np.kron(S, part[1] if i == j else np.eye(size))
+            S = np.asarray(np.kron(S, part[1] if i == j else np.eye(size)), dtype=np.float64)
         penalties.append(_scaled(S, table))
     notes = [note for part in parts for note in part[2]]
     if term.kind == "te" and centred:
