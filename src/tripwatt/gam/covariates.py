@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.gam.bases import Array
+from tripwatt.gam.formula import nearest
 
 Index: TypeAlias = npt.NDArray[np.intp]
 
@@ -37,9 +38,10 @@ def is_factor(column: pd.Series[Any]) -> bool:
 
 def missing_columns(frame: pd.DataFrame, wanted: Iterable[str]) -> list[Fault]:
     """One fault for each column that the frame does not have."""
-    have = ", ".join(map(str, frame.columns))
+    names = [str(name) for name in frame.columns]
+    have = ", ".join(names)
     return [
-        Fault("unknown column", repr(name), "not in the frame", have)
+        Fault("unknown column", repr(name), "not in the frame", have, nearest(name, names))
         for name in wanted
         if name not in frame.columns
     ]
