@@ -82,6 +82,24 @@ def test_sound_logs_are_left_alone(seed, step_s, mass_kg, start_soc):
     assert result.trips[0].observed_energy_wh == trips[0].observed_energy_wh
 
 
+@pytest.mark.parametrize("step_s", [1.0, 2.0])
+def test_coarse_logs_of_a_cruise_are_left_alone(step_s):
+    """Whole km/h and whole kW at an assumed voltage, as some apps log: the signals rest for long."""
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 3600.0, step_s)
+    drift = np.convolve(rng.normal(0.0, 1.0, len(time) + 60), np.ones(60) / 60, mode="valid")[: len(time)]
+    speed = np.round(np.minimum(110.0, time / 4.0) + 4.0 * drift) / 3.6
+    speed[-20:] = np.round(np.linspace(speed[-20], 0.0, 20) * 3.6) / 3.6
+    power = 1500.0 * speed * np.gradient(speed, time) + (200.0 + 0.4 * speed**2) * speed
+    kilowatt = np.round(power / 1000.0 + 0.3 * rng.normal(size=len(time)))
+    samples = pd.DataFrame(
+        {"time_s": time, "speed_m_s": speed, "voltage_v": 350.0, "current_a": kilowatt / 0.35}
+    )
+    result = audit([log(samples.assign(elevation_m=500.0 + 5 * drift, ambient_temperature_degc=9.0 + drift))])
+    assert {f.consequence for f in result.findings} <= {"noted"}
+    assert len(result.trips[0]) == len(samples)
+
+
 @pytest.mark.parametrize("step_s", [0.1, 1.0])
 def test_a_freeze_on_the_move_is_cut(step_s):
     samples = drive(3, step_s=step_s)

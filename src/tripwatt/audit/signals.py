@@ -23,11 +23,17 @@ from tripwatt.audit.findings import (
 FEWEST_SAMPLES: Final = 10
 """A coincidence of a few samples is none of many: every rule on runs asks for at least so many."""
 
+ROUNDING: Final = 1e-9
+"""Relative difference between means of equal values."""
+
 MOVING_M_S: Final = 1.0
 STANDSTILL_M_S: Final = 0.3
 
 FREEZE_MOVING_S: Final = 10.0
 """Speed, voltage and current of a moving car never keep one value together for so long."""
+
+UNUSUAL: Final = 5.0
+"""A logger with coarse steps, such as whole km/h and whole kW, rests often: a freeze is so many times its usual rest."""
 
 FREEZE_STANDING_S: Final = 60.0
 """A parked car may keep all three for a while; a minute of it at the end of a log tells nothing and goes."""
@@ -75,16 +81,24 @@ def _steady(samples: pd.DataFrame) -> BoolArray:
     """Whether each step leaves speed, voltage and current exactly as they were, shape (samples - 1,)."""
     same = np.ones(max(len(samples) - 1, 0), dtype=bool)
     for name in MEASURED:
-        same &= np.diff(array(samples, name)) == 0
+        same &= _resting(array(samples, name))
     return same
+
+
+def _resting(values: FloatArray) -> BoolArray:
+    """Whether each step leaves a value as it was, but for the rounding of means; shape (samples - 1,)."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.abs(np.diff(values)) <= ROUNDING * (1.0 + np.abs(values[1:])), dtype=bool)
 
 
 def freeze_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
     """Runs in which every measured signal stands still although the car moves, or at an end of the log."""
     time, speed = array(samples, "time_s"), array(samples, "speed_m_s")
-    for first, last in runs(_steady(samples)):
+    steady = _steady(samples)
+    shortest = max(FREEZE_MOVING_S, UNUSUAL * _usual_rest(time, speed, steady))
+    for first, last in runs(steady):
         lasted = time[last] - time[first]
-        if last - first < FEWEST_SAMPLES or lasted < FREEZE_MOVING_S:
+        if last - first < FEWEST_SAMPLES or lasted < shortest:
             continue
         moving = speed[first] > MOVING_M_S
         at_an_end = first == 0 or last == len(samples) - 1
@@ -94,12 +108,22 @@ def freeze_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
             yield Cut(start, last + 1, f"every signal frozen for {lasted:.1f} s {state}")
 
 
+def _usual_rest(time: FloatArray, speed: FloatArray, steady: BoolArray) -> float:
+    """How long [s] the signals of the moving car rest in this log between two changes, its 99th percentile."""
+    changes = np.flatnonzero(~steady)
+    if len(changes) < FEWEST_SAMPLES:
+        return 0.0
+    rests = time[changes[1:]] - time[changes[:-1] + 1]
+    moving = speed[changes[1:]] > MOVING_M_S
+    return float(np.percentile(rests[moving], 99.0)) if moving.any() else 0.0
+
+
 def frozen_sensor_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
     """One measured signal that stands while the others say that it cannot."""
     time, speed = array(samples, "time_s"), array(samples, "speed_m_s")
     for name in ("voltage_v", "current_a"):
         values = array(samples, name)
-        for first, last in runs(np.diff(values) == 0):
+        for first, last in runs(_resting(values)):
             lasted = time[last] - time[first]
             if lasted < FROZEN_SENSOR_S or last - first < FEWEST_SAMPLES:
                 continue
@@ -122,7 +146,7 @@ def frozen_sensor_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Find
 
 def filled_gaps(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
     """Runs in which speed, voltage and current are straight lines together: somebody filled a gap."""
-    if len(samples) < FEWEST_SAMPLES + 2:
+    if len(samples) < FEWEST_SAMPLES + 2 or not all(has(samples, name) for name in MEASURED):
         return
     time = array(samples, "time_s")
     straight = np.ones(len(time) - 2, dtype=bool)
@@ -144,9 +168,9 @@ def filled_gaps(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
 
 
 def _are_lines(time: FloatArray, signals: list[FloatArray], tolerances: list[float]) -> bool:
-    """Whether every signal keeps to its chord, and the run is neither a freeze nor a car that just stands."""
-    changes = [abs(x[-1] - x[0]) for x in signals]
-    if all(change <= 0.0 for change in changes):
+    """Whether every signal keeps to its chord, two of them really change, and the car is not just standing."""
+    changing = sum(bool(abs(x[-1] - x[0]) > 3.0 * t) for x, t in zip(signals, tolerances, strict=True))
+    if changing < 2:  # one ramp beside resting signals is a steady pull with a coarse logger
         return False
     fraction = (time - time[0]) / (time[-1] - time[0])
     for values, tolerance in zip(signals, tolerances, strict=True):
@@ -160,12 +184,13 @@ def sensor_stop_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
     """Runs in which a measured signal is missing for longer than can be bridged."""
     time = array(samples, "time_s")
     missing = np.zeros(len(samples), dtype=bool)
-    for name in MEASURED:
+    measured = [n for n in MEASURED if has(samples, n)]
+    for name in measured:
         missing |= ~np.isfinite(array(samples, name))
     for first, last in runs(missing):
         lasted = time[min(last, len(time) - 1)] - time[max(first - 1, 0)]
         if lasted > SENSOR_STOP_S:
-            lost = [n for n in MEASURED if not np.isfinite(array(samples, n)[first:last]).all()]
+            lost = [n for n in measured if not np.isfinite(array(samples, n)[first:last]).all()]
             yield Cut(first, last, f"no values of {', '.join(lost)} for {lasted:.1f} s")
 
 

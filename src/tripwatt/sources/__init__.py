@@ -15,12 +15,16 @@ if TYPE_CHECKING:
     from tripwatt.sources.tum_fetch import FolderReport
 
 DATASETS: Final[Mapping[str, str]] = MappingProxyType(
-    {"tum": "tripwatt.sources.tum:read_tum", "ved": "tripwatt.sources.ved:read_ved"}
+    {
+        "tum": "tripwatt.sources.tum:read_tum",
+        "ved": "tripwatt.sources.ved:read_ved",
+        "table": "tripwatt.sources.table:read_table",
+    }
 )
 """Name of a data set -> its reader, imported when it is used."""
 
 
-def read_fleet(path: Path | str, dataset: str = "tum") -> Fleet:
+def read_fleet(path: Path | str, dataset: str = "tum", mapping: Path | str | None = None) -> Fleet:
     """Read all trips of a data set.
 
     Parameters
@@ -29,6 +33,8 @@ def read_fleet(path: Path | str, dataset: str = "tum") -> Fleet:
         The data set's folder or file.
     dataset : str
         A key of `DATASETS`.
+    mapping : path or str, optional
+        For `dataset="table"`: a TOML file, or the name of a mapping that comes with the package.
 
     Raises
     ------
@@ -44,6 +50,14 @@ def read_fleet(path: Path | str, dataset: str = "tum") -> Fleet:
     """
     if dataset not in DATASETS:
         raise InvalidInput(Fault("no such data set", "dataset", repr(dataset), ", ".join(DATASETS)))
+    if dataset == "table":
+        from tripwatt.sources.table import read_table
+
+        return read_table(path, mapping)
+    if mapping is not None:
+        raise InvalidInput(
+            Fault("no mapping is used", "mapping", f"{mapping}", "only with the data set 'table'")
+        )
     module, _, name = DATASETS[dataset].partition(":")
     reader = cast(Callable[[Path], Fleet], getattr(import_module(module), name))
     return reader(Path(path))

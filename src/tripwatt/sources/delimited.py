@@ -144,7 +144,35 @@ def _fields(line: str, delimiter: str) -> list[str]:
         return line.split(delimiter)
 
 
-def read_numbers(source: Delimited, wanted: Sequence[int]) -> list[FloatArray]:
+def read_texts(source: Delimited, wanted: Sequence[int]) -> list[list[str]]:
+    """The columns at the given positions of the header, as text without outer blanks. O(bytes).
+
+    Raises
+    ------
+    InvalidInput
+        With every row of the wrong length.
+    """
+    names = [f"c{i}" for i in range(_body_width(source))]
+    wanted_names = [f"c{i}" for i in wanted]
+    try:
+        table = pa_csv.read_csv(
+            pa.BufferReader(memoryview(source.data)[source.body_offset :]),
+            read_options=pa_csv.ReadOptions(column_names=names, use_threads=False, block_size=8 << 20),
+            parse_options=pa_csv.ParseOptions(delimiter=source.delimiter),
+            convert_options=pa_csv.ConvertOptions(
+                include_columns=wanted_names,
+                column_types={name: pa.binary() for name in wanted_names},
+                strings_can_be_null=False,
+                check_utf8=False,
+            ),
+        )
+    except (pa.ArrowInvalid, pa.ArrowKeyError, UnicodeDecodeError) as error:
+        reason = str(error).splitlines()[0][:200]
+        raise InvalidInput(_body_faults(source, (), len(names), reason)) from error
+    return [[_decoded(cell).strip() for cell in table[name].to_pylist()] for name in wanted_names]
+
+
+def read_numbers(source: Delimited, wanted: Sequence[int], decimal: str = ".") -> list[FloatArray]:
     """The columns at the given positions of the header, as float64; empty cells are NaN. O(bytes).
 
     Raises
@@ -164,6 +192,7 @@ def read_numbers(source: Delimited, wanted: Sequence[int]) -> list[FloatArray]:
                 column_types={name: pa.float64() for name in wanted_names},
                 null_values=list(NULL_TEXTS),
                 quoted_strings_can_be_null=True,
+                decimal_point=decimal,
                 check_utf8=False,
             ),
         )
@@ -177,7 +206,7 @@ def read_numbers(source: Delimited, wanted: Sequence[int]) -> list[FloatArray]:
     ) as error:  # the last: its message quotes the row
         columns, sound, reason = [], False, str(error).splitlines()[0][:200]
     if not sound:
-        raise InvalidInput(_body_faults(source, wanted, len(names), reason))
+        raise InvalidInput(_body_faults(source, wanted, len(names), reason, decimal))
     return columns
 
 
@@ -199,7 +228,9 @@ def _body_width(source: Delimited) -> int:
     return header
 
 
-def _body_faults(source: Delimited, wanted: Sequence[int], width: int, reason: str) -> tuple[Fault, ...]:
+def _body_faults(
+    source: Delimited, wanted: Sequence[int], width: int, reason: str, decimal: str = "."
+) -> tuple[Fault, ...]:
     """Every fault below the header, found line by line. O(bytes), only after the fast reader failed."""
     lines = source.data[source.body_offset :].split(b"\n")
     first_line = source.header_line + 1
@@ -220,7 +251,7 @@ def _body_faults(source: Delimited, wanted: Sequence[int], width: int, reason: s
             continue
         for position in wanted:
             cell = cells[position].strip().strip('"').strip()
-            if cell not in NULL_TEXTS and not _is_number(cell):
+            if cell not in NULL_TEXTS and not _is_number(cell.replace(decimal, ".")):
                 bad_cells.setdefault(position, []).append((number, cell))
     faults = [*_row_faults(source, bad_rows, width), *_cell_faults(source, bad_cells)]
     if cut_fault:

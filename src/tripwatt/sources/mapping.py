@@ -1,0 +1,327 @@
+"""How the columns of somebody's table become ours: a small TOML, read whole or refused with every fault.
+
+    [columns]
+    time_s = { column = "Timestamp", unit = "timestamp" }
+    speed_m_s = { column = "Speed", unit = "km/h" }
+    current_a = { column = "Battery current", unit = "A" }
+    voltage_v = { column = "Battery voltage", unit = "V" }
+
+    [current]
+    positive = "discharge"
+
+    [trip]
+    column = "drive_id"
+
+All tables but `[columns]` are optional; see `docs/data.md`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.trips import COLUMNS, raise_faults
+from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_HOUR, ZERO_CELSIUS_K
+
+POWER: Final = "battery_power_w"
+"""Power at the battery's terminals [W], for loggers that give it in place of voltage and current."""
+
+M_PER_FOOT: Final = 0.3048
+M_S_PER_MPH: Final = 0.44704
+
+_SPEED: Final = {
+    "m/s": (1.0, 0.0),
+    "km/h": (M_S_PER_KM_H, 0.0),
+    "kmh": (M_S_PER_KM_H, 0.0),
+    "kph": (M_S_PER_KM_H, 0.0),
+    "mph": (M_S_PER_MPH, 0.0),
+}
+_LENGTH: Final = {"m": (1.0, 0.0), "km": (1000.0, 0.0), "ft": (M_PER_FOOT, 0.0)}
+_TEMPERATURE: Final = {
+    "degc": (1.0, 0.0),
+    "°c": (1.0, 0.0),
+    "c": (1.0, 0.0),
+    "k": (1.0, -ZERO_CELSIUS_K),
+    "degf": (5.0 / 9.0, -160.0 / 9.0),
+    "°f": (5.0 / 9.0, -160.0 / 9.0),
+    "f": (5.0 / 9.0, -160.0 / 9.0),
+}
+_FRACTION: Final = {"1": (1.0, 0.0), "fraction": (1.0, 0.0), "%": (0.01, 0.0), "percent": (0.01, 0.0)}
+_WATT: Final = {"w": (1.0, 0.0), "kw": (1000.0, 0.0), "hp": (745.699872, 0.0), "ps": (735.49875, 0.0)}
+_SECOND: Final = {"s": (1.0, 0.0), "ms": (1e-3, 0.0), "min": (60.0, 0.0), "h": (SECONDS_PER_HOUR, 0.0)}
+
+TIME_STAMPS: Final = MappingProxyType({"timestamp": math.nan, "epoch_s": 1.0, "epoch_ms": 1e-3})
+"""Units of a time that also tell the day: text, or seconds or milliseconds since 1970."""
+
+UNITS: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = MappingProxyType(
+    {
+        "time_s": _SECOND,
+        "speed_m_s": _SPEED,
+        "elevation_m": _LENGTH,
+        "grade": _FRACTION,
+        "ambient_temperature_degc": _TEMPERATURE,
+        "cabin_temperature_degc": _TEMPERATURE,
+        "cabin_setpoint_degc": _TEMPERATURE,
+        "battery_temperature_degc": _TEMPERATURE,
+        "voltage_v": {"v": (1.0, 0.0), "mv": (1e-3, 0.0), "kv": (1000.0, 0.0)},
+        "current_a": {"a": (1.0, 0.0), "ma": (1e-3, 0.0), "da": (0.1, 0.0)},
+        "soc": _FRACTION,
+        "displayed_soc": _FRACTION,
+        "motor_torque_nm": {"nm": (1.0, 0.0)},
+        "heating_power_w": _WATT,
+        "requested_heating_power_w": _WATT,
+        "aircon_power_w": _WATT,
+        POWER: _WATT,
+    }
+)
+"""Unit -> (factor, offset) to ours, for each of our columns. Units are read without regard to case."""
+
+_OWN_UNIT: Final = MappingProxyType({"time_s": "s", "grade": "1", POWER: "W"})
+_TABLES: Final = MappingProxyType(
+    {
+        "columns": None,
+        "current": ("positive",),
+        "trip": ("column",),
+        "battery": ("nominal_voltage_v", "usable_capacity_kwh", "usable_capacity_uncertainty"),
+        "file": ("decimal", "hold_s"),
+        "long": ("name", "value"),
+    }
+)
+_ENTRY_KEYS: Final = ("column", "unit", "format", "optional")
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One of our columns: which column of the table it is, and how its values become ours.
+
+    Attributes
+    ----------
+    column : str
+    unit : str
+        As spelled in the TOML, in lower case.
+    format : str
+        `strptime` format of time stamps; empty for ISO 8601.
+    optional : bool
+        Whether a table may lack the column.
+    """
+
+    column: str
+    unit: str
+    format: str = ""
+    optional: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.column!r} [{self.unit}]"
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnMapping:
+    """A mapping that was checked.
+
+    Attributes
+    ----------
+    source : str
+        File or name that it came from.
+    columns : mapping of str to Entry
+        Our names (of `COLUMNS`, or `battery_power_w`) to entries.
+    discharge_sign : float
+        1 when the table counts discharge as positive, -1 when it counts charge so.
+    trip_column : str or None
+        Column that tells the trips of one file apart; each file is a trip without it.
+    nominal_voltage_v, usable_capacity_kwh, usable_capacity_uncertainty : float or None
+    decimal : str
+        Decimal separator of text files.
+    hold_s : float
+        A missing value is the last one for so long [s]: for loggers that write what changes.
+    long_name, long_value : str or None
+        Columns of the signal's name and of its value, where a file has a row for each value.
+    """
+
+    source: str
+    columns: Mapping[str, Entry]
+    discharge_sign: float = 1.0
+    trip_column: str | None = None
+    nominal_voltage_v: float | None = None
+    usable_capacity_kwh: float | None = None
+    usable_capacity_uncertainty: float = 0.05
+    decimal: str = "."
+    hold_s: float = 0.0
+    long_name: str | None = None
+    long_value: str | None = None
+
+
+def shipped_mappings() -> tuple[str, ...]:
+    """Names of the mappings that come with the package.
+
+    Examples
+    --------
+    >>> "abrp" in shipped_mappings()
+    True
+    """
+    folder = resources.files("tripwatt.sources") / "mappings"
+    return tuple(sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")))
+
+
+def load_mapping(mapping: Path | str) -> ColumnMapping:
+    """A mapping from a TOML file, or a shipped one by its name.
+
+    Raises
+    ------
+    InvalidInput
+        With every key that is unknown, missing or has a value that cannot be.
+    """
+    if isinstance(mapping, str) and mapping in shipped_mappings():
+        text = (resources.files("tripwatt.sources") / "mappings" / f"{mapping}.toml").read_text("utf-8")
+        return parse_mapping(text, mapping)
+    path = Path(mapping)
+    try:
+        return parse_mapping(path.read_text("utf-8"), str(path))
+    except (OSError, UnicodeDecodeError) as error:
+        got = (error.strerror if isinstance(error, OSError) else "") or str(error)
+        allowed = f"a TOML file, or one of {', '.join(shipped_mappings())}"
+        raise InvalidInput(Fault("cannot read the mapping", f"{path}", got, allowed)) from error
+
+
+def parse_mapping(text: str, source: str) -> ColumnMapping:
+    r"""A mapping from the text of a TOML file. See `load_mapping`.
+
+    Examples
+    --------
+    >>> parse_mapping('[columns]\ntime_s = {column = "t"}\nspeed_m_s = {column = "v", unit = "mph"}', "my.toml").columns["speed_m_s"]
+    Entry(column='v', unit='mph', format='', optional=False)
+    """
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InvalidInput(Fault("not a TOML file", source, str(error), "TOML 1.0")) from error
+    raise_faults(_structure_faults(tables, source))
+    columns = {
+        ours: Entry(
+            str(entry["column"]),
+            str(entry.get("unit", _own_unit(ours))).lower(),
+            str(entry.get("format", "")),
+            bool(entry.get("optional", False)),
+        )
+        for ours, entry in tables["columns"].items()
+    }
+    battery, file, long = (tables.get(name, {}) for name in ("battery", "file", "long"))
+    return ColumnMapping(
+        source,
+        MappingProxyType(columns),
+        -1.0 if tables.get("current", {}).get("positive") == "charge" else 1.0,
+        tables.get("trip", {}).get("column"),
+        battery.get("nominal_voltage_v"),
+        battery.get("usable_capacity_kwh"),
+        battery.get("usable_capacity_uncertainty", 0.05),
+        file.get("decimal", "."),
+        file.get("hold_s", 0.0),
+        long.get("name"),
+        long.get("value"),
+    )
+
+
+def _own_unit(ours: str) -> str:
+    return _OWN_UNIT.get(ours) or (COLUMNS[ours].unit if ours in COLUMNS else "")
+
+
+def _structure_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:
+    for name, table in tables.items():
+        if name not in _TABLES:
+            yield Fault(
+                "unknown table", f"{source} [{name}]", "", f"[{'], ['.join(_TABLES)}]", _near(name, _TABLES)
+            )
+        elif not isinstance(table, dict):
+            yield Fault("not a table", f"{source} [{name}]", repr(table), f"[{name}]")
+        else:
+            for key in table:
+                allowed = _TABLES[name] or tuple(UNITS)
+                if key not in allowed:
+                    where = f"{source} [{name}] {key}"
+                    yield Fault("unknown key", where, "", ", ".join(allowed), _near(key, allowed))
+    columns = tables.get("columns", {})
+    if not isinstance(columns, dict):
+        return
+    for ours in ("time_s", "speed_m_s"):
+        if ours not in columns:
+            yield Fault("missing key", f"{source} [columns] {ours}", "", '{ column = "...", unit = "..." }')
+    for ours, entry in columns.items():
+        if ours in UNITS:
+            yield from _entry_faults(ours, entry, f"{source} [columns] {ours}")
+    yield from _value_faults(tables, source)
+    yield from _energy_faults(tables, source)
+
+
+def _entry_faults(ours: str, entry: object, where: str) -> Iterator[Fault]:
+    if not isinstance(entry, dict) or not isinstance(entry.get("column"), str) or not entry["column"]:
+        yield Fault("not a column", where, repr(entry), '{ column = "...", unit = "..." }')
+        return
+    for key, value in entry.items():
+        if key not in _ENTRY_KEYS:
+            yield Fault("unknown key", f"{where}.{key}", "", ", ".join(_ENTRY_KEYS))
+        elif key == "optional" and not isinstance(value, bool):
+            yield Fault("not true or false", f"{where}.{key}", repr(value), "true or false")
+        elif key != "optional" and not isinstance(value, str):
+            yield Fault("not a text", f"{where}.{key}", repr(value), "a text in quotes")
+    unit = str(entry.get("unit", _own_unit(ours)))
+    allowed = [*UNITS[ours], *(TIME_STAMPS if ours == "time_s" else ())]
+    if unit.lower() not in allowed:
+        yield Fault("unknown unit", f"{where}.unit", repr(unit), ", ".join(allowed))
+
+
+def _value_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:
+    ranges = {
+        ("battery", "nominal_voltage_v"): (30.0, 1200.0),
+        ("battery", "usable_capacity_kwh"): (1.0, 1500.0),
+        ("battery", "usable_capacity_uncertainty"): (0.0, 0.5),
+        ("file", "hold_s"): (0.0, 600.0),
+    }
+    for (table, key), (low, high) in ranges.items():
+        value = _get(tables, table, key)
+        if value is not None and not (
+            isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high
+        ):
+            yield Fault(
+                "value out of range", f"{source} [{table}] {key}", repr(value), f"{low:g} to {high:g}"
+            )
+    for table, key, allowed in (
+        ("current", "positive", ("discharge", "charge")),
+        ("file", "decimal", (".", ",")),
+    ):
+        value = _get(tables, table, key)
+        if value is not None and value not in allowed:
+            yield Fault(
+                "unknown value", f"{source} [{table}] {key}", repr(value), " or ".join(map(repr, allowed))
+            )
+    for table, key in (("trip", "column"), ("long", "name"), ("long", "value")):
+        value = _get(tables, table, key)
+        if isinstance(tables.get(table), dict) and not isinstance(value, str):
+            yield Fault("missing key", f"{source} [{table}] {key}", repr(value), "the name of a column")
+
+
+def _energy_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:
+    """Power or current without a voltage to go with it."""
+    columns = tables.get("columns", {})
+    flow = next((c for c in (POWER, "current_a") if c in columns), None)
+    voltage = columns.get("voltage_v")
+    certain = isinstance(voltage, dict) and not voltage.get("optional", False)
+    if flow is not None and not certain and _get(tables, "battery", "nominal_voltage_v") is None:
+        where = f"{source} [battery] nominal_voltage_v"
+        yield Fault("missing key", where, f"{flow} without voltage_v", "the battery's nominal voltage [V]")
+
+
+def _get(tables: Mapping[str, Any], table: str, key: str) -> Any:
+    section = tables.get(table)
+    return section.get(key) if isinstance(section, dict) else None
+
+
+def _near(name: str, known: Any) -> str:
+    close = difflib.get_close_matches(name, list(known), n=1)
+    return f"did you mean {close[0]!r}?" if close else ""

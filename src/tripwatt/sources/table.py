@@ -1,0 +1,545 @@
+"""Any table of samples, CSV or Parquet, one file a trip or one file with a column of trips, through a mapping."""
+
+from __future__ import annotations
+
+import datetime as dt
+import difflib
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, Protocol
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.inertia import apparent_mass
+from tripwatt.sources.delimited import Delimited, column_key, open_delimited, read_numbers, read_texts
+from tripwatt.sources.mapping import (
+    POWER,
+    TIME_STAMPS,
+    UNITS,
+    ColumnMapping,
+    Entry,
+    load_mapping,
+    parse_mapping,
+)
+from tripwatt.trips import COLUMNS, Context, Fleet, Trip, raise_faults
+
+FloatArray = npt.NDArray[np.float64]
+
+SUFFIXES: Final = (".csv", ".tsv", ".txt", ".parquet")
+WRONG_SHARE: Final = 0.01
+"""Up to this share of impossible values are a sensor's dropouts and the audit's affair; more is a wrong unit."""
+
+GAP_S: Final = 60.0
+WRONG_SIGN: Final = -0.3
+REVERSING_M_S: Final = -10.0
+WH_PER_KWH: Final = 1000.0
+
+
+class Table(Protocol):
+    """A file of columns, by name."""
+
+    @property
+    def path(self) -> Path:
+        """Where the file is."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Columns as the file names them."""
+
+    def numbers(self, names: Sequence[str]) -> list[FloatArray]:
+        """Columns as float64."""
+
+    def texts(self, name: str) -> list[str]:
+        """One column as text."""
+
+    def row(self, index: int) -> int:
+        """Row of a sample as the user counts them."""
+
+
+@dataclass(frozen=True, slots=True)
+class CsvTable:
+    """A delimited text file."""
+
+    path: Path
+    source: Delimited
+    decimal: str
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Columns of the header."""
+        return self.source.names
+
+    def _position(self, name: str) -> int:
+        return self.source.names.index(name)
+
+    def numbers(self, names: Sequence[str]) -> list[FloatArray]:
+        """Columns as float64, with every cell that is none named."""
+        return read_numbers(self.source, [self._position(n) for n in names], self.decimal)
+
+    def texts(self, name: str) -> list[str]:
+        """One column as text."""
+        return read_texts(self.source, [self._position(name)])[0]
+
+    def row(self, index: int) -> int:
+        """1-based line of the file."""
+        return self.source.header_line + 1 + index
+
+
+@dataclass(frozen=True, slots=True)
+class ParquetTable:
+    """A Parquet file."""
+
+    path: Path
+    frame: pd.DataFrame
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Columns of the schema."""
+        return [str(c) for c in self.frame.columns]
+
+    def numbers(self, names: Sequence[str]) -> list[FloatArray]:
+        """Columns as float64, with every one that holds no numbers named."""
+        faults, values = [], []
+        for name in names:
+            try:
+                values.append(np.asarray(pd.to_numeric(self.frame[name]), dtype=np.float64))
+            except (ValueError, TypeError) as error:
+                where = f"{self.path} column {name!r}"
+                faults.append(
+                    Fault("not a number", where, f"{self.frame[name].dtype}: {error}"[:120], "numbers")
+                )
+        raise_faults(faults)
+        return values
+
+    def texts(self, name: str) -> list[str]:
+        """One column as text; missing values are empty."""
+        column = self.frame[name]
+        return ["" if missing else str(value) for value, missing in zip(column, column.isna(), strict=True)]
+
+    def row(self, index: int) -> int:
+        """1-based row."""
+        return index + 1
+
+
+def read_table(
+    path: Path | str, mapping: Path | str | ColumnMapping | None = None, *, n_jobs: int | None = None
+) -> Fleet:
+    """Read trips from a CSV or Parquet file, or a folder of them.
+
+    Parameters
+    ----------
+    path : path
+    mapping : path, str or ColumnMapping, optional
+        A TOML file, the name of a shipped mapping, or a mapping; without one the columns must have our names.
+    n_jobs : int, optional
+        Threads; as many as there are processors by default.
+
+    Returns
+    -------
+    Fleet
+        Raw trips by id. `notes` names gaps of more than a minute, what is missing and what stands in for it.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of the mapping and of all files: a column that is not there, a unit that the values
+        contradict, a current of the wrong sign, two trips with one id.
+    """
+    path = Path(path)
+    files = _table_files(path)
+    checked = _checked(mapping, files[0])
+
+    def read_one(file: Path) -> tuple[list[Trip], list[str]] | InvalidInput:
+        try:
+            return _read_file(file, checked)
+        except InvalidInput as error:
+            return error
+
+    with ThreadPoolExecutor(n_jobs or os.cpu_count() or 1) as pool:
+        results = list(pool.map(read_one, files))
+    raise_faults(fault for r in results if isinstance(r, InvalidInput) for fault in r.faults)
+    read = [r for r in results if not isinstance(r, InvalidInput)]
+    trips = [trip for its_trips, _ in read for trip in its_trips]
+    raise_faults([*_twice(path, files, [its for its, _ in read]), *_wrong_sign(trips, checked)])
+    if not trips:
+        raise InvalidInput(
+            Fault("no trips", f"{path}", f"{len(files)} files without a trip", "at least one trip")
+        )
+    notes = [note for _, its_notes in read for note in its_notes]
+    return Fleet("table", tuple(trips), (*_fleet_notes(trips, checked), *notes))
+
+
+def _table_files(path: Path) -> list[Path]:
+    allowed = f"a file or a folder of files {', '.join(SUFFIXES)}"
+    if not path.exists():
+        raise InvalidInput(Fault("no such file or folder", f"{path}", "", allowed))
+    if path.is_file():
+        return [path]
+    files = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file())
+    if not files:
+        raise InvalidInput(Fault("no trips", f"{path}", "no table", allowed))
+    return files
+
+
+def open_table(path: Path, decimal: str = ".") -> Table:
+    """A CSV or Parquet file as columns.
+
+    Raises
+    ------
+    InvalidInput
+        When it cannot be read as what its suffix says.
+    """
+    if path.suffix.lower() != ".parquet":
+        return CsvTable(path, open_delimited(path), decimal)
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        frame = pq.read_table(path).to_pandas()
+    except (OSError, pa.ArrowException) as error:
+        got = str(error).splitlines()[0][:160] if str(error) else type(error).__name__
+        raise InvalidInput(Fault("unreadable Parquet file", f"{path}", got, "a Parquet file")) from error
+    return ParquetTable(path, frame.reset_index(drop=True))
+
+
+def _checked(mapping: Path | str | ColumnMapping | None, first: Path) -> ColumnMapping:
+    if isinstance(mapping, ColumnMapping):
+        return mapping
+    if mapping is not None:
+        return load_mapping(mapping)
+    names = [n for n in open_table(first).names if n in COLUMNS]
+    if not {"time_s", "speed_m_s"} <= set(names):
+        raise InvalidInput(
+            Fault(
+                "no mapping",
+                "--mapping",
+                f"columns {', '.join(map(repr, open_table(first).names[:8]))}",
+                "a mapping, or columns with our names such as time_s, speed_m_s, voltage_v, current_a",
+                f"`tripwatt mapping suggest {first}` proposes one",
+            )
+        )
+    return parse_mapping("[columns]\n" + "\n".join(f'{n} = {{ column = "{n}" }}' for n in names), f"{first}")
+
+
+def _read_file(path: Path, mapping: ColumnMapping) -> tuple[list[Trip], list[str]]:
+    table = open_table(path, mapping.decimal)
+    entries = _entries(table, mapping)
+    if mapping.long_name is not None:
+        return _read_long(table, entries, mapping)
+    texts = table.texts(mapping.trip_column) if mapping.trip_column else None
+    by_number = {ours: e for ours, e in entries.items() if ours != "time_s" or _numeric_time(e)}
+    values = dict(zip(by_number, table.numbers([e.column for e in by_number.values()]), strict=True))
+    started: list[dt.datetime | None] | None = None
+    if "time_s" not in values:
+        values["time_s"], started = _stamps(table, entries["time_s"])
+    elif entries["time_s"].unit in TIME_STAMPS:
+        values["time_s"] = values["time_s"] * TIME_STAMPS[entries["time_s"].unit]
+        started = [_from_epoch(t) for t in values["time_s"][:1]]
+    return _trips_of(table, entries, mapping, values, texts, stamped=started is not None)
+
+
+def _numeric_time(entry: Entry) -> bool:
+    return entry.unit != "timestamp"
+
+
+def _entries(table: Table, mapping: ColumnMapping) -> dict[str, Entry]:
+    """Entries with the file's own spelling of their columns. A name is matched exactly, else by `column_key`."""
+    needed: list[str] = [n for n in (mapping.trip_column, mapping.long_name, mapping.long_value) if n]
+    faults = [_missing(table, n, mapping) for n in needed if n not in table.names]
+    keys: dict[str, list[str]] = {}
+    for name in table.names:
+        keys.setdefault(column_key(name), []).append(name)
+    found: dict[str, Entry] = {}
+    for ours, entry in mapping.columns.items():
+        if mapping.long_name is not None and ours != "time_s":
+            found[ours] = entry
+            continue
+        alike = keys.get(column_key(entry.column), [])
+        if entry.column in table.names:
+            found[ours] = entry
+        elif len(alike) == 1:
+            found[ours] = replace(entry, column=alike[0])
+        elif not entry.optional:
+            faults.append(_missing(table, entry.column, mapping))
+    raise_faults(faults)
+    return found
+
+
+def _missing(table: Table, name: str, mapping: ColumnMapping) -> Fault:
+    close = difflib.get_close_matches(name, table.names, n=1)
+    got = ", ".join(repr(n[:40]) for n in table.names[:8]) + (" ..." if len(table.names) > 8 else "")
+    fix = f"did you mean {close[0]!r}? " if close else ""
+    return Fault("missing column", f"{table.path}", got, f"a column {name!r}", f"{fix}see {mapping.source}")
+
+
+def _stamps(table: Table, entry: Entry) -> tuple[FloatArray, list[dt.datetime | None]]:
+    """Seconds since 1970 of a column of time stamps."""
+    texts = pd.Series(table.texts(entry.column), dtype=object)
+    stamps = pd.to_datetime(texts, format=entry.format or "ISO8601", utc=True, errors="coerce")
+    bad = np.flatnonzero(stamps.isna() & (texts != ""))
+    if len(bad):
+        allowed = f"a time like {entry.format}" if entry.format else "a time such as 2024-05-31T08:15:00"
+        place = f"{table.path} row {table.row(int(bad[0]))} column {entry.column!r}"
+        got = repr(texts[int(bad[0])][:40]) + (f" (and {len(bad) - 1} more rows)" if len(bad) > 1 else "")
+        fix = "" if entry.format else 'give the format in the mapping: format = "%d.%m.%Y %H:%M:%S"'
+        raise InvalidInput(Fault("not a time", place, got, allowed, fix))
+    seconds = (stamps - pd.Timestamp(0, tz="UTC")).dt.total_seconds()
+    values = np.asarray(seconds, dtype=np.float64)
+    return values, [_from_epoch(values[0])]
+
+
+def _from_epoch(seconds: float) -> dt.datetime | None:
+    try:
+        return dt.datetime.fromtimestamp(float(seconds), tz=dt.UTC).replace(tzinfo=None)
+    except (ValueError, OverflowError, OSError):
+        return None
+
+
+def _read_long(
+    table: Table, entries: Mapping[str, Entry], mapping: ColumnMapping
+) -> tuple[list[Trip], list[str]]:
+    """A file with a row for each value: the signals side by side on the union of their times."""
+    if mapping.long_name is None or mapping.long_value is None:  # the mapping's check saw to it
+        raise InvalidInput(Fault("missing key", f"{mapping.source} [long]", "", "name and value"))
+    signals = np.array(table.texts(mapping.long_name), dtype=object)
+    (raw_time,) = table.numbers([entries["time_s"].column])
+    texts = table.texts(mapping.long_value)
+    times, index = np.unique(raw_time, return_inverse=True)
+    faults: list[Fault] = []
+    values: dict[str, FloatArray] = {"time_s": times}
+    for ours, entry in entries.items():
+        if ours == "time_s":
+            continue
+        rows = np.flatnonzero(signals == entry.column)
+        if not len(rows) and not entry.optional:
+            seen = sorted(set(signals.tolist()))
+            near = difflib.get_close_matches(entry.column, seen, n=1)
+            fix = f"did you mean {near[0]!r}?" if near else ""
+            got = ", ".join(map(repr, seen[:8]))
+            faults.append(Fault("missing signal", f"{table.path}", got, f"a signal {entry.column!r}", fix))
+        numbers = pd.to_numeric(
+            pd.Series([texts[i].replace(mapping.decimal, ".") or "nan" for i in rows], dtype=object),
+            errors="coerce",
+        ).to_numpy(dtype=np.float64)
+        column = np.full(len(times), np.nan)
+        column[index[rows]] = numbers
+        if len(rows):
+            values[ours] = column
+    raise_faults(faults)
+    return _trips_of(table, entries, mapping, values, None, stamped=False)
+
+
+def _trips_of(
+    table: Table,
+    entries: Mapping[str, Entry],
+    mapping: ColumnMapping,
+    values: dict[str, FloatArray],
+    texts: Sequence[str] | None,
+    *,
+    stamped: bool,
+) -> tuple[list[Trip], list[str]]:
+    """Trips of one file from its raw columns, after every value that contradicts its unit was named."""
+    ours = {name: _converted(name, entries[name], column) for name, column in values.items()}
+    raise_faults(_range_faults(table, entries, values, ours, texts is None and mapping.long_name is None))
+    frame = pd.DataFrame(ours)
+    notes: list[str] = []
+    trips: list[Trip] = []
+    faults: list[Fault] = []
+    if texts is None:
+        groups = [(table.path.stem, np.arange(len(frame)))]
+    else:
+        places = pd.Series(np.arange(len(frame))).groupby(np.array(texts, dtype=object), sort=False)
+        groups = [(str(name), np.asarray(rows)) for name, rows in places if str(name)]
+        outside = sum(not text for text in texts)
+        if outside:
+            notes.append(f"{table.path.name}: {outside} rows without a trip were left out")
+    for name, rows in groups:
+        samples = frame.iloc[rows].reset_index(drop=True)
+        if stamped and bool((np.diff(samples["time_s"]) < 0).any()):
+            samples = samples.sort_values("time_s", kind="stable", ignore_index=True)
+            notes.append(f"{table.path.name}: rows of {name} were put in the order of their time stamps")
+        notes += _gap_notes(table, name, samples, rows)
+        if len(samples) < 2:
+            faults.append(
+                Fault("too few samples", f"{table.path}, trip {name}", f"{len(samples)}", "at least 2")
+            )
+            continue
+        trips.append(_trip(name, samples, mapping, stamped=stamped))
+    raise_faults(faults)
+    return trips, notes
+
+
+def _converted(ours: str, entry: Entry, column: FloatArray) -> FloatArray:
+    if ours == "time_s" and entry.unit in TIME_STAMPS:
+        return column
+    factor, offset = UNITS[ours][entry.unit]
+    converted = column if factor == 1.0 and offset == 0.0 else column * factor + offset
+    # a battery that is switched off reports 0 V: that is no measurement
+    return np.where(converted == 0.0, np.nan, converted) if ours == "voltage_v" else converted
+
+
+def _range_faults(
+    table: Table,
+    entries: Mapping[str, Entry],
+    raw: Mapping[str, FloatArray],
+    ours: Mapping[str, FloatArray],
+    by_row: bool,
+) -> Iterator[Fault]:
+    """Columns of which too many values cannot be what the mapping says they are."""
+    for name, values in ours.items():
+        if name not in COLUMNS or name == "time_s":
+            continue
+        column, entry = COLUMNS[name], entries[name]
+        lowest = REVERSING_M_S if name == "speed_m_s" else column.minimum
+        with np.errstate(invalid="ignore"):
+            bad = np.flatnonzero((values < lowest) | (values > column.maximum))
+        known = int(np.isfinite(values).sum())
+        if not known:
+            place = f"{table.path} column {entry.column!r}"
+            if not entry.optional:
+                yield Fault("empty column", place, "no value", f"{name} in {entry.unit}")
+        elif len(bad) > WRONG_SHARE * known:
+            factor, offset = UNITS[name][entry.unit]
+            low, high = sorted(((lowest - offset) / factor, (column.maximum - offset) / factor))
+            worst = int(bad[np.argmax(np.abs(values[bad]))])
+            row = f" row {table.row(worst)}" if by_row else ""
+            got = f"{raw[name][worst]:g} {entry.unit} (and {len(bad) - 1} more rows)"
+            yield Fault(
+                "value out of range",
+                f"{table.path}{row} column {entry.column!r}",
+                got,
+                f"{low:g} to {high:g} {entry.unit}",
+                _unit_hint(name, float(np.nanmedian(values))),
+            )
+
+
+def _unit_hint(name: str, middle: float) -> str:
+    if name == "voltage_v" and 9.0 <= middle <= 16.0:
+        return "this is the 12 V board net; map the traction battery's voltage"
+    return "check the unit in the mapping"
+
+
+def _gap_notes(table: Table, name: str, samples: pd.DataFrame, rows: npt.NDArray[np.int64]) -> Iterator[str]:
+    step = np.diff(np.asarray(samples["time_s"]))
+    for i in np.flatnonzero(step > GAP_S)[:3]:
+        where = f"{table.path.name} row {table.row(int(rows[i + 1]))}, trip {name}"
+        yield f"{where}: no samples for {step[i]:.0f} s; the audit reads what follows as another drive"
+
+
+def _trip(name: str, samples: pd.DataFrame, mapping: ColumnMapping, *, stamped: bool) -> Trip:
+    time = np.asarray(samples["time_s"], dtype=np.float64)
+    context = Context()
+    if stamped:
+        context = Context(started_at=_from_epoch(float(time[0])))
+        time = time - time[0]
+    held = {
+        c: _held(time, np.asarray(samples[c], dtype=np.float64), mapping.hold_s)
+        for c in samples.columns
+        if c != "time_s"
+    }
+    columns = {"time_s": time, **held}
+    energy_std: float | None = None
+    nominal = mapping.nominal_voltage_v
+    if nominal is not None and (POWER in columns or "current_a" in columns):
+        voltage = columns.get("voltage_v", np.full(len(time), np.nan))
+        columns["voltage_v"] = np.where(np.isnan(voltage), nominal, voltage)
+    if POWER in columns:
+        columns["current_a"] = columns.pop(POWER) * mapping.discharge_sign / columns["voltage_v"]
+    elif "current_a" in columns:
+        columns["current_a"] = columns["current_a"] * mapping.discharge_sign
+    elif mapping.usable_capacity_kwh is not None:
+        columns["observed_energy_wh"], energy_std = _energy_from_soc(columns, mapping)
+    order = [*(c for c in COLUMNS if c in columns), *(c for c in columns if c not in COLUMNS)]
+    trip = Trip.from_log(name, pd.DataFrame({c: columns[c] for c in order}), context)
+    return replace(trip, observed_energy_std_wh=energy_std)
+
+
+def _held(time: FloatArray, values: FloatArray, hold_s: float) -> FloatArray:
+    """Missing values replaced by the last one while it is not older than `hold_s`."""
+    known = np.isfinite(values)
+    if hold_s <= 0.0 or known.all() or not known.any():
+        return values
+    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+    fresh = (last >= 0) & (time - time[np.maximum(last, 0)] <= hold_s)
+    return np.where(fresh, values[np.maximum(last, 0)], np.nan)
+
+
+def _energy_from_soc(columns: Mapping[str, FloatArray], mapping: ColumnMapping) -> tuple[FloatArray, float]:
+    """Cumulative energy [Wh] as the used share of the usable capacity, and the standard error of its last value.
+
+    Both ends are rounded to a step r of the state of charge, an error of variance r^2/12 each; the capacity has the
+    relative error of the mapping.
+    """
+    soc = columns["soc"] if "soc" in columns else columns["displayed_soc"]
+    time = columns["time_s"]
+    known = np.isfinite(soc)
+    capacity_wh = WH_PER_KWH * (mapping.usable_capacity_kwh or math.nan)
+    if not known.any():
+        return np.full(len(soc), np.nan), math.nan
+    filled = np.interp(time, time[known], soc[known])
+    energy = capacity_wh * (filled[0] - filled)
+    steps = np.abs(np.diff(soc[known]))
+    steps = steps[steps > 1e-9]
+    resolution = float(np.median(steps)) if len(steps) else 0.01
+    from_rounding = capacity_wh * resolution / math.sqrt(6.0)
+    from_capacity = mapping.usable_capacity_uncertainty * float(abs(energy[-1]))
+    return energy, math.hypot(from_rounding, from_capacity)
+
+
+def _twice(path: Path, files: Sequence[Path], trips: Sequence[Sequence[Trip]]) -> Iterator[Fault]:
+    seen: dict[str, Path] = {}
+    for file, its_trips in zip(files, trips, strict=True):
+        for trip in its_trips:
+            if trip.trip_id in seen:
+                got = f"{seen[trip.trip_id].name} and {file.name}"
+                yield Fault("two trips with one id", f"{path}, trip {trip.trip_id}", got, "one id a trip")
+            seen.setdefault(trip.trip_id, file)
+
+
+def _wrong_sign(trips: Sequence[Trip], mapping: ColumnMapping) -> Iterator[Fault]:
+    """A current, or power, that would charge the battery while the car accelerates."""
+    correlations = []
+    for trip in trips:
+        if trip.has("speed_m_s", "voltage_v", "current_a"):
+            power = trip.array("voltage_v") * trip.array("current_a")
+            found = apparent_mass(trip.array("time_s"), trip.array("speed_m_s"), power)
+            if found is not None:
+                correlations.append(found[1])
+    if correlations and float(np.median(correlations)) < WRONG_SIGN:
+        name = (mapping.columns.get("current_a") or mapping.columns[POWER]).column
+        now, right = ("discharge", "charge") if mapping.discharge_sign > 0 else ("charge", "discharge")
+        yield Fault(
+            "the current has the wrong sign",
+            f"column {name!r}",
+            f"the car would charge while it accelerates in most of {len(correlations)} trips",
+            f'[current] positive = "{right}" in place of "{now}"',
+            f"change it in {mapping.source}",
+        )
+
+
+def _fleet_notes(trips: Sequence[Trip], mapping: ColumnMapping) -> Iterator[str]:
+    columns = set(mapping.columns)
+    if not {"elevation_m", "grade"} & columns:
+        yield "the table holds no elevation: every road counts as flat"
+    if not any(t.observed_energy_wh is not None for t in trips):
+        yield (
+            "nothing to measure energy with: map voltage_v and current_a, or battery_power_w, "
+            "or a state of charge with [battery] usable_capacity_kwh"
+        )
+    if {POWER, "current_a"} & columns and mapping.nominal_voltage_v is not None:
+        yield f"{mapping.nominal_voltage_v:g} V stands in where no voltage was logged: only the power is measured"
+    errors = [t.observed_energy_std_wh for t in trips if t.observed_energy_std_wh is not None]
+    if errors:
+        energies = [abs(t.observed_energy_wh or 0.0) for t in trips]
+        share = float(np.median(np.array(errors) / np.maximum(energies, 1e-9)))
+        yield (
+            f"energy is SoC times {mapping.usable_capacity_kwh:g} kWh: its standard error is {np.median(errors):.0f} Wh "
+            f"({share:.0%}) in the median trip"
+        )

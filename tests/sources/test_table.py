@@ -1,0 +1,341 @@
+"""Any table through a mapping: units, signs, layouts, what is missing, and every wrong input in one message."""
+
+import datetime as dt
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tripwatt.audit import audit
+from tripwatt.errors import InvalidInput
+from tripwatt.sources import read_fleet
+from tripwatt.sources.mapping import load_mapping, parse_mapping, shipped_mappings
+from tripwatt.sources.suggest import suggest_mapping
+from tripwatt.sources.table import read_table
+from tripwatt.trips import Fleet
+
+MAPPING = """
+[columns]
+time_s = { column = "Time", unit = "s" }
+speed_m_s = { column = "Speed", unit = "km/h" }
+voltage_v = { column = "Volt", unit = "V" }
+current_a = { column = "Amp", unit = "A" }
+ambient_temperature_degc = { column = "Outside", unit = "degF" }
+elevation_m = { column = "Height", unit = "ft" }
+
+[current]
+positive = "charge"
+"""
+
+
+def driven(n=600, seed=0):
+    """A drive in the units and with the sign of MAPPING."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(float(n))
+    speed = np.maximum(12.0 + 9.0 * np.sin(time / 11.0 + seed) + 3.0 * np.sin(time / 4.3), 0.0)
+    power = 1500.0 * speed * np.gradient(speed, time) + 250.0 * speed + 900.0
+    current = power / 390.0 + rng.normal(0.0, 0.2, n)
+    return pd.DataFrame(
+        {
+            "Time": time,
+            "Speed": 3.6 * speed,
+            "Volt": 390.0 - 0.1 * current,
+            "Amp": -current,
+            "Outside": 50.0 + 4.0 * np.sin(time / 200.0),
+            "Height": 1000.0 + 0.1 * time,
+        }
+    )
+
+
+@pytest.fixture
+def mapping(tmp_path):
+    path = tmp_path / "my.toml"
+    path.write_text(MAPPING)
+    return path
+
+
+def faults_of(path, mapping):
+    with pytest.raises(InvalidInput) as caught:
+        read_table(path, mapping)
+    return caught.value.faults
+
+
+def test_csv_and_parquet_files_become_trips_in_our_units(tmp_path, mapping):
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    driven().to_csv(folder / "monday.csv", index=False)
+    driven(seed=1).to_parquet(folder / "tuesday.parquet")
+    driven(seed=2).to_csv(folder / "wednesday.csv", index=False, sep=";", decimal=".")
+    fleet = read_fleet(folder, "table", mapping)
+    assert [t.trip_id for t in fleet.trips] == ["monday", "tuesday", "wednesday"]
+    row = fleet.trips[0].samples.iloc[0].to_dict()
+    raw = driven().iloc[0]
+    assert row["speed_m_s"] == pytest.approx(raw.Speed / 3.6)
+    assert row["current_a"] == pytest.approx(-raw.Amp)
+    assert row["ambient_temperature_degc"] == pytest.approx(10.0)
+    assert row["elevation_m"] == pytest.approx(304.8)
+    assert all(t.observed_energy_wh > 0 for t in fleet.trips)
+    assert audit(fleet).set_aside == {}
+
+
+def test_one_file_with_a_column_of_trips_and_time_stamps(tmp_path):
+    start = pd.Timestamp("2024-05-31T08:00:00Z")
+    frames = [
+        driven(seed=k).assign(
+            Time=lambda d, k=k: start + pd.to_timedelta(d.Time + 4000 * k, unit="s"), Drive=f"d{k}"
+        )
+        for k in range(3)
+    ]
+    table = pd.concat(frames)
+    table = table.reset_index(drop=True)
+    table.loc[:4, "Drive"] = ""
+    text = MAPPING.replace('unit = "s"', 'unit = "timestamp"') + '[trip]\ncolumn = "Drive"\n'
+    for name, write in (("all.csv", pd.DataFrame.to_csv), ("all.parquet", pd.DataFrame.to_parquet)):
+        write(table, tmp_path / name)
+        fleet = read_table(tmp_path / name, parse_mapping(text, "my.toml"))
+        assert [t.trip_id for t in fleet.trips] == ["d0", "d1", "d2"]
+        assert fleet.trips[1].array("time_s")[:2].tolist() == [0.0, 1.0]
+        assert fleet.trips[2].context.started_at >= dt.datetime(2024, 5, 31, 10, 13, 20)
+        assert any("rows without a trip" in note for note in fleet.notes)
+
+
+def test_power_in_place_of_current(tmp_path):
+    raw = driven()
+    table = pd.DataFrame({"utc": 1_700_000_000 + raw.Time, "speed": raw.Speed, "soc": 80.0 - raw.Time / 300})
+    table["power"] = -raw.Volt * raw.Amp / 1000.0
+    table.to_csv(tmp_path / "drive.csv", index=False)
+    (trip,) = read_table(tmp_path / "drive.csv", "abrp").trips
+    expected = np.trapezoid(1000.0 * table.power, raw.Time) / 3600.0
+    assert trip.observed_energy_wh == pytest.approx(expected, rel=1e-6)
+    assert trip.context.started_at == dt.datetime(2023, 11, 14, 22, 13, 20)
+    assert trip.samples["displayed_soc"][0] == pytest.approx(0.8)
+
+
+def test_energy_from_soc_with_its_uncertainty(tmp_path):
+    raw = driven(1200)
+    table = pd.DataFrame({"Time": raw.Time, "Speed": raw.Speed, "SoC": np.round(80.0 - raw.Time / 100.0)})
+    table.to_csv(tmp_path / "drive.csv", index=False)
+    text = """
+    [columns]
+    time_s = { column = "Time" }
+    speed_m_s = { column = "Speed", unit = "km/h" }
+    soc = { column = "SoC", unit = "%" }
+    [battery]
+    usable_capacity_kwh = 50
+    usable_capacity_uncertainty = 0.1
+    """
+    fleet = read_table(tmp_path / "drive.csv", parse_mapping(text, "my.toml"))
+    (trip,) = fleet.trips
+    assert trip.observed_energy_wh == pytest.approx(50_000 * 0.12)
+    assert trip.observed_energy_std_wh == pytest.approx(np.hypot(600.0, 500.0 / np.sqrt(6.0)), rel=1e-6)
+    assert any("standard error" in note for note in fleet.notes)
+    result = audit(fleet)
+    assert result.set_aside == {}
+    assert result.trips[0].observed_energy_wh == trip.observed_energy_wh
+    bare = read_table(tmp_path / "drive.csv", parse_mapping(text.split("[battery]")[0], "my.toml"))
+    assert bare.trips[0].observed_energy_wh is None
+    assert any("nothing to measure energy with" in note for note in bare.notes)
+    assert "no measured energy" in audit(bare).set_aside["drive"]
+
+
+def test_a_row_for_each_value(tmp_path):
+    raw = driven()
+    names = {"Speed": "Speed (GPS)", "Volt": "[BMS] HV battery voltage", "Amp": "[BMS] HV battery current"}
+    rows = ['"SECONDS";"PID";"VALUE";"UNITS";']
+    for i in range(len(raw)):
+        for j, (ours, pid) in enumerate(names.items()):
+            sign = -1.0 if ours == "Amp" else 1.0
+            rows.append(f'"{raw.Time[i] + 0.1 * j:.1f}";"{pid}";"{sign * raw[ours][i]}";"";')
+        rows.append(f'"{raw.Time[i]:.1f}";"Gear";"D";"";')
+    (tmp_path / "log.csv").write_text("\n".join(rows) + "\n")
+    text = load_text("car_scanner")
+    (trip,) = read_table(tmp_path / "log.csv", parse_mapping(text, "car_scanner")).trips
+    assert len(trip) == 3 * len(raw)
+    assert trip.samples["current_a"].notna().sum() >= 3 * len(raw) - 3  # held for its 10 s
+    assert trip.samples["speed_m_s"][0] == pytest.approx(raw.Speed[0] / 3.6)
+    (fault,) = faults_of(
+        tmp_path / "log.csv", parse_mapping(text.replace("HV battery current", "Current"), "m")
+    )
+    assert fault.what == "missing signal"
+    assert "[BMS] HV battery current" in fault.fix
+
+
+def load_text(name):
+    from importlib import resources
+
+    return (resources.files("tripwatt.sources") / "mappings" / f"{name}.toml").read_text("utf-8")
+
+
+def test_shipped_mappings_are_sound_and_name_their_source():
+    assert {"abrp", "teslamate", "ovms", "torque", "car_scanner"} <= set(shipped_mappings())
+    for name in shipped_mappings():
+        assert load_mapping(name).columns
+        assert load_text(name).startswith("# ")
+
+
+def test_torque_files_read_with_their_odd_times_and_dashes(tmp_path):
+    raw = driven(300)
+    head = "GPS Time, Device Time, Longitude, Latitude, Altitude,Speed (OBD)(km/h),Battery Voltage(V),Battery Current(A)"
+    rows = [head]
+    for i in range(len(raw)):
+        stamp = (dt.datetime(2024, 5, 22, 7) + dt.timedelta(seconds=i)).strftime("%d-%b-%Y %H:%M:%S.%f")[:-3]
+        volt = "-" if i % 3 else f"{raw.Volt[i]:.1f}"
+        rows.append(f"x,{stamp},11.5,48.1,500,{raw.Speed[i]:.1f},{volt},{-raw.Amp[i]:.2f}")
+    (tmp_path / "trackLog.csv").write_text("\n".join(rows) + "\n")
+    (trip,) = read_table(tmp_path / "trackLog.csv", "torque").trips
+    assert trip.context.started_at == dt.datetime(2024, 5, 22, 7)
+    assert trip.array("time_s")[-1] == 299.0
+    assert trip.samples["voltage_v"].notna().all()
+
+
+@pytest.mark.parametrize(
+    ("damage", "what", "words"),
+    [
+        (lambda d: d.rename(columns={"Amp": "Ampere"}), "missing column", "did you mean 'Ampere'?"),
+        (lambda d: d.assign(Speed=d.Speed * 10), "value out of range", "-36 to 324 km/h"),
+        (lambda d: d.assign(Volt=12.6), "value out of range", "12 V board net"),
+        (lambda d: d.assign(Amp=-d.Amp), "the current has the wrong sign", 'positive = "discharge"'),
+        (lambda d: d.assign(Volt=np.nan), "empty column", "Volt"),
+        (lambda d: d.assign(Volt="high"), "not a number", "'high'"),
+        (lambda d: d.iloc[:1], "too few samples", "at least 2"),
+    ],
+)
+def test_wrong_tables_are_named(tmp_path, mapping, damage, what, words):
+    damage(driven()).to_csv(tmp_path / "drive.csv", index=False)
+    faults = faults_of(tmp_path / "drive.csv", mapping)
+    assert {f.what for f in faults} == {what}
+    assert words in " ".join(map(str, faults))
+
+
+def test_wrong_value_names_file_row_and_column(tmp_path, mapping):
+    table = driven()
+    table["Speed"] = 900.0
+    table.to_csv(tmp_path / "drive.csv", index=False)
+    (fault,) = faults_of(tmp_path / "drive.csv", mapping)
+    assert "drive.csv row 2 column 'Speed'" in fault.where
+    assert fault.got.startswith("900 km/h")
+
+
+def test_gaps_of_minutes_are_told_with_their_row(tmp_path, mapping):
+    table = driven(1200)
+    table.loc[table.index >= 700, "Time"] += 400.0
+    table.to_csv(tmp_path / "drive.csv", index=False)
+    fleet = read_table(tmp_path / "drive.csv", mapping)
+    assert any("row 702" in note and "401 s" in note for note in fleet.notes)
+    assert [t.trip_id for t in audit(fleet).trips] == ["drive-1", "drive-2"]
+
+
+def test_two_trips_with_one_id_and_all_faults_at_once(tmp_path, mapping):
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    driven().to_csv(folder / "a.csv", index=False)
+    driven().to_parquet(folder / "a.parquet")
+    (fault,) = faults_of(folder, mapping)
+    assert fault.what == "two trips with one id"
+    driven().assign(Volt=12.0).to_csv(folder / "b.csv", index=False)
+    (folder / "c.parquet").write_bytes(b"no parquet")
+    faults = faults_of(folder, mapping)
+    assert {f.what for f in faults} == {"value out of range", "unreadable Parquet file"}
+
+
+def test_wrong_mappings_are_named_by_their_keys(tmp_path):
+    text = """
+    [columns]
+    time_s = { column = "Time", unit = "s" }
+    speed = { column = "Speed" }
+    voltage_v = { column = "Volt", unit = "furlong" }
+    current_a = "Amp"
+    [current]
+    positive = "up"
+    [battery]
+    nominal_voltage_v = 12
+    usable_capacity = 30
+    [colums]
+    """
+    path = tmp_path / "my.toml"
+    path.write_text(text)
+    with pytest.raises(InvalidInput) as caught:
+        load_mapping(path)
+    said = str(caught.value)
+    for part in (
+        "[columns] speed",
+        "[columns] speed_m_s",
+        "voltage_v.unit",
+        "current_a",
+        "positive",
+        "12",
+        "[colums]",
+    ):
+        assert part in said
+    assert "did you mean 'columns'?" in said
+    path.write_text("[columns")
+    with pytest.raises(InvalidInput, match="not a TOML file"):
+        load_mapping(path)
+    with pytest.raises(InvalidInput, match="cannot read the mapping"):
+        load_mapping(tmp_path / "none.toml")
+
+
+def test_without_a_mapping_our_names_are_needed(tmp_path):
+    driven().to_csv(tmp_path / "drive.csv", index=False)
+    (fault,) = faults_of(tmp_path / "drive.csv", None)
+    assert "mapping suggest" in fault.fix
+    raw = driven()
+    ours = pd.DataFrame(
+        {"time_s": raw.Time, "speed_m_s": raw.Speed / 3.6, "voltage_v": raw.Volt, "current_a": -raw.Amp}
+    )
+    ours.to_csv(tmp_path / "ours.csv", index=False)
+    (trip,) = read_table(tmp_path / "ours.csv").trips
+    assert trip.array("speed_m_s")[0] == pytest.approx(raw.Speed[0] / 3.6)
+
+
+def test_a_suggestion_reads_the_file_it_was_made_from(tmp_path):
+    raw = driven()
+    named = raw.rename(
+        columns={
+            "Volt": "HV Battery Voltage",
+            "Amp": "Pack current",
+            "Outside": "outside_temp",
+            "Height": "alt_m",
+        }
+    ).assign(outside_temp=10.0, trip_id=7, cell_voltage=4.1)
+    named.to_csv(tmp_path / "drive.csv", index=False)
+    suggestion = suggest_mapping(tmp_path / "drive.csv")
+    assert suggestion.missing == ()
+    assert 'positive = "charge"' in suggestion.toml
+    by_name = {g.ours: (g.column, g.unit) for g in suggestion.guesses}
+    assert by_name["speed_m_s"] == ("Speed", "km/h")
+    assert by_name["voltage_v"][0] == "HV Battery Voltage"
+    assert all(g.why for g in suggestion.guesses)
+    (trip,) = read_table(tmp_path / "drive.csv", parse_mapping(suggestion.toml, "proposed")).trips
+    assert trip.trip_id == "7"
+    assert trip.array("current_a")[10] == pytest.approx(-raw.Amp[10])
+    bare = raw[["Time", "Amp"]]
+    bare.to_csv(tmp_path / "bare.csv", index=False)
+    assert "speed_m_s" in suggest_mapping(tmp_path / "bare.csv").missing
+
+
+@given(junk=st.binary(max_size=12), at=st.integers(0, 2000), remove=st.integers(0, 60))
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_any_damage_ends_in_a_fleet_or_in_invalid_input(tmp_path, mapping, junk, at, remove):
+    stamped = driven(20).assign(Time=lambda d: pd.Timestamp("2024-05-31") + pd.to_timedelta(d.Time, unit="s"))
+    data = stamped.to_csv(index=False).encode()
+    (tmp_path / "drive.csv").write_bytes(data[:at] + junk + data[at + remove :])
+    text = MAPPING.replace('unit = "s"', 'unit = "timestamp"')
+    for read in (lambda p: read_table(p, parse_mapping(text, "m")), suggest_mapping):
+        try:
+            found = read(tmp_path / "drive.csv")
+        except InvalidInput as error:
+            found = error
+        assert not isinstance(found, Fleet) or found.trips
+
+
+@given(text=st.text(max_size=60), at=st.integers(0, 400))
+@settings(max_examples=80, deadline=None)
+def test_any_mapping_is_read_or_refused(text, at):
+    try:
+        parsed = parse_mapping(MAPPING[:at] + text + MAPPING[at:], "my.toml")
+    except InvalidInput as error:
+        parsed = error
+    assert isinstance(parsed, InvalidInput) or parsed.columns
