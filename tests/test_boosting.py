@@ -172,6 +172,8 @@ def test_arrays_hold_the_whole_model(tmp_path):
     np.testing.assert_array_equal(back.predict(X), model.predict(X))
     np.testing.assert_array_equal(back.staged_predict(X), model.staged_predict(X))
     pd.testing.assert_frame_equal(back.learning_curve_, model.learning_curve_, check_dtype=False)
+    own = small(loss=lambda y, p: float(np.abs(y - p).max()), n_rounds=5, n_folds=2).fit(X, y, groups)
+    assert ClusteredBoosting.from_arrays(own.to_arrays()).loss == "squared"  # a function cannot be stored
 
 
 def test_covariates_that_matter_are_named():

@@ -188,8 +188,10 @@ def prepared(estimator: Any, X: Any, y: Any, groups: Any) -> tuple[Sample, Clust
 
 def about_columns(estimator: Any) -> dict[str, Any]:
     """What a fitted estimator knows of its columns and settings, as JSON knows it."""
+    settings = estimator.get_params(deep=False)
     return {
-        "settings": plain(estimator.get_params(deep=False)),
+        # what JSON cannot hold is left out, so that its default stands
+        "settings": {k: plain(v) for k, v in settings.items() if v is None or plain(v) is not None},
         "best_params": plain(estimator.best_params_),
         "levels": plain(estimator.columns_.levels),
         "n_features_in": int(estimator.n_features_in_),
