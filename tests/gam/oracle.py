@@ -10,6 +10,7 @@ import pandas as pd
 from tripwatt.gam.families import Gaussian, ScaledT
 
 HERE = Path(__file__).parent / "fixtures" / "inference"
+SYNTH = Path(__file__).parents[1] / "fixtures" / "mgcv_synth"
 
 
 def model(gram, penalty, coef, blocks, scalars, names):
@@ -64,10 +65,9 @@ def small(name):
     return fit, smooths.set_index("term"), parametric
 
 
-def synthetic(reference_dir, kind, family):
+def synthetic(kind, family):
     """Model A or B of the synthetic reference set, fitted by mgcv's gam, and the tables that it prints."""
-    root = reference_dir / "mgcv" / "synth"
-    folder, design = root / f"{kind}_gam_{family}", root / f"{kind}_design"
+    folder, design = SYNTH / f"{kind}_gam_{family}", SYNTH / f"{kind}_design"
     read = lambda file: pd.read_csv(folder / file)  # noqa: E731
     X = pd.read_csv(design / "X.csv").to_numpy()
     coef, sp, scalars = read("coef.csv"), read("sp.csv"), read("scalars.csv").iloc[0].to_dict()

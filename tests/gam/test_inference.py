@@ -67,8 +67,8 @@ def test_tables_are_those_of_mgcv(name):
 
 @pytest.mark.parametrize("kind", ["A", "B"])
 @pytest.mark.parametrize("family", ["gaussian", "scat"])
-def test_tables_are_those_of_mgcv_on_the_synthetic_set(reference_dir, kind, family):
-    check(*synthetic(reference_dir, kind, family))
+def test_tables_are_those_of_mgcv_on_the_synthetic_set(kind, family):
+    check(*synthetic(kind, family))
 
 
 def test_concurvity_is_that_of_mgcv():
