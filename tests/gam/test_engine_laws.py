@@ -54,7 +54,9 @@ def test_edf_lies_between_the_null_space_and_k(seed, logs):
 @given(seed=seeds)
 def test_relabelling_groups_changes_nothing(seed):
     frame = data(seed)
-    other = frame.assign(g=frame["g"].map(dict(zip("g0 g1 g2 g3 g4 g5 g6 g7".split(), "pqhxwanb", strict=True))))
+    other = frame.assign(
+        g=frame["g"].map(dict(zip(["g0", "g1", "g2", "g3", "g4", "g5", "g6", "g7"], "pqhxwanb", strict=True)))
+    )
     one, two = GAMM(CURVE, "scat").fit(frame), GAMM(CURVE, "scat").fit(other)
     assert np.abs(one.fitted_values_ - two.fitted_values_).max() < 1e-4 * frame["y"].std()
     assert one.reml_ == pytest.approx(two.reml_, rel=1e-6)
@@ -105,7 +107,9 @@ def test_derivatives_of_the_scaled_t(seed, nu, sigma):
     assert d.eta[0] == pytest.approx(student.logpdf(r, nu, scale=sigma), abs=1e-8)
     size = sigma ** -np.arange(5.0)
     for j in range(4):
-        difference = (t_derivatives(r - h * sigma, theta).eta[j] - t_derivatives(r + h * sigma, theta).eta[j]) / (2 * h * sigma)
+        difference = (
+            t_derivatives(r - h * sigma, theta).eta[j] - t_derivatives(r + h * sigma, theta).eta[j]
+        ) / (2 * h * sigma)
         assert difference == pytest.approx(d.eta[j + 1], abs=1e-4 * size[j + 1])
         for i, step in enumerate(((h, 0.0), (0.0, h))):
             up, down = t_derivatives(r, theta.moved(*step)), t_derivatives(r, theta.moved(-step[0], -step[1]))
@@ -134,7 +138,9 @@ def central(score, x, h=1e-4):
 @given(seed=seeds)
 def test_scores_have_exact_gradients_and_hessians(seed):
     frame = data(seed)
-    formula = Formula("y", (Smooth(("x",), "tp", 8), Tensor(("x", "z"), "cr", (4, 4), "te"), RandomEffect("g")))
+    formula = Formula(
+        "y", (Smooth(("x",), "tp", 8), Tensor(("x", "z"), "cr", (4, 4), "te"), RandomEffect("g"))
+    )
     design = build_design(Formula("y", formula.terms[1:]), frame)
     X, y = design.rows.dense(slice(None)), frame["y"].to_numpy()
     active = np.arange(design.p)

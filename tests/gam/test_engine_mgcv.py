@@ -90,7 +90,9 @@ def synth():
 @pytest.mark.parametrize("errors", ["gaussian", "scat"])
 def test_at_the_parameters_of_gam_everything_is_equal(synth, name, errors):
     peer = Peer(SYNTH / f"{name}_gam_{errors}")
-    family = "gaussian" if errors == "gaussian" else ScaledT(nu=peer.scalars["nu"], sigma=peer.scalars["sigma"])
+    family = (
+        "gaussian" if errors == "gaussian" else ScaledT(nu=peer.scalars["nu"], sigma=peer.scalars["sigma"])
+    )
     model = fitted(name, synth, peer, family, method="REML", smoothing_parameters=peer.sp)
     assert model.reml_ == pytest.approx(peer.scalars["score"], rel=1e-9)
     assert model.loglik_ == pytest.approx(peer.scalars["loglik"], rel=1e-9)
@@ -150,7 +152,8 @@ def test_discretised_covariates_change_next_to_nothing(synth):
 
 
 @pytest.mark.parametrize(
-    ("name", "rate", "edf", "spread"), [("core", "60s", 0.1, 0.005), ("ps", "60s", 0.1, 0.005), ("psby", "60s", 0.1, 0.005)]
+    ("name", "rate", "edf", "spread"),
+    [("core", "60s", 0.1, 0.005), ("ps", "60s", 0.1, 0.005), ("psby", "60s", 0.1, 0.005)],
 )
 def test_real_trips_meet_bam(reference_dir, name, rate, edf, spread):
     frame = pd.read_csv(reference_dir / "mgcv" / f"tum_{rate}.csv")

@@ -61,7 +61,9 @@ def fit_matrix(
     """
     n, p = X.shape
     faults = [
-        Fault("penalty does not fit", f"penalty {j}", f"{S.shape} for {first}:{stop}", f"square, within 0:{p}")
+        Fault(
+            "penalty does not fit", f"penalty {j}", f"{S.shape} for {first}:{stop}", f"square, within 0:{p}"
+        )
         for j, (first, stop, S) in enumerate(penalties)
         if not (0 <= first < stop <= p and S.shape == (stop - first, stop - first))
     ]
@@ -76,7 +78,11 @@ def fit_matrix(
         order.setdefault(first, []).append(j)
     stack = PenaltyStack(p, list(terms.items()))
     place = np.array([j for js in order.values() for j in js], dtype=np.intp)
-    rho = None if smoothing_parameters is None else np.log(np.asarray(smoothing_parameters, dtype=np.float64))[place]
+    rho = (
+        None
+        if smoothing_parameters is None
+        else np.log(np.asarray(smoothing_parameters, dtype=np.float64))[place]
+    )
     chosen = family if family is not None else Gaussian()
     sums = Moments((X.T @ X)[None], (X.T @ y)[None], np.array([y @ y]), float(n), 1.0)
     settings = Settings(chosen, method, rho, None, tolerance, max_iter)
