@@ -67,6 +67,10 @@ def test_outside_the_range_a_curve_is_held_or_goes_straight(frame):
     straight = GAMM(Formula("y", (X,)), extrapolation="linear").fit(frame)
     steps = np.diff(straight.predict(far)[:3])
     assert steps[0] == pytest.approx(steps[1])
+    slope = Formula("y", (Parametric("x"),))
+    assert np.ptp(GAMM(slope).fit(frame).predict(far)) < 1e-9
+    line = GAMM(slope, extrapolation="linear").fit(frame)
+    assert np.diff(line.predict(far))[0] == pytest.approx(line.coef_[1])
     edge = straight.predict(pd.DataFrame({"x": [frame["x"].max() - 0.001, frame["x"].max()]}))
     assert steps[0] == pytest.approx((edge[1] - edge[0]) / 0.001, rel=0.02)
 

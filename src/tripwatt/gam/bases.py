@@ -249,7 +249,9 @@ def _trailing_null_space(C: Array) -> Array:
     for i in range(M):
         v = np.zeros(k)
         v[: k - i] = work[i, : k - i]
-        v[k - 1 - i] += math.copysign(float(np.linalg.norm(v)), v[k - 1 - i])
+        size = float(np.linalg.norm(v))
+        # the pivot of evenly spaced points is zero but for rounding, which must not choose the basis
+        v[k - 1 - i] += -size if v[k - 1 - i] < -1e-9 * size else size
         v /= np.linalg.norm(v)
         work -= 2 * np.outer(work @ v, v)
         Q -= 2 * np.outer(Q @ v, v)
@@ -267,7 +269,8 @@ def _largest_eigenpairs(E: Array, k: int) -> tuple[Array, Array]:
         start = np.linspace(1.0, 2.0, n)  # fixed, so that two fits agree to the last digit
         values, vectors = eigsh(E, k=k, which="LM", v0=start, tol=0)
     order = np.argsort(-values)
-    return values[order], vectors[:, order]
+    values, vectors = values[order], vectors[:, order]
+    return values, vectors * np.where(vectors[0] < 0, -1.0, 1.0)
 
 
 def _basis_knots(points: Array) -> tuple[Array, Array]:
