@@ -249,9 +249,9 @@ def _trailing_null_space(C: Array) -> Array:
     for i in range(M):
         v = np.zeros(k)
         v[: k - i] = work[i, : k - i]
-        size, pivot = float(np.linalg.norm(v)), float(v[k - 1 - i])
-        # on symmetric points the pivot is rounding: its sign must not choose the basis
-        v[k - 1 - i] += math.copysign(size, pivot if abs(pivot) > 1e-8 * size else 1.0)
+        size = float(np.linalg.norm(v))
+        # the pivot of evenly spaced points is zero but for rounding, which must not choose the basis
+        v[k - 1 - i] += -size if v[k - 1 - i] < -1e-9 * size else size
         v /= np.linalg.norm(v)
         work -= 2 * np.outer(work @ v, v)
         Q -= 2 * np.outer(Q @ v, v)
@@ -269,14 +269,28 @@ def _largest_eigenpairs(E: Array, k: int) -> tuple[Array, Array]:
         start = np.linspace(1.0, 2.0, n)  # fixed, so that two fits agree to the last digit
         values, vectors = eigsh(E, k=k, which="LM", v0=start, tol=0)
     order = np.argsort(-values)
-    vectors = vectors[:, order]
-    return values[order], np.where(vectors[0] < 0, -vectors, vectors)
+    values, vectors = values[order], vectors[:, order]
+    return values, vectors * np.where(vectors[0] < 0, -1.0, 1.0)
 
 
-def _basis_knots(points: Array) -> Array:
+def _basis_knots(points: Array) -> tuple[Array, Array]:
+    """Knots (m, d) and weights (m,): the points, or the means of an even grid's cells and how many points each has."""
     if len(points) <= MAX_KNOTS:
-        return points
-    return np.asarray(points[np.linspace(0, len(points) - 1, MAX_KNOTS).round().astype(int)])
+        return points, np.ones(len(points))
+    d = points.shape[1]
+    low, span = points.min(axis=0), np.ptp(points, axis=0)
+    cells = MAX_KNOTS
+    while True:
+        code = np.zeros(len(points), dtype=np.int64)
+        for j in range(d):
+            place = np.minimum((points[:, j] - low[j]) / span[j] * cells, cells - 1)
+            code = code * cells + place.astype(np.int64)
+        _, index, counts = np.unique(code, return_inverse=True, return_counts=True)
+        if len(counts) <= MAX_KNOTS:
+            break
+        cells = cells * 9 // 10
+    sums = [np.bincount(index, weights=points[:, j]) for j in range(d)]
+    return np.stack(sums, axis=1) / counts[:, None], counts.astype(np.float64)
 
 
 def thin_plate(points: Array, counts: Array, k: int, order: int) -> ThinPlate:
@@ -285,7 +299,8 @@ def thin_plate(points: Array, counts: Array, k: int, order: int) -> ThinPlate:
     Parameters
     ----------
     points : ndarray (n, d)
-        Distinct points, sorted; beyond `MAX_KNOTS` an even subset of them carries the basis.
+        Distinct points, sorted; beyond `MAX_KNOTS` the means of grid cells stand for them, each with the weight of
+        its points, which approximates the eigenbasis of all points.
     counts : ndarray (n,)
         How many rows of the data lie on each point: columns have unit mean square over the rows.
     k : int
@@ -304,18 +319,20 @@ def thin_plate(points: Array, counts: Array, k: int, order: int) -> ThinPlate:
     (2, 5)
     """
     shift = np.asarray(np.average(points, axis=0, weights=counts))
-    knots = _basis_knots(points) - shift
-    T = _polynomials(knots, order)
+    knots, weights = _basis_knots(points)
+    knots, root = knots - shift, np.sqrt(weights)
+    T = root[:, None] * _polynomials(knots, order)
     M = T.shape[1]
-    values, U = _largest_eigenpairs(_radial(knots, knots, order), k)
+    values, U = _largest_eigenpairs(_radial(knots, knots, order) * root * root[:, None], k)
     Z = _trailing_null_space(T.T @ U)
     S = np.zeros((k, k))
     S[: k - M, : k - M] = Z.T @ (values[:, None] * Z)
-    raw = ThinPlate(knots, shift, U @ Z, np.ones(k), S, order)
+    loadings = root[:, None] * (U @ Z)
+    raw = ThinPlate(knots, shift, loadings, np.ones(k), S, order)
     scale = np.sqrt(np.average(raw.matrix(points) ** 2, axis=0, weights=counts))
     scale[scale == 0] = 1.0
     S = S / np.outer(scale, scale)
-    return ThinPlate(knots, shift, U @ Z, scale, (S + S.T) / 2, order)
+    return ThinPlate(knots, shift, loadings, scale, (S + S.T) / 2, order)
 
 
 def cubic_regression(points: Array, k: int) -> CubicRegression:

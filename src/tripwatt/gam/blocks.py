@@ -107,7 +107,8 @@ class Block:
 
     def _parametric(self, frame: pd.DataFrame, name: str, known: Training) -> Array:
         if self.contrast is None:
-            return known.supports[(name,)].clamped(frame[name].to_numpy(dtype=np.float64)[:, None])
+            values = frame[name].to_numpy(dtype=np.float64)[:, None]
+            return values if self.extrapolation == "linear" else known.supports[(name,)].clamped(values)
         levels = known.levels[name]
         return np.asarray(levels.rows(levels.codes(frame[name])) @ self.contrast)
 

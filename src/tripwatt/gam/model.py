@@ -43,7 +43,7 @@ class GAMM(RegressorMixin, BaseEstimator):
     discretise : bool or int
         Round covariates to an even grid of 1,000 (or so many) values; True does so beyond 10,000 rows.
     extrapolation : {"clamp", "linear"}
-        Outside its training range a smooth of one covariate is held constant, or goes on as a straight line.
+        Outside its training range a curve (or a numeric column) is held constant, or goes on as a straight line.
         Surfaces are always held: at the range, and within a twentieth of it from the nearest training point.
     smoothing_parameters : sequence or mapping, optional
         Given values, in the order (or by the names) of `smoothing_parameters_`.

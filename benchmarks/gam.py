@@ -1,0 +1,170 @@
+"""How fast the GAMM engine is, on the regressions of the 60 TUM trips: `python -m benchmarks.gam`.
+
+One thread: set OMP_NUM_THREADS=1. CPU seconds of this process. The peer is R's mgcv, run beside where Rscript is
+present, else the time stored with its fit.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.measure import ROOT, Row
+from tripwatt.gam import GAMM, Formula, Parametric, RandomEffect, Smooth, Tensor, Term
+
+HERTZ = 10
+ROWS_AT_10_HZ = 787_129
+R_CODE = """
+suppressMessages(library(mgcv))
+d <- read.csv(commandArgs(TRUE)[1], stringsAsFactors = TRUE)
+t0 <- proc.time()
+b <- bam(y ~ weather + s(time, bs="ps", k=20) + s(tamb, bs="ps", k=12) + s(vel, bs="ps", k=12) +
+  s(delev, bs="ps", k=12) + ti(tamb, delev, bs="ps", k=c(6,6)) + s(trip, bs="re"),
+  family = scat(), data = d, method = "fREML", discrete = TRUE, nthreads = 1)
+t1 <- proc.time() - t0
+cat(t1[1] + t1[2])
+"""
+
+
+def reference_folder() -> Path | None:
+    """The regressions and mgcv's fits of them, or None where they are not at hand."""
+    folder = Path(os.environ.get("TRIPWATT_REFERENCE", ROOT / "../shared/reference")) / "mgcv"
+    return folder if folder.is_dir() else None
+
+
+def formulas() -> dict[str, Formula]:
+    """The models that are timed."""
+    weather, season, trip = Parametric("weather"), Parametric("season"), RandomEffect("trip")
+    surface = Smooth(("tamb", "delev"), k=30)
+    wiggly = ("tamb", "vel", "delev")
+    ps: tuple[Term, ...] = (
+        weather,
+        Smooth(("time",), "ps", 20),
+        *(Smooth((name,), "ps", 12) for name in wiggly),
+        Tensor(("tamb", "delev"), "ps", (6, 6)),
+        trip,
+    )
+    paper = (
+        weather,
+        season,
+        Smooth(("time",), by="season"),
+        Smooth(("tamb",)),
+        Smooth(("vel",), by="season"),
+        Smooth(("delev",), by="season"),
+        surface,
+        trip,
+    )
+    table2 = (
+        weather,
+        *(Smooth((name,)) for name in ("time", *wiggly)),
+        Smooth(("time",), by="winter"),
+        Smooth(("tamb",), by="winter"),
+        surface,
+        trip,
+    )
+    return {"ps": Formula("y", ps), "paper": Formula("y", paper), "table2": Formula("y", table2)}
+
+
+def at_1_hz(folder: Path) -> pd.DataFrame:
+    """The stored regression, one row a second."""
+    columns = ["trip", "season", "weather", "time", "vel", "tamb", "delev", "y"]
+    frame = pd.read_parquet(folder / "tum_1hz.parquet", columns=columns)
+    frame = frame.astype(dict.fromkeys(("trip", "season", "weather"), "category"))
+    return frame.assign(winter=(frame["season"] == "winter").astype(float))
+
+
+def at_10_hz(frame: pd.DataFrame) -> pd.DataFrame:
+    """Ten rows a second, interpolated within each trip: the size matters, not the values."""
+    row = np.repeat(np.arange(len(frame)), HERTZ)[:ROWS_AT_10_HZ]
+    share = np.tile(np.arange(HERTZ) / HERTZ, len(frame))[:ROWS_AT_10_HZ]
+    trip = frame["trip"].cat.codes.to_numpy()
+    after = np.minimum(row + 1, len(frame) - 1)
+    after = np.where(trip[after] == trip[row], after, row)
+    out = {}
+    for name in ("time", "vel", "tamb", "delev", "y"):
+        values = frame[name].to_numpy(dtype=float)
+        out[name] = values[row] * (1 - share) + values[after] * share
+    for name in ("trip", "season", "weather"):
+        out[name] = frame[name].array.take(row)
+    return pd.DataFrame(out)
+
+
+def cpu_seconds(job: Callable[[], object], runs: int = 1) -> float:
+    """Least CPU time [s] of some runs."""
+    times = []
+    for _ in range(runs):
+        started = time.process_time()
+        job()
+        times.append(time.process_time() - started)
+    return min(times)
+
+
+def peer_seconds(folder: Path, frame: pd.DataFrame) -> tuple[str, float]:
+    """CPU time [s] of mgcv's bam(discrete) on the model `ps` at 1 Hz, and how it was come by."""
+    rscript = shutil.which("Rscript")
+    if rscript is not None:
+        with tempfile.TemporaryDirectory() as scratch:
+            table, code = Path(scratch) / "rows.csv", Path(scratch) / "fit.R"
+            frame.to_csv(table, index=False)
+            code.write_text(R_CODE, encoding="utf-8")
+            done = subprocess.run(
+                [rscript, str(code), str(table)], capture_output=True, text=True, check=False
+            )
+        if done.returncode == 0:
+            return "mgcv bam(discrete=TRUE), same run", float(done.stdout.split()[-1])
+    stored = pd.read_csv(folder / "ps1hz_bamd_scat" / "scalars.csv")
+    return "mgcv bam(discrete=TRUE), stored with its fit", float(stored["user"].iloc[0])
+
+
+def peak_megabytes() -> float:
+    """Most memory that this process ever had [MB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def run() -> list[Row]:
+    """All measurements; none where the regressions are not at hand."""
+    folder = reference_folder()
+    if folder is None:
+        return []
+    models, rows = formulas(), []
+    frame = at_1_hz(folder)
+
+    def fitted(name: str) -> GAMM:
+        return GAMM(models[name], "scat").fit(frame)
+
+    def left_out(name: str) -> np.ndarray:
+        return GAMM(models[name], "scat").leave_groups_out(frame, groups="trip")
+
+    seconds = cpu_seconds(partial(fitted, "ps"), runs=3)
+    peer, theirs = peer_seconds(folder, frame)
+    rows.append(Row("gam ps scat, 78,735 rows", seconds, "CPU s", peer, theirs, theirs / seconds))
+    for name in ("paper", "table2"):
+        seconds = cpu_seconds(partial(fitted, name))
+        rows.append(Row(f"gam {name} scat, 78,735 rows", seconds, "CPU s"))
+    for name in models:
+        seconds = cpu_seconds(partial(left_out, name))
+        rows.append(Row(f"gam {name} scat, leave one trip out, 60 folds, 78,735 rows", seconds, "CPU s"))
+    frame = at_10_hz(frame)
+    rows.append(Row("gam ps scat, 787,129 rows", cpu_seconds(partial(fitted, "ps")), "CPU s"))
+    rows.append(Row("peak memory of all of these", peak_megabytes(), "MB"))
+    return rows
+
+
+def main() -> None:
+    for row in run():
+        beside = "" if row.peer is None else f"   {row.peer}: {row.peer_value:.3g}   ratio {row.ratio:.3g}"
+        print(f"{row.name}: {row.value:.3g} {row.unit}{beside}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
