@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.physics.thermal import relaxation
+from tripwatt.physics.thermal import Relaxation
 from tripwatt.units import SECONDS_PER_HOUR, ZERO_CELSIUS_K
 from tripwatt.vehicles import Battery
 
@@ -18,7 +18,7 @@ BoolArray = npt.NDArray[np.bool_]
 MOLAR_GAS_CONSTANT_J_MOL_K: Final = 8.314462618
 """CODATA 2018."""
 
-SOC_TOLERANCE: Final = 1e-9
+SOC_TOLERANCE: Final = 1e-7
 """Two passes that agree to this state of charge have converged."""
 
 MOST_PASSES: Final = 60
@@ -138,7 +138,7 @@ def discharge(
     """
     per_step = step_s / (battery.capacity_ah * SECONDS_PER_HOUR)
     loss = battery.heat_loss_w_k
-    cooling = step_s * (loss / battery.heat_capacity_j_k)
+    cooling = Relaxation(step_s * (loss / battery.heat_capacity_j_k))
     heating = step_s / battery.heat_capacity_j_k
     floor_v = battery.min_cell_voltage_v * battery.cells_in_series
     if guess is None:
@@ -158,9 +158,7 @@ def discharge(
         new_soc = initial_soc - np.cumsum(current * per_step)
         heat = current * current * resistance
         if loss > 0.0:
-            temperature = relaxation(
-                initial_temperature_degc, ambient_temperature_degc + heat / loss, cooling
-            )
+            temperature = cooling.solve(initial_temperature_degc, ambient_temperature_degc + heat / loss)
         else:
             temperature = initial_temperature_degc + np.cumsum(heat * heating)
         change = float(np.max(np.abs(new_soc - soc)))

@@ -29,7 +29,7 @@ def motor_loss(torque_nm: FloatArray, speed_rad_s: FloatArray, drivetrain: Drive
     >>> from tripwatt.vehicles import load_vehicle
     >>> car = load_vehicle("bmw_i3_60ah")
     >>> motor_loss(np.array([0.0, 50.0]), np.array([500.0, 500.0]), car.drivetrain).round()
-    array([   0., 1521.])
+    array([  0., 853.])
     """
     torque = np.abs(torque_nm)
     q_current = torque / drivetrain.torque_constant_nm_a

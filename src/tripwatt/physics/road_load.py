@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from tripwatt.physics.thermal import Relaxation
 from tripwatt.units import (
     DRY_AIR_GAS_CONSTANT_J_KG_K,
     GRAVITY_M_S2,
@@ -15,6 +16,7 @@ from tripwatt.units import (
     TEMPERATURE_LAPSE_K_M,
     ZERO_CELSIUS_K,
 )
+from tripwatt.vehicles import Tyres
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -66,6 +68,38 @@ def rolling_resistance_force(
     constant, linear = coefficients
     force = mass_kg * GRAVITY_M_S2 * cosine * (constant + linear * speed_m_s)
     return np.asarray(np.where(speed_m_s > 0.0, force, 0.0), dtype=np.float64)
+
+
+def rolling_factor(
+    speed_m_s: FloatArray,
+    step_s: FloatArray,
+    temperature_degc: float,
+    tyres: Tyres,
+    *,
+    warm_start: bool = False,
+) -> FloatArray:
+    """Rolling and driveline drag over that of the warm car at the reference temperature. Shape of `speed_m_s`.
+
+    The factor is (1 + k (T_ref - T)) (1 + e (1 - w)), never below half. The state of warm-up w relaxes, with the
+    tyres' time constant, to the square root of speed over the speed that warms up fully.
+
+    Notes
+    -----
+    k after SAE J1263; the transient after Mars and Luchini, Tire Science and Technology 27 (1999).
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> tyres = load_vehicle("bmw_i3_60ah").tyres
+    >>> rolling_factor(np.full(3, 22.2), np.array([0.0, 900.0, 1e5]), 20.0, tyres).round(2)
+    array([1.3 , 1.11, 1.  ])
+    """
+    settled = np.sqrt(np.minimum(speed_m_s / tyres.warm_up_speed_m_s, 1.0))
+    warmth = Relaxation(step_s / tyres.warm_up_time_s).solve(1.0 if warm_start else 0.0, settled)
+    weather = 1.0 + tyres.temperature_coefficient_per_k * (
+        tyres.reference_temperature_degc - temperature_degc
+    )
+    return np.asarray(np.maximum(weather * (1.0 + tyres.cold_excess * (1.0 - warmth)), 0.5), dtype=np.float64)
 
 
 def grade_force(grade: FloatArray, mass_kg: float) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
@@ -18,6 +19,7 @@ from tripwatt.physics.road_load import (
     grade_force,
     grade_from_elevation,
     inertia_force,
+    rolling_factor,
     rolling_resistance_force,
 )
 from tripwatt.trips import Trip
@@ -40,7 +42,7 @@ CAUSES: Final = (
     "hvac",
     "shortfall",
 )
-"""Causes of `Simulation.energy_by_cause_wh`; `shortfall` is what the trace asked for and the car could not give."""
+"""Causes of `Simulation.power_by_cause_w`; `shortfall` is what the trace asked for and the car could not give."""
 
 ACCEPTANCE_TOLERANCE: Final = 1e-4
 MOST_ACCEPTANCE_PASSES: Final = 6
@@ -74,8 +76,8 @@ class Simulation:
         Heat in the battery, on top of `battery_power_w`.
     energy_wh : ndarray
         Cumulative energy at the battery terminals [Wh].
-    energy_by_cause_wh : dict of str to ndarray
-        Cumulative energy [Wh] by each of `CAUSES`; they sum to `energy_wh`.
+    power_by_cause_w : dict of str to ndarray
+        Power at the battery terminals [W] by each of `CAUSES`; they sum to `battery_power_w`.
     flags : tuple of str
         What the car could not follow, each with the number of samples; empty when all is well.
     """
@@ -99,13 +101,19 @@ class Simulation:
     soc: FloatArray
     battery_loss_w: FloatArray
     energy_wh: FloatArray
-    energy_by_cause_wh: Mapping[str, FloatArray]
+    power_by_cause_w: Mapping[str, FloatArray]
     flags: tuple[str, ...]
 
     @property
     def simulated_energy_wh(self) -> float:
         """Energy of the whole trip at the battery terminals [Wh]."""
         return float(self.energy_wh[-1])
+
+    @property
+    def energy_by_cause_wh(self) -> dict[str, FloatArray]:
+        """Cumulative energy [Wh] by each of `CAUSES`; they sum to `energy_wh`."""
+        hours = np.diff(self.time_s, prepend=self.time_s[:1]) * WH_PER_J
+        return {cause: np.cumsum(power * hours) for cause, power in self.power_by_cause_w.items()}
 
     @property
     def traction_force_n(self) -> FloatArray:
@@ -121,7 +129,7 @@ class Simulation:
         """All arrays as columns, energies by cause as `energy_<cause>_wh`."""
         import pandas as pd
 
-        names = [n for n in self.__slots__ if n not in ("energy_by_cause_wh", "flags")]
+        names = [n for n in self.__slots__ if n not in ("power_by_cause_w", "flags")]
         columns = {n: getattr(self, n) for n in names}
         columns |= {f"energy_{cause}_wh": e for cause, e in self.energy_by_cause_wh.items()}
         return pd.DataFrame(columns)
@@ -139,6 +147,7 @@ def simulate(
     initial_battery_temperature_degc: float | None = None,
     payload_mass_kg: float = 0.0,
     hvac_power_w: npt.ArrayLike = 0.0,
+    warm_start: bool = False,
     air_density_kg_m3: float | None = None,
 ) -> Simulation:
     """Drive a speed trace with a car. O(samples), no loop over samples.
@@ -161,6 +170,8 @@ def simulate(
         Load on top of the car's test mass; may be negative for a lighter test.
     hvac_power_w : float or array_like, shape (samples,)
         Electric power of heating and cooling [W] over the interval that ends at each sample.
+    warm_start : bool
+        Whether tyres and driveline are warm from a drive just before.
     air_density_kg_m3 : float, optional
         Air density [kg/m³] in place of the atmosphere's, as on a dynamometer, whose load knows no weather.
 
@@ -216,6 +227,7 @@ def simulate(
         ambient_temperature_degc,
         initial_soc,
         initial_battery_temperature_degc,
+        warm_start,
     )
 
 
@@ -223,7 +235,8 @@ def simulate_trip(vehicle: Vehicle, trip: Trip) -> Simulation:
     """Simulate a trip from what is known at departure, its speed trace and its road.
 
     Of the measured columns only the first known value of ambient temperature, battery temperature and state of
-    charge (`soc`, else `displayed_soc`) enters, and of the context the payload; what is unknown is left to the
+    charge (`soc`, else `displayed_soc`) enters, and of the context the payload and whether the trip
+    follows another; what is unknown is left to the
     defaults of `simulate`. Works on raw and on resampled trips.
 
     Raises
@@ -240,38 +253,38 @@ def simulate_trip(vehicle: Vehicle, trip: Trip) -> Simulation:
     >>> bool(run.simulated_energy_wh > 0.0)
     True
     """
-    ambient = at_departure(trip, "ambient_temperature_degc")
-    soc = at_departure(trip, "soc")
-    displayed = at_departure(trip, "displayed_soc")
+    ambient, battery_temperature, soc, displayed = at_departure(
+        trip, "ambient_temperature_degc", "battery_temperature_degc", "soc", "displayed_soc"
+    )
     if soc is None and displayed is not None:
         soc = min(1.0, max(0.0, vehicle.battery.soc_from_displayed(displayed)))
     return simulate(
         vehicle,
         trip.array("time_s"),
         trip.array("speed_m_s"),
-        grade=trip.array("grade") if trip.has("grade") else None,
+        grade=trip.array("grade") if "grade" in trip and trip.has("grade") else None,
         elevation_m=trip.array("elevation_m") if "elevation_m" in trip else None,
         ambient_temperature_degc=20.0 if ambient is None else ambient,
         initial_soc=0.8 if soc is None else soc,
-        initial_battery_temperature_degc=at_departure(trip, "battery_temperature_degc"),
+        initial_battery_temperature_degc=battery_temperature,
         payload_mass_kg=trip.context.payload_mass_kg,
+        warm_start=trip.context.follows_trip,
     )
 
 
-def at_departure(trip: Trip, column: str) -> float | None:
-    """Value of a column in the first sample, None when it is missing there.
+def at_departure(trip: Trip, *columns: str) -> tuple[float | None, ...]:
+    """Values of columns in the first sample, None for one that is missing there.
 
     Examples
     --------
     >>> import pandas as pd
     >>> log = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 1.0], "soc": [0.7, 0.6]})
-    >>> at_departure(Trip.from_samples("t", log), "soc"), at_departure(Trip.from_samples("t", log), "voltage_v")
+    >>> at_departure(Trip.from_samples("t", log), "soc", "voltage_v")
     (0.7, None)
     """
-    if column not in trip:
-        return None
-    first = float(trip.samples[column].iloc[0])
-    return first if np.isfinite(first) else None
+    first = trip.samples.iloc[0]
+    values = [float(first[c]) if c in first else math.nan for c in columns]
+    return tuple(v if math.isfinite(v) else None for v in values)
 
 
 def argument_faults(
@@ -329,15 +342,19 @@ def _chain(
     ambient: float,
     initial_soc: float,
     initial_temperature: float,
+    warm_start: bool,
 ) -> Simulation:
-    step = np.diff(time, prepend=time[:1])
+    step = np.zeros_like(time)
+    np.subtract(time[1:], time[:-1], out=step[1:])
     mean_speed = speed.copy()
     mean_speed[1:] = 0.5 * (speed[1:] + speed[:-1])
     acceleration = np.zeros_like(speed)
-    acceleration[1:] = np.diff(speed) / step[1:]
+    acceleration[1:] = (speed[1:] - speed[:-1]) / step[1:]
     cosine = 1.0 / np.sqrt(1.0 + slope * slope)
     aero = aero_drag_force(mean_speed, vehicle.road_load.drag_area_m2, density)
     rolling = rolling_resistance_force(mean_speed, mass, vehicle.road_load.rolling_coefficients, cosine)
+    if vehicle.tyres is not None:
+        rolling *= rolling_factor(mean_speed, step, ambient, vehicle.tyres, warm_start=warm_start)
     climb = grade_force(slope, mass)
     # Mean speed times change of speed is the change of v²/2: kinetic energy adds up exactly over a trip.
     inertia = inertia_force(acceleration, mass, vehicle.body.rotating_mass_factor)
@@ -359,7 +376,6 @@ def _chain(
         "hvac": hvac,
         "shortfall": -shortfall,
     }
-    hours = step * WH_PER_J
     current = battery.current_a
     return Simulation(
         time_s=time,
@@ -380,8 +396,8 @@ def _chain(
         battery_temperature_degc=battery.temperature_degc,
         soc=np.clip(battery.soc, 0.0, 1.0),
         battery_loss_w=battery.open_circuit_power_w - battery.power_w,
-        energy_wh=np.cumsum(battery.power_w * hours),
-        energy_by_cause_wh={cause: np.cumsum(power * hours) for cause, power in by_cause.items()},
+        energy_wh=np.cumsum(battery.power_w * (step * WH_PER_J)),
+        power_by_cause_w=by_cause,
         flags=_flags(vehicle, drive, battery),
     )
 

@@ -13,40 +13,67 @@ LONGEST_BLOCK: Final = 200.0
 """Time constants solved at once; exp(200) is far from overflow and sums of one sign lose no digits."""
 
 
-def relaxation(initial: float, target: FloatArray, step: FloatArray) -> FloatArray:
-    """Solve y[k] = y[k-1] e^(-step[k]) + target[k] (1 - e^(-step[k])) for all k at once. O(samples).
+class Relaxation:
+    """Solver of y[k] = y[k-1] e^(-step[k]) + target[k] (1 - e^(-step[k])) for all k at once.
+
+    What depends on the steps alone is computed once, for repeated passes over one trip.
 
     Parameters
     ----------
-    initial : float
-        State before the first interval.
-    target : ndarray, shape (samples,)
-        Where the state would settle, constant over the interval that ends at k.
     step : ndarray, shape (samples,)
         Length of each interval in time constants, not negative.
 
     Examples
     --------
-    >>> relaxation(0.0, np.array([1.0, 1.0]), np.array([0.0, np.log(2.0)]))
+    >>> Relaxation(np.array([0.0, np.log(2.0)])).solve(0.0, np.array([1.0, 1.0]))
     array([0. , 0.5])
     """
-    elapsed = np.cumsum(step)
-    gain = -np.expm1(-step) * target
-    if elapsed[-1] < LONGEST_BLOCK:
-        growth = np.exp(elapsed)
-        return np.asarray((initial + np.cumsum(gain * growth)) / growth, dtype=np.float64)
-    result = np.empty_like(target)
-    first, state = 0, initial
-    while first < len(target):
-        before = elapsed[first] - step[first]
-        last = int(np.searchsorted(elapsed, before + LONGEST_BLOCK))
-        if last <= first:  # one interval longer than a block: what came before is forgotten
-            state = float(target[first])
-            result[first] = state
-            first += 1
-            continue
-        growth = np.exp(elapsed[first:last] - before)
-        result[first:last] = (state + np.cumsum(gain[first:last] * growth)) / growth
-        state = float(result[last - 1])
-        first = last
-    return result
+
+    __slots__ = ("blocks", "gain", "growth")
+
+    def __init__(self, step: FloatArray) -> None:
+        self.gain = -np.expm1(-step)
+        elapsed = np.cumsum(step)
+        self.blocks: list[tuple[int, int]] = []
+        if elapsed[-1] < LONGEST_BLOCK:
+            self.growth = np.exp(elapsed)
+            return
+        self.growth = np.ones_like(step)
+        first = 0
+        while first < len(step):
+            before = elapsed[first] - step[first]
+            last = int(np.searchsorted(elapsed, before + LONGEST_BLOCK))
+            if last <= first:  # one interval longer than a block: what came before is forgotten
+                last = first + 1
+                self.growth[first] = np.inf
+            else:
+                self.growth[first:last] = np.exp(elapsed[first:last] - before)
+            self.blocks.append((first, last))
+            first = last
+
+    def solve(self, initial: float, target: FloatArray) -> FloatArray:
+        """The state at the end of each interval, for where it would settle in each. O(samples).
+
+        Parameters
+        ----------
+        initial : float
+            State before the first interval.
+        target : ndarray, shape (samples,)
+            Where the state would settle, constant over the interval that ends at k.
+        """
+        if not self.blocks:
+            result = np.cumsum(self.gain * self.growth * target)
+            result += initial
+            result /= self.growth
+            return np.asarray(result, dtype=np.float64)
+        result = np.empty_like(target)
+        state = initial
+        for first, last in self.blocks:
+            growth = self.growth[first:last]
+            if np.isinf(growth[0]):
+                result[first] = target[first]
+            else:
+                gain = self.gain[first:last] * target[first:last]
+                result[first:last] = (state + np.cumsum(gain * growth)) / growth
+            state = float(result[last - 1])
+        return result

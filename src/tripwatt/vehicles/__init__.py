@@ -1,7 +1,7 @@
 """Cars as frozen dataclasses, one TOML per car: value, unit and source for every entry."""
 
 from tripwatt.vehicles.loading import Entry, Vehicle, load_vehicle, vehicle_from_document, vehicle_names
-from tripwatt.vehicles.parts import Auxiliaries, Battery, Body, Drivetrain, Regeneration, RoadLoad
+from tripwatt.vehicles.parts import Auxiliaries, Battery, Body, Drivetrain, Regeneration, RoadLoad, Tyres
 
 __all__ = [
     "Auxiliaries",
@@ -11,6 +11,7 @@ __all__ = [
     "Entry",
     "Regeneration",
     "RoadLoad",
+    "Tyres",
     "Vehicle",
     "load_vehicle",
     "vehicle_from_document",

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.vehicles.parts import Auxiliaries, Battery, Body, Drivetrain, Regeneration, RoadLoad
+from tripwatt.vehicles.parts import Auxiliaries, Battery, Body, Drivetrain, Regeneration, RoadLoad, Tyres
 
 Value = float | str | tuple[float, ...]
 
@@ -29,6 +29,7 @@ SECTIONS: Final[Mapping[str, type]] = types.MappingProxyType(
     {
         "body": Body,
         "road_load": RoadLoad,
+        "tyres": Tyres,
         "drivetrain": Drivetrain,
         "regeneration": Regeneration,
         "battery": Battery,
@@ -37,7 +38,7 @@ SECTIONS: Final[Mapping[str, type]] = types.MappingProxyType(
 )
 """Sections of a car's TOML and the part that each describes."""
 
-OPTIONAL_SECTIONS: Final[frozenset[str]] = frozenset()
+OPTIONAL_SECTIONS: Final[frozenset[str]] = frozenset({"tyres"})
 """Parts that a car may lack."""
 
 ENTRY_KEYS: Final = ("value", "unit", "source", "estimated", "scale")
@@ -83,6 +84,7 @@ class Vehicle:
     preset: str
     body: Body
     road_load: RoadLoad
+    tyres: Tyres | None
     drivetrain: Drivetrain
     regeneration: Regeneration
     battery: Battery

@@ -95,6 +95,24 @@ class RoadLoad:
 
 
 @dataclass(frozen=True, slots=True)
+class Tyres:
+    """How rolling and driveline drag depend on the weather and on how long the car has been driven.
+
+    The road load was measured warm and at one air temperature; see `tripwatt.physics.road_load.rolling_factor`.
+    """
+
+    reference_temperature_degc: float = quantity(
+        "degC", -20.0, 60.0, "air temperature to which the road load belongs"
+    )
+    temperature_coefficient_per_k: float = quantity(
+        "1/K", 0.0, 0.05, "relative rise of warm rolling drag for each kelvin of colder air"
+    )
+    cold_excess: float = quantity("1", 0.0, 2.0, "relative rise of rolling drag right after a long stop")
+    warm_up_time_s: float = quantity("s", 1.0, 1e5, "time constant of warming up and cooling down")
+    warm_up_speed_m_s: float = quantity("m/s", 1.0, 60.0, "constant speed at which the car warms up fully")
+
+
+@dataclass(frozen=True, slots=True)
 class Drivetrain:
     """Wheel, gearbox, permanent-magnet motor and inverter.
 

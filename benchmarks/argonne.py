@@ -1,0 +1,76 @@
+"""Simulated against measured energy of the BMW i3 on Argonne's dynamometer, row by row.
+
+Run: ``python -m benchmarks.argonne``. Needs the Argonne rows and the cycles, see the environment variables
+TRIPWATT_REFERENCE and TRIPWATT_DATA in CONTRIBUTING.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.physics import simulate
+from tripwatt.units import M_PER_MILE
+from tripwatt.vehicles import load_vehicle
+
+TEST_MASS_KG = 1443.33
+"""Argonne D3 Master Summary List, 2014 BMW i3 BEV: 3182 lb."""
+
+
+def folders() -> tuple[Path, Path]:
+    return (
+        Path(os.environ.get("TRIPWATT_DATA", "../shared/data")),
+        Path(os.environ.get("TRIPWATT_REFERENCE", "../shared/reference")),
+    )
+
+
+def argonne_rows(data: Path, reference: Path, vehicle_name: str = "bmw_i3_60ah") -> pd.DataFrame:
+    """One row per dynamometer test with `simulated_wh_per_mile` and `error` (simulated over measured - 1)."""
+    vehicle = load_vehicle(vehicle_name)
+    rows = pd.read_csv(reference / "anl_d3_i3.csv")
+    cycles = {name: pd.read_csv(data / "cycles" / f"{name.lower()}.csv") for name in rows["cycle"].unique()}
+    simulated = []
+    for row in rows.itertuples():
+        cycle = cycles[str(row.cycle)]
+        time = cycle["cycSecs"].to_numpy(float)
+        speed = cycle["cycMps"].to_numpy(float)
+        run = simulate(
+            vehicle,
+            time,
+            speed,
+            ambient_temperature_degc=float(row.cell_temperature_degc),
+            payload_mass_kg=TEST_MASS_KG - vehicle.body.test_mass_kg,
+            warm_start=row.start == "hot",
+            air_density_kg_m3=vehicle.road_load.coastdown_air_density_kg_m3,
+        )
+        simulated.append(run.simulated_energy_wh / (np.trapezoid(speed, time) / M_PER_MILE))
+    return rows.assign(
+        simulated_wh_per_mile=simulated,
+        error=np.asarray(simulated) / rows["dc_wh_per_mile"].to_numpy(float) - 1.0,
+    )
+
+
+def summary(rows: pd.DataFrame) -> dict[str, float]:
+    """Mean absolute errors by temperature and start, and the worst row at 21 to 25 °C."""
+    error = rows["error"].abs()
+    warm = rows["cell_temperature_degc"].between(21, 25)
+    return {
+        "mean_absolute_error": float(error.mean()),
+        "mean_absolute_error_cold_start": float(error[rows["start"] == "cold"].mean()),
+        "mean_absolute_error_hot_start": float(error[rows["start"] == "hot"].mean()),
+        "worst_error_21_to_25_degc": float(error[warm].max()),
+    }
+
+
+def main() -> None:
+    rows = argonne_rows(*folders())
+    print(rows.round({"simulated_wh_per_mile": 1, "error": 3}).to_string(index=False))
+    for name, value in summary(rows).items():
+        print(f"{name}: {value:.3f}")
+
+
+if __name__ == "__main__":
+    main()
