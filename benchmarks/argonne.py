@@ -33,6 +33,7 @@ def argonne_rows(data: Path, reference: Path, vehicle_name: str = "bmw_i3_60ah")
     rows = pd.read_csv(reference / "anl_d3_i3.csv")
     cycles = {name: pd.read_csv(data / "cycles" / f"{name.lower()}.csv") for name in rows["cycle"].unique()}
     simulated = []
+    setpoint = 22.2  # 72 °F
     for row in rows.itertuples():
         cycle = cycles[str(row.cycle)]
         time = cycle["cycSecs"].to_numpy(float)
@@ -43,6 +44,10 @@ def argonne_rows(data: Path, reference: Path, vehicle_name: str = "bmw_i3_60ah")
             speed,
             ambient_temperature_degc=float(row.cell_temperature_degc),
             payload_mass_kg=TEST_MASS_KG - vehicle.body.test_mass_kg,
+            climate=row.climate != "off",
+            initial_cabin_temperature_degc=setpoint if row.start == "hot" else None,
+            cabin_setpoint_degc=setpoint,
+            solar_irradiance_w_m2=850.0 if "850" in str(row.climate) else 0.0,
             warm_start=row.start == "hot",
             air_density_kg_m3=vehicle.road_load.coastdown_air_density_kg_m3,
         )

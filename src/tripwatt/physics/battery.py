@@ -18,8 +18,8 @@ BoolArray = npt.NDArray[np.bool_]
 MOLAR_GAS_CONSTANT_J_MOL_K: Final = 8.314462618
 """CODATA 2018."""
 
-SOC_TOLERANCE: Final = 1e-7
-"""Two passes that agree to this state of charge have converged."""
+SOC_TOLERANCE: Final = 1e-5
+"""Two passes that agree to this state of charge have converged; each pass cuts the error by about 50."""
 
 MOST_PASSES: Final = 60
 
@@ -143,7 +143,11 @@ def discharge(
     floor_v = battery.min_cell_voltage_v * battery.cells_in_series
     if guess is None:
         nominal = battery.cells_in_series * float(np.interp(initial_soc, battery.ocv_soc, battery.ocv_v))
-        soc = initial_soc - np.cumsum(power_w * per_step) / nominal
+        drawn = (power_w * per_step).cumsum() / nominal
+        halfway = battery.cells_in_series * float(
+            np.interp(initial_soc - 0.5 * drawn[-1], battery.ocv_soc, battery.ocv_v)
+        )
+        soc = initial_soc - drawn * (nominal / halfway)
         temperature = np.full_like(soc, initial_temperature_degc)
     else:
         soc, temperature = guess.soc, guess.temperature_degc
@@ -155,13 +159,13 @@ def discharge(
         bound = largest_power(ocv, resistance, floor_v)
         power = np.minimum(power_w, bound)
         current = battery_current(power, ocv, resistance)
-        new_soc = initial_soc - np.cumsum(current * per_step)
+        new_soc = initial_soc - (current * per_step).cumsum()
         heat = current * current * resistance
         if loss > 0.0:
             temperature = cooling.solve(initial_temperature_degc, ambient_temperature_degc + heat / loss)
         else:
-            temperature = initial_temperature_degc + np.cumsum(heat * heating)
-        change = float(np.max(np.abs(new_soc - soc)))
+            temperature = initial_temperature_degc + (heat * heating).cumsum()
+        change = float(np.abs(new_soc - soc).max())
         soc = new_soc
         if change < SOC_TOLERANCE:
             converged = True

@@ -81,7 +81,7 @@ def regeneration_acceptance(
     cold = (temperature_degc - regeneration.zero_temperature_degc) / (
         regeneration.full_temperature_degc - regeneration.zero_temperature_degc
     )
-    return np.asarray(np.clip(np.minimum(full, cold), 0.0, 1.0), dtype=np.float64)
+    return np.asarray(np.maximum(np.minimum(np.minimum(full, cold), 1.0), 0.0), dtype=np.float64)
 
 
 def propulsion(
@@ -113,12 +113,8 @@ def propulsion(
     shaft = np.minimum(np.minimum(asked, drivetrain.motor_max_power_w), torque_bound)
     short = asked - shaft
     braking = np.maximum(-wheel_power_w, 0.0)
-    fade = np.clip(
-        (speed_m_s - regeneration.zero_speed_m_s)
-        / (regeneration.full_speed_m_s - regeneration.zero_speed_m_s),
-        0.0,
-        1.0,
-    )
+    fade_range = regeneration.full_speed_m_s - regeneration.zero_speed_m_s
+    fade = np.minimum(np.maximum((speed_m_s - regeneration.zero_speed_m_s) / fade_range, 0.0), 1.0)
     taken = np.minimum(braking * regeneration.fraction * fade, regeneration.max_power_w * acceptance)
     taken = np.minimum(taken, regeneration.max_torque_nm * speed_rad_s / efficiency)
     shaft -= taken * efficiency

@@ -29,6 +29,10 @@ GRADE_WINDOW_M: Final = 200.0
 GRADE_JUMP: Final = 0.25
 """A rise per distance between neighbouring pieces above this is a jump of the sensor: no public road is steeper."""
 
+_HALF: Final = int(GRADE_WINDOW_M / GRADE_BIN_M)
+GRADE_WEIGHT: Final = np.minimum(np.arange(1.0, 2 * _HALF), np.arange(2 * _HALF - 1.0, 0.0, -1.0)) / _HALF**2
+"""Triangular weight of the pieces of road, sum 1."""
+
 
 def air_density(temperature_degc: float, elevation_m: float = 0.0) -> float:
     """Density of dry air [kg/m³] at the pressure of the ICAO standard atmosphere.
@@ -153,7 +157,8 @@ def grade_from_elevation(time_s: FloatArray, speed_m_s: FloatArray, elevation_m:
     if not known.any():
         return flat
     step = np.diff(time_s) * (0.5 * (speed_m_s[1:] + speed_m_s[:-1]))
-    distance = np.concatenate(([0.0], np.cumsum(step)))
+    distance = np.zeros_like(time_s)
+    np.cumsum(step, out=distance[1:])
     n_bins = int(distance[-1] / GRADE_BIN_M) + 1
     if n_bins < 3:
         return flat
@@ -168,10 +173,9 @@ def grade_from_elevation(time_s: FloatArray, speed_m_s: FloatArray, elevation_m:
     height = np.interp(np.arange(n_bins), filled, total[filled] / count[filled])
     slope = np.diff(height) / GRADE_BIN_M
     slope[np.abs(slope) > GRADE_JUMP] = 0.0
-    half = int(GRADE_WINDOW_M / GRADE_BIN_M)
-    weight = np.concatenate((np.arange(1.0, half + 1.0), np.arange(half - 1.0, 0.0, -1.0)))
+    half = (len(GRADE_WEIGHT) + 1) // 2
     # Mirrored ends let the smoothed slopes climb exactly as high as the unsmoothed ones.
-    smooth = np.convolve(np.pad(slope, half - 1, mode="symmetric"), weight / weight.sum(), mode="valid")
+    smooth = np.convolve(np.pad(slope, half - 1, mode="symmetric"), GRADE_WEIGHT, mode="valid")
     middle = distance.copy()
     middle[1:] -= 0.5 * step
     return np.asarray(

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.physics.battery import BatteryRun, discharge, shifted
+from tripwatt.physics.cabin import UNKNOWN_SUN_W_M2, CabinRun, CabinStart, condition_cabin, irradiance
 from tripwatt.physics.drivetrain import Propulsion, propulsion, regeneration_acceptance
 from tripwatt.physics.road_load import (
     aero_drag_force,
@@ -44,6 +45,9 @@ CAUSES: Final = (
 )
 """Causes of `Simulation.power_by_cause_w`; `shortfall` is what the trace asked for and the car could not give."""
 
+UNKNOWN_AMBIENT_DEGC: Final = 20.0
+"""Ambient temperature of a trip that does not say."""
+
 ACCEPTANCE_TOLERANCE: Final = 1e-4
 MOST_ACCEPTANCE_PASSES: Final = 6
 
@@ -72,6 +76,8 @@ class Simulation:
     battery_power_w : ndarray
         Power at the battery terminals, on which the energy is counted.
     battery_current_a, terminal_voltage_v, battery_temperature_degc, soc : ndarray
+    cabin_temperature_degc : ndarray
+        NaN where no climate control was simulated.
     battery_loss_w : ndarray
         Heat in the battery, on top of `battery_power_w`.
     energy_wh : ndarray
@@ -98,6 +104,7 @@ class Simulation:
     battery_current_a: FloatArray
     terminal_voltage_v: FloatArray
     battery_temperature_degc: FloatArray
+    cabin_temperature_degc: FloatArray
     soc: FloatArray
     battery_loss_w: FloatArray
     energy_wh: FloatArray
@@ -142,11 +149,15 @@ def simulate(
     *,
     grade: npt.ArrayLike | None = None,
     elevation_m: npt.ArrayLike | None = None,
-    ambient_temperature_degc: float = 20.0,
+    ambient_temperature_degc: float = UNKNOWN_AMBIENT_DEGC,
     initial_soc: float = 0.8,
     initial_battery_temperature_degc: float | None = None,
     payload_mass_kg: float = 0.0,
-    hvac_power_w: npt.ArrayLike = 0.0,
+    hvac_power_w: npt.ArrayLike | None = None,
+    climate: bool = True,
+    initial_cabin_temperature_degc: float | None = None,
+    cabin_setpoint_degc: float | None = None,
+    solar_irradiance_w_m2: float = UNKNOWN_SUN_W_M2,
     warm_start: bool = False,
     air_density_kg_m3: float | None = None,
 ) -> Simulation:
@@ -168,8 +179,16 @@ def simulate(
         The ambient temperature when not given.
     payload_mass_kg : float
         Load on top of the car's test mass; may be negative for a lighter test.
-    hvac_power_w : float or array_like, shape (samples,)
-        Electric power of heating and cooling [W] over the interval that ends at each sample.
+    hvac_power_w : float or array_like, shape (samples,), optional
+        Electric power of heating and cooling [W] over the interval that ends at each sample, in place of what the
+        car's climate model says.
+    climate : bool
+        Whether the climate control is on; without effect for a car without one.
+    initial_cabin_temperature_degc : float, optional
+        The ambient temperature when not given.
+    cabin_setpoint_degc : float, optional
+        The car's usual set-point when not given.
+    solar_irradiance_w_m2 : float
     warm_start : bool
         Whether tyres and driveline are warm from a drive just before.
     air_density_kg_m3 : float, optional
@@ -187,7 +206,7 @@ def simulate(
     Examples
     --------
     >>> from tripwatt.vehicles import load_vehicle
-    >>> parked = simulate(load_vehicle("bmw_i3_60ah"), [0.0, 3600.0], [0.0, 0.0])
+    >>> parked = simulate(load_vehicle("bmw_i3_60ah"), [0.0, 3600.0], [0.0, 0.0], climate=False)
     >>> parked.simulated_energy_wh
     300.0
     """
@@ -195,7 +214,11 @@ def simulate(
     speed = np.asarray(speed_m_s, dtype=np.float64)
     slope = None if grade is None else np.asarray(grade, dtype=np.float64)
     height = None if elevation_m is None else np.asarray(elevation_m, dtype=np.float64)
-    hvac = np.asarray(hvac_power_w, dtype=np.float64)
+    hvac = np.asarray(0.0 if hvac_power_w is None else hvac_power_w, dtype=np.float64)
+    if initial_cabin_temperature_degc is None:
+        initial_cabin_temperature_degc = ambient_temperature_degc
+    if cabin_setpoint_degc is None:
+        cabin_setpoint_degc = 22.0 if vehicle.climate is None else vehicle.climate.setpoint_degc
     if initial_battery_temperature_degc is None:
         initial_battery_temperature_degc = ambient_temperature_degc
     scalars = {
@@ -203,6 +226,9 @@ def simulate(
         "initial_soc": (initial_soc, 0.0, 1.0),
         "initial_battery_temperature_degc": (initial_battery_temperature_degc, -60.0, 100.0),
         "payload_mass_kg": (payload_mass_kg, -0.5 * vehicle.body.curb_mass_kg, 60_000.0),
+        "initial_cabin_temperature_degc": (initial_cabin_temperature_degc, -60.0, 100.0),
+        "cabin_setpoint_degc": (cabin_setpoint_degc, 0.0, 50.0),
+        "solar_irradiance_w_m2": (solar_irradiance_w_m2, 0.0, 1500.0),
         "air_density_kg_m3": (1.2 if air_density_kg_m3 is None else air_density_kg_m3, 0.0, 10.0),
     }
     faults = tuple(argument_faults(time, speed, slope, height, hvac, scalars))
@@ -216,6 +242,12 @@ def simulate(
         known = None if height is None else height[np.isfinite(height)]
         mean_height = float(known.mean()) if known is not None and len(known) else 0.0
         air_density_kg_m3 = air_density(ambient_temperature_degc, mean_height)
+    cabin: CabinRun | None = None
+    if climate and hvac_power_w is None and vehicle.climate is not None:
+        start = CabinStart(
+            initial_cabin_temperature_degc, cabin_setpoint_degc, solar_irradiance_w_m2, warm_start
+        )
+        cabin = condition_cabin(vehicle.climate, time, speed, ambient_temperature_degc, start)
     return _chain(
         vehicle,
         time,
@@ -223,7 +255,8 @@ def simulate(
         slope,
         vehicle.body.test_mass_kg + payload_mass_kg,
         air_density_kg_m3,
-        np.broadcast_to(hvac, time.shape),
+        np.broadcast_to(hvac, time.shape) if cabin is None else cabin.power_w,
+        None if cabin is None else cabin.temperature_degc,
         ambient_temperature_degc,
         initial_soc,
         initial_battery_temperature_degc,
@@ -234,10 +267,9 @@ def simulate(
 def simulate_trip(vehicle: Vehicle, trip: Trip) -> Simulation:
     """Simulate a trip from what is known at departure, its speed trace and its road.
 
-    Of the measured columns only the first known value of ambient temperature, battery temperature and state of
-    charge (`soc`, else `displayed_soc`) enters, and of the context the payload and whether the trip
-    follows another; what is unknown is left to the
-    defaults of `simulate`. Works on raw and on resampled trips.
+    Of the measured columns only the first sample of ambient, battery and cabin temperature, set-point and state of
+    charge (`soc`, else `displayed_soc`) enters, and of the context payload, set-point, weather, season and whether
+    the trip follows another; what is unknown is left to the defaults of `simulate`. Works on raw and on resampled trips.
 
     Raises
     ------
@@ -253,23 +285,54 @@ def simulate_trip(vehicle: Vehicle, trip: Trip) -> Simulation:
     >>> bool(run.simulated_energy_wh > 0.0)
     True
     """
-    ambient, battery_temperature, soc, displayed = at_departure(
-        trip, "ambient_temperature_degc", "battery_temperature_degc", "soc", "displayed_soc"
+    ambient, battery_temperature, soc, displayed, cabin, setpoint = at_departure(
+        trip,
+        "ambient_temperature_degc",
+        "battery_temperature_degc",
+        "soc",
+        "displayed_soc",
+        "cabin_temperature_degc",
+        "cabin_setpoint_degc",
     )
     if soc is None and displayed is not None:
         soc = min(1.0, max(0.0, vehicle.battery.soc_from_displayed(displayed)))
+    if ambient is None:
+        ambient = UNKNOWN_AMBIENT_DEGC
+    context = trip.context
     return simulate(
         vehicle,
         trip.array("time_s"),
         trip.array("speed_m_s"),
         grade=trip.array("grade") if "grade" in trip and trip.has("grade") else None,
         elevation_m=trip.array("elevation_m") if "elevation_m" in trip else None,
-        ambient_temperature_degc=20.0 if ambient is None else ambient,
+        ambient_temperature_degc=ambient,
         initial_soc=0.8 if soc is None else soc,
         initial_battery_temperature_degc=battery_temperature,
-        payload_mass_kg=trip.context.payload_mass_kg,
-        warm_start=trip.context.follows_trip,
+        payload_mass_kg=context.payload_mass_kg,
+        initial_cabin_temperature_degc=cabin_at_departure(vehicle, cabin, ambient),
+        cabin_setpoint_degc=context.cabin_setpoint_degc if setpoint is None else setpoint,
+        solar_irradiance_w_m2=irradiance(context.weather, context.season),
+        warm_start=context.follows_trip,
     )
+
+
+def cabin_at_departure(vehicle: Vehicle, logged_degc: float | None, ambient_degc: float) -> float:
+    """Cabin temperature [°C] at departure: as logged, else that of the outside air.
+
+    A sensor at the lower end of its range says nothing; the cabin is then as cold as the air outside.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle("bmw_i3_60ah")
+    >>> cabin_at_departure(car, 21.0, 3.0), cabin_at_departure(car, 10.0, 3.0), cabin_at_departure(car, None, 3.0)
+    (21.0, 3.0, 3.0)
+    """
+    if logged_degc is None:
+        return ambient_degc
+    if vehicle.climate is not None and logged_degc <= vehicle.climate.sensor_minimum_degc:
+        return min(logged_degc, ambient_degc)
+    return logged_degc
 
 
 def at_departure(trip: Trip, *columns: str) -> tuple[float | None, ...]:
@@ -339,6 +402,7 @@ def _chain(
     mass: float,
     density: float,
     hvac: FloatArray,
+    cabin_temperature: FloatArray | None,
     ambient: float,
     initial_soc: float,
     initial_temperature: float,
@@ -394,9 +458,10 @@ def _chain(
         battery_current_a=current,
         terminal_voltage_v=battery.terminal_voltage_v,
         battery_temperature_degc=battery.temperature_degc,
-        soc=np.clip(battery.soc, 0.0, 1.0),
+        cabin_temperature_degc=np.full_like(time, np.nan) if cabin_temperature is None else cabin_temperature,
+        soc=np.minimum(np.maximum(battery.soc, 0.0), 1.0),
         battery_loss_w=battery.open_circuit_power_w - battery.power_w,
-        energy_wh=np.cumsum(battery.power_w * (step * WH_PER_J)),
+        energy_wh=(battery.power_w * (step * WH_PER_J)).cumsum(),
         power_by_cause_w=by_cause,
         flags=_flags(vehicle, drive, battery),
     )
@@ -429,7 +494,7 @@ def _drive_and_battery(
             shifted(initial_temperature, run.temperature_degc),
             vehicle.regeneration,
         )
-        if float(np.max(np.abs(settled - acceptance))) < ACCEPTANCE_TOLERANCE:
+        if float(np.abs(settled - acceptance).max()) < ACCEPTANCE_TOLERANCE:
             break
         acceptance = settled
     return drive, run

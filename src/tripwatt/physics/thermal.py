@@ -33,7 +33,7 @@ class Relaxation:
 
     def __init__(self, step: FloatArray) -> None:
         self.gain = -np.expm1(-step)
-        elapsed = np.cumsum(step)
+        elapsed = step.cumsum()
         self.blocks: list[tuple[int, int]] = []
         if elapsed[-1] < LONGEST_BLOCK:
             self.growth = np.exp(elapsed)
@@ -62,7 +62,7 @@ class Relaxation:
             Where the state would settle, constant over the interval that ends at k.
         """
         if not self.blocks:
-            result = np.cumsum(self.gain * self.growth * target)
+            result = (self.gain * self.growth * target).cumsum()
             result += initial
             result /= self.growth
             return np.asarray(result, dtype=np.float64)

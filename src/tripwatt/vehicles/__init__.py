@@ -1,12 +1,22 @@
 """Cars as frozen dataclasses, one TOML per car: value, unit and source for every entry."""
 
 from tripwatt.vehicles.loading import Entry, Vehicle, load_vehicle, vehicle_from_document, vehicle_names
-from tripwatt.vehicles.parts import Auxiliaries, Battery, Body, Drivetrain, Regeneration, RoadLoad, Tyres
+from tripwatt.vehicles.parts import (
+    Auxiliaries,
+    Battery,
+    Body,
+    Climate,
+    Drivetrain,
+    Regeneration,
+    RoadLoad,
+    Tyres,
+)
 
 __all__ = [
     "Auxiliaries",
     "Battery",
     "Body",
+    "Climate",
     "Drivetrain",
     "Entry",
     "Regeneration",

@@ -21,7 +21,16 @@ from pathlib import Path
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.vehicles.parts import Auxiliaries, Battery, Body, Drivetrain, Regeneration, RoadLoad, Tyres
+from tripwatt.vehicles.parts import (
+    Auxiliaries,
+    Battery,
+    Body,
+    Climate,
+    Drivetrain,
+    Regeneration,
+    RoadLoad,
+    Tyres,
+)
 
 Value = float | str | tuple[float, ...]
 
@@ -34,11 +43,12 @@ SECTIONS: Final[Mapping[str, type]] = types.MappingProxyType(
         "regeneration": Regeneration,
         "battery": Battery,
         "auxiliaries": Auxiliaries,
+        "climate": Climate,
     }
 )
 """Sections of a car's TOML and the part that each describes."""
 
-OPTIONAL_SECTIONS: Final[frozenset[str]] = frozenset({"tyres"})
+OPTIONAL_SECTIONS: Final[frozenset[str]] = frozenset({"tyres", "climate"})
 """Parts that a car may lack."""
 
 ENTRY_KEYS: Final = ("value", "unit", "source", "estimated", "scale")
@@ -89,6 +99,7 @@ class Vehicle:
     regeneration: Regeneration
     battery: Battery
     auxiliaries: Auxiliaries
+    climate: Climate | None
     entries: Mapping[str, Entry] = dataclasses.field(repr=False, compare=False, hash=False)
 
 
@@ -392,8 +403,9 @@ def _consistency_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]
         ("regeneration", "zero_speed_m_s", "full_speed_m_s"),
         ("regeneration", "full_soc", "zero_soc"),
         ("regeneration", "zero_temperature_degc", "full_temperature_degc"),
+        ("climate", "fresh_air_low_w_k", "fresh_air_high_w_k"),
     )
     for section, low, high in pairs:
-        if getattr(parts[section], low) >= getattr(parts[section], high):
+        if parts[section] is not None and getattr(parts[section], low) >= getattr(parts[section], high):
             got = f"{getattr(parts[section], low):g} and {getattr(parts[section], high):g}"
             yield Fault("wrong order", f"{where}, {section}.{low} and {high}", got, f"{low} below {high}")

@@ -197,3 +197,40 @@ class Auxiliaries:
     """Loads on the battery that neither drive nor heat."""
 
     base_load_w: float = quantity("W", 0.0, 20_000.0, "computers, lights, pumps, display")
+
+
+@dataclass(frozen=True, slots=True)
+class Climate:
+    """Cabin, heater, air conditioner and their control, see `tripwatt.physics.cabin`."""
+
+    air_heat_capacity_j_k: float = quantity("J/K", 500.0, 1e6, "cabin air and what follows it at once")
+    interior_heat_capacity_j_k: float = quantity("J/K", 1e3, 1e7, "seats, trim and glass")
+    interior_exchange_w_k: float = quantity("W/K", 0.0, 2_000.0, "between cabin air and interior")
+    shell_w_k: float = quantity("W/K", 0.0, 1_000.0, "through the shell to the outside air at standstill")
+    shell_per_speed_w_s_k_m: float = quantity("W s/(K m)", 0.0, 20.0, "more of it for each m/s")
+    fresh_air_low_w_k: float = quantity("W/K", 0.0, 1_000.0, "heat flow of the outside air, blower low")
+    fresh_air_high_w_k: float = quantity("W/K", 0.0, 2_000.0, "heat flow of the outside air, blower high")
+    solar_aperture_m2: float = quantity("m2", 0.0, 20.0, "solar heat in the cabin over horizontal irradiance")
+    solar_share_to_air: float = quantity("1", 0.0, 1.0, "part of the solar heat that warms the air at once")
+    occupant_heat_w: float = quantity("W", 0.0, 10_000.0, "heat of the people inside")
+    heater_max_heat_w: float = quantity("W", 100.0, 60_000.0, "largest heat of heater and heat pump together")
+    heater_efficiency: float = quantity(
+        "1", 0.3, 1.0, "heat in the cabin over electric power, resistive heater"
+    )
+    heat_pump_max_heat_w: float = quantity("W", 0.0, 60_000.0, "largest heat of the heat pump, 0 for none")
+    heat_pump_cop_at_0_degc: float = quantity("1", 1.0, 6.0, "heat over electric power at 0 degC outside")
+    heat_pump_cop_per_k: float = quantity("1/K", 0.0, 0.5, "rise of it for each kelvin of warmer air")
+    cooler_max_heat_w: float = quantity(
+        "W", 100.0, 60_000.0, "largest sensible heat the air conditioner removes"
+    )
+    cooler_cop: float = quantity("1", 0.5, 6.0, "sensible heat removed over electric power")
+    blower_low_power_w: float = quantity(
+        "W", 0.0, 5_000.0, "blower, fans and pumps of the climate control, low"
+    )
+    blower_high_power_w: float = quantity("W", 0.0, 10_000.0, "the same at full demand")
+    control_time_s: float = quantity("s", 1.0, 3_600.0, "time constant of the approach to the set-point")
+    setpoint_degc: float = quantity("degC", 10.0, 32.0, "set-point when the driver's is unknown")
+    defrost_power_w: float = quantity("W", 0.0, 5_000.0, "heated windows and seats after a cold start")
+    defrost_time_s: float = quantity("s", 0.0, 7_200.0, "how long they are on")
+    defrost_below_degc: float = quantity("degC", -40.0, 20.0, "outside air below which they are used")
+    sensor_minimum_degc: float = quantity("degC", -60.0, 30.0, "a cabin sensor shows nothing below this")

@@ -1,0 +1,195 @@
+"""The cabin: air and interior, outside air and sun, and an automatic climate control with its limits.
+
+Only what is known before departure enters: speed trace, ambient temperature, set-point, the cabin's temperature at
+departure and a guess of the sun.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from tripwatt.vehicles import Climate
+
+FloatArray = npt.NDArray[np.float64]
+
+CONTROL_STEP_S: Final = 10.0
+"""Step of the climate control; the cabin's air answers in about a minute."""
+
+UNKNOWN_SUN_W_M2: Final = 300.0
+"""Irradiance when nothing is known: about the mean of a bright half-day in middle latitudes."""
+
+SUN_W_M2: Final = (
+    ("dark", 0.0),
+    ("night", 0.0),
+    ("sunrise", 50.0),
+    ("sunset", 50.0),
+    ("rain", 100.0),
+    ("snow", 100.0),
+    ("fog", 100.0),
+    ("slightly cloudy", 400.0),
+    ("partly cloudy", 400.0),
+    ("cloudy", 150.0),
+    ("overcast", 150.0),
+    ("sun", 600.0),
+    ("clear", 600.0),
+)
+"""Global irradiance by day for words of a weather report in summer, the first that occurs. Usual figures of
+middle latitudes: 600 to 900 W/m² under a clear sky around noon, a quarter of it under clouds."""
+
+WINTER_SUN: Final = 0.5
+"""Irradiance in winter over that in summer: the noon sun stands at 18 to 20 degrees in 48° N."""
+
+
+def irradiance(weather: str | None, season: str | None = None) -> float:
+    """Sun on the car [W/m²] that a weather report lets expect.
+
+    Examples
+    --------
+    >>> irradiance("dark, little rainy"), irradiance("sunny", "winter"), irradiance(None)
+    (0.0, 300.0, 300.0)
+    """
+    if weather is None:
+        return UNKNOWN_SUN_W_M2
+    found = next((sun for word, sun in SUN_W_M2 if word in weather.lower()), UNKNOWN_SUN_W_M2)
+    return found * (WINTER_SUN if season == "winter" else 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class CabinStart:
+    """What is known of the cabin at departure.
+
+    Attributes
+    ----------
+    temperature_degc : float
+        Of air and interior [°C].
+    setpoint_degc : float
+        What the driver asks for [°C].
+    solar_irradiance_w_m2 : float
+    warm_start : bool
+        Whether the car was driven just before: windows and seats are warm and dry.
+    """
+
+    temperature_degc: float
+    setpoint_degc: float
+    solar_irradiance_w_m2: float = UNKNOWN_SUN_W_M2
+    warm_start: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class CabinRun:
+    """Electric power of the climate control [W] and air temperature [°C], shape (samples,).
+
+    `power_w` is the mean over the interval that ends at the sample, `temperature_degc` the value at the sample.
+    """
+
+    power_w: FloatArray
+    temperature_degc: FloatArray
+
+
+def condition_cabin(
+    climate: Climate,
+    time_s: FloatArray,
+    speed_m_s: FloatArray,
+    ambient_temperature_degc: float,
+    start: CabinStart,
+) -> CabinRun:
+    """Keep the cabin at its set-point along a speed trace. O(samples + duration / CONTROL_STEP_S).
+
+    Air and interior are two heat capacities, stepped implicitly. The control asks for the heat that brings the air
+    towards the set-point with its time constant, gets it within the limits of heater and cooler, and blows more
+    fresh air the more it asks for. Air that is cool enough outside cools without the compressor.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> time = np.arange(0.0, 1201.0)
+    >>> run = condition_cabin(load_vehicle("bmw_i3_60ah").climate, time, np.zeros(1201), -10.0, CabinStart(-10.0, 22.0))
+    >>> bool(run.power_w[60] > run.power_w[-1]), bool(20.0 < run.temperature_degc[-1] < 22.5)
+    (True, True)
+    """
+    duration = float(time_s[-1] - time_s[0])
+    n_steps = max(1, math.ceil(duration / CONTROL_STEP_S))
+    edges = time_s[0] + CONTROL_STEP_S * np.arange(n_steps + 1)
+    distance = np.zeros_like(time_s)
+    step_s = time_s[1:] - time_s[:-1]
+    np.cumsum(0.5 * (speed_m_s[1:] + speed_m_s[:-1]) * step_s, out=distance[1:])
+    speed = np.diff(np.interp(edges, time_s, distance)) / CONTROL_STEP_S
+    power, air = _control_steps(climate, speed.tolist(), ambient_temperature_degc, start)
+    energy_j = np.zeros(n_steps + 1)
+    np.cumsum(np.asarray(power) * CONTROL_STEP_S, out=energy_j[1:])
+    cumulative = np.interp(time_s, edges, energy_j)
+    result = np.empty_like(time_s)
+    result[0] = power[0]
+    result[1:] = (cumulative[1:] - cumulative[:-1]) / step_s
+    return CabinRun(np.maximum(result, 0.0), np.interp(time_s, edges, air))
+
+
+def _control_steps(
+    climate: Climate, speeds: list[float], ambient: float, start: CabinStart
+) -> tuple[list[float], list[float]]:
+    """Electric power of each control step and air temperature at its edges; plain floats, for speed."""
+    dt = CONTROL_STEP_S
+    air_rate = climate.air_heat_capacity_j_k / dt
+    interior_rate = climate.interior_heat_capacity_j_k / dt
+    exchange = climate.interior_exchange_w_k
+    sun = climate.solar_aperture_m2 * start.solar_irradiance_w_m2
+    to_air = climate.occupant_heat_w + climate.solar_share_to_air * sun
+    to_interior = (1.0 - climate.solar_share_to_air) * sun
+    approach = 1.0 - math.exp(-dt / climate.control_time_s)
+    setpoint = start.setpoint_degc
+    fan_range = climate.fresh_air_high_w_k - climate.fresh_air_low_w_k
+    blower_range = climate.blower_high_power_w - climate.blower_low_power_w
+    most_heat, most_cooling = climate.heater_max_heat_w, climate.cooler_max_heat_w
+    most_pumped, pump_cop = climate.heat_pump_max_heat_w, heat_pump_cop(ambient, climate)
+    resistive, cooler_cop = climate.heater_efficiency, climate.cooler_cop
+    shell, per_speed = climate.shell_w_k, climate.shell_per_speed_w_s_k_m
+    low_fresh, high_fresh = climate.fresh_air_low_w_k, climate.fresh_air_high_w_k
+    low_blower = climate.blower_low_power_w
+    air = interior = start.temperature_degc
+    fan = 0.0
+    powers: list[float] = []
+    temperatures = [air]
+    for speed in speeds:
+        fresh = low_fresh + fan * fan_range
+        loss = shell + per_speed * speed + fresh
+        total = air_rate + loss + exchange
+        given = air_rate * air + loss * ambient + exchange * interior + to_air
+        wanted = total * (air + approach * (setpoint - air)) - given
+        if wanted >= 0.0:
+            heat = wanted if wanted < most_heat else most_heat
+            pumped = heat if heat < most_pumped else most_pumped
+            power = pumped / pump_cop + (heat - pumped) / resistive
+            fan = heat / most_heat
+        else:
+            free = (high_fresh - fresh) * (air - ambient) if air > ambient else 0.0
+            free = min(free, -wanted)
+            cooling = min(-wanted - free, most_cooling)
+            heat = -cooling - free
+            power = cooling / cooler_cop
+            fan = min(1.0, -heat / most_cooling)
+        air = (given + heat) / total
+        interior = (interior_rate * interior + exchange * air + to_interior) / (interior_rate + exchange)
+        powers.append(power + low_blower + fan * blower_range)
+        temperatures.append(air)
+    if ambient < climate.defrost_below_degc and not start.warm_start:
+        for number in range(min(len(powers), math.ceil(climate.defrost_time_s / dt))):
+            powers[number] += climate.defrost_power_w
+    return powers, temperatures
+
+
+def heat_pump_cop(ambient_temperature_degc: float, climate: Climate) -> float:
+    """Heat over electric power of the heat pump, linear in the ambient temperature and never below 1.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> heat_pump_cop(-50.0, load_vehicle("bmw_i3_60ah").climate)
+    1.0
+    """
+    cop = climate.heat_pump_cop_at_0_degc + climate.heat_pump_cop_per_k * ambient_temperature_degc
+    return max(1.0, cop)

@@ -1,0 +1,294 @@
+"""What must hold for every car on every trace."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tripwatt.errors import InvalidInput
+from tripwatt.physics import CAUSES, simulate, simulate_trip
+from tripwatt.trips import Context, Trip
+from tripwatt.units import WH_PER_J
+from tripwatt.vehicles import Vehicle, load_vehicle
+
+EXAMPLES = settings(max_examples=40, deadline=None)
+
+
+@st.composite
+def traces(draw: st.DrawFn, *, closed: bool = False, hilly: bool = True) -> dict[str, np.ndarray]:
+    """Times, speeds and grades of a drive, from gentle to impossible; closed ones start and end at rest."""
+    n = draw(st.integers(3, 120))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    time = np.cumsum(rng.choice([0.1, 1.0, 1.0, 1.0, 7.5, 40.0], size=n))
+    speed = np.clip(np.cumsum(rng.normal(0.0, draw(st.sampled_from([0.3, 1.5, 8.0])), n)) + 8.0, 0.0, 45.0)
+    if closed:
+        speed[0] = speed[-1] = 0.0
+    grade = rng.normal(0.0, 0.04, n) if hilly else np.zeros(n)
+    return {"time_s": time, "speed_m_s": speed, "grade": grade}
+
+
+def net_energy_wh(time_s: np.ndarray, power_w: np.ndarray) -> float:
+    return float(np.sum(power_w * np.diff(time_s, prepend=time_s[0])) * WH_PER_J)
+
+
+@EXAMPLES
+@given(traces(), st.floats(-25.0, 42.0), st.floats(0.0, 1.0), st.sampled_from(["default", "paper"]))
+def test_parts_sum_to_the_battery_energy(trace, ambient, soc, preset) -> None:
+    run = simulate(
+        load_vehicle("bmw_i3_60ah", preset), **trace, ambient_temperature_degc=ambient, initial_soc=soc
+    )
+    parts = run.energy_by_cause_wh
+    assert set(parts) == set(CAUSES)
+    throughput = sum(net_energy_wh(run.time_s, np.abs(power)) for power in run.power_by_cause_w.values())
+    assert abs(sum(p[-1] for p in parts.values()) - run.simulated_energy_wh) <= 1e-12 * throughput
+    for name in (
+        "battery_power_w",
+        "battery_current_a",
+        "terminal_voltage_v",
+        "soc",
+        "battery_temperature_degc",
+    ):
+        assert np.isfinite(getattr(run, name)).all()
+
+
+@EXAMPLES
+@given(traces())
+def test_terminals_and_open_circuit_agree(trace) -> None:
+    run = simulate(load_vehicle("bmw_i3_60ah"), **trace)
+    assert run.terminal_voltage_v * run.battery_current_a == pytest.approx(
+        run.battery_power_w, abs=1e-6, rel=1e-9
+    )
+    assert (run.battery_loss_w >= -1e-6).all()
+
+
+@EXAMPLES
+@given(trace=traces(closed=True, hilly=False))
+def test_loss_free_loop_nets_zero(trace, loss_free: Vehicle) -> None:
+    run = simulate(loss_free, **trace, initial_soc=0.5)
+    gross = net_energy_wh(run.time_s, np.abs(run.wheel_power_w))
+    if not run.flags:
+        assert abs(run.simulated_energy_wh) <= 1e-9 * max(gross, 1.0)
+
+
+def test_loss_free_loop_over_a_hill_nets_zero(loss_free: Vehicle) -> None:
+    up = np.concatenate((np.full(100, 0.05), np.full(100, -0.05)))
+    speed = np.full(201, 15.0)
+    time = np.arange(201.0)
+    elevation = np.concatenate(([0.0], np.cumsum(15.0 * up)))
+    run = simulate(loss_free, time, speed, elevation_m=elevation)
+    gross = net_energy_wh(time, np.abs(run.wheel_power_w))
+    assert gross > 100.0
+    assert abs(run.simulated_energy_wh) < 0.005 * gross
+
+
+@EXAMPLES
+@given(trace=traces(closed=True), ambient=st.floats(-20.0, 40.0))
+def test_kinetic_energy_telescopes(trace, ambient) -> None:
+    run = simulate(load_vehicle("bmw_i3_60ah"), **trace, ambient_temperature_degc=ambient)
+    gross = net_energy_wh(run.time_s, np.abs(run.power_by_cause_w["acceleration"]))
+    assert abs(run.energy_by_cause_wh["acceleration"][-1]) <= 1e-12 * max(gross, 1.0)
+
+
+@given(st.floats(0.0, 5_000.0), st.floats(10.0, 9_000.0))
+@EXAMPLES
+def test_parked_car_uses_only_auxiliaries(hvac, duration) -> None:
+    car = load_vehicle("bmw_i3_60ah")
+    run = simulate(car, [0.0, 0.3 * duration, duration], np.zeros(3), hvac_power_w=hvac, initial_soc=1.0)
+    expected = (car.auxiliaries.base_load_w + hvac) * duration * WH_PER_J
+    assert run.simulated_energy_wh == pytest.approx(expected, rel=1e-12)
+
+
+@EXAMPLES
+@given(trace=traces(closed=True, hilly=False), more=st.floats(0.1, 800.0))
+def test_more_mass_or_drag_never_takes_less_at_the_wheel(trace, more) -> None:
+    car = load_vehicle("bmw_i3_60ah")
+    draggy = load_vehicle(
+        "bmw_i3_60ah", overrides={"road_load.coastdown_c_n_s2_m2": 0.2604 * (1.0 + more / 800.0)}
+    )
+    base, heavy, wide = (
+        net_energy_wh(trace["time_s"], run.wheel_power_w)
+        for run in (
+            simulate(car, **trace, climate=False),
+            simulate(car, **trace, climate=False, payload_mass_kg=more),
+            simulate(draggy, **trace, climate=False),
+        )
+    )
+    assert heavy >= base
+    assert wide >= base
+    if trace["speed_m_s"].any():
+        assert min(heavy, wide) > base
+
+
+@EXAMPLES
+@given(trace=traces(), fraction=st.floats(0.0, 1.0), soc=st.floats(0.0, 1.0), ambient=st.floats(-30.0, 40.0))
+def test_regeneration_stays_within_its_bounds(trace, fraction, soc, ambient) -> None:
+    car = load_vehicle("bmw_i3_60ah", overrides={"regeneration.fraction": fraction})
+    run = simulate(car, **trace, initial_soc=soc, ambient_temperature_degc=ambient)
+    braking = np.maximum(-run.wheel_power_w, 0.0)
+    assert (run.regen_power_w >= 0.0).all()
+    assert (run.friction_brake_power_w >= -1e-9).all()
+    assert (run.regen_power_w <= fraction * braking * (1.0 + 1e-12)).all()
+    assert (run.regen_power_w <= car.regeneration.max_power_w).all()
+    if soc > car.regeneration.zero_soc + 0.05:
+        assert run.regen_power_w[:2].max() == 0.0
+    if fraction == 0.0:
+        assert (np.diff(run.soc) <= 0.0).all()
+
+
+@EXAMPLES
+@given(trace=traces(hilly=False), low=st.floats(0.0, 1.0), high=st.floats(0.0, 1.0))
+def test_more_regeneration_never_costs_energy(trace, low, high) -> None:
+    low, high = sorted((low, high))
+    less, more = (
+        simulate(
+            load_vehicle("bmw_i3_60ah", overrides={"regeneration.fraction": f}), **trace, initial_soc=0.5
+        )
+        for f in (low, high)
+    )
+    assert more.simulated_energy_wh <= less.simulated_energy_wh + 1e-9
+
+
+@EXAMPLES
+@given(trace=traces())
+def test_state_of_charge_falls_when_the_battery_gives(trace) -> None:
+    run = simulate(load_vehicle("bmw_i3_60ah"), **trace)
+    change = np.diff(run.soc)
+    gives = run.battery_power_w[1:] > 0.0
+    assert (change[gives & (run.soc[:-1] > 0.0)] < 0.0).all()
+    assert (change[~gives] >= 0.0).all()
+
+
+def test_impossible_trace_carries_flags_and_finite_numbers(i3: Vehicle) -> None:
+    speed = np.array([0.0, 12.0, 50.0, 50.0, 0.0, 89.0])
+    run = simulate(i3, np.arange(6.0), speed, grade=np.full(6, 0.9), initial_soc=0.02)
+    text = " ".join(run.flags)
+    for name in ("motor torque limit", "motor power limit", "motor speed limit", "battery empty"):
+        assert name in text
+    assert np.isfinite(run.energy_wh).all()
+    assert run.energy_by_cause_wh["shortfall"][-1] < 0.0
+    assert not simulate(i3, np.arange(5.0), [0.0, 1.0, 2.0, 2.0, 1.0]).flags
+
+
+def test_very_long_drive_empties_the_battery_without_an_error(i3: Vehicle) -> None:
+    time = np.arange(0.0, 40_000.0, 2.0)
+    run = simulate(i3, time, np.full(len(time), 33.0))
+    assert any(flag.startswith("battery empty") for flag in run.flags)
+    assert run.soc.min() >= 0.0
+    assert np.isfinite(run.frame().drop(columns=["cabin_temperature_degc"]).to_numpy()).all()
+
+
+@EXAMPLES
+@given(trace=traces(hilly=False), pieces=st.integers(2, 10))
+def test_finer_samples_of_the_same_drive_give_the_same_energy(trace, pieces) -> None:
+    car = load_vehicle("bmw_i3_60ah", "paper", {"road_load.coastdown_b_n_s_m": 0.0})
+    time, speed = trace["time_s"], trace["speed_m_s"]
+    fine_time = np.interp(np.arange((len(time) - 1) * pieces + 1) / pieces, np.arange(len(time)), time)
+    fine_speed = np.interp(fine_time, time, speed)
+    coarse = simulate(car, time, speed).energy_by_cause_wh
+    fine = simulate(car, fine_time, fine_speed).energy_by_cause_wh
+    for cause in ("acceleration", "base_load", "rolling"):
+        assert fine[cause][-1] == pytest.approx(coarse[cause][-1], rel=1e-9, abs=1e-9)
+
+
+@given(
+    st.lists(
+        st.sampled_from(["time", "speed", "grade", "soc", "ambient", "shape"]),
+        min_size=1,
+        max_size=6,
+        unique=True,
+    )
+)
+@EXAMPLES
+def test_every_bad_argument_is_named_at_once(broken) -> None:
+    time, speed, grade = np.arange(5.0), np.full(5, 3.0), np.zeros(5)
+    given_values: dict[str, object] = {}
+    expected = set()
+    if "time" in broken:
+        time[3] = time[2]
+        expected.add("time_s")
+    if "speed" in broken:
+        speed[1] = np.nan
+        expected.add("speed_m_s")
+    if "grade" in broken:
+        grade[0] = 3.0
+        expected.add("grade")
+    if "soc" in broken:
+        given_values["initial_soc"] = 80.0
+        expected.add("initial_soc")
+    if "ambient" in broken:
+        given_values["ambient_temperature_degc"] = np.nan
+        expected.add("ambient_temperature_degc")
+    if "shape" in broken:
+        given_values["hvac_power_w"] = np.zeros(4)
+        expected.add("hvac_power_w")
+    with pytest.raises(InvalidInput) as caught:
+        simulate(load_vehicle("bmw_i3_60ah"), time, speed, grade=grade, **given_values)
+    named = " ".join(fault.where for fault in caught.value.faults)
+    assert all(name in named for name in expected)
+
+
+def test_inputs_are_left_alone(i3: Vehicle) -> None:
+    time, speed, elevation = np.arange(60.0), np.linspace(0.0, 20.0, 60), np.linspace(0.0, 10.0, 60)
+    before = [a.copy() for a in (time, speed, elevation)]
+    simulate(i3, time, speed, elevation_m=elevation)
+    for a, b in zip((time, speed, elevation), before, strict=True):
+        assert (a == b).all()
+
+
+def departure_trip(rng: np.random.Generator) -> Trip:
+    n = 600
+    log = {
+        "time_s": np.arange(n) * 1.0,
+        "speed_m_s": np.clip(10.0 + np.cumsum(rng.normal(0.0, 0.5, n)), 0.0, 30.0),
+        "elevation_m": 500.0 + np.round(np.cumsum(rng.normal(0.0, 0.2, n))),
+        "ambient_temperature_degc": np.full(n, 4.0),
+        "cabin_temperature_degc": np.full(n, 12.0),
+        "cabin_setpoint_degc": np.full(n, 21.0),
+        "battery_temperature_degc": np.full(n, 9.0),
+        "voltage_v": np.full(n, 370.0),
+        "current_a": np.full(n, 20.0),
+        "soc": np.linspace(0.7, 0.68, n),
+        "displayed_soc": np.linspace(0.75, 0.73, n),
+        "motor_torque_nm": np.zeros(n),
+        "heating_power_w": np.full(n, 2000.0),
+        "requested_heating_power_w": np.full(n, 2000.0),
+        "aircon_power_w": np.zeros(n),
+    }
+    return Trip.from_samples("t", pd.DataFrame(log), Context(payload_mass_kg=80.0, weather="dark"))
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_nothing_measured_after_departure_enters(seed) -> None:
+    rng = np.random.default_rng(seed)
+    trip = departure_trip(np.random.default_rng(1))
+    scrambled = trip.samples.copy()
+    for name in scrambled.columns.difference(["time_s", "speed_m_s", "elevation_m"]):
+        values = scrambled[name].to_numpy().copy()
+        values[1:] = rng.uniform(0.0, 1.0, len(values) - 1) * values[1:]
+        values[rng.random(len(values)) < 0.1] = np.nan
+        values[0] = trip.samples[name].iloc[0]
+        scrambled[name] = values
+    car = load_vehicle("bmw_i3_60ah")
+    one = simulate_trip(car, trip).frame()
+    other = simulate_trip(car, Trip("t", scrambled, trip.context)).frame()
+    pd.testing.assert_frame_equal(one, other, check_exact=True)
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [
+        ("ambient_temperature_degc", -10.0),
+        ("cabin_temperature_degc", 25.0),
+        ("cabin_setpoint_degc", 26.0),
+        ("battery_temperature_degc", -15.0),
+        ("soc", 0.92),
+    ],
+)
+def test_what_is_known_at_departure_does_enter(i3: Vehicle, column: str, value: float) -> None:
+    trip = departure_trip(np.random.default_rng(1))
+    changed = trip.samples.copy()
+    changed.loc[0, column] = value
+    one, other = (simulate_trip(i3, Trip("t", samples, trip.context)) for samples in (trip.samples, changed))
+    assert one.terminal_voltage_v.mean() != other.terminal_voltage_v.mean()
