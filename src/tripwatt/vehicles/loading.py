@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.vehicles.inheriting import inherited
 from tripwatt.vehicles.parts import (
     Auxiliaries,
     Battery,
@@ -180,6 +181,7 @@ def vehicle_from_document(
 ) -> Vehicle:
     """Build a `Vehicle` from a parsed TOML document. Arguments and errors as in `load_vehicle`."""
     faults: list[Fault] = []
+    document = inherited(document, where, faults)
     tables = _preset_tables(document, preset, where, faults)
     entries: dict[str, Entry] = {}
     for section, table in tables.items():

@@ -1,0 +1,237 @@
+"""Simulated against certified consumption of the cars in the library.
+
+Run: ``python -m benchmarks.acceptance`` (``--write`` also renews the table in docs/vehicles.md). Needs the speed
+schedules of the PyPI package `fastsim` (2.1.5 has all of them; of 3.x only UDDS and HWFET can be read).
+
+How a row is run: dynamometer at 23 degC, warm car, climate control off, one schedule at the mass of the certification
+(EPA: equivalent test weight; WLTP: see `wltp_test_mass`), air density of the coast-down. Energy at the battery
+terminals over `CHARGING_EFFICIENCY`, one figure for all cars, is compared with the certified energy at the wall. The
+range rows of the WLTP need no charging efficiency: usable energy over range is energy at the battery terminals.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import importlib.util
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from tripwatt.physics import simulate
+from tripwatt.physics.road_load import air_density
+from tripwatt.units import KG_PER_LB, M_PER_MILE
+from tripwatt.vehicles import load_vehicle
+
+CHARGING_EFFICIENCY: Final = 0.86
+"""Battery over wall, NREL FASTSim vehicle database (chgEff of every battery electric car there). EPA certification
+documents of single cars say 0.88 (Tesla Model 3 and Y); a road test of the Nissan Leaf says 0.85."""
+
+WH_PER_GALLON: Final = 33_705.0
+"""Energy of a gallon of gasoline in EPA's miles per gallon equivalent, 40 CFR 600.002."""
+
+LABEL_FACTOR: Final = 0.7
+"""Label over dynamometer in miles per gallon equivalent, 40 CFR 600.210-12, the adjustment that makers of electric
+cars use when they do not run the five-cycle tests."""
+
+CELL_TEMPERATURE_DEGC: Final = 23.0
+INITIAL_SOC: Final = 0.6
+BAR: Final = 0.10
+
+TEST_LIST: Final = "EPA 2022 Test Car List, unadjusted"
+LABEL: Final = "EPA label over 0.7"
+DOCUMENTS: Final = Path(__file__).parents[1] / "docs" / "vehicles.md"
+MARKS: Final = ("<!-- acceptance table: python -m benchmarks.acceptance --write -->", "<!-- end of the table -->")
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A certified consumption of a car [Wh/km], at the wall or at the battery terminals."""
+
+    car: str
+    cycle: str
+    certified_wh_per_km: float
+    test_mass_kg: float
+    source: str
+    at_wall: bool = True
+
+
+def from_mpge(mpge: float) -> float:
+    """Consumption [Wh/km] for miles per gallon equivalent."""
+    return WH_PER_GALLON / mpge / (M_PER_MILE / 1000.0)
+
+
+def wltp_test_mass(curb_mass_kg: float, largest_mass_kg: float) -> float:
+    """Test mass without options [kg], Regulation (EU) 2017/1151 Annex XXI: mass in running order (with a driver of
+    75 kg), 25 kg and 15 % of what may be loaded on top."""
+    running_order = curb_mass_kg + 75.0
+    return running_order + 25.0 + 0.15 * (largest_mass_kg - running_order - 25.0)
+
+
+def epa_rows(
+    car: str, weight_lb: float, city_mpge: float, highway_mpge: float, source: str, factor: float = 1.0
+) -> Iterator[Row]:
+    for cycle, mpge in (("UDDS", city_mpge), ("HWFET", highway_mpge)):
+        yield Row(car, cycle, from_mpge(mpge / factor), weight_lb * KG_PER_LB, source)
+
+
+def wltp_rows(
+    car: str, mass_kg: float, wall_wh_per_km: float, wall_source: str, usable_wh: float, range_km: float
+) -> Iterator[Row]:
+    yield Row(car, "WLTC", wall_wh_per_km, mass_kg, f"WLTP consumption, {wall_source}")
+    range_source = f"WLTP range {range_km:g} km with {usable_wh / 1000:g} kWh"
+    yield Row(car, "WLTC", usable_wh / range_km, mass_kg, range_source, at_wall=False)
+
+
+def rows() -> tuple[Row, ...]:
+    """Every certified figure that the library is held against."""
+    kwh_per_100_mi = WH_PER_GALLON / 1000.0 * 100.0
+    guide = f"{LABEL} (fueleconomy.gov"
+    return (
+        *epa_rows("bmw_i3_60ah", 3125, 137, 111, f"{guide}, 2014-2016)", LABEL_FACTOR),
+        *epa_rows("bmw_i3_94ah", 3250, 129, 106, f"{guide}, 2017)", LABEL_FACTOR),
+        *epa_rows("bmw_i3_120ah", 3250, 124, 102, f"{guide}, 2019)", LABEL_FACTOR),
+        *epa_rows("nissan_leaf_24", 3625, 126, 101, f"{guide}, 2014-2016)", LABEL_FACTOR),
+        *epa_rows("nissan_leaf_30", 3625, 124, 101, f"{guide}, 2016)", LABEL_FACTOR),
+        *epa_rows("nissan_leaf_40", 3875, (174.0 + 177.1) / 2, (141.1 + 141.3) / 2, f"{TEST_LIST}, KWB115"),
+        *epa_rows("tesla_model_3_sr_plus", 3875, 140, 124, f"{guide}, 2019)", LABEL_FACTOR),
+        *epa_rows(
+            "tesla_model_3_lr",
+            4250,
+            WH_PER_GALLON * 495.04 / 89_404,
+            WH_PER_GALLON * 454.64 / 89_404,
+            "EPA application HTSLV00.0L13: 89.404 kWh for 495.04 and 454.64 mi",
+        ),
+        *epa_rows("vw_e_golf", 3750, 126, 111, f"{guide}, 2017-2019)", LABEL_FACTOR),
+        *epa_rows(
+            "hyundai_kona_64",
+            4000,
+            kwh_per_100_mi / 17.2,
+            kwh_per_100_mi / 21.7,
+            f"{TEST_LIST}, OS9F6EU03AC: 17.2 and 21.7 kWh/100 mi",
+        ),
+        *epa_rows(
+            "chevrolet_bolt", 3875, (129 + 132) / 2, 109, f"{TEST_LIST}, 1NFV5831: printed as label", LABEL_FACTOR
+        ),
+        *epa_rows("fiat_500e", 3250, 121, 103, f"{guide}, 2016-2019)", LABEL_FACTOR),
+        *wltp_rows("vw_id3", wltp_test_mass(1719, 2260), 154.0, "EV Database", 58_000, 426),
+        *wltp_rows("renault_zoe_ze50_r135", wltp_test_mass(1502, 1988), 177.0, "Push EVs (2019)", 52_000, 386),
+        *wltp_rows("peugeot_e_208", wltp_test_mass(1455, 1910), 164.0, "EV Database", 46_000, 340),
+    )
+
+
+@cache
+def schedule(cycle: str) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Time [s] and speed [m/s] of a schedule from the installed package `fastsim`.
+
+    Raises
+    ------
+    LookupError
+        When the package or the schedule is not there.
+    """
+    spec = importlib.util.find_spec("fastsim")
+    if spec is None or spec.origin is None:
+        raise LookupError("the package fastsim is not installed")
+    names = {"UDDS": "udds", "HWFET": "hwfet", "US06": "us06", "WLTC": "wltc_3b"}
+    file = Path(spec.origin).parent / "resources" / "cycles" / f"{names[cycle]}.csv"
+    if file.is_file():
+        with file.open(encoding="utf-8-sig", newline="") as stream:
+            table = list(csv.DictReader(stream))
+        time = next(k for k in table[0] if k in ("cycSecs", "time_s"))
+        speed = next(k for k in table[0] if k in ("cycMps", "mps"))
+        return np.array([float(r[time]) for r in table]), np.array([float(r[speed]) for r in table])
+    import fastsim
+
+    resource = f"{names[cycle]}.csv"
+    if resource not in {str(path) for path in fastsim.Cycle.list_resources()}:
+        raise LookupError(f"this version of fastsim has no schedule {cycle}")
+    values = fastsim.Cycle.from_resource(resource).to_pydict()
+    return np.array(values["time_seconds"], float), np.array(values["speed_meters_per_second"], float)
+
+
+def simulated_wh_per_km(row: Row) -> float:
+    """Consumption at the place of the certified figure (wall or battery terminals) [Wh/km]."""
+    vehicle = load_vehicle(row.car)
+    time, speed = schedule(row.cycle)
+    density = vehicle.road_load.coastdown_air_density_kg_m3
+    run = simulate(
+        vehicle,
+        time,
+        speed,
+        ambient_temperature_degc=CELL_TEMPERATURE_DEGC,
+        payload_mass_kg=row.test_mass_kg - vehicle.body.test_mass_kg,
+        initial_soc=INITIAL_SOC,
+        warm_start=True,
+        climate=False,
+        air_density_kg_m3=density if vehicle.road_load.method == "coastdown" else air_density(20.0),
+    )
+    at_terminals = run.simulated_energy_wh / (np.trapezoid(speed, time) / 1000.0)
+    return float(at_terminals / CHARGING_EFFICIENCY if row.at_wall else at_terminals)
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """A row with what was simulated; `error` is simulated over certified less one."""
+
+    row: Row
+    simulated_wh_per_km: float
+
+    @property
+    def error(self) -> float:
+        return self.simulated_wh_per_km / self.row.certified_wh_per_km - 1.0
+
+    @property
+    def met(self) -> bool:
+        return abs(self.error) <= BAR
+
+
+def outcomes() -> tuple[Outcome, ...]:
+    return tuple(Outcome(row, simulated_wh_per_km(row)) for row in rows())
+
+
+def table(results: tuple[Outcome, ...]) -> str:
+    """Markdown table of all rows."""
+    lines = [
+        "| car | schedule | certified, Wh/km | simulated, Wh/km | error | certified figure |",
+        "|---|---|---:|---:|---:|---|",
+    ]
+    for result in results:
+        row = result.row
+        place = "wall" if row.at_wall else "battery"
+        error = f"{100 * result.error:+.1f} %" if result.met else f"**{100 * result.error:+.1f} %**"
+        lines.append(
+            f"| {load_vehicle(row.car).title} | {row.cycle} | {row.certified_wh_per_km:.1f} ({place}) "
+            f"| {result.simulated_wh_per_km:.1f} | {error} | {row.source} |"
+        )
+    within = sum(result.met for result in results)
+    mean = float(np.mean([abs(result.error) for result in results]))
+    lines += ["", f"{within} of {len(results)} rows within {BAR:.0%}; mean absolute error {mean:.1%}."]
+    return "\n".join(lines)
+
+
+def with_table(text: str, new_table: str) -> str:
+    """The page with the table between its marks replaced."""
+    start, end = MARKS
+    head, _, rest = text.partition(start)
+    _, _, tail = rest.partition(end)
+    return f"{head}{start}\n\n{new_table}\n\n{end}{tail}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--write", action="store_true", help="renew the table in docs/vehicles.md")
+    arguments = parser.parse_args()
+    text = table(outcomes())
+    print(text)
+    if arguments.write:
+        page = DOCUMENTS.read_text(encoding="utf-8")
+        DOCUMENTS.write_text(with_table(page, text), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
