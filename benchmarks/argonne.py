@@ -48,7 +48,7 @@ def argonne_rows(data: Path, reference: Path, vehicle_name: str = "bmw_i3_60ah")
             initial_cabin_temperature_degc=setpoint if row.start == "hot" else None,
             cabin_setpoint_degc=setpoint,
             solar_irradiance_w_m2=850.0 if "850" in str(row.climate) else 0.0,
-            warm_start=row.start == "hot",
+            initial_warmth=1.0 if row.start == "hot" else 0.0,
             air_density_kg_m3=vehicle.road_load.coastdown_air_density_kg_m3,
         )
         simulated.append(run.simulated_energy_wh / (np.trapezoid(speed, time) / M_PER_MILE))

@@ -28,6 +28,12 @@ GRID_SPACING_M: Final = 4.0
 SLOWEST_SHARE: Final = 0.4
 """Share of the aimed speed that fluctuation never goes below: a stop is a matter of the route, not of unsteadiness."""
 
+PEDAL_LENGTH_M: Final = 15.0
+"""Distance [m] over which the pressure on a pedal changes while speeding up or braking."""
+
+LEAST_EFFORT: Final = 0.3
+"""Share of the comfortable acceleration that the pressure never goes below."""
+
 
 @dataclass(frozen=True, slots=True)
 class DriverStyle:
@@ -49,7 +55,8 @@ class DriverStyle:
     speed_share : float
         Share of a link's speed that the driver aims at, in (0, 1].
     fluctuation : float
-        Standard deviation of the aimed speed's logarithm; 0 is a perfectly steady foot.
+        Standard deviation of the aimed speed's logarithm; the pressure on the pedals varies with it. 0 is a perfectly
+        steady foot.
     fluctuation_length_m : float
         Distance [m] over which the fluctuation forgets itself.
     dwell_mean_s : float
@@ -204,21 +211,29 @@ def speed_profile(
     allowed = _allowed_at_nodes(np.repeat(speed, cells))
     if rng is not None:
         steadiness = np.exp(style.fluctuation * _smooth_noise(position, style.fluctuation_length_m, rng))
+        pressure = 1.0 - 2.0 * style.fluctuation * (1.0 + _smooth_noise(position, PEDAL_LENGTH_M, rng))
+        effort = np.clip(pressure[1:], LEAST_EFFORT, 1.0)
     else:
-        steadiness = np.ones_like(position)
-    aimed = allowed * np.clip(style.speed_share * steadiness, SLOWEST_SHARE * style.speed_share, 1.0)
+        steadiness, effort = np.ones_like(position), None
+    share = style.speed_share * steadiness
+    share = np.where(
+        share > 1.0, 2.0 - share, share
+    )  # turned back at the limit, where clipping would cruise on it
+    aimed = allowed * np.maximum(share, SLOWEST_SHARE * style.speed_share)
     stops = ends[dwell > 0]
     aimed[0] = aimed[-1] = 0.0
     aimed[stops] = 0.0
 
-    node_speed = reachable_speed(position, aimed, style)
+    node_speed = reachable_speed(position, aimed, style, effort)
     driving_s = np.diff(position) * 2.0 / (node_speed[1:] + node_speed[:-1])
     waiting_s = np.zeros_like(position)
     waiting_s[ends] = dwell
     return _sampled(position, node_speed, driving_s, waiting_s, ends, step_s)
 
 
-def reachable_speed(position_m: FloatArray, aimed_m_s: FloatArray, style: DriverStyle) -> FloatArray:
+def reachable_speed(
+    position_m: FloatArray, aimed_m_s: FloatArray, style: DriverStyle, effort: FloatArray | None = None
+) -> FloatArray:
     """Highest speed at each point that keeps to the aimed speed there and to the driver's comfort on the way. O(n).
 
     With an acceleration `a(v)` the potential `u(v) = ∫ v / a(v) dv` grows by at most one metre per metre driven, so
@@ -232,6 +247,8 @@ def reachable_speed(position_m: FloatArray, aimed_m_s: FloatArray, style: Driver
     aimed_m_s : ndarray, shape (n,)
         Speed that the driver would like at each point [m/s].
     style : DriverStyle
+    effort : ndarray, shape (n - 1,), optional
+        Share of the style's acceleration and deceleration used between two points, in (0, 1]; all of it without.
 
     Returns
     -------
@@ -245,15 +262,18 @@ def reachable_speed(position_m: FloatArray, aimed_m_s: FloatArray, style: Driver
     array([0.        , 2.82842712, 0.        ])
     """
     # a(v) = a0 / (1 + v²/h²) gives a0 u = v²/2 + v⁴/(4 h²), which inverts in closed form
+    room = position_m
+    if effort is not None:
+        room = np.concatenate(([0.0], np.cumsum(effort * np.diff(position_m))))
     half_squared = style.half_acceleration_speed_m_s**2
     squared = aimed_m_s**2
     uphill = (squared / 2.0 + squared**2 / (4.0 * half_squared)) / style.acceleration_m_s2
-    uphill = position_m + np.minimum.accumulate(uphill - position_m)
+    uphill = room + np.minimum.accumulate(uphill - room)
     # the rationalised root of the quadratic, exact also where v << h
     scaled = 2.0 * style.acceleration_m_s2 * np.maximum(uphill, 0.0)
     squared = np.minimum(squared, 2.0 * scaled / (1.0 + np.sqrt(1.0 + 2.0 * scaled / half_squared)))
     downhill = squared / (2.0 * style.deceleration_m_s2)
-    downhill = np.minimum.accumulate((downhill + position_m)[::-1])[::-1] - position_m
+    downhill = np.minimum.accumulate((downhill + room)[::-1])[::-1] - room
     squared = np.minimum(squared, 2.0 * style.deceleration_m_s2 * np.maximum(downhill, 0.0))
     return np.asarray(np.sqrt(squared), dtype=np.float64)
 
@@ -339,6 +359,7 @@ def _sampled(
     into_s = np.minimum(np.maximum(time - departure[cell], 0.0), driving_s[cell])
     slope = (node_speed[cell + 1] - node_speed[cell]) / driving_s[cell]
     there = into_s >= driving_s[cell]
+    there[-1] = True  # the last sample has arrived, whatever the last bit of its time says
     speed = np.where(there, node_speed[cell + 1], node_speed[cell] + slope * into_s)
     driven = position[cell] + into_s * (node_speed[cell] + 0.5 * slope * into_s)
     driven = np.where(there, position[cell + 1], driven)

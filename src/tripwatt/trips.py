@@ -205,15 +205,17 @@ def observed_cumulative_energy(samples: pd.DataFrame) -> FloatArray | None:
     if not {"voltage_v", "current_a"} <= set(samples.columns):
         return None
     time = np.asarray(samples["time_s"], dtype=np.float64)
-    power = np.asarray(samples["voltage_v"], dtype=np.float64) * np.asarray(
-        samples["current_a"], dtype=np.float64
-    )
+    with np.errstate(invalid="ignore", over="ignore"):
+        power = np.asarray(samples["voltage_v"], dtype=np.float64) * np.asarray(
+            samples["current_a"], dtype=np.float64
+        )
     known = np.isfinite(power)
     if not known.any():
         return None
     if not known.all():
         power = np.interp(time, time[known], power[known])
-    energy_j = np.concatenate(([0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(time))))
+    with np.errstate(invalid="ignore", over="ignore"):  # a log may hold anything until it is audited
+        energy_j = np.concatenate(([0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(time))))
     return np.asarray(energy_j * WH_PER_J, dtype=np.float64)
 
 

@@ -116,7 +116,7 @@ def test_rolling_drag_falls_while_driving_and_with_warm_air(i3: Vehicle) -> None
     speed, step = np.full(1800, 15.0), np.full(1800, 1.0)
     cold = rolling_factor(speed, step, -10.0, i3.tyres)
     warm = rolling_factor(speed, step, 25.0, i3.tyres)
-    driven = rolling_factor(speed, step, -10.0, i3.tyres, warm_start=True)
+    driven = rolling_factor(speed, step, -10.0, i3.tyres, 1.0)
     assert (np.diff(cold) < 0.0).all()
     assert (cold > warm).all()
     assert cold[0] > driven[0]
@@ -132,7 +132,7 @@ class TestCabin:
     def test_settled_heating_is_the_loss_of_the_cabin(self, i3: Vehicle) -> None:
         c = i3.climate
         assert c is not None
-        run = self.run(i3, -5.0, CabinStart(22.0, 22.0, 0.0, warm_start=True), speed=20.0)
+        run = self.run(i3, -5.0, CabinStart(22.0, 22.0, 0.0, warmth=1.0), speed=20.0)
         fan = (run.power_w[-1] - c.blower_low_power_w) / (
             c.heater_max_heat_w / c.heater_efficiency + c.blower_high_power_w - c.blower_low_power_w
         )

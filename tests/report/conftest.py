@@ -1,5 +1,6 @@
 """A seeded run with every part that a report can show, and ways to take parts away."""
 
+from collections.abc import Callable
 from types import SimpleNamespace
 
 import numpy as np
@@ -117,11 +118,13 @@ def make_inside(trips: list[str], rng: np.random.Generator) -> dict[str, pd.Data
     curves = pd.concat(
         pd.DataFrame(
             {
+                "model": model,
                 "fold": f,
                 "rounds": rounds,
                 "error": 0.12 + 0.2 * np.exp(-rounds / 40) + 1e-7 * (rounds - 150 - 9 * f) ** 2 + 0.01 * e,
             }
         )
+        for model in ("boosting", "boosting-only")
         for f, e in enumerate(rng.standard_normal(6))
     )
     covariates = [
@@ -176,6 +179,7 @@ def make_run(dataset: str = "tum", trips: list[str] | None = None, seed: int = 7
                 "consequence": "set aside",
             },
         ],
+        "trips_read": [*trips, "X99"],
         "trips_used": {"reference": trips, "audited": trips[1:], "all": [*trips, "X99"]},
         "evaluations": [evaluation_of(f, rng) for f in folds],
         "paired": [p for f in folds for p in pairs_of(f, rng)],
@@ -191,3 +195,9 @@ def make_run(dataset: str = "tum", trips: list[str] | None = None, seed: int = 7
 @pytest.fixture(scope="session")
 def run() -> SimpleNamespace:
     return make_run()
+
+
+@pytest.fixture(scope="session")
+def made_up() -> Callable[..., SimpleNamespace]:
+    """Makes a run of any data set and trips: `made_up("tum", trips=["a", "b"])`."""
+    return make_run

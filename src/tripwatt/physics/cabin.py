@@ -70,14 +70,14 @@ class CabinStart:
     setpoint_degc : float
         What the driver asks for [°C].
     solar_irradiance_w_m2 : float
-    warm_start : bool
-        Whether the car was driven just before: windows and seats are warm and dry.
+    warmth : float
+        0 after a long stop, 1 when windows and seats are warm and dry from a drive just before.
     """
 
     temperature_degc: float
     setpoint_degc: float
     solar_irradiance_w_m2: float = UNKNOWN_SUN_W_M2
-    warm_start: bool = False
+    warmth: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,9 +176,9 @@ def _control_steps(
         interior = (interior_rate * interior + exchange * air + to_interior) / (interior_rate + exchange)
         powers.append(power + low_blower + fan * blower_range)
         temperatures.append(air)
-    if ambient < climate.defrost_below_degc and not start.warm_start:
+    if ambient < climate.defrost_below_degc:
         for number in range(min(len(powers), math.ceil(climate.defrost_time_s / dt))):
-            powers[number] += climate.defrost_power_w
+            powers[number] += (1.0 - start.warmth) * climate.defrost_power_w
     return powers, temperatures
 
 

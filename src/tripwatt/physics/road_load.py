@@ -79,13 +79,12 @@ def rolling_factor(
     step_s: FloatArray,
     temperature_degc: float,
     tyres: Tyres,
-    *,
-    warm_start: bool = False,
+    initial_warmth: float = 0.0,
 ) -> FloatArray:
     """Rolling and driveline drag over that of the warm car at the reference temperature. Shape of `speed_m_s`.
 
-    The factor is (1 + k (T_ref - T)) (1 + e (1 - w)), never below half. The state of warm-up w relaxes, with the
-    tyres' time constant, to the square root of speed over the speed that warms up fully.
+    The factor is (1 + k (T_ref - T)) (1 + e (1 - w)), never below half. The warmth w, `initial_warmth` at departure,
+    relaxes with the tyres' time constant to the square root of speed over the speed that warms up fully.
 
     Notes
     -----
@@ -99,7 +98,7 @@ def rolling_factor(
     array([1.3 , 1.11, 1.  ])
     """
     settled = np.sqrt(np.minimum(speed_m_s / tyres.warm_up_speed_m_s, 1.0))
-    warmth = Relaxation(step_s / tyres.warm_up_time_s).solve(1.0 if warm_start else 0.0, settled)
+    warmth = Relaxation(step_s / tyres.warm_up_time_s).solve(initial_warmth, settled)
     weather = 1.0 + tyres.temperature_coefficient_per_k * (
         tyres.reference_temperature_degc - temperature_degc
     )

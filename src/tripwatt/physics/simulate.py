@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
+from tripwatt.physics.arguments import argument_faults
 from tripwatt.physics.battery import BatteryRun, discharge, shifted
 from tripwatt.physics.cabin import UNKNOWN_SUN_W_M2, CabinRun, CabinStart, condition_cabin, irradiance
+from tripwatt.physics.departure import at_departure, cabin_at_departure, warmth_from_cabin
 from tripwatt.physics.drivetrain import Propulsion, propulsion, regeneration_acceptance
 from tripwatt.physics.road_load import (
     aero_drag_force,
@@ -158,7 +159,7 @@ def simulate(
     initial_cabin_temperature_degc: float | None = None,
     cabin_setpoint_degc: float | None = None,
     solar_irradiance_w_m2: float = UNKNOWN_SUN_W_M2,
-    warm_start: bool = False,
+    initial_warmth: float = 0.0,
     air_density_kg_m3: float | None = None,
 ) -> Simulation:
     """Drive a speed trace with a car. O(samples), no loop over samples.
@@ -189,8 +190,8 @@ def simulate(
     cabin_setpoint_degc : float, optional
         The car's usual set-point when not given.
     solar_irradiance_w_m2 : float
-    warm_start : bool
-        Whether tyres and driveline are warm from a drive just before.
+    initial_warmth : float
+        0 for tyres and driveline after a long stop, 1 as warm as after a long fast drive.
     air_density_kg_m3 : float, optional
         Air density [kg/m³] in place of the atmosphere's, as on a dynamometer, whose load knows no weather.
 
@@ -229,6 +230,7 @@ def simulate(
         "initial_cabin_temperature_degc": (initial_cabin_temperature_degc, -60.0, 100.0),
         "cabin_setpoint_degc": (cabin_setpoint_degc, 0.0, 50.0),
         "solar_irradiance_w_m2": (solar_irradiance_w_m2, 0.0, 1500.0),
+        "initial_warmth": (initial_warmth, 0.0, 1.0),
         "air_density_kg_m3": (1.2 if air_density_kg_m3 is None else air_density_kg_m3, 0.0, 10.0),
     }
     faults = tuple(argument_faults(time, speed, slope, height, hvac, scalars))
@@ -245,7 +247,7 @@ def simulate(
     cabin: CabinRun | None = None
     if climate and hvac_power_w is None and vehicle.climate is not None:
         start = CabinStart(
-            initial_cabin_temperature_degc, cabin_setpoint_degc, solar_irradiance_w_m2, warm_start
+            initial_cabin_temperature_degc, cabin_setpoint_degc, solar_irradiance_w_m2, initial_warmth
         )
         cabin = condition_cabin(vehicle.climate, time, speed, ambient_temperature_degc, start)
     return _chain(
@@ -260,7 +262,7 @@ def simulate(
         ambient_temperature_degc,
         initial_soc,
         initial_battery_temperature_degc,
-        warm_start,
+        initial_warmth,
     )
 
 
@@ -299,6 +301,9 @@ def simulate_trip(vehicle: Vehicle, trip: Trip) -> Simulation:
     if ambient is None:
         ambient = UNKNOWN_AMBIENT_DEGC
     context = trip.context
+    if setpoint is None:
+        setpoint = context.cabin_setpoint_degc
+    warmth = 1.0 if context.follows_trip else warmth_from_cabin(vehicle, cabin, setpoint, ambient)
     return simulate(
         vehicle,
         trip.array("time_s"),
@@ -310,88 +315,10 @@ def simulate_trip(vehicle: Vehicle, trip: Trip) -> Simulation:
         initial_battery_temperature_degc=battery_temperature,
         payload_mass_kg=context.payload_mass_kg,
         initial_cabin_temperature_degc=cabin_at_departure(vehicle, cabin, ambient),
-        cabin_setpoint_degc=context.cabin_setpoint_degc if setpoint is None else setpoint,
+        cabin_setpoint_degc=setpoint,
         solar_irradiance_w_m2=irradiance(context.weather, context.season),
-        warm_start=context.follows_trip,
+        initial_warmth=warmth,
     )
-
-
-def cabin_at_departure(vehicle: Vehicle, logged_degc: float | None, ambient_degc: float) -> float:
-    """Cabin temperature [°C] at departure: as logged, else that of the outside air.
-
-    A sensor at the lower end of its range says nothing; the cabin is then as cold as the air outside.
-
-    Examples
-    --------
-    >>> from tripwatt.vehicles import load_vehicle
-    >>> car = load_vehicle("bmw_i3_60ah")
-    >>> cabin_at_departure(car, 21.0, 3.0), cabin_at_departure(car, 10.0, 3.0), cabin_at_departure(car, None, 3.0)
-    (21.0, 3.0, 3.0)
-    """
-    if logged_degc is None:
-        return ambient_degc
-    if vehicle.climate is not None and logged_degc <= vehicle.climate.sensor_minimum_degc:
-        return min(logged_degc, ambient_degc)
-    return logged_degc
-
-
-def at_departure(trip: Trip, *columns: str) -> tuple[float | None, ...]:
-    """Values of columns in the first sample, None for one that is missing there.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> log = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 1.0], "soc": [0.7, 0.6]})
-    >>> at_departure(Trip.from_samples("t", log), "soc", "voltage_v")
-    (0.7, None)
-    """
-    first = trip.samples.iloc[0]
-    values = [float(first[c]) if c in first else math.nan for c in columns]
-    return tuple(v if math.isfinite(v) else None for v in values)
-
-
-def argument_faults(
-    time: FloatArray,
-    speed: FloatArray,
-    slope: FloatArray | None,
-    height: FloatArray | None,
-    hvac: FloatArray,
-    scalars: Mapping[str, tuple[float, float, float]],
-) -> Iterator[Fault]:
-    """Every argument of `simulate` that cannot be used."""
-    if time.ndim != 1 or len(time) < 2:
-        yield Fault("wrong shape", "time_s", str(time.shape), "one dimension, at least 2 samples")
-    arrays = {"time_s": time, "speed_m_s": speed, "grade": slope, "elevation_m": height, "hvac_power_w": hvac}
-    for name, values in arrays.items():
-        if values is None or (name == "hvac_power_w" and values.ndim == 0):
-            continue
-        if values.shape != time.shape:
-            yield Fault("wrong shape", name, str(values.shape), f"that of time_s, {time.shape}")
-        elif name == "elevation_m":
-            if np.isinf(values).any():
-                yield Fault("infinite value", name, "inf", "finite numbers, NaN where missing")
-        elif not np.isfinite(values).all():
-            first = int(np.flatnonzero(~np.isfinite(values.ravel()))[0])
-            yield Fault(
-                "missing value", f"{name}, sample {first}", str(values.ravel()[first]), "finite numbers"
-            )
-    if time.ndim == 1 and len(time) > 1 and np.isfinite(time).all() and not (np.diff(time) > 0).all():
-        first = int(np.flatnonzero(np.diff(time) <= 0)[0]) + 1
-        got = f"{time[first]:g} s after {time[first - 1]:g} s"
-        yield Fault("time does not increase", f"time_s, sample {first}", got, "increasing times")
-    for name, values, low, high in (
-        ("speed_m_s", speed, 0.0, 150.0),
-        ("grade", slope, -1.0, 1.0),
-        ("hvac_power_w", hvac, 0.0, 1e5),
-    ):
-        if values is None:
-            continue
-        if np.isfinite(values).all() and values.size and (values.min() < low or values.max() > high):
-            worst = values.min() if values.min() < low else values.max()
-            yield Fault("value out of range", name, f"{worst:g}", f"{low:g} to {high:g}")
-    for name, (value, low, high) in scalars.items():
-        if not (np.isfinite(value) and low <= value <= high):
-            yield Fault("value out of range", name, f"{value}", f"{low:g} to {high:g}")
 
 
 def _chain(
@@ -406,7 +333,7 @@ def _chain(
     ambient: float,
     initial_soc: float,
     initial_temperature: float,
-    warm_start: bool,
+    initial_warmth: float,
 ) -> Simulation:
     step = np.zeros_like(time)
     np.subtract(time[1:], time[:-1], out=step[1:])
@@ -418,7 +345,7 @@ def _chain(
     aero = aero_drag_force(mean_speed, vehicle.road_load.drag_area_m2, density)
     rolling = rolling_resistance_force(mean_speed, mass, vehicle.road_load.rolling_coefficients, cosine)
     if vehicle.tyres is not None:
-        rolling *= rolling_factor(mean_speed, step, ambient, vehicle.tyres, warm_start=warm_start)
+        rolling *= rolling_factor(mean_speed, step, ambient, vehicle.tyres, initial_warmth)
     climb = grade_force(slope, mass)
     # Mean speed times change of speed is the change of v²/2: kinetic energy adds up exactly over a trip.
     inertia = inertia_force(acceleration, mass, vehicle.body.rotating_mass_factor)

@@ -1,21 +1,26 @@
-"""Figures of an evaluation: each `plot_` takes plain frames and gives a matplotlib `Figure`, and keeps no state.
-
-Every figure is drawn for a column of a phone or half a desktop page. Text and rules use the colours `INK`, `RULE`
-and `PAPER` alone, which the page exchanges for its own, so that a figure follows a dark page.
-"""
+"""Figures of an evaluation: each `plot_` takes plain frames and gives a matplotlib `Figure`, and keeps no state."""
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Any, Final, ParamSpec
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from tripwatt.report.models import PAPER, model_style, ordered
+from tripwatt.report.style import (
+    INK,
+    PAPER_COLOUR,
+    RULE,
+    FloatArray,
+    cut_at,
+    mark_beyond,
+    model_rows,
+    new_figure,
+    percent_axis,
+    styled,
+)
 from tripwatt.report.view import Record, absolute_errors, of_evaluation, plain, signed_errors
 from tripwatt.units import M_S_PER_KM_H
 
@@ -23,114 +28,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FloatArray = npt.NDArray[np.float64]
-P = ParamSpec("P")
-
-INK: Final = "#1f2328"
-RULE: Final = "#d0d7de"
-PAPER_COLOUR: Final = "#ffffff"
-WIDTH_IN: Final = 5.4
 MOST_TRIPS: Final = 60
 """Trips that the figure of errors by trip shows; the table beside it always holds them all."""
-_CUT: Final = 1.5
-"""Errors beyond this fraction are drawn at the edge and counted in words, or a few would flatten all others."""
-
-STYLE: Final[Mapping[str, Any]] = {
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 9,
-    "axes.titlesize": 9,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.labelsize": 9,
-    "axes.edgecolor": INK,
-    "axes.labelcolor": INK,
-    "axes.titlecolor": INK,
-    "axes.facecolor": "none",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.axisbelow": True,
-    "text.color": INK,
-    "text.parse_math": False,  # a trip may be called "$x"
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "xtick.labelsize": 8.5,
-    "ytick.labelsize": 8.5,
-    "grid.color": RULE,
-    "grid.linewidth": 0.7,
-    "legend.frameon": False,
-    "legend.fontsize": 8.5,
-    "figure.facecolor": PAPER_COLOUR,
-    "savefig.facecolor": PAPER_COLOUR,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "tripwatt",
-}
-
-
-def style_context() -> AbstractContextManager[None]:
-    """The process's matplotlib settings replaced by `STYLE` for a while, for drawing and for saving."""
-    import matplotlib
-
-    settings: Any = dict(STYLE)  # matplotlib types the keys as a literal of its own version's names
-    return matplotlib.rc_context(settings)
-
-
-def styled(plot: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Run a plot function under `STYLE` and leave the process's settings alone."""
-
-    @functools.wraps(plot)
-    def wrapper(*args: P.args, **kwargs: P.kwargs) -> Figure:
-        with style_context():
-            return plot(*args, **kwargs)
-
-    return wrapper
-
-
-def _new_figure(height_in: float, title: str, note: str, synthetic: bool) -> Figure:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
-    lines = [title, *([note] if note else [])]
-    if synthetic:
-        lines.append("Synthetic trips, not measured ones")
-    figure.suptitle("\n".join(lines), x=0.012, ha="left", fontsize=9.5, linespacing=1.35)
-    return figure
-
-
-def _percent_axis(axes: Axes, label: str) -> None:
-    from matplotlib.ticker import FuncFormatter
-
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{100 * value:.0f}".replace("-", "−")))
-    axes.set_xlabel(label)
-    axes.grid(axis="x")
-
-
-def _model_rows(axes: Axes, models: Sequence[str]) -> None:
-    axes.set_yticks(range(len(models)), [plain(model_style(m).label, 28) for m in models])
-    axes.set_ylim(len(models) - 0.4, -0.6)
-    axes.tick_params(axis="y", length=0)
-    axes.spines["left"].set_visible(False)
-
-
-def _cut_at(values: FloatArray) -> float:
-    largest = float(np.max(np.abs(values), initial=0.0))
-    return min(1.08 * largest or 1.0, _CUT)
-
-
-def _mark_beyond(axes: Axes, values: FloatArray, limit: float, y: float, colour: str) -> None:
-    """Marks at the edge, with their number, for values that the axis does not reach."""
-    for side, beyond in ((1.0, int((values > limit).sum())), (-1.0, int((values < -limit).sum()))):
-        if beyond:
-            axes.plot(side * limit, y, marker=">" if side > 0 else "<", color=colour, ms=6, clip_on=False)
-            offset = (-7, 5) if side > 0 else (7, 5)
-            axes.annotate(
-                f"{beyond} beyond",
-                (side * limit, y),
-                offset,
-                textcoords="offset points",
-                fontsize=7.5,
-                ha="right" if side > 0 else "left",
-            )
 
 
 @styled
@@ -153,7 +52,7 @@ def plot_mean_errors(
     Figure
     """
     models = ordered(name for e in evaluations for name in e.get("models") or {})
-    figure = _new_figure(
+    figure = new_figure(
         1.6 + len(models) * (0.26 + 0.09 * len(evaluations)),
         "Mean error of the trip's energy",
         "bars: 95 % bootstrap interval over trips",
@@ -169,7 +68,7 @@ def plot_mean_errors(
         axes.plot([], [], marker, color=INK, ms=5 if number == 0 else 4, label=of_evaluation(evaluation))
         for row, model in enumerate(models):
             score = (evaluation.get("models") or {}).get(model)
-            if not score or score.get("mape") is None:
+            if not score or score.get("mape") is None or not np.isfinite(score["mape"]):
                 continue
             mean = float(score["mape"])
             low, high = score.get("mape_ci95") or (mean, mean)
@@ -190,9 +89,9 @@ def plot_mean_errors(
             limit = max(limit, paper[model])
     if paper and set(paper) & set(models):
         axes.plot([], [], "D", mfc="none", mec=INK, ms=4.5, label=f"the paper ({PAPER})")
-    _model_rows(axes, models)
+    model_rows(axes, models)
     axes.set_xlim(0, 1.05 * limit or 1.0)
-    _percent_axis(axes, "mean absolute percentage error [%]")
+    percent_axis(axes, "mean absolute percentage error [%]")
     figure.legend(loc="outside lower left", ncols=1)
     return figure
 
@@ -211,11 +110,13 @@ def plot_error_distribution(folds: pd.DataFrame, *, note: str = "", synthetic: b
         Whether the trips are made up.
     """
     models = ordered(map(str, folds["model"].unique()))
-    errors = {m: signed_errors(folds, m) for m in models}
+    errors = {m: found for m in models if len(found := signed_errors(folds, m))}
+    models = list(errors)
     every = np.concatenate(list(errors.values())) if errors else np.empty(0)
-    limit = max(0.2, np.ceil(10 * _cut_at(every)) / 10)
+    limit = max(0.2, np.ceil(10 * cut_at(every)) / 10)
     bins = np.linspace(-limit, limit, 41)
-    figure = _new_figure(1.4 + 0.72 * len(models), "Error of every trip, by model", note, synthetic)
+    head = "\n".join(filter(None, [note, "height: number of trips, every row to its own scale"]))
+    figure = new_figure(1.5 + 0.72 * len(models), "Error of every trip, by model", head, synthetic)
     panels = figure.subplots(max(len(models), 1), 1, sharex=True, squeeze=False)[:, 0]
     for axes, model in zip(panels, models, strict=False):
         values, colour = errors[model], model_style(model).colour
@@ -233,7 +134,7 @@ def plot_error_distribution(folds: pd.DataFrame, *, note: str = "", synthetic: b
         beyond = f"   ({outside} beyond the axis, drawn at its edge)" if outside else ""
         axes.set_title(f"{plain(model_style(model).label, 32)}{beyond}", fontsize=8.5, pad=2)
         axes.tick_params(axis="x", length=2 if axes is not panels[-1] else 4, pad=7)
-    _percent_axis(panels[-1], "(predicted − measured) / measured [%];  dashed: median;  ticks: single trips")
+    percent_axis(panels[-1], "(predicted − measured) / measured [%];  dashed: median;  ticks: single trips")
     for axes in panels:
         axes.grid(axis="x")
     return figure
@@ -281,13 +182,16 @@ def plot_error_boxes(
         Whether the trips are made up.
     """
     models = list(models) if models is not None else ordered(map(str, folds["model"].unique()))
-    values = {m: folds.loc[folds["model"] == m, "ape"].to_numpy(dtype=np.float64) for m in models}
+    known = folds[np.isfinite(folds["ape"].to_numpy(dtype=np.float64))]
+    values = {m: known.loc[known["model"] == m, "ape"].to_numpy(dtype=np.float64) for m in models}
     every = np.concatenate(list(values.values())) if values else np.empty(0)
-    limit = _cut_at(every)
-    figure = _new_figure(1.55 + 0.52 * len(models), title, note, synthetic)
+    limit = cut_at(every)
+    figure = new_figure(1.55 + 0.52 * len(models), title, note, synthetic)
     axes = figure.add_subplot()
     for row, model in enumerate(models):
         found, colour = values[model], model_style(model).colour
+        if not len(found):
+            continue
         # a fixed low-discrepancy jitter: points of one row stay apart without a random state
         shift = 0.3 * (((np.arange(len(found)) * 0.618034) % 1.0) - 0.5)
         inside = found <= limit
@@ -302,7 +206,7 @@ def plot_error_boxes(
             zorder=3,
             clip_on=False,
         )
-        _mark_beyond(axes, found, limit, row, colour)
+        mark_beyond(axes, found, limit, row, colour)
         _box(axes, row, found, colour, limit)
         if paper and model in paper:
             axes.plot(paper[model], row - 0.38, "x", color=INK, ms=5, mew=1.3)
@@ -310,9 +214,9 @@ def plot_error_boxes(
     axes.plot([], [], color=INK, lw=1.8, label="median")
     if paper and set(paper) & set(models):
         axes.plot([], [], "x", color=INK, ms=5, mew=1.3, ls="", label="the paper's mean")
-    _model_rows(axes, models)
+    model_rows(axes, models)
     axes.set_xlim(0, limit)
-    _percent_axis(axes, "absolute percentage error [%]")
+    percent_axis(axes, "absolute percentage error [%]")
     figure.legend(loc="outside lower left", ncols=3)
     return figure
 
@@ -348,7 +252,7 @@ def plot_trip_energy(
     synthetic : bool
         Whether the trips are made up.
     """
-    figure = _new_figure(
+    figure = new_figure(
         1.0 + 2.55 * len(selected), f"Energy along the trip: {model_style(model).label}", "", synthetic
     )
     grid = figure.add_gridspec(2 * len(selected), 1, height_ratios=[3.2, 1.0] * len(selected))
@@ -402,11 +306,11 @@ def plot_trip_errors(
     synthetic : bool
         Whether the trips are made up.
     """
-    wide = absolute_errors(folds).sort_values(model, kind="stable", ascending=False)
+    wide = absolute_errors(folds).dropna(subset=model).sort_values(model, kind="stable", ascending=False)
     total = len(wide)
     wide = wide.head(MOST_TRIPS)
     shown = f"the {len(wide)} largest of {total}" if total > len(wide) else f"all {total} trips"
-    figure = _new_figure(1.5 + 0.165 * len(wide), f"Error by trip, {shown}", note, synthetic)
+    figure = new_figure(1.5 + 0.165 * len(wide), f"Error by trip, {shown}", note, synthetic)
     axes = figure.add_subplot()
     rows = np.arange(len(wide))
     own = wide[model].to_numpy(dtype=np.float64)
@@ -414,7 +318,7 @@ def plot_trip_errors(
     if against in wide.columns:
         other = wide[against].to_numpy(dtype=np.float64)
         drawn.append(other)
-    limit = _cut_at(np.concatenate(drawn))
+    limit = cut_at(np.concatenate(drawn))
     if len(drawn) == 2:
         axes.hlines(rows, np.minimum(own, limit), np.minimum(drawn[1], limit), color=RULE, lw=1.4, zorder=1)
         style = model_style(str(against))
@@ -447,7 +351,7 @@ def plot_trip_errors(
     axes.set_ylim(len(wide) - 0.3, -0.7)
     axes.set_xlim(0, limit)
     axes.spines["left"].set_visible(False)
-    _percent_axis(axes, "absolute percentage error [%]")
+    percent_axis(axes, "absolute percentage error [%]")
     figure.legend(loc="outside lower left", ncols=2)
     return figure
 
@@ -465,7 +369,7 @@ def plot_paired_differences(paired: Sequence[Record], *, note: str = "", synthet
     synthetic : bool
         Whether the trips are made up.
     """
-    figure = _new_figure(1.5 + 0.34 * len(paired), "Paired differences over the same trips", note, synthetic)
+    figure = new_figure(1.5 + 0.34 * len(paired), "Paired differences over the same trips", note, synthetic)
     axes = figure.add_subplot()
     seconds = {str(pair["b"]) for pair in paired}
     common = model_style(seconds.pop()).label if len(seconds) == 1 else ""
@@ -494,51 +398,69 @@ def plot_paired_differences(paired: Sequence[Record], *, note: str = "", synthet
     axes.tick_params(axis="y", length=0)
     axes.spines["left"].set_visible(False)
     difference = f"mean error minus that of {common}" if common else "difference of mean errors"
-    _percent_axis(axes, f"{difference} [percentage points]\nfilled, solid: 95 % interval leaves out 0")
+    percent_axis(axes, f"{difference}\n[percentage points];  solid: 95 % interval leaves out 0")
     return figure
 
 
 @styled
 def plot_learning_curves(curves: pd.DataFrame, *, synthetic: bool = False) -> Figure:
-    """Error against boosting rounds: each fold thin, their mean thick, its lowest point marked.
+    """Error against boosting rounds, one panel per model: each fold thin, their mean thick, its lowest point marked.
 
     Parameters
     ----------
     curves : DataFrame
-        Columns `fold, rounds, error`.
+        Columns `fold, rounds, error` and, where several models are in it, `model`.
     synthetic : bool
         Whether the trips are made up.
     """
-    figure = _new_figure(3.3, "Learning curve of boosting", "thin: each fold; thick: their mean", synthetic)
-    axes = figure.add_subplot()
-    colour = model_style("boosting").colour
-    for _, fold in curves.groupby("fold", sort=False, observed=True):
-        part = _thinned(fold.sort_values("rounds"), 60)
-        axes.plot(part["rounds"], part["error"], color=colour, lw=0.6, alpha=0.35)
-    mean = mean_learning_curve(curves)
-    axes.plot(mean.index, mean.to_numpy(), color=colour, lw=2.2, gid="mean")
-    lowest = int(mean.index[int(np.argmin(mean.to_numpy()))])
-    axes.plot(lowest, float(mean.min()), "o", color=PAPER_COLOUR, mec=INK, ms=6, zorder=5)
-    axes.annotate(
-        f"lowest at {lowest} rounds",
-        (lowest, float(mean.min())),
-        (0, 9),
-        textcoords="offset points",
-        ha="center",
-        fontsize=8.5,
-    )
-    axes.set_xlabel("boosting rounds")
-    axes.set_ylabel("error on left-out\ntraining trips")
-    axes.grid(axis="y")
+    models = curve_models(curves)
+    height = 1.0 + 2.3 * len(models)
+    figure = new_figure(height, "Learning curves", "thin: each fold; thick: their mean", synthetic)
+    panels = figure.subplots(len(models), 1, squeeze=False)[:, 0]
+    for number, (axes, (model, part)) in enumerate(zip(panels, models.items(), strict=True)):
+        colour = model_style(model).colour
+        for _, fold in part.groupby("fold", sort=False, observed=True):
+            line = _thinned(fold.sort_values("rounds"), 60)
+            axes.plot(line["rounds"], line["error"], color=colour, lw=0.6, alpha=0.35)
+        mean = mean_learning_curve(part)
+        axes.plot(mean.index, mean.to_numpy(), color=colour, lw=2.2, gid=f"mean-{number}")
+        lowest, error = lowest_round(part), float(mean.min())
+        axes.plot(lowest, error, "o", color=PAPER_COLOUR, mec=INK, ms=6, zorder=5)
+        side = "right" if lowest > 0.5 * float(mean.index.max()) else "left"
+        axes.annotate(
+            f"lowest at {lowest} rounds",
+            (lowest, error),
+            (0, 9),
+            textcoords="offset points",
+            ha=side,
+            fontsize=8.5,
+        )
+        axes.set_title(plain(model_style(model).label, 40))
+        axes.set_ylabel("error on left-out\ntraining trips")
+        axes.grid(axis="y")
+    panels[-1].set_xlabel("boosting rounds")
     return figure
 
 
+def curve_models(curves: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """The curves by model in table order; curves that name no model are those of `boosting`."""
+    if "model" not in curves:
+        return {"boosting": curves}
+    return {m: curves[curves["model"] == m] for m in ordered(map(str, curves["model"].unique()))}
+
+
 def mean_learning_curve(curves: pd.DataFrame) -> pd.Series[float]:
-    """Mean error over the folds, at the rounds that every fold has."""
+    """Mean error over the folds of one model, at the rounds that every fold has."""
     by_round = curves.groupby("rounds", observed=True)["error"]
     complete = by_round.count() == curves["fold"].nunique()
     mean = by_round.mean()
     return mean[complete] if bool(complete.any()) else mean
+
+
+def lowest_round(curves: pd.DataFrame) -> int:
+    """The number of rounds at which the mean curve of one model is lowest."""
+    mean = mean_learning_curve(curves)
+    return int(mean.index.to_numpy()[int(np.argmin(mean.to_numpy()))])
 
 
 @styled
@@ -555,7 +477,7 @@ def plot_importances(importances: pd.DataFrame, *, synthetic: bool = False) -> F
     mean = mean_importances(importances)
     models = ordered(map(str, mean["model"].unique()))
     counts = [int((mean["model"] == m).sum()) for m in models]
-    figure = _new_figure(
+    figure = new_figure(
         1.2 + 0.4 * len(models) + 0.25 * sum(counts), "What the correctors use", "", synthetic
     )
     panels = figure.subplots(len(models), 1, sharex=False, squeeze=False, height_ratios=counts)[:, 0]
@@ -563,8 +485,8 @@ def plot_importances(importances: pd.DataFrame, *, synthetic: bool = False) -> F
         rows = mean[mean["model"] == model].sort_values("importance", ascending=False, kind="stable")
         places = np.arange(len(rows))
         bars = axes.barh(places, rows["importance"], color=model_style(model).colour, height=0.65)
-        for bar in bars:
-            bar.set_gid(f"importance-{models.index(model)}")
+        for place, bar in enumerate(bars):
+            bar.set_gid(f"importance-{models.index(model)}-{place}")
         axes.set_yticks(places, [plain(c, 30) for c in rows["covariate"]])
         axes.invert_yaxis()
         axes.tick_params(axis="y", length=0)

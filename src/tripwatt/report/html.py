@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from tripwatt.report.figures import INK, PAPER_COLOUR, RULE, style_context
 from tripwatt.report.panels import Section, build_sections
+from tripwatt.report.style import INK, PAPER_COLOUR, RULE, style_context
 from tripwatt.report.view import View, of_evaluation, plain
 
 if TYPE_CHECKING:
@@ -93,21 +93,21 @@ def _drawings(sections: Iterable[Section], *, png: bool) -> Iterable[tuple[str, 
 
 def svg_text(figure: Figure) -> str:
     """A figure as SVG, the same bytes for the same data."""
-    buffer = io.StringIO()
-    with style_context():
-        figure.savefig(
-            buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None}
-        )
-    return buffer.getvalue()
+    unset = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    return _saved(figure, format="svg", metadata=unset).decode("utf-8")
 
 
 def png_bytes(figure: Figure) -> bytes:
     """A figure as PNG."""
+    return _saved(figure, format="png", dpi=PNG_DPI, metadata={"Software": None})
+
+
+def _saved(figure: Figure, **settings: Any) -> bytes:
     buffer = io.BytesIO()
     with style_context(), warnings.catch_warnings():
         # a trip's name may hold any sign; the page shows it, a picture may show a box for it
         warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)
-        figure.savefig(buffer, format="png", dpi=PNG_DPI, metadata={"Software": None})
+        figure.savefig(buffer, **settings)
     return buffer.getvalue()
 
 

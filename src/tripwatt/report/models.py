@@ -39,40 +39,43 @@ MODELS: Final[Mapping[str, ModelStyle]] = MappingProxyType(
             "Constant Wh/km", "#7c7c7c", "baseline", "one consumption per distance for every trip"
         ),
         "linear4": ModelStyle(
-            "Linear, 4 coefficients",
+            "Linear (4 coefficients)",
             "#8a7f55",
             "baseline",
             "distance, time, and time weighted by cold and by heat",
         ),
         "linear6": ModelStyle(
-            "Linear, 6 coefficients",
+            "Linear (6 coefficients)",
             "#5f7f8f",
             "baseline",
             "the four, and sums for air drag and for acceleration",
         ),
         "physics-paper": ModelStyle(
-            "Physics, paper preset",
+            "Physics (paper preset)",
             "#d55e00",
             "physics",
             "simulation as in the paper: 50 % regeneration, no climate",
         ),
         "physics": ModelStyle(
-            "Physics, default preset", "#a6761d", "physics", "simulation with the values of public sources"
+            "Physics (default preset)", "#a6761d", "physics", "simulation with the values of public sources"
         ),
         "physics4": ModelStyle(
-            "Physics + 4 coefficients", "#9a6a4f", "hybrid", "simulated energy and the four coefficients"
+            "Physics + 4 coefficients",
+            "#9a6a4f",
+            "hybrid",
+            "default simulation in place of distance, and the other three coefficients",
         ),
         "forest": ModelStyle(
-            "Hybrid: forest", "#1f8a5b", "hybrid", "paper preset + forest with subject-level bootstrap"
+            "Hybrid forest", "#1f8a5b", "hybrid", "paper preset + forest with subject-level bootstrap"
         ),
-        "boosting": ModelStyle("Hybrid: boosting", "#0072b2", "hybrid", "paper preset + marginal boosting"),
+        "boosting": ModelStyle("Hybrid boosting", "#0072b2", "hybrid", "paper preset + marginal boosting"),
         "boosting-only": ModelStyle(
             "Boosting without physics", "#c2609c", "data", "the same boosting on the energy itself"
         ),
-        "gamm": ModelStyle(
-            "Hybrid: GAMM", "#7d6bc6", "hybrid", "paper preset + GAMM with Student's t errors"
+        "gamm": ModelStyle("Hybrid GAMM", "#7d6bc6", "hybrid", "paper preset + GAMM with Student's t errors"),
+        "hybrid": ModelStyle(
+            "Hybrid forecast", "#0f8797", "hybrid", "default physics + learned correction of its power"
         ),
-        "hybrid": ModelStyle("Hybrid: forecast", "#0f8797", "hybrid", "default physics + corrected power"),
     }
 )
 """Display name, colour and kind of every model, in the order of the tables."""
@@ -97,7 +100,7 @@ def model_style(name: str) -> ModelStyle:
     Examples
     --------
     >>> model_style("boosting").label
-    'Hybrid: boosting'
+    'Hybrid boosting'
     >>> model_style("brand-new").label
     'brand-new'
     """

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tripwatt.report import figures, sentences, tables
-from tripwatt.report.models import model_style
 from tripwatt.report.tables import Table
 from tripwatt.report.view import Record, View, of_evaluation
 
@@ -30,8 +29,8 @@ class Panel:
     tables : tuple of Table
     folded : bool
         Whether the tables start closed.
-    wide : bool
-        Whether it takes the full width of a desktop page.
+    wide, tall : bool
+        Whether it takes the full width, or two rows, of a desktop page.
     """
 
     key: str
@@ -41,6 +40,7 @@ class Panel:
     tables: tuple[Table, ...] = ()
     folded: bool = False
     wide: bool = False
+    tall: bool = False
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def _result(view: View) -> tuple[Panel, ...]:
         Panel(
             "table", "The table", " ".join(notes), tables=(tables.results_table(view, view.main),), wide=True
         ),
-        Panel("mean-errors", "Mean error and its interval", sets, mean),
+        Panel("mean-errors", "Mean error and its interval", sentences.on_intervals(view), mean),
         Panel(
             "legend",
             "What the models are",
@@ -117,6 +117,7 @@ def _errors(view: View) -> tuple[Panel, ...]:
             "Error distribution over the folds",
             sentences.on_distribution(view),
             distribution,
+            tall=True,
         ),
         Panel("error-boxes", "Box plot of all models", sentences.on_boxes(view), boxes),
         _benchmark(view),
@@ -267,13 +268,9 @@ def _inside(view: View) -> tuple[Panel, ...]:
         ),
         Panel(
             "signals",
-            f"Simulated signals against measured ones{_preset(view)}",
+            "Simulated signals against measured ones (default preset)",
             sentences.on_signals(view.signals),
             tables=(signals,) if signals else (),
             folded=True,
         ),
     )
-
-
-def _preset(view: View) -> str:
-    return f" ({model_style(view.physics).label})" if view.physics else ""

@@ -7,20 +7,20 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from tripwatt.report.figures import mean_importances, mean_learning_curve
+from tripwatt.report.figures import curve_models, lowest_round, mean_importances
 from tripwatt.report.models import PAPER, PAPER_IMPROVED, model_style
 from tripwatt.report.view import Record, View, absolute_errors, of_evaluation, plain
 
 
 def percent(fraction: float | None, digits: int = 1) -> str:
-    """A fraction as percent; a dash when unknown.
+    r"""A fraction as percent; a dash when unknown.
 
     Examples
     --------
     >>> percent(0.1034)
-    '10.3 %'
+    '10.3\xa0%'
     """
-    return "–" if fraction is None or not np.isfinite(fraction) else f"{100 * fraction:.{digits}f} %"
+    return "–" if fraction is None or not np.isfinite(fraction) else f"{100 * fraction:.{digits}f}\u00a0%"
 
 
 def points(difference: float) -> str:
@@ -100,6 +100,21 @@ def on_paper(view: View) -> str:
     return text
 
 
+def on_intervals(view: View) -> str:
+    """Which models' intervals lie wholly above the best hybrid's."""
+    models = view.main.get("models") or {}
+    best = view.best
+    bounds = {m: models[m]["mape_ci95"] for m in view.models if models[m].get("mape_ci95")}
+    if best not in bounds:
+        return "No interval is known."
+    top = bounds[best][1]
+    above = [label(m) for m in bounds if m != best and bounds[m][0] > top]
+    rest = len(bounds) - 1 - len(above)
+    text = f"The interval of {label(str(best))} ends at {percent(top)}; "
+    text += f"wholly above it: {listed(above)}" if above else "no other model lies wholly above it"
+    return f"{text}; {rest} of the other {len(bounds) - 1} overlap it (paired differences below are the sharper test)."
+
+
 def on_sets(view: View) -> str:
     """How the best model's error moves with the choice of trips and with days left out whole."""
     best = view.best
@@ -114,8 +129,10 @@ def without_days(view: View) -> str:
     """Why there is no leave-one-day-out evaluation; empty when there is one."""
     if any(e.get("scheme") == "leave_one_day_out" for e in view.evaluations):
         return ""
-    reason = _reason(view.results.get("skipped"), "leave_one_day_out")
-    return f"Leave one day out was not run: {reason or 'the dates of the trips are unknown'}."
+    said = _reason(view.results.get("skipped"), "leave_one_day_out")
+    noted = next((str(n) for n in view.results.get("notes") or () if "leave-one-day-out" in str(n)), "")
+    reason = said or noted.partition(":")[2].strip().rstrip(".") or "the run does not say why"
+    return f"Leave one day out was not run: {reason}."
 
 
 def _reason(skipped: object, key: str) -> str:
@@ -151,8 +168,8 @@ def on_boxes(view: View) -> str:
     parts = []
     for model in dict.fromkeys(names):
         low, high = wide[model].quantile([0.25, 0.75])
-        parts.append(f"of {label(model)} between {100 * low:.1f} and {100 * high:.1f} %")
-    return f"The middle half of the trip errors lies {listed(parts)}." if parts else "No fold is known."
+        parts.append(f"{100 * low:.1f} to {100 * high:.1f}\u00a0% with {label(model)}")
+    return f"The middle half of the trips is off by {listed(parts)}." if parts else "No fold is known."
 
 
 def on_benchmark(view: View, models: Sequence[str]) -> str:
@@ -264,16 +281,18 @@ def on_importances(importances: pd.DataFrame | None) -> str:
 
 
 def on_learning_curves(curves: pd.DataFrame | None) -> str:
-    """Where the mean curve is lowest."""
+    """Where the mean curve of each model is lowest."""
     if curves is None:
         return "No learning curve: this run has no boosting with a curve."
-    mean = mean_learning_curve(curves)
-    lowest = int(mean.index[int(np.argmin(mean.to_numpy()))])
-    each = curves.loc[curves.groupby("fold", observed=True)["error"].idxmin(), "rounds"]
-    return (
-        f"The mean error over {curves['fold'].nunique()} folds is lowest at {lowest} rounds; "
-        f"the folds themselves are lowest between {int(each.min())} and {int(each.max())}."
-    )
+    parts = []
+    for model, part in curve_models(curves).items():
+        lowest = lowest_round(part)
+        each = part.loc[part.groupby("fold", observed=True)["error"].idxmin(), "rounds"]
+        parts.append(
+            f"{label(model)} is lowest at {lowest} rounds in the mean of {part['fold'].nunique()} folds, "
+            f"between {int(each.min())} and {int(each.max())} in the single ones"
+        )
+    return f"{'; '.join(parts)}."
 
 
 def on_audit(view: View) -> str:
@@ -291,4 +310,7 @@ def on_audit(view: View) -> str:
         done.setdefault(str(finding.get("consequence") or "noted"), set()).add(str(finding.get("trip")))
     tally = listed([f"{len(trips)} {what}" for what, trips in sorted(done.items())])
     found = f"{len(audit)} findings of the audit (trips: {tally})" if audit else "the audit found nothing"
-    return f"{found}; {listed(parts)}.".capitalize() if parts else f"{found}.".capitalize()
+    read = view.results.get("trips_read")
+    texts = [*([f"{len(read)} trips were read"] if read else []), found, *([listed(parts)] if parts else [])]
+    text = "; ".join(texts)
+    return f"{text[:1].upper()}{text[1:]}."

@@ -56,14 +56,14 @@ def number(value: object, factor: float = 1.0, digits: int = 2) -> str:
 
 
 def span(bounds: Sequence[float] | None, digits: int = 1) -> str:
-    """An interval of fractions in percent."""
+    """An interval of fractions in percent, in one piece."""
     if not bounds:
         return DASH
-    return f"{number(bounds[0], 100, digits)} to {number(bounds[1], 100, digits)}"
+    return f"{number(bounds[0], 100, digits)}\u00a0to\u00a0{number(bounds[1], 100, digits)}"
 
 
 def _unbroken(bounds: Sequence[float] | None) -> str:
-    return f"({span(bounds)})".replace(" ", "\u00a0") if bounds else ""
+    return f"({span(bounds)})" if bounds else ""
 
 
 def results_table(view: View, evaluation: Record, *, caption: str | None = None) -> Table:
@@ -80,8 +80,8 @@ def results_table(view: View, evaluation: Record, *, caption: str | None = None)
         "Max [%]",
         "Bias [%]",
         "RMSE [kWh]",
-        "Better than paper preset [% of trips]",
-        "Better than default preset [% of trips]",
+        "Beats paper preset [% of trips]",
+        "Beats default preset [% of trips]",
         "Fit [s]",
         "Predict [ms]",
     ]
@@ -149,12 +149,35 @@ def audit_table(view: View) -> Table:
 
 
 def used_table(view: View) -> Table:
-    """The trips of each set by name."""
-    rows = tuple(
-        (TRIP_SETS.get(name, name), str(len(ids)), ", ".join(plain(i) for i in sorted(ids, key=natural_key)))
-        for name, ids in (view.results.get("trips_used") or {}).items()
-    )
-    return Table(_labelled(view, "Trips of each set"), ("Set", "Number", "Trips"), rows, frozenset({0, 2}))
+    """The trips of each set, and those that were read but are not in it, with the reason."""
+    used: Mapping[str, Sequence[str]] = view.results.get("trips_used") or {}
+    read = [str(trip) for trip in view.results.get("trips_read") or ()]
+    rows = []
+    for name, ids in used.items():
+        absent = sorted(set(read) - set(map(str, ids)), key=natural_key)
+        rows.append(
+            (
+                TRIP_SETS.get(name, name),
+                str(len(ids)),
+                ", ".join(plain(i) for i in sorted(ids, key=natural_key)),
+                "; ".join(f"{plain(trip)}: {_why_absent(view, name, trip)}" for trip in absent) or "none",
+            )
+        )
+    columns = ("Set", "Number", "Trips", "Read, but not in it")
+    return Table(_labelled(view, "Trips of each set"), columns, tuple(rows), frozenset({0, 2, 3}))
+
+
+def _why_absent(view: View, name: str, trip: str) -> str:
+    found = [f for f in view.results.get("audit") or () if str(f.get("trip")) == trip]
+    reasons = [plain(f.get("what", ""), 200) for f in found if f.get("consequence") in ("set aside", "split")]
+    if name == "reference":
+        return "; ".join(
+            ["not a reference trip of the data set", *(f"audit: {reason}" for reason in reasons)]
+        )
+    if name == "all":
+        noted = [plain(n, 200) for n in view.results.get("notes") or () if trip in str(n)]
+        return "; ".join(noted) or "could not be simulated or scored"
+    return "; ".join(reasons) or "see the audit"
 
 
 def trips_table(view: View) -> Table:
@@ -300,7 +323,7 @@ def render_table(results: Mapping[str, Any]) -> rich.table.Table:
         "Max %",
         "Bias %",
         "RMSE kWh",
-        "Better %",
+        "Beats physics-paper %",
         "Fit s",
     ]
     for place, head in enumerate(heads):
@@ -319,7 +342,7 @@ def render_table(results: Mapping[str, Any]) -> rich.table.Table:
                 "Max [%]",
                 "Bias [%]",
                 "RMSE [kWh]",
-                "Better than paper preset [% of trips]",
+                "Beats paper preset [% of trips]",
                 "Fit [s]",
             ),
         ]

@@ -91,12 +91,11 @@ def of_evaluation(evaluation: Record) -> str:
 
 
 def signed_errors(folds: pd.DataFrame, model: str) -> npt.NDArray[np.float64]:
-    """(predicted - observed) / observed of a model, one value per trip, in the order of `folds`."""
+    """(predicted - observed) / observed of a model, one finite value per trip, in the order of `folds`."""
     rows = folds[folds["model"] == model]
     observed = rows["observed_energy_wh"].to_numpy(dtype=np.float64)
-    return np.asarray(
-        (rows["predicted_energy_wh"].to_numpy(dtype=np.float64) - observed) / observed, dtype=np.float64
-    )
+    errors = (rows["predicted_energy_wh"].to_numpy(dtype=np.float64) - observed) / observed
+    return np.asarray(errors[np.isfinite(errors)], dtype=np.float64)
 
 
 def absolute_errors(folds: pd.DataFrame) -> pd.DataFrame:
@@ -155,7 +154,7 @@ class View:
     @property
     def synthetic(self) -> bool:
         """Whether the trips are made up; then every table and figure says so."""
-        return "synthetic" in self.dataset.lower()
+        return bool(self.results.get("synthetic")) or "synthetic" in self.dataset.lower()
 
     @property
     def paper_mape(self) -> Mapping[str, float]:
@@ -226,7 +225,7 @@ class View:
         """(role, trip, APE) of the best, the median and the worst trip of `best` among the trips with a series."""
         folds = self.folds_of(self.main)
         rows = folds[(folds["model"] == self.best) & folds["trip"].astype(str).isin(list(self.series))]
-        rows = rows.sort_values("ape", kind="stable")
+        rows = rows.dropna(subset="ape").sort_values("ape", kind="stable")
         if rows.empty:
             return []
         places = {"Best": 0, "Median": (len(rows) - 1) // 2, "Worst": len(rows) - 1}

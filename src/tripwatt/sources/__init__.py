@@ -14,7 +14,9 @@ from tripwatt.trips import Fleet
 if TYPE_CHECKING:
     from tripwatt.sources.tum_fetch import FolderReport
 
-DATASETS: Final[Mapping[str, str]] = MappingProxyType({"tum": "tripwatt.sources.tum:read_tum"})
+DATASETS: Final[Mapping[str, str]] = MappingProxyType(
+    {"tum": "tripwatt.sources.tum:read_tum", "ved": "tripwatt.sources.ved:read_ved"}
+)
 """Name of a data set -> its reader, imported when it is used."""
 
 

@@ -81,8 +81,9 @@ def synthetic_truth(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0) ->
         `driving_` (the i3's physics with the hidden forces), `heating_`, `aircon_`, `lamps_`, `driver_` (the driver's
         habit), `trip_` (an effect of this trip alone) and `noise_energy_wh`. `wind_work_wh` and `rolling_work_wh` are
         the work [Wh] at the wheel against hidden wind and rolling resistance, part of driving. `headwind_m_s`,
-        `rolling_share`, `driver_share` and `trip_share` are what caused them; `end_soc` is the true state of charge
-        at the end; `driver`, `day`, `season`, `sky`, `route` say whose and when.
+        `rolling_share`, `driver_share` and `trip_share` are what caused them; `ambient_temperature_degc` is the true
+        mean outside temperature [°C]; `end_soc` is the true state of charge at the end; `driver`, `day`, `season`,
+        `sky`, `route` say whose and when.
 
     Raises
     ------

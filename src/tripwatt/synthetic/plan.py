@@ -21,7 +21,7 @@ DRIVERS, DAYS, TRIPS, ROADS, WHEEL, WORLD, AIR, NOISE, SENSORS = range(9)
 
 def stream(seed: int, purpose: int, *index: int) -> np.random.Generator:
     """Random numbers for one purpose, independent of those for any other."""
-    return np.random.default_rng([seed, purpose, *index])
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(purpose, *index)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +129,8 @@ class Plan:
         return "dark" if self.day.dark_at(self.hour) and self.day.sky != "rainy" else self.day.sky
 
 
+LAST_DEPARTURE_S: Final = 21.0 * 3600.0
+
 EXPECTED_SPEED_M_S: Final = {"city": 6.5, "rural": 14.0, "highway": 23.0, "mixed": 13.0}
 """Mean speed [m/s] that a plan reckons with, standstill included."""
 
@@ -141,9 +143,9 @@ def draw_driver(seed: int, number: int) -> Driver:
     rng = stream(seed, DRIVERS, number)
     vigour = float(np.clip(rng.normal(), -1.5, 1.5))
     style = DriverStyle(
-        acceleration_m_s2=1.6 * math.exp(0.2 * vigour),
-        deceleration_m_s2=1.5 * math.exp(0.15 * vigour),
-        half_acceleration_speed_m_s=20.0 * math.exp(0.15 * vigour),
+        acceleration_m_s2=2.4 * math.exp(0.2 * vigour),
+        deceleration_m_s2=2.0 * math.exp(0.15 * vigour),
+        half_acceleration_speed_m_s=22.0 * math.exp(0.15 * vigour),
         speed_share=float(np.clip(0.95 + 0.02 * vigour, 0.9, 1.0)),
         fluctuation=float(rng.uniform(0.08, 0.16)),
         fluctuation_length_m=float(rng.uniform(90.0, 160.0)),
@@ -178,8 +180,8 @@ def draw_day(seed: int, number: int) -> Day:
 
 
 def _draw_duration_s(route: str, rng: np.random.Generator) -> float:
-    longest = 1700.0 if route == "highway" else 2600.0
-    return float(np.clip(1250.0 * math.exp(0.4 * rng.normal()), 780.0, longest))
+    longest = 1700.0 if route == "highway" else 2500.0
+    return float(np.clip(1250.0 * math.exp(0.4 * rng.normal()), 820.0, longest))
 
 
 def draw_plans(n_trips: int, seed: int) -> Iterator[Plan]:
@@ -189,7 +191,7 @@ def draw_plans(n_trips: int, seed: int) -> Iterator[Plan]:
     while made < n_trips:
         day = draw_day(seed, number)
         of_day = stream(seed, TRIPS, number)
-        hour_s = 3600.0 * float(of_day.uniform(6.5, 15.0))
+        hour_s = 3600.0 * float(of_day.uniform(6.25, 17.0))
         driver = drivers[int(of_day.integers(N_DRIVERS))]
         soc = float(of_day.uniform(0.6, 0.88))
         parked_s: float | None = None
@@ -219,4 +221,6 @@ def draw_plans(n_trips: int, seed: int) -> Iterator[Plan]:
             soc -= use
             parked_s = float(rng.choice([120.0, 900.0, 5400.0]) * rng.uniform(0.7, 1.3))
             hour_s += 1.3 * duration_s + parked_s
+            if hour_s > LAST_DEPARTURE_S:
+                break
         number += 1

@@ -61,6 +61,9 @@ PHASES: Final = {
 """Each route's kinds of road in order, with their share of the driving time."""
 
 BEND_LENGTH_M: Final = 25.0
+PARKED_S: Final = (3.0, 15.0)
+"""Shortest and longest time [s] from arrival to the end of the log."""
+
 STEEPEST_GRADE: Final = 0.09
 
 
@@ -103,6 +106,7 @@ def draw_links(plan: Plan, rng: np.random.Generator) -> tuple[FloatArray, FloatA
         lengths.append(np.where(is_bend, BEND_LENGTH_M, length[rows]))
         speeds.append(np.where(is_bend, bend_speed[rows], speed[rows]))
         dwells.append(np.where(last, dwell[rows], 0.0))
+    dwells[-1][-1] = rng.uniform(*PARKED_S)
     return np.concatenate(lengths), np.concatenate(speeds), np.concatenate(dwells)
 
 

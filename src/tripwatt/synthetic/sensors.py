@@ -24,15 +24,16 @@ def quantised(values: FloatArray, step: float) -> FloatArray:
 def logged(plan: Plan, drive: Drive, truth: Truth, vehicle: Vehicle, seed: int) -> pd.DataFrame:
     """The table of a trip in canonical columns. O(samples)."""
     rng = stream(seed, SENSORS, *plan.key)
+    climate, battery, cells = truth.climate, truth.battery, vehicle.battery
     n = len(drive.profile.time_s)
     true_speed = drive.profile.speed_m_s
     speed_km_h = true_speed / M_S_PER_KM_H + 0.12 * rng.standard_normal(n)
     # a wheel that stands gives no pulses, so standstill is exactly 0
     speed = np.where(true_speed > 0.1, quantised(np.maximum(speed_km_h, 0.0), 0.1) * M_S_PER_KM_H, 0.0)
-    displayed = vehicle.battery.displayed_from_soc(0.0) + truth.soc * (
-        vehicle.battery.displayed_from_soc(1.0) - vehicle.battery.displayed_from_soc(0.0)
+    displayed = cells.displayed_from_soc(0.0) + battery.soc * (
+        cells.displayed_from_soc(1.0) - cells.displayed_from_soc(0.0)
     )
-    heater_seen = np.where(truth.heating_power_w > 40.0, truth.heating_power_w, 0.0)
+    heater_seen = np.where(climate.heating_power_w > 40.0, climate.heating_power_w, 0.0)
     return pd.DataFrame(
         {
             "time_s": drive.profile.time_s,
@@ -40,16 +41,16 @@ def logged(plan: Plan, drive: Drive, truth: Truth, vehicle: Vehicle, seed: int) 
             "elevation_m": quantised(drive.elevation_m + 0.15 * rng.standard_normal(n), 0.5),
             "ambient_temperature_degc": quantised(truth.ambient_temperature_degc, 0.5),
             "cabin_temperature_degc": quantised(
-                truth.cabin_temperature_degc + 0.05 * rng.standard_normal(n), 0.1
+                climate.cabin_temperature_degc + 0.05 * rng.standard_normal(n), 0.1
             ),
             "cabin_setpoint_degc": np.full(n, plan.setpoint_degc),
-            "battery_temperature_degc": quantised(truth.battery_temperature_degc, 0.5),
-            "voltage_v": quantised(truth.voltage_v + 0.1 * rng.standard_normal(n), 0.1),
-            "current_a": quantised(truth.current_a + 0.15 * rng.standard_normal(n), 0.1),
-            "soc": quantised(truth.soc, 0.001),
+            "battery_temperature_degc": quantised(battery.temperature_degc, 0.5),
+            "voltage_v": quantised(battery.terminal_voltage_v + 0.1 * rng.standard_normal(n), 0.1),
+            "current_a": quantised(battery.current_a + 0.15 * rng.standard_normal(n), 0.1),
+            "soc": quantised(battery.soc, 0.001),
             "displayed_soc": quantised(np.clip(displayed, 0.0, 1.0), 0.005),
             "heating_power_w": quantised(heater_seen, 20.0),
-            "requested_heating_power_w": quantised(truth.requested_heating_power_w, 20.0),
-            "aircon_power_w": quantised(truth.aircon_power_w, 20.0),
+            "requested_heating_power_w": quantised(climate.requested_heating_power_w, 20.0),
+            "aircon_power_w": quantised(climate.aircon_power_w, 20.0),
         }
     )

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from tripwatt.driver import smooth_field
 from tripwatt.physics import simulate
-from tripwatt.physics.battery import discharge
+from tripwatt.physics.battery import BatteryRun, discharge
 from tripwatt.synthetic.plan import AIR, NOISE, WORLD, Plan, stream
 from tripwatt.synthetic.roads import Drive
 from tripwatt.units import (
@@ -67,9 +67,11 @@ WINTER_SUN_SHARE: Final = 0.5
 WIND_AT_CAR_SHARE: Final = 0.6
 WET_ROAD_SHARE: Final = 0.12
 WINTER_TYRE_SHARE: Final = 0.04
-COLD_TYRE_SHARE_PER_K: Final = 0.005
+COLD_TYRE_SHARE_PER_K: Final = 0.002
 WARM_TYRE_DEGC: Final = 20.0
 SURFACE_SHARE_SD: Final = 0.05
+HUNTING_SHARE: Final = 0.1
+HUNTING_TIME_S: Final = 20.0
 LAMPS_W: Final = 110.0
 WIPERS_W: Final = 90.0
 TRIP_SHARE_SCALE: Final = 0.015
@@ -78,31 +80,6 @@ NOISE_DF: Final = 3.0
 NOISE_FLOOR_W: Final = 60.0
 NOISE_SHARE: Final = 0.04
 NOISE_TIME_S: Final = 6.0
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Truth:
-    """What really happened on a trip, before any sensor.
-
-    Attributes
-    ----------
-    ambient_temperature_degc, cabin_temperature_degc, battery_temperature_degc : ndarray, shape (samples,)
-    heating_power_w, requested_heating_power_w, aircon_power_w : ndarray, shape (samples,)
-    voltage_v, current_a, soc : ndarray, shape (samples,)
-    effects : dict of str to float
-        The hidden effects as numbers, see `tripwatt.synthetic.synthetic_truth`.
-    """
-
-    ambient_temperature_degc: FloatArray
-    cabin_temperature_degc: FloatArray
-    battery_temperature_degc: FloatArray
-    heating_power_w: FloatArray
-    requested_heating_power_w: FloatArray
-    aircon_power_w: FloatArray
-    voltage_v: FloatArray
-    current_a: FloatArray
-    soc: FloatArray
-    effects: dict[str, float]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -115,13 +92,35 @@ class Climate:
     aircon_power_w: FloatArray
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class Truth:
+    """What really happened on a trip, before any sensor.
+
+    Attributes
+    ----------
+    ambient_temperature_degc : ndarray, shape (samples,)
+    climate : Climate
+    battery : BatteryRun
+        Power, current, voltage, temperature and charge of the true battery.
+    effects : dict of str to float
+        The hidden effects as numbers, see `tripwatt.synthetic.synthetic_truth`.
+    """
+
+    ambient_temperature_degc: FloatArray
+    climate: Climate
+    battery: BatteryRun
+    effects: dict[str, float]
+
+
 def live_through(plan: Plan, drive: Drive, vehicle: Vehicle, seed: int) -> Truth:
     """The truth of one trip. O(samples)."""
     rng = stream(seed, WORLD, *plan.key)
     time, speed = drive.profile.time_s, drive.profile.speed_m_s
     # what is drawn per sample has streams of its own, so that no count of samples moves the trip's own effects
-    ambient = draw_ambient(plan, time, stream(seed, AIR, *plan.key))
+    air = stream(seed, AIR, *plan.key)
+    ambient = draw_ambient(plan, time, air)
     climate = heat_balance(plan, time, speed, ambient, rng)
+    climate = replace(climate, aircon_power_w=climate.aircon_power_w * compressor_hunting(time, air))
     wind_n, headwind, rolling_n, rolling_share = hidden_forces(plan, drive, ambient, vehicle, rng)
     weight_n = (vehicle.body.test_mass_kg + plan.payload_mass_kg) * GRAVITY_M_S2
     battery_degc = _battery_temperature(plan, float(ambient[0]), rng)
@@ -137,18 +136,19 @@ def live_through(plan: Plan, drive: Drive, vehicle: Vehicle, seed: int) -> Truth
         payload_mass_kg=plan.payload_mass_kg,
         hvac_power_w=0.0,
     )
-    propelling = np.maximum(driven.battery_power_w, 0.0)
+    driving_w = at_samples(driven.battery_power_w)
+    propelling = np.maximum(driving_w, 0.0)
     trip_share = TRIP_SHARE_SCALE * float(rng.standard_t(TRIP_SHARE_DF))
     wet, unlit = plan.day.sky == "rainy", plan.day.dark_at(plan.hour)
     lamps = CAR.extra_load_w + LAMPS_W * (wet or unlit) + WIPERS_W * wet
     parts = {
-        "driving": driven.battery_power_w,
+        "driving": driving_w,
         "heating": climate.heating_power_w,
         "aircon": climate.aircon_power_w,
         "lamps": np.full_like(time, lamps),
         "driver": plan.driver.power_share * propelling,
         "trip": trip_share * propelling,
-        "noise": heavy_tailed_noise(time, driven.battery_power_w, stream(seed, NOISE, *plan.key)),
+        "noise": heavy_tailed_noise(time, driving_w, stream(seed, NOISE, *plan.key)),
     }
     battery = discharge(
         aged(vehicle.battery),
@@ -163,24 +163,26 @@ def live_through(plan: Plan, drive: Drive, vehicle: Vehicle, seed: int) -> Truth
         "energy_wh": _energy_wh(battery.power_w, time),
         "wind_work_wh": _energy_wh(wind_n * speed, time),
         "rolling_work_wh": _energy_wh(rolling_n * speed, time),
+        "ambient_temperature_degc": float(ambient.mean()),
         "headwind_m_s": headwind,
         "rolling_share": rolling_share,
         "driver_share": plan.driver.power_share,
         "trip_share": trip_share,
         "end_soc": float(battery.soc[-1]),
     }
-    return Truth(
-        ambient_temperature_degc=ambient,
-        cabin_temperature_degc=climate.cabin_temperature_degc,
-        battery_temperature_degc=battery.temperature_degc,
-        heating_power_w=climate.heating_power_w,
-        requested_heating_power_w=climate.requested_heating_power_w,
-        aircon_power_w=climate.aircon_power_w,
-        voltage_v=battery.terminal_voltage_v,
-        current_a=battery.current_a,
-        soc=battery.soc,
-        effects=effects,
-    )
+    return Truth(ambient, climate, battery, effects)
+
+
+def at_samples(of_intervals: FloatArray) -> FloatArray:
+    """Values at the samples for the means over the intervals that end at them: the middle of both neighbours.
+
+    Examples
+    --------
+    >>> at_samples(np.array([0.0, 2.0, 4.0]))
+    array([2., 3., 4.])
+    """
+    inner = 0.5 * (of_intervals[1:-1] + of_intervals[2:])
+    return np.concatenate((of_intervals[1:2], inner, of_intervals[-1:]))
 
 
 def aged(battery: Battery) -> Battery:
@@ -203,6 +205,12 @@ def draw_ambient(plan: Plan, time_s: FloatArray, rng: np.random.Generator) -> Fl
     ) * (time_s / 3600.0)
     local = np.interp(time_s, *smooth_field(float(time_s[-1]), 400.0, rng))
     return np.asarray(course + 0.5 * local, dtype=np.float64)
+
+
+def compressor_hunting(time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Factor around 1 by which a compressor takes more or less than its cooling asks for."""
+    wave = np.interp(time_s, *smooth_field(float(time_s[-1]), HUNTING_TIME_S, rng))
+    return np.maximum(1.0 + HUNTING_SHARE * wave, 0.5)
 
 
 def _battery_temperature(plan: Plan, ambient_degc: float, rng: np.random.Generator) -> float:
@@ -268,10 +276,11 @@ def hidden_forces(
 
 
 def heavy_tailed_noise(time_s: FloatArray, power_w: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Power [W] that nobody can explain: an autoregression with Student's t shocks, larger where power is."""
+    """Power [W] that nobody can explain: Student's t shocks, half of their variance remembered, larger with power."""
     from scipy.signal import lfilter
 
     memory = math.exp(-float(time_s[1] - time_s[0]) / NOISE_TIME_S)
-    shocks = rng.standard_t(NOISE_DF, len(time_s)) * math.sqrt((NOISE_DF - 2.0) / NOISE_DF)
-    unit = lfilter([math.sqrt(1.0 - memory**2)], [1.0, -memory], shocks)
+    shocks = rng.standard_t(NOISE_DF, (2, len(time_s))) * math.sqrt((NOISE_DF - 2.0) / NOISE_DF)
+    remembered = lfilter([math.sqrt(1.0 - memory**2)], [1.0, -memory], shocks[0])
+    unit = math.sqrt(0.5) * (remembered + shocks[1])
     return np.asarray((NOISE_FLOOR_W + NOISE_SHARE * np.abs(power_w)) * unit, dtype=np.float64)

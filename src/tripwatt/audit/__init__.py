@@ -1,0 +1,258 @@
+"""What is wrong with a log, and what was done about it. Nothing here looks at any model.
+
+A log is not yet a trip: it may hold a freeze, a charging stop, a sensor that stops half-way. Each rule is a small
+function with named thresholds in one of the modules beside this one; this one puts them in order.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.audit import consistency, ranges, road, signals, stamps
+from tripwatt.audit.findings import Cut, Finding, array, whole
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.trips import (
+    Fleet,
+    Trip,
+    observed_energy,
+    require_unique_ids,
+    structure_faults,
+    value_faults,
+)
+
+__all__ = ["Audit", "Finding", "audit"]
+
+SHORTEST_LEG_M: Final = 1000.0
+SHORTEST_LEG_S: Final = 120.0
+"""On shorter drives pulling away once and the resolution of the sensors are most of the energy."""
+
+ALL_LOGS: Final = "all logs"
+
+DRIVEN_M: Final = 50.0
+"""A piece of a log with less than this is part of the stop beside it, not a drive."""
+
+
+@dataclass(frozen=True, slots=True)
+class Audit:
+    """The drives that can be used, and everything that was found.
+
+    Attributes
+    ----------
+    trips : tuple of Trip
+        Sound drives: values validated, energy measured anew over the samples that are left.
+    findings : tuple of Finding
+        In the order of the logs.
+    n_logs : int
+        How many logs were audited.
+    """
+
+    trips: tuple[Trip, ...]
+    findings: tuple[Finding, ...]
+    n_logs: int
+
+    @property
+    def set_aside(self) -> dict[str, str]:
+        """Drives that are not used, and why."""
+        reasons: dict[str, list[str]] = {}
+        for finding in self.findings:
+            if finding.consequence == "set aside":
+                reasons.setdefault(finding.trip, []).append(finding.what)
+        return {trip: "; ".join(what) for trip, what in reasons.items()}
+
+    def frame(self) -> pd.DataFrame:
+        """One row a finding: trip, from_s, to_s, what, consequence."""
+        columns = ["trip", "from_s", "to_s", "what", "consequence"]
+        return pd.DataFrame([[getattr(f, c) for c in columns] for f in self.findings], columns=columns)
+
+    def __str__(self) -> str:
+        return f"{len(self.trips)} drives out of {self.n_logs} logs are used, {len(self.set_aside)} are not"
+
+
+def audit(logs: Fleet | Iterable[Trip]) -> Audit:
+    """Audit raw logs: mend, trim, split or set aside, and say so. O(samples).
+
+    Parameters
+    ----------
+    logs : Fleet or iterable of Trip
+        As a reader gave them, before any resampling. What the logs of one car have in common (the battery's
+        capacity) is taken from all of them together.
+
+    Raises
+    ------
+    InvalidInput
+        When two logs share an id or one was resampled.
+
+    Examples
+    --------
+    >>> time = np.arange(0.0, 600.0)
+    >>> speed = 12.0 + 6.0 * np.sin(time / 15.0)
+    >>> samples = pd.DataFrame({"time_s": time, "speed_m_s": speed, "voltage_v": 390.0 - 0.4 * np.cos(time / 15.0),
+    ...                         "current_a": 15.0 + 25.0 * np.cos(time / 15.0)})
+    >>> samples.iloc[400:, 1:] = samples.iloc[400, 1:].to_numpy()
+    >>> result = audit([Trip.from_log("A", samples)])
+    >>> print(result.findings[-1])
+    A, 400.0 to 599.0 s: every signal frozen for 199.0 s at 18.0 m/s (trimmed)
+    >>> float(result.trips[0].duration_s)
+    400.0
+    """
+    trips = tuple(logs.trips if isinstance(logs, Fleet) else logs)
+    require_unique_ids(trips)
+    resampled = [Fault("not a raw log", t.trip_id, f"blocks of {t.step_s} s") for t in trips if t.step_s]
+    if resampled:
+        raise InvalidInput(resampled)
+    legs: list[Trip] = []
+    findings: list[tuple[int, Finding]] = []
+    order: list[int] = []
+    for number, trip in enumerate(trips):
+        its_legs, found = _audit_log(trip)
+        legs += its_legs
+        order += [number] * len(its_legs)
+        findings += [(number, f) for f in found]
+    used = _unblemished(legs, [f for _, f in findings])
+    by_leg = consistency.soc_findings(legs, used)
+    for number, leg in zip(order, legs, strict=True):
+        findings += [(number, f) for f in by_leg.get(leg.trip_id, [])]
+    findings.sort(key=lambda item: item[0])
+    ordered = _told_once([f for _, f in findings], len(trips))
+    sound = _unblemished(legs, ordered)
+    return Audit(tuple(t for t, ok in zip(legs, sound, strict=True) if ok), ordered, len(trips))
+
+
+def _audit_log(trip: Trip) -> tuple[list[Trip], list[Finding]]:
+    """The drives of one log, each mended and judged by itself."""
+    samples, findings = ranges.blank_infinite(trip.samples, trip.trip_id)
+    samples, cuts, found = stamps.mend_stamps(samples, trip.trip_id)
+    findings += found
+    missing = list(ranges.missing_columns(samples, trip.trip_id))
+    findings += missing
+    if len(samples) < 2 or any(f.consequence == "set aside" for f in missing):
+        if len(samples) < 2:
+            findings.append(whole(samples, trip.trip_id, "no two samples are left", "set aside"))
+        return [], findings
+    samples, found = ranges.blank_impossible(samples, trip.trip_id)
+    findings += found
+    if any(f.consequence == "set aside" for f in found):
+        return [], findings
+    cuts += signals.sensor_stop_cuts(samples)
+    cuts += stamps.gap_cuts(samples)
+    cuts += signals.freeze_cuts(samples)
+    cuts += signals.charging_cuts(samples)
+    legs, found = _legs(trip, samples, cuts)
+    findings += found
+    judged = []
+    for leg in legs:
+        mended, found = _judge_leg(leg)
+        findings += found
+        judged.append(mended)
+    return judged, findings
+
+
+def _legs(trip: Trip, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[list[Trip], list[Finding]]:
+    """What is left of a log between its cuts, and the findings that say so."""
+    keep = np.ones(len(samples), dtype=bool)
+    edges = {0, len(samples)}
+    for cut in cuts:
+        keep[cut.first : cut.last] = False
+        edges |= {cut.first, cut.last}
+    bounds = sorted(edges)
+    starts = [a for a, _ in pairwise(bounds) if keep[a]]
+    pieces = [samples.iloc[a:b].reset_index(drop=True) for a, b in pairwise(bounds) if keep[a]]
+    driven = [(a, p) for a, p in zip(starts, pieces, strict=True) if _distance(p) >= DRIVEN_M]
+    findings = [
+        _cut_finding(trip.trip_id, samples, cut, driven) for cut in sorted(cuts, key=lambda c: c.first)
+    ]
+    if cuts and driven:
+        findings += [
+            _undriven(trip.trip_id, piece)
+            for piece in pieces
+            if len(piece) > 1 and _distance(piece) < DRIVEN_M
+        ]
+    if not driven:
+        what = "nothing was driven" if not cuts else "nothing that was driven is left"
+        findings.append(whole(samples, trip.trip_id, what, "set aside"))
+    legs = []
+    for number, (first, piece) in enumerate(driven, start=1):
+        name = trip.trip_id if len(driven) == 1 else f"{trip.trip_id}-{number}"
+        legs.append(_leg(trip, piece, name, follows=first > 0 and number > 1))
+    return legs, findings
+
+
+def _undriven(trip_id: str, piece: pd.DataFrame) -> Finding:
+    time = array(piece, "time_s")
+    what = f"{_distance(piece):.0f} m beside a cut are no drive"
+    return Finding(trip_id, float(time[0]), float(time[-1]), what, "trimmed")
+
+
+def _distance(samples: pd.DataFrame) -> float:
+    speed, time = array(samples, "speed_m_s"), array(samples, "time_s")
+    known = np.isfinite(speed)
+    return float(np.trapezoid(speed[known], time[known]))
+
+
+def _cut_finding(
+    trip_id: str, samples: pd.DataFrame, cut: Cut, driven: Sequence[tuple[int, pd.DataFrame]]
+) -> Finding:
+    """A cut at an end trims; one with drives on both sides splits."""
+    time = array(samples, "time_s")
+    before = any(first < cut.first for first, _ in driven)
+    after = any(first >= cut.last for first, _ in driven)
+    from_s = float(time[max(cut.first - 1, 0)])
+    to_s = float(time[min(cut.last, len(time) - 1)])
+    return Finding(trip_id, from_s, to_s, cut.what, "split" if before and after else "trimmed")
+
+
+def _leg(trip: Trip, samples: pd.DataFrame, name: str, *, follows: bool) -> Trip:
+    context = trip.context
+    if follows:
+        late = float(samples["time_s"].iloc[0] - trip.samples["time_s"].iloc[0])
+        started = context.started_at and context.started_at + dt.timedelta(seconds=max(late, 0.0))
+        context = replace(context, follows_trip=True, started_at=started)
+    return replace(trip, trip_id=name, samples=samples, context=context, observed_energy_wh=None)
+
+
+def _judge_leg(leg: Trip) -> tuple[Trip, list[Finding]]:
+    """The rules on one drive. The drive comes back mended also when it is set aside."""
+    samples = ranges.drop_blank_speed(leg.samples)
+    name = leg.trip_id
+    findings = [
+        *stamps.gap_findings(samples, name),
+        *signals.filled_gaps(samples, name),
+        *signals.frozen_sensor_findings(samples, name),
+        *road.elevation_findings(samples, name),
+        *road.ambient_findings(samples, name),
+    ]
+    for blank in (signals.blank_stuck_heater, consistency.blank_soc_faults, ranges.blank_fahrenheit):
+        samples, found = blank(samples, name)
+        findings += found
+    mended = replace(leg, samples=samples, observed_energy_wh=observed_energy(samples))
+    findings += consistency.unit_findings(mended)
+    if mended.distance_m < SHORTEST_LEG_M or mended.duration_s < SHORTEST_LEG_S:
+        what = (
+            f"{mended.distance_m:.0f} m in {mended.duration_s:.0f} s: "
+            f"shorter than {SHORTEST_LEG_M:g} m or {SHORTEST_LEG_S:g} s"
+        )
+        findings.append(whole(samples, name, what, "set aside"))
+    faults = (*structure_faults(samples, name), *value_faults(samples, name))
+    findings += [whole(samples, name, f"{f.what}: {f.got}", "set aside") for f in faults]
+    return mended, findings
+
+
+def _told_once(findings: Sequence[Finding], n_logs: int) -> tuple[Finding, ...]:
+    """A note that every log of a set earns, such as a column the set does not have, is one note on the set."""
+    counts = Counter(f.what for f in findings if f.consequence == "noted")
+    common = {what for what, n in counts.items() if n == n_logs > 1}
+    shared = (Finding(ALL_LOGS, 0.0, max(f.to_s for f in findings), what, "noted") for what in sorted(common))
+    return (*shared, *(f for f in findings if f.what not in common or f.consequence != "noted"))
+
+
+def _unblemished(legs: Sequence[Trip], findings: Iterable[Finding]) -> list[bool]:
+    aside = {f.trip for f in findings if f.consequence == "set aside"}
+    return [leg.trip_id not in aside for leg in legs]

@@ -1,0 +1,240 @@
+"""Rules that compare quantities which physics ties together: charge and state of charge, power and acceleration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.audit.findings import BoolArray, Finding, FloatArray, array, has, whole
+from tripwatt.trips import Trip
+from tripwatt.units import SECONDS_PER_HOUR
+
+SOC_TOLERANCE: Final = 0.15
+"""Relative error of a state of charge that battery managements make (ageing, temperature, balancing)."""
+
+SOC_DRIFT: Final = 0.01
+"""Correction that a battery management may make during a drive, on top of two steps of its resolution."""
+
+SMALLEST_SOC_CHANGE: Final = 0.03
+"""A smaller change says too little of the capacity to count for the car's median."""
+
+SPREADS: Final = 5.0
+"""A car whose state of charge scatters by itself (near full some stand still for kilometres) is allowed so many of
+its own standard deviations; 5 of them leave one sound drive in a million outside."""
+
+FEWEST_TRIPS: Final = 5
+"""Of fewer drives a median says nothing."""
+
+OF_ANOTHER_CAR: Final = 2
+"""So many other drives with the same capacity make it another car, not a fault."""
+
+NORMAL_MAD: Final = 1.4826
+"""Standard deviation of a normal distribution per median absolute deviation."""
+
+POSSIBLE_CAPACITY_AH: Final = (10.0, 1500.0)
+"""From a light quadricycle's pack to a heavy truck's."""
+
+POSSIBLE_MASS_KG: Final = (450.0, 8000.0)
+"""Slope of battery power over speed times acceleration: a car's mass over its driveline efficiency."""
+
+WRONG_SIGN: Final = -0.3
+CLEAR_CORRELATION: Final = 0.5
+SHORTEST_MOVING_S: Final = 120.0
+MASS_BLOCK_S: Final = 1.0
+
+LONG_MISSING_SOC_S: Final = 10.0
+"""Logs commonly lose the last second or two of the state of charge; that is not worth a word."""
+
+SOC_JUMP: Final = 0.03
+SOC_JUMP_RATE_PER_S: Final = 1.0 / 360.0
+"""Ten times the capacity in an hour: no passenger car charges or discharges faster."""
+
+
+@dataclass(frozen=True, slots=True)
+class Balance:
+    """Charge [Ah] and change of state of charge over the same span of a drive."""
+
+    charge_ah: float
+    soc_change: float
+    resolution: float
+
+    @property
+    def capacity_ah(self) -> float:
+        """Charge per unit of state of charge."""
+        return self.charge_ah / self.soc_change if self.soc_change else float("nan")
+
+    def fits(self, capacity_ah: float, spread: float) -> bool:
+        """Whether a battery of that capacity explains the change of state of charge."""
+        expected = self.charge_ah / capacity_ah
+        allowed = SOC_TOLERANCE * max(abs(expected), abs(self.soc_change))
+        allowed += 2.0 * self.resolution + SOC_DRIFT
+        return abs(expected - self.soc_change) <= max(allowed, SPREADS * spread)
+
+
+def charge_balance(samples: pd.DataFrame) -> Balance | None:
+    """Charge and state of charge between the first and the last sample that has one; None without."""
+    if not (has(samples, "soc") and has(samples, "current_a")):
+        return None
+    time, soc, current = (array(samples, c) for c in ("time_s", "soc", "current_a"))
+    known = np.flatnonzero(np.isfinite(soc))
+    first, last = int(known[0]), int(known[-1])
+    use = np.isfinite(current)
+    use[:first] = False
+    use[last + 1 :] = False
+    if use.sum() < 2:
+        return None
+    charge = float(np.trapezoid(current[use], time[use])) / SECONDS_PER_HOUR
+    return Balance(charge, float(soc[first] - soc[last]), soc_resolution(soc[known]))
+
+
+def soc_resolution(soc: FloatArray) -> float:
+    """Median step between values that the state of charge rests at; 0 for one that never rests.
+
+    Examples
+    --------
+    >>> round(soc_resolution(np.array([0.5, 0.5, 0.5, 0.4925, 0.485, 0.485, 0.485, 0.47, 0.47])), 4)
+    0.015
+    """
+    resting = soc[1:][np.diff(soc) == 0]
+    steps = np.abs(np.diff(resting))
+    steps = steps[steps > 0]
+    return float(np.median(steps)) if len(steps) else 0.0
+
+
+def soc_findings(trips: Sequence[Trip], sound: Sequence[bool]) -> dict[str, list[Finding]]:
+    """Drives whose charge contradicts their state of charge, by trip id.
+
+    Charge, not energy, is compared: a battery management counts charge, so the ratio is the capacity and does not
+    depend on the level as the energy does through the voltage. `sound` tells which drives count for the median.
+    """
+    found: dict[str, list[Finding]] = {}
+    balances = {t.trip_id: b for t in trips if (b := charge_balance(t.samples)) is not None}
+    telling = {
+        t.trip_id: balances[t.trip_id].capacity_ah
+        for t, is_sound in zip(trips, sound, strict=True)
+        if is_sound and t.trip_id in balances and abs(balances[t.trip_id].soc_change) >= SMALLEST_SOC_CHANGE
+    }
+    low, high = POSSIBLE_CAPACITY_AH
+    spread = 0.0
+    median = float(np.median(list(telling.values()))) if len(telling) >= FEWEST_TRIPS else None
+    if median is not None:
+        errors = [b.soc_change - b.charge_ah / median for b in balances.values()]
+        spread = NORMAL_MAD * float(np.median(np.abs(np.array(errors) - np.median(errors))))
+    for trip in trips:
+        balance = balances.get(trip.trip_id)
+        if balance is None:
+            continue
+        text = f"{balance.charge_ah:.2f} Ah for {100 * balance.soc_change:.1f} points of SoC"
+        if abs(balance.soc_change) >= 2 * SMALLEST_SOC_CHANGE and not low <= balance.capacity_ah <= high:
+            what = f"{text} would make a battery of {balance.capacity_ah:.3g} Ah: check unit and sign of the current"
+            found[trip.trip_id] = [whole(trip.samples, trip.trip_id, what, "set aside")]
+        elif median is not None and not balance.fits(median, spread):
+            alike = sum(balance.fits(c, spread) for other, c in telling.items() if other != trip.trip_id)
+            what = f"energy contradicts SoC: {text}, the other drives' battery of {median:.1f} Ah would give "
+            what += f"{100 * balance.charge_ah / median:.1f} points"
+            if alike >= OF_ANOTHER_CAR:
+                what += f"; {alike} other drives agree with this one, so it may be another car"
+            found[trip.trip_id] = [
+                whole(trip.samples, trip.trip_id, what, "noted" if alike >= OF_ANOTHER_CAR else "set aside")
+            ]
+    return found
+
+
+def blank_soc_faults(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
+    """Zeros and jumps of the state of charge that no battery makes; long missing ends are told."""
+    findings: list[Finding] = []
+    blanked: dict[str, FloatArray] = {}
+    time = array(samples, "time_s")
+    for name in ("soc", "displayed_soc"):
+        if not has(samples, name):
+            continue
+        soc = array(samples, name)
+        bad = _stray_soc(time, soc)
+        if bad.any():
+            what = f"{name} of {np.nanmin(soc[bad]):g} in {int(bad.sum())} samples is a jump: those samples are blank"
+            findings.append(Finding(trip_id, float(time[bad][0]), float(time[bad][-1]), what, "noted"))
+            soc = np.where(bad, np.nan, soc)
+            blanked[name] = soc
+        if name == "soc" and np.isfinite(soc).any():
+            findings += _missing_soc(time, soc, trip_id)
+    return (samples.assign(**blanked) if blanked else samples), findings
+
+
+def _stray_soc(time: FloatArray, soc: FloatArray) -> BoolArray:
+    """Pieces between jumps that are shorter than the longest piece and jump away from it."""
+    known = np.flatnonzero(np.isfinite(soc))
+    step, seconds = np.diff(soc[known]), np.diff(time[known])
+    jumps = (np.abs(step) > SOC_JUMP) & (np.abs(step) > SOC_JUMP_RATE_PER_S * seconds)
+    stray = np.zeros(len(soc), dtype=bool)
+    if not jumps.any():
+        return stray
+    piece = np.concatenate(([0], np.cumsum(jumps)))
+    longest = np.bincount(piece).argmax()
+    level = np.median(soc[known][piece == longest])
+    away = (piece != longest) & (np.abs(soc[known] - level) > SOC_JUMP)
+    stray[known[away]] = True
+    return stray
+
+
+def _missing_soc(time: FloatArray, soc: FloatArray, trip_id: str) -> list[Finding]:
+    known = np.flatnonzero(np.isfinite(soc))
+    found: list[Finding] = []
+    spans = ((0, int(known[0]), "start"), (int(known[-1]), len(soc) - 1, "end"))
+    for first, last, where in spans:
+        if time[last] - time[first] > LONG_MISSING_SOC_S:
+            what = f"soc is missing for {time[last] - time[first]:.1f} s at the {where}"
+            found.append(Finding(trip_id, float(time[first]), float(time[last]), what, "noted"))
+    return found
+
+
+def apparent_mass(samples: pd.DataFrame) -> tuple[float, float] | None:
+    """Slope [kg] of battery power over speed times acceleration, and their correlation; None when too short.
+
+    Newton's law in the battery's terms: power = ... + mass speed acceleration / efficiency. A speed in the wrong
+    unit enters squared, a current in the wrong unit or with the wrong sign directly. The mean over blocks keeps
+    the noise of differences down.
+    """
+    time, speed = array(samples, "time_s"), array(samples, "speed_m_s")
+    power = array(samples, "voltage_v") * array(samples, "current_a")
+    known = np.isfinite(power) & np.isfinite(speed)
+    if known.sum() < 3:
+        return None
+    time, speed, power = time[known], speed[known], power[known]
+    block = np.floor((time - time[0]) / MASS_BLOCK_S + 1e-6).astype(np.int64)
+    _, index, count = np.unique(block, return_inverse=True, return_counts=True)
+    t, v, p = (np.bincount(index, weights=x) / count for x in (time, speed, power))
+    span = t[2:] - t[:-2]
+    inertia = 0.5 * (v[2:] ** 2 - v[:-2] ** 2) / span
+    moving = (v[1:-1] > 1.0) & (span < 10.0 * MASS_BLOCK_S)
+    if float(np.sum(0.5 * span[moving])) < SHORTEST_MOVING_S:
+        return None
+    x = inertia[moving] - inertia[moving].mean()
+    y = p[1:-1][moving] - p[1:-1][moving].mean()
+    variance = float(x @ x)
+    if variance <= 0.0 or not np.any(y):
+        return None
+    return float(x @ y) / variance, float(x @ y) / float(np.sqrt(variance * (y @ y)))
+
+
+def unit_findings(trip: Trip) -> list[Finding]:
+    """Speed, current or voltage in a wrong unit or with the wrong sign, told by the car's apparent mass."""
+    found = apparent_mass(trip.samples)
+    if found is None:
+        return []
+    mass, correlation = found
+    if correlation < WRONG_SIGN:
+        what = "the battery would charge while the car accelerates: the current has the wrong sign; negate it"
+        return [whole(trip.samples, trip.trip_id, what, "set aside")]
+    low, high = POSSIBLE_MASS_KG
+    if low <= mass <= high or correlation < CLEAR_CORRELATION:
+        return []
+    if mass > high:
+        guess = "speed in m/s taken for km/h, or the current too large (dA or mA taken for A)"
+    else:
+        guess = "speed in km/h taken for m/s, or the current or the voltage too small"
+    what = f"power and acceleration would make a car of {mass:.3g} kg: wrong units, such as {guess}"
+    return [whole(trip.samples, trip.trip_id, what, "set aside")]

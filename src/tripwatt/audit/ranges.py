@@ -1,0 +1,164 @@
+"""Rules on single columns: missing ones, values that cannot be, and units that the values give away."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.audit.findings import MEASURED, BoolArray, Consequence, Finding, FloatArray, array, has, whole
+from tripwatt.trips import COLUMNS
+
+STRAY_SHARE: Final = 0.01
+"""Up to this share of impossible values are dropouts of a sensor; more means that the column is something else."""
+
+REVERSING_M_S: Final = 10.0
+"""Cars reverse more slowly than this; a slower negative speed is reversing, a faster one is a fault."""
+
+SPIKE_M_S: Final = 8.0
+"""No car gains and loses this much speed from one sample to the next and the next within `SPIKE_WINDOW_S`."""
+
+SPIKE_WINDOW_S: Final = 2.0
+
+LARGEST_HEATER_W: Final = 12_000.0
+"""Cabin heaters of passenger cars have 3 to 7 kW, twin heaters about 10 kW."""
+
+_KELVIN: Final = (213.0, 343.0)
+
+HOTTEST_AIR_DEGC: Final = 57.0
+"""The highest air temperature on record is 56.7 °C (WMO, Furnace Creek 1913)."""
+HOTTEST_AIR_DEGF: Final = 1.8 * HOTTEST_AIR_DEGC + 32.0
+
+WORTH_NOTING: Final = {
+    "elevation_m": "the road counts as flat",
+    "ambient_temperature_degc": "climate and air density fall back on defaults",
+}
+
+
+def missing_columns(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
+    """Columns that are absent or empty: without voltage and current no energy was measured."""
+    lost = [c for c in MEASURED if not has(samples, c)]
+    if lost:
+        yield whole(samples, trip_id, f"no values of {', '.join(lost)}: no measured energy", "set aside")
+    if not has(samples, "elevation_m") and not has(samples, "grade"):
+        yield whole(samples, trip_id, f"no values of elevation_m: {WORTH_NOTING['elevation_m']}", "noted")
+    if not has(samples, "ambient_temperature_degc"):
+        text = WORTH_NOTING["ambient_temperature_degc"]
+        yield whole(samples, trip_id, f"no values of ambient_temperature_degc: {text}", "noted")
+
+
+def blank_infinite(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
+    """Infinite values are missing ones: every rule after this one may rely on finite or missing."""
+    blanked: dict[str, FloatArray] = {}
+    findings: list[Finding] = []
+    for name in samples.columns:
+        if name not in COLUMNS:
+            continue
+        values = array(samples, name)
+        bad = np.isinf(values)
+        if bad.any():
+            blanked[name] = np.where(bad, np.nan, values)
+            what = f"{name} is infinite in {int(bad.sum())} samples: they are blank"
+            findings.append(whole(samples, trip_id, what, "noted"))
+    return (samples.assign(**blanked) if blanked else samples), findings
+
+
+def blank_impossible(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
+    """Blank every value outside its column's range; a measured signal with many of them sets the drive aside."""
+    findings: list[Finding] = []
+    blanked: dict[str, FloatArray] = {}
+    samples, reversing = _reversing_counted(samples, trip_id)
+    findings += reversing
+    for name, column in COLUMNS.items():
+        if name == "time_s" or name not in samples.columns:
+            continue
+        values = array(samples, name)
+        highest = min(column.maximum, LARGEST_HEATER_W if "heating" in name else np.inf)
+        with np.errstate(invalid="ignore"):
+            bad = (values < column.minimum) | (values > highest)
+        if name == "speed_m_s":
+            bad |= _spikes(array(samples, "time_s"), values)
+        if not bad.any():
+            continue
+        many = float(bad.mean()) > STRAY_SHARE
+        guess = _guessed_unit(name, values) if many else ""
+        what = f"{name} of {_extremes(values[bad])} {column.unit} in {int(bad.sum())} samples cannot be" + (
+            f": {guess}" if guess else ""
+        )
+        consequence: Consequence = "set aside" if many and name in MEASURED else "noted"
+        findings.append(_span(samples, trip_id, bad, what, consequence))
+        blanked[name] = np.full(len(values), np.nan) if guess else np.where(bad, np.nan, values)
+    return (samples.assign(**blanked) if blanked else samples), findings
+
+
+def _reversing_counted(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
+    speed = array(samples, "speed_m_s")
+    with np.errstate(invalid="ignore"):
+        back = (speed < 0) & (speed >= -REVERSING_M_S)
+    if not back.any():
+        return samples, []
+    what = f"{int(back.sum())} samples of negative speed count as reversing"
+    found = _span(samples, trip_id, back, what, "noted")
+    return samples.assign(speed_m_s=np.where(back, -speed, speed)), [found]
+
+
+def _spikes(time: FloatArray, speed: FloatArray) -> BoolArray:
+    """Single samples far above or far below both neighbours."""
+    spikes = np.zeros(len(speed), dtype=bool)
+    if len(speed) > 2:
+        up, down = speed[1:-1] - speed[:-2], speed[1:-1] - speed[2:]
+        with np.errstate(invalid="ignore"):
+            apart = (np.minimum(np.abs(up), np.abs(down)) > SPIKE_M_S) & (up * down > 0)
+        spikes[1:-1] = apart & (time[2:] - time[:-2] <= SPIKE_WINDOW_S)
+    return spikes
+
+
+def _extremes(values: FloatArray) -> str:
+    low, high = float(np.min(values)), float(np.max(values))
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
+
+
+def _guessed_unit(name: str, values: FloatArray) -> str:
+    """What the unit of a column may be whose values cannot be in ours; empty without a guess."""
+    middle = float(np.nanmedian(values))
+    largest = float(np.nanmax(np.abs(values)))
+    if name.endswith("_degc") and _KELVIN[0] <= middle <= _KELVIN[1]:
+        return "this looks like K; convert it to °C"
+    if name == "ambient_temperature_degc" and HOTTEST_AIR_DEGC < middle <= HOTTEST_AIR_DEGF:
+        return "this looks like °F; convert it to °C"
+    if name.endswith("soc") and 1.0 < largest <= 100.0:
+        return "this looks like percent; convert it to a fraction"
+    if name == "voltage_v" and 9.0 <= middle <= 16.0:
+        return "this looks like the 12 V board net; the traction battery's voltage is needed"
+    if name == "voltage_v" and 30_000.0 <= middle <= 1_200_000.0:
+        return "this looks like mV; convert it to V"
+    if name == "current_a" and largest > COLUMNS[name].maximum:
+        return "this looks like mA; convert it to A"
+    if name == "speed_m_s" and largest > COLUMNS[name].maximum:
+        return "this looks like km/h; convert it to m/s"
+    return ""
+
+
+def blank_fahrenheit(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
+    """An ambient temperature that no place on Earth has, but that is an ordinary one in °F."""
+    ambient = array(samples, "ambient_temperature_degc")
+    if not np.isfinite(ambient).any() or float(np.nanmean(ambient)) <= HOTTEST_AIR_DEGC:
+        return samples, []
+    what = f"mean ambient temperature of {np.nanmean(ambient):.1f} °C cannot be: this looks like °F; convert it to °C"
+    blank = samples.assign(ambient_temperature_degc=np.full(len(ambient), np.nan))
+    return blank, [whole(samples, trip_id, what, "noted")]
+
+
+def drop_blank_speed(samples: pd.DataFrame) -> pd.DataFrame:
+    """Samples with a speed: the others cannot be part of a trip. Their findings were made where they were blanked."""
+    known = np.isfinite(array(samples, "speed_m_s"))
+    return samples if known.all() else samples[known].reset_index(drop=True)
+
+
+def _span(
+    samples: pd.DataFrame, trip_id: str, where: BoolArray, what: str, consequence: Consequence
+) -> Finding:
+    time = array(samples, "time_s")[where]
+    return Finding(trip_id, float(time[0]), float(time[-1]), what, consequence)

@@ -1,0 +1,65 @@
+"""Rules on the surroundings: elevation and ambient temperature. They only note, the models know how to do without."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.audit.findings import Finding, FloatArray, array, has, whole
+
+FLAT_ROAD_M: Final = 2000.0
+"""No road keeps one height to the last digit for so long."""
+
+STEEPEST: Final = 0.35
+"""The steepest streets of the world have this grade."""
+
+ELEVATION_NOISE_M: Final = 10.0
+"""Error of satellite heights that a smoothing takes out."""
+
+CONSTANT_AMBIENT_S: Final = 3600.0
+"""Sensors resolve 0.5 to 1 °C; within an hour of driving the air changes by more."""
+
+DEFAULT_AMBIENT_DEGC: Final = (-40.0, 85.0, 127.0, 127.5, 215.0)
+"""What a bus message says when the sensor is not there: the ends of the usual codings."""
+
+
+def elevation_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
+    """A height that never changes, and steps that no road has."""
+    if not has(samples, "elevation_m"):
+        return
+    time, speed, height = (array(samples, c) for c in ("time_s", "speed_m_s", "elevation_m"))
+    known = np.isfinite(height) & np.isfinite(speed)
+    time, speed, height = time[known], speed[known], height[known]
+    if len(time) < 2:
+        return
+    driven = _driven(time, speed)
+    if np.ptp(height) == 0.0 and driven[-1] > FLAT_ROAD_M:
+        what = f"elevation_m stands at {height[0]:g} over {driven[-1] / 1000:.1f} km: the road counts as flat"
+        yield whole(samples, trip_id, what, "noted")
+    step = np.abs(np.diff(height))
+    jumps = np.flatnonzero(step > ELEVATION_NOISE_M + STEEPEST * np.diff(driven))
+    if len(jumps):
+        what = f"elevation_m jumps {len(jumps)} times, by up to {step[jumps].max():.1f} m"
+        yield Finding(trip_id, float(time[jumps[0]]), float(time[jumps[-1] + 1]), what, "noted")
+
+
+def _driven(time: FloatArray, speed: FloatArray) -> FloatArray:
+    steps = 0.5 * (speed[1:] + speed[:-1]) * np.diff(time)
+    return np.concatenate(([0.0], np.cumsum(steps)))
+
+
+def ambient_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
+    """An ambient temperature that is no measurement."""
+    if not has(samples, "ambient_temperature_degc"):
+        return
+    values = array(samples, "ambient_temperature_degc")
+    time = array(samples, "time_s")
+    if np.nanmin(values) != np.nanmax(values):
+        return
+    value = float(np.nanmin(values))
+    if time[-1] - time[0] > CONSTANT_AMBIENT_S or value in DEFAULT_AMBIENT_DEGC:
+        what = f"ambient_temperature_degc stands at {value:g} throughout: it may not be measured"
+        yield whole(samples, trip_id, what, "noted")

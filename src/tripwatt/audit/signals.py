@@ -1,0 +1,251 @@
+"""Rules on what the signals do together: freezes, filled gaps, sensors that stop, charging, and stuck heaters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.audit.findings import (
+    MEASURED,
+    BoolArray,
+    Cut,
+    Finding,
+    FloatArray,
+    array,
+    has,
+    runs,
+    whole,
+)
+
+FEWEST_SAMPLES: Final = 10
+"""A coincidence of a few samples is none of many: every rule on runs asks for at least so many."""
+
+MOVING_M_S: Final = 1.0
+STANDSTILL_M_S: Final = 0.3
+
+FREEZE_MOVING_S: Final = 10.0
+"""Speed, voltage and current of a moving car never keep one value together for so long."""
+
+FREEZE_STANDING_S: Final = 60.0
+"""A parked car may keep all three for a while; a minute of it at the end of a log tells nothing and goes."""
+
+FROZEN_SENSOR_S: Final = 60.0
+"""Voltage or current cannot keep one value for a minute while the speed changes by `SPEED_CHANGE_M_S`."""
+
+SPEED_CHANGE_M_S: Final = 3.0
+
+FROZEN_SHARE: Final = 0.1
+"""A current that stands for more of the drive leaves its energy unknown. The voltage varies by a few percent only."""
+
+STANDING_POWER_W: Final = 20_000.0
+"""Heater, air conditioner and everything else of a standing car stay below this."""
+
+STANDING_POWER_S: Final = 10.0
+
+SHORTEST_FILL_S: Final = 10.0
+"""So long no two signals of a car are straight lines together, unless somebody drew the lines."""
+
+STRAIGHTNESS: Final = 0.002
+"""Deviation from a straight line that rounding explains, as a share of the signal's range in the log."""
+
+SENSOR_STOP_S: Final = 10.0
+"""Up to this time a missing signal is bridged by a straight line, as a gap in time is."""
+
+CHARGING_S: Final = 60.0
+CHARGING_A: Final = 1.0
+"""Current into the battery of a standing car: nothing but a charger does that, and never for less than a minute."""
+
+STUCK_SHARE: Final = 0.9
+"""A heater that is on follows a controller; one value in nine tenths of the samples is a message that stands."""
+
+STUCK_S: Final = 600.0
+STUCK_W: Final = 50.0
+
+PULSE_W: Final = 3000.0
+PULSE_S: Final = 3.0
+"""A heater's water circuit takes many seconds to take or lose kilowatts; shorter pulses are codes, not power."""
+
+FEWEST_PULSES: Final = 3
+
+
+def _steady(samples: pd.DataFrame) -> BoolArray:
+    """Whether each step leaves speed, voltage and current exactly as they were, shape (samples - 1,)."""
+    same = np.ones(max(len(samples) - 1, 0), dtype=bool)
+    for name in MEASURED:
+        same &= np.diff(array(samples, name)) == 0
+    return same
+
+
+def freeze_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
+    """Runs in which every measured signal stands still although the car moves, or at an end of the log."""
+    time, speed = array(samples, "time_s"), array(samples, "speed_m_s")
+    for first, last in runs(_steady(samples)):
+        lasted = time[last] - time[first]
+        if last - first < FEWEST_SAMPLES or lasted < FREEZE_MOVING_S:
+            continue
+        moving = speed[first] > MOVING_M_S
+        at_an_end = first == 0 or last == len(samples) - 1
+        if moving or (lasted >= FREEZE_STANDING_S and at_an_end):
+            state = f"at {speed[first]:.1f} m/s" if moving else "at standstill"
+            start = 0 if first == 0 else first + 1  # the first sample of a freeze is still a measurement
+            yield Cut(start, last + 1, f"every signal frozen for {lasted:.1f} s {state}")
+
+
+def frozen_sensor_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
+    """One measured signal that stands while the others say that it cannot."""
+    time, speed = array(samples, "time_s"), array(samples, "speed_m_s")
+    for name in ("voltage_v", "current_a"):
+        values = array(samples, name)
+        for first, last in runs(np.diff(values) == 0):
+            lasted = time[last] - time[first]
+            if lasted < FROZEN_SENSOR_S or last - first < FEWEST_SAMPLES:
+                continue
+            if np.ptp(speed[first : last + 1]) > SPEED_CHANGE_M_S:
+                what = f"{name} stands at {values[first]:g} for {lasted:.1f} s while the speed changes"
+                long = name == "current_a" and lasted > FROZEN_SHARE * (time[-1] - time[0])
+                yield Finding(
+                    trip_id, float(time[first]), float(time[last]), what, "set aside" if long else "noted"
+                )
+    power = array(samples, "voltage_v") * array(samples, "current_a")
+    with np.errstate(invalid="ignore"):
+        standing = (speed < STANDSTILL_M_S) & (power > STANDING_POWER_W)
+    for first, last in runs(standing):
+        lasted = time[last - 1] - time[first]
+        if lasted >= STANDING_POWER_S and last - first >= FEWEST_SAMPLES:
+            mean = float(np.mean(power[first:last])) / 1000.0
+            what = f"the battery gives {mean:.1f} kW for {lasted:.1f} s at standstill: the speed is frozen"
+            yield Finding(trip_id, float(time[first]), float(time[last - 1]), what, "set aside")
+
+
+def filled_gaps(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
+    """Runs in which speed, voltage and current are straight lines together: somebody filled a gap."""
+    if len(samples) < FEWEST_SAMPLES + 2:
+        return
+    time = array(samples, "time_s")
+    straight = np.ones(len(time) - 2, dtype=bool)
+    weight = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
+    signals = [array(samples, name) for name in MEASURED]
+    tolerances = [STRAIGHTNESS * float(np.nanpercentile(x, 99) - np.nanpercentile(x, 1)) for x in signals]
+    for values, tolerance in zip(signals, tolerances, strict=True):
+        middle = values[:-2] + weight * (values[2:] - values[:-2])
+        with np.errstate(invalid="ignore"):
+            straight &= np.abs(values[1:-1] - middle) <= tolerance
+    for first, stop in runs(straight):
+        last = stop + 1
+        lasted = time[last] - time[first]
+        if lasted < SHORTEST_FILL_S or stop - first < FEWEST_SAMPLES:
+            continue
+        if _are_lines(time[first : last + 1], [x[first : last + 1] for x in signals], tolerances):
+            what = f"speed, voltage and current are straight lines for {lasted:.1f} s: a filled gap"
+            yield Finding(trip_id, float(time[first]), float(time[last]), what, "set aside")
+
+
+def _are_lines(time: FloatArray, signals: list[FloatArray], tolerances: list[float]) -> bool:
+    """Whether every signal keeps to its chord, and the run is neither a freeze nor a car that just stands."""
+    changes = [abs(x[-1] - x[0]) for x in signals]
+    if all(change <= 0.0 for change in changes):
+        return False
+    fraction = (time - time[0]) / (time[-1] - time[0])
+    for values, tolerance in zip(signals, tolerances, strict=True):
+        chord = values[0] + fraction * (values[-1] - values[0])
+        if np.max(np.abs(values - chord)) > 2.0 * tolerance:
+            return False
+    return bool(max(signals[0][0], signals[0][-1]) > MOVING_M_S)
+
+
+def sensor_stop_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
+    """Runs in which a measured signal is missing for longer than can be bridged."""
+    time = array(samples, "time_s")
+    missing = np.zeros(len(samples), dtype=bool)
+    for name in MEASURED:
+        missing |= ~np.isfinite(array(samples, name))
+    for first, last in runs(missing):
+        lasted = time[min(last, len(time) - 1)] - time[max(first - 1, 0)]
+        if lasted > SENSOR_STOP_S:
+            lost = [n for n in MEASURED if not np.isfinite(array(samples, n)[first:last]).all()]
+            yield Cut(first, last, f"no values of {', '.join(lost)} for {lasted:.1f} s")
+
+
+def charging_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
+    """Standstills in which a charger fed the battery for more than a minute."""
+    time, speed, current = (array(samples, c) for c in ("time_s", "speed_m_s", "current_a"))
+    with np.errstate(invalid="ignore"):
+        standing, fed = speed < STANDSTILL_M_S, current < -CHARGING_A
+    step = np.diff(time, append=time[-1:])
+    for first, last in runs(standing):
+        inside = fed[first:last]
+        seconds = float(np.sum(step[first:last][inside]))
+        if seconds > CHARGING_S:
+            ampere = -float(np.mean(current[first:last][inside]))
+            what = f"charged with {ampere:.1f} A for {seconds:.1f} s at standstill"
+            start = 0 if first == 0 else first + 1  # the drive ends with its first standing sample
+            stop = last if last == len(time) else last - 1
+            yield Cut(start, max(start, stop), what)
+
+
+def blank_stuck_heater(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
+    """A heater signal that stands at one value, and pulses that no heater can make."""
+    findings: list[Finding] = []
+    blanked: dict[str, FloatArray] = {}
+    time = array(samples, "time_s")
+    for name in ("heating_power_w", "requested_heating_power_w"):
+        if not has(samples, name):
+            continue
+        values = array(samples, name)
+        pulses = _pulses(time, values)
+        stuck = _stuck_at(samples, values, pulses) if name == "heating_power_w" else None
+        if stuck is not None:
+            what = f"{name} stands at {stuck[0]:g} W in {stuck[1]:.0%} of the samples: the column is blank"
+            findings.append(whole(samples, trip_id, what, "noted"))
+            blanked[name] = np.full(len(values), np.nan)
+        elif len(pulses) >= FEWEST_PULSES:
+            mended = values.copy()
+            for first, last in pulses:
+                mended[first:last] = np.nan
+            what = f"{name} jumps up and back by more than {PULSE_W:g} W {len(pulses)} times: those samples are blank"
+            span = float(time[pulses[0][0]]), float(time[pulses[-1][1] - 1])
+            findings.append(Finding(trip_id, *span, what, "noted"))
+            blanked[name] = mended
+    return (samples.assign(**blanked) if blanked else samples), findings
+
+
+def _stuck_at(
+    samples: pd.DataFrame, values: FloatArray, pulses: list[tuple[int, int]]
+) -> tuple[float, float] | None:
+    """The value [W] that a heater signal stands at and its share of the samples; None for one that works.
+
+    A heater may hold one power for a while, above all its highest. It is stuck when it holds it although other power
+    was requested, when pulses stand on top, or for very long while it is neither off nor at its highest.
+    """
+    known = values[np.isfinite(values)]
+    levels, counts = np.unique(known, return_counts=True)
+    mode, share = float(levels[counts.argmax()]), float(counts.max() / len(known))
+    if mode < STUCK_W or share < STUCK_SHARE or len(known) < FEWEST_SAMPLES:
+        return None
+    requested = array(samples, "requested_heating_power_w")
+    contradicted = False
+    if np.isfinite(requested).any():
+        contradicted = float(np.nanmedian(np.abs(requested - mode))) > 0.5 * mode
+    long = float(samples["time_s"].iloc[-1] - samples["time_s"].iloc[0]) >= STUCK_S and mode < float(
+        levels[-1]
+    )
+    return (mode, share) if contradicted or pulses or long else None
+
+
+def _pulses(time: FloatArray, values: FloatArray) -> list[tuple[int, int]]:
+    """Short runs that stand more than `PULSE_W` above the samples before and after them."""
+    step = np.diff(values)
+    found: list[tuple[int, int]] = []
+    for edge in np.flatnonzero(step > 0.5 * PULSE_W):
+        first = int(edge) + 1
+        if found and first < found[-1][1]:
+            continue
+        base = values[edge]
+        end = int(np.searchsorted(time, time[first] + PULSE_S, side="right"))
+        low = np.flatnonzero(values[first:end] <= base + 0.25 * PULSE_W)
+        if len(low) and np.max(values[first : first + low[0]]) > base + PULSE_W:
+            found.append((first, first + int(low[0])))
+    return found

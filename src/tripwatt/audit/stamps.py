@@ -1,0 +1,105 @@
+"""Rules on time: missing, repeated and falling stamps, and gaps."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from tripwatt.audit.findings import Cut, Finding, FloatArray, array, whole
+
+STRAY_SHARE: Final = 0.01
+"""Up to this share of samples with a falling stamp are strays and go; more means that the clock was set back."""
+
+SHORTEST_GAP_S: Final = 10.0
+"""A car can change everything about its power within this time, so a straight line across it is a guess."""
+
+SPLIT_GAP_S: Final = 60.0
+"""Across a minute without samples neither the energy nor the road is known: the log is two drives."""
+
+
+def mend_stamps(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Cut], list[Finding]]:
+    """Samples with stamps that increase inside each part, the cuts between parts, and what was done.
+
+    O(samples), O(samples log samples) where stamps fall.
+    """
+    findings: list[Finding] = []
+    time = array(samples, "time_s")
+    known = np.isfinite(time)
+    if not known.all():
+        what = f"{int((~known).sum())} samples without a time were left out"
+        findings.append(whole(samples, trip_id, what, "noted"))
+        samples, time = samples[known].reset_index(drop=True), time[known]
+    if len(time) < 2 or bool(np.all(np.diff(time) > 0)):
+        return samples, [], findings
+    repeated = np.concatenate(([False], np.diff(time) == 0))
+    if repeated.any():
+        findings.append(_repeated(trip_id, time, repeated))
+        samples, time = samples[~repeated].reset_index(drop=True), time[~repeated]
+    if bool(np.all(np.diff(time) > 0)):
+        return samples, [], findings
+    kept = _longest_increasing(time)
+    strays = len(time) - len(kept)
+    if strays <= STRAY_SHARE * len(time):
+        lost = np.setdiff1d(np.arange(len(time)), kept)
+        what = f"time goes back: {strays} stray samples were left out"
+        findings.append(Finding(trip_id, float(time[lost].min()), float(time[lost].max()), what, "noted"))
+        return samples.iloc[kept].reset_index(drop=True), [], findings
+    back = np.flatnonzero(np.diff(time) <= 0) + 1
+    cuts = [Cut(int(i), int(i), f"time goes back from {time[i - 1]:g} to {time[i]:g} s") for i in back]
+    return samples, cuts, findings
+
+
+def _repeated(trip_id: str, time: FloatArray, repeated: npt.NDArray[np.bool_]) -> Finding:
+    where = time[repeated]
+    what = f"{int(repeated.sum())} samples repeat the time of the one before and were left out"
+    return Finding(trip_id, float(where.min()), float(where.max()), what, "noted")
+
+
+def _longest_increasing(values: FloatArray) -> npt.NDArray[np.int64]:
+    """Indices of the longest strictly increasing subsequence (patience sorting, O(n log n))."""
+    tails: list[float] = []
+    tail_index: list[int] = []
+    before = np.full(len(values), -1, dtype=np.int64)
+    for i, value in enumerate(values.tolist()):
+        place = bisect_left(tails, value)
+        before[i] = tail_index[place - 1] if place else -1
+        if place == len(tails):
+            tails.append(value)
+            tail_index.append(i)
+        else:
+            tails[place] = value
+            tail_index[place] = i
+    chain = []
+    i = tail_index[-1]
+    while i >= 0:
+        chain.append(i)
+        i = int(before[i])
+    return np.array(chain[::-1], dtype=np.int64)
+
+
+def gap_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
+    """A cut at every gap after which the log has to be read as another drive."""
+    time = array(samples, "time_s")
+    step = np.diff(time)
+    for i in np.flatnonzero(step > SPLIT_GAP_S):
+        yield Cut(int(i) + 1, int(i) + 1, f"no samples for {step[i]:.1f} s")
+
+
+def gap_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
+    """Gaps that are bridged: long beside the log's own step and long in seconds."""
+    time = array(samples, "time_s")
+    step = np.diff(time)
+    if not len(step):
+        return
+    gaps = np.flatnonzero((step > SHORTEST_GAP_S) & (step > 5.0 * float(np.median(step))))
+    if len(gaps):
+        what = (
+            f"{len(gaps)} gaps of up to {step[gaps].max():.1f} s, {step[gaps].sum():.1f} s in all, "
+            "bridged by straight lines"
+        )
+        yield Finding(trip_id, float(time[gaps[0]]), float(time[gaps[-1] + 1]), what, "noted")

@@ -1,0 +1,56 @@
+"""What `simulate` accepts; everything else is named, all of it at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from tripwatt.errors import Fault
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def argument_faults(
+    time: FloatArray,
+    speed: FloatArray,
+    slope: FloatArray | None,
+    height: FloatArray | None,
+    hvac: FloatArray,
+    scalars: Mapping[str, tuple[float, float, float]],
+) -> Iterator[Fault]:
+    """Every argument of `simulate` that cannot be used."""
+    if time.ndim != 1 or len(time) < 2:
+        yield Fault("wrong shape", "time_s", str(time.shape), "one dimension, at least 2 samples")
+    arrays = {"time_s": time, "speed_m_s": speed, "grade": slope, "elevation_m": height, "hvac_power_w": hvac}
+    for name, values in arrays.items():
+        if values is None or (name == "hvac_power_w" and values.ndim == 0):
+            continue
+        if values.shape != time.shape:
+            yield Fault("wrong shape", name, str(values.shape), f"that of time_s, {time.shape}")
+        elif name == "elevation_m":
+            if np.isinf(values).any():
+                yield Fault("infinite value", name, "inf", "finite numbers, NaN where missing")
+        elif not np.isfinite(values).all():
+            first = int(np.flatnonzero(~np.isfinite(values.ravel()))[0])
+            yield Fault(
+                "missing value", f"{name}, sample {first}", str(values.ravel()[first]), "finite numbers"
+            )
+    if time.ndim == 1 and len(time) > 1 and np.isfinite(time).all() and not (np.diff(time) > 0).all():
+        first = int(np.flatnonzero(np.diff(time) <= 0)[0]) + 1
+        got = f"{time[first]:g} s after {time[first - 1]:g} s"
+        yield Fault("time does not increase", f"time_s, sample {first}", got, "increasing times")
+    for name, values, low, high in (
+        ("speed_m_s", speed, 0.0, 150.0),
+        ("grade", slope, -1.0, 1.0),
+        ("hvac_power_w", hvac, 0.0, 1e5),
+    ):
+        if values is None:
+            continue
+        if np.isfinite(values).all() and values.size and (values.min() < low or values.max() > high):
+            worst = values.min() if values.min() < low else values.max()
+            yield Fault("value out of range", name, f"{worst:g}", f"{low:g} to {high:g}")
+    for name, (value, low, high) in scalars.items():
+        if not (np.isfinite(value) and low <= value <= high):
+            yield Fault("value out of range", name, f"{value}", f"{low:g} to {high:g}")

@@ -1,0 +1,217 @@
+"""The Vehicle Energy Dataset: weekly files of many cars around Ann Arbor, of which the electric ones are read.
+
+G. S. Oh, D. J. LeBlanc, H. Peng, "Vehicle Energy Dataset (VED), a large-scale dataset for vehicle energy consumption
+research", IEEE Transactions on Intelligent Transportation Systems 23(4), 2022, doi 10.1109/TITS.2020.3035596; data at
+github.com/gsoh/VED, Apache-2.0. A trip is told by (VehId, Trip). Samples come when a sensor has something new to say,
+so that steps are irregular and every other signal keeps its last value.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import os
+import re
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.sources.delimited import Delimited, column_key, open_delimited, read_numbers
+from tripwatt.trips import COLUMNS, Context, Fleet, Trip, raise_faults
+from tripwatt.units import M_S_PER_KM_H
+
+FloatArray = npt.NDArray[np.float64]
+
+CITATION: Final = (
+    'G. S. Oh, D. J. LeBlanc, H. Peng, "Vehicle Energy Dataset (VED), a Large-Scale Dataset for Vehicle Energy '
+    'Consumption Research", IEEE Transactions on Intelligent Transportation Systems, 2022, '
+    "https://doi.org/10.1109/TITS.2020.3035596, licensed under Apache-2.0"
+)
+FIRST_DAY: Final = dt.datetime(2017, 11, 1)
+"""Midnight of `DayNum` 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class RawColumn:
+    """Where one of our columns stands in the files, and the factor to our unit and sign."""
+
+    name: str
+    ours: str
+    factor: float
+
+
+RAW_COLUMNS: Final = (
+    RawColumn("Timestamp(ms)", "time_s", 1e-3),
+    RawColumn("Vehicle Speed[km/h]", "speed_m_s", M_S_PER_KM_H),
+    RawColumn("OAT[DegC]", "ambient_temperature_degc", 1.0),
+    RawColumn("HV Battery Voltage[V]", "voltage_v", 1.0),
+    RawColumn("HV Battery Current[A]", "current_a", -1.0),  # the files count discharge as negative
+    RawColumn("HV Battery SOC[%]", "soc", 0.01),
+    RawColumn("Heater Power[Watts]", "heating_power_w", 1.0),
+    RawColumn("Air Conditioning Power[Watts]", "aircon_power_w", 1.0),
+)
+_KEYS: Final = ("DayNum", "VehId", "Trip")
+_ENGINE: Final = ("Engine RPM[RPM]", "MAF[g/sec]", "Fuel Rate[L/hr]")
+"""Signals of a combustion engine: a car that has a value of one of them, be it 0, is none of ours."""
+
+_WEEK_FILE: Final = re.compile(r"VED_\d{6}_week.*\.csv", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class _Week:
+    """Rows with a traction battery in one file, and the trips and cars that have an engine or no battery."""
+
+    samples: pd.DataFrame
+    trips: frozenset[tuple[int, int]]
+    with_engine: frozenset[int]
+    file: str
+
+
+def read_ved(folder: Path | str, *, n_jobs: int | None = None) -> Fleet:
+    """Read the electric cars of a folder of weekly files `VED_*_week.csv`.
+
+    Parameters
+    ----------
+    folder : path
+    n_jobs : int, optional
+        Threads; as many as there are processors by default.
+
+    Returns
+    -------
+    Fleet
+        Raw trips named `VED<VehId>-<Trip>`, in the order of departure. `notes` counts the trips of combustion cars
+        and hybrids that were skipped, and says that the road counts as flat.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of the folder and of all its files.
+
+    Examples
+    --------
+    >>> read_ved("no/such/folder")
+    Traceback (most recent call last):
+    ...
+    tripwatt.errors.InvalidInput: no such folder: no/such/folder: allowed: a folder with VED_*_week.csv; ...
+    """
+    folder = Path(folder)
+    files = _week_files(folder)
+
+    def read_one(path: Path) -> _Week | InvalidInput:
+        try:
+            return _read_week(path)
+        except InvalidInput as error:
+            return error
+
+    with ThreadPoolExecutor(n_jobs or os.cpu_count() or 1) as pool:
+        results = list(pool.map(read_one, files))
+    raise_faults(fault for r in results if isinstance(r, InvalidInput) for fault in r.faults)
+    weeks = [r for r in results if isinstance(r, _Week)]
+    with_engine = frozenset().union(*(w.with_engine for w in weeks))
+    trips, notes = _trips(weeks, with_engine)
+    if not trips:
+        got = f"{len(files)} weekly files, no trip of an electric car"
+        raise InvalidInput(Fault("no trips", f"{folder}", got, "trips with a traction battery and no engine"))
+    notes.append("the set holds no elevation: every road counts as flat")
+    return Fleet("ved", tuple(trips), tuple(notes), None, CITATION)
+
+
+def _week_files(folder: Path) -> list[Path]:
+    allowed = "a folder with VED_*_week.csv"
+    fix = "get the data from https://github.com/gsoh/VED and unpack them"
+    if not folder.exists():
+        raise InvalidInput(Fault("no such folder", f"{folder}", "", allowed, fix))
+    if not folder.is_dir():
+        raise InvalidInput(Fault("not a folder", f"{folder}", "a file", allowed, f"give {folder.parent}"))
+    files = sorted(p for p in folder.iterdir() if _WEEK_FILE.fullmatch(p.name))
+    if not files:
+        raise InvalidInput(Fault("no trips", f"{folder}", "no weekly file", allowed, fix))
+    return files
+
+
+def _read_week(path: Path) -> _Week:
+    source = open_delimited(path)
+    positions = _positions(source)
+    values = dict(zip(positions, read_numbers(source, list(positions.values())), strict=True))
+    keys = _integer_keys(source, values)
+    has_battery = np.isfinite(values["HV Battery Voltage[V]"])
+    has_engine = np.zeros(len(has_battery), dtype=bool)
+    for name in _ENGINE:
+        if name in values:
+            has_engine |= np.isfinite(values[name])
+    columns = {
+        raw.ours: values[raw.name][has_battery] * raw.factor for raw in RAW_COLUMNS if raw.name in values
+    }
+    columns["day"] = values["DayNum"][has_battery]
+    samples = pd.DataFrame({"car": keys[0][has_battery], "trip": keys[1][has_battery], **columns}, copy=False)
+    trips = frozenset(zip(*(k.tolist() for k in np.unique(np.stack(keys), axis=1)), strict=True))
+    return _Week(samples, trips, frozenset(np.unique(keys[0][has_engine]).tolist()), path.name)
+
+
+def _positions(source: Delimited) -> Mapping[str, int]:
+    found = {column_key(name): i for i, name in reversed(list(enumerate(source.names)))}
+    needed = (*_KEYS, *(raw.name for raw in RAW_COLUMNS))
+    where = f"{source.path} row {source.header_line}"
+    got = f"{len(source.names)} columns: {', '.join(repr(n[:40]) for n in source.names[:6])} ..."
+    raise_faults(
+        Fault("missing column", where, got, f"a column {name!r}")
+        for name in needed
+        if column_key(name) not in found
+    )
+    return {name: found[column_key(name)] for name in (*needed, *_ENGINE) if column_key(name) in found}
+
+
+def _integer_keys(source: Delimited, values: Mapping[str, FloatArray]) -> tuple[npt.NDArray[np.int64], ...]:
+    """Car and trip number of every row."""
+    faults = []
+    for name in _KEYS:
+        column = values[name]
+        bad = ~np.isfinite(column) | ((column != np.round(column)) & (name != "DayNum"))
+        if bad.any():
+            row = int(np.flatnonzero(bad)[0])
+            got = (
+                f"{column[row]:g} (and {int(bad.sum()) - 1} more rows)"
+                if bad.sum() > 1
+                else f"{column[row]:g}"
+            )
+            where = source.where(source.header_line + 1 + row, name)
+            faults.append(Fault("not a number of a car, a trip or a day", where, got, "a whole number"))
+    raise_faults(faults)
+    return values["VehId"].astype(np.int64), values["Trip"].astype(np.int64)
+
+
+def _trips(weeks: list[_Week], with_engine: frozenset[int]) -> tuple[list[Trip], list[str]]:
+    seen: dict[tuple[int, int], str] = {}
+    faults: list[Fault] = []
+    trips: list[tuple[float, Trip]] = []
+    for week in weeks:
+        electric = week.samples[~week.samples["car"].isin(with_engine)]
+        for _, samples in electric.groupby(["car", "trip"], sort=False):
+            car, number = int(samples["car"].iloc[0]), int(samples["trip"].iloc[0])
+            if (car, number) in seen:
+                files = f"{seen[car, number]} and {week.file}"
+                faults.append(
+                    Fault("two trips with one id", f"VehId {car}, Trip {number}", files, "one file")
+                )
+                continue
+            seen[car, number] = week.file
+            if len(samples) < 2:
+                continue
+            day = float(samples["day"].iloc[0])
+            context = Context(started_at=FIRST_DAY + dt.timedelta(days=day - 1.0), route="Ann Arbor")
+            ours = samples[[c for c in COLUMNS if c in samples.columns]].reset_index(drop=True)
+            trips.append((day, Trip.from_log(f"VED{car}-{number}", ours, context)))
+    raise_faults(faults)
+    skipped = len(frozenset().union(*(w.trips for w in weeks))) - len(trips)
+    notes = (
+        [f"{skipped} trips of combustion cars and hybrids, or without samples, were skipped"]
+        if skipped
+        else []
+    )
+    return [trip for _, trip in sorted(trips, key=lambda item: (item[0], item[1].trip_id))], notes

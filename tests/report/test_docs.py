@@ -1,0 +1,48 @@
+"""The pages for people: every canonical name is explained, every link leads somewhere, no figure is typed."""
+
+import dataclasses
+import re
+from pathlib import Path
+
+import pytest
+
+from tripwatt.physics.simulate import Simulation
+from tripwatt.report.readme import BEGIN, END
+from tripwatt.trips import COLUMNS, Context
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")] + sorted(DOCS.glob("*.md"))
+
+
+def test_nomenclature_gives_unit_and_meaning_of_every_canonical_column() -> None:
+    lines = (DOCS / "nomenclature.md").read_text(encoding="utf-8").splitlines()
+    for name, column in COLUMNS.items():
+        assert f"| `{name}` | {column.unit} | {column.meaning} |" in lines
+
+
+@pytest.mark.parametrize("holder", [Simulation, Context])
+def test_nomenclature_names_every_field(holder: type) -> None:
+    named = set(re.findall(r"`(\w+)`", (DOCS / "nomenclature.md").read_text(encoding="utf-8")))
+    assert {f.name for f in dataclasses.fields(holder)} - {"flags"} <= named
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_links_of_a_page_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#]+)", page.read_text(encoding="utf-8")):
+        if "://" not in target:
+            assert (page.parent / target).resolve().is_file(), target
+
+
+def test_index_lists_every_page() -> None:
+    index = (DOCS / "index.md").read_text(encoding="utf-8")
+    assert [p.name for p in DOCS.glob("*.md") if p.name != "index.md" and f"]({p.name})" not in index] == []
+
+
+def test_readme_has_one_place_for_results_and_no_typed_percentage_elsewhere() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert (text.count(BEGIN), text.count(END)) == (1, 1)
+    outside = text.partition(BEGIN)[0] + text.partition(END)[2]
+    assert not re.search(r"\d\s?%", outside)
+    assert "make run" in outside
+    assert "make check" in outside

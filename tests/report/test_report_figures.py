@@ -1,0 +1,242 @@
+"""Figures and tables show the numbers they were given."""
+
+import io
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from types import SimpleNamespace
+
+import matplotlib
+import matplotlib.text
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from tripwatt.errors import InvalidInput
+from tripwatt.report import figures, render_table, sentences, tables, update_readme
+from tripwatt.report.models import MODELS as STYLES
+from tripwatt.report.panels import paired_with
+from tripwatt.report.style import WIDTH_IN, style_context
+from tripwatt.report.view import View
+
+MakeRun = Callable[..., SimpleNamespace]
+MODELS = [name for name in STYLES if name not in ("gamm", "hybrid")]
+
+
+@pytest.fixture(scope="module")
+def view(run: SimpleNamespace) -> View:
+    return View.of(run)
+
+
+@pytest.fixture(scope="module")
+def folds(view: View) -> pd.DataFrame:
+    return view.folds_of(view.main)
+
+
+def by_gid(figure, gid: str):
+    found = figure.findobj(lambda artist: artist.get_gid() == gid)
+    assert len(found) == 1, gid
+    return found[0]
+
+
+def shown_texts(figure) -> Iterator[matplotlib.text.Text]:
+    """Every text that is drawn: a tick outside of the axis has a label that is not."""
+    yield from figure.texts
+    yield figure._suptitle
+    for legend in figure.legends:
+        yield from legend.get_texts()
+    for axes in figure.axes:
+        yield from (axes.title, axes._left_title, axes.xaxis.label, axes.yaxis.label, *axes.texts)
+        for axis, (low, high) in (
+            (axes.xaxis, sorted(axes.get_xlim())),
+            (axes.yaxis, sorted(axes.get_ylim())),
+        ):
+            yield from (t.label1 for t in axis.get_major_ticks() if low <= t.get_loc() <= high)
+
+
+def test_main_evaluation_is_one_trip_out_on_the_reference_trips(view: View) -> None:
+    assert (view.main["scheme"], view.main["trips"]) == ("leave_one_trip_out", "reference")
+    assert len(view.folds_of(view.main)) == view.main["n_trips"] * len(MODELS)
+
+
+def test_distribution_shows_the_signed_error_of_every_trip(folds: pd.DataFrame) -> None:
+    figure = figures.plot_error_distribution(folds)
+    for number, model in enumerate(MODELS):
+        rows = folds[folds["model"] == model]
+        expected = rows["predicted_energy_wh"] / rows["observed_energy_wh"] - 1
+        shown = by_gid(figure, f"rug-{number}").get_xdata()
+        np.testing.assert_allclose(shown, np.clip(expected, -1.5, 1.5), rtol=0, atol=1e-12)
+
+
+def test_box_plot_shows_every_trip_or_counts_it(folds: pd.DataFrame) -> None:
+    far = folds.copy()
+    far.loc[(far["model"] == "boosting-only") & (far["trip"] == "A01"), "ape"] = 9.0
+    figure = figures.plot_error_boxes(far)
+    for number, model in enumerate(MODELS):
+        expected = far.loc[far["model"] == model, "ape"].to_numpy()
+        shown = np.asarray(by_gid(figure, f"trips-{number}").get_offsets())[:, 0]
+        np.testing.assert_allclose(np.sort(shown), np.sort(expected[expected <= 1.5]))
+    assert "1 beyond" in {text.get_text() for text in figure.findobj(matplotlib.text.Text)}
+
+
+def test_means_and_paired_differences_are_those_of_the_results(view: View) -> None:
+    means = figures.plot_mean_errors(view.evaluations, paper=view.paper_mape)
+    for number, evaluation in enumerate(view.evaluations):
+        for row, model in enumerate(MODELS):
+            assert by_gid(means, f"mean-{number}-{row}").get_xdata()[0] == evaluation["models"][model]["mape"]
+    pairs = view.paired_of(view.main)
+    differences = figures.plot_paired_differences(pairs)
+    assert [by_gid(differences, f"pair-{i}").get_xdata()[0] for i in range(len(pairs))] == [
+        p["diff"] for p in pairs
+    ]
+
+
+def test_energy_along_the_trip_ends_where_the_fold_says(view: View, folds: pd.DataFrame) -> None:
+    selected = view.selected_trips()
+    errors = folds.loc[folds["model"] == view.best, "ape"]
+    assert [role for role, _, _ in selected] == ["Best", "Median", "Worst"]
+    assert selected[0][2] == errors.min()
+    assert selected[2][2] == errors.max()
+    assert abs((errors < selected[1][2]).sum() - (errors > selected[1][2]).sum()) <= 1
+    figure = figures.plot_trip_energy(view.series, selected, str(view.best))
+    for number, (_, trip, _) in enumerate(selected):
+        rows = folds[folds["trip"] == trip].set_index("model")
+        ends = {
+            "measured": rows["observed_energy_wh"].iloc[0],
+            "simulated": rows.loc["physics-paper", "predicted_energy_wh"],
+            "corrected": rows.loc[view.best, "predicted_energy_wh"],
+        }
+        for label, energy in ends.items():
+            line = by_gid(figure, f"energy-{number}-{label}")
+            assert line.get_ydata()[-1] == pytest.approx(energy / 1000)
+            assert line.get_xdata()[-1] == pytest.approx((len(view.series[trip]) - 1) / 60)
+
+
+def test_errors_by_trip_are_sorted_and_complete(folds: pd.DataFrame) -> None:
+    figure = figures.plot_trip_errors(folds, "boosting", "physics-paper")
+    expected = folds[folds["model"] == "boosting"].set_index("trip")["ape"].sort_values(ascending=False)
+    np.testing.assert_allclose(by_gid(figure, "own").get_xdata(), expected)
+    other = folds[folds["model"] == "physics-paper"].set_index("trip")["ape"]
+    np.testing.assert_allclose(by_gid(figure, "other").get_xdata(), other[expected.index])
+    assert [t.get_text() for t in figure.axes[0].get_yticklabels()] == list(expected.index)
+
+
+def test_learning_curve_and_importances(view: View) -> None:
+    curves = view.learning_curves
+    drawn = figures.plot_learning_curves(curves)
+    for number, model in enumerate(("boosting", "boosting-only")):
+        mean = curves[curves["model"] == model].groupby("rounds")["error"].mean()
+        np.testing.assert_allclose(by_gid(drawn, f"mean-{number}").get_ydata(), mean)
+    figure = figures.plot_importances(view.importances)
+    bars = figure.findobj(lambda a: (a.get_gid() or "").startswith("importance-0-"))
+    forest = view.importances[view.importances["model"] == "forest"]["importance"]
+    assert [b.get_width() for b in bars] == sorted(forest, reverse=True)
+
+
+def test_no_text_of_a_figure_leaves_it_or_covers_its_neighbour(view: View, folds: pd.DataFrame) -> None:
+    selected = view.selected_trips()
+    drawn = [
+        figures.plot_mean_errors(view.evaluations, paper=view.paper_mape, synthetic=True),
+        figures.plot_error_distribution(folds, note="note", synthetic=True),
+        figures.plot_error_boxes(folds, paper=view.paper_mape, synthetic=True),
+        figures.plot_trip_energy(view.series, selected, "boosting", synthetic=True),
+        figures.plot_trip_errors(folds, "boosting", "physics-paper", synthetic=True),
+        figures.plot_paired_differences(view.paired_of(view.main)[:9], synthetic=True),
+        figures.plot_paired_differences(paired_with(view.paired_of(view.main), view.best), synthetic=True),
+        figures.plot_learning_curves(view.learning_curves, synthetic=True),
+        figures.plot_importances(view.importances, synthetic=True),
+    ]
+    for figure in drawn:
+        with style_context():
+            figure.draw_without_rendering()
+        page = figure.bbox
+        for text in shown_texts(figure):
+            if text.get_text() and text.get_visible():
+                box = text.get_window_extent()
+                overhang = max(page.x0 - box.x0, box.x1 - page.x1, page.y0 - box.y0, box.y1 - page.y1)
+                assert overhang <= 1.0, text.get_text()
+        for axes in figure.axes:
+            boxes = [t.get_window_extent() for t in axes.get_yticklabels() if t.get_text()]
+            assert not any(a.overlaps(b) for a, b in pairwise(boxes))
+        assert figure.get_size_inches()[0] == WIDTH_IN
+
+
+def test_plots_leave_the_settings_of_the_process_alone(folds: pd.DataFrame) -> None:
+    before = dict(matplotlib.rcParams)
+    figures.plot_error_boxes(folds)
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_terminal_table_has_every_model_of_every_evaluation(run: SimpleNamespace) -> None:
+    console = Console(width=140, record=True, file=io.StringIO())
+    console.print(render_table(run.results))
+    text = console.export_text()
+    for evaluation in run.results["evaluations"]:
+        for score in evaluation["models"].values():
+            assert f"{100 * score['mape']:.1f}" in text
+    assert "synthetic" not in text
+    console.print(render_table({**run.results, "dataset": "synthetic"}))
+    assert "synthetic" in console.export_text()
+
+
+def test_readme_holds_the_results_and_keeps_the_rest(run: SimpleNamespace, tmp_path) -> None:
+    readme = tmp_path / "README.md"
+    readme.write_text("# Title\n<!-- results:begin -->\nold\n<!-- results:end -->\ntail\n", encoding="utf-8")
+    update_readme(run.results, readme)
+    once = readme.read_text(encoding="utf-8")
+    update_readme(run.results, readme)
+    assert readme.read_text(encoding="utf-8") == once
+    assert once.startswith("# Title\n<!-- results:begin -->\n")
+    assert once.endswith("\n<!-- results:end -->\ntail\n")
+    assert "old" not in once
+    view = View(run.results)
+    assert all(f"{100 * view.main['models'][m]['mape']:.1f}" in once for m in MODELS)
+
+
+@pytest.mark.parametrize("text", ["", "<!-- results:begin -->", "<!-- results:end --><!-- results:begin -->"])
+def test_readme_without_its_markers_is_refused_and_left_alone(
+    text: str, run: SimpleNamespace, tmp_path
+) -> None:
+    readme = tmp_path / "README.md"
+    readme.write_text(text, encoding="utf-8")
+    with pytest.raises(InvalidInput, match="no place for the results"):
+        update_readme(run.results, readme)
+    assert readme.read_text(encoding="utf-8") == text
+
+
+@given(diff=st.floats(-1, 1), low=st.floats(0, 0.5), high=st.floats(0, 0.5))
+def test_turning_a_pair_round_keeps_its_verdict(diff: float, low: float, high: float) -> None:
+    pair = {"a": "boosting", "b": "forest", "diff": diff, "ci95": [diff - low, diff + high]}
+    (turned,) = paired_with([pair], "boosting")
+    assert sentences.in_words(turned) == sentences.in_words(pair)
+    assert turned["ci95"][0] <= turned["diff"] <= turned["ci95"][1]
+
+
+def test_sentences_follow_the_numbers(made_up: MakeRun) -> None:
+    small = made_up("tum", trips=["a", "b", "c", "d"])
+    view = View.of(small)
+    best = view.best
+    assert best is not None
+    hybrids = {m: view.main["models"][m]["mape"] for m in ("physics4", "forest", "boosting")}
+    assert best == min(hybrids, key=lambda m: hybrids[m])
+    assert f"{100 * hybrids[best]:.1f}\u00a0%" in sentences.on_main_table(view)
+    pairs = [
+        {"a": "constant", "b": best, "diff": 0.1, "ci95": [0.05, 0.2]},
+        {"a": best, "b": "linear4", "diff": 0.0, "ci95": [-0.1, 0.1]},
+    ]
+    said = sentences.on_paired(pairs, best)
+    assert "significantly closer than Constant Wh/km" in said
+    assert "not told apart from Linear (4 coefficients)" in said
+
+
+def test_table_cells_are_those_of_the_results(view: View) -> None:
+    table = tables.results_table(view, view.main)
+    score = view.main["models"]["boosting"]
+    row = dict(zip(table.columns, table.rows[list(MODELS).index("boosting")], strict=True))
+    assert row["RMSE [kWh]"] == f"{score['rmse_wh'] / 1000:.2f}"
+    assert row["Max [%]"] == f"{100 * score['max_ape']:.1f}"
+    assert row["The paper [%]"] == "10.3"
+    for other in (table, tables.trips_table(view), tables.paired_table(view), tables.sets_table(view)):
+        assert {len(cells) for cells in other.rows} == {len(other.columns)}

@@ -1,0 +1,268 @@
+"""The page stands alone, is well formed, holds everything, and says what it lacks."""
+
+import re
+from collections.abc import Callable
+from html.parser import HTMLParser
+from types import SimpleNamespace
+from xml.etree import ElementTree
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tripwatt.report import render_report, write_report
+from tripwatt.report.html import FIGURE_KEYS
+from tripwatt.report.models import MODELS as STYLES
+from tripwatt.report.models import model_style
+
+MakeRun = Callable[..., SimpleNamespace]
+MODELS = [name for name in STYLES if name not in ("gamm", "hybrid")]
+VOID = {"meta", "link", "br", "hr", "img", "input", "col", "source", "wbr"}
+HOSTILE = [
+    '<script>alert("x")</script>',
+    'a&b\'s "trip"',
+    "$\\frac{1}{0}$ _^",
+    "tab\tand\x00null",
+    "旅行🚗" * 30,
+    "%s {0} {{x}}",
+]
+
+
+class Page(HTMLParser):
+    """Balanced tags, all attributes, and the text outside of style."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text: list[str] = []
+        self.feed(text)
+        self.close()
+        assert self.open == [], f"not closed: {self.open}"
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if "style" not in self.open:
+            self.text.append(data)
+
+    def words(self) -> str:
+        return re.sub(r"\s+", " ", " ".join(self.text))
+
+
+@pytest.fixture(scope="module")
+def html(run: SimpleNamespace) -> str:
+    return render_report(run)
+
+
+def test_page_is_well_formed_and_every_id_is_its_own(html: str) -> None:
+    page = Page(html)
+    ids = [a["id"] for _, a in page.tags if "id" in a]
+    assert len(ids) == len(set(ids))
+    wanted = {a[k] for _, a in page.tags for k in ("href", "xlink:href") if a.get(k)}
+    wanted |= {f"#{name}" for name in re.findall(r"url\(#([^)]+)\)", html)}
+    assert wanted
+    assert wanted <= {f"#{name}" for name in ids}
+
+
+def test_page_reaches_for_no_other_file_or_host(html: str) -> None:
+    page = Page(html)
+    for tag, attributes in page.tags:
+        assert tag not in {"script", "iframe", "link", "object", "embed", "base", "image"}
+        for name, value in attributes.items():
+            assert not name.startswith("on")
+            if name in {"src", "href", "xlink:href", "action", "poster", "srcset"}:
+                assert (value or "").startswith("#")
+    assert not re.search(r"url\((?!#)|@import", html)
+
+
+def test_page_is_for_phone_print_dark_and_for_those_who_listen(html: str) -> None:
+    page = Page(html)
+    assert "width=device-width" in html
+    assert "prefers-color-scheme: dark" in html
+    assert "@media print" in html
+    pictures = [a for tag, a in page.tags if tag == "svg"]
+    assert len(pictures) == len(FIGURE_KEYS)
+    assert all(
+        a.get("role") == "img" and len(a.get("aria-label") or "") > 40 and "width" not in a for a in pictures
+    )
+    tables = html.split("<table")[1:]
+    assert tables
+    assert all("<caption>" in t and 'scope="col"' in t and 'scope="row"' in t for t in tables)
+    assert "#1f2328" not in re.sub(r"<style>\s*:root.*?</style>", "", html, count=1, flags=re.DOTALL)
+
+
+def test_page_holds_every_model_every_trip_and_every_figure_of_the_table(
+    run: SimpleNamespace, html: str
+) -> None:
+    words = Page(html).words()
+    for model in MODELS:
+        assert model_style(model).label in words
+        for evaluation in run.results["evaluations"]:
+            assert f"{100 * evaluation['models'][model]['mape']:.1f}" in words
+    for trip in run.folds["trip"].unique():
+        assert f" {trip} " in words
+    for finding in run.results["audit"]:
+        assert finding["what"] in words
+    assert run.results["citation"] in words
+    assert run.results["notes"][0] in words
+
+
+def test_paper_stands_beside_its_own_trips_alone(html: str, made_up: MakeRun) -> None:
+    words = Page(html).words()
+    assert "arXiv:2405.10984, Table 3" in words
+    assert "37.9" in words
+    other = Page(render_report(made_up("ved", trips=["a", "b", "c"]))).words()
+    assert "37.9 % in the paper" not in other
+    assert "do not stand here" in other
+
+
+def test_synthetic_trips_are_called_so_in_every_table_and_figure(html: str, made_up: MakeRun) -> None:
+    made_up = render_report(made_up("synthetic", trips=["s1", "s2", "s3", "s4"]))
+    captions = re.findall(r"<caption>(.*?)</caption>", made_up)
+    assert captions
+    assert all("synthetic" in c for c in captions if c != "The models")
+    pictures = re.findall(r"<svg.*?</svg>", made_up, re.DOTALL)
+    assert len(pictures) == len(FIGURE_KEYS)
+    assert all("Synthetic trips, not measured ones" in p for p in pictures)
+    assert "<strong>Synthetic trips.</strong>" in made_up
+    assert "ynthetic" not in html
+
+
+def test_hostile_names_are_text_and_nothing_else(made_up: MakeRun) -> None:
+    hostile = made_up("tum", trips=HOSTILE)
+    hostile.results["notes"] = ["<img src=x onerror=alert(1)>"]
+    hostile.results["audit"][0]["what"] = "</table><script>1</script>"
+    html = render_report(hostile)
+    page = Page(html)
+    assert not [tag for tag, _ in page.tags if tag in {"script", "img"}]
+    assert '<script>alert("x")</script>' in page.words()
+    assert "$\\frac{1}{0}$ _^" in page.words()
+    assert "\x00" not in html
+    for picture in re.findall(r"<svg.*?</svg>", html, re.DOTALL):
+        ElementTree.fromstring(picture)
+
+
+def test_files_beside_the_page(tmp_path, made_up: MakeRun) -> None:
+    run = made_up("tum", trips=["a", "b", "c"])
+    stale = tmp_path / "figures" / "learning-curve.png"
+    stale.parent.mkdir()
+    stale.write_bytes(b"old")
+    parts = {**vars(run), "learning_curves": None}
+    write_report(SimpleNamespace(**parts), tmp_path)
+    left = set(FIGURE_KEYS) - {"learning-curve"}
+    names = {p.name for p in (tmp_path / "figures").iterdir()}
+    assert names == {f"{key}.{suffix}" for key in left for suffix in ("png", "svg")}
+    for path in (tmp_path / "figures").glob("*.svg"):
+        assert ElementTree.parse(path).getroot().tag.endswith("svg")
+    assert all(p.read_bytes()[:4] == b"\x89PNG" for p in (tmp_path / "figures").glob("*.png"))
+    assert (tmp_path / "report.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    assert not list(tmp_path.rglob("*.partial"))
+
+
+def test_same_run_same_bytes(made_up: MakeRun) -> None:
+    first, second = (render_report(made_up("tum", trips=["a", "b", "c"])) for _ in range(2))
+    assert first == second
+
+
+def test_what_is_missing_is_said(made_up: MakeRun) -> None:
+    whole = made_up("tum", trips=["a", "b", "c"])
+    results = {**whole.results, "skipped": {"leave_one_day_out": "3 trips have no date"}}
+    results["evaluations"] = results["evaluations"][:1]
+    words = Page(render_report(SimpleNamespace(results=results, folds=whole.folds))).words()
+    assert "Leave one day out was not run: 3 trips have no date." in words
+    assert "No comparison of signals" in words
+    assert "No importances" in words
+    assert "No learning curve" in words
+    assert "X99: not a reference trip of the data set; audit: energy contradicts SoC" in words
+    assert "No predictions along the trips were kept" in words
+
+
+@pytest.mark.parametrize(
+    "results",
+    [
+        {},
+        {"evaluations": []},
+        {"evaluations": [{"scheme": "leave_one_trip_out", "trips": "audited", "n_trips": 0, "models": {}}]},
+    ],
+)
+def test_an_empty_run_makes_a_page_that_says_so(results: dict) -> None:
+    words = Page(render_report(SimpleNamespace(results=results, folds=pd.DataFrame()))).words()
+    assert "No fold is known" in words
+
+
+def test_unknown_models_and_missing_scores_are_shown_as_they_are(made_up: MakeRun) -> None:
+    strange = made_up("tum", trips=["a", "b"])
+    strange.folds["model"] = strange.folds["model"].replace({"linear6": "my <new> model"})
+    for evaluation in strange.results["evaluations"]:
+        evaluation["models"]["my <new> model"] = {"mape": None, "max_ape": float("nan")}
+        del evaluation["models"]["linear6"]
+    strange.results["paired"] = []
+    words = Page(render_report(strange)).words()
+    assert "my <new> model" in words
+    assert "nan" not in words.lower().split()
+
+
+def luminance(colour: str) -> float:
+    channels = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(a: str, b: str) -> float:
+    low, high = sorted((luminance(a), luminance(b)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_colours_differ_and_are_seen_on_both_pages() -> None:
+    from importlib.resources import files
+
+    papers = re.findall(
+        r"--paper: (#\w{6})", (files("tripwatt.report") / "templates/report.css").read_text("utf-8")
+    )
+    assert len(papers) == 2
+    colours = [style.colour for style in STYLES.values()]
+    assert len(set(colours)) == len(colours)
+    assert min(contrast(c, p) for c in colours for p in papers) >= 3.0  # WCAG 2.2, 1.4.11
+
+
+# Machado, Oliveira & Fernandes (2009), full protanopia and deuteranopia, linear RGB
+DICHROMATS = {
+    "protan": [
+        [0.152286, 1.052583, -0.204868],
+        [0.114503, 0.786281, 0.099216],
+        [-0.003882, -0.048116, 1.051998],
+    ],
+    "deutan": [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.011820, 0.042940, 0.968881],
+    ],
+}
+
+
+SRGB_TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+
+
+@pytest.mark.parametrize("eye", list(DICHROMATS))
+@pytest.mark.parametrize("hybrid", ["forest", "boosting", "gamm", "hybrid"])
+def test_simulated_and_corrected_lines_differ_to_every_eye(eye: str, hybrid: str) -> None:
+    def seen(colour: str) -> np.ndarray:
+        """CIE L*a*b* of what the eye sees."""
+        linear = np.array([((int(colour[i : i + 2], 16) / 255 + 0.055) / 1.055) ** 2.4 for i in (1, 3, 5)])
+        xyz = SRGB_TO_XYZ @ np.clip(np.array(DICHROMATS[eye]) @ linear, 0, 1) / [0.9505, 1.0, 1.089]
+        x, y, z = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
+        return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
+
+    # a difference of about 2 is just seen side by side; thin lines need ten times that
+    assert np.linalg.norm(seen(STYLES["physics-paper"].colour) - seen(STYLES[hybrid].colour)) > 25

@@ -1,0 +1,392 @@
+"""Every fault that is put into a sound log is found and answered; sound logs are left alone."""
+
+import time as clock
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tripwatt.audit import audit
+from tripwatt.errors import InvalidInput
+from tripwatt.sources.tum import read_tum
+from tripwatt.trips import Context, Trip, validate_samples
+
+CAPACITY_AH = 62.0
+
+
+def drive(seed=0, duration_s=900.0, step_s=0.1, mass_kg=1500.0, start_soc=0.8):
+    """A made-up log with the resolution and the noise of a car's bus."""
+    rng = np.random.default_rng(seed)
+    time = np.round(np.arange(0.0, duration_s, step_s), 3)
+    knots = np.arange(0.0, duration_s + 25.0, 12.0)
+    targets = np.where(rng.random(len(knots)) < 0.15, 0.0, rng.uniform(4.0, 28.0, len(knots)))
+    targets[0] = targets[-3:] = 0.0
+    smooth = np.convolve(np.interp(time, knots, targets), np.ones(30) / 30, mode="same")
+    speed = np.round(np.maximum(smooth - 3.0, 0.0) * 3.6, 1) / 3.6
+    power = (mass_kg * np.gradient(speed, time) + 150.0 + 0.45 * speed**2) * speed
+    power = np.where(power > 0, power / 0.88, 0.75 * power) + 800.0
+    current = np.round(power / 380.0 + rng.normal(0.0, 0.3, len(time)), 2)
+    voltage = np.round(390.0 - 0.11 * current + rng.normal(0.0, 0.1, len(time)), 2)
+    used = np.concatenate(([0.0], np.cumsum(current[1:] * step_s))) / 3600.0
+    heater = np.round(1500.0 + 400.0 * np.sin(time / 40.0) + rng.normal(0.0, 60.0, len(time)), 0)
+    return pd.DataFrame(
+        {
+            "time_s": time,
+            "speed_m_s": speed,
+            "elevation_m": np.round(550.0 + 12.0 * np.sin(time / 90.0)),
+            "ambient_temperature_degc": np.round(2.0 * (8.0 + 2.0 * np.sin(time / 300.0))) / 2.0,
+            "voltage_v": voltage,
+            "current_a": current,
+            "soc": np.round(start_soc - used / CAPACITY_AH, 3),
+            "heating_power_w": heater,
+        }
+    )
+
+
+def log(samples, name="Log", **context):
+    return Trip.from_log(name, samples.reset_index(drop=True), Context(**context))
+
+
+def others(n=6, **options):
+    return [log(drive(seed, **options), f"Sound{seed}") for seed in range(1, n + 1)]
+
+
+def found_in(result, name="Log"):
+    return [f for f in result.findings if f.trip.startswith(name)]
+
+
+def only(result, consequence, words, name="Log"):
+    findings = found_in(result, name)
+    assert [f.consequence for f in findings] == [consequence], findings
+    assert words in findings[0].what
+    return findings[0]
+
+
+@given(
+    seed=st.integers(0, 10_000),
+    step_s=st.sampled_from([0.1, 0.5, 1.0]),
+    mass_kg=st.floats(900.0, 3000.0),
+    start_soc=st.floats(0.4, 0.95),
+)
+@settings(max_examples=25, deadline=None)
+def test_sound_logs_are_left_alone(seed, step_s, mass_kg, start_soc):
+    samples = drive(seed, step_s=step_s, mass_kg=mass_kg, start_soc=start_soc)
+    trips = [log(samples), *others(5)]
+    result = audit(trips)
+    assert result.findings == ()
+    assert all(kept.samples.equals(trip.samples) for kept, trip in zip(result.trips, trips, strict=True))
+    assert result.trips[0].observed_energy_wh == trips[0].observed_energy_wh
+
+
+@pytest.mark.parametrize("step_s", [0.1, 1.0])
+def test_a_freeze_on_the_move_is_cut(step_s):
+    samples = drive(3, step_s=step_s)
+    at = int(np.flatnonzero((samples.time_s > 500) & (samples.speed_m_s > 5))[0])
+    signals = ["speed_m_s", "voltage_v", "current_a"]
+    samples.loc[samples.index >= at, signals] = samples.loc[at, signals].to_numpy()
+    result = audit([log(samples)])
+    finding = only(result, "trimmed", "every signal frozen")
+    assert finding.from_s == samples.time_s[at]
+    assert result.trips[0].samples.time_s.iloc[-1] == samples.time_s[at]
+    assert result.trips[0].trip_id == "Log"
+
+
+def test_a_freeze_in_the_middle_splits_and_energy_is_measured_anew():
+    samples = drive(3, duration_s=1500)
+    first = int(np.flatnonzero((samples.time_s > 600) & (samples.speed_m_s > 5))[0])
+    last = first + 450
+    signals = ["speed_m_s", "voltage_v", "current_a"]
+    samples.loc[first:last, signals] = samples.loc[first, signals].to_numpy()
+    trip = log(samples)
+    result = audit([trip])
+    assert only(result, "split", "every signal frozen").from_s == samples.time_s[first]
+    one, two = result.trips
+    assert (one.trip_id, two.trip_id) == ("Log-1", "Log-2")
+    assert one.observed_energy_wh == trip.between(-1, samples.time_s[first]).observed_energy_wh
+    assert two.samples.time_s.iloc[0] == samples.time_s[last + 1]
+    assert two.context.follows_trip
+    assert not one.context.follows_trip
+
+
+def test_a_frozen_end_at_standstill_is_trimmed_but_a_red_light_is_not():
+    samples = drive(4)
+    signals = ["speed_m_s", "voltage_v", "current_a"]
+    still = samples[samples.speed_m_s == 0].index
+    end = samples.loc[[still[-1]] * 1500].assign(
+        time_s=samples.time_s.iloc[-1] + 0.1 * np.arange(1, 1501), current_a=2.0, voltage_v=391.0
+    )
+    only(audit([log(pd.concat([samples, end]))]), "trimmed", "at standstill")
+    light = samples.copy()
+    light.loc[light.index < 300, signals] = [0.0, 391.0, 2.0]  # half a minute at the start
+    assert audit([log(light)]).findings == ()
+
+
+def test_a_filled_gap_sets_aside():
+    samples = drive(5)
+    lines = samples.copy()
+    signals = ["speed_m_s", "voltage_v", "current_a"]
+    for name in signals:
+        lines.loc[3000:3400, name] = np.linspace(samples[name][3000], samples[name][3400] + 1.0, 401)
+    result = audit([log(lines), *others(1)])
+    finding = only(result, "set aside", "a filled gap")
+    assert finding.from_s == pytest.approx(300.0, abs=0.5)
+    assert finding.to_s == pytest.approx(340.0, abs=0.5)
+    assert [t.trip_id for t in result.trips] == ["Sound1"]
+
+
+def charging(samples, after_s, seconds=900.0, ampere=100.0):
+    at = int(np.flatnonzero((samples.time_s > after_s) & (samples.speed_m_s == 0))[0])
+    n = int(seconds * 10)
+    rows = samples.loc[[at] * n].assign(
+        current_a=-ampere + np.random.default_rng(0).normal(0, 0.5, n), speed_m_s=0.0
+    )
+    rows["soc"] = samples.soc[at] + ampere * np.arange(n) / 36000.0 / CAPACITY_AH
+    rest = samples.loc[at + 1 :]
+    rest = rest.assign(soc=rest.soc + ampere * n / 36000.0 / CAPACITY_AH)
+    joined = pd.concat([samples.loc[:at], rows, rest]).reset_index(drop=True)
+    joined["time_s"] = 0.1 * np.arange(len(joined))
+    return joined
+
+
+def test_a_charging_stop_splits_into_drives():
+    samples = charging(drive(6, duration_s=1500, start_soc=0.5), 700)
+    result = audit([log(samples)])
+    finding = only(result, "split", "charged with 100.0 A")
+    assert finding.to_s - finding.from_s >= 899
+    assert [t.trip_id for t in result.trips] == ["Log-1", "Log-2"]
+    standing = [t.array("current_a")[t.array("speed_m_s") == 0] for t in result.trips]
+    assert all(np.median(current) > 0 for current in standing)
+    assert sum(len(t) for t in result.trips) < len(samples) - 8990
+
+
+def test_charging_at_the_end_trims_and_a_short_leg_is_set_aside():
+    samples = drive(6, duration_s=900, start_soc=0.5)
+    result = audit([log(charging(samples, 880))])
+    findings = found_in(result)
+    assert findings[0].consequence == "trimmed"
+    assert "charged" in findings[0].what
+    assert [t.trip_id for t in result.trips] == ["Log"]
+    early = audit([log(charging(samples, 40))])
+    assert early.set_aside.keys() == {"Log-1"}
+    assert "shorter than" in early.set_aside["Log-1"]
+    assert [t.trip_id for t in early.trips] == ["Log-2"]
+
+
+def test_energy_that_contradicts_soc_sets_aside_and_low_soc_does_not():
+    good = [log(drive(9, start_soc=0.2), "Low"), *others()]
+    assert audit(good).findings == ()
+    wrong = drive(9).assign(soc=lambda d: d.soc.iloc[0] + 0.6 * (d.soc - d.soc.iloc[0]))
+    only(audit([log(wrong, "Wrong"), *others()]), "set aside", "contradicts SoC", "Wrong")
+
+
+def test_coarse_soc_is_no_contradiction():
+    coarse = [log(drive(s).assign(soc=lambda d: np.round(d.soc * 50) / 50), f"Coarse{s}") for s in range(8)]
+    assert audit([*coarse, *others()]).set_aside == {}
+
+
+def test_another_car_in_the_same_fleet_is_no_fault():
+    bigger = [log(drive(s).assign(soc=lambda d: 0.8 + 0.5 * (d.soc - 0.8)), f"Big{s}") for s in range(3)]
+    result = audit([*bigger, *others(8)])
+    assert result.set_aside == {}
+    assert all("another car" in f.what for f in result.findings)
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        ({"speed_m_s": lambda d: d.speed_m_s / 3.6}, "wrong units"),  # m/s that were taken for km/h
+        ({"speed_m_s": lambda d: d.speed_m_s * 3.6}, "km/h"),
+        ({"current_a": lambda d: -d.current_a}, "wrong sign"),
+        ({"current_a": lambda d: d.current_a * 1000}, "mA"),
+        ({"voltage_v": lambda d: 12.0 + 0.001 * d.voltage_v}, "12 V"),
+        ({"voltage_v": lambda d: d.voltage_v * 1000}, "mV"),
+    ],
+)
+def test_wrong_units_of_measured_signals_set_aside_alone_and_in_a_fleet(damage, words):
+    for fleet in ([], others()):
+        result = audit([log(drive(10).assign(**damage)), *fleet])
+        assert words in result.set_aside["Log"]
+        assert len(result.trips) == len(fleet)
+
+
+@pytest.mark.parametrize(
+    ("column", "change", "words"),
+    [
+        ("ambient_temperature_degc", lambda x: x + 273.15, "K"),
+        ("ambient_temperature_degc", lambda x: 1.8 * (x + 25) + 32.0, "°F"),
+        ("soc", lambda x: 100 * x, "percent"),
+    ],
+)
+def test_wrong_units_of_other_columns_blank_them(column, change, words):
+    samples = drive(11)
+    result = audit([log(samples.assign(**{column: change(samples[column])}))])
+    assert words in only(result, "noted", words).what
+    assert result.trips[0].samples[column].isna().all()
+
+
+def test_stamps_that_repeat_or_stray_are_left_out():
+    samples = drive(12)
+    doubled = pd.concat([samples.loc[:100], samples.loc[100:]])
+    result = audit([log(doubled)])
+    only(result, "noted", "1 samples repeat the time")
+    assert result.trips[0].samples.equals(samples)
+    stray = samples.copy()
+    stray.loc[50, "time_s"] = 0.0
+    stray.loc[4000, "time_s"] = 1e6
+    result = audit([log(stray)])
+    only(result, "noted", "2 stray samples")
+    assert len(result.trips[0]) == len(samples) - 2
+
+
+def test_a_clock_that_is_set_back_splits():
+    joined = pd.concat([drive(13), drive(14)])
+    result = audit([log(joined)])
+    only(result, "split", "time goes back")
+    assert [t.trip_id for t in result.trips] == ["Log-1", "Log-2"]
+    assert result.trips[1].samples.equals(drive(14))
+
+
+def test_gaps_are_bridged_when_short_and_split_when_long():
+    samples = drive(15, duration_s=1500)
+    short = samples[(samples.time_s < 300) | (samples.time_s > 320)]
+    assert only(audit([log(short)]), "noted", "1 gaps of up to 20.2 s").from_s == pytest.approx(299.9)
+    long = samples[(samples.time_s < 600) | (samples.time_s > 700)]
+    result = audit([log(long)])
+    only(result, "split", "no samples for 100.2 s")
+    assert len(result.trips) == 2
+
+
+def test_a_sensor_that_stops_half_way_trims():
+    samples = drive(16)
+    samples.loc[samples.time_s > 600, "current_a"] = np.nan
+    result = audit([log(samples)])
+    only(result, "trimmed", "no values of current_a")
+    assert result.trips[0].array("time_s")[-1] == 600.0
+
+
+def test_a_frozen_current_or_speed_sets_aside():
+    samples = drive(17)
+    stuck = samples.copy()
+    stuck.loc[stuck.time_s > 500, "current_a"] = 20.0
+    only(audit([log(stuck)]), "set aside", "current_a stands at 20")
+    stuck = samples.copy()
+    stuck["current_a"] += 60.0
+    stuck.loc[stuck.time_s.between(300, 400), "speed_m_s"] = 0.0
+    assert "speed is frozen" in audit([log(stuck)]).set_aside["Log"]
+
+
+def test_soc_zero_at_the_end_and_missing_soc():
+    samples = drive(18)
+    samples.loc[samples.index[-1], "soc"] = 0.0
+    result = audit([log(samples), *others()])
+    only(result, "noted", "soc of 0 in 1 samples")
+    assert np.isnan(result.trips[0].array("soc")[-1])
+    samples = drive(18)
+    samples.loc[samples.time_s > 800, "soc"] = np.nan
+    only(audit([log(samples)]), "noted", "soc is missing for")
+
+
+def test_stuck_and_jumping_heaters_are_blank():
+    samples = drive(19)
+    stuck = samples.assign(heating_power_w=np.where(samples.index % 50 == 0, 5520.0, 1240.0))
+    result = audit([log(stuck)])
+    only(result, "noted", "stands at 1240 W in 98%")
+    assert result.trips[0].samples.heating_power_w.isna().all()
+    pulses = samples.assign(heating_power_w=np.where(samples.index % 600 // 10 == 30, 5520.0, 0.0))
+    result = audit([log(pulses)])
+    only(result, "noted", "jumps up and back")
+    assert result.trips[0].samples.heating_power_w.max() == 0.0
+    high = samples.assign(
+        heating_power_w=np.where(samples.time_s.between(100, 130), 40_000.0, 1500.0 + samples.index % 700)
+    )
+    result = audit([log(high)])
+    only(result, "noted", "heating_power_w of 40000 W in 301 samples cannot be")
+
+
+def test_impossible_values_are_blank_when_few_and_set_aside_when_many():
+    samples = drive(20)
+    few = samples.copy()
+    few.loc[100, "voltage_v"] = 0.0
+    few.loc[200, "speed_m_s"] += 30.0
+    result = audit([log(few)])
+    assert [f.consequence for f in found_in(result)] == ["noted", "noted"]
+    assert len(result.trips[0]) == len(samples) - 1  # a sample without a speed is none
+    assert result.trips[0].observed_energy_wh == pytest.approx(log(samples).observed_energy_wh, rel=1e-3)
+    many = samples.assign(voltage_v=np.where(samples.index % 10 == 0, 0.0, samples.voltage_v))
+    assert "voltage_v of 0 V" in audit([log(many)]).set_aside["Log"]
+
+
+def test_missing_columns_elevation_and_ambient_are_told():
+    samples = drive(21)
+    assert "no measured energy" in audit([log(samples.drop(columns="current_a"))]).set_aside["Log"]
+    only(audit([log(samples.drop(columns="elevation_m"))]), "noted", "no values of elevation_m")
+    only(audit([log(samples.assign(elevation_m=582.0))]), "noted", "elevation_m stands at 582")
+    jump = samples.assign(elevation_m=samples.elevation_m + np.where(samples.index > 4000, 40.0, 0.0))
+    only(audit([log(jump)]), "noted", "jumps 1 times")
+    only(audit([log(samples.assign(ambient_temperature_degc=np.nan))]), "noted", "no values of ambient")
+    only(audit([log(samples.assign(ambient_temperature_degc=-40.0))]), "noted", "may not be measured")
+
+
+def test_short_and_parked_logs_are_set_aside():
+    assert "shorter than" in audit([log(drive(22, duration_s=100))]).set_aside["Log"]
+    parked = drive(22).assign(speed_m_s=0.0, current_a=lambda d: 2.0 + 0.01 * (d.index % 3))
+    assert "nothing was driven" in audit([log(parked)]).set_aside["Log"]
+
+
+def test_only_raw_logs_with_ids_of_their_own():
+    trip = log(drive(23))
+    with pytest.raises(InvalidInput, match="two trips with one id"):
+        audit([trip, trip])
+    with pytest.raises(InvalidInput, match="not a raw log"):
+        audit([replace(trip, step_s=1.0)])
+
+
+def test_the_frame_has_a_row_for_each_finding():
+    result = audit([log(drive(24).assign(elevation_m=1.0))])
+    assert list(result.frame().columns) == ["trip", "from_s", "to_s", "what", "consequence"]
+    assert len(result.frame()) == len(result.findings) == 1
+    assert list(audit([]).frame().columns) == ["trip", "from_s", "to_s", "what", "consequence"]
+
+
+@given(data=st.data())
+@settings(max_examples=40, deadline=None)
+def test_any_log_is_audited_without_an_error_and_what_passes_is_valid(data):
+    samples = drive(data.draw(st.integers(0, 5)), duration_s=200, step_s=1.0)
+    rng = np.random.default_rng(data.draw(st.integers(0, 10_000)))
+    for _ in range(data.draw(st.integers(1, 4))):
+        column = data.draw(st.sampled_from(list(samples.columns)))
+        a, b = sorted(rng.integers(0, len(samples), 2))
+        value = data.draw(st.sampled_from([np.nan, np.inf, -np.inf, 0.0, -1.0, 1e9, 20.0, 12.0]))
+        samples.loc[a:b, column] = value
+    result = audit([log(samples)])
+    for trip in result.trips:
+        validate_samples(trip.samples, trip.trip_id)
+    assert result.trips or result.set_aside
+
+
+def test_the_published_trips(data_dir):
+    fleet = read_tum(Path(data_dir) / "tum")
+    started = clock.perf_counter()
+    result = audit(fleet)
+    assert clock.perf_counter() - started < 4.0
+    assert result.set_aside.keys() == {"TripB02"}
+    assert "filled gap" in result.set_aside["TripB02"]
+    assert "contradicts SoC" in result.set_aside["TripB02"]
+    trimmed = {f.trip: f.from_s for f in result.findings if f.consequence == "trimmed"}
+    assert trimmed == {"TripB28": pytest.approx(1203.9), "TripB34": pytest.approx(293.0)}
+    assert not [f for f in result.findings if f.consequence == "split"]
+    by_id = {t.trip_id: t for t in result.trips}
+    assert by_id["TripB28"].array("time_s")[-1] == pytest.approx(1203.9)
+    assert by_id["TripB34"].array("time_s")[-1] == pytest.approx(293.0)
+    stuck = {
+        f.trip for f in result.findings if "heating_power_w stands" in f.what and "requested" not in f.what
+    }
+    assert stuck == {"TripA03", "TripA05", "TripA06", "TripA13", "TripA18"}
+    assert [f.trip for f in result.findings if "elevation_m stands" in f.what] == ["TripA04"]
+    reference = {t.trip_id: t for t in fleet.reference_trips()}
+    for trip_id, trip in reference.items():  # what the audit keeps of a reference trip is that reference trip
+        assert by_id[trip_id].observed_energy_wh == trip.observed_energy_wh
