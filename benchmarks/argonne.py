@@ -70,11 +70,50 @@ def summary(rows: pd.DataFrame) -> dict[str, float]:
     }
 
 
+INFORMING = (
+    (23, "HWFET", "hot"),
+    (-17, "US06", "hot"),
+    (-17, "HWFET", "hot"),
+    (-6, "HWFET", "hot"),
+    (-6, "UDDS", "cold"),
+    (0, "UDDS", "cold"),
+)
+"""Temperature, cycle and start of the rows that were in sight when a value was set (see docs/decisions)."""
+
+
+def informing(rows: pd.DataFrame) -> pd.Series:
+    """Which rows informed a value; the others are the check."""
+    keys = zip(rows["cell_temperature_degc"], rows["cycle"], rows["start"], strict=True)
+    return pd.Series([key in INFORMING for key in keys], index=rows.index)
+
+
+def render_rows(rows: pd.DataFrame) -> str:
+    """Markdown of all rows and of the summary."""
+    informed = informing(rows)
+    lines = [
+        "| cell °C | cycle | start | climate | measured Wh/mile | simulated Wh/mile | error | in sight |",
+        "|---:|---|---|---|---:|---:|---:|---|",
+    ]
+    for row, seen in zip(rows.itertuples(), informed, strict=True):
+        lines.append(
+            f"| {row.cell_temperature_degc} | {row.cycle} | {row.start} | {row.climate} | {row.dc_wh_per_mile:.1f} "
+            f"| {row.simulated_wh_per_mile:.1f} | {row.error:+.1%} | {'yes' if seen else ''} |"
+        )
+    lines += ["", "| mean absolute error | |", "|---|---:|"]
+    error = rows["error"].abs()
+    figures = {
+        f"all {len(rows)} rows": error.mean(),
+        "cold-start rows": error[rows["start"] == "cold"].mean(),
+        "hot-start rows": error[rows["start"] == "hot"].mean(),
+        f"the {int((~informed).sum())} rows that informed no value": error[~informed].mean(),
+        "worst row at 21 to 25 °C": error[rows["cell_temperature_degc"].between(21, 25)].max(),
+    }
+    lines += [f"| {name} | {value:.1%} |" for name, value in figures.items()]
+    return "\n".join(lines) + "\n"
+
+
 def main() -> None:
-    rows = argonne_rows(*folders())
-    print(rows.round({"simulated_wh_per_mile": 1, "error": 3}).to_string(index=False))
-    for name, value in summary(rows).items():
-        print(f"{name}: {value:.3f}")
+    print(render_rows(argonne_rows(*folders())))
 
 
 if __name__ == "__main__":
