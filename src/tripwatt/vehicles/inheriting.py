@@ -12,12 +12,11 @@ Every entry taken over keeps its source, and says from where it came.
 from __future__ import annotations
 
 import difflib
+import tomllib
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import resources
 from typing import Any, Final
-
-import tomllib
 
 from tripwatt.errors import Fault
 
