@@ -46,7 +46,40 @@ BAR: Final = 0.10
 TEST_LIST: Final = "EPA 2022 Test Car List, unadjusted"
 LABEL: Final = "EPA label over 0.7"
 DOCUMENTS: Final = Path(__file__).parents[1] / "docs" / "vehicles.md"
-MARKS: Final = ("<!-- acceptance table: python -m benchmarks.acceptance --write -->", "<!-- end of the table -->")
+MARKS: Final = (
+    "<!-- acceptance table: python -m benchmarks.acceptance --write -->",
+    "<!-- end of the table -->",
+)
+
+
+REASONS: Final = {
+    (
+        "vw_e_golf",
+        "HWFET",
+    ): "no coast-down of the e-Golf is at hand. Its road load is that of the petrol Golf, whose "
+    "gearbox and open front add drag",
+    (
+        "hyundai_kona_64",
+        "HWFET",
+    ): "both schedules are low by a tenth, as a lower charging efficiency than the common one "
+    "would make them",
+    (
+        "fiat_500e",
+        "UDDS",
+    ): "recovery, base load and motor losses of this car are estimates, and the fleet file keeps its "
+    "road load at 50 mph only",
+    (
+        "vw_id3",
+        "WLTC",
+    ): "its WLTP road load is not published; the coast-down is that of the ID.4 as certified in the "
+    "USA, scaled",
+    (
+        "peugeot_e_208",
+        "WLTC",
+    ): "its WLTP road load is not published; drag and rolling resistance are catalogue values, "
+    "which leave out brakes, bearings and wheels; gear ratio and usable energy are estimates",
+}
+"""Why a row of a car and schedule is outside the bar. The values of the car stay as their sources have them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,11 +149,18 @@ def rows() -> tuple[Row, ...]:
             f"{TEST_LIST}, OS9F6EU03AC: 17.2 and 21.7 kWh/100 mi",
         ),
         *epa_rows(
-            "chevrolet_bolt", 3875, (129 + 132) / 2, 109, f"{TEST_LIST}, 1NFV5831: printed as label", LABEL_FACTOR
+            "chevrolet_bolt",
+            3875,
+            (129 + 132) / 2,
+            109,
+            f"{TEST_LIST}, 1NFV5831: printed as label",
+            LABEL_FACTOR,
         ),
         *epa_rows("fiat_500e", 3250, 121, 103, f"{guide}, 2016-2019)", LABEL_FACTOR),
         *wltp_rows("vw_id3", wltp_test_mass(1719, 2260), 154.0, "EV Database", 58_000, 426),
-        *wltp_rows("renault_zoe_ze50_r135", wltp_test_mass(1502, 1988), 177.0, "Push EVs (2019)", 52_000, 386),
+        *wltp_rows(
+            "renault_zoe_ze50_r135", wltp_test_mass(1502, 1988), 177.0, "Push EVs (2019)", 52_000, 386
+        ),
         *wltp_rows("peugeot_e_208", wltp_test_mass(1455, 1910), 164.0, "EV Database", 46_000, 340),
     )
 
@@ -166,7 +206,7 @@ def simulated_wh_per_km(row: Row) -> float:
         ambient_temperature_degc=CELL_TEMPERATURE_DEGC,
         payload_mass_kg=row.test_mass_kg - vehicle.body.test_mass_kg,
         initial_soc=INITIAL_SOC,
-        warm_start=True,
+        initial_warmth=1.0,
         climate=False,
         air_density_kg_m3=density if vehicle.road_load.method == "coastdown" else air_density(20.0),
     )
@@ -208,6 +248,12 @@ def table(results: tuple[Outcome, ...]) -> str:
             f"| {load_vehicle(row.car).title} | {row.cycle} | {row.certified_wh_per_km:.1f} ({place}) "
             f"| {result.simulated_wh_per_km:.1f} | {error} | {row.source} |"
         )
+    outside = {(result.row.car, result.row.cycle) for result in results if not result.met}
+    lines += [""]
+    lines += [
+        f"- {load_vehicle(car).title}, {cycle}: {REASONS.get((car, cycle), 'no reason is known')}."
+        for car, cycle in sorted(outside)
+    ]
     within = sum(result.met for result in results)
     mean = float(np.mean([abs(result.error) for result in results]))
     lines += ["", f"{within} of {len(results)} rows within {BAR:.0%}; mean absolute error {mean:.1%}."]

@@ -301,7 +301,31 @@ def _csv_row(lines: list[list[str]], where: str, row: str | None) -> dict[str, s
 # ------------------------------------------------------------------------------------------------------------ SUMO
 
 SUMO_NAMES: Final = frozenset(
-    ["vehicleMass", "wheelRadius", "internalMomentOfInertia", "radialDragCoefficient", "rollDragCoefficient", "airDragCoefficient", "frontSurfaceArea", "gearRatio", "gearEfficiency", "maximumTorque", "maximumPower", "maximumRecuperationTorque", "maximumRecuperationPower", "internalBatteryResistance", "nominalBatteryVoltage", "constantPowerIntake", "powerLossMap", "propulsionEfficiency", "recuperationEfficiency", "stoppingThreshold", "rotatingMass", "mass", "loading"]
+    [
+        "vehicleMass",
+        "wheelRadius",
+        "internalMomentOfInertia",
+        "radialDragCoefficient",
+        "rollDragCoefficient",
+        "airDragCoefficient",
+        "frontSurfaceArea",
+        "gearRatio",
+        "gearEfficiency",
+        "maximumTorque",
+        "maximumPower",
+        "maximumRecuperationTorque",
+        "maximumRecuperationPower",
+        "internalBatteryResistance",
+        "nominalBatteryVoltage",
+        "constantPowerIntake",
+        "powerLossMap",
+        "propulsionEfficiency",
+        "recuperationEfficiency",
+        "stoppingThreshold",
+        "rotatingMass",
+        "mass",
+        "loading",
+    ]
 )
 """Parameters of SUMO's MMPEVEM vehicles; `has.*` and `device.*` are allowed besides."""
 
@@ -505,5 +529,5 @@ def _battery(found: Found, source: str) -> list[Line]:
     if found.pack_resistance_ohm is not None:
         cell = found.pack_resistance_ohm / cells
         rows.append(("resistance_soc", "[0.0, 1.0]", "1", "grid of resistance_ohm", ""))
-        rows.append(("resistance_ohm", f"[{cell:.6g}, {cell:.6g}]", "ohm", source, f"over {cells} cells"))
+        rows.append(("resistance_ohm", f"[{cell:.10g}, {cell:.10g}]", "ohm", source, f"over {cells} cells"))
     return rows

@@ -3,7 +3,7 @@
 `extends = ["passenger_car", ...]` takes the entries of files in `data/shared` or of bundled cars; later names and the
 car's own entries replace earlier ones. `[scaled]` computes entries from a reference car by similarity:
 
-- `motor_losses = "CAR"`: the loss map of motor and inverter at the same share of torque, power and speed,
+- `motor_losses = "CAR"`: the loss map of motor and inverter at the same shares of torque and speed,
 - `cell_resistance = "CAR"`: resistance of one cell at the same product of resistance and capacity.
 
 Every entry taken over keeps its source, and says from where it came.
@@ -140,16 +140,17 @@ def _numbers(document: Mapping[str, Any], section: str, keys: Sequence[str]) -> 
 
 
 def _scaled_motor(car: Mapping[str, Any], reference: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Loss parameters of the reference at the same shares of torque, power and corner speed.
+    """Loss parameters of the reference at the same shares of its largest torque and of its largest speed.
 
-    Losses scale with power, phase currents with power (same voltage), torque and speed with those of the motor.
+    At the same voltage the magnet flux falls as speed rises, so phase currents and losses scale with torque times
+    speed. The corner of power over torque would be no scale: many cars limit the power far below the motor's.
     """
-    rated = ("motor_max_torque_nm", "motor_max_power_w")
+    rated = ("motor_max_torque_nm", "motor_max_speed_rad_s")
     mine, theirs = _numbers(car, "drivetrain", rated), _numbers(reference, "drivetrain", rated)
     if mine is None or theirs is None:
         return {}
-    torque, power = mine[0] / theirs[0], mine[1] / theirs[1]
-    speed = power / torque
+    torque, speed = mine[0] / theirs[0], mine[1] / theirs[1]
+    power = torque * speed
     losses = reference["drivetrain"]
     exponent = float(losses["iron_loss_torque_exponent"]["value"])
     factors = {
@@ -164,7 +165,7 @@ def _scaled_motor(car: Mapping[str, Any], reference: Mapping[str, Any], name: st
         "inverter_voltage_drop_v": 1.0,
         "inverter_resistance_ohm": 1.0 / power,
     }
-    how = f"{name}'s motor and inverter at {power:.3g} times its power and {torque:.3g} times its torque"
+    how = f"{name}'s motor and inverter at {torque:.3g} times its torque and {speed:.3g} times its speed"
     return {key: _taken(losses[key], factor, how) for key, factor in factors.items()}
 
 
