@@ -233,7 +233,7 @@ class ClusteredForest(RegressorMixin, BaseEstimator):  # type: ignore[misc]  # s
         check_is_fitted(self, "booster_")
         rows, _ = validated(self, X, None, reset=False)
         total = sum_of_trees(self.booster_, rows, 0, int((self.position_ >= 0).sum()))
-        return (total + self.values_[self.position_ < 0, 0].sum()) / len(self.position_)
+        return np.asarray((total + self.values_[self.position_ < 0, 0].sum()) / len(self.position_))
 
     def predict_oob(self, X: Any, groups: Any) -> Floats:
         """Prediction of each row by the trees that did not see its group (all trees for a new group).
@@ -488,7 +488,9 @@ def _bootstrap(n_trees: int, allowed: Bools, seed: int) -> Ints:
 def _masked_mean(values: Floats, used: Bools) -> Floats:
     """Mean over the trees (first axis) that are used; NaN where none is."""
     n_used = used.sum(axis=0)
-    return np.divide((values * used).sum(axis=0), n_used, out=np.full(n_used.shape, np.nan), where=n_used > 0)
+    return np.asarray(
+        np.divide((values * used).sum(axis=0), n_used, out=np.full(n_used.shape, np.nan), where=n_used > 0)
+    )
 
 
 def _oob_losses(forest: _Grown, sample: _Sample, out_of_bag: Bools) -> Floats:

@@ -78,6 +78,7 @@ class TripTable:
 
     @property
     def trip_ids(self) -> tuple[str, ...]:
+        """Ids of the trips, in order."""
         return tuple(t.trip_id for t in self.trips)
 
     @property
@@ -235,9 +236,13 @@ def _totals(block: Trip) -> pd.DataFrame:
 class Corrector(Protocol):
     """What a hybrid asks of a learner: scikit-learn's fit and predict, with the trip as the cluster."""
 
-    def fit(self, X: Any, y: Any, groups: Any = None) -> Any: ...
+    def fit(self, X: Any, y: Any, groups: Any = None) -> Any:
+        """Learn `y` from the columns of `X`; rows of one group belong together."""
+        ...
 
-    def predict(self, X: Any) -> Any: ...
+    def predict(self, X: Any) -> Any:
+        """Predicted `y`, shape (rows,)."""
+        ...
 
 
 class EnergyModel(Protocol):
@@ -348,7 +353,9 @@ class EnergyRegression:
         last = table.last_rows
         observed = table.observed_wh[last]
         design = self._design(table)[last] / observed[:, None]
-        self.coefficients_ = np.linalg.lstsq(design, np.ones(len(last)), rcond=None)[0]
+        self.coefficients_ = np.asarray(
+            np.linalg.lstsq(design, np.ones(len(last)), rcond=None)[0], dtype=np.float64
+        )
         return self
 
     def predict(self, table: TripTable) -> FloatArray:

@@ -112,6 +112,9 @@ class Trip:
         Measured energy of the whole trip [Wh], from the raw samples; None without voltage and current.
     step_s : float or None
         Length of the blocks [s] after `resample`, None for raw samples.
+    observed_energy_std_wh : float or None
+        Standard error of `observed_energy_wh` [Wh] where it was not measured at the terminals but taken from the
+        state of charge; None otherwise.
 
     Examples
     --------
@@ -127,6 +130,7 @@ class Trip:
     context: Context = field(default_factory=Context)
     observed_energy_wh: float | None = None
     step_s: float | None = None
+    observed_energy_std_wh: float | None = None
 
     @classmethod
     def from_log(cls, trip_id: str, samples: pd.DataFrame, context: Context | None = None) -> Trip:
@@ -195,15 +199,19 @@ class Trip:
 def observed_cumulative_energy(samples: pd.DataFrame) -> FloatArray | None:
     """Cumulative energy at the battery terminals [Wh], trapezoid of voltage times current.
 
-    Samples in which voltage or current is missing are bridged by the trapezoid between their neighbours.
+    Samples in which voltage or current is missing are bridged by the trapezoid between their neighbours. A log that
+    has neither may bring a column `observed_energy_wh` of its own, such as one from the state of charge.
 
     Returns
     -------
     ndarray, shape (samples,), or None
-        Starts at 0; None without voltage and current.
+        Starts at 0; None without a measurement.
     """
     if not {"voltage_v", "current_a"} <= set(samples.columns):
-        return None
+        if "observed_energy_wh" not in samples.columns or not len(samples):
+            return None
+        counted = np.asarray(samples["observed_energy_wh"], dtype=np.float64)
+        return np.asarray(counted - counted[0], dtype=np.float64)
     time = np.asarray(samples["time_s"], dtype=np.float64)
     with np.errstate(invalid="ignore", over="ignore"):
         power = np.asarray(samples["voltage_v"], dtype=np.float64) * np.asarray(

@@ -1,6 +1,7 @@
 """The TUM reader: all spellings of one file read alike, and each damage is named with its place."""
 
 import datetime as dt
+import json
 import time
 from pathlib import Path
 
@@ -255,8 +256,9 @@ def test_check_folder_tells_missing_unreadable_and_shortened(tmp_path, tum_bytes
     assert report.overview
     assert not report.complete
     assert "TripA03" in report.missing
-    assert "shortened: TripA01 has 9.9 s" in str(report)
-    assert "cut off" in str(report)
+    assert "shortened: TripA01 has 9.9 s" in report.text()
+    assert "cut off" in report.text()
+    assert json.loads(json.dumps(report.as_dict()))["shortened"]["TripA01"]["sheet_s"] == 120.0
     assert "doi.org/10.21227/6jr9-5235" in where_to_get("tum")
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.audit.findings import BoolArray, Finding, FloatArray, array, has, whole
+from tripwatt.inertia import apparent_mass
 from tripwatt.trips import Trip
 from tripwatt.units import SECONDS_PER_HOUR
 
@@ -43,8 +44,6 @@ POSSIBLE_MASS_KG: Final = (450.0, 8000.0)
 
 WRONG_SIGN: Final = -0.3
 CLEAR_CORRELATION: Final = 0.5
-SHORTEST_MOVING_S: Final = 120.0
-MASS_BLOCK_S: Final = 1.0
 
 LONG_MISSING_SOC_S: Final = 10.0
 """Logs commonly lose the last second or two of the state of charge; that is not worth a word."""
@@ -191,38 +190,11 @@ def _missing_soc(time: FloatArray, soc: FloatArray, trip_id: str) -> list[Findin
     return found
 
 
-def apparent_mass(samples: pd.DataFrame) -> tuple[float, float] | None:
-    """Slope [kg] of battery power over speed times acceleration, and their correlation; None when too short.
-
-    Newton's law in the battery's terms: power = ... + mass speed acceleration / efficiency. A speed in the wrong
-    unit enters squared, a current in the wrong unit or with the wrong sign directly. The mean over blocks keeps
-    the noise of differences down.
-    """
-    time, speed = array(samples, "time_s"), array(samples, "speed_m_s")
-    power = array(samples, "voltage_v") * array(samples, "current_a")
-    known = np.isfinite(power) & np.isfinite(speed)
-    if known.sum() < 3:
-        return None
-    time, speed, power = time[known], speed[known], power[known]
-    block = np.floor((time - time[0]) / MASS_BLOCK_S + 1e-6).astype(np.int64)
-    _, index, count = np.unique(block, return_inverse=True, return_counts=True)
-    t, v, p = (np.bincount(index, weights=x) / count for x in (time, speed, power))
-    span = t[2:] - t[:-2]
-    inertia = 0.5 * (v[2:] ** 2 - v[:-2] ** 2) / span
-    moving = (v[1:-1] > 1.0) & (span < 10.0 * MASS_BLOCK_S)
-    if float(np.sum(0.5 * span[moving])) < SHORTEST_MOVING_S:
-        return None
-    x = inertia[moving] - inertia[moving].mean()
-    y = p[1:-1][moving] - p[1:-1][moving].mean()
-    variance = float(x @ x)
-    if variance <= 0.0 or not np.any(y):
-        return None
-    return float(x @ y) / variance, float(x @ y) / float(np.sqrt(variance * (y @ y)))
-
-
 def unit_findings(trip: Trip) -> list[Finding]:
     """Speed, current or voltage in a wrong unit or with the wrong sign, told by the car's apparent mass."""
-    found = apparent_mass(trip.samples)
+    samples = trip.samples
+    power = array(samples, "voltage_v") * array(samples, "current_a")
+    found = apparent_mass(array(samples, "time_s"), array(samples, "speed_m_s"), power)
     if found is None:
         return []
     mass, correlation = found

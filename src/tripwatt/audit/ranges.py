@@ -40,7 +40,9 @@ WORTH_NOTING: Final = {
 def missing_columns(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
     """Columns that are absent or empty: without voltage and current no energy was measured."""
     lost = [c for c in MEASURED if not has(samples, c)]
-    if lost:
+    if lost and has(samples, "observed_energy_wh") and has(samples, "speed_m_s"):
+        yield whole(samples, trip_id, "no voltage and current: the energy is taken from the SoC", "noted")
+    elif lost:
         yield whole(samples, trip_id, f"no values of {', '.join(lost)}: no measured energy", "set aside")
     if not has(samples, "elevation_m") and not has(samples, "grade"):
         yield whole(samples, trip_id, f"no values of elevation_m: {WORTH_NOTING['elevation_m']}", "noted")

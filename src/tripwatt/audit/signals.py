@@ -122,7 +122,7 @@ def frozen_sensor_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Find
 
 def filled_gaps(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
     """Runs in which speed, voltage and current are straight lines together: somebody filled a gap."""
-    if len(samples) < FEWEST_SAMPLES + 2:
+    if len(samples) < FEWEST_SAMPLES + 2 or not all(has(samples, name) for name in MEASURED):
         return
     time = array(samples, "time_s")
     straight = np.ones(len(time) - 2, dtype=bool)
@@ -160,12 +160,13 @@ def sensor_stop_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
     """Runs in which a measured signal is missing for longer than can be bridged."""
     time = array(samples, "time_s")
     missing = np.zeros(len(samples), dtype=bool)
-    for name in MEASURED:
+    measured = [n for n in MEASURED if has(samples, n)]
+    for name in measured:
         missing |= ~np.isfinite(array(samples, name))
     for first, last in runs(missing):
         lasted = time[min(last, len(time) - 1)] - time[max(first - 1, 0)]
         if lasted > SENSOR_STOP_S:
-            lost = [n for n in MEASURED if not np.isfinite(array(samples, n)[first:last]).all()]
+            lost = [n for n in measured if not np.isfinite(array(samples, n)[first:last]).all()]
             yield Cut(first, last, f"no values of {', '.join(lost)} for {lasted:.1f} s")
 
 

@@ -18,7 +18,7 @@ BoolArray = npt.NDArray[np.bool_]
 MOLAR_GAS_CONSTANT_J_MOL_K: Final = 8.314462618
 """CODATA 2018."""
 
-SOC_TOLERANCE: Final = 1e-5
+SOC_TOLERANCE: Final = 5e-5
 """Two passes that agree to this state of charge have converged; each pass cuts the error by about 50."""
 
 MOST_PASSES: Final = 60

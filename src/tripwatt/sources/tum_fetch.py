@@ -71,7 +71,23 @@ class FolderReport:
         damaged = self.unreadable or any(t in REFERENCE_TRIPS for t in self.shortened)
         return self.overview and not damaged and not self.reference_missing
 
-    def __str__(self) -> str:
+    def as_dict(self) -> dict[str, object]:
+        """The report as plain types, for JSON."""
+        return {
+            "present": list(self.present),
+            "missing": list(self.missing),
+            "unreadable": {trip: [str(f) for f in faults] for trip, faults in self.unreadable.items()},
+            "shortened": {
+                trip: {"log_s": got, "sheet_s": said} for trip, (got, said) in self.shortened.items()
+            },
+            "overview": self.overview,
+            "notes": list(self.notes),
+            "reference_missing": list(self.reference_missing),
+            "complete": self.complete,
+        }
+
+    def text(self) -> str:
+        """The report as lines for a person."""
         lines = [f"{len(self.present)} of {len(ALL_TRIP_IDS)} trips can be read"]
         if self.missing:
             lines.append(f"missing: {', '.join(self.missing)}")

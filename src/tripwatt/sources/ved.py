@@ -37,6 +37,10 @@ FIRST_DAY: Final = dt.datetime(2017, 11, 1)
 """Midnight of `DayNum` 1."""
 
 
+LARGEST_KEY: Final = 1e6
+"""No car, trip or day of the set has a larger number."""
+
+
 @dataclass(frozen=True, slots=True)
 class RawColumn:
     """Where one of our columns stands in the files, and the factor to our unit and sign."""
@@ -172,7 +176,8 @@ def _integer_keys(source: Delimited, values: Mapping[str, FloatArray]) -> tuple[
     faults = []
     for name in _KEYS:
         column = values[name]
-        bad = ~np.isfinite(column) | ((column != np.round(column)) & (name != "DayNum"))
+        whole = (column == np.round(column)) | (name == "DayNum")
+        bad = ~(np.isfinite(column) & whole & (column >= 0.0) & (column <= LARGEST_KEY))
         if bad.any():
             row = int(np.flatnonzero(bad)[0])
             got = (
