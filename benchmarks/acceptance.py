@@ -80,7 +80,7 @@ REASONS: Final = {
     ): "its WLTP road load is not published; drag and rolling resistance are catalogue values, "
     "which leave out brakes, bearings and wheels; gear ratio and usable energy are estimates",
 }
-"""Why a row of a car and schedule is outside the bar. The values of the car stay as their sources have them."""
+"""What is suspected where a car and schedule is outside the bar; none of it was shown."""
 
 
 @dataclass(frozen=True, slots=True)
