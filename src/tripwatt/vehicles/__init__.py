@@ -1,6 +1,8 @@
 """Cars as frozen dataclasses, one TOML per car: value, unit and source for every entry."""
 
+from tripwatt.vehicles.importing import import_vehicle
 from tripwatt.vehicles.loading import Entry, Vehicle, load_vehicle, vehicle_from_document, vehicle_names
+from tripwatt.vehicles.overriding import ALIASES, parse_overrides
 from tripwatt.vehicles.parts import (
     Auxiliaries,
     Battery,
@@ -11,9 +13,10 @@ from tripwatt.vehicles.parts import (
     RoadLoad,
     Tyres,
 )
-from tripwatt.vehicles.table import render_parameters
+from tripwatt.vehicles.table import describe_vehicle, render_parameters
 
 __all__ = [
+    "ALIASES",
     "Auxiliaries",
     "Battery",
     "Body",
@@ -24,7 +27,10 @@ __all__ = [
     "RoadLoad",
     "Tyres",
     "Vehicle",
+    "describe_vehicle",
+    "import_vehicle",
     "load_vehicle",
+    "parse_overrides",
     "render_parameters",
     "vehicle_from_document",
     "vehicle_names",

@@ -21,6 +21,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.vehicles.inheriting import inherited
+from tripwatt.vehicles.overriding import spelled_out
 from tripwatt.vehicles.parts import (
     Auxiliaries,
     Battery,
@@ -130,7 +132,8 @@ def load_vehicle(
     preset : str
         "default", or a preset of the file.
     overrides : mapping of str to (float or str), optional
-        "section.key" -> value in the unit of the entry, e.g. ``{"auxiliaries.base_load_w": 400.0}``.
+        "section.key" or a short name of `tripwatt.vehicles.overriding` -> value in the unit of the entry, e.g.
+        ``{"auxiliaries.base_load_w": 400.0, "mass": 1300.0}``.
 
     Raises
     ------
@@ -180,6 +183,7 @@ def vehicle_from_document(
 ) -> Vehicle:
     """Build a `Vehicle` from a parsed TOML document. Arguments and errors as in `load_vehicle`."""
     faults: list[Fault] = []
+    document = inherited(document, where, faults)
     tables = _preset_tables(document, preset, where, faults)
     entries: dict[str, Entry] = {}
     for section, table in tables.items():
@@ -187,6 +191,7 @@ def vehicle_from_document(
             entry = _entry(section, key, raw, where, faults)
             if entry is not None:
                 entries[f"{section}.{key}"] = entry
+    overrides = spelled_out(overrides)
     for key, value in overrides.items():
         _override(entries, key, value, faults)
     parts: dict[str, Any] = {}
@@ -203,6 +208,7 @@ def vehicle_from_document(
             parts[section] = part(**{k: e.value for k, e in present.items()})
     if not faults:
         parts["road_load"] = _with_method(parts["road_load"], where, faults)
+        faults += _useless_overrides(parts["road_load"], overrides)
         parts["battery"] = _on_soc_scale(parts["battery"], entries)
         faults += _consistency_faults(parts, where)
     if faults:
@@ -351,6 +357,19 @@ def _override(entries: dict[str, Entry], key: str, value: float | str, faults: l
         entries[key] = Entry(
             _as_value(value), field.metadata["unit"], "given by the caller", scale=old.scale if old else "soc"
         )
+
+
+def _useless_overrides(road_load: RoadLoad, overrides: Mapping[str, float | str]) -> Iterator[Fault]:
+    """Overrides of the description of the road load that is not in use."""
+    for key in overrides:
+        section, _, name = key.partition(".")
+        if section != "road_load" or name == "method" or not road_load.method:
+            continue
+        belongs = "coastdown" if name.startswith("coastdown_") else "coefficients"
+        if belongs != road_load.method:
+            allowed = f"entries of the {road_load.method} road load"
+            fix = f"also set road_load.method to {belongs!r}, which needs all of its entries"
+            yield Fault("override without effect", f"overrides, {key}", str(overrides[key]), allowed, fix)
 
 
 def _with_method(road_load: RoadLoad, where: str, faults: list[Fault]) -> RoadLoad:

@@ -1,0 +1,188 @@
+"""What a car's TOML takes over from shared data or from another car, before its entries are checked.
+
+`extends = ["passenger_car", ...]` takes the entries of files in `data/shared` or of bundled cars; later names and the
+car's own entries replace earlier ones. `[scaled]` computes entries from a reference car by similarity:
+
+- `motor_losses = "CAR"`: the loss map of motor and inverter at the same shares of torque and speed,
+- `cell_resistance = "CAR"`: resistance of one cell at the same product of resistance and capacity.
+
+Every entry taken over keeps its source, and says from where it came.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib import resources
+from typing import Any, Final
+
+from tripwatt.errors import Fault
+
+DEEPEST_EXTENSION: Final = 5
+"""Files that may extend one another before it is taken for a circle."""
+
+SCALINGS: Final = ("motor_losses", "cell_resistance")
+"""Keys of the table `[scaled]`."""
+
+
+@cache
+def _bundled(name: str) -> str | None:
+    """Text of a shared file or of a bundled car, None when there is neither."""
+    folder = resources.files("tripwatt.vehicles") / "data"
+    for place in (folder / "shared", folder):
+        file = place / f"{name}.toml"
+        if file.is_file():
+            return file.read_text(encoding="utf-8")
+    return None
+
+
+def bundled_bases() -> tuple[str, ...]:
+    """Names that `extends` may use, sorted.
+
+    Examples
+    --------
+    >>> "passenger_car" in bundled_bases()
+    True
+    """
+    folder = resources.files("tripwatt.vehicles") / "data"
+    files = [*folder.iterdir(), *(folder / "shared").iterdir()]
+    return tuple(sorted(f.name[:-5] for f in files if f.name.endswith(".toml")))
+
+
+def inherited(document: Mapping[str, Any], where: str, faults: list[Fault]) -> dict[str, Any]:
+    """The document with what it takes over filled in, and without `extends` and `scaled`.
+
+    Parameters
+    ----------
+    document : mapping
+        A parsed TOML.
+    where : str
+        Its file, for messages.
+    faults : list of Fault
+        Takes what is wrong.
+
+    Examples
+    --------
+    >>> car = inherited({"extends": ["passenger_car"]}, "car.toml", [])
+    >>> car["body"]["driver_mass_kg"]["value"]
+    75.0
+    """
+    return _inherited(document, where, faults, depth=0)
+
+
+def _inherited(document: Mapping[str, Any], where: str, faults: list[Fault], depth: int) -> dict[str, Any]:
+    own = {k: v for k, v in document.items() if k not in ("extends", "scaled")}
+    result: dict[str, Any] = {}
+    for base in _names(document.get("extends", []), where, faults):
+        parent = _base(base, f"{where}, extends", faults, depth)
+        _take_over(result, {k: v for k, v in parent.items() if k not in ("name", "preset")})
+    _take_over(result, own)
+    scaled = document.get("scaled", {})
+    if not isinstance(scaled, Mapping):
+        faults.append(Fault("not a table", f"{where}, scaled", repr(scaled), "a table [scaled]"))
+        return result
+    for key, reference in scaled.items():
+        place = f"{where}, scaled.{key}"
+        if key not in SCALINGS:
+            faults.append(Fault("unknown key", place, str(key), ", ".join(SCALINGS)))
+            continue
+        parent = _base(str(reference), place, faults, depth)
+        scale = _scaled_motor if key == "motor_losses" else _scaled_resistance
+        values = scale(result, parent, str(reference)) if parent else {}
+        section = "drivetrain" if key == "motor_losses" else "battery"
+        # Entries of the car itself win; what cannot be computed shows as a missing entry later.
+        result[section] = {
+            **result.get(section, {}),
+            **{k: v for k, v in values.items() if k not in own.get(section, {})},
+        }
+    return result
+
+
+def _names(raw: object, where: str, faults: list[Fault]) -> Sequence[str]:
+    if isinstance(raw, str):
+        return [raw]
+    if isinstance(raw, Sequence) and all(isinstance(name, str) for name in raw):
+        return list(raw)
+    faults.append(Fault("not a list of names", f"{where}, extends", repr(raw), ", ".join(bundled_bases())))
+    return []
+
+
+def _base(name: str, place: str, faults: list[Fault], depth: int) -> dict[str, Any]:
+    text = _bundled(name)
+    if text is None:
+        near = difflib.get_close_matches(name, bundled_bases(), n=1)
+        fix = f"did you mean {near[0]!r}?" if near else ""
+        faults.append(Fault("nothing to take over", place, name, ", ".join(bundled_bases()), fix))
+        return {}
+    if depth >= DEEPEST_EXTENSION:
+        faults.append(Fault("files extend one another in a circle", place, name, "no circle"))
+        return {}
+    return _inherited(tomllib.loads(text), f"{name}.toml", faults, depth + 1)
+
+
+def _take_over(result: dict[str, Any], more: Mapping[str, Any]) -> None:
+    for key, value in more.items():
+        if isinstance(value, Mapping) and isinstance(result.get(key), Mapping):
+            result[key] = {**result[key], **value}
+        else:
+            result[key] = value
+
+
+def _numbers(document: Mapping[str, Any], section: str, keys: Sequence[str]) -> list[float] | None:
+    """Values of some entries, None when one is missing or not a positive number."""
+    table = document.get(section, {})
+    values = [table[k].get("value") if isinstance(table.get(k), Mapping) else None for k in keys]
+    if not all(isinstance(v, int | float) and v > 0 for v in values):
+        return None
+    return [float(v) for v in values if v is not None]
+
+
+def _scaled_motor(car: Mapping[str, Any], reference: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Loss parameters of the reference at the same shares of its largest torque and of its largest speed.
+
+    At the same voltage the magnet flux falls as speed rises, so phase currents and losses scale with torque times
+    speed. The corner of power over torque would be no scale: many cars limit the power far below the motor's.
+    """
+    rated = ("motor_max_torque_nm", "motor_max_speed_rad_s")
+    mine, theirs = _numbers(car, "drivetrain", rated), _numbers(reference, "drivetrain", rated)
+    if mine is None or theirs is None:
+        return {}
+    torque, speed = mine[0] / theirs[0], mine[1] / theirs[1]
+    power = torque * speed
+    losses = reference["drivetrain"]
+    exponent = float(losses["iron_loss_torque_exponent"]["value"])
+    factors = {
+        "torque_constant_nm_a": 1.0 / speed,
+        "phase_resistance_ohm": 1.0 / power,
+        "field_weakening_speed_rad_s": speed,
+        "characteristic_current_a": power,
+        "iron_loss_linear": torque ** (1.0 - exponent),
+        "iron_loss_quadratic": torque ** (1.0 - exponent) / speed,
+        "iron_loss_torque_exponent": 1.0,
+        "inverter_fixed_loss_w": power,
+        "inverter_voltage_drop_v": 1.0,
+        "inverter_resistance_ohm": 1.0 / power,
+    }
+    how = f"{name}'s motor and inverter at {torque:.3g} times its torque and {speed:.3g} times its speed"
+    return {key: _taken(losses[key], factor, how) for key, factor in factors.items()}
+
+
+def _scaled_resistance(car: Mapping[str, Any], reference: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Resistance of one cell (or cells in parallel) in inverse proportion to its capacity."""
+    mine = _numbers(car, "battery", ("capacity_ah",))
+    theirs = _numbers(reference, "battery", ("capacity_ah",))
+    if mine is None or theirs is None:
+        return {}
+    factor = theirs[0] / mine[0]
+    how = f"{name}'s cell at {factor:.3g} times its resistance, in inverse proportion to capacity"
+    taken = {"resistance_ohm": factor, "resistance_soc": 1.0}
+    return {key: _taken(reference["battery"][key], f, how) for key, f in taken.items()}
+
+
+def _taken(entry: Mapping[str, Any], factor: float, how: str) -> dict[str, Any]:
+    value = entry["value"]
+    scaled = [float(v) * factor for v in value] if isinstance(value, list) else float(value) * factor
+    before = entry.get("estimated", "")
+    return {**entry, "value": scaled, "estimated": f"{how}; {before}" if before else how}

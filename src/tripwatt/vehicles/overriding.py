@@ -1,0 +1,78 @@
+"""Overrides of a car's values as a user writes them: `mass=1300`, `c_d=0.27`, `battery.capacity_ah=58`."""
+
+from __future__ import annotations
+
+import difflib
+import types
+from collections.abc import Iterable, Mapping
+from typing import Final
+
+from tripwatt.errors import Fault, InvalidInput
+
+ALIASES: Final[Mapping[str, str]] = types.MappingProxyType(
+    {
+        "mass": "body.curb_mass_kg",
+        "payload": "body.driver_mass_kg",
+        "c_d": "road_load.drag_coefficient",
+        "area": "road_load.frontal_area_m2",
+        "c_rr": "road_load.rolling_resistance_coefficient",
+        "road_load": "road_load.method",
+        "capacity": "battery.capacity_ah",
+        "base_load": "auxiliaries.base_load_w",
+        "setpoint": "climate.setpoint_degc",
+        "regeneration": "regeneration.fraction",
+        "gear_ratio": "drivetrain.gear_ratio",
+        "wheel_radius": "drivetrain.wheel_radius_m",
+        "motor_power": "drivetrain.motor_max_power_w",
+        "motor_torque": "drivetrain.motor_max_torque_nm",
+    }
+)
+"""Short names of overrides. `payload` is all that is aboard, the driver included."""
+
+
+def parse_overrides(texts: Iterable[str]) -> dict[str, float | str]:
+    """`["mass=1300"]` as overrides for `load_vehicle`, with short names spelled out.
+
+    Raises
+    ------
+    InvalidInput
+        With every text that is not `key=value`, and every key that comes twice.
+
+    Examples
+    --------
+    >>> parse_overrides(["mass=1300", "battery.capacity_ah=94"])
+    {'body.curb_mass_kg': 1300.0, 'battery.capacity_ah': 94.0}
+    """
+    result: dict[str, float | str] = {}
+    faults: list[Fault] = []
+    for text in texts:
+        short, equals, value = (part.strip() for part in text.partition("="))
+        key = ALIASES.get(short, short)
+        if not equals or not short or not value:
+            faults.append(Fault("not an override", "--set", text, "key=value, for example mass=1300"))
+        elif key in result:
+            faults.append(Fault("override given twice", "--set", text, f"one value for {key}"))
+        elif "." not in key:
+            near = difflib.get_close_matches(key, ALIASES, n=1)
+            fix = f"did you mean {near[0]!r}?" if near else ""
+            allowed = f"section.key, or one of {', '.join(ALIASES)}"
+            faults.append(Fault("unknown key", "--set", short, allowed, fix))
+        else:
+            try:
+                result[key] = float(value)
+            except ValueError:
+                result[key] = value
+    if faults:
+        raise InvalidInput(faults)
+    return result
+
+
+def spelled_out(overrides: Mapping[str, float | str]) -> dict[str, float | str]:
+    """Overrides with their short names replaced by `section.key`.
+
+    Examples
+    --------
+    >>> spelled_out({"mass": 1300.0})
+    {'body.curb_mass_kg': 1300.0}
+    """
+    return {ALIASES.get(key, key): value for key, value in overrides.items()}
