@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -14,7 +14,7 @@ from tripwatt.inertia import apparent_mass
 from tripwatt.trips import Trip
 from tripwatt.units import SECONDS_PER_HOUR
 
-SOC_TOLERANCE: Final = 0.15
+SOC_TOLERANCE: Final = 0.1
 """Relative error of a state of charge that battery managements make (ageing, temperature, balancing)."""
 
 SOC_DRIFT: Final = 0.01
@@ -112,6 +112,10 @@ def soc_findings(trips: Sequence[Trip], sound: Sequence[bool]) -> dict[str, list
     """
     found: dict[str, list[Finding]] = {}
     balances = {t.trip_id: b for t in trips if (b := charge_balance(t.samples)) is not None}
+    steps = [b.resolution for b in balances.values() if b.resolution > 0.0]
+    if steps:  # a drive too short for one step says nothing of the steps
+        usual = float(np.median(steps))
+        balances = {k: replace(b, resolution=max(b.resolution, usual)) for k, b in balances.items()}
     telling = {
         t.trip_id: balances[t.trip_id].capacity_ah
         for t, is_sound in zip(trips, sound, strict=True)
