@@ -1,11 +1,12 @@
 """Simulated against measured energy of the BMW i3 on Argonne's dynamometer, row by row.
 
-Run: ``python -m benchmarks.argonne``. Needs the Argonne rows and the cycles, see the environment variables
+Run: ``python -m benchmarks.argonne [--write docs/argonne.md]``. Needs the Argonne rows and the cycles, see the environment variables
 TRIPWATT_REFERENCE and TRIPWATT_DATA in CONTRIBUTING.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 from pathlib import Path
 
@@ -70,11 +71,67 @@ def summary(rows: pd.DataFrame) -> dict[str, float]:
     }
 
 
+UNUSED = (
+    ("US06", -6),
+    ("US06", 1),
+    ("US06", 2),
+    ("US06", 23),
+    ("US06", 36),
+    ("UDDS", 22),
+    ("UDDS", 23),
+)
+"""Cycle and temperature of the rows that served no estimate of a value (docs/decisions): they are the check."""
+
+
+def informing(rows: pd.DataFrame) -> pd.Series:
+    """Which rows served the estimate of a value."""
+    keys = zip(rows["cycle"], rows["cell_temperature_degc"], strict=True)
+    return pd.Series([key not in UNUSED for key in keys], index=rows.index)
+
+
+def render_rows(rows: pd.DataFrame) -> str:
+    """Markdown of all rows and of the summary."""
+    informed = informing(rows)
+    lines = [
+        "| cell °C | cycle | start | climate | measured Wh/mile | simulated Wh/mile | error | served an estimate |",
+        "|---:|---|---|---|---:|---:|---:|---|",
+    ]
+    for row, seen in zip(rows.itertuples(), informed, strict=True):
+        lines.append(
+            f"| {row.cell_temperature_degc} | {row.cycle} | {row.start} | {row.climate} | {row.dc_wh_per_mile:.1f} "
+            f"| {row.simulated_wh_per_mile:.1f} | {row.error:+.1%} | {'yes' if seen else ''} |"
+        )
+    lines += ["", "| mean absolute error | |", "|---|---:|"]
+    error = rows["error"].abs()
+    figures = {
+        f"all {len(rows)} rows": error.mean(),
+        "cold-start rows": error[rows["start"] == "cold"].mean(),
+        "hot-start rows": error[rows["start"] == "hot"].mean(),
+        f"the {int((~informed).sum())} rows that served no estimate": error[~informed].mean(),
+        "worst row at 21 to 25 °C": error[rows["cell_temperature_degc"].between(21, 25)].max(),
+    }
+    lines += [f"| {name} | {value:.1%} |" for name, value in figures.items()]
+    return "\n".join(lines) + "\n"
+
+
+BEGIN, END = "<!-- argonne begin -->", "<!-- argonne end -->"
+
+
+def with_rows(page: str, table: str) -> str:
+    """A page with the table between its markers."""
+    before, _, rest = page.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    return f"{before}{BEGIN}\n{table}{END}{after}"
+
+
 def main() -> None:
-    rows = argonne_rows(*folders())
-    print(rows.round({"simulated_wh_per_mile": 1, "error": 3}).to_string(index=False))
-    for name, value in summary(rows).items():
-        print(f"{name}: {value:.3f}")
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--write", type=Path, help="page of the documentation whose table is renewed")
+    page = parser.parse_args().write
+    table = render_rows(argonne_rows(*folders()))
+    print(table)
+    if page is not None:
+        page.write_text(with_rows(page.read_text(encoding="utf-8"), table), encoding="utf-8")
 
 
 if __name__ == "__main__":

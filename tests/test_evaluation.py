@@ -60,7 +60,11 @@ def test_corrections_start_from_the_simulation(table):
 
 
 def test_regressions_recover_their_own_law(table):
-    truth = 123.0 * table.totals["distance_km"] + 400.0 * table.totals["duration_h"] + 30.0 * table.totals["cold_h"]
+    truth = (
+        123.0 * table.totals["distance_km"]
+        + 400.0 * table.totals["duration_h"]
+        + 30.0 * table.totals["cold_h"]
+    )
     lawful = dataclasses.replace(table, observed_wh=truth.to_numpy())
     model = protocol_models("paper", ("linear4",))[0].build(0).fit(lawful.take(range(8)))
     np.testing.assert_allclose(model.predict(lawful), truth, rtol=1e-8, atol=1e-6)
@@ -82,8 +86,14 @@ def test_results_hold_the_contract(fleet, tmp_path):
             assert {"bias", "rmse_wh", "improved_share", "fit_s", "predict_ms"} <= set(model)
     folds = pd.read_csv(tmp_path / "folds.csv")
     assert tuple(folds.columns) == FOLD_COLUMNS
-    np.testing.assert_allclose(folds["simulated_energy_wh"] + folds["correction_wh"], folds["predicted_energy_wh"])
-    part = folds[(folds["scheme"] == "leave_one_trip_out") & (folds["trips"] == "audited") & (folds["model"] == "linear4")]
+    np.testing.assert_allclose(
+        folds["simulated_energy_wh"] + folds["correction_wh"], folds["predicted_energy_wh"]
+    )
+    part = folds[
+        (folds["scheme"] == "leave_one_trip_out")
+        & (folds["trips"] == "audited")
+        & (folds["model"] == "linear4")
+    ]
     assert part["ape"].mean() == pytest.approx(results["evaluations"][0]["models"]["linear4"]["mape"])
     assert len(results["paired"]) == len(FAST) * (len(FAST) - 1) // 2
 
@@ -107,7 +117,12 @@ def test_an_interrupted_run_resumes_to_the_identical_table(fleet, tmp_path):
     broken.write_bytes(b"half a file")
     seen = []
     resumed = evaluate(
-        fleet, models=FAST, n_jobs=1, work_dir=tmp_path, resume=True, progress=lambda done, total: seen.append(done)
+        fleet,
+        models=FAST,
+        n_jobs=1,
+        work_dir=tmp_path,
+        resume=True,
+        progress=lambda done, total: seen.append(done),
     )
     assert seen[0] == kept - 1, "finished folds are used, the broken one is run again"
     pd.testing.assert_frame_equal(resumed.folds, whole.folds)

@@ -8,11 +8,12 @@ import pandas as pd
 import pytest
 
 import tripwatt.synthetic as synthetic
+from tripwatt.audit import audit
 from tripwatt.errors import InvalidInput
 from tripwatt.physics import Simulation, simulate
 from tripwatt.synthetic import example_trip, synthetic_fleet, synthetic_truth, synthetic_world
 from tripwatt.synthetic import plan as plan_module
-from tripwatt.synthetic.world import NOISE_FLOOR_W, aged, heavy_tailed_noise
+from tripwatt.synthetic.world import NOISE_STANDING_W, aged, heavy_tailed_noise
 from tripwatt.trips import COLUMNS, Trip
 from tripwatt.vehicles import load_vehicle
 
@@ -235,7 +236,7 @@ def test_finer_steps_tell_the_same_trip():
 
 def test_noise_has_heavy_tails_and_its_size():
     time = np.arange(200_000.0)
-    noise = heavy_tailed_noise(time, np.zeros_like(time), np.random.default_rng(0)) / NOISE_FLOOR_W
+    noise = heavy_tailed_noise(time, 0 * time, 0 * time, np.random.default_rng(0)) / NOISE_STANDING_W
     assert noise.std() == pytest.approx(1.0, abs=0.1)
     assert ((noise - noise.mean()) ** 4).mean() / noise.var() ** 2 > 4.0  # a normal law has 3
     memory = np.corrcoef(noise[1:], noise[:-1])[0, 1]
@@ -269,6 +270,13 @@ def test_hidden_forces_have_the_right_sign():
     )
     air_w = alone.aero_drag_force_n @ drive.profile.speed_m_s
     assert found["none"] / air_w == pytest.approx(0.04, abs=0.004)
+
+
+def test_the_audit_keeps_every_trip_whole(fleet):
+    kept = audit(fleet)
+    assert [str(f) for f in kept.findings] == []
+    assert [t.trip_id for t in kept.trips] == [t.trip_id for t in fleet.trips]
+    assert [t.observed_energy_wh for t in kept.trips] == [t.observed_energy_wh for t in fleet.trips]
 
 
 def test_example_trip_is_a_table_and_arguments_are_checked():

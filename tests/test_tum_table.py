@@ -8,7 +8,9 @@ from tripwatt.sources import read_fleet
 
 @pytest.fixture(scope="module")
 def main_row(data_dir):
-    run = evaluate(read_fleet(data_dir / "tum", "tum"), models=("constant", "linear4", "linear6", "physics"), n_jobs=1)
+    run = evaluate(
+        read_fleet(data_dir / "tum", "tum"), models=("constant", "linear4", "linear6", "physics"), n_jobs=1
+    )
     row = run.results["evaluations"][0]
     assert (row["scheme"], row["trips"], row["n_trips"]) == ("leave_one_trip_out", "reference", 58)
     return row["models"]

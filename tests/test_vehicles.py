@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.vehicles import load_vehicle, vehicle_from_document, vehicle_names
+from tripwatt.vehicles import load_vehicle, render_parameters, vehicle_from_document, vehicle_names
 
 PRESETS = [
     (name, preset)
@@ -162,3 +162,8 @@ def test_a_car_from_a_path(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(text, encoding="utf-8")
     assert load_vehicle(path).name == "mine"
+
+
+def test_documented_values_are_those_of_the_file() -> None:
+    page = (Path(__file__).resolve().parent.parent / "docs" / "model.md").read_text("utf-8")
+    assert render_parameters(load_vehicle("bmw_i3_60ah")) in page, "run: python docs/write_parameters.py"

@@ -8,7 +8,6 @@ values that solve the estimating equation sum_i Z_i' V_i^-1 (y_i - F_i - Z_i b) 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -18,37 +17,37 @@ from joblib import Parallel, delayed
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
-from tripwatt.trees import (
+from tripwatt.clusters import (
     Bools,
     Clusters,
-    Columns,
     Floats,
     GroupLoss,
     Ints,
     Loss,
     ScoreRows,
-    TreeGrower,
-    Trees,
-    TreeShape,
+    folds_of,
+    thinned_rows,
+)
+from tripwatt.correlation import LARGEST, Correlation
+from tripwatt.rounds import Path, boost, fill_losses, written
+from tripwatt.trees import (
+    Sample,
+    about_columns,
     as_text_array,
     booster_array,
     booster_of,
     checked,
     column_blocks,
     column_names,
-    folds_of,
     from_text_array,
     permutation_losses,
-    plain,
-    row_weights,
+    prepared,
+    restore_columns,
     seed_of,
     settings_of,
     sum_of_trees,
-    thinned_rows,
     validated,
 )
-
-Correlation = Literal["independence", "exchangeable", "ar1"]
 
 DEFAULT_GRID: dict[str, list[Any]] = {"max_leaf_nodes": [3, 6], "min_leaf_weight": [1.0, 4.0]}
 _SETTINGS = (
@@ -60,129 +59,9 @@ _SETTINGS = (
     "subsample",
     "correlation",
 )
-_LARGEST = {"independence": 0.0, "exchangeable": 0.95, "ar1": 0.99}
 
 
-class WorkingCorrelation:
-    """V_i^-1 of every group in closed form, for rows sorted by group.
-
-    V_i = R_i(rho) / w_i with the weight w_i of the group's rows; R_i is the identity, or has rho off its diagonal
-    (exchangeable), or rho^|j - k| (first-order autoregression over the rows of a group in their order).
-
-    Parameters
-    ----------
-    kind : {"independence", "exchangeable", "ar1"}
-        Structure of R_i.
-    codes : ndarray of shape (n_rows,)
-        Group of each row, ascending.
-    weight : ndarray of shape (n_rows,)
-        Weight of each row, constant within a group; 0 leaves the group out.
-
-    Examples
-    --------
-    >>> codes = np.array([0, 0, 1])
-    >>> working = WorkingCorrelation("exchangeable", codes, np.ones(3))
-    >>> working.rho = 0.5
-    >>> working.solve(np.array([1.0, 0.0, 1.0])).round(3)
-    array([ 1.333, -0.667,  1.   ])
-    """
-
-    def __init__(self, kind: Correlation, codes: Ints, weight: Floats) -> None:
-        self.kind = kind
-        self.codes = codes
-        self.weight = weight
-        self.rho = 0.0
-        self.sizes = np.bincount(codes)
-        self.pair = (codes[1:] == codes[:-1]) & (weight[1:] > 0)
-        edges = np.r_[False, codes[1:] == codes[:-1]].astype(float) + np.r_[codes[1:] == codes[:-1], False]
-        self.neighbours = edges  # 0, 1 or 2 rows beside a row in its group
-
-    def estimate(self, residual: Floats) -> None:
-        """Moment estimate of rho from the current residuals, between 0 and just below 1."""
-        if self.kind == "independence":
-            return
-        weighted = self.weight * residual
-        total = float((weighted * residual).sum())
-        if self.kind == "ar1":
-            pairs = float((weighted[1:] * residual[:-1])[self.pair].sum())
-            share = self.weight[1:][self.pair].sum() / max(self.weight.sum(), 1e-300)
-        else:
-            sums, squares = np.bincount(self.codes, weighted), np.bincount(self.codes, weighted * residual)
-            plain_sums = np.bincount(self.codes, residual)
-            several = self.sizes > 1
-            pairs = float(((sums * plain_sums - squares)[several] / (self.sizes[several] - 1)).sum())
-            share = self.weight[several[self.codes]].sum() / max(self.weight.sum(), 1e-300)
-        rho = pairs / (total * share) if total * share > 0 else 0.0
-        self.rho = float(np.clip(rho, 0.0, _LARGEST[self.kind]))
-
-    def _spread(self) -> Floats:
-        """Rho / (1 + (n_i - 1) rho) of each group."""
-        return np.asarray(self.rho / (1.0 + (self.sizes - 1) * self.rho))
-
-    def solve(self, residual: Floats) -> Floats:
-        """V^-1 r, in one pass over the rows."""
-        weighted = self.weight * residual
-        if self.kind == "independence" or self.rho == 0.0:
-            return weighted
-        if self.kind == "exchangeable":
-            sums = np.bincount(self.codes, weighted)
-            return np.asarray((weighted - (self._spread() * sums)[self.codes]) / (1.0 - self.rho))
-        result = self._ar1_diagonal() * weighted
-        result[1:][self.pair] -= self.rho * weighted[:-1][self.pair]
-        result[:-1][self.pair] -= self.rho * weighted[1:][self.pair]
-        return np.asarray(result / (1.0 - self.rho**2))
-
-    def _ar1_diagonal(self) -> Floats:
-        return np.asarray(
-            np.select(
-                [self.neighbours == 0, self.neighbours == 1], [1.0 - self.rho**2, 1.0], 1.0 + self.rho**2
-            )
-        )
-
-    def normal_matrix(self, leaf: Ints, n_leaves: int) -> Floats:
-        """Z' V^-1 Z for the indicators Z of the leaves."""
-        if self.kind == "independence" or self.rho == 0.0:
-            return np.diag(np.bincount(leaf, self.weight, n_leaves))
-        if self.kind == "exchangeable":
-            n_groups = self.sizes.size
-            in_leaf = np.bincount(self.codes * n_leaves + leaf, minlength=n_groups * n_leaves)
-            table = in_leaf.reshape(n_groups, n_leaves).astype(float)
-            weight = np.zeros(n_groups)
-            weight[self.codes] = self.weight
-            own = np.diag((table * weight[:, None]).sum(axis=0))
-            return np.asarray(
-                (own - (table * (self._spread() * weight)[:, None]).T @ table) / (1.0 - self.rho)
-            )
-        own = np.diag(np.bincount(leaf, self._ar1_diagonal() * self.weight, n_leaves))
-        flat = leaf[1:][self.pair] * n_leaves + leaf[:-1][self.pair]
-        cross = np.bincount(flat, self.weight[1:][self.pair], n_leaves**2).reshape(n_leaves, n_leaves)
-        return np.asarray((own - self.rho * (cross + cross.T)) / (1.0 - self.rho**2))
-
-
-@dataclass(frozen=True)
-class _Sample:
-    """The rows that are learned from, sorted by group, and how groups are scored."""
-
-    grower: TreeGrower
-    y: Floats
-    codes: Ints
-    weight: Floats
-    loss: GroupLoss
-    n_groups: int
-
-
-@dataclass
-class _Path:
-    """One run of boosting: `values[t]` are the leaf values of round t, `losses[t]` the loss of each group after it."""
-
-    start: float
-    trees: Trees
-    values: list[Floats] = field(default_factory=list)
-    losses: list[Floats] = field(default_factory=list)
-    rho: float = 0.0
-
-
-class ClusteredBoosting(RegressorMixin, BaseEstimator):  # type: ignore[misc]  # scikit-learn ships no types
+class ClusteredBoosting(RegressorMixin, BaseEstimator):
     """Gradient boosting of trees as a marginal, GEE-type model, stopped by leave-groups-out cross-validation.
 
     Parameters
@@ -268,7 +147,7 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):  # type: ignore[misc]  #
         correlation: Correlation = "independence",
         start: Literal["mean", "zero"] = "mean",
         group_weight: Literal["equal", "rows"] = "equal",
-        max_rows_per_group: int | None = None,
+        max_rows_per_group: int | None = 60,
         max_bins: int = 255,
         n_folds: int | None = 5,
         patience: int = 50,
@@ -336,7 +215,7 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):  # type: ignore[misc]  #
             best, n_rounds = _choice(errors)
             self.learning_curve_ = _learning_curve(errors[best], block)
         chosen = self._base() | settings[best]
-        path = self._boost(sample, chosen, np.ones(sample.n_groups, dtype=bool), n_rounds, seed)
+        path = boost(sample, chosen, np.ones(sample.n_groups, dtype=bool), n_rounds, seed, start=self.start)
         self.groups_ = clusters.labels
         self.best_params_ = chosen
         self.n_rounds_ = n_rounds
@@ -445,11 +324,7 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):  # type: ignore[misc]  #
         """The fitted model as plain arrays: numbers, and bytes of JSON and of LightGBM's text format."""
         check_is_fitted(self, "steps_")
         about = {
-            "settings": plain(self.get_params(deep=False)),
-            "best_params": plain(self.best_params_),
-            "levels": plain(self.columns_.levels),
-            "n_features_in": int(self.n_features_in_),
-            "feature_names_in": plain(getattr(self, "feature_names_in_", None)),
+            **about_columns(self),
             "n_rounds": int(self.n_rounds_),
             "correlation_parameter": float(self.correlation_parameter_),
             "start": float(self.start_),
@@ -467,11 +342,7 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):  # type: ignore[misc]  #
         """Reverse of `to_arrays`; predictions are the same to the last bit."""
         about = from_text_array(arrays["about"])
         model = cls(**about["settings"])
-        model.best_params_ = about["best_params"]
-        model.columns_ = Columns(about["levels"])
-        model.n_features_in_ = about["n_features_in"]
-        if about["feature_names_in"] is not None:
-            model.feature_names_in_ = np.array(about["feature_names_in"], dtype=object)
+        restore_columns(model, about)
         model.n_rounds_, model.start_ = about["n_rounds"], about["start"]
         model.correlation_parameter_ = about["correlation_parameter"]
         model.booster_ = booster_of(arrays["booster"])
@@ -479,23 +350,9 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):  # type: ignore[misc]  #
         model.learning_curve_ = pd.DataFrame(arrays["learning_curve"], columns=["round", "fold", "error"])
         return model
 
-    def _prepared(self, X: Any, y: Any, groups: Any) -> tuple[_Sample, Clusters, Floats, int]:
+    def _prepared(self, X: Any, y: Any, groups: Any) -> tuple[Sample, Clusters, Floats, int]:
         checked(self, _ALLOWED)
-        rows, target = validated(self, X, y, reset=True)
-        assert target is not None
-        clusters = Clusters.of(groups, len(rows))
-        kept = thinned_rows(clusters.codes, self.max_rows_per_group)
-        codes = clusters.codes[kept]
-        categorical = self.columns_.categorical_positions(column_names(self))
-        sample = _Sample(
-            grower=TreeGrower(rows[kept], categorical, self.max_bins),
-            y=target[kept],
-            codes=codes,
-            weight=row_weights(codes, self.group_weight),
-            loss=GroupLoss(target[kept], codes, self.loss, self.score_rows),
-            n_groups=clusters.n_groups,
-        )
-        return sample, clusters, rows, seed_of(self.random_state)
+        return (*prepared(self, X, y, groups), seed_of(self.random_state))
 
     def _base(self) -> dict[str, Any]:
         return {name: getattr(self, name) for name in _SETTINGS}
@@ -509,101 +366,51 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):  # type: ignore[misc]  #
         total = sum_of_trees(self.booster_, rows, 0, int((~lone).sum()))
         return np.asarray(self.start_ + total + self.steps_[lone].sum())
 
-    def _keep(self, path: _Path) -> None:
+    def _keep(self, path: Path) -> None:
         self.start_ = path.start
-        self.booster_, self.position_, self.steps_ = _written(path)
+        self.booster_, self.position_, self.steps_ = written(path)
 
     def _predicted(
-        self, sample: _Sample, setting: dict[str, Any], allowed: Bools, n_rounds: int, seed: int, rows: Floats
+        self, sample: Sample, setting: dict[str, Any], allowed: Bools, n_rounds: int, seed: int, rows: Floats
     ) -> Floats:
         """Fit the allowed groups and predict `rows`."""
-        path = self._boost(sample, setting, allowed, n_rounds, seed)
-        booster, position, steps = _written(path)
+        path = boost(sample, setting, allowed, n_rounds, seed, start=self.start)
+        booster, position, steps = written(path)
         total = sum_of_trees(booster, rows, 0, int((position >= 0).sum()))
         return np.asarray(path.start + total + steps[position < 0].sum())
 
-    def _boost(
-        self,
-        sample: _Sample,
-        setting: dict[str, Any],
-        allowed: Bools,
-        n_rounds: int,
-        seed: int,
-        scored: Sequence[Ints] = (),
-    ) -> _Path:
-        """Boost on the allowed groups; with `scored` sets of groups, stop once all of them stopped improving."""
-        inside = allowed[sample.codes]
-        weight = np.where(inside, sample.weight, 0.0)
-        y = np.where(inside, sample.y, 0.0)
-        shape = TreeShape(**{name: setting[name] for name in TreeShape.__dataclass_fields__})
-        path = _Path(0.0, sample.grower.start(shape))
-        working = WorkingCorrelation(setting["correlation"], sample.codes, weight)
-        if self.start == "mean":
-            working.estimate(np.where(inside, y - np.average(y, weights=weight), 0.0))
-            one = np.zeros(y.size, dtype=np.int64)
-            path.start = float(working.solve(y).sum() / working.normal_matrix(one, 1)[0, 0])
-        fitted = np.full(y.size, path.start)
-        rng = np.random.default_rng([seed, 2])
-        for _ in range(n_rounds):
-            drawn = rng.random(sample.n_groups) < setting["subsample"]
-            tree_seed = int(rng.integers(1, 2**31 - 1))
-            residual = np.where(inside, y - fitted, 0.0)
-            working.estimate(residual)
-            round_weight = weight
-            if setting["subsample"] < 1.0 and (drawn & allowed).any():
-                round_weight = np.where(drawn[sample.codes], weight, 0.0)
-            fitted = fitted + self._round(path, working, residual, round_weight, setting, tree_seed, sample)
-            if scored:
-                path.losses.append(sample.loss(fitted))
-                if all(_stopped(path.losses, groups, self.patience) for groups in scored):
-                    break
-        path.rho = working.rho
-        return path
-
-    def _round(
-        self,
-        path: _Path,
-        working: WorkingCorrelation,
-        residual: Floats,
-        weight: Floats,
-        setting: dict[str, Any],
-        tree_seed: int,
-        sample: _Sample,
-    ) -> Floats:
-        """Add a tree; the step of every row of the sample."""
-        current = working
-        if weight is not working.weight:
-            current = WorkingCorrelation(working.kind, working.codes, weight)
-            current.rho = working.rho
-        gradient = current.solve(residual)
-        path.trees.grow(gradient, weight, tree_seed)
-        leaf = path.trees.leaves(sample.grower.X, first=len(path.trees.position) - 1)[0]
-        n_leaves = int(leaf.max()) + 1
-        normal = current.normal_matrix(leaf, n_leaves)
-        empty = np.diag(normal) <= 0
-        normal[empty, empty] = 1.0
-        score = np.bincount(leaf, gradient, n_leaves)
-        values = setting["learning_rate"] * np.linalg.solve(normal, score)
-        path.values.append(values)
-        return np.asarray(values[leaf])
+    def _scored_path(
+        self, sample: Sample, setting: dict[str, Any], inside: Bools, seed: int, scored: Sequence[Ints]
+    ) -> Path:
+        """Boost some groups, scoring others, until the others stop improving."""
+        return boost(
+            sample,
+            setting,
+            inside,
+            self.n_rounds,
+            seed,
+            start=self.start,
+            patience=self.patience,
+            scored=scored,
+        )
 
     def _fold_errors(
-        self, sample: _Sample, setting: dict[str, Any], block: Ints, allowed: Bools, seed: int
+        self, sample: Sample, setting: dict[str, Any], block: Ints, allowed: Bools, seed: int
     ) -> Floats:
         """Loss of each group after each round when its block is left out, shape (n_rounds, n_groups)."""
-        errors = np.full((self.n_rounds + 1, sample.n_groups), np.nan)
+        errors = np.full((self.n_rounds, sample.n_groups), np.nan)
         for left_out in np.unique(block[allowed]):
             inside = allowed & (block != left_out)
             groups = np.flatnonzero(allowed & (block == left_out))
             if not inside.any():
                 continue
-            path = self._boost(sample, self._base() | setting, inside, self.n_rounds, seed, [groups])
-            _fill(errors, path, groups, self.patience)
-        return errors[1:]
+            path = self._scored_path(sample, self._base() | setting, inside, seed, [groups])
+            fill_losses(errors, path, groups, path.ends[0])
+        return errors
 
     def _shared_choices(
         self,
-        sample: _Sample,
+        sample: Sample,
         settings: list[dict[str, Any]],
         fold_of_group: Ints,
         n_folds: int,
@@ -632,16 +439,16 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):  # type: ignore[misc]  #
         return [chosen[b] for b in block_of_fold]
 
     def _pair_errors(
-        self, sample: _Sample, setting: dict[str, Any], block: Ints, pair: tuple[int, int], seed: int
+        self, sample: Sample, setting: dict[str, Any], block: Ints, pair: tuple[int, int], seed: int
     ) -> tuple[Floats, Floats]:
         """Losses by round of the groups of two blocks, by a model without both."""
         scored = [np.flatnonzero(block == b) for b in pair]
         inside = (block != pair[0]) & (block != pair[1])
-        errors = np.full((self.n_rounds + 1, sample.n_groups), np.nan)
-        path = self._boost(sample, setting, inside, self.n_rounds, seed, scored)
-        for groups in scored:
-            _fill(errors, path, groups, self.patience)
-        return errors[1:, scored[0]], errors[1:, scored[1]]
+        errors = np.full((self.n_rounds, sample.n_groups), np.nan)
+        path = self._scored_path(sample, setting, inside, seed, scored)
+        for groups, end in zip(scored, path.ends, strict=True):
+            fill_losses(errors, path, groups, end)
+        return errors[:, scored[0]], errors[:, scored[1]]
 
 
 _ALLOWED = {
@@ -652,7 +459,7 @@ _ALLOWED = {
     "min_leaf_weight": ("a number >= 0", lambda v: v >= 0),
     "max_features": ("a share in (0, 1]", lambda v: 0 < v <= 1),
     "subsample": ("a share in (0, 1]", lambda v: 0 < v <= 1),
-    "correlation": ("one of " + ", ".join(_LARGEST), lambda v: v in _LARGEST),
+    "correlation": ("one of " + ", ".join(LARGEST), lambda v: v in LARGEST),
     "start": ("'mean' or 'zero'", lambda v: v in ("mean", "zero")),
     "group_weight": ("'equal' or 'rows'", lambda v: v in ("equal", "rows")),
     "max_rows_per_group": ("None or an integer >= 1", lambda v: v is None or v >= 1),
@@ -671,28 +478,6 @@ _ALLOWED = {
 def _blocks(n: int, n_blocks: int, seed: int) -> Ints:
     """Assign n items at random to blocks of nearly equal size."""
     return np.random.default_rng([seed, 3]).permutation(np.arange(n) % min(n, n_blocks))
-
-
-def _stopped(losses: list[Floats], groups: Ints, patience: int) -> bool:
-    """Whether the last `patience` rounds brought no improvement for these groups."""
-    curve = (
-        np.array([loss[groups].mean() for loss in losses[-patience - 1 :]])
-        if len(losses) > patience
-        else None
-    )
-    return curve is not None and bool(curve[1:].min() >= curve[0])
-
-
-def _fill(errors: Floats, path: _Path, groups: Ints, patience: int) -> None:
-    """Write the losses of `groups` up to the round where they alone would have stopped."""
-    curve = np.array(path.losses)[:, groups]
-    mean = curve.mean(axis=1)
-    end = len(curve)
-    for t in range(patience, len(curve)):
-        if mean[t - patience + 1 : t + 1].min() >= mean[t - patience]:
-            end = t + 1
-            break
-    errors[1 : end + 1, groups] = curve[:end]
 
 
 def _choice(errors: Sequence[Floats]) -> tuple[int, int]:
@@ -719,13 +504,3 @@ def _learning_curve(errors: Floats, block: Ints) -> pd.DataFrame:
             pd.DataFrame({"round": np.flatnonzero(reached) + 1, "fold": fold, "error": curve[reached]})
         )
     return pd.concat(parts, ignore_index=True)
-
-
-def _written(path: _Path) -> tuple[Any, Ints, Floats]:
-    """Booster with the leaf values of the path, tree -> its place there, first value of each tree."""
-    position = np.array(path.trees.position, dtype=np.int64)
-    for place, values in zip(position, path.values, strict=True):
-        if place >= 0:
-            for leaf, value in enumerate(values):
-                path.trees.booster.set_leaf_output(int(place), leaf, float(value))
-    return path.trees.booster, position, np.array([values[0] for values in path.values])

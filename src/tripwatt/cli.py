@@ -9,8 +9,9 @@ import json
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -157,7 +158,7 @@ def fetch(
         typer.echo(json.dumps({"where": where_to_get(dataset)}) if as_json else where_to_get(dataset))
         return
     report = check_folder(folder, dataset)
-    typer.echo(json.dumps(report.as_dict()) if as_json else report.text())
+    typer.echo(json.dumps(asdict(report)) if as_json else str(report))
     if not report.complete:
         raise typer.Exit(1)
 
@@ -213,7 +214,7 @@ def _console(stream: object = None) -> Console:
 
 
 @contextmanager
-def _progress(console: Console) -> Iterator[object]:
+def _progress(console: Console) -> Iterator[Callable[[int, int], None]]:
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,

@@ -28,8 +28,8 @@ GRID_SPACING_M: Final = 4.0
 SLOWEST_SHARE: Final = 0.4
 """Share of the aimed speed that fluctuation never goes below: a stop is a matter of the route, not of unsteadiness."""
 
-PEDAL_LENGTH_M: Final = 15.0
-"""Distance [m] over which the pressure on a pedal changes while speeding up or braking."""
+PEDAL_TIME_S: Final = 1.5
+"""Time [s] at the links' speed over which the pressure on a pedal changes while speeding up or braking."""
 
 LEAST_EFFORT: Final = 0.3
 """Share of the comfortable acceleration that the pressure never goes below."""
@@ -57,8 +57,8 @@ class DriverStyle:
     fluctuation : float
         Standard deviation of the aimed speed's logarithm; the pressure on the pedals varies with it. 0 is a perfectly
         steady foot.
-    fluctuation_length_m : float
-        Distance [m] over which the fluctuation forgets itself.
+    fluctuation_time_s : float
+        Time [s] at the links' speed over which the fluctuation forgets itself.
     dwell_mean_s : float
         Mean standstill at a stop [s].
     """
@@ -68,7 +68,7 @@ class DriverStyle:
     half_acceleration_speed_m_s: float = 20.0
     speed_share: float = 0.97
     fluctuation: float = 0.06
-    fluctuation_length_m: float = 120.0
+    fluctuation_time_s: float = 10.0
     dwell_mean_s: float = 20.0
 
     def __post_init__(self) -> None:
@@ -209,9 +209,10 @@ def speed_profile(
     ends = np.cumsum(cells)
     position = np.concatenate(([0.0], np.cumsum(np.repeat(length / cells, cells))))
     allowed = _allowed_at_nodes(np.repeat(speed, cells))
+    at_speed_s = np.concatenate(([0.0], np.cumsum(np.repeat(length / cells / speed, cells))))
     if rng is not None:
-        steadiness = np.exp(style.fluctuation * _smooth_noise(position, style.fluctuation_length_m, rng))
-        pressure = 1.0 - 2.0 * style.fluctuation * (1.0 + _smooth_noise(position, PEDAL_LENGTH_M, rng))
+        steadiness = np.exp(style.fluctuation * _smooth_noise(at_speed_s, style.fluctuation_time_s, rng))
+        pressure = 1.0 - 2.0 * style.fluctuation * (1.0 + _smooth_noise(at_speed_s, PEDAL_TIME_S, rng))
         effort = np.clip(pressure[1:], LEAST_EFFORT, 1.0)
     else:
         steadiness, effort = np.ones_like(position), None
@@ -304,40 +305,38 @@ def _allowed_at_nodes(cell_speed: FloatArray) -> FloatArray:
     return np.minimum(padded[1:], padded[:-1])
 
 
-def _smooth_noise(position_m: FloatArray, length_m: float, rng: np.random.Generator) -> FloatArray:
-    return np.interp(position_m, *smooth_field(float(position_m[-1]), length_m, rng))
+def _smooth_noise(at: FloatArray, memory: float, rng: np.random.Generator) -> FloatArray:
+    return np.interp(at, *smooth_field(float(at[-1]), memory, rng))
 
 
-def smooth_field(
-    distance_m: float, length_m: float, rng: np.random.Generator
-) -> tuple[FloatArray, FloatArray]:
-    """A smooth random function of distance with mean 0 and variance 1 on a regular grid. O(distance / length).
+def smooth_field(extent: float, memory: float, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """A smooth random function of distance or time, mean 0 and variance 1, on a regular grid. O(extent / memory).
 
     A stationary Gaussian process with the once differentiable covariance `(1 + d/l) exp(-d/l)` (Matérn 3/2), as an
     autoregression of order two on ten points per length.
 
     Parameters
     ----------
-    distance_m : float
-        End of the grid [m], at least.
-    length_m : float
-        Correlation length `l` [m].
+    extent : float
+        End of the grid, at least.
+    memory : float
+        Correlation length `l`, in the unit of `extent`.
     rng : numpy.random.Generator
 
     Returns
     -------
-    position_m, value : ndarrays of equal shape
-        Grid from 0 [m] and the function's values there.
+    position, value : ndarrays of equal shape
+        Grid from 0 and the function's values there.
     """
     from scipy.signal import lfilter
 
     points_per_length, burn_in = 10, 80
-    n = math.ceil(distance_m / length_m * points_per_length) + 2
+    n = math.ceil(extent / memory * points_per_length) + 2
     pole = math.exp(-1.0 / points_per_length)
     # variance of 1 / (1 - p z)² driven by white noise of variance 1
     variance = (1.0 + pole**2) / (1.0 - pole**2) ** 3
     raw = lfilter([1.0], [1.0, -2.0 * pole, pole**2], rng.standard_normal(n + burn_in))[burn_in:]
-    position = np.arange(n, dtype=np.float64) * (length_m / points_per_length)
+    position = np.arange(n, dtype=np.float64) * (memory / points_per_length)
     return position, np.asarray(raw / math.sqrt(variance), dtype=np.float64)
 
 

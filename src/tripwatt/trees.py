@@ -1,7 +1,6 @@
-"""What the two tree learners for clustered data share: columns, groups, rows, losses and the trees themselves.
+"""What the two tree learners for clustered rows share: the trees, the sample they grow on, checks and storage.
 
-Rows come in groups (subjects, sites, sessions ...). Everything here treats the group as the unit: it weighs,
-it is drawn, it is scored. The trees are LightGBM's; only its histogram tree is used, one tree per call, with
+The trees are LightGBM's; only its histogram tree is used, one tree per call, with
 gradients and weights of our own.
 """
 
@@ -9,208 +8,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 from sklearn.utils import check_random_state
-from sklearn.utils.validation import check_consistent_length, validate_data
+from sklearn.utils.validation import validate_data
 
+from tripwatt.clusters import Clusters, Columns, Floats, GroupLoss, Ints, row_weights, thinned_rows
 from tripwatt.errors import Fault, InvalidInput
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
-Bools = npt.NDArray[np.bool_]
-Loss = Literal["squared", "absolute"] | Callable[[Floats, Floats], float]
-ScoreRows = Literal["all", "last"]
-
-
-@dataclass(frozen=True)
-class Columns:
-    """How the columns of a table become numbers: levels by column name, learned once.
-
-    Attributes
-    ----------
-    levels : dict
-        Column name -> its levels, in the order of their codes. Other columns are numeric.
-
-    Examples
-    --------
-    >>> table = pd.DataFrame({"dose": [1.0, 2.0], "site": ["a", "b"]})
-    >>> columns = Columns.of(table)
-    >>> columns.encode(pd.DataFrame({"dose": [3.0], "site": ["elsewhere"]})).to_numpy()
-    array([[ 3., nan]])
-    """
-
-    levels: dict[str, list[Any]] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, X: Any) -> Columns:
-        """Learn the levels of the non-numeric columns of `X` (anything but a DataFrame has none)."""
-        if not isinstance(X, pd.DataFrame):
-            return cls()
-        levels: dict[str, list[Any]] = {}
-        for name in X.columns:
-            column = X[name]
-            if isinstance(column.dtype, pd.CategoricalDtype):
-                levels[str(name)] = column.cat.categories.tolist()
-            elif not pd.api.types.is_numeric_dtype(column.dtype):
-                levels[str(name)] = sorted(column.dropna().unique().tolist(), key=str)
-        return cls(levels)
-
-    def encode(self, X: Any) -> Any:
-        """Numbers for levels; a level that was not learned, and a missing one, become NaN."""
-        if not isinstance(X, pd.DataFrame):
-            return X
-        encoded = {}
-        faults = []
-        for name in X.columns:
-            known = self.levels.get(str(name))
-            if known is not None:
-                codes = pd.Index(known).get_indexer(pd.Index(X[name]))
-                encoded[name] = np.where(codes < 0, np.nan, codes.astype(float))
-                continue
-            try:
-                encoded[name] = X[name].to_numpy(dtype=float, na_value=np.nan)
-            except (TypeError, ValueError):
-                faults.append(
-                    Fault("a column of text where numbers were learned", f"column {name}", str(X[name].dtype))
-                )
-        if faults:
-            raise InvalidInput(faults)
-        return pd.DataFrame(encoded, index=X.index, columns=X.columns)
-
-    def categorical_positions(self, names: Sequence[str]) -> list[int]:
-        """Positions of the columns with levels."""
-        return [position for position, name in enumerate(names) if name in self.levels]
-
-
-@dataclass(frozen=True)
-class Clusters:
-    """Which group each row belongs to.
-
-    Attributes
-    ----------
-    labels : ndarray of shape (n_groups,)
-        The groups, sorted.
-    codes : ndarray of shape (n_rows,)
-        Position of each row's group in `labels`.
-    """
-
-    labels: npt.NDArray[Any]
-    codes: Ints
-
-    @classmethod
-    def of(cls, groups: Any, n_rows: int) -> Clusters:
-        """Read `groups`, one label a row; None makes each row its own group."""
-        if groups is None:
-            return cls(np.arange(n_rows), np.arange(n_rows))
-        values = np.asarray(groups)
-        check_consistent_length(values, np.empty(n_rows))
-        codes, labels = pd.factorize(pd.Series(values.ravel()), sort=True)
-        if (codes < 0).any():
-            rows = np.flatnonzero(codes < 0)
-            raise InvalidInput(
-                Fault("missing group label", f"row {rows[0]}", f"{rows.size} missing", "a label")
-            )
-        return cls(np.asarray(labels), codes.astype(np.int64))
-
-    @property
-    def n_groups(self) -> int:
-        """Number of groups."""
-        return len(self.labels)
-
-
-def thinned_rows(codes: Ints, max_rows: int | None) -> Ints:
-    """Rows to learn from, group after group: at most `max_rows` of each, evenly spaced, first and last kept.
-
-    Parameters
-    ----------
-    codes : ndarray of shape (n_rows,)
-        Group of each row.
-    max_rows : int or None
-        Most rows of a group; None keeps all.
-
-    Returns
-    -------
-    ndarray
-        Row numbers, sorted by group, within a group in the order of the input.
-
-    Examples
-    --------
-    >>> thinned_rows(np.array([0, 1, 0, 0, 0, 0]), 3)
-    array([0, 3, 5, 1])
-    """
-    order = np.argsort(codes, kind="stable")
-    if max_rows is None:
-        return order
-    sizes = np.bincount(codes)
-    starts = np.cumsum(sizes) - sizes
-    kept = [
-        start + np.unique(np.linspace(0, size - 1, min(size, max_rows)).round().astype(np.int64))
-        if max_rows > 1
-        else np.array([start + size - 1])
-        for start, size in zip(starts[sizes > 0], sizes[sizes > 0], strict=True)
-    ]
-    return np.asarray(order[np.concatenate(kept)])
-
-
-def row_weights(codes: Ints, group_weight: Literal["equal", "rows"]) -> Floats:
-    """Weight of each row, in groups: an average group weighs 1.
-
-    `equal` gives each group the total 1, `rows` gives each row the same weight.
-
-    Examples
-    --------
-    >>> row_weights(np.array([0, 0, 0, 1]), "equal").round(2)
-    array([0.33, 0.33, 0.33, 1.  ])
-    >>> row_weights(np.array([0, 0, 0, 1]), "rows")
-    array([0.5, 0.5, 0.5, 0.5])
-    """
-    sizes = np.bincount(codes)
-    if group_weight == "equal":
-        return np.asarray(1.0 / sizes[codes])
-    return np.full(codes.size, np.count_nonzero(sizes) / codes.size)
-
-
-class GroupLoss:
-    """Error of a prediction by group, so that each group weighs the same.
-
-    Parameters
-    ----------
-    y : ndarray of shape (n_rows,)
-        Truth, rows sorted by group.
-    codes : ndarray of shape (n_rows,)
-        Group of each row, ascending.
-    loss : {"squared", "absolute"} or callable
-        Mean over the rows of a group, or `loss(y_group, prediction_group) -> float`.
-    score_rows : {"all", "last"}
-        Rows of a group that count.
-    """
-
-    def __init__(self, y: Floats, codes: Ints, loss: Loss, score_rows: ScoreRows) -> None:
-        last = np.r_[codes[1:] != codes[:-1], True]
-        self.rows = np.arange(codes.size) if score_rows == "all" else np.flatnonzero(last)
-        self.y = y[self.rows]
-        self.loss = loss
-        self.codes = codes[self.rows]
-        self.starts = np.flatnonzero(np.r_[True, self.codes[1:] != self.codes[:-1]])
-        self.sizes = np.diff(np.r_[self.starts, self.codes.size])
-
-    def __call__(self, prediction: Floats) -> Floats:
-        """Loss of each group, shape (..., n_groups), of predictions of shape (..., n_rows)."""
-        at_rows = prediction[..., self.rows]
-        if callable(self.loss):
-            loss = self.loss
-            pieces = [slice(start, start + size) for start, size in zip(self.starts, self.sizes, strict=True)]
-            flat = at_rows.reshape(-1, self.rows.size)
-            values = np.array([[float(loss(self.y[p], row[p])) for p in pieces] for row in flat])
-            return np.asarray(values.reshape(*at_rows.shape[:-1], self.sizes.size))
-        error = at_rows - self.y
-        error = error * error if self.loss == "squared" else np.abs(error)
-        return np.asarray(np.add.reduceat(error, self.starts, axis=-1) / self.sizes)
 
 
 @dataclass(frozen=True)
@@ -260,6 +68,7 @@ class TreeGrower:
         import lightgbm
 
         self.X = X
+        self._arguments = (X, categorical, max_bins)
         parameters = {
             "max_bin": int(max_bins),
             "min_data_in_bin": 1,
@@ -271,16 +80,20 @@ class TreeGrower:
             X, np.zeros(len(X)), categorical_feature=categorical, params=parameters, free_raw_data=False
         )
         self._data.construct()
+        self._barren = all(self._data.feature_num_bin(column) < 2 for column in range(X.shape[1]))
+
+    def __reduce__(self) -> tuple[type[TreeGrower], tuple[Any, ...]]:
+        return (type(self), self._arguments)  # the library's handle cannot travel to another process
 
     def start(self, shape: TreeShape) -> Trees:
         """An empty sequence of trees of one shape on this table."""
-        return Trees(self._data, shape)
+        return Trees(None if self._barren else self._data, shape)
 
 
 class Trees:
     """A growing sequence of trees; tree `t` may be a lone leaf, which the library does not keep."""
 
-    def __init__(self, data: Any, shape: TreeShape) -> None:
+    def __init__(self, data: Any | None, shape: TreeShape) -> None:
         self._data = data
         self._parameters = shape.parameters()
         self._reseed = shape.max_features < 1.0
@@ -290,7 +103,7 @@ class Trees:
     def _restart(self) -> None:
         import lightgbm
 
-        self.booster = lightgbm.Booster(self._parameters, self._data)
+        self.booster: Any = None if self._data is None else lightgbm.Booster(self._parameters, self._data)
         self._n_kept = 0
 
     def grow(self, gradient: Floats, weight: Floats, seed: int) -> bool:
@@ -298,6 +111,9 @@ class Trees:
 
         The seed restarts the draw of columns, so that a tree depends on nothing but its own arguments.
         """
+        if self.booster is None:  # no column has two values
+            self.position.append(-1)
+            return False
         if self._reseed:
             self.booster.reset_parameter({"feature_fraction_seed": seed})
         finished = self.booster.update(fobj=lambda _prediction, _data: (-gradient, weight))
@@ -327,6 +143,71 @@ class Trees:
         return result
 
 
+@dataclass(frozen=True)
+class Sample:
+    """The rows that are learned from, sorted by group, and how groups are scored.
+
+    Attributes
+    ----------
+    grower : TreeGrower
+        Trees on the covariates.
+    y, codes, weight : ndarray of shape (n_rows,)
+        Target, group and weight of each row.
+    loss : GroupLoss
+        Error by group.
+    n_groups : int
+        Number of groups.
+    """
+
+    grower: TreeGrower
+    y: Floats
+    codes: Ints
+    weight: Floats
+    loss: GroupLoss
+    n_groups: int
+
+
+def prepared(estimator: Any, X: Any, y: Any, groups: Any) -> tuple[Sample, Clusters, Floats]:
+    """Check the input of `fit`, thin it and bin it: the sample, the groups of all rows, all encoded rows."""
+    rows, target = validated(estimator, X, y, reset=True)
+    assert target is not None
+    clusters = Clusters.of(groups, len(rows))
+    kept = thinned_rows(clusters.codes, estimator.max_rows_per_group)
+    codes = clusters.codes[kept]
+    categorical = estimator.columns_.categorical_positions(column_names(estimator))
+    sample = Sample(
+        grower=TreeGrower(rows[kept], categorical, estimator.max_bins),
+        y=target[kept],
+        codes=codes,
+        weight=row_weights(codes, estimator.group_weight),
+        loss=GroupLoss(target[kept], codes, estimator.loss, estimator.score_rows),
+        n_groups=clusters.n_groups,
+    )
+    return sample, clusters, rows
+
+
+def about_columns(estimator: Any) -> dict[str, Any]:
+    """What a fitted estimator knows of its columns and settings, as JSON knows it."""
+    settings = estimator.get_params(deep=False)
+    return {
+        # what JSON cannot hold is left out, so that its default stands
+        "settings": {k: plain(v) for k, v in settings.items() if v is None or plain(v) is not None},
+        "best_params": plain(estimator.best_params_),
+        "levels": plain(estimator.columns_.levels),
+        "n_features_in": int(estimator.n_features_in_),
+        "feature_names_in": plain(getattr(estimator, "feature_names_in_", None)),
+    }
+
+
+def restore_columns(estimator: Any, about: Mapping[str, Any]) -> None:
+    """Reverse of `about_columns`, on an unfitted estimator of the same settings."""
+    estimator.best_params_ = about["best_params"]
+    estimator.columns_ = Columns(about["levels"])
+    estimator.n_features_in_ = about["n_features_in"]
+    if about["feature_names_in"] is not None:
+        estimator.feature_names_in_ = np.array(about["feature_names_in"], dtype=object)
+
+
 def sum_of_trees(booster: Any, X: Floats, first: int, n_trees: int) -> Floats:
     """Sum of `n_trees` trees of a booster from tree `first` on, shape (n_rows,)."""
     if n_trees <= 0 or booster is None:
@@ -348,7 +229,7 @@ def validated(estimator: Any, X: Any, y: Any, *, reset: bool) -> tuple[Floats, F
         estimator.columns_ = Columns.of(X)
     encoded = estimator.columns_.encode(X)
     options: dict[str, Any] = {"dtype": np.float64, "ensure_all_finite": "allow-nan", "reset": reset}
-    if y is None:
+    if not reset:
         return validate_data(estimator, encoded, **options), None
     encoded, target = validate_data(estimator, encoded, y, y_numeric=True, **options)
     return encoded, np.asarray(target, dtype=float)
@@ -470,32 +351,6 @@ def plain(value: Any) -> Any:
     return value if value is None or isinstance(value, bool | int | float | str) else None
 
 
-def mean_over_groups(losses: Floats) -> float:
-    """Mean of the groups that have a loss; infinite if none has."""
-    known = losses[~np.isnan(losses)]
-    return float(known.mean()) if known.size else np.inf
-
-
 def seed_of(random_state: Any) -> int:
     """An integer seed out of whatever scikit-learn takes for one."""
     return int(check_random_state(random_state).randint(2**31 - 2))
-
-
-def folds_of(folds: Any, clusters: Clusters) -> tuple[npt.NDArray[Any], Ints]:
-    """Labels of the folds and the fold of each group."""
-    if folds is None:
-        return clusters.labels, np.arange(clusters.n_groups)
-    by_row = Clusters.of(folds, clusters.codes.size)
-    fold_of_group = np.zeros(clusters.n_groups, dtype=np.int64)
-    fold_of_group[clusters.codes] = by_row.codes
-    torn = clusters.labels[np.unique(clusters.codes[fold_of_group[clusters.codes] != by_row.codes])]
-    if torn.size:
-        raise InvalidInput(
-            [
-                Fault(
-                    "a group lies in two folds", f"group {label}", allowed="one fold for all rows of a group"
-                )
-                for label in torn
-            ]
-        )
-    return by_row.labels, fold_of_group

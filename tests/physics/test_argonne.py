@@ -1,8 +1,10 @@
 """The i3 against Argonne's dynamometer, from -18 to +36 °C."""
 
+from pathlib import Path
+
 import pandas as pd
 import pytest
-from benchmarks.argonne import argonne_rows, summary
+from benchmarks.argonne import argonne_rows, render_rows, summary, with_rows
 
 
 @pytest.fixture(scope="module")
@@ -19,3 +21,10 @@ def test_every_warm_row_within_eight_percent(rows) -> None:
 def test_mean_absolute_error_over_all_temperatures(rows) -> None:
     assert len(rows) == 31
     assert summary(rows)["mean_absolute_error"] <= 0.12
+
+
+def test_the_documented_rows_are_those_of_now(rows) -> None:
+    page = (Path(__file__).resolve().parents[2] / "docs" / "argonne.md").read_text("utf-8")
+    assert with_rows(page, render_rows(rows)) == page, (
+        "run: python -m benchmarks.argonne --write docs/argonne.md"
+    )

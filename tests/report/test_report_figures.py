@@ -170,12 +170,14 @@ def test_plots_leave_the_settings_of_the_process_alone(folds: pd.DataFrame) -> N
 
 
 def test_terminal_table_has_every_model_of_every_evaluation(run: SimpleNamespace) -> None:
-    console = Console(width=140, record=True, file=io.StringIO())
+    console = Console(width=80, record=True, file=io.StringIO())
     console.print(render_table(run.results))
     text = console.export_text()
     for evaluation in run.results["evaluations"]:
         for score in evaluation["models"].values():
             assert f"{100 * score['mape']:.1f}" in text
+            assert f"{100 * score['mape_ci95'][0]:.1f}–{100 * score['mape_ci95'][1]:.1f}" in text
+    assert "…" not in text  # fits a terminal of 80 columns
     assert "synthetic" not in text
     console.print(render_table({**run.results, "dataset": "synthetic"}))
     assert "synthetic" in console.export_text()

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.hybrid import DataOnly, EnergyModel, EnergyRegression, HybridModel, PhysicsOnly
+from tripwatt.hybrid import DataOnly, EnergyModel, EnergyRegression, HybridModel, PhysicsOnly, Table2Corrector
 
 PHYSICS_PRESETS: Final[Mapping[str, str]] = MappingProxyType({"physics-paper": "paper", "physics": "default"})
 """Name of the simulated energy -> preset of the vehicle."""
@@ -51,6 +51,8 @@ class ModelSpec:
                 from tripwatt.forest import ClusteredForest
 
                 return HybridModel(ClusteredForest(random_state=seed), "physics-paper", shares_folds=True)
+            case "gamm":
+                return HybridModel(Table2Corrector(), "physics-paper")
             case "boosting":
                 from tripwatt.boosting import ClusteredBoosting
 
@@ -69,6 +71,7 @@ PAPER_MODELS: Final = (
     ModelSpec("physics-paper", "physics as in the paper"),
     ModelSpec("physics", "physics, default preset"),
     ModelSpec("physics4", "default physics + 4 coefficients"),
+    ModelSpec("gamm", "hybrid, GAMM with Student's t errors"),
     ModelSpec("forest", "hybrid, clustered forest"),
     ModelSpec("boosting", "hybrid, clustered boosting"),
     ModelSpec("boosting-only", "boosting without physics"),

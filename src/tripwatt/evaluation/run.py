@@ -11,7 +11,7 @@ import json
 import time
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -165,9 +165,11 @@ def _run_folds(
     progress: Progress | None,
 ) -> list[FoldResult]:
     results: list[FoldResult] = []
-    total = sum(int(e.folds.max()) + 1 for e in evaluations) * len(specs)
+    same_as = _first_alike(evaluations)
+    own = [(index, evaluation) for index, evaluation in enumerate(evaluations) if same_as[index] == index]
+    total = sum(int(e.folds.max()) + 1 for _, e in own) * len(specs)
     tasks: list[_Task] = []
-    for index, evaluation in enumerate(evaluations):
+    for index, evaluation in own:
         for spec in specs:
             done = store.load(index, spec.name)
             results.extend(done)
@@ -185,7 +187,16 @@ def _run_folds(
         finished += len(found)
         if progress:
             progress(finished, total)
+    for index, first in enumerate(same_as):
+        if first != index:
+            results.extend([replace(r, evaluation=index) for r in results if r.evaluation == first])
     return results
+
+
+def _first_alike(evaluations: Sequence[Evaluation]) -> list[int]:
+    """For each evaluation the first one with the same trips in the same folds: it is run once."""
+    keys = [(e.table.digest(), e.folds.tobytes()) for e in evaluations]
+    return [keys.index(key) for key in keys]
 
 
 def _tasks(

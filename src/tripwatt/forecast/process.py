@@ -1,5 +1,4 @@
-"""The residual power of a trip as a Gaussian process over its blocks: what is unknown before departure, and how
-measurements on the way shrink it.
+"""The residual power of a trip as a Gaussian process over its blocks, shrunk by what is measured on the way.
 
 The residual power of block t is ``r_t = sum_j u_j a_tj + o_t + w_t``: whole-trip effects `u` (driver, wind, load,
 climate), each 0 for a new trip and known better with every block that was driven; a slowly varying part `o`
@@ -82,7 +81,9 @@ class ResidualProcess:
         """Log density of the residual power of one trip. O(blocks^3)."""
         factor = np.linalg.cholesky(self.covariance(blocks))
         white = np.linalg.solve(factor, residual_w)
-        return float(-0.5 * white @ white - np.log(np.diag(factor)).sum() - 0.5 * len(blocks) * np.log(2 * np.pi))
+        return float(
+            -0.5 * white @ white - np.log(np.diag(factor)).sum() - 0.5 * len(blocks) * np.log(2 * np.pi)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,9 +117,13 @@ class Belief:
         scale = np.sqrt(np.diag(total))
         gain = np.linalg.solve(total / np.outer(scale, scale), (cross / scale).T).T / scale
         covariance = self.covariance_w2 - gain @ cross.T
-        return Belief(self.mean_w + gain @ (observed - weights @ self.mean_w), 0.5 * (covariance + covariance.T))
+        return Belief(
+            self.mean_w + gain @ (observed - weights @ self.mean_w), 0.5 * (covariance + covariance.T)
+        )
 
-    def energy_wh(self, step_s: FloatArray, cumulative: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+    def energy_wh(
+        self, step_s: FloatArray, cumulative: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
         """Mean and standard deviation of the cumulative residual energy at the end of each block [Wh]."""
         hours = step_s / 3600.0
         mean = np.cumsum(self.mean_w * hours)
@@ -132,7 +137,9 @@ def prior(process: ResidualProcess, blocks: Blocks) -> Belief:
     return Belief(np.zeros(len(blocks)), process.covariance(blocks))
 
 
-def fit_process(trips: Sequence[tuple[Blocks, FloatArray]], effects: int, start_sd: FloatArray) -> ResidualProcess:
+def fit_process(
+    trips: Sequence[tuple[Blocks, FloatArray]], effects: int, start_sd: FloatArray
+) -> ResidualProcess:
     """Maximum likelihood of the process over trips that its mean model has not seen.
 
     Parameters
@@ -154,7 +161,9 @@ def fit_process(trips: Sequence[tuple[Blocks, FloatArray]], effects: int, start_
 
     def process_of(logs: FloatArray) -> ResidualProcess:
         values = np.exp(logs)
-        return ResidualProcess(values[:effects], float(values[effects]), float(values[effects + 1]), float(values[-1]))
+        return ResidualProcess(
+            values[:effects], float(values[effects]), float(values[effects + 1]), float(values[-1])
+        )
 
     def cost(logs: FloatArray) -> float:
         # a weak pull to the start keeps an effect that no trip shows from running off to 0

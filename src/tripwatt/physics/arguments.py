@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -52,5 +53,5 @@ def argument_faults(
             worst = values.min() if values.min() < low else values.max()
             yield Fault("value out of range", name, f"{worst:g}", f"{low:g} to {high:g}")
     for name, (value, low, high) in scalars.items():
-        if not (np.isfinite(value) and low <= value <= high):
+        if not (math.isfinite(value) and low <= value <= high):
             yield Fault("value out of range", name, f"{value}", f"{low:g} to {high:g}")

@@ -49,7 +49,9 @@ CAUSES: Final = (
 UNKNOWN_AMBIENT_DEGC: Final = 20.0
 """Ambient temperature of a trip that does not say."""
 
-ACCEPTANCE_TOLERANCE: Final = 1e-4
+ACCEPTANCE_TOLERANCE: Final = 1e-3
+"""Share of the largest braking power; passes that agree to it have settled."""
+
 MOST_ACCEPTANCE_PASSES: Final = 6
 
 
@@ -408,6 +410,7 @@ def _drive_and_battery(
     acceptance = regeneration_acceptance(
         np.array([initial_soc]), np.array([initial_temperature]), vehicle.regeneration
     )
+    hardest = -float(wheel_power.min()) * vehicle.regeneration.fraction
     previous: BatteryRun | None = None
     for _ in range(MOST_ACCEPTANCE_PASSES):
         drive = propulsion(wheel_power, mean_speed, acceptance, vehicle.drivetrain, vehicle.regeneration)
@@ -421,6 +424,9 @@ def _drive_and_battery(
             shifted(initial_temperature, run.temperature_degc),
             vehicle.regeneration,
         )
+        lowest = min(float(settled.min()), float(acceptance.min()))
+        if hardest <= vehicle.regeneration.max_power_w * lowest:
+            break  # no braking in this trip meets the limit
         if float(np.abs(settled - acceptance).max()) < ACCEPTANCE_TOLERANCE:
             break
         acceptance = settled

@@ -25,12 +25,15 @@ class ModelStyle:
         `hybrid` = simulation + learned correction, `data` = learned without simulation.
     meaning : str
         One line for the legend of the table.
+    stands_on : str or None
+        The simulation that a hybrid corrects.
     """
 
     label: str
     colour: str
     kind: Kind
     meaning: str
+    stands_on: str | None = None
 
 
 MODELS: Final[Mapping[str, ModelStyle]] = MappingProxyType(
@@ -64,17 +67,30 @@ MODELS: Final[Mapping[str, ModelStyle]] = MappingProxyType(
             "#9a6a4f",
             "hybrid",
             "default simulation in place of distance, and the other three coefficients",
+            "physics",
         ),
         "forest": ModelStyle(
-            "Hybrid forest", "#1f8a5b", "hybrid", "paper preset + forest with subject-level bootstrap"
+            "Hybrid forest",
+            "#1f8a5b",
+            "hybrid",
+            "paper preset + forest with subject-level bootstrap",
+            "physics-paper",
         ),
-        "boosting": ModelStyle("Hybrid boosting", "#0072b2", "hybrid", "paper preset + marginal boosting"),
+        "boosting": ModelStyle(
+            "Hybrid boosting", "#0072b2", "hybrid", "paper preset + marginal boosting", "physics-paper"
+        ),
         "boosting-only": ModelStyle(
             "Boosting without physics", "#c2609c", "data", "the same boosting on the energy itself"
         ),
-        "gamm": ModelStyle("Hybrid GAMM", "#7d6bc6", "hybrid", "paper preset + GAMM with Student's t errors"),
+        "gamm": ModelStyle(
+            "Hybrid GAMM", "#7d6bc6", "hybrid", "paper preset + GAMM with Student's t errors", "physics-paper"
+        ),
         "hybrid": ModelStyle(
-            "Hybrid forecast", "#0f8797", "hybrid", "default physics + learned correction of its power"
+            "Hybrid forecast",
+            "#0f8797",
+            "hybrid",
+            "default physics + learned correction of its power",
+            "physics",
         ),
     }
 )

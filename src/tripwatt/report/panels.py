@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tripwatt.report import figures, sentences, tables
+from tripwatt.report.models import model_style
 from tripwatt.report.tables import Table
 from tripwatt.report.view import Record, View, of_evaluation
 
@@ -152,7 +153,7 @@ def _trips(view: View) -> tuple[Panel, ...]:
     along = Panel("trip-energy", "Energy along the trip", "No predictions along the trips were kept.")
     if selected:
         said = sentences.on_trip_energy(selected, best)
-        simulated = view.physics if view.physics != best else None
+        simulated = model_style(best).stands_on
         along = Panel(
             "trip-energy",
             "Energy along the best, the median and the worst trip",

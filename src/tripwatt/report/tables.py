@@ -66,10 +66,15 @@ def _unbroken(bounds: Sequence[float] | None) -> str:
     return f"({span(bounds)})" if bounds else ""
 
 
+def _names(view: View, evaluation: Record) -> list[str]:
+    models = evaluation.get("models") or {}
+    return [m for m in view.models if m in models] + [m for m in models if m not in view.models]
+
+
 def results_table(view: View, evaluation: Record, *, caption: str | None = None) -> Table:
     """One evaluation: a row per model, errors in percent, RMSE in kWh, the paper's mean beside ours."""
     models: Mapping[str, Record] = evaluation.get("models") or {}
-    names = [m for m in view.models if m in models] + [m for m in models if m not in view.models]
+    names = _names(view, evaluation)
     paper = view.paper_mape if evaluation.get("scheme") == "leave_one_trip_out" else {}
     columns = [
         "Model",
@@ -305,49 +310,49 @@ def render_table(results: Mapping[str, Any]) -> rich.table.Table:
     >>> table.row_count
     2
     """
+    import rich.box
     import rich.table
     from rich.text import Text
 
     view = View(results)
-    title = _labelled(view, "Error of the trip's energy")
+    wanted = {
+        "Mean error [%]": "Mean\n%",
+        "95 % interval": "95 %",
+        **({"The paper [%]": "Paper\n%"} if view.paper_mape else {}),
+        "Median [%]": "Median\n%",
+        "Max [%]": "Max\n%",
+        "Bias [%]": "Bias\n%",
+        "RMSE [kWh]": "RMSE\nkWh",
+        "Beats paper preset [% of trips]": "Better\n%",
+    }
     table = rich.table.Table(
-        title=Text(title), caption="interval: 95 % bootstrap over trips", title_justify="left"
+        title=Text(_labelled(view, "Error of the energy of a trip")),
+        caption="one trip left out at a time, or one day; 95 %: bootstrap over trips; better: than physics-paper",
+        title_justify="left",
+        caption_justify="left",
+        box=rich.box.SIMPLE,
+        padding=0,
+        pad_edge=False,
     )
-    paper = bool(view.paper_mape)
-    heads = [
-        "Model",
-        "Mean %",
-        "95 %",
-        *(["Paper %"] if paper else []),
-        "Median %",
-        "Max %",
-        "Bias %",
-        "RMSE kWh",
-        "Beats physics-paper %",
-        "Fit s",
-    ]
-    for place, head in enumerate(heads):
-        table.add_column(head, justify="right" if place else "left", no_wrap=place in (1, 2))
+    table.add_column("Model", no_wrap=True)
+    for head in wanted.values():
+        table.add_column(head, justify="right", no_wrap=True)
     for evaluation in view.evaluations:
         table.add_section()
-        head = of_evaluation(evaluation)
-        table.add_row(Text(head[:1].upper() + head[1:], style="bold"))
+        table.add_row(Text(_briefly(evaluation), style="bold"))
         source = results_table(view, evaluation)
-        index = {name: i for i, name in enumerate(source.columns)}
-        wanted = [
-            *("Model", "Mean error [%]", "95 % interval"),
-            *(["The paper [%]"] if paper else []),
-            *(
-                "Median [%]",
-                "Max [%]",
-                "Bias [%]",
-                "RMSE [kWh]",
-                "Beats paper preset [% of trips]",
-                "Fit [s]",
-            ),
-        ]
-        for place, row in enumerate(source.rows):
-            cells = [row[index[name]] if name in index else DASH for name in wanted]
+        for place, (name, row) in enumerate(zip(_names(view, evaluation), source.rows, strict=True)):
+            by_column = dict(zip(source.columns, row, strict=True))
+            cells = [
+                plain(name, 24),
+                *(by_column.get(c, DASH).replace("\u00a0to\u00a0", "–") for c in wanted),
+            ]
             style = "bold" if place in source.strong else ""
             table.add_row(*(Text(cell, style=style) for cell in cells))
     return table
+
+
+def _briefly(evaluation: Record) -> str:
+    """An evaluation as the head of a section that has one narrow column."""
+    days = ", by day" if evaluation.get("scheme") == "leave_one_day_out" else ""
+    return f"{evaluation.get('n_trips', '?')} {evaluation.get('trips', '')}{days}"

@@ -148,7 +148,7 @@ def draw_driver(seed: int, number: int) -> Driver:
         half_acceleration_speed_m_s=22.0 * math.exp(0.15 * vigour),
         speed_share=float(np.clip(0.95 + 0.02 * vigour, 0.9, 1.0)),
         fluctuation=float(rng.uniform(0.08, 0.16)),
-        fluctuation_length_m=float(rng.uniform(90.0, 160.0)),
+        fluctuation_time_s=float(rng.uniform(8.0, 14.0)),
         dwell_mean_s=22.0,
     )
     setpoint = float(np.clip(np.round(2.0 * rng.normal(22.0, 1.0)) / 2.0, 20.0, 25.0))

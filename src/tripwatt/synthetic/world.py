@@ -77,8 +77,9 @@ WIPERS_W: Final = 90.0
 TRIP_SHARE_SCALE: Final = 0.015
 TRIP_SHARE_DF: Final = 4.0
 NOISE_DF: Final = 3.0
-NOISE_FLOOR_W: Final = 60.0
-NOISE_SHARE: Final = 0.04
+NOISE_STANDING_W: Final = 60.0
+NOISE_MOVING_W: Final = 450.0
+NOISE_SHARE: Final = 0.02
 NOISE_TIME_S: Final = 6.0
 
 
@@ -148,7 +149,7 @@ def live_through(plan: Plan, drive: Drive, vehicle: Vehicle, seed: int) -> Truth
         "lamps": np.full_like(time, lamps),
         "driver": plan.driver.power_share * propelling,
         "trip": trip_share * propelling,
-        "noise": heavy_tailed_noise(time, driving_w, stream(seed, NOISE, *plan.key)),
+        "noise": heavy_tailed_noise(time, speed, driving_w, stream(seed, NOISE, *plan.key)),
     }
     battery = discharge(
         aged(vehicle.battery),
@@ -275,12 +276,15 @@ def hidden_forces(
     return wind_n, float(headwind.mean()), rolling_n, share
 
 
-def heavy_tailed_noise(time_s: FloatArray, power_w: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Power [W] that nobody can explain: Student's t shocks, half of their variance remembered, larger with power."""
+def heavy_tailed_noise(
+    time_s: FloatArray, speed_m_s: FloatArray, power_w: FloatArray, rng: np.random.Generator
+) -> FloatArray:
+    """Power [W] that nobody can explain: Student's t shocks, half of their variance remembered, larger while moving."""
     from scipy.signal import lfilter
 
     memory = math.exp(-float(time_s[1] - time_s[0]) / NOISE_TIME_S)
     shocks = rng.standard_t(NOISE_DF, (2, len(time_s))) * math.sqrt((NOISE_DF - 2.0) / NOISE_DF)
     remembered = lfilter([math.sqrt(1.0 - memory**2)], [1.0, -memory], shocks[0])
     unit = math.sqrt(0.5) * (remembered + shocks[1])
-    return np.asarray((NOISE_FLOOR_W + NOISE_SHARE * np.abs(power_w)) * unit, dtype=np.float64)
+    size = np.where(speed_m_s > 0.0, NOISE_MOVING_W, NOISE_STANDING_W) + NOISE_SHARE * np.abs(power_w)
+    return np.asarray(size * unit, dtype=np.float64)

@@ -11,6 +11,7 @@ from tripwatt.vehicles.parts import (
     RoadLoad,
     Tyres,
 )
+from tripwatt.vehicles.table import render_parameters
 
 __all__ = [
     "Auxiliaries",
@@ -24,6 +25,7 @@ __all__ = [
     "Tyres",
     "Vehicle",
     "load_vehicle",
+    "render_parameters",
     "vehicle_from_document",
     "vehicle_names",
 ]

@@ -1,0 +1,200 @@
+"""What a model takes for separate and may not be: terms that other terms can imitate, rows that resemble the last."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.gam.figures import BLUE, GREY, axes_or_new
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+    from tripwatt.gam.model import GAMM
+
+__all__ = ["Autocorrelation", "autocorrelation", "concurvity"]
+
+_FloatArray = NDArray[np.float64]
+
+
+def concurvity(model: GAMM) -> pd.DataFrame:
+    """How far each term can be had from all the others: 0 not at all, 1 entirely.
+
+    A term's function f splits into the part g that lies in the space of the other terms and the rest. All three
+    measures are ||g||^2 / ||f||^2 on the rows of the data (after Ramsay, Burnett & Krewski 2003, Epidemiology
+    14:18, for functions; Wood 2017, section 5.6, for these three).
+
+    Parameters
+    ----------
+    model : GAMM
+        A fitted model.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Indexed by term ("parametric" holds all parametric ones): ``worst``, over all functions that the term
+        could be; ``observed``, for the function that was fitted; ``estimate``, for its basis as a whole.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from tripwatt.gam.model import GAMM
+    >>> x = np.linspace(0, 1, 60)
+    >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
+    >>> model = GAMM("y ~ s(x, k=8)").fit(frame)
+    >>> concurvity(model).round(3).loc["s(x)"].tolist()
+    [0.0, 0.0, 0.0]
+    """
+    import pandas as pd
+
+    spans: dict[str, list[slice]] = {}
+    for block in model.blocks_:
+        spans.setdefault("parametric" if block.kind == "parametric" else block.label, []).append(block.slice)
+    columns = np.arange(model.coef_.size)
+    rows = {}
+    for label, slices in spans.items():
+        inside = np.concatenate([columns[s] for s in slices])
+        rows[label] = _concurvity(model.R_, model.coef_, inside)
+    return pd.DataFrame.from_dict(
+        rows, orient="index", columns=["worst", "observed", "estimate"]
+    ).rename_axis("term")
+
+
+def _concurvity(
+    factor: _FloatArray, coef: _FloatArray, inside: NDArray[np.intp]
+) -> tuple[float, float, float]:
+    """Worst, observed and estimate of the columns `inside` of X, from any A with A'A = X'X."""
+    alive = np.flatnonzero((factor**2).sum(axis=0) > 0)
+    inside = np.intersect1d(inside, alive)
+    outside = np.setdiff1d(alive, inside)
+    if inside.size == 0 or outside.size == 0:
+        return (0.0, 0.0, 0.0)
+    others, own = _orthonormal(factor[:, outside]), _orthonormal(factor[:, inside])
+    worst = float(np.linalg.svd(others.T @ own, compute_uv=False)[0] ** 2)
+    shadow = others.T @ factor[:, inside]
+    fit, part = factor[:, inside] @ coef[inside], shadow @ coef[inside]
+    observed = float(part @ part / (fit @ fit)) if fit @ fit > 0 else 0.0
+    estimate = float((shadow**2).sum() / (factor[:, inside] ** 2).sum())
+    return min(worst, 1.0), min(observed, 1.0), min(estimate, 1.0)
+
+
+def _orthonormal(a: _FloatArray) -> _FloatArray:
+    """Basis of the column space; columns that repeat others add nothing to it."""
+    u, size, _ = np.linalg.svd(a / np.linalg.norm(a, axis=0), full_matrices=False)
+    return np.asarray(u[:, size > 1e-8 * size[0]], dtype=float)
+
+
+@dataclass(frozen=True, slots=True)
+class Autocorrelation:
+    """Correlation of residuals with later ones of the same group.
+
+    Attributes
+    ----------
+    lag : ndarray (m,)
+        In rows, from 1.
+    correlation : ndarray (m,)
+        Pooled over the groups.
+    pairs : ndarray (m,)
+        Pairs of rows behind each value.
+    """
+
+    lag: NDArray[np.intp]
+    correlation: _FloatArray
+    pairs: NDArray[np.intp]
+
+    @property
+    def bound(self) -> _FloatArray:
+        """Twice the standard error of each correlation if the rows were independent."""
+        return np.asarray(2 / np.sqrt(np.maximum(self.pairs, 1)), dtype=float)
+
+    @property
+    def warning(self) -> str:
+        """What this means for the summary; empty if the rows may pass for independent."""
+        first = float(self.correlation[0]) if self.lag.size else 0.0
+        if first <= max(0.1, float(self.bound[0]) if self.lag.size else 0.0):
+            return ""
+        return (
+            f"Neighbouring residuals within a group correlate with {first:.4f}. The model takes the rows for "
+            "independent: its EDFs are too large, its standard errors and p-values too small. Believe only a "
+            "validation that leaves out whole groups."
+        )
+
+    def frame(self) -> pd.DataFrame:
+        """The numbers: ``lag``, ``correlation``, ``pairs``, ``bound``."""
+        import pandas as pd
+
+        columns = {"lag": self.lag, "correlation": self.correlation, "pairs": self.pairs, "bound": self.bound}
+        return pd.DataFrame(columns)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw it, on new axes if none are given."""
+        ax = axes_or_new(ax)
+        ax.fill_between(self.lag, -self.bound, self.bound, color=GREY, alpha=0.3, linewidth=0)
+        ax.vlines(self.lag, 0.0, self.correlation, color=BLUE, linewidth=2)
+        ax.axhline(0.0, color="black", linewidth=0.8)
+        ax.set(title="Autocorrelation within groups", xlabel="Lag (rows)", ylabel="Correlation of residuals")
+        return ax
+
+
+def autocorrelation(
+    residuals: ArrayLike, groups: ArrayLike | Sequence[object], max_lag: int = 30
+) -> Autocorrelation:
+    """Autocorrelation of residuals within groups, rows in the order of the data.
+
+    Parameters
+    ----------
+    residuals : array_like, shape (n,)
+        Residuals, those of one group in their order of time.
+    groups : array_like, shape (n,)
+        Group of each row.
+    max_lag : int
+        Largest lag, in rows; cut to the longest group.
+
+    Returns
+    -------
+    Autocorrelation
+
+    Raises
+    ------
+    InvalidInput
+        If lengths differ, a residual is not finite or there is no pair within a group.
+
+    Examples
+    --------
+    >>> result = autocorrelation([1.0, -1.0, 1.0, -1.0], ["a", "a", "b", "b"], max_lag=1)
+    >>> result.correlation.tolist(), result.pairs.tolist()
+    ([-1.0], [2])
+    """
+    import pandas as pd
+
+    r = np.asarray(residuals, dtype=float)
+    code = pd.factorize(np.asarray(groups))[0]
+    faults = []
+    if r.shape != code.shape:
+        faults.append(Fault("lengths differ", "residuals and groups", f"{r.size} and {code.size}", "equal"))
+    if not np.isfinite(r).all():
+        faults.append(Fault("not finite", "residuals", f"{(~np.isfinite(r)).sum()} values", "finite numbers"))
+    if faults:
+        raise InvalidInput(faults)
+    order = np.argsort(code, kind="stable")
+    r, code = r[order] - r.mean(), code[order]
+    longest = int(np.bincount(code).max(initial=0)) if r.size else 0
+    lags = np.arange(1, min(max_lag, longest - 1) + 1)
+    if lags.size == 0:
+        raise InvalidInput(
+            Fault("no pair of rows", "groups", f"longest has {longest} rows", "two rows or more")
+        )
+    variance = float(r @ r) / r.size
+    correlation, pairs = np.zeros(lags.size), np.zeros(lags.size, dtype=np.intp)
+    for i, lag in enumerate(lags):
+        same = code[lag:] == code[:-lag]
+        pairs[i] = int(same.sum())
+        product = float(r[lag:][same] @ r[:-lag][same])
+        correlation[i] = product / pairs[i] / variance if variance > 0 else 0.0
+    return Autocorrelation(lags, correlation, pairs)

@@ -1,0 +1,378 @@
+"""The model matrix as small tables and an index per row: terms meet a frame here.
+
+A term is a table over the distinct (or discretised) values of its covariates; a row of X is a row of each
+table.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.gam.bases import Array
+from tripwatt.gam.blocks import Block, Extrapolation
+from tripwatt.gam.covariates import (
+    EXACT_ROWS,
+    MAX_JOINT,
+    MAX_VALUES,
+    Index,
+    Levels,
+    Points,
+    Support,
+    Training,
+    grid_limit,
+    is_factor,
+    missing_columns,
+    missing_levels,
+    numbers,
+)
+from tripwatt.gam.penalties import PenaltyStack
+from tripwatt.gam.smoothers import Built, build_smooth, build_tensor
+from tripwatt.gam.tables import Part, TableRows
+from tripwatt.gam.terms import Formula, Parametric, RandomEffect, Smooth, Tensor
+
+
+@dataclass
+class Design:
+    """Terms that have met their data.
+
+    Attributes
+    ----------
+    formula : Formula
+    blocks : list of Block
+    rows : TableRows
+    training : Training
+    notes : list of str
+        Reductions that the data forced.
+    empty : list of int
+        Coefficients without data, kept at zero.
+    joint : dict
+        Distinct points of each set of covariates, with the index of each row.
+    codes : dict
+        Level of each row, for each factor.
+    """
+
+    formula: Formula
+    blocks: list[Block]
+    rows: TableRows
+    training: Training
+    notes: list[str]
+    empty: list[int] = field(default_factory=list)
+    joint: dict[tuple[str, ...], Points] = field(default_factory=dict)
+    codes: dict[str, Index] = field(default_factory=dict)
+
+    @property
+    def p(self) -> int:
+        """Number of coefficients."""
+        return self.rows.p
+
+    def active(self, gram_diagonal: Array) -> Index:
+        """Coefficients that data or penalties determine."""
+        alive = gram_diagonal > 0
+        alive[self.empty] = False
+        for block in self.blocks:
+            if block.kind == "random" or (block.penalties and alive[block.slice].any()):
+                alive[block.slice] = True
+        return np.flatnonzero(alive).astype(np.intp)
+
+    def penalty_stack(self, active: Index) -> tuple[PenaltyStack, list[int]]:
+        """Penalties of the active coefficients, and which of the model's smoothing parameters they are."""
+        terms: list[tuple[int, list[Array]]] = []
+        which: list[int] = []
+        j = 0
+        position = {int(column): i for i, column in enumerate(active)}
+        for block in self.blocks:
+            if block.penalties and block.start in position:
+                terms.append((position[block.start], block.penalties))
+                which += range(j, j + len(block.penalties))
+            j += len(block.penalties)
+        return PenaltyStack(len(active), terms), which
+
+    @property
+    def penalty_names(self) -> list[str]:
+        """Names of the smoothing parameters: the label, numbered where a term has several."""
+        return [
+            block.label + (str(j + 1) if len(block.penalties) > 1 else "")
+            for block in self.blocks
+            for j in range(len(block.penalties))
+        ]
+
+
+def check_columns(formula: Formula, frame: pd.DataFrame) -> None:
+    """Raise with every column that is unknown, not numeric, not finite or has missing levels."""
+    wanted = [name for term in formula.terms for name in term.columns]
+    faults = missing_columns(frame, dict.fromkeys(wanted))
+    seen: set[str] = set()
+    for term in formula.terms:
+        for name in term.columns:
+            if name not in frame.columns or name in seen:
+                continue
+            seen.add(name)
+            factor = isinstance(term, RandomEffect) or (
+                is_factor(frame[name]) and (isinstance(term, Parametric) or name == getattr(term, "by", None))
+            )
+            if isinstance(term, Parametric) and term.levels is not None:
+                factor = True
+            found = missing_levels(frame, name, term.label) if factor else numbers(frame, name, term.label)[1]
+            faults += found
+    labels = [term.label for term in formula.terms]
+    for label in sorted({label for label in labels if labels.count(label) > 1}):
+        faults.append(Fault("term given twice", label, f"{labels.count(label)} times", "once"))
+    if len(frame) == 0:
+        faults.append(Fault("no rows", "frame", "0 rows", "at least one"))
+    if faults:
+        raise InvalidInput(faults)
+
+
+class _Builder:
+    """Collects blocks and parts while terms are built one after the other."""
+
+    def __init__(
+        self, formula: Formula, frame: pd.DataFrame, limit: int | None, extrapolation: Extrapolation
+    ) -> None:
+        self.formula, self.frame, self.limit, self.extrapolation = formula, frame, limit, extrapolation
+        self.blocks: list[Block] = []
+        self.pieces: list[tuple[list[Block], Array, Index, Array | None]] = []
+        self.notes: list[str] = []
+        self.joint: dict[tuple[str, ...], Points] = {}
+        self.codes: dict[str, Index] = {}
+        self.levels: dict[str, Levels] = {}
+        self.supports: dict[tuple[str, ...], Support] = {}
+        self.grids = self._grids()
+
+    def _covariates(self, names: tuple[str, ...]) -> Array:
+        return np.stack([self.frame[name].to_numpy(dtype=np.float64) for name in names], axis=1)
+
+    def _grids(self) -> dict[str, int]:
+        """Values that each covariate keeps: the same in curves and surfaces, so that nested terms stay nested."""
+        out: dict[str, int] = {}
+        if self.limit is None:
+            return out
+        for term in self.formula.terms:
+            if isinstance(term, Smooth | Tensor):
+                many = len(term.names) > 1
+                most = grid_limit(self._covariates(term.names), self.limit) if many else self.limit
+                out.update({name: min(most, out.get(name, most)) for name in term.names})
+        return out
+
+    def points(self, names: tuple[str, ...]) -> Points:
+        if names not in self.joint:
+            limits = tuple(self.grids.get(name, self.limit) for name in names)
+            self.joint[names] = Points.of(self._covariates(names), limits)
+            self.supports[names] = Support(self.joint[names].values)
+        return self.joint[names]
+
+    def factor(self, name: str, given: tuple[str, ...] | None, label: str) -> tuple[Levels, Index]:
+        if name not in self.levels or given is not None:
+            self.levels[name] = Levels.of(self.frame[name], given)
+            self.codes[name] = self.levels[name].codes(self.frame[name])
+            if (self.codes[name] < 0).any():
+                row = int(np.argmax(self.codes[name] < 0))
+                got = f"{self.frame[name].iloc[row]!r} at row {row}"
+                raise InvalidInput(
+                    Fault("unknown level", f"{name!r} of {label}", got, ", ".join(self.levels[name].names))
+                )
+        return self.levels[name], self.codes[name]
+
+    def parametric(self, term: Parametric) -> None:
+        if not is_factor(self.frame[term.name]) and term.levels is None:
+            points = self.points((term.name,))
+            if len(points.values) < 2 and self.formula.intercept:
+                raise InvalidInput(Fault("constant covariate", term.label, "one value", "at least two"))
+            block = Block(term.label, term, "parametric", [term.name], [])
+            self.blocks.append(block)
+            self.pieces.append(([block], points.values, points.index, None))
+            return
+        levels, codes = self.factor(term.name, term.levels, term.label)
+        reference = int(np.argmax(levels.share > 0)) if self.formula.intercept else -1
+        if self.formula.intercept and reference > 0:
+            self.notes.append(
+                f"{term.label}: the first levels have no rows, the reference is {levels.names[reference]!r}"
+            )
+        if (levels.share > 0).sum() < 2 and self.formula.intercept:
+            raise InvalidInput(
+                Fault("factor with one level", term.label, levels.names[reference], "at least two levels")
+            )
+        kept = [i for i in range(len(levels.names)) if i != reference]
+        block = Block(term.label, term, "parametric", [term.name + levels.names[i] for i in kept], [])
+        block.contrast = np.eye(len(levels.names))[:, kept]
+        self.blocks.append(block)
+        self.pieces.append(([block], block.contrast, codes, None))
+
+    def random(self, term: RandomEffect) -> None:
+        levels, codes = self.factor(term.name, None, term.label)
+        size = len(levels.names)
+        if size < 2:
+            fix = "leave the random effect out"
+            raise InvalidInput(
+                Fault("one group only", term.label, f"level {levels.names[0]!r}", "two or more levels", fix)
+            )
+        names = [f"{term.label}.{i + 1}" for i in range(size)]
+        block = Block(term.label, term, "random", names, [np.eye(size)])
+        self.blocks.append(block)
+        self.pieces.append(([block], np.eye(size), codes, None))
+
+    def smooth(self, term: Smooth | Tensor) -> None:
+        points = self.points(term.names)
+        by_factor = term.by is not None and is_factor(self.frame[term.by])
+        by = None if term.by is None or by_factor else self.frame[term.by].to_numpy(dtype=np.float64)
+        centred = by is None or bool(np.ptp(by) == 0)
+        built = (
+            build_smooth(term, points, centred)
+            if isinstance(term, Smooth)
+            else build_tensor(term, points, centred)
+        )
+        self.notes += built.notes
+        if not by_factor:
+            block = self._block(term, built, None, term.label)
+            self.blocks.append(block)
+            self.pieces.append(([block], built.table, points.index, by))
+            return
+        assert term.by is not None
+        levels, codes = self.factor(term.by, None, term.label)
+        blocks = [self._block(term, built, name, term.label + name) for name in levels.names]
+        self.blocks += blocks
+        m, q = built.table.shape
+        if m * q * len(blocks) ** 2 <= 4_000_000:
+            table: Array = np.kron(np.eye(len(blocks)), built.table).astype(np.float64)
+            self.pieces.append((blocks, table, codes * m + points.index, None))
+            return
+        padded = np.vstack([built.table, np.zeros(q)])
+        for i, block in enumerate(blocks):
+            self.pieces.append(([block], padded, np.where(codes == i, points.index, m), None))
+
+    def _block(self, term: Smooth | Tensor, built: Built, level: str | None, label: str) -> Block:
+        names = [f"{label}.{i + 1}" for i in range(built.table.shape[1])]
+        kind: Literal["smooth", "tensor"] = "smooth" if isinstance(term, Smooth) else "tensor"
+        return Block(
+            label, term, kind, names, built.penalties, smoother=built.smoother, by=term.by, level=level
+        )
+
+    def design(self) -> Design:
+        order = {"parametric": 0, "smooth": 1, "tensor": 1, "random": 1}
+        if self.formula.intercept:
+            block = Block("(Intercept)", None, "parametric", ["(Intercept)"], [])
+            self.blocks.insert(0, block)
+            self.pieces.insert(0, ([block], np.ones((1, 1)), np.zeros(len(self.frame), dtype=np.intp), None))
+        self.blocks.sort(key=lambda block: order[block.kind])
+        training = Training(self.supports, self.levels)
+        start = 0
+        for block in self.blocks:
+            block.start, block.training, block.extrapolation = start, training, self.extrapolation
+            start += block.size
+        rows = TableRows(self._parts(), len(self.frame), start)
+        return Design(self.formula, self.blocks, rows, training, self.notes, [], self.joint, self.codes)
+
+    def _nested(self, parts: list[Part]) -> list[Part]:
+        """Curves written into the table of a surface that has their covariate: one index instead of two."""
+        index_of = {id(points.index): names for names, points in self.joint.items()}
+        wide = [part for part in parts if len(index_of.get(id(part.index), ())) > 1 and part.scale is None]
+        out = list(parts)
+        for part in parts:
+            names = index_of.get(id(part.index), ())
+            home = next(
+                (w for w in wide if names and w is not part and set(names) <= set(index_of[id(w.index)])),
+                None,
+            )
+            if home is None or part.scale is not None or len(names) > 1:
+                continue
+            surface = self.joint[index_of[id(home.index)]]
+            position = np.empty(len(surface.values), dtype=np.intp)
+            position[surface.index] = part.index  # all rows of a point share the value of the curve
+            merged = Part(
+                np.concatenate([home.columns, part.columns]),
+                np.hstack([home.table, part.table[position]]),
+                home.index,
+            )
+            out = [merged if q is home else q for q in out if q is not part]
+            wide = [merged if w is home else w for w in wide]
+        return out
+
+    def _parts(self) -> list[Part]:
+        """Parts, with all factors and the intercept merged over their joint levels where those are few."""
+        plain = [
+            piece
+            for piece in self.pieces
+            if all(b.kind == "random" or b.contrast is not None or b.term is None for b in piece[0])
+        ]
+        parts = [
+            Part(_columns(blocks), table, index, scale)
+            for blocks, table, index, scale in self.pieces
+            if not any(blocks is piece[0] for piece in plain)
+        ]
+        parts = self._nested(parts)
+        if not plain:
+            return parts
+        code = np.zeros(len(self.frame), dtype=np.int64)
+        for _, table, index, _ in plain:
+            code = pd.factorize(code * len(table) + index)[0]
+        _, first = np.unique(code, return_index=True)
+        if len(first) > MAX_JOINT:
+            return parts + [
+                Part(_columns(blocks), table, index, scale) for blocks, table, index, scale in plain
+            ]
+        table = np.hstack([table[index[first]] for _, table, index, _ in plain])
+        columns = np.concatenate([_columns(blocks) for blocks, _, _, _ in plain])
+        return [*parts, Part(columns, table, code.astype(np.intp), None)]
+
+
+def _columns(blocks: list[Block]) -> Index:
+    return np.concatenate(
+        [np.arange(block.start, block.start + block.size, dtype=np.intp) for block in blocks]
+    )
+
+
+def value_limit(discretise: bool | int, n: int) -> int | None:
+    """Distinct values that a covariate keeps: all (None), or so many."""
+    if discretise is True:
+        return MAX_VALUES if n > EXACT_ROWS else None
+    if discretise is False:
+        return None
+    if discretise < 20:
+        raise InvalidInput(
+            Fault("discretise too coarse", "GAMM(discretise=)", str(discretise), "a number of at least 20")
+        )
+    return int(discretise)
+
+
+def build_design(
+    formula: Formula,
+    frame: pd.DataFrame,
+    discretise: bool | int = True,
+    extrapolation: Extrapolation = "clamp",
+) -> Design:
+    """Terms of a formula as columns over the rows of a frame.
+
+    Parameters
+    ----------
+    formula : Formula
+    frame : DataFrame
+        All columns that the terms read.
+    discretise : bool or int
+        Whether covariates are rounded to an even grid, and of how many values.
+    extrapolation : {"clamp", "linear"}
+        Rule for smooths of one covariate outside its training range.
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    InvalidInput
+        Names the term that cannot be built, or all faulty columns.
+    """
+    check_columns(formula, frame)
+    builder = _Builder(formula, frame, value_limit(discretise, len(frame)), extrapolation)
+    for term in formula.terms:
+        if isinstance(term, Parametric):
+            builder.parametric(term)
+        elif isinstance(term, RandomEffect):
+            builder.random(term)
+        else:
+            builder.smooth(term)
+    return builder.design()

@@ -1,0 +1,476 @@
+"""What each term of a fitted model does: curves with bands, surfaces, random effects.
+
+Every object gives its numbers by `frame` and draws itself by `plot`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.gam.figures import BLUE, GREY, RED, axes_or_new, new_figure
+from tripwatt.gam.terms import RandomEffect, Smooth, Tensor
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from tripwatt.gam.blocks import Block
+    from tripwatt.gam.model import GAMM
+
+__all__ = [
+    "CurveEffect",
+    "Effect",
+    "FactorEffect",
+    "RandomEffects",
+    "SurfaceEffect",
+    "effects",
+    "plot_effects",
+]
+
+_FloatArray = NDArray[np.float64]
+_TOO_FAR: Final = 0.1  # of the range of the data: what lies farther from every point is not shown
+_CELLS: Final = 400  # per covariate, finer than a figure shows
+
+
+@dataclass(frozen=True, slots=True)
+class CurveEffect:
+    """A smooth of one covariate with its confidence band.
+
+    Attributes
+    ----------
+    label, covariate : str
+    x, effect, std_error : ndarray (m,)
+        Grid over the range of the data, centred effect and its standard error.
+    multiplier : float
+        Half width of the band in standard errors.
+    edf : float
+    rug : ndarray
+        Values of the covariate in the data.
+    """
+
+    label: str
+    covariate: str
+    x: _FloatArray
+    effect: _FloatArray
+    std_error: _FloatArray
+    multiplier: float
+    edf: float
+    rug: _FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    def frame(self) -> pd.DataFrame:
+        """The numbers: the covariate, ``effect``, ``std_error``, ``lower``, ``upper``."""
+        import pandas as pd
+
+        half = self.multiplier * self.std_error
+        columns = {"effect": self.effect, "std_error": self.std_error}
+        return pd.DataFrame(
+            {self.covariate: self.x, **columns, "lower": self.effect - half, "upper": self.effect + half}
+        )
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw it, on new axes if none are given."""
+        ax = axes_or_new(ax)
+        table = self.frame()
+        ax.fill_between(self.x, table["lower"], table["upper"], color=BLUE, alpha=0.2, linewidth=0)
+        ax.axhline(0.0, color=GREY, linewidth=0.8)
+        ax.plot(self.x, self.effect, color=BLUE, linewidth=1.8)
+        if self.rug.size:
+            rug = np.unique(self.rug)
+            shown = rug[:: max(1, rug.size // 400)]
+            ax.vlines(
+                shown, 0.0, 0.03, color="black", alpha=0.35, linewidth=0.6, transform=ax.get_xaxis_transform()
+            )
+        ax.set(title=f"{self.label}, EDF {self.edf:.2f}", xlabel=self.covariate, ylabel="Effect")
+        return ax
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceEffect:
+    """A smooth of two covariates; of more, a cut through it at the medians of the others.
+
+    Attributes
+    ----------
+    label : str
+    covariates : tuple of str
+        The two that span the surface.
+    x, y : ndarray (m,)
+        Grid.
+    effect, std_error : ndarray (m, m)
+        Centred effect, rows along y; NaN far from all data.
+    edf : float
+    points : ndarray (n, 2)
+        Where the data are.
+    at : dict
+        Values at which other covariates are held.
+    """
+
+    label: str
+    covariates: tuple[str, str]
+    x: _FloatArray
+    y: _FloatArray
+    effect: _FloatArray
+    std_error: _FloatArray
+    edf: float
+    points: _FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
+    at: Mapping[str, float] = field(default_factory=dict)
+
+    def frame(self) -> pd.DataFrame:
+        """The numbers, one row per point of the grid: both covariates, ``effect``, ``std_error``."""
+        import pandas as pd
+
+        x, y = np.meshgrid(self.x, self.y)
+        columns = {self.covariates[0]: x.ravel(), self.covariates[1]: y.ravel()}
+        return pd.DataFrame({**columns, "effect": self.effect.ravel(), "std_error": self.std_error.ravel()})
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw it, on new axes if none are given."""
+        ax = axes_or_new(ax)
+        shown = np.ma.masked_invalid(self.effect)
+        if shown.count() and float(np.ma.ptp(shown)) > 0:
+            from matplotlib.ticker import MaxNLocator
+
+            # a spline's runaway corner must not take all the colours
+            low, high = np.quantile(shown.compressed(), [0.02, 0.98])
+            levels = np.asarray(MaxNLocator(12).tick_values(low, high))
+            filled = ax.contourf(self.x, self.y, shown, levels=levels, cmap="cividis", extend="both")
+            lines = ax.contour(self.x, self.y, shown, levels=levels[::2], colors="white", linewidths=0.6)
+            ax.clabel(lines, fontsize=7)
+            ax.figure.colorbar(filled, ax=ax, label="Effect")
+        if self.points.size:
+            spread = _cells(self.points, np.array([self.x[0], self.y[0]]), np.array([self.x[-1], self.y[-1]]))
+            keep = spread[:: max(1, len(spread) // 1500)]
+            ax.scatter(keep[:, 0], keep[:, 1], s=2, color="black", alpha=0.35, linewidths=0, rasterized=True)
+        held = "".join(f"\nat {name} {value:.3g}" for name, value in self.at.items())
+        ax.set(
+            title=f"{self.label}, EDF {self.edf:.2f}{held}",
+            xlabel=self.covariates[0],
+            ylabel=self.covariates[1],
+        )
+        return ax
+
+
+@dataclass(frozen=True, slots=True)
+class RandomEffects:
+    """Predicted random effects against Gaussian quantiles; on the line if they are normal.
+
+    Attributes
+    ----------
+    label : str
+    level : tuple of str
+        Sorted by effect.
+    effect, std_error, theoretical : ndarray (m,)
+        Predicted effects, their standard errors, and normal quantiles with the standard deviation of the model.
+    edf, sd : float
+        Effective degrees of freedom and standard deviation of the effect in the model.
+    """
+
+    label: str
+    level: tuple[str, ...]
+    effect: _FloatArray
+    std_error: _FloatArray
+    theoretical: _FloatArray
+    edf: float
+    sd: float
+
+    def frame(self) -> pd.DataFrame:
+        """The numbers: ``level``, ``effect``, ``std_error``, ``theoretical``."""
+        import pandas as pd
+
+        columns = {"effect": self.effect, "std_error": self.std_error, "theoretical": self.theoretical}
+        return pd.DataFrame({"level": self.level, **columns})
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw it, on new axes if none are given."""
+        ax = axes_or_new(ax)
+        ends = self.theoretical[[0, -1]]
+        ax.plot(ends, ends, color=RED, linewidth=1.5)
+        ax.errorbar(
+            self.theoretical,
+            self.effect,
+            1.96 * self.std_error,
+            fmt="o",
+            markersize=4,
+            color=BLUE,
+            ecolor=GREY,
+            elinewidth=0.8,
+        )
+        title = f"{self.label}, EDF {self.edf:.2f}, sd {self.sd:.3g}"
+        ax.set(title=title, xlabel="Gaussian quantiles", ylabel="Random effect")
+        return ax
+
+
+@dataclass(frozen=True, slots=True)
+class FactorEffect:
+    """Coefficients of a parametric term with their confidence intervals.
+
+    Attributes
+    ----------
+    label : str
+    level : tuple of str
+    effect, std_error : ndarray (m,)
+        0 with standard error 0 for a level without data.
+    multiplier : float
+        Half width of the interval in standard errors.
+    reference : str
+        Level that the others are compared with; empty for a number.
+    """
+
+    label: str
+    level: tuple[str, ...]
+    effect: _FloatArray
+    std_error: _FloatArray
+    multiplier: float
+    reference: str = ""
+
+    def frame(self) -> pd.DataFrame:
+        """The numbers: ``level``, ``effect``, ``std_error``, ``lower``, ``upper``."""
+        import pandas as pd
+
+        half = self.multiplier * self.std_error
+        columns = {"effect": self.effect, "std_error": self.std_error}
+        return pd.DataFrame(
+            {"level": self.level, **columns, "lower": self.effect - half, "upper": self.effect + half}
+        )
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw it, on new axes if none are given."""
+        ax = axes_or_new(ax)
+        rows = np.arange(len(self.level))
+        ax.axvline(0.0, color=GREY, linewidth=0.8)
+        ax.errorbar(
+            self.effect,
+            rows,
+            xerr=self.multiplier * self.std_error,
+            fmt="o",
+            color=BLUE,
+            ecolor=BLUE,
+            capsize=3,
+        )
+        ax.set_yticks(rows, self.level)
+        ax.set_ylim(len(self.level) - 0.5, -0.5)
+        against = f"Difference from {self.reference}" if self.reference else "Coefficient"
+        ax.set(title=self.label, xlabel=against)
+        return ax
+
+
+Effect: TypeAlias = CurveEffect | SurfaceEffect | RandomEffects | FactorEffect
+
+
+def effects(
+    model: GAMM, frame: pd.DataFrame | None = None, level: float = 0.95, points: int | None = None
+) -> dict[str, Effect]:
+    """All terms of a fitted model as effects.
+
+    Parameters
+    ----------
+    model : GAMM
+        A fitted model.
+    frame : pandas.DataFrame, optional
+        The data, for rugs and points and to leave out the parts of a surface that are far from all data.
+    level : float
+        Coverage of the bands, between 0 and 1.
+    points : int, optional
+        Points of the grid per covariate. Default 200 for curves, 60 for surfaces.
+
+    Returns
+    -------
+    dict
+        Effects by the label of their term, in the order of the model.
+
+    Raises
+    ------
+    InvalidInput
+        If `level` or `points` makes no sense, or `frame` lacks a column of the model.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from tripwatt.gam.model import GAMM
+    >>> x = np.linspace(0, 1, 60)
+    >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
+    >>> model = GAMM("y ~ s(x, k=8)").fit(frame)
+    >>> curve = effects(model, frame, points=3)["s(x)"]
+    >>> curve.frame().columns.tolist(), curve.rug.size
+    (['x', 'effect', 'std_error', 'lower', 'upper'], 60)
+    """
+    from scipy import stats
+
+    faults = []
+    if not 0 < level < 1:
+        faults.append(Fault("no coverage", "effects(level=)", str(level), "between 0 and 1"))
+    if points is not None and points < 2:
+        faults.append(Fault("grid too coarse", "effects(points=)", str(points), "2 or more"))
+    if faults:
+        raise InvalidInput(faults)
+    if frame is not None:
+        from tripwatt.gam.formula import validate_columns
+
+        validate_columns(model.formula_, frame.columns)
+    multiplier = float(stats.norm.ppf((1 + level) / 2))
+    found: dict[str, Effect] = {}
+    for block in model.blocks_:
+        if block.term is None:
+            continue
+        if isinstance(block.term, RandomEffect):
+            found[block.label] = _random(model, block)
+        elif not isinstance(block.term, Smooth | Tensor):
+            found[block.label] = _factor(model, block, multiplier)
+        elif len(block.term.names) == 1:
+            found[block.label] = _curve(model, block, frame, multiplier, points or 200)
+        else:
+            found[block.label] = _surface(model, block, frame, points or 60)
+    return found
+
+
+def _evaluated(
+    model: GAMM, block: Block, columns: Mapping[str, _FloatArray]
+) -> tuple[_FloatArray, _FloatArray]:
+    """Effect of a block and its standard error where its covariates have these values."""
+    import pandas as pd
+
+    grid = pd.DataFrame(dict(columns))
+    if block.by is not None:
+        grid[block.by] = 1.0 if block.level is None else block.level
+    at = block.slice
+    matrix = block.matrix(grid)
+    variance = np.einsum("ij,jk,ik->i", matrix, model.Vp_[at, at], matrix, optimize=True)
+    return matrix @ model.coef_[at], np.sqrt(np.clip(variance, 0.0, None))
+
+
+def _rows(block: Block, frame: pd.DataFrame, names: tuple[str, ...]) -> _FloatArray:
+    """Covariates of the rows that a block has a say in."""
+    if block.by is not None:
+        by = frame[block.by]
+        frame = frame[by != 0] if block.level is None else frame[by.astype(str) == block.level]
+    return frame[list(names)].to_numpy(dtype=float)
+
+
+def _cells(points: _FloatArray, low: _FloatArray, high: _FloatArray) -> _FloatArray:
+    """Points (n, 2) thinned to one for each cell of a fine grid."""
+    step = np.where(high > low, high - low, 1.0) / _CELLS
+    cell = np.rint((points - low) / step).astype(np.int64)
+    _, first = np.unique(cell[:, 0] * (2 * _CELLS) + cell[:, 1], return_index=True)
+    return points[first]
+
+
+def _grid(model: GAMM, name: str, points: int) -> _FloatArray:
+    low, high = model.ranges_[name]
+    return np.linspace(float(low), float(high), points)
+
+
+def _curve(
+    model: GAMM, block: Block, frame: pd.DataFrame | None, multiplier: float, points: int
+) -> CurveEffect:
+    assert isinstance(block.term, Smooth | Tensor)
+    name = block.term.names[0]
+    x = _grid(model, name, points)
+    effect, error = _evaluated(model, block, {name: x})
+    rug = np.zeros(0) if frame is None else _rows(block, frame, (name,))[:, 0]
+    return CurveEffect(
+        block.label, name, x, effect, error, multiplier, float(model.edf_[block.slice].sum()), rug
+    )
+
+
+def _surface(model: GAMM, block: Block, frame: pd.DataFrame | None, points: int) -> SurfaceEffect:
+    assert isinstance(block.term, Smooth | Tensor)
+    first, second, *rest = block.term.names
+    x, y = _grid(model, first, points), _grid(model, second, points)
+    at = {
+        name: float(np.mean(model.ranges_[name]) if frame is None else frame[name].median()) for name in rest
+    }
+    across, along = np.meshgrid(x, y)
+    held = {name: np.full(across.size, value) for name, value in at.items()}
+    effect, error = _evaluated(model, block, {first: across.ravel(), second: along.ravel(), **held})
+    cloud = np.zeros((0, 2)) if frame is None else _rows(block, frame, (first, second))
+    if len(cloud):
+        from scipy.spatial import cKDTree
+
+        low, span = np.array([x[0], y[0]]), np.array([np.ptp(x), np.ptp(y)])
+        tree = cKDTree(_cells(cloud, low, low + span) / span)
+        distance, _ = tree.query(np.c_[across.ravel(), along.ravel()] / span)
+        effect, error = (np.where(distance > _TOO_FAR, np.nan, v) for v in (effect, error))
+    shape = across.shape
+    edf = float(model.edf_[block.slice].sum())
+    return SurfaceEffect(
+        block.label, (first, second), x, y, effect.reshape(shape), error.reshape(shape), edf, cloud, at
+    )
+
+
+def _random(model: GAMM, block: Block) -> RandomEffects:
+    from scipy import stats
+
+    assert isinstance(block.term, RandomEffect)
+    effect = model.coef_[block.slice]
+    error = np.sqrt(np.clip(np.diag(model.Vp_)[block.slice], 0.0, None))
+    order = np.argsort(effect, kind="stable")
+    names = [str(name) for name in model.levels_[block.term.name]]
+    sd = _random_sd(model, block)
+    theoretical = sd * stats.norm.ppf((np.arange(effect.size) + 0.5) / effect.size)
+    level = tuple(names[i] for i in order)
+    return RandomEffects(
+        block.label, level, effect[order], error[order], theoretical, float(model.edf_[block.slice].sum()), sd
+    )
+
+
+def _random_sd(model: GAMM, block: Block) -> float:
+    """Standard deviation that the smoothing parameter of a random intercept stands for."""
+    from tripwatt.gam.inference import total_penalty
+
+    precision = float(total_penalty(model)[block.start, block.start])
+    return float(np.sqrt(model.scale_ / precision))
+
+
+def _factor(model: GAMM, block: Block, multiplier: float) -> FactorEffect:
+    at = block.slice
+    error = np.sqrt(np.clip(np.diag(model.Vp_)[at], 0.0, None))
+    levels = [str(name) for name in model.levels_.get(block.label, ())]
+    shown = tuple(str(name).removeprefix(block.label) if levels else str(name) for name in block.names)
+    reference = next((name for name in levels if name not in shown), "")
+    effect = np.asarray(model.coef_[at], dtype=float)
+    return FactorEffect(block.label, shown, effect, error, multiplier, reference)
+
+
+def plot_effects(found: Mapping[str, Effect], figure: Figure | None = None, columns: int = 3) -> Figure:
+    """Draw effects on one figure.
+
+    Parameters
+    ----------
+    found : mapping
+        What `effects` returned, or some of it.
+    figure : matplotlib Figure, optional
+        Figure to draw on.
+    columns : int
+        Panels per row.
+
+    Returns
+    -------
+    matplotlib Figure
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from tripwatt.gam.model import GAMM
+    >>> x = np.linspace(0, 1, 60)
+    >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
+    >>> model = GAMM("y ~ s(x, k=8)").fit(frame)
+    >>> figure = plot_effects(effects(model, frame))
+    >>> [ax.get_xlabel() for ax in figure.axes]
+    ['x']
+    """
+    columns = max(1, min(columns, len(found)))
+    rows = -(-len(found) // columns)
+    if figure is None:
+        figure = new_figure(4.6 * columns, 3.6 * max(rows, 1))
+    axes = figure.subplots(max(rows, 1), columns, squeeze=False).ravel()
+    for effect, ax in zip(found.values(), axes, strict=False):
+        effect.plot(ax)
+    for ax in axes[len(found) :]:
+        ax.set_axis_off()
+    return figure

@@ -1,0 +1,427 @@
+"""Formulas in the style of mgcv, read into the term values of `tripwatt.gam.terms`.
+
+    y ~ weather + s(time, by=season) + s(tamb, delev, k=30) + ti(a, b, bs="ps", k=c(6, 6)) + s(trip, bs="re")
+
+The right-hand side happens to be a Python expression, so Python's own parser reads it: no grammar of our own
+to keep, and every complaint knows the character it is about.
+"""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Final, get_args
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.gam.terms import Basis, Formula, Parametric, RandomEffect, Smooth, Tensor, Term
+
+__all__ = ["nearest", "parse_formula", "render_formula", "unknown_columns", "validate_columns"]
+
+_BASES: Final = (*get_args(Basis), "re")
+_ARGUMENTS: Final[Mapping[str, tuple[str, ...]]] = {
+    "s": ("bs", "k", "by", "m"),
+    "te": ("bs", "k", "by", "m"),
+    "ti": ("bs", "k", "by", "m"),
+}
+_TERMS_ALLOWED: Final = "a column, s(...), te(...), ti(...), 1, 0 or -1, joined by +"
+_QUOTED: Final = re.compile(r"`([^`]*)`")
+_MASK: Final = re.compile(r"ǂ(\d+)ǂ*")  # a letter to Python, and one that no column is likely to start with
+_PLAIN_NAME: Final = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*")
+_RESERVED: Final = ("c", "s", "te", "ti", "True", "False", "None")
+
+
+class _Unreadable(Exception):
+    """Leaves a term whose faults have been noted."""
+
+
+@dataclass
+class _Reader:
+    """One pass over a formula; collects terms and faults together."""
+
+    text: str
+    source: str
+    offset: int
+    quoted: tuple[str, ...]
+    terms: list[Term] = field(default_factory=list)
+    faults: list[Fault] = field(default_factory=list)
+    intercept: bool = True
+
+    # -- reporting -------------------------------------------------------------------------------
+
+    def original(self, node: ast.AST) -> str:
+        """The user's own text of a node."""
+        piece = ast.get_source_segment(self.source, node) or ""
+        return _MASK.sub(lambda hit: f"`{self.quoted[int(hit[1])]}`", piece)
+
+    def complain(self, node: ast.expr, what: str, got: str, allowed: str, fix: str = "") -> None:
+        before = self.source.encode()[: node.col_offset].decode()  # ast counts bytes
+        where = f"term {self.original(node)!r} at character {self.offset + len(before) + 1}"
+        self.faults.append(Fault(what, where, got, allowed, fix))
+
+    # -- names and values ------------------------------------------------------------------------
+
+    def column(self, node: ast.expr) -> str | None:
+        """Column that a node names: a name, a dotted name or a quoted one; None for anything else."""
+        if isinstance(node, ast.Name):
+            hit = _MASK.fullmatch(node.id)
+            return self.quoted[int(hit[1])] if hit else node.id
+        if isinstance(node, ast.Attribute):
+            left = self.column(node.value)
+            return None if left is None else f"{left}.{node.attr}"
+        return None
+
+    def vector(self, node: ast.expr) -> tuple[ast.expr, ...]:
+        """Elements of c(...), or the value itself."""
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "c":
+            return tuple(node.args)
+        return tuple(node.elts) if isinstance(node, ast.Tuple | ast.List) else (node,)
+
+    def integers(self, call: ast.Call, key: str, node: ast.expr, least: int) -> tuple[int, ...]:
+        values = []
+        for element in self.vector(node):
+            value = element.value if isinstance(element, ast.Constant) else None
+            if isinstance(value, bool) or not isinstance(value, int) or value < least:
+                self.complain(
+                    call, f"{key} is no whole number", self.original(node), f"whole numbers >= {least}"
+                )
+                raise _Unreadable
+            values.append(value)
+        return tuple(values)
+
+    def basis(self, call: ast.Call, node: ast.expr) -> str:
+        values = {e.value if isinstance(e, ast.Constant) else None for e in self.vector(node)}
+        value = next(iter(values)) if len(values) == 1 else None
+        if not isinstance(value, str) or value not in _BASES:
+            hint = nearest(value, _BASES) if isinstance(value, str) else "one basis for all margins"
+            allowed = ", ".join(f'"{b}"' for b in _BASES)
+            self.complain(call, "unknown basis", f"bs={self.original(node)}", allowed, hint)
+            raise _Unreadable
+        return value
+
+    # -- terms -----------------------------------------------------------------------------------
+
+    def read(self, node: ast.expr) -> None:
+        """Add one summand to the model."""
+        try:
+            if isinstance(node, ast.Constant) and node.value in (0, 1) and not isinstance(node.value, bool):
+                self.intercept = bool(node.value)
+            elif isinstance(node, ast.Call):
+                self.terms.append(self.call(node))
+            elif (name := self.column(node)) is not None:
+                self.terms.append(Parametric(name))
+            else:
+                self.unsupported(node)
+        except _Unreadable:
+            pass
+
+    def unsupported(self, node: ast.expr) -> None:
+        fix = ""
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
+            fix = "for an interaction use s(x, by=f), te(a, b) or a column that holds the product"
+        self.complain(node, "not a term", self.original(node), _TERMS_ALLOWED, fix)
+
+    def remove(self, node: ast.expr) -> None:
+        if isinstance(node, ast.Constant) and node.value == 1:
+            self.intercept = False
+        else:
+            self.complain(node, "only the intercept can be taken away", f"- {self.original(node)}", "-1")
+
+    def call(self, node: ast.Call) -> Term:
+        """A smooth, tensor or random effect from its call."""
+        kind = self.column(node.func) or self.original(node.func)
+        if kind not in _ARGUMENTS:
+            fix = nearest(kind, _ARGUMENTS) or "compute transformed columns beforehand"
+            self.complain(node, "unknown function", f"{kind}()", "s(), te(), ti()", fix)
+            raise _Unreadable
+        names = tuple(self.column(argument) for argument in node.args)
+        if not names or None in names:
+            self.complain(node, "a smooth takes columns", self.original(node), f"{kind}(column, ...)")
+            raise _Unreadable
+        columns = tuple(name for name in names if name is not None)
+        if len(set(columns)) < len(columns):
+            self.complain(node, "column given twice", ", ".join(columns), "distinct columns")
+            raise _Unreadable
+        options = self.options(node, kind)
+        return (
+            self.smooth(node, columns, options) if kind == "s" else self.tensor(node, kind, columns, options)
+        )
+
+    def options(self, node: ast.Call, kind: str) -> dict[str, ast.expr]:
+        allowed = _ARGUMENTS[kind]
+        given: dict[str, ast.expr] = {}
+        for keyword in node.keywords:
+            if keyword.arg not in allowed:
+                name = keyword.arg or "**"
+                self.complain(node, "unknown argument", name, ", ".join(allowed), nearest(name, allowed))
+                raise _Unreadable
+            given[keyword.arg] = keyword.value
+        return given
+
+    def by(self, node: ast.Call, options: Mapping[str, ast.expr]) -> str | None:
+        if "by" not in options:
+            return None
+        name = self.column(options["by"])
+        if name is None:
+            self.complain(node, "by takes one column", f"by={self.original(options['by'])}", "by=column")
+            raise _Unreadable
+        return name
+
+    def smooth(self, node: ast.Call, names: tuple[str, ...], options: Mapping[str, ast.expr]) -> Term:
+        basis = self.basis(node, options["bs"]) if "bs" in options else "tp"
+        if basis == "re":
+            extra = [key for key in options if key != "bs"]
+            if len(names) > 1 or extra:
+                got = self.original(node)
+                self.complain(node, "a random effect is an intercept per level", got, 's(column, bs="re")')
+                raise _Unreadable
+            return RandomEffect(names[0])
+        if len(names) > 1 and basis != "tp":
+            fix = f'te({", ".join(names)}, bs="{basis}") or ti(...)'
+            self.complain(node, "basis of one covariate only", f'bs="{basis}"', '"tp"', fix)
+            raise _Unreadable
+        k = self.single(node, "k", options, least=2)
+        return Smooth(
+            names, _as_basis(basis), k, self.by(node, options), self.single(node, "m", options, least=1)
+        )
+
+    def tensor(
+        self, node: ast.Call, kind: str, names: tuple[str, ...], options: Mapping[str, ast.expr]
+    ) -> Term:
+        basis = self.basis(node, options["bs"]) if "bs" in options else "cr"
+        if len(names) < 2 or basis == "re":
+            got, allowed = self.original(node), f'{kind}(a, b, bs="ps", k=c(6, 6))'
+            self.complain(node, "a tensor product takes two or more covariates", got, allowed)
+            raise _Unreadable
+        k: tuple[int, ...] | None = None
+        if "k" in options:
+            k = self.integers(node, "k", options["k"], 2)
+            k = k * len(names) if len(k) == 1 else k
+            if len(k) != len(names):
+                got = f"{len(k)} numbers for {len(names)} covariates"
+                self.complain(node, "k does not match the covariates", got, f"1 or {len(names)} numbers")
+                raise _Unreadable
+        m = self.single(node, "m", options, least=1)
+        by = self.by(node, options)
+        return Tensor(names, _as_basis(basis), k, "te" if kind == "te" else "ti", by, m)
+
+    def single(self, node: ast.Call, key: str, options: Mapping[str, ast.expr], least: int) -> int | None:
+        if key not in options:
+            return None
+        values = self.integers(node, key, options[key], least)
+        if len(values) != 1:
+            self.complain(node, f"{key} takes one number", self.original(options[key]), f"{key}={values[0]}")
+            raise _Unreadable
+        return values[0]
+
+
+def _as_basis(name: str) -> Basis:
+    return next(basis for basis in get_args(Basis) if basis == name)
+
+
+def nearest(name: str, allowed: Iterable[str]) -> str:
+    """What may have been meant, as a question; empty if nothing comes near.
+
+    Examples
+    --------
+    >>> nearest("tmie", ["time", "vel"])
+    'did you mean time?'
+    """
+    near = difflib.get_close_matches(name, list(allowed), n=3, cutoff=0.5)
+    return f"did you mean {' or '.join(near)}?" if near else ""
+
+
+def _summands(node: ast.expr, sign: int = 1) -> Iterator[tuple[int, ast.expr]]:
+    """Terms of a sum from left to right with their signs; a loop, so that long formulas do not overflow."""
+    stack = [(node, sign)]
+    while stack:
+        top, s = stack.pop()
+        if isinstance(top, ast.BinOp) and isinstance(top.op, ast.Add | ast.Sub):
+            stack.append((top.right, s if isinstance(top.op, ast.Add) else -s))
+            stack.append((top.left, s))
+        elif isinstance(top, ast.UnaryOp) and isinstance(top.op, ast.UAdd | ast.USub):
+            stack.append((top.operand, s if isinstance(top.op, ast.UAdd) else -s))
+        else:
+            yield s, top
+
+
+def _masked(text: str) -> tuple[str, tuple[str, ...]]:
+    """The text with `quoted names` replaced by identifiers, as long as they where that fits."""
+    quoted: list[str] = []
+
+    def replace(hit: re.Match[str]) -> str:
+        quoted.append(hit[1])
+        return f"ǂ{len(quoted) - 1}".ljust(len(hit[0]), "ǂ")
+
+    return _QUOTED.sub(replace, text), tuple(quoted)
+
+
+def parse_formula(text: str) -> Formula:
+    """Read a formula in mgcv's style.
+
+    Parameters
+    ----------
+    text : str
+        ``response ~ term + term + ...``. Terms: a column (numeric or factor); ``s(x)``, ``s(x, by=f)``,
+        ``s(a, b)`` with ``bs`` ("tp", "ps", "cr"), ``k``, ``by``, ``m``; ``te(a, b)`` and ``ti(a, b)``;
+        ``s(group, bs="re")``; ``-1`` or ``+0`` to leave out the intercept. ``c(6, 6)`` gives one number per
+        margin. A column whose name is no plain name is written in backticks. The response may be missing.
+
+    Returns
+    -------
+    Formula
+
+    Raises
+    ------
+    InvalidInput
+        With one fault for every term that cannot be read: the term, its position and what is allowed.
+
+    Examples
+    --------
+    >>> formula = parse_formula('y ~ weather + s(time, by=season, k=12) + s(trip, bs="re")')
+    >>> formula.response, [term.label for term in formula.terms]
+    ('y', ['weather', 's(time):season', 's(trip)'])
+    >>> parse_formula("y ~ s(time, kk=12)")
+    Traceback (most recent call last):
+    tripwatt.errors.InvalidInput: unknown argument: term 's(time, kk=12)' at character 5: got kk; allowed: bs, k, by, m; did you mean k?
+    """
+    left, tilde, right = text.partition("~")
+    if not tilde or "~" in right:
+        count = text.count("~")
+        raise InvalidInput(Fault("a formula has one ~", repr(text), f"{count} of them", "response ~ terms"))
+    if not right.strip():
+        raise InvalidInput(Fault("no terms", f"right of ~ in {text!r}", "nothing", _TERMS_ALLOWED))
+    # R writes a line break inside a sum freely; Python wants brackets for that, which shift nothing but column 0
+    flat = right.replace("\n", " ").replace("\t", " ").replace("\r", " ")
+    masked, quoted = _masked(flat)
+    source = f"({masked})"
+    reader = _Reader(text, source, len(left) + len(tilde) - 1, quoted)
+    response = _response(reader, left)
+    try:
+        tree = ast.parse(source, mode="eval").body
+    except (SyntaxError, ValueError) as error:
+        reader.faults.append(_syntax_fault(error, text, reader.offset))
+        raise InvalidInput(reader.faults) from None
+    for sign, node in _summands(tree):
+        reader.read(node) if sign > 0 else reader.remove(node)
+    seen: set[str] = set()
+    for term in reader.terms:
+        if term.label in seen:
+            reader.faults.append(
+                Fault("term given twice", f"term {term.label!r}", repr(text), "each term once")
+            )
+        seen.add(term.label)
+    if reader.faults:
+        raise InvalidInput(reader.faults)
+    return Formula(response, tuple(reader.terms), reader.intercept)
+
+
+def _response(reader: _Reader, left: str) -> str | None:
+    name = left.strip()
+    quoted = _QUOTED.fullmatch(name)
+    if quoted:
+        return quoted[1]
+    if name and not _PLAIN_NAME.fullmatch(name):
+        fix = "compute a transformed response beforehand, write odd names in `backticks`"
+        reader.faults.append(
+            Fault("the response is no column", "left of ~ at character 1", name, "one column", fix)
+        )
+    return name or None
+
+
+def _syntax_fault(error: SyntaxError | ValueError, text: str, offset: int) -> Fault:
+    position = getattr(error, "offset", None)
+    at = min(offset + position, len(text)) if isinstance(position, int) else len(text)
+    around = text[max(0, at - 12) : at + 12].strip()
+    reason = error.msg if isinstance(error, SyntaxError) else str(error)
+    return Fault(
+        "formula cannot be read",
+        f"near {around!r} at character {at}",
+        reason,
+        _TERMS_ALLOWED,
+        "by-smooths are s(x, by=f); write odd column names in `backticks`",
+    )
+
+
+def _name(name: str) -> str:
+    import keyword
+
+    plain = _PLAIN_NAME.fullmatch(name) and not any(keyword.iskeyword(part) for part in name.split("."))
+    return name if plain and name not in _RESERVED and not _MASK.fullmatch(name) else f"`{name}`"
+
+
+def _render_term(term: Term) -> str:
+    if isinstance(term, Parametric):
+        return _name(term.name)
+    if isinstance(term, RandomEffect):
+        return f's({_name(term.name)}, bs="re")'
+    parts = [_name(name) for name in term.names]
+    if term.by is not None:
+        parts.append(f"by={_name(term.by)}")
+    if term.basis != ("cr" if isinstance(term, Tensor) else "tp"):
+        parts.append(f'bs="{term.basis}"')
+    if term.k is not None:
+        parts.append(
+            f"k={term.k}" if isinstance(term, Smooth) else f"k=c({', '.join(map(str, term.k or ()))})"
+        )
+    if term.m is not None:
+        parts.append(f"m={term.m}")
+    return f"{term.kind if isinstance(term, Tensor) else 's'}({', '.join(parts)})"
+
+
+def render_formula(formula: Formula) -> str:
+    """Text of a formula, such that `parse_formula` reads it back.
+
+    Examples
+    --------
+    >>> render_formula(parse_formula("y~s( time,k = 12 )+ 0 + weather"))
+    'y ~ s(time, k=12) + weather - 1'
+    """
+    terms = " + ".join(map(_render_term, formula.terms)) or ("1" if formula.intercept else "0")
+    tail = "" if formula.intercept or not formula.terms else " - 1"
+    left = "" if formula.response is None else f"{_name(formula.response)} "
+    return f"{left}~ {terms}{tail}"
+
+
+def unknown_columns(formula: Formula, columns: Iterable[str]) -> list[Fault]:
+    """Faults for every column that a formula reads and a frame lacks, with near matches.
+
+    Parameters
+    ----------
+    formula : Formula
+        The model.
+    columns : iterable of str
+        Columns of the frame.
+
+    Returns
+    -------
+    list of Fault
+        Empty when every column is there. The response is not looked at: it may be given apart.
+
+    Examples
+    --------
+    >>> [str(f) for f in unknown_columns(parse_formula("y ~ s(tim)"), ["time", "vel"])]
+    ["unknown column: term 's(tim)': got tim; allowed: time, vel; did you mean time?"]
+    """
+    present = [str(column) for column in columns]
+    shown = ", ".join(present[:12]) + (f" and {len(present) - 12} more" if len(present) > 12 else "")
+    return [
+        Fault("unknown column", f"term {term.label!r}", name, shown or "no columns", nearest(name, present))
+        for term in formula.terms
+        for name in term.columns
+        if name not in present
+    ]
+
+
+def validate_columns(formula: Formula, columns: Iterable[str]) -> None:
+    """Raise `InvalidInput` with all of `unknown_columns`.
+
+    Examples
+    --------
+    >>> validate_columns(parse_formula("y ~ s(time)"), ["time", "y"])
+    """
+    faults = unknown_columns(formula, columns)
+    if faults:
+        raise InvalidInput(faults)

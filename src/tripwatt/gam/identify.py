@@ -1,0 +1,127 @@
+"""Directions that neither data nor penalties determine: found, removed from the right term, reported."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tripwatt.gam.bases import Array
+from tripwatt.gam.blocks import Block
+from tripwatt.gam.covariates import Index
+from tripwatt.gam.design import Design
+from tripwatt.gam.tables import Part, TableRows
+from tripwatt.gam.terms import Smooth, Tensor
+
+NULL_TOLERANCE = 1e-12
+"""Eigenvalue, relative to the largest, below which a direction of the scaled penalised crossproduct is nil."""
+
+INVOLVED = 1e-4
+"""Share of a nil direction below which a block has no part in it."""
+
+
+def _nil_directions(design: Design, gram: Array, active: Index) -> tuple[Array, Array]:
+    """Orthonormal nil directions (p, r) of the scaled crossproduct, and the scale (p,)."""
+    total = gram.copy()
+    for block in design.blocks:
+        where = block.slice
+        weight = max(float(np.trace(gram[where, where])), 1e-300)
+        for S in block.penalties:
+            total[where, where] += S * (weight / float(np.trace(S)))
+    d = np.zeros(design.p)
+    d[active] = 1 / np.sqrt(np.diag(total)[active])
+    values, vectors = np.linalg.eigh((total * d * d[:, None])[np.ix_(active, active)])
+    nil = values < NULL_TOLERANCE * values[-1]
+    out = np.zeros((design.p, int(nil.sum())))
+    out[active] = vectors[:, nil]
+    return out, d
+
+
+def _place(block: Block) -> int:
+    """Where a block stands when a direction must be taken from one: surfaces first, then curves, then factors."""
+    if block.kind == "parametric":
+        return 0
+    return (
+        2
+        if isinstance(block.term, Tensor) or (isinstance(block.term, Smooth) and len(block.term.names) > 1)
+        else 1
+    )
+
+
+def identified(design: Design, gram: Array) -> tuple[Design, Array]:
+    """The design without the directions that nothing determines, and its crossproduct.
+
+    A direction shared by several terms is taken from the one with most covariates, then from the later one; of
+    parametric columns the last one is held at zero. Every reduction is a note.
+
+    Parameters
+    ----------
+    design : Design
+    gram : ndarray (p, p)
+        X'X.
+
+    Returns
+    -------
+    Design, ndarray
+    """
+    for _ in range(20):
+        active = design.active(np.diag(gram))
+        nil, scale = _nil_directions(design, gram, active)
+        if not nil.shape[1]:
+            return design, gram
+        involved = [b for b in design.blocks if np.linalg.norm(nil[b.slice]) > INVOLVED]
+        block = max(involved, key=lambda b: (_place(b), b.start))
+        others = ", ".join(b.label for b in involved if b is not block) or "itself"
+        if block.kind == "parametric":
+            column = block.start + int(np.flatnonzero(np.abs(nil[block.slice]).max(axis=1) > INVOLVED)[-1])
+            design.empty.append(column)
+            name = block.names[column - block.start]
+            design.notes.append(f"{name} is a linear combination of {others}: held at 0")
+            continue
+        directions = nil[block.slice] * scale[block.slice, None]
+        U, sizes, _ = np.linalg.svd(directions)
+        rank = int((sizes > 1e-6 * sizes[0]).sum())
+        design.notes.append(f"{block.label} repeats what {others} can say: {rank} of its columns removed")
+        design, gram = _reduced(design, gram, block, U[:, rank:])
+    return design, gram
+
+
+def _reduced(design: Design, gram: Array, block: Block, Z: Array) -> tuple[Design, Array]:
+    """Map the columns of one block by Z (q, r) throughout the design."""
+    where = block.slice
+    before, after = np.arange(where.start), np.arange(where.stop, design.p)
+    middle = gram[:, where] @ Z
+    columns = np.hstack([gram[:, before], middle, gram[:, after]])
+    gram = np.vstack([columns[before], Z.T @ columns[where], columns[after]])
+    gone = Z.shape[0] - Z.shape[1]
+    first, last = where.start, where.stop
+    blocks = []
+    for other in design.blocks:
+        if other is block:
+            assert block.smoother is not None
+            blocks.append(
+                replace(
+                    block,
+                    names=[f"{block.label}.{i + 1}" for i in range(Z.shape[1])],
+                    penalties=[Z.T @ S @ Z for S in block.penalties],
+                    smoother=block.smoother.reduced(Z),
+                )
+            )
+        else:
+            blocks.append(replace(other, start=other.start - (gone if other.start >= last else 0)))
+    parts = [_reduced_part(part, first, last, gone, Z) for part in design.rows.parts]
+    rows = TableRows(parts, design.rows.n, design.p - gone)
+    empty = [c - (gone if c >= last else 0) for c in design.empty]
+    return replace(design, blocks=blocks, rows=rows, empty=empty), gram
+
+
+def _reduced_part(part: Part, first: int, last: int, gone: int, Z: Array) -> Part:
+    inside = (part.columns >= first) & (part.columns < last)
+    outside = part.columns[~inside]
+    moved = outside - np.where(outside >= last, gone, 0)
+    if not inside.any():
+        return replace(part, columns=moved)
+    table = np.hstack([part.table[:, ~inside], part.table[:, inside] @ Z])
+    columns = np.concatenate([moved, np.arange(first, first + Z.shape[1])])
+    order = np.argsort(columns)
+    return replace(part, columns=columns[order], table=np.ascontiguousarray(table[:, order]))

@@ -1,0 +1,135 @@
+"""Leave groups out: every fold's crossproduct is the total minus that of the rows held out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.gam.bases import Array
+from tripwatt.gam.covariates import Index, Levels, Support, Training
+from tripwatt.gam.design import Design
+from tripwatt.gam.identify import identified
+from tripwatt.gam.moments import Moments, moments
+from tripwatt.gam.solve import Settings, solve
+
+DEAD = 1e-10
+"""Share of a column's sum of squares below which a downdate has left nothing but rounding."""
+
+
+def grouped_moments(design: Design, y: Array, groups: Index, rows: Index, lagged: bool) -> Moments:
+    """Sums over `rows`, group by group where lagged products are wanted."""
+    if not lagged:
+        return moments(design.rows, y, rows, False)
+    order = rows[np.argsort(groups[rows], kind="stable")]
+    pieces = np.split(order, np.flatnonzero(np.diff(groups[order])) + 1)
+    total = moments(design.rows, y, pieces[0], True)
+    for piece in pieces[1:]:
+        total = total + moments(design.rows, y, piece, True)
+    return total
+
+
+def training_of(design: Design, rows: npt.NDArray[np.bool_]) -> Training:
+    """What prediction may know when only `rows` (n,) were seen: their ranges, their levels."""
+    supports = {}
+    for names, points in design.joint.items():
+        seen = np.bincount(points.index[rows], minlength=len(points.values)) > 0
+        supports[names] = Support(points.values[seen])
+    levels = {}
+    for name, codes in design.codes.items():
+        known = design.training.levels[name]
+        counts = np.bincount(codes[rows], minlength=len(known.names))
+        levels[name] = Levels(known.names, counts / counts.sum())
+    return Training(supports, levels)
+
+
+def _fold(
+    design: Design,
+    frame: pd.DataFrame,
+    y: Array,
+    groups: Index,
+    held: npt.NDArray[np.bool_],
+    total: Moments,
+    settings: Settings,
+) -> tuple[Array, dict[str, float]]:
+    """Predictions of the rows held out, and how the fit without them went."""
+    lagged = len(total.gram) > 1
+    out, kept = np.flatnonzero(held).astype(np.intp), np.flatnonzero(~held).astype(np.intp)
+    sums = total - grouped_moments(design, y, groups, out, lagged)
+    dead = np.diag(sums.gram[0]) <= DEAD * np.diag(total.gram[0])
+    sums.gram[:, dead], sums.gram[:, :, dead], sums.cross[:, dead] = 0.0, 0.0, 0.0
+    own, gram = identified(replace(design, notes=[], empty=list(design.empty)), sums.gram[0])
+    if own.p != design.p:
+        sums = grouped_moments(own, y, groups, kept, lagged)
+        gram = sums.gram[0]
+    active = own.active(np.diag(gram))
+    stack, which = own.penalty_stack(active)
+    if settings.rho is not None:
+        settings = replace(settings, rho=settings.rho[which])
+    solution = solve(own.rows.subset(kept, active), y[kept], sums, stack, active, settings)
+    if solution is None:
+        where = f"without fold of row {out[0]}"
+        raise InvalidInput(Fault("model not identifiable", where, "singular system", "terms that differ"))
+    beta = np.zeros(own.p)
+    beta[active] = solution.beta
+    training, piece = training_of(own, ~held), frame.iloc[out]
+    prediction = np.zeros(len(out))
+    for block in own.blocks:
+        if block.kind != "random" or beta[block.slice].any():
+            prediction += block.matrix(piece, training) @ beta[block.slice]
+    report = {
+        "rows": float(len(out)),
+        "edf": float(np.einsum("ij,ji->", solution.covariance, solution.information)),
+        "nu": solution.nu,
+        "sigma": solution.sigma if np.isfinite(solution.sigma) else float(np.sqrt(solution.scale)),
+        "reml": solution.score,
+        "converged": float(solution.converged),
+        "n_iter": float(solution.n_iter),
+    }
+    return prediction, report
+
+
+def leave_out(
+    design: Design, frame: pd.DataFrame, y: Array, groups: Index, folds: Index, settings: Settings
+) -> tuple[Array, pd.DataFrame]:
+    """Predict each fold from all other rows.
+
+    Parameters
+    ----------
+    design : Design
+        Of all rows; its bases know covariates only.
+    frame : DataFrame
+    y : ndarray (n,)
+    groups, folds : ndarray (n,)
+        Codes of the groups, and of the units to leave out.
+    settings : Settings
+
+    Returns
+    -------
+    predictions : ndarray (n,)
+    report : DataFrame
+        One row per fold: rows, edf, nu, sigma, reml, converged, n_iter.
+
+    Raises
+    ------
+    InvalidInput
+        With fewer than two folds.
+    """
+    count = int(folds.max()) + 1
+    if count < 2:
+        raise InvalidInput(Fault("one group only", "leave_groups_out", "1 fold", "two or more"))
+    lagged = settings.ar1_rho is not None
+    total = grouped_moments(design, y, groups, np.arange(len(y), dtype=np.intp), lagged)
+    design, gram = identified(design, total.gram[0])
+    if gram.shape != total.gram[0].shape:
+        total = grouped_moments(design, y, groups, np.arange(len(y), dtype=np.intp), lagged)
+    predictions, reports = np.empty(len(y)), []
+    for fold in range(count):
+        held = folds == fold
+        predictions[held], report = _fold(design, frame, y, groups, held, total, settings)
+        reports.append(report)
+    table = pd.DataFrame(reports)
+    return predictions, table.astype({"rows": int, "n_iter": int, "converged": bool})

@@ -1,0 +1,409 @@
+"""The model that users meet: fit, predict, leave groups out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from sklearn.base import BaseEstimator, RegressorMixin
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.gam.bases import Array
+from tripwatt.gam.blocks import Extrapolation
+from tripwatt.gam.covariates import Index, missing_columns, numbers, response
+from tripwatt.gam.design import Design, build_design
+from tripwatt.gam.families import Family, Gaussian, ScaledT
+from tripwatt.gam.fit import Solution
+from tripwatt.gam.identify import identified
+from tripwatt.gam.leaveout import grouped_moments, leave_out
+from tripwatt.gam.moments import Moments
+from tripwatt.gam.results import Results, results
+from tripwatt.gam.solve import Method, Settings, solve
+from tripwatt.gam.terms import Formula, RandomEffect, Smooth, Tensor
+
+PREDICT_ROWS = 8192
+
+
+class GAMM(RegressorMixin, BaseEstimator):
+    """Generalised additive mixed model with gaussian or scaled t errors.
+
+    Parameters
+    ----------
+    formula : str or Formula
+        ``"y ~ weather + s(time, by=season) + s(trip, bs='re')"``, or the same as objects.
+    family : {"gaussian", "scat"} or Family
+        Distribution of the errors.
+    method : {"fREML", "REML"}
+        How smoothing parameters are chosen. For gaussian errors both are restricted maximum likelihood. For the
+        scaled t "fREML" is the performance iteration (fast), "REML" exact Laplace REML.
+    discretise : bool or int
+        Round covariates to an even grid of 1,000 (or so many) values; True does so beyond 10,000 rows.
+    extrapolation : {"clamp", "linear"}
+        Outside its training range a smooth of one covariate is held constant, or goes on as a straight line.
+        Surfaces are always held: at the range, and within a twentieth of it from the nearest training point.
+    smoothing_parameters : sequence or mapping, optional
+        Given values, in the order (or by the names) of `smoothing_parameters_`.
+    ar1_rho : float or "estimate", optional
+        Correlation of successive errors within groups, gaussian errors only.
+    tolerance : float
+        The scaled t's iteration stops when nothing moves by more than this many standard errors.
+    max_iter : int
+        Most iterations.
+
+    Attributes
+    ----------
+    coef_, coef_names_
+        Coefficients (p,) and their names.
+    Vp_, Ve_ : ndarray (p, p)
+        Bayesian posterior and frequentist covariance.
+    F_ : ndarray (p, p)
+        (X'WX + S)^-1 X'WX; its diagonal is `edf_`; `edf1_` is 2 edf - diag(F F).
+    R_ : ndarray (p, p)
+        Square root of X'WX / scale: R'R.
+    blocks_, term_slices_
+        Fitted pieces, and the coefficients of each by label.
+    smoothing_parameters_ : dict
+    scale_, nu_, sigma_, nu_at_bound_
+        Variance (1 for the scaled t), shape and scale of the t.
+    reml_, loglik_, aic_, deviance_explained_, r2_, n_, residual_df_
+    linear_predictor_, fitted_values_, residuals_ : ndarray (n,)
+    converged_, n_iter_, message_, notes_
+    empty_columns_ : list of str
+        Coefficients without data: 0 with standard error 0.
+    ranges_, levels_ : dict
+        Training range of each covariate; levels of each factor.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> frame = pd.DataFrame({"x": np.linspace(0, 1, 100)})
+    >>> y = np.sin(6 * frame["x"]) + 0.1 * rng.standard_normal(100)
+    >>> model = GAMM(Formula(None, (Smooth(("x",)),))).fit(frame, y)
+    >>> bool(model.converged_), bool(model.r2_ > 0.9)
+    (True, True)
+    """
+
+    def __init__(
+        self,
+        formula: str | Formula,
+        family: str | Family = "gaussian",
+        method: Method = "fREML",
+        discretise: bool | int = True,
+        extrapolation: Extrapolation = "clamp",
+        smoothing_parameters: Sequence[float] | Mapping[str, float] | None = None,
+        ar1_rho: float | Literal["estimate"] | None = None,
+        tolerance: float = 1e-3,
+        max_iter: int = 400,
+    ) -> None:
+        self.formula = formula
+        self.family = family
+        self.method = method
+        self.discretise = discretise
+        self.extrapolation = extrapolation
+        self.smoothing_parameters = smoothing_parameters
+        self.ar1_rho = ar1_rho
+        self.tolerance = tolerance
+        self.max_iter = max_iter
+
+    def fit(self, frame: pd.DataFrame, y: object = None, groups: object = None) -> GAMM:
+        """Choose smoothing parameters and estimate everything.
+
+        Parameters
+        ----------
+        frame : DataFrame
+            Columns that the formula names.
+        y : array-like (n,), optional
+            Response; default: the formula's left side.
+        groups : array-like (n,) or str, optional
+            Groups (or their column) within which successive rows are correlated, for `ar1_rho`.
+
+        Returns
+        -------
+        GAMM
+            Itself.
+
+        Raises
+        ------
+        InvalidInput
+            Names every faulty column, or the term that cannot be fitted.
+        """
+        formula, family = self._formula(), self._family()
+        values = response(frame, y, formula.response)
+        design = build_design(formula, frame, self.discretise, self.extrapolation)
+        sums = self._moments(design, values, self._groups(frame, groups))
+        raw = sums.gram[0]
+        design, reduced = identified(design, raw)
+        if design.p != sums.gram.shape[1]:  # columns were taken from a term
+            sums = self._moments(design, values, self._groups(frame, groups))
+            reduced = sums.gram[0]
+        active = design.active(np.diag(reduced))
+        stack, which = design.penalty_stack(active)
+        if len(frame) <= stack.null_dim:
+            got = f"{len(frame)} rows"
+            raise InvalidInput(
+                Fault("too few rows", "frame", got, f"more than {stack.null_dim} unpenalised coefficients")
+            )
+        given = self._given(design)
+        settings = self._settings(family, None if given is None else given[which])
+        rows = design.rows.subset(columns=active)
+        solution = solve(rows, values, sums, stack, active, settings)
+        if solution is None:
+            raise InvalidInput(
+                Fault(
+                    "model not identifiable",
+                    str(formula.response or "y"),
+                    "singular system",
+                    "terms that differ",
+                )
+            )
+        self._keep(design, values, family, solution, active, which)
+        return self
+
+    def predict(
+        self,
+        frame: pd.DataFrame,
+        exclude: Collection[str] = (),
+        se: bool = False,
+        terms: bool = False,
+        groups: object = None,
+    ) -> Any:
+        """Predict the response, or the contribution of each term.
+
+        Parameters
+        ----------
+        frame : DataFrame
+            Columns of the terms; the column of a random effect may be missing.
+        exclude : collection of str
+            Labels of terms to leave out.
+        se : bool
+            Whether standard errors are wanted too.
+        terms : bool
+            A frame with one column per term instead of their sum.
+        groups : array-like (n,) or str, optional
+            Levels of a random effect whose column is missing.
+
+        Returns
+        -------
+        ndarray (n,) or DataFrame, or a pair with the standard errors
+
+        Notes
+        -----
+        A level of a factor that no training row had counts as the mean of the training rows' levels; an unknown
+        level of a random effect as 0. Covariates outside their range follow `extrapolation`.
+        """
+        full = self._complete(frame, exclude, groups)
+        blocks = [block for block in self.blocks_ if block.label not in set(exclude)]
+        fit, error = np.zeros((len(full), len(blocks))), np.zeros((len(full), len(blocks)))
+        total = np.zeros(len(full))
+        for start in range(0, len(full), PREDICT_ROWS):
+            rows = slice(start, start + PREDICT_ROWS)
+            piece = full.iloc[rows]
+            X = np.zeros((len(piece), len(self.coef_)))
+            for j, block in enumerate(blocks):
+                B = block.matrix(piece)
+                fit[rows, j] = B @ self.coef_[block.slice]
+                X[:, block.slice] = B
+                if se and terms:
+                    V = self.Vp_[block.slice, block.slice]
+                    error[rows, j] = np.sqrt(np.maximum(np.einsum("ij,ij->i", B @ V, B), 0.0))
+            if se and not terms:
+                total[rows] = np.sqrt(np.maximum(np.einsum("ij,ij->i", X @ self.Vp_, X), 0.0))
+        if terms:
+            labels = [block.label for block in blocks]
+            out = pd.DataFrame(fit, index=frame.index, columns=labels)
+            return (out, pd.DataFrame(error, index=frame.index, columns=labels)) if se else out
+        return (fit.sum(axis=1), total) if se else fit.sum(axis=1)
+
+    def extrapolated(self, frame: pd.DataFrame) -> npt.NDArray[np.bool_]:
+        """Rows (n,) with a covariate outside its training range or a level that training did not have."""
+        self._complete(frame, (), None)
+        out = np.zeros(len(frame), dtype=bool)
+        for names, support in self.training_.supports.items():
+            out |= support.outside(frame[list(names)].to_numpy(dtype=np.float64))
+        random = {term.name for term in self.formula_.terms if isinstance(term, RandomEffect)}
+        for name, levels in self.training_.levels.items():
+            if name not in random:
+                codes = levels.codes(frame[name])
+                out |= (codes < 0) | (levels.share[codes] == 0)
+        return out
+
+    def leave_groups_out(
+        self, frame: pd.DataFrame, y: object = None, groups: object = None, folds: object = None
+    ) -> Array:
+        """Predict every row from a fit without its group.
+
+        Smoothing parameters, shape and scale are estimated anew in every fold, from a start that knows nothing of
+        the rows held out; bases and their knots come from the covariates of all rows. `folds_` says how each went.
+
+        Parameters
+        ----------
+        frame : DataFrame
+        y : array-like (n,), optional
+            Response; default: the formula's left side.
+        groups : array-like (n,) or str
+            Group of each row, or its column.
+        folds : array-like (n,) or str, optional
+            Larger units to leave out at once, e.g. days; default: the groups.
+
+        Returns
+        -------
+        ndarray (n,)
+            Held-out predictions; a held-out group's random effect is 0.
+        """
+        formula, family = self._formula(), self._family()
+        values = response(frame, y, formula.response)
+        group_codes, fold_codes = self._groups(frame, groups), self._groups(frame, folds)
+        if group_codes is None:
+            raise InvalidInput(
+                Fault("no groups", "leave_groups_out", "groups is None", "a group for each row")
+            )
+        design = build_design(formula, frame, self.discretise, self.extrapolation)
+        given = self._given(design)
+        settings = self._settings(family, given)
+        units = group_codes if fold_codes is None else fold_codes
+        predictions, report = leave_out(design, frame, values, group_codes, units, settings)
+        self.folds_ = report
+        return predictions
+
+    def _formula(self) -> Formula:
+        if isinstance(self.formula, Formula):
+            return self.formula
+        from tripwatt.gam.formula import parse_formula
+
+        parsed: Formula = parse_formula(self.formula)
+        return parsed
+
+    def _family(self) -> Family:
+        if isinstance(self.family, Gaussian | ScaledT):
+            return self.family
+        known: dict[str, Family] = {"gaussian": Gaussian(), "scat": ScaledT()}
+        faults = []
+        if self.family not in known:
+            faults.append(Fault("unknown family", "GAMM(family=)", repr(self.family), ", ".join(known)))
+        if self.method not in ("fREML", "REML"):
+            faults.append(Fault("unknown method", "GAMM(method=)", repr(self.method), "fREML or REML"))
+        if faults:
+            raise InvalidInput(faults)
+        return known[self.family]
+
+    def _settings(self, family: Family, rho: Array | None) -> Settings:
+        if self.extrapolation not in ("clamp", "linear"):
+            got = repr(self.extrapolation)
+            raise InvalidInput(Fault("unknown extrapolation", "GAMM(extrapolation=)", got, "clamp or linear"))
+        if self.ar1_rho is not None:
+            if not isinstance(family, Gaussian):
+                raise InvalidInput(
+                    Fault("ar1_rho needs gaussian errors", "GAMM(ar1_rho=)", family.name, "gaussian")
+                )
+            good = self.ar1_rho == "estimate" or (not isinstance(self.ar1_rho, str) and -1 < self.ar1_rho < 1)
+            if not good:
+                got = repr(self.ar1_rho)
+                raise InvalidInput(
+                    Fault("bad autocorrelation", "GAMM(ar1_rho=)", got, "'estimate' or within -1 to 1")
+                )
+        return Settings(family, self.method, rho, self.ar1_rho, self.tolerance, self.max_iter)
+
+    def _groups(self, frame: pd.DataFrame, groups: object) -> Index | None:
+        """Codes (n,) of groups given as labels or as a column."""
+        if groups is None:
+            return None
+        if isinstance(groups, str):
+            faults = missing_columns(frame, [groups])
+            if faults:
+                raise InvalidInput(faults)
+            groups = frame[groups]
+        codes = pd.factorize(np.asarray(groups))[0].astype(np.intp)
+        if len(codes) != len(frame) or (codes < 0).any():
+            got = f"{len(codes)} labels, {int((codes < 0).sum())} missing"
+            raise InvalidInput(
+                Fault("bad groups", "groups=", got, f"a label for each of the {len(frame)} rows")
+            )
+        return codes
+
+    def _moments(self, design: Design, y: Array, groups: Index | None) -> Moments:
+        codes = groups if groups is not None else np.zeros(len(y), dtype=np.intp)
+        return grouped_moments(design, y, codes, np.arange(len(y), dtype=np.intp), self.ar1_rho is not None)
+
+    def _given(self, design: Design) -> Array | None:
+        """Given smoothing parameters as logs, in the order of the design."""
+        if self.smoothing_parameters is None:
+            return None
+        names = design.penalty_names
+        if isinstance(self.smoothing_parameters, Mapping):
+            odd = set(self.smoothing_parameters) ^ set(names)
+            if odd:
+                raise InvalidInput(
+                    Fault("smoothing parameters do not match", ", ".join(sorted(odd)), "", ", ".join(names))
+                )
+            values = np.array([self.smoothing_parameters[name] for name in names], dtype=np.float64)
+        else:
+            values = np.asarray(self.smoothing_parameters, dtype=np.float64).ravel()
+        if len(values) != len(names) or not (np.isfinite(values) & (values > 0)).all():
+            got = f"{len(values)} values"
+            allowed = f"{len(names)} positive numbers for {', '.join(names)}"
+            raise InvalidInput(Fault("bad smoothing parameters", "GAMM(smoothing_parameters=)", got, allowed))
+        return np.log(values)
+
+    def _keep(
+        self, design: Design, y: Array, family: Family, solution: Solution, active: Index, which: list[int]
+    ) -> None:
+        """Set the fitted attributes."""
+        found: Results = results(design, y, family, solution, active)
+        for name, value in vars(found).items():
+            setattr(self, name + "_", value)
+        names = design.penalty_names
+        logs = np.full(len(names), math.nan)
+        logs[which] = solution.rho
+        self.smoothing_parameters_ = {name: float(np.exp(v)) for name, v in zip(names, logs, strict=True)}
+        self.formula_, self.family_, self.blocks_ = design.formula, family, design.blocks
+        self.training_ = design.training
+        self.coef_names_ = [name for block in design.blocks for name in block.names]
+        self.term_slices_ = {block.label: block.slice for block in design.blocks}
+        kept = set(active.tolist())
+        self.empty_columns_ = [name for i, name in enumerate(self.coef_names_) if i not in kept]
+        supports = design.training.supports
+        self.ranges_ = {
+            name: (float(support.low[j]), float(support.high[j]))
+            for names_, support in supports.items()
+            for j, name in enumerate(names_)
+        }
+        self.levels_ = {name: levels.names for name, levels in design.training.levels.items()}
+        self.notes_ = list(design.notes)
+        self.n_features_in_ = len(design.formula.columns)
+
+    def _complete(self, frame: pd.DataFrame, exclude: Collection[str], groups: object) -> pd.DataFrame:
+        """Check the columns that prediction reads; fill in the levels of a random effect from `groups`."""
+        if not hasattr(self, "coef_"):
+            from sklearn.exceptions import NotFittedError
+
+            raise NotFittedError("this GAMM is not fitted yet: call fit first")
+        known = [block.label for block in self.blocks_]
+        faults = [
+            Fault("unknown term", "predict(exclude=)", repr(label), ", ".join(known))
+            for label in exclude
+            if label not in known
+        ]
+        random = {term.name for term in self.formula_.terms if isinstance(term, RandomEffect)}
+        absent = [name for name in random if name not in frame.columns]
+        if groups is not None and len(absent) == 1:
+            labels = frame[groups] if isinstance(groups, str) else np.asarray(groups)
+            frame = frame.assign(**{absent[0]: np.asarray(labels)})
+        used = [
+            block.term for block in self.blocks_ if block.label not in set(exclude) and block.term is not None
+        ]
+        needed = dict.fromkeys(name for term in used for name in term.columns if name not in random)
+        faults += missing_columns(frame, needed)
+        for term in used:
+            for name in term.columns:
+                factor = name in self.levels_ and not (
+                    isinstance(term, Smooth | Tensor) and name in term.names
+                )
+                if name in frame.columns and not factor and not isinstance(term, RandomEffect):
+                    faults += numbers(frame, name, term.label)[1]
+        if faults:
+            raise InvalidInput(dict.fromkeys(faults))
+        return frame

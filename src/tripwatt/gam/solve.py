@@ -1,0 +1,174 @@
+"""From sums over rows to a solution: which method runs, where it starts, what it falls back on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from tripwatt.gam.bases import Array
+from tripwatt.gam.covariates import Index
+from tripwatt.gam.families import Family, Gaussian, ScaledT, Theta
+from tripwatt.gam.fit import NormalEquations, Rows, Solution, fit_gaussian
+from tripwatt.gam.laplace import LaplaceModel, fit_laplace
+from tripwatt.gam.moments import Moments
+from tripwatt.gam.penalties import PenaltyStack
+from tripwatt.gam.performance import PerformanceIteration, State, TData
+from tripwatt.gam.tables import TableRows
+
+Method = Literal["fREML", "REML"]
+THIN_ROWS = 10_000
+"""A scaled t with twice as many rows is started from a fit to so many of them."""
+
+AR1_BOUNDS = (-0.95, 0.9999)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a model is to be fitted.
+
+    Attributes
+    ----------
+    family : Family
+    method : {"fREML", "REML"}
+    rho : ndarray (M,) or None
+        Given log smoothing parameters.
+    ar1_rho : float, "estimate" or None
+    tolerance : float
+        Of the fit, in posterior standard deviations.
+    max_iter : int
+    """
+
+    family: Family
+    method: Method = "fREML"
+    rho: Array | None = None
+    ar1_rho: float | Literal["estimate"] | None = None
+    tolerance: float = 1e-3
+    max_iter: int = 400
+
+
+def _steadied(data: NormalEquations) -> NormalEquations:
+    """A ridge of one part in 1e8, for crossproducts that are singular to working precision."""
+    gram = data.gram.copy()
+    gram[np.diag_indices_from(gram)] *= 1 + 1e-8
+    return replace(data, gram=gram)
+
+
+def _gaussian(
+    data: NormalEquations, stack: PenaltyStack, settings: Settings, scale: float | None
+) -> Solution | None:
+    if settings.rho is not None:
+        return fit_gaussian(data, stack, settings.rho, True, scale)
+    found = [
+        solution
+        for shift in (0.0, -8.0)  # the score may have two optima; the lower one counts
+        if (
+            solution := fit_gaussian(data, stack, None, False, scale, max_iter=settings.max_iter, shift=shift)
+        )
+    ]
+    return min(found, key=lambda solution: (not solution.converged, solution.score)) if found else None
+
+
+def _autoregressive(
+    sums: Moments, stack: PenaltyStack, active: Index, settings: Settings, scale: float | None
+) -> Solution | None:
+    if not isinstance(settings.ar1_rho, str):
+        rho = float(settings.ar1_rho or 0.0)
+        found = _gaussian(sums.normal(stack, active, rho), stack, settings, scale)
+        return None if found is None else replace(found, ar1_rho=rho)
+    last: dict[str, Array] = {}
+
+    def score(z: float) -> float:
+        solution = fit_gaussian(
+            sums.normal(stack, active, float(np.tanh(z))), stack, last.get("rho"), False, scale
+        )
+        if solution is None:
+            return np.inf
+        last["rho"] = solution.rho
+        return solution.score
+
+    if settings.rho is not None:
+        kept = settings.rho
+
+        def score(z: float) -> float:
+            solution = fit_gaussian(sums.normal(stack, active, float(np.tanh(z))), stack, kept, True, scale)
+            return np.inf if solution is None else solution.score
+
+    low, high = np.arctanh(AR1_BOUNDS)
+    best = minimize_scalar(score, bounds=(low, high), method="bounded", options={"xatol": 1e-4})
+    rho = float(np.tanh(best.x))
+    return _autoregressive(sums, stack, active, replace(settings, ar1_rho=rho), scale)
+
+
+def _thinned(rows: Rows, y: Array, stack: PenaltyStack, settings: Settings) -> State | None:
+    """A start from every so many-th row, where there are many rows; None where that is no use."""
+    step = rows.n // THIN_ROWS
+    if step < 2 or not isinstance(rows, TableRows):
+        return None
+    every = np.arange(0, rows.n, step, dtype=np.intp)
+    few, some = rows.subset(every), y[every]
+    family = settings.family
+    assert isinstance(family, ScaledT)
+    data = TData(few, some, stack.rotated_both(few.gram()), stack.rotated(few.transpose(some)))
+    iteration = PerformanceIteration(data, stack, family, settings.rho is not None)
+    start = iteration.start(settings.rho)
+    found = None if start is None else iteration.run(start, 100 * settings.tolerance, settings.max_iter)
+    if found is None:
+        return None
+    theta = Theta.of(found.nu, found.sigma, family.min_df)
+    return State(stack.rotated(found.beta), found.rho, theta)
+
+
+def _scaled_t(
+    rows: Rows, y: Array, data: NormalEquations, stack: PenaltyStack, settings: Settings
+) -> Solution | None:
+    family = settings.family
+    assert isinstance(family, ScaledT)
+    fixed = settings.rho is not None
+    iteration = PerformanceIteration(TData(rows, y, data.gram, data.cross), stack, family, fixed)
+    start = _thinned(rows, y, stack, settings) or iteration.start(settings.rho)
+    if start is None:
+        return None
+    exact = settings.method == "REML"
+    first = iteration.run(start, settings.tolerance * (100 if exact else 1), settings.max_iter)
+    if first is None or not exact:
+        return first
+    model = LaplaceModel(rows, y, stack, family, stack.rotated(first.beta))
+    theta = Theta.of(first.nu, first.sigma, family.min_df)
+    return fit_laplace(model, first.rho, theta, data.gram, fixed, max_iter=settings.max_iter)
+
+
+def solve(
+    rows: Rows, y: Array, sums: Moments, stack: PenaltyStack, active: Index, settings: Settings
+) -> Solution | None:
+    """Fit the active coefficients.
+
+    Parameters
+    ----------
+    rows : Rows
+        Active columns only.
+    y : ndarray (n,)
+    sums : Moments
+        Of all columns.
+    stack : PenaltyStack
+        Of the active columns.
+    active : ndarray
+        Active columns.
+    settings : Settings
+
+    Returns
+    -------
+    Solution or None
+        None where no start leads to a positive definite system.
+    """
+    family = settings.family
+    if isinstance(family, Gaussian):
+        found = _autoregressive(sums, stack, active, settings, family.scale)
+        if found is not None or len(sums.gram) > 1:
+            return found
+        return _gaussian(_steadied(sums.normal(stack, active)), stack, settings, family.scale)
+    data = sums.normal(stack, active)
+    found = _scaled_t(rows, y, data, stack, settings)
+    return found if found is not None else _scaled_t(rows, y, _steadied(data), stack, settings)

@@ -1,0 +1,114 @@
+"""A model matrix that is never formed: small tables, and for each row its place in them.
+
+Products with X cost a few operations per row and term; crossproducts go chunk by chunk through BLAS (Wood et al.
+2017, section 3, has the idea of discrete covariates).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tripwatt.gam.bases import Array
+from tripwatt.gam.covariates import Index
+
+CHUNK = 4096
+"""Rows that exist as an array at any time."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Blocks that share an index: columns, a table (m, q), each row's position in it, and a multiplier."""
+
+    columns: Index
+    table: Array
+    index: Index
+    scale: Array | None = None
+
+
+class TableRows:
+    """A model matrix made of parts; every product that fitting needs, and no (n, p) array.
+
+    Parameters
+    ----------
+    parts : list of Part
+    n, p : int
+        Rows and columns.
+    """
+
+    def __init__(self, parts: list[Part], n: int, p: int) -> None:
+        self.parts, self.n, self.p = parts, n, p
+
+    def subset(self, rows: Index | None = None, columns: Index | None = None) -> TableRows:
+        """Some rows and some columns, in the given order of rows."""
+        parts = self.parts
+        if rows is not None:
+            parts = [
+                Part(q.columns, q.table, q.index[rows], None if q.scale is None else q.scale[rows])
+                for q in parts
+            ]
+        p = self.p
+        if columns is not None:
+            position = np.full(self.p, -1)
+            position[columns] = np.arange(len(columns))
+            kept = []
+            for q in parts:
+                good = position[q.columns] >= 0
+                if good.any():
+                    kept.append(Part(position[q.columns[good]], q.table[:, good], q.index, q.scale))
+            parts, p = kept, len(columns)
+        return TableRows(parts, self.n if rows is None else len(rows), p)
+
+    def predictor(self, beta: Array) -> Array:
+        """X beta for beta (p,) or (p, q)."""
+        out = np.zeros((self.n, *beta.shape[1:]))
+        for q in self.parts:
+            piece = np.take(q.table @ beta[q.columns], q.index, axis=0)
+            if q.scale is not None:
+                piece *= q.scale if beta.ndim == 1 else q.scale[:, None]
+            out += piece
+        return out
+
+    def transpose(self, v: Array) -> Array:
+        """X' v for v (n,) or (n, q)."""
+        if v.ndim == 2:
+            return np.stack([self.transpose(np.ascontiguousarray(column)) for column in v.T], axis=1)
+        out = np.zeros(self.p)
+        for q in self.parts:
+            weights = v if q.scale is None else v * q.scale
+            out[q.columns] += q.table.T @ np.bincount(q.index, weights=weights, minlength=len(q.table))
+        return out
+
+    def dense(self, rows: slice | Index) -> Array:
+        """Rows of X as an array."""
+        first = self.parts[0].index[rows]
+        out = np.zeros((len(first), self.p))
+        for q in self.parts:
+            piece = np.take(q.table, q.index[rows], axis=0)
+            if q.scale is not None:
+                piece *= q.scale[rows][:, None]
+            if len(q.columns) and q.columns[-1] - q.columns[0] + 1 == len(q.columns):
+                out[:, q.columns[0] : q.columns[-1] + 1] = piece
+            else:
+                out[:, q.columns] = piece
+        return out
+
+    def _chunks(self) -> list[slice]:
+        return [slice(start, min(start + CHUNK, self.n)) for start in range(0, self.n, CHUNK)]
+
+    def gram(self, weights: Array | None = None) -> Array:
+        """X' W X, (p, p)."""
+        out = np.zeros((self.p, self.p))
+        for rows in self._chunks():
+            X = self.dense(rows)
+            out += X.T @ X if weights is None else (weights[rows, None] * X).T @ X
+        return out
+
+    def leverage(self, K: Array) -> Array:
+        """Diagonal (n,) of X K X'."""
+        out = np.empty(self.n)
+        for rows in self._chunks():
+            X = self.dense(rows)
+            out[rows] = np.einsum("ij,ij->i", X @ K, X)
+        return out

@@ -1,0 +1,186 @@
+"""What a model is made of: parametric terms, smooths, tensor products, random effects.
+
+Terms are frozen values that know nothing about data. `tripwatt.gam.design` turns them into columns, once it
+has seen a frame; `tripwatt.gam.formula` reads them from text.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+Basis: TypeAlias = Literal["tp", "ps", "cr"]
+
+
+@dataclass(frozen=True, slots=True)
+class Parametric:
+    """A numeric column, or a factor with treatment contrasts.
+
+    Attributes
+    ----------
+    name : str
+        Column of the frame. A column of strings, booleans or categories is a factor.
+    levels : tuple of str, optional
+        Levels of the factor; the first is the reference. Default: those of the data, sorted. A level that no
+        row has gets the coefficient 0 with standard error 0.
+
+    Examples
+    --------
+    >>> Parametric("weather").label
+    'weather'
+    """
+
+    name: str
+    levels: tuple[str, ...] | None = None
+
+    @property
+    def label(self) -> str:
+        """Name of the term in tables."""
+        return self.name
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of the frame that the term reads."""
+        return (self.name,)
+
+
+@dataclass(frozen=True, slots=True)
+class Smooth:
+    """An isotropic smooth function of one or more covariates.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Covariates; several only with the thin plate basis.
+    basis : {"tp", "ps", "cr"}
+        Thin plate regression spline (Wood 2003), cubic P-spline (Eilers & Marx 1996) or cubic regression spline.
+    k : int, optional
+        Basis dimension before the identifiability constraint. Default: 10 for one covariate, 30 for two,
+        110 for three.
+    by : str, optional
+        A numeric column multiplies the smooth; a factor gives one smooth per level.
+    m : int, optional
+        Order of the penalty: derivatives for "tp", differences for "ps". Default 2 (thin plates in d
+        dimensions: the smallest m with 2 m > d + 1).
+
+    Examples
+    --------
+    >>> Smooth(("time",), by="season").label
+    's(time):season'
+    >>> Smooth(("tamb", "delev"), k=30).label
+    's(tamb,delev)'
+    """
+
+    names: tuple[str, ...]
+    basis: Basis = "tp"
+    k: int | None = None
+    by: str | None = None
+    m: int | None = None
+
+    @property
+    def label(self) -> str:
+        """Name of the term in tables; a level of a by-factor is appended to it."""
+        base = f"s({','.join(self.names)})"
+        return f"{base}:{self.by}" if self.by is not None else base
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of the frame that the term reads."""
+        return self.names if self.by is None else (*self.names, self.by)
+
+
+@dataclass(frozen=True, slots=True)
+class Tensor:
+    """A tensor product smooth: scale-free in each covariate, one penalty per covariate.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Covariates, two or more.
+    basis : {"ps", "cr", "tp"}
+        Basis of every margin. Default "cr", as is usual.
+    k : tuple of int, optional
+        Basis dimension of each margin. Default 5 each.
+    kind : {"ti", "te"}
+        "te" holds the main effects, "ti" is the pure interaction (margins are centred).
+    by, m
+        As in `Smooth`.
+
+    Examples
+    --------
+    >>> Tensor(("tamb", "delev"), basis="ps", k=(6, 6)).label
+    'ti(tamb,delev)'
+    """
+
+    names: tuple[str, ...]
+    basis: Basis = "cr"
+    k: tuple[int, ...] | None = None
+    kind: Literal["ti", "te"] = "ti"
+    by: str | None = None
+    m: int | None = None
+
+    @property
+    def label(self) -> str:
+        """Name of the term in tables; a level of a by-factor is appended to it."""
+        base = f"{self.kind}({','.join(self.names)})"
+        return f"{base}:{self.by}" if self.by is not None else base
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of the frame that the term reads."""
+        return self.names if self.by is None else (*self.names, self.by)
+
+
+@dataclass(frozen=True, slots=True)
+class RandomEffect:
+    """A random intercept: one independent normal effect per level, all with the same variance.
+
+    Examples
+    --------
+    >>> RandomEffect("trip").label
+    's(trip)'
+    """
+
+    name: str
+
+    @property
+    def label(self) -> str:
+        """Name of the term in tables."""
+        return f"s({self.name})"
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of the frame that the term reads."""
+        return (self.name,)
+
+
+Term: TypeAlias = Parametric | Smooth | Tensor | RandomEffect
+
+
+@dataclass(frozen=True, slots=True)
+class Formula:
+    """A response and the terms that explain it.
+
+    Attributes
+    ----------
+    response : str or None
+        Column of the response; None when `y` is given to `fit` apart.
+    terms : tuple of terms
+        In the order of the coefficients: parametric terms come first whatever the order here.
+    intercept : bool
+        Whether the model has a constant.
+
+    Examples
+    --------
+    >>> Formula("y", (Parametric("weather"), Smooth(("time",)), RandomEffect("trip"))).columns
+    ('weather', 'time', 'trip')
+    """
+
+    response: str | None
+    terms: tuple[Term, ...] = field(default_factory=tuple)
+    intercept: bool = True
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns that the terms read, each once, in order."""
+        return tuple(dict.fromkeys(name for term in self.terms for name in term.columns))

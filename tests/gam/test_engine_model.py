@@ -1,0 +1,266 @@
+"""The estimator: prediction, unseen levels, extrapolation, leave-group-out, autocorrelation, bad input."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+
+from tripwatt.errors import InvalidInput
+from tripwatt.gam import GAMM, Formula, Gaussian, Parametric, RandomEffect, ScaledT, Smooth, Tensor
+from tripwatt.gam.covariates import Points, Support, grid_limit
+
+X = Smooth(("x",), "ps", 10)
+FULL = Formula("y", (Parametric("w"), X, Smooth(("x", "z"), k=15), RandomEffect("g")))
+
+
+def table(seed=0, n=240, groups=8):
+    rng = np.random.default_rng(seed)
+    group = np.repeat(np.arange(groups), n // groups)
+    x, z = rng.uniform(-2, 5, n), rng.normal(size=n)
+    w = np.array(["a", "b", "b", "c"])[group % 4]
+    y = np.sin(x) + 0.3 * z * x + (w == "b") + rng.normal(0, 0.5, groups)[group] + 0.3 * rng.standard_t(5, n)
+    return pd.DataFrame({"x": x, "z": z, "w": w, "g": [f"g{i}" for i in group], "on": (z > 0) * 1.0, "y": y})
+
+
+@pytest.fixture(scope="module")
+def frame():
+    return table()
+
+
+@pytest.fixture(scope="module")
+def model(frame):
+    return GAMM(FULL, "scat").fit(frame)
+
+
+def test_predictions_add_up(frame, model):
+    fit, se = model.predict(frame, se=True)
+    terms, term_se = model.predict(frame, terms=True, se=True)
+    assert fit == pytest.approx(model.fitted_values_, abs=1e-8)
+    assert terms.sum(axis=1).to_numpy() == pytest.approx(fit)
+    assert list(terms) == ["(Intercept)", "w", "s(x)", "s(x,z)", "s(g)"]
+    without = model.predict(frame, exclude=["s(g)"])
+    assert fit - without == pytest.approx(terms["s(g)"].to_numpy())
+    dense = np.hstack([block.matrix(frame) for block in model.blocks_])
+    assert se == pytest.approx(np.sqrt(np.einsum("ij,jk,ik->i", dense, model.Vp_, dense)))
+    assert (term_se["s(g)"] > 0).all()
+    assert model.R_.T @ model.R_ == pytest.approx(np.linalg.pinv(model.Vp_) @ model.F_, abs=1e-4)
+
+
+def test_unseen_levels_follow_the_stated_rule(frame, model):
+    row = frame.iloc[[0]]
+    seen = [model.predict(row.assign(w=level, g="new"))[0] for level in "abc"]
+    share = frame["w"].value_counts(normalize=True).loc[list("abc")].to_numpy()
+    assert model.predict(row.assign(w="never", g="new"))[0] == pytest.approx(np.array(seen) @ share)
+    assert model.predict(row.drop(columns="g"))[0] == pytest.approx(model.predict(row, exclude=["s(g)"])[0])
+    assert model.predict(row.drop(columns="g"), groups=["g3"])[0] == pytest.approx(
+        model.predict(row.assign(g="g3"))[0]
+    )
+    assert model.extrapolated(row.assign(w="never")).all()
+    assert not model.extrapolated(frame).any()
+
+
+def test_outside_the_range_a_curve_is_held_or_goes_straight(frame):
+    far = pd.DataFrame({"x": np.array([5.5, 6.5, 7.5, 1e6])})
+    held = GAMM(Formula("y", (X,))).fit(frame)
+    assert np.ptp(held.predict(far)) < 1e-9
+    assert held.extrapolated(far).all()
+    straight = GAMM(Formula("y", (X,)), extrapolation="linear").fit(frame)
+    steps = np.diff(straight.predict(far)[:3])
+    assert steps[0] == pytest.approx(steps[1])
+    edge = straight.predict(pd.DataFrame({"x": [frame["x"].max() - 0.001, frame["x"].max()]}))
+    assert steps[0] == pytest.approx((edge[1] - edge[0]) / 0.001, rel=0.02)
+
+
+def test_a_surface_stays_bounded_far_from_its_data(frame):
+    rng = np.random.default_rng(5)
+    diagonal = pd.DataFrame({"x": rng.uniform(0, 1, 300)})
+    diagonal["z"] = diagonal["x"] + rng.normal(0, 0.02, 300)
+    diagonal["y"] = 5 * diagonal["x"] + rng.normal(0, 0.1, 300)
+    surface = GAMM(Formula("y", (Tensor(("x", "z"), "ps", (6, 6), "te"),))).fit(diagonal)
+    corner = pd.DataFrame({"x": [0.0, 1.0, 50.0], "z": [1.0, 0.0, -50.0]})
+    assert surface.extrapolated(corner).all()
+    low, high = diagonal["y"].min() - 3, diagonal["y"].max() + 3
+    assert ((surface.predict(corner) > low) & (surface.predict(corner) < high)).all()
+    points = Support(frame[["x", "z"]].to_numpy())
+    moved = points.clamped(np.array([[100.0, 100.0]]))
+    assert not points.outside(moved).any()
+
+
+@pytest.mark.parametrize("family", ["gaussian", "scat"])
+def test_leave_group_out_is_a_fit_without_the_group(frame, family):
+    formula = Formula("y", (Parametric("w"), X, RandomEffect("g")))
+    model = GAMM(formula, family, tolerance=1e-5)
+    out = model.leave_groups_out(frame, groups="g")
+    assert model.folds_["converged"].all()
+    inner = frame["x"].between(frame["x"].quantile(0.02), frame["x"].quantile(0.98)).to_numpy()
+    for group in ("g0", "g5"):
+        held = (frame["g"] == group).to_numpy()
+        again = GAMM(formula, family, tolerance=1e-5).fit(frame[~held])
+        # the knots of a refit span the range of fewer rows, which is all that differs
+        assert out[held & inner] == pytest.approx(again.predict(frame[held & inner]), abs=0.02)
+
+
+@pytest.mark.parametrize("method", ["fREML", "REML"])
+def test_the_held_out_response_has_no_influence(frame, method):
+    held = (frame["g"] == "g2").to_numpy()
+    other = frame.assign(y=frame["y"].where(~held, frame["y"] * -7 + 40))
+    a, b = (GAMM(FULL, "scat", method).leave_groups_out(f, groups="g")[held] for f in (frame, other))
+    assert a == pytest.approx(b, abs=1e-6)
+
+
+def test_whole_folds_can_be_left_out(frame):
+    days = frame["g"].map(lambda g: int(g[1]) // 2)
+    model = GAMM(FULL)
+    model.leave_groups_out(frame, groups="g", folds=days)
+    assert model.folds_["rows"].tolist() == [60] * 4
+
+
+def test_a_level_that_only_the_held_out_group_has(frame):
+    odd = frame.assign(w=frame["w"].where(frame["g"] != "g1", "rare"))
+    out = GAMM(FULL, "scat").leave_groups_out(odd, groups="g")
+    assert np.isfinite(out).all()
+    assert np.abs(out - odd["y"]).max() < 10
+
+
+def test_autocorrelation_is_found_and_widens_the_bands():
+    rng = np.random.default_rng(2)
+    n, rho = 400, 0.8
+    e = rng.normal(size=(10, n))
+    for i in range(1, n):
+        e[:, i] = rho * e[:, i - 1] + np.sqrt(1 - rho**2) * e[:, i]
+    frame = pd.DataFrame({"t": np.tile(np.linspace(0, 1, n), 10), "g": np.repeat(np.arange(10), n)})
+    frame["y"] = np.sin(5 * frame["t"]) + e.ravel()
+    formula = Formula("y", (Smooth(("t",), "ps", 20),))
+    plain = GAMM(formula).fit(frame)
+    model = GAMM(formula, ar1_rho="estimate").fit(frame, groups="g")
+    assert model.ar1_rho_ == pytest.approx(rho, abs=0.03)
+    assert model.scale_ == pytest.approx(1, abs=0.15)
+    assert model.edf_.sum() < plain.edf_.sum()
+    # against the whitened rows themselves
+    y, whitened = frame["y"].to_numpy(), model.ar1_rho_
+    dense = np.hstack([block.matrix(frame) for block in model.blocks_])
+    first = np.r_[True, np.diff(frame["g"]) != 0]
+    W = np.where(
+        first[:, None], dense, (dense - whitened * np.roll(dense, 1, axis=0)) / np.sqrt(1 - whitened**2)
+    )
+    v = np.where(first, y, (y - whitened * np.roll(y, 1)) / np.sqrt(1 - whitened**2))
+    S = np.zeros((20, 20))
+    S[1:, 1:] = model.smoothing_parameters_["s(t)"] * model.blocks_[1].penalties[0]
+    assert model.coef_ == pytest.approx(np.linalg.solve(W.T @ W + S, W.T @ v), abs=1e-6)
+    shuffled = frame.sample(frac=1, random_state=0).sort_values(["t"], kind="stable")
+    assert GAMM(formula, ar1_rho="estimate").fit(shuffled, groups="g").reml_ == pytest.approx(
+        model.reml_, rel=1e-6
+    )
+    assert np.isfinite(GAMM(formula, ar1_rho=0.8).leave_groups_out(frame, groups="g")).all()
+
+
+def test_numeric_by_variables_share_one_constant(frame):
+    terms = (X, Smooth(("x",), "ps", 8, by="on"), Smooth(("z",), by="on"))
+    one = GAMM(Formula("y", (Smooth(("x",), "ps", 8, by="on"),))).fit(frame)
+    assert one.blocks_[-1].size == 8
+    model = GAMM(Formula("y", terms)).fit(frame)
+    assert any("s(z):on" in note for note in model.notes_)
+    assert model.predict(frame.assign(on=0.0), exclude=["s(x)"]) == pytest.approx(model.coef_[0])
+
+
+def test_levels_without_rows_are_zero(frame):
+    formula = Formula("y", (Parametric("w", ("a", "b", "c", "fog")), Smooth(("x",), "ps", 8, by="w")))
+    wide = frame.assign(w=pd.Categorical(frame["w"], ["a", "b", "c", "fog"]))
+    for source in (frame, wide):
+        model = GAMM(formula).fit(source)
+        assert "wfog" in model.empty_columns_
+        i = model.coef_names_.index("wfog")
+        assert (model.coef_[i], model.Vp_[i, i], model.edf_[i]) == (0, 0, 0)
+    assert sum(name.startswith("s(x):wfog") for name in model.empty_columns_) == 7
+    assert np.isnan(model.smoothing_parameters_["s(x):wfog"])
+
+
+def test_it_is_an_estimator(frame):
+    model = clone(GAMM(FULL, ScaledT(min_df=2.5), extrapolation="linear"))
+    assert model.get_params()["family"] == ScaledT(min_df=2.5)
+    assert model.set_params(family=Gaussian()).fit(frame).score(frame, frame["y"]) > 0.5
+
+
+def test_discretised_points_stay_within_half_a_step():
+    x = np.random.default_rng(0).normal(size=(5000, 2))
+    limit = grid_limit(x, 1000)
+    points = Points.of(x, (limit, limit))
+    assert len(points.values) <= 10_000
+    step = np.ptp(x, axis=0) / (limit - 1)
+    assert (np.abs(points.values[points.index] - x) <= step / 2 + 1e-12).all()
+    assert points.counts.sum() == 5000
+
+
+@pytest.mark.parametrize(
+    ("change", "formula", "words"),
+    [
+        ({"x": 1.0}, Formula("y", (X,)), ["constant covariate", "s(x)"]),
+        ({"x": np.nan}, Formula("y", (X,)), ["not finite", "s(x)", "240 rows"]),
+        ({"z": np.inf}, FULL, ["not finite", "'z'", "s(x,z)"]),
+        ({"y": 3.0}, Formula("y", (X,)), ["constant response"]),
+        ({"y": np.inf}, Formula("y", (X,)), ["not finite", "response"]),
+        ({"g": "only"}, FULL, ["one group only", "s(g)"]),
+        ({"w": "only"}, FULL, ["one level", "w"]),
+        ({"w": None}, FULL, ["missing level", "'w'"]),
+        ({"x": "text"}, Formula("y", (X,)), ["not numeric", "s(x)"]),
+        (
+            {},
+            Formula("y", (Smooth(("speed",)), Parametric("wether"))),
+            ["unknown column", "'speed'", "'wether'"],
+        ),
+        ({}, Formula("q", (X,)), ["unknown column", "'q'"]),
+        ({}, Formula("y", (X, X)), ["term given twice", "s(x)"]),
+        ({}, Formula("y", (Smooth(("x",), "ps", 3),)), ["k too small", "s(x)"]),
+        ({"z": lambda f: 2 * f["x"]}, Formula("y", (Smooth(("x", "z"), k=10),)), ["collinear", "s(x,z)"]),
+        ({"x": lambda f: np.sign(f["x"])}, Formula("y", (X,)), ["too few distinct", "s(x)"]),
+    ],
+)
+def test_bad_input_is_named(frame, change, formula, words):
+    with pytest.raises(InvalidInput) as caught:
+        GAMM(formula).fit(frame.assign(**change))
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_what_can_be_reduced_is_reduced_and_reported(frame):
+    coarse = frame.assign(x=frame["x"].round())
+    model = GAMM(Formula("y", (X,))).fit(coarse)
+    assert "k reduced from 10 to 8" in model.notes_[0]
+    twice = frame.assign(copy=2 * frame["z"] - 1, same=frame["w"])
+    model = GAMM(
+        Formula("y", (Parametric("z"), Parametric("copy"), Parametric("w"), Parametric("same"), X))
+    ).fit(twice)
+    assert {"copy", "sameb", "samec"} <= set(model.empty_columns_)
+    assert model.fitted_values_ == pytest.approx(
+        GAMM(Formula("y", (Parametric("z"), Parametric("w"), X))).fit(frame).fitted_values_, abs=1e-5
+    )
+    nested = GAMM(Formula("y", (Smooth(("x",)), Smooth(("z",)), Smooth(("x", "z"))))).fit(frame)
+    assert "s(x,z) repeats" in nested.notes_[0]
+    assert nested.blocks_[-1].size == 27
+
+
+def test_predict_and_options_say_what_is_wrong(frame, model):
+    with pytest.raises(InvalidInput, match="unknown column.*'x'"):
+        model.predict(frame.drop(columns="x"))
+    with pytest.raises(InvalidInput, match="not finite"):
+        model.predict(frame.assign(x=np.nan))
+    with pytest.raises(InvalidInput, match="unknown term"):
+        model.predict(frame, exclude=["s(trip)"])
+    with pytest.raises(InvalidInput, match="unknown family"):
+        GAMM(FULL, "poisson").fit(frame)
+    with pytest.raises(InvalidInput, match="gaussian errors"):
+        GAMM(FULL, "scat", ar1_rho=0.5).fit(frame)
+    with pytest.raises(InvalidInput, match="bad smoothing parameters.*s\\(x,z\\)"):
+        GAMM(FULL, smoothing_parameters=[1.0]).fit(frame)
+    with pytest.raises(InvalidInput, match="one group only"):
+        GAMM(Formula("y", (X,))).leave_groups_out(frame, groups=np.zeros(len(frame)))
+    with pytest.raises(InvalidInput, match="wrong length"):
+        GAMM(FULL).fit(frame, frame["y"][:-1])
+
+
+def test_a_fit_that_did_not_converge_says_so(frame):
+    model = GAMM(FULL, "scat", max_iter=2).fit(frame)
+    assert not model.converged_
+    assert "2" in model.message_
+    assert "max_iter" in model.message_
+    assert np.isfinite(model.fitted_values_).all()

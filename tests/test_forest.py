@@ -1,0 +1,151 @@
+import pickle
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sklearn.base import clone
+from sklearn.utils.estimator_checks import check_estimator
+
+from tripwatt.clusters import thinned_rows
+from tripwatt.errors import InvalidInput
+from tripwatt.forest import ClusteredForest
+
+
+def clustered(n_groups=24, n_rows=30, seed=0):
+    """Dose response with a large effect of the subject, a factor that matters and a column of noise."""
+    rng = np.random.default_rng(seed)
+    subject = np.repeat(np.arange(n_groups), n_rows)
+    site = rng.choice(["north", "south", "west"], n_groups)[subject]
+    table = pd.DataFrame(
+        {"dose": rng.uniform(0, 1, subject.size), "site": site, "noise": rng.normal(size=subject.size)}
+    )
+    y = 3.0 * (table["dose"] > 0.5) + 2.0 * (table["site"] == "north") + rng.normal(0, 0.7, n_groups)[subject]
+    return table, y.to_numpy() + rng.normal(0, 0.1, subject.size), np.array([f"s{i:02d}" for i in subject])
+
+
+GRID = {"max_leaf_nodes": [4, 12], "max_features": [0.5, 1.0]}
+
+
+def small(**settings_):
+    return ClusteredForest(**{"n_trees": 150, "param_grid": GRID, "random_state": 0} | settings_)
+
+
+def test_scikit_learn_takes_it_for_one_of_its_own():
+    check_estimator(ClusteredForest(n_trees=15, param_grid={"max_leaf_nodes": [4, 12]}), on_skip=None)
+
+
+def test_bootstrap_draws_whole_groups():
+    X, y, groups = clustered()
+    forest = small().fit(X, y, groups)
+    assert (forest.counts_.sum(axis=1) == 24).all()
+    assert 0.30 < (forest.counts_ == 0).mean() < 0.42  # 1/e
+    # subjects differ: a row bootstrap would see the held-out subject's other rows and look falsely good
+    X["height"] = np.random.default_rng(1).normal(size=24)[[int(g[1:]) for g in groups]]
+    by_row = small(param_grid=None).fit(X, y)
+    by_group = small(param_grid=None).fit(X, y, groups)
+    assert by_row.oob_error_.mean() < 0.5 * by_group.oob_error_.mean()
+
+
+def test_oob_error_is_that_of_the_oob_prediction_and_the_best_of_the_grid():
+    X, y, groups = clustered()
+    forest = small(max_rows_per_group=None).fit(X, y, groups)
+    squared = pd.Series((forest.predict_oob(X, groups) - y) ** 2).groupby(groups).mean()
+    np.testing.assert_allclose(forest.oob_error_, squared.loc[forest.groups_], rtol=1e-12)
+    assert forest.oob_error_.mean() == pytest.approx(min(forest.cv_results_["error"]))
+
+
+def test_leave_groups_out_is_the_refit_in_law():
+    X, y, groups = clustered()
+    settings_ = {"n_trees": 1500, "param_grid": None}
+    shortcut = small(**settings_).leave_groups_out(X, y, groups)
+    for label in ("s03", "s17"):
+        out = groups == label
+        refit = small(**settings_).fit(X[~out], y[~out], groups[~out]).predict(X[out])
+        assert np.abs(shortcut[out] - refit).max() < 0.25  # Monte Carlo error of two forests
+        assert np.corrcoef(shortcut[out], refit)[0, 1] > 0.99
+
+
+@pytest.mark.parametrize("per_fold", [1, 8])
+def test_held_out_target_moves_nothing_to_the_last_bit(per_fold):
+    X, y, groups = clustered()
+    folds = np.array([int(g[1:]) // per_fold for g in groups])
+    forest, other = small(n_trees=400), small(n_trees=400)
+    before = forest.leave_groups_out(X, y, groups, folds)
+    out = folds == 1
+    rng = np.random.default_rng(1)
+    after = other.leave_groups_out(X, np.where(out, rng.normal(0, 1e6, y.size), y), groups, folds)
+    np.testing.assert_array_equal(before[out], after[out])
+    assert forest.fold_params_[1] == other.fold_params_[1]
+    assert (before[~out] != after[~out]).any()
+    assert (forest.fold_refitted_ == (per_fold == 8)).all()
+
+
+def test_covariates_that_matter_are_named():
+    X, y, groups = clustered()
+    forest = small().fit(X, y, groups)
+    ranked = forest.permutation_importance(X, y, groups)
+    assert ranked["covariate"].tolist() == ["dose", "site", "noise"]
+    assert abs(ranked["importance"][2]) < 0.05 * ranked["importance"][1]
+    indicators = pd.get_dummies(X, columns=["site"])
+    blocks = {"dose": ["dose"], "site": [c for c in indicators if c.startswith("site")]}
+    one_hot = small().fit(indicators, y, groups).permutation_importance(indicators, y, groups, columns=blocks)
+    assert one_hot["covariate"].tolist() == ["dose", "site"]
+    with pytest.raises(InvalidInput, match="unknown column"):
+        forest.permutation_importance(X, y, groups, columns={"a": ["nowhere"]})
+
+
+def test_unseen_levels_and_missing_values_are_predicted():
+    X, y, groups = clustered()
+    X.loc[::7, "dose"] = np.nan
+    forest = small().fit(X, y, groups)
+    new = pd.DataFrame({"dose": [0.9, np.nan], "site": ["elsewhere", None], "noise": [0.0, np.nan]})
+    assert np.isfinite(forest.predict(new)).all()
+    as_category = X.astype({"site": "category"})
+    np.testing.assert_array_equal(small().fit(as_category, y, groups).predict(as_category), forest.predict(X))
+
+
+def test_arrays_hold_the_whole_model(tmp_path):
+    X, y, groups = clustered()
+    forest = small().fit(X, y, groups)
+    np.savez(tmp_path / "forest.npz", **forest.to_arrays())
+    with np.load(tmp_path / "forest.npz", allow_pickle=False) as stored:
+        back = ClusteredForest.from_arrays(dict(stored))
+    np.testing.assert_array_equal(back.predict(X), forest.predict(X))
+    np.testing.assert_array_equal(back.predict_oob(X, groups), forest.predict_oob(X, groups))
+    assert back.get_params() == forest.get_params()
+    again = clone(pickle.loads(pickle.dumps(forest))).fit(X, y, groups)
+    np.testing.assert_array_equal(again.predict(X), forest.predict(X))
+
+
+def test_a_group_drawn_twice_weighs_twice():
+    """One column that splits nothing: a tree is the mean of the drawn groups, each as often as it was drawn."""
+    y, groups = np.array([0.0, 1.0, 1.0, 1.0, 5.0]), np.array([0, 1, 1, 1, 2])
+    forest = ClusteredForest(n_trees=40, param_grid=None, random_state=0).fit(np.zeros((5, 1)), y, groups)
+    np.testing.assert_allclose(forest.values_[:, 0], forest.counts_ @ [0.0, 1.0, 5.0] / 3)
+
+
+def test_wrong_settings_are_named_all_at_once():
+    X, y, groups = clustered(4, 5)
+    with pytest.raises(InvalidInput) as caught:
+        ClusteredForest(n_trees=0, max_features=2.0, loss="cubic").fit(X, y, groups)
+    assert len(caught.value.faults) == 3
+    with pytest.raises(InvalidInput, match="unknown setting"):
+        ClusteredForest(param_grid={"depth": [1]}).fit(X, y, groups)
+    with pytest.raises(InvalidInput, match="two folds"):
+        small().leave_groups_out(X, y, groups, folds=np.arange(20))
+
+
+@given(st.lists(st.integers(0, 5), min_size=1, max_size=60), st.integers(1, 7))
+@settings(max_examples=50, deadline=None)
+def test_thinning_keeps_order_ends_and_limit(labels, limit):
+    codes = np.unique(labels, return_inverse=True)[1]
+    kept = thinned_rows(codes, limit)
+    for group in np.unique(codes):
+        rows = kept[codes[kept] == group]
+        own = np.flatnonzero(codes == group)
+        assert rows.size == min(limit, own.size)
+        assert (np.diff(rows) > 0).all()
+        assert rows[-1] == own[-1]
+        assert limit == 1 or rows[0] == own[0]
