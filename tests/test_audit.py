@@ -308,6 +308,18 @@ def test_soc_zero_at_the_end_and_missing_soc():
     only(audit([log(samples)]), "noted", "soc is missing for")
 
 
+def test_a_soc_that_stops_half_way_is_told_and_the_drive_is_kept():
+    samples = drive(18, duration_s=2400)
+    off = samples.assign(soc=np.where(samples.time_s > 1000, 0.0, samples.soc))
+    result = audit([log(off), *others()])
+    assert result.set_aside == {}
+    assert np.isnan(result.trips[0].array("soc")[-1])
+    assert result.trips[0].array("soc")[0] > 0.5
+    stuck = samples.assign(soc=np.where(samples.time_s > 1400, samples.soc[14000], samples.soc))
+    finding = only(audit([log(stuck), *others()]), "noted", "the sensor stopped")
+    assert 1300 < finding.from_s <= 1400.1
+
+
 def test_stuck_and_jumping_heaters_are_blank():
     samples = drive(19)
     stuck = samples.assign(heating_power_w=np.where(samples.index % 50 == 0, 5520.0, 1240.0))

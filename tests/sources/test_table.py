@@ -175,6 +175,23 @@ def test_shipped_mappings_are_sound_and_name_their_source():
         assert load_text(name).startswith("# ")
 
 
+def test_teslamate_and_ovms_tables(tmp_path):
+    raw = driven(900)
+    power = np.round(-raw.Volt * raw.Amp / 1000.0)
+    stamps = pd.Timestamp("2024-05-31 08:00:00") + pd.to_timedelta(raw.Time, unit="s")
+    positions = pd.DataFrame({"date": stamps, "speed": raw.Speed.round(), "power": power, "drive_id": 12})
+    positions.assign(battery_level=70, elevation=500).to_csv(tmp_path / "positions.csv", index=False)
+    (trip,) = read_table(tmp_path / "positions.csv", "teslamate").trips
+    assert trip.trip_id == "12"
+    assert trip.observed_energy_wh == pytest.approx(1000.0 * np.trapezoid(power, raw.Time) / 3600.0)
+    metrics = pd.DataFrame({"m.time.utc": 1.7e9 + raw.Time, "v.p.speed": raw.Speed, "v.b.voltage": raw.Volt})
+    metrics["v.b.current"] = -raw.Amp
+    metrics.to_csv(tmp_path / "ovms.csv", index=False)
+    (trip,) = read_table(tmp_path / "ovms.csv", "ovms").trips
+    assert trip.array("current_a") == pytest.approx(-raw.Amp.to_numpy())
+    assert audit([trip]).set_aside == {}
+
+
 def test_torque_files_read_with_their_odd_times_and_dashes(tmp_path):
     raw = driven(300)
     head = "GPS Time, Device Time, Longitude, Latitude, Altitude,Speed (OBD)(km/h),Battery Voltage(V),Battery Current(A)"

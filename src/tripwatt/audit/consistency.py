@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -14,7 +14,7 @@ from tripwatt.inertia import apparent_mass
 from tripwatt.trips import Trip
 from tripwatt.units import SECONDS_PER_HOUR
 
-SOC_TOLERANCE: Final = 0.15
+SOC_TOLERANCE: Final = 0.1
 """Relative error of a state of charge that battery managements make (ageing, temperature, balancing)."""
 
 SOC_DRIFT: Final = 0.01
@@ -112,6 +112,10 @@ def soc_findings(trips: Sequence[Trip], sound: Sequence[bool]) -> dict[str, list
     """
     found: dict[str, list[Finding]] = {}
     balances = {t.trip_id: b for t in trips if (b := charge_balance(t.samples)) is not None}
+    steps = [b.resolution for b in balances.values() if b.resolution > 0.0]
+    if steps:  # a drive too short for one step says nothing of the steps
+        usual = float(np.median(steps))
+        balances = {k: replace(b, resolution=max(b.resolution, usual)) for k, b in balances.items()}
     telling = {
         t.trip_id: balances[t.trip_id].capacity_ah
         for t, is_sound in zip(trips, sound, strict=True)
@@ -132,6 +136,10 @@ def soc_findings(trips: Sequence[Trip], sound: Sequence[bool]) -> dict[str, list
             what = f"{text} would make a battery of {balance.capacity_ah:.3g} Ah: check unit and sign of the current"
             found[trip.trip_id] = [whole(trip.samples, trip.trip_id, what, "set aside")]
         elif median is not None and not balance.fits(median, spread):
+            stopped = _stopped_soc(trip, median, spread)
+            if stopped is not None:
+                found[trip.trip_id] = [stopped]
+                continue
             alike = sum(balance.fits(c, spread) for other, c in telling.items() if other != trip.trip_id)
             what = f"energy contradicts SoC: {text}, the other drives' battery of {median:.1f} Ah would give "
             what += f"{100 * balance.charge_ah / median:.1f} points"
@@ -141,6 +149,23 @@ def soc_findings(trips: Sequence[Trip], sound: Sequence[bool]) -> dict[str, list
                 whole(trip.samples, trip.trip_id, what, "noted" if alike >= OF_ANOTHER_CAR else "set aside")
             ]
     return found
+
+
+def _stopped_soc(trip: Trip, capacity_ah: float, spread: float) -> Finding | None:
+    """A state of charge that fits as long as it moves and then stands: its sensor stopped, the energy is sound."""
+    soc, time = array(trip.samples, "soc"), array(trip.samples, "time_s")
+    known = np.flatnonzero(np.isfinite(soc))
+    moved = np.flatnonzero(np.diff(soc[known]) != 0)
+    if not len(moved):
+        return None
+    stop = int(known[moved[-1] + 1])
+    before = charge_balance(trip.samples.iloc[: stop + 1])
+    if before is None or abs(before.soc_change) < SMALLEST_SOC_CHANGE or not before.fits(capacity_ah, spread):
+        return None
+    what = (
+        f"soc stands at {soc[stop]:.3f} from here on although the battery gives current: the sensor stopped"
+    )
+    return Finding(trip.trip_id, float(time[stop]), float(time[-1]), what, "noted")
 
 
 def blank_soc_faults(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
@@ -165,10 +190,15 @@ def blank_soc_faults(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame,
 
 def _stray_soc(time: FloatArray, soc: FloatArray) -> BoolArray:
     """Pieces between jumps that are shorter than the longest piece and jump away from it."""
-    known = np.flatnonzero(np.isfinite(soc))
+    stray = np.zeros(len(soc), dtype=bool)
+    if np.nanmax(soc) > SOC_JUMP:  # a 0 beside it is a sensor that is off, however long it stays
+        zero = soc == 0.0
+        beside = np.diff(soc, prepend=soc[:1]), np.diff(soc, append=soc[-1:])
+        if bool(np.any(zero & ((np.abs(beside[0]) > SOC_JUMP) | (np.abs(beside[1]) > SOC_JUMP)))):
+            stray |= zero
+    known = np.flatnonzero(np.isfinite(soc) & ~stray)
     step, seconds = np.diff(soc[known]), np.diff(time[known])
     jumps = (np.abs(step) > SOC_JUMP) & (np.abs(step) > SOC_JUMP_RATE_PER_S * seconds)
-    stray = np.zeros(len(soc), dtype=bool)
     if not jumps.any():
         return stray
     piece = np.concatenate(([0], np.cumsum(jumps)))

@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.inertia import apparent_mass
+from tripwatt.sources.columnar import Table, open_table
 from tripwatt.sources.delimited import column_key
 from tripwatt.sources.mapping import POWER, TIME_STAMPS, UNITS, load_mapping, shipped_mappings
-from tripwatt.sources.table import Table, open_table
 from tripwatt.trips import COLUMNS
 
 FloatArray = npt.NDArray[np.float64]

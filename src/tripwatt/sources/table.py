@@ -8,9 +8,9 @@ import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +18,8 @@ import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.inertia import apparent_mass
-from tripwatt.sources.delimited import Delimited, column_key, open_delimited, read_numbers, read_texts
+from tripwatt.sources.columnar import Table, open_table
+from tripwatt.sources.delimited import column_key
 from tripwatt.sources.mapping import (
     POWER,
     TIME_STAMPS,
@@ -40,92 +41,6 @@ GAP_S: Final = 60.0
 WRONG_SIGN: Final = -0.3
 REVERSING_M_S: Final = -10.0
 WH_PER_KWH: Final = 1000.0
-
-
-class Table(Protocol):
-    """A file of columns, by name."""
-
-    @property
-    def path(self) -> Path:
-        """Where the file is."""
-
-    @property
-    def names(self) -> Sequence[str]:
-        """Columns as the file names them."""
-
-    def numbers(self, names: Sequence[str]) -> list[FloatArray]:
-        """Columns as float64."""
-
-    def texts(self, name: str) -> list[str]:
-        """One column as text."""
-
-    def row(self, index: int) -> int:
-        """Row of a sample as the user counts them."""
-
-
-@dataclass(frozen=True, slots=True)
-class CsvTable:
-    """A delimited text file."""
-
-    path: Path
-    source: Delimited
-    decimal: str
-
-    @property
-    def names(self) -> Sequence[str]:
-        """Columns of the header."""
-        return self.source.names
-
-    def _position(self, name: str) -> int:
-        return self.source.names.index(name)
-
-    def numbers(self, names: Sequence[str]) -> list[FloatArray]:
-        """Columns as float64, with every cell that is none named."""
-        return read_numbers(self.source, [self._position(n) for n in names], self.decimal)
-
-    def texts(self, name: str) -> list[str]:
-        """One column as text."""
-        return read_texts(self.source, [self._position(name)])[0]
-
-    def row(self, index: int) -> int:
-        """1-based line of the file."""
-        return self.source.header_line + 1 + index
-
-
-@dataclass(frozen=True, slots=True)
-class ParquetTable:
-    """A Parquet file."""
-
-    path: Path
-    frame: pd.DataFrame
-
-    @property
-    def names(self) -> Sequence[str]:
-        """Columns of the schema."""
-        return [str(c) for c in self.frame.columns]
-
-    def numbers(self, names: Sequence[str]) -> list[FloatArray]:
-        """Columns as float64, with every one that holds no numbers named."""
-        faults, values = [], []
-        for name in names:
-            try:
-                values.append(np.asarray(pd.to_numeric(self.frame[name]), dtype=np.float64))
-            except (ValueError, TypeError) as error:
-                where = f"{self.path} column {name!r}"
-                faults.append(
-                    Fault("not a number", where, f"{self.frame[name].dtype}: {error}"[:120], "numbers")
-                )
-        raise_faults(faults)
-        return values
-
-    def texts(self, name: str) -> list[str]:
-        """One column as text; missing values are empty."""
-        column = self.frame[name]
-        return ["" if missing else str(value) for value, missing in zip(column, column.isna(), strict=True)]
-
-    def row(self, index: int) -> int:
-        """1-based row."""
-        return index + 1
 
 
 def read_table(
@@ -186,27 +101,6 @@ def _table_files(path: Path) -> list[Path]:
     if not files:
         raise InvalidInput(Fault("no trips", f"{path}", "no table", allowed))
     return files
-
-
-def open_table(path: Path, decimal: str = ".") -> Table:
-    """A CSV or Parquet file as columns.
-
-    Raises
-    ------
-    InvalidInput
-        When it cannot be read as what its suffix says.
-    """
-    if path.suffix.lower() != ".parquet":
-        return CsvTable(path, open_delimited(path), decimal)
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        frame = pq.read_table(path).to_pandas()
-    except (OSError, pa.ArrowException) as error:
-        got = str(error).splitlines()[0][:160] if str(error) else type(error).__name__
-        raise InvalidInput(Fault("unreadable Parquet file", f"{path}", got, "a Parquet file")) from error
-    return ParquetTable(path, frame.reset_index(drop=True))
 
 
 def _checked(mapping: Path | str | ColumnMapping | None, first: Path) -> ColumnMapping:
