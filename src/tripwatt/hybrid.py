@@ -296,8 +296,13 @@ class HybridModel:
 
     def fit(self, table: TripTable) -> Self:
         """Steps 2 and 3: take the residual, learn it."""
-        self.corrector.fit(table.covariates, self._residual(table), groups=table.groups)
+        X, residual, groups = self.training_data(table)
+        self.corrector.fit(X, residual, groups=groups)
         return self
+
+    def training_data(self, table: TripTable) -> tuple[pd.DataFrame, FloatArray, IntArray]:
+        """What the corrector learns from: covariates, residual [Wh] and the trip of each row."""
+        return table.covariates, table.observed_wh - _simulated(table, self.simulation), table.groups
 
     def predict(self, table: TripTable) -> FloatArray:
         """Step 4: simulated plus correction [Wh], shape (rows,)."""
@@ -314,13 +319,9 @@ class HybridModel:
             Fold of each trip.
         """
         row_folds = np.repeat(folds, np.diff(table.offsets))
-        correction = self.corrector.leave_groups_out(
-            table.covariates, self._residual(table), groups=table.groups, folds=row_folds
-        )
+        X, residual, groups = self.training_data(table)
+        correction = self.corrector.leave_groups_out(X, residual, groups=groups, folds=row_folds)
         return _simulated(table, self.simulation) + np.asarray(correction, dtype=np.float64)
-
-    def _residual(self, table: TripTable) -> FloatArray:
-        return table.observed_wh - _simulated(table, self.simulation)
 
 
 def DataOnly(corrector: Corrector, *, shares_folds: bool = False) -> HybridModel:  # noqa: N802 - reads as a model

@@ -20,7 +20,7 @@ import pandas as pd
 from tripwatt.audit import Audit
 from tripwatt.evaluation.metrics import absolute_percentage_error, paired_difference, summarise_errors
 from tripwatt.evaluation.protocols import ModelSpec
-from tripwatt.hybrid import HybridModel, IntArray, PhysicsOnly, TripTable
+from tripwatt.hybrid import HybridModel, IntArray, TripTable
 from tripwatt.physics import simulate_trip
 from tripwatt.trips import Fleet, FloatArray, Trip
 from tripwatt.vehicles import Vehicle
@@ -281,15 +281,15 @@ def _insight(
     curves, importances = [], []
     for spec in specs:
         model = spec.build(seed)
-        if isinstance(model, PhysicsOnly) or not isinstance(model, HybridModel):
+        if not isinstance(model, HybridModel):
             continue
         model.fit(table)
         curve = getattr(model.corrector, "learning_curve_", None)
         if curve is not None:
-            curves.append(curve.assign(model=spec.name))
-        importance = getattr(model.corrector, "importances_", None)
-        if importance is not None:
-            importances.append(pd.DataFrame({"model": spec.name, **importance}))
+            curves.append(curve.rename(columns={"round": "rounds"}).assign(model=spec.name))
+        if hasattr(model.corrector, "permutation_importance"):
+            importance = model.corrector.permutation_importance(*model.training_data(table))
+            importances.append(importance.assign(model=spec.name))
     return (
         pd.concat(curves, ignore_index=True) if curves else None,
         pd.concat(importances, ignore_index=True) if importances else None,
