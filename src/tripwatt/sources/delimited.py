@@ -292,18 +292,17 @@ def _row_faults(source: Delimited, rows: Sequence[tuple[int, int]], width: int) 
 
 
 def _cell_faults(source: Delimited, cells: dict[int, list[tuple[int, str]]]) -> Iterator[Fault]:
+    """A fault for each cell while they are few, else the first of the column and how many more there are."""
     for position, found in sorted(cells.items()):
-        name = source.names[position]
-        for line, text in found[:SHOWN_ROWS]:
+        more = len(found) - 1 if len(found) > SHOWN_ROWS else 0
+        for line, text in found[:1] if more else found:
             what, allowed, fix = "not a number", "a number with a decimal point, or an empty cell", ""
             if _DECIMAL_COMMA.fullmatch(text):
                 what, fix = "decimal comma", "export the file with a decimal point"
             elif _is_huge(text):
                 what, allowed = "number out of range", f"a finite number of at most {LARGEST_NUMBER:g}"
-            yield Fault(what, source.where(line, name), _shown(text), allowed, fix)
-        if len(found) > SHOWN_ROWS:
-            place = f"{source.path} column {name!r}"
-            yield Fault(what, place, f"{len(found) - SHOWN_ROWS} more rows", allowed)
+            got = _shown(text) + (f" (and {more} more rows)" if more else "")
+            yield Fault(what, source.where(line, source.names[position]), got, allowed, fix)
 
 
 def _is_huge(text: str) -> bool:

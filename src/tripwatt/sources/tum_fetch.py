@@ -86,6 +86,9 @@ class FolderReport:
             "complete": self.complete,
         }
 
+    def __str__(self) -> str:
+        return self.text()
+
     def text(self) -> str:
         """The report as lines for a person."""
         lines = [f"{len(self.present)} of {len(ALL_TRIP_IDS)} trips can be read"]
