@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
@@ -10,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecast.gain import Gain
 from tripwatt.forecast.process import Belief, Blocks, ResidualProcess, prior
 from tripwatt.forecast.scores import Scores
 from tripwatt.hybrid import BlockTable
@@ -65,6 +67,7 @@ class Forecast:
     process: ResidualProcess
     belief: Belief
     scores: Scores
+    gain: Gain
     widening: float = 1.0
     flags: tuple[str, ...] = ()
     measured_until_s: float = 0.0
@@ -83,6 +86,7 @@ class Forecast:
         blocks: Blocks,
         process: ResidualProcess,
         scores: Scores,
+        gain: Gain,
         outside: Mapping[str, float],
         unknown: Sequence[str],
     ) -> Forecast:
@@ -103,6 +107,7 @@ class Forecast:
             process=process,
             belief=prior(process, blocks),
             scores=scores,
+            gain=gain,
             widening=float(np.sqrt(1.0 + sum(b**2 + 0.25 for b in outside.values()) + 0.1 * len(unknown))),
             flags=(*flags, *simulation.flags),
         )
@@ -233,6 +238,9 @@ class Forecast:
             )
         mean = self.table.simulated_w + self.correction_w
         belief = prior(self.process, self.blocks).given(weights, power - weights @ mean, variance)
+        edges = np.concatenate(([0.0], np.cumsum(self.blocks.step_s)))
+        rest = np.clip((edges[1:] - time[-1]) / self.blocks.step_s, 0.0, 1.0)
+        belief = self.gain.applied(belief, rest, float(time[-1] / edges[-1]))
         anchor = None
         if soc is not None and np.isfinite(soc).any():
             last = int(np.flatnonzero(np.isfinite(soc))[-1])
@@ -320,7 +328,7 @@ class Forecast:
             return np.empty((0, len(self.blocks))), empty, empty
         edges = np.concatenate(([0.0], np.cumsum(self.blocks.step_s)))
         weights, power, variance = [], [], []
-        for a, b in zip(marks[:-1], marks[1:], strict=True):
+        for a, b in itertools.pairwise(marks):
             inside = np.clip(np.minimum(edges[1:], time[b]) - np.maximum(edges[:-1], time[a]), 0.0, None)
             hours = (time[b] - time[a]) / 3600.0
             taken = (soc[a] - soc[b]) * self.wh_per_soc

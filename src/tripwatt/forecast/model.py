@@ -15,6 +15,7 @@ import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecast.forecast import Forecast
+from tripwatt.forecast.gain import Gain
 from tripwatt.forecast.process import Blocks, ResidualProcess, fit_process
 from tripwatt.forecast.scores import Scores
 from tripwatt.hybrid import BlockTable, PowerCorrector, block_table, planned, power_corrector
@@ -77,6 +78,7 @@ class ForecastModel:
     fitted_: PowerCorrector | None = None
     process_: ResidualProcess | None = None
     scores_: Scores | None = None
+    gain_: Gain | None = None
     ranges_: dict[str, Range] = field(default_factory=dict)
     trip_ids_: tuple[str, ...] = ()
 
@@ -99,14 +101,17 @@ class ForecastModel:
         self.ranges_ = _ranges(table)
         folds = np.random.default_rng(self.seed).permutation(len(table)) % min(INNER_FOLDS, len(table))
         held_out: list[tuple[Blocks, FloatArray]] = []
+        order: list[int] = []
         for fold in range(int(folds.max()) + 1):
             inner = self.fitted_.again().fit(table.take(np.flatnonzero(folds != fold)))
             for i in np.flatnonzero(folds == fold):
                 trip = table.take([int(i)])
+                order.append(int(i))
                 doubt = inner.uncertainty_factor(trip)
                 held_out.append((process_blocks(trip, doubt), trip.residual_w - inner.predict(trip)))
         self.process_ = fit_process(held_out, len(EFFECT_START), EFFECT_START)
         self.scores_ = Scores.of([self.process_.total_score(blocks, left) for blocks, left in held_out])
+        self.gain_ = Gain.of(self.process_, held_out, table.totals_wh(table.observed_power_w)[order])
         return self
 
     def forecast(self, trip: Trip) -> Forecast:
@@ -118,7 +123,7 @@ class ForecastModel:
             Raw samples: the speed trace and road of the trip to come, and in the first sample what is known of
             ambient, cabin and battery temperature, set-point and state of charge.
         """
-        if self.fitted_ is None or self.process_ is None or self.scores_ is None:
+        if self.fitted_ is None or self.process_ is None or self.scores_ is None or self.gain_ is None:
             raise InvalidInput(
                 Fault("model is not fitted", "forecast", "no training trips", "call fit first")
             )
@@ -137,6 +142,7 @@ class ForecastModel:
             blocks=process_blocks(table, self.fitted_.uncertainty_factor(table)),
             process=self.process_,
             scores=self.scores_,
+            gain=self.gain_,
             outside={name: beyond for name, beyond in outside.items() if beyond > 0.0},
             unknown=tuple(n for n in DEPARTURE_COLUMNS[:4] if not np.isfinite(table.features[n].iloc[0])),
         )
@@ -167,18 +173,18 @@ def process_blocks(table: BlockTable, doubt_w: FloatArray) -> Blocks:
     """Blocks of one trip as the residual process sees them.
 
     Whole-trip effects load on: every hour alike; the power of driving, as much as the wheels move; the power of
-    climate. What is new in each block grows with the power that is moved.
+    climate. What is new in each block grows with the power that is moved. What the corrector does not know of the
+    trip's total counts as one more constant effect.
     """
-    features = table.features
-    driving = np.abs(table.simulated_w - features["hvac_w"].to_numpy() - features["base_load_w"].to_numpy())
-    moved = driving + 30.0 * features["speed_m_s"].to_numpy()
-    loadings = np.column_stack([np.ones(len(driving)), moved, features["hvac_w"].to_numpy()])
+    features, hours = table.features, table.hours
+    moved = features["moved_w"].to_numpy(dtype=np.float64)
+    loadings = np.column_stack([np.ones(len(moved)), moved, features["hvac_w"].to_numpy()])
     return Blocks(
         time_s=features["time_s"].to_numpy(dtype=np.float64),
         step_s=table.hours * 3600.0,
         loadings=loadings,
-        spread_w=300.0 + 0.3 * moved,
-        doubt_w=doubt_w,
+        spread_w=100.0 + 0.3 * moved,
+        doubt_w=np.full((len(hours), 1), float(np.linalg.norm(hours @ doubt_w) / hours.sum())),
     )
 
 

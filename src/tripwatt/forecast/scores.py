@@ -16,8 +16,9 @@ TAIL_DF: Final = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """Absolute standardised errors |error| / sd of held-out trips, ascending (Vovk, Gammerman & Shafer 2005;
-    normalised scores after Papadopoulos et al. 2008).
+    """Absolute standardised errors of held-out trips, ascending.
+
+    The conformal layer of Vovk, Gammerman and Shafer (2005), with scores |error| / sd as in Papadopoulos et al. (2008).
 
     Attributes
     ----------

@@ -173,6 +173,7 @@ def block_table(
     features: dict[str, FloatArray | float] = {
         "simulated_w": mean(simulation.battery_power_w),
         **{f"{cause}_w": mean(simulation.power_by_cause_w[cause]) for cause in LINE_CAUSES},
+        "moved_w": mean(np.abs(simulation.wheel_power_w)),
         "speed_m_s": mean(speed),
         "speed_change_m_s2": mean(np.abs(np.diff(speed, prepend=speed[0])) / np.maximum(step, 1e-9)),
         "time_s": mean(time - time[0]),
