@@ -102,13 +102,18 @@ class BlockTable:
         return np.repeat(np.arange(len(self), dtype=np.int64), np.diff(self.offsets))
 
     @property
-    def residual_w(self) -> FloatArray:
-        """Observed minus simulated power [W], shape (rows,)."""
+    def observed_power_w(self) -> FloatArray:
+        """Measured power [W], shape (rows,); refuses a table without it."""
         if self.observed_w is None:
             raise InvalidInput(
                 Fault("no measured energy", "trips", "none", "voltage and current of each trip")
             )
-        return self.observed_w - self.simulated_w
+        return self.observed_w
+
+    @property
+    def residual_w(self) -> FloatArray:
+        """Observed minus simulated power [W], shape (rows,)."""
+        return self.observed_power_w - self.simulated_w
 
     def take(self, members: Sequence[int] | IntArray) -> BlockTable:
         """The table of some of the trips. O(their rows)."""
