@@ -135,9 +135,7 @@ def gamm_insight(model: HybridModel, table: TripTable) -> GammInsight:
     return GammInsight(
         summary=summary(fitted),
         diagnosis=diagnosis(fitted),
-        effects={
-            label: _named(effect, table.trip_ids) for label, effect in effects(fitted, frame).items()
-        },
+        effects={label: _named(effect, table.trip_ids) for label, effect in effects(fitted, frame).items()},
         autocorrelation=autocorrelation(fitted.residuals_, groups[rows]),
         row_step_s=_step_s(X["time_s"].to_numpy()[rows], groups[rows]),
         full_step_s=_step_s(X["time_s"].to_numpy(), groups),
