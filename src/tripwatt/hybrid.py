@@ -421,7 +421,7 @@ class Table2Corrector:
         """Fit by performance iteration and fREML. O(rows x coefficients^2)."""
         self.medians_ = X.select_dtypes("number").median()
         frame, rows = self.training_frame(X, groups)
-        varied = set(frame.columns[frame.nunique() > 1])
+        varied = {name for name in map(str, frame) if len(frame[name].unique()) > 1}
         terms = [term for term in TABLE2 if varied.issuperset(_names_in(term))]
         self.left_out_ = tuple(term for term in TABLE2 if term not in terms)
         self.model_ = self._engine(terms).fit(frame, np.asarray(y)[rows], groups=groups[rows])

@@ -91,18 +91,23 @@ def summary_table(gamm: GammInsight, *, paper: bool, label: str = "") -> Table:
     for (term, value, mark), p_value in zip(gamm.summary.rows(), tests, strict=True):
         name = term.removeprefix("EDF: ")
         shown = coefficients.get(name) or in_words(name)
-        rows.append((shown, f"{value}{mark}".replace("-", "−"), _p_text(p_value)))
+        text = f"{value}{mark}".replace("-", "−").replace(" ", "\u00a0")
+        rows.append((shown, text, _p_text(p_value)))
     for factor in (e for e in gamm.effects.values() if isinstance(e, FactorEffect) and e.reference):
         first = next((i for i, row in enumerate(rows) if row[0].startswith(f"{factor.label}: ")), len(rows))
         rows.insert(first, (f"{factor.label}: {plain(factor.reference)}", "reference", DASH))
-    columns = ["Term", "Estimate (std. error) [Wh], or EDF (reference df)", "p"]
+    columns = ["Term", "Ours", "p"]
     cells: list[tuple[str, ...]] = list(rows)
     if paper:
         columns.append(f"The paper ({PAPER_TABLE2_SOURCE})")
+        printed = {name: text.replace(" ", "\u00a0") for name, text in PAPER_TABLE2.items()}
         absent = [name for name in PAPER_TABLE2 if name not in {row[0] for row in rows}]
-        cells = [(*row, PAPER_TABLE2.get(row[0], DASH)) for row in rows]
-        cells += [(name, DASH, DASH, PAPER_TABLE2[name]) for name in absent]
-    caption = f"Terms of the GAMM{label}; *** p < 0.001, ** p < 0.01, * p < 0.05"
+        cells = [(*row, printed.get(row[0], DASH)) for row in rows]
+        cells += [(name, DASH, DASH, printed[name]) for name in absent]
+    caption = (
+        f"Terms of the GAMM{label}: estimate (standard error) in Wh, EDF (reference df) of a smooth s(); "
+        "*** p < 0.001, ** p < 0.01, * p < 0.05"
+    )
     return Table(caption, tuple(columns), tuple(cells))
 
 
@@ -118,14 +123,15 @@ def _coefficient_names(effects: Mapping[str, Effect]) -> dict[str, str]:
 
 def _p_text(p_value: float) -> str:
     if not np.isfinite(p_value):
-        return "no data"
-    return "< 0.0001" if p_value < 1e-4 else f"{p_value:.4f}"
+        return "no\u00a0data"
+    return "<\u00a00.0001" if p_value < 1e-4 else f"{p_value:.4f}"
 
 
 def scores_table(gamm: GammInsight, *, label: str = "") -> Table:
     """Scores of the fit, and the reductions that the data forced."""
     page = gamm.summary
-    rows = [("Errors", page.distribution()), ("Formula", in_words(page.formula)), *page.scores().items()]
+    scores = [(name, value.replace("-", "−")) for name, value in page.scores().items()]
+    rows = [("Errors", page.distribution()), ("Formula", in_words(page.formula)), *scores]
     rows += [("Note", plain(in_words(note), 400)) for note in page.notes]
     rows += [("Term left out", f"{in_words(term)}: its covariates never vary here") for term in gamm.left_out]
     return Table(f"The fit of the GAMM{label}", ("What", "Value"), tuple(rows), frozenset({0, 1}))
@@ -168,8 +174,8 @@ def on_summary(gamm: GammInsight, *, paper: bool) -> str:
         text = f"The fit did not converge, its figures are not to be trusted. {page.message} {text}"
     if paper:
         text += (
-            " The paper's values stand beside ours where the terms match; they need not agree: it explains what another "
-            "simulation leaves, on more trips, with a reference weather that it does not name."
+            " The paper's values stand beside ours where the terms match; they need not agree: its GAMM "
+            "explains what another simulation leaves, on more trips, and its reference weather is not named."
         )
     return text
 
@@ -192,10 +198,17 @@ def _middle(n: int) -> slice:
 
 def on_curves(curves: Sequence[CurveEffect]) -> str:
     """Which smooth moves the correction most over its range."""
-    spans = {in_words(c.label): float(np.ptp(c.effect)) for c in curves}
+    spans = {in_words(c.label): _span_on_data(c) for c in curves}
     first = sorted(spans, key=lambda name: -spans[name])[:2]
     parts = [f"{name} over {spans[name]:,.0f} Wh" for name in first]
-    return f"Each smooth is centred, its band covers 95 % pointwise, ticks are the data. Most of the way goes {listed(parts)}."
+    return f"Each smooth is centred, its band covers 95 % pointwise, ticks are the data. Where it has data, the farthest goes {listed(parts)}."
+
+
+def _span_on_data(curve: CurveEffect) -> float:
+    """How far a smooth goes between the first and the last row that it has a say in."""
+    low, high = (curve.rug.min(), curve.rug.max()) if curve.rug.size else (-np.inf, np.inf)
+    shown = curve.effect[(curve.x >= low) & (curve.x <= high)]
+    return float(np.ptp(shown)) if shown.size else 0.0
 
 
 def on_surface(surface: SurfaceEffect) -> str:
@@ -224,8 +237,8 @@ def on_dependence(gamm: GammInsight) -> str:
         f"Neighbouring residuals of a trip correlate with {first:.2f}: the rows may pass for independent."
     )
     return (
-        f"{text} The fit takes one row every {gamm.row_step_s:g} s: {gamm.full_step_s:g} s apart, residuals correlate with "
-        f"{gamm.full_correlation:.3f}, and every smooth would run to its largest number of degrees of freedom."
+        f"{text} That is with one row every {gamm.row_step_s:g} s; at {gamm.full_step_s:g} s residuals correlate with "
+        f"{gamm.full_correlation:.3f}, which is why the fit does not take every row."
     )
 
 

@@ -128,7 +128,8 @@ def plot_curves(curves: Sequence[CurveEffect], *, synthetic: bool = False) -> Fi
             alpha=0.6,
             transform=one.get_xaxis_transform(),
         )
-        one.set(title=f"{in_words(curve.label)}\nEDF {curve.edf:.2f}", xlabel=label)
+        one.set_title(f"{in_words(curve.label)}\nEDF {curve.edf:.2f}", fontsize=7.5)
+        one.set_xlabel(label)
         if place % 2 == 0:
             one.set_ylabel("effect [Wh]")
         _few_ticks(one)
@@ -201,7 +202,7 @@ def plot_random(effect: RandomEffects, *, synthetic: bool = False) -> Figure:
     )
     axes.plot(effect.theoretical, effect.effect, "o", color=colour, ms=4, gid="random")
     axes.margins(0.08)
-    for place, (offset, side) in ((0, ((5, -3), "left")), (-1, ((-5, -3), "right"))):
+    for place, (offset, side) in ((0, ((6, -14), "left")), (-1, ((-6, 5), "right"))):
         axes.annotate(
             plain(effect.level[place], 18),
             (effect.theoretical[place], effect.effect[place]),

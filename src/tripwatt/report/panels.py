@@ -325,6 +325,7 @@ def _gamm(view: View) -> tuple[Panel, ...]:
             "Do the residuals follow the model?",
             gamm.on_diagnosis(found),
             gamm_figures.plot_diagnosis(found.diagnosis, synthetic=view.synthetic),
+            tall=True,
         ),
         Panel(
             "gamm-autocorrelation",
@@ -332,8 +333,8 @@ def _gamm(view: View) -> tuple[Panel, ...]:
             gamm.on_dependence(found),
             gamm_figures.plot_dependence(found.autocorrelation, found.row_step_s, synthetic=view.synthetic),
         ),
-        *_gamm_effects(view, found.effects, label),
         _gamm_extrapolation(view, found, label),
+        *_gamm_effects(view, found.effects, label),
     )
 
 

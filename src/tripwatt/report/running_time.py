@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from tripwatt.report.models import model_style
-from tripwatt.report.sentences import label, listed
+from tripwatt.report.sentences import label
 from tripwatt.report.style import INK, model_rows, new_figure, styled
 from tripwatt.report.tables import Table, number
 from tripwatt.report.view import Record, View, of_evaluation
@@ -61,23 +61,18 @@ def on_running_time(view: View) -> str:
         return "No corrector of the paper's physics was timed in this run."
     fit = {m: float(models[m]["fit_s"]) for m in names}
     predict = {m: float(models[m]["predict_ms"]) / 1e3 for m in names}
-    parts = [
-        f"{label(m)} {duration(fit[m])} to fit and {duration(predict[m])} to predict a trip" for m in names
-    ]
-    text = f"{'; '.join(parts)}."
-    if "gamm" in fit and len(fit) > 1:
-        others = [m for m in names if m != "gamm"]
-        slowest = max(others, key=lambda m: fit[m])
-        longest = max(others, key=lambda m: predict[m])
-        text += (
-            f" The GAMM's fit takes {fit['gamm'] / fit[slowest]:.2g} times that of the slowest of the others ({label(slowest)}), "
-            f"its prediction {predict['gamm'] / predict[longest]:.2g} times that of {label(longest)}"
-        )
-        if view.paper_mape:
-            text += f"; the paper says that {PAPER_SAYS}"
-        text += "."
-    shortest = listed([label(m) for m in names if fit[m] == min(fit.values())])
-    return text if len(names) == 1 else f"{shortest} is the quickest to fit. {text}"
+    parts = [f"{label(m)} {duration(fit[m])} and {duration(predict[m])}" for m in names]
+    text = f"To fit, and to predict one trip: {'; '.join(parts)}."
+    if "gamm" not in fit or len(fit) == 1:
+        return text
+    others = [m for m in names if m != "gamm"]
+    slowest, longest = max(others, key=lambda m: fit[m]), max(others, key=lambda m: predict[m])
+    said = f"; the paper says that {PAPER_SAYS}" if view.paper_mape else ""
+    return (
+        f"The GAMM's fit takes {_short(fit['gamm'] / fit[slowest])} times as long as that of {label(slowest)}, the slowest of the "
+        f"other correctors, and its prediction {_short(predict['gamm'] / predict[longest])} times as long as that of "
+        f"{label(longest)}{said}. {text}"
+    )
 
 
 def running_time_table(view: View) -> Table:
@@ -95,6 +90,11 @@ def running_time_table(view: View) -> Table:
     )
 
 
+def _short(value: float) -> str:
+    """Two digits of a positive number, without a power of ten."""
+    return f"{value:,.0f}" if value >= 10 else f"{float(f'{value:.2g}'):.12g}"
+
+
 @styled
 def plot_running_time(view: View) -> Figure:
     """Fit and prediction time of every model that learns, on logarithmic axes.
@@ -104,6 +104,8 @@ def plot_running_time(view: View) -> Figure:
     view : View
         Its main evaluation is shown.
     """
+    from matplotlib.ticker import FuncFormatter
+
     names, models = timed_models(view), view.main["models"]
     figure = new_figure(1.6 + 0.27 * len(names), "Running time", of_evaluation(view.main), view.synthetic)
     panels = figure.subplots(1, 2, sharey=True)
@@ -115,7 +117,7 @@ def plot_running_time(view: View) -> Figure:
         for row, (model, value) in enumerate(zip(names, values, strict=True)):
             axes.plot(value, row, "o", color=model_style(model).colour, ms=6, gid=f"{key}-{row}")
             axes.annotate(
-                f"{value:.2g}",
+                _short(value),
                 (value, row),
                 (0, 6),
                 textcoords="offset points",
@@ -125,6 +127,7 @@ def plot_running_time(view: View) -> Figure:
             )
         axes.set_xscale("log")
         axes.set_xlim(values.min() / 4, values.max() * 4)
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _short(value)))
         axes.minorticks_off()
         axes.set_xlabel(words)
         axes.grid(axis="x")
