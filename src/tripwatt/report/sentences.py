@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.report.figures import curve_models, lowest_round, mean_importances
-from tripwatt.report.models import PAPER, PAPER_IMPROVED, PAPER_TRIPS, model_style
+from tripwatt.report.models import PAPER, PAPER_CAR, PAPER_IMPROVED, PAPER_TRIPS, model_style
 from tripwatt.report.view import Record, View, absolute_errors, of_evaluation, plain
 
 
@@ -101,9 +101,10 @@ def on_paper(view: View) -> str:
 
 
 def on_physics_gap(view: View) -> str:
-    """Why our simulation of the paper's car is not at the paper's error; empty on other trips."""
+    """Why our simulation of the paper's car is not at the paper's error; empty on other trips or another car."""
     ours = (view.main.get("models") or {}).get("physics-paper")
-    if not ours or "physics-paper" not in view.paper_mape:
+    its_car = str(view.results.get("vehicle") or PAPER_CAR) == PAPER_CAR
+    if not ours or not its_car or "physics-paper" not in view.paper_mape:
         return ""
     return (
         f"Why {label('physics-paper')} is at {percent(ours['mape'])} and the paper's physics at "
