@@ -1,4 +1,7 @@
 # The two commands of the README are `make run` and `make check`; each builds the venv it needs.
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
+
 PYTHON ?= python3
 DATA ?=
 OUT ?= out

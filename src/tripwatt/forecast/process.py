@@ -37,12 +37,15 @@ class Blocks:
         Power [W] by which each whole-trip effect of size 1 changes the block.
     spread_w : ndarray, shape (blocks,)
         Scale [W] of what is new in every block, relative to the process's own factor.
+    doubt_w : ndarray, shape (blocks, any)
+        Factor of the covariance of what the mean model itself does not know [W].
     """
 
     time_s: FloatArray
     step_s: FloatArray
     loadings: FloatArray
     spread_w: FloatArray
+    doubt_w: FloatArray
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -73,7 +76,8 @@ class ResidualProcess:
         """Covariance of the residual power [W²], shape (blocks, blocks)."""
         effects = blocks.loadings * self.effect_sd
         lag = np.abs(blocks.time_s[:, None] - blocks.time_s[None, :])
-        covariance = effects @ effects.T + self.slow_sd_w**2 * np.exp(-lag / self.slow_time_s)
+        known = np.concatenate([effects, blocks.doubt_w], axis=1)
+        covariance = known @ known.T + self.slow_sd_w**2 * np.exp(-lag / self.slow_time_s)
         covariance[np.diag_indices(len(blocks))] += (self.noise_factor * blocks.spread_w) ** 2
         return np.asarray(covariance)
 
@@ -84,6 +88,11 @@ class ResidualProcess:
         return float(
             -0.5 * white @ white - np.log(np.diag(factor)).sum() - 0.5 * len(blocks) * np.log(2 * np.pi)
         )
+
+    def total_score(self, blocks: Blocks, residual_w: FloatArray) -> float:
+        """Error of a trip's energy over its standard deviation before departure."""
+        hours = blocks.step_s / 3600.0
+        return float(hours @ residual_w / np.sqrt(hours @ self.covariance(blocks) @ hours))
 
 
 @dataclass(frozen=True, eq=False)
