@@ -52,21 +52,28 @@ def test_a_run_without_gamm_has_none(table: TripTable) -> None:
 
 def test_trips_outside_the_others_by_brute_force(table: TripTable) -> None:
     found = outside_the_others(table)
+    winter = np.array([t.context.season == "winter" for t in table.trips])[table.groups]
     expected = []
+
+    def beyond(own: pd.Series, rest: pd.Series) -> pd.Series:
+        return (own < rest.min()) | (own > rest.max())
+
     for name, column in table.covariates.items():
+        parts: dict[str, list] = {name: [], f"{name} in winter": []}
         for i, trip in enumerate(table.trip_ids):
             own = table.groups == i
-            if pd.api.types.is_numeric_dtype(column):
-                rest = column[~own]
-                out = (column[own] < rest.min()) | (column[own] > rest.max())
-            elif name == "weather":
+            out = pd.Series(False, index=column[own].index)
+            if name == "weather":
                 out = ~column[own].isin(column[~own].unique())
-            else:
-                continue
-            if out.any():
-                expected.append((trip, name, out.mean()))
+            elif name != "season":
+                out = beyond(column[own], column[~own])
+                if name in ("time_s", "ambient_temperature_degc") and winter[own].all():
+                    late = beyond(column[own], column[~own & winter]) & ~out
+                    parts[f"{name} in winter"].append((trip, f"{name} in winter", late.mean()))
+            parts[name].append((trip, name, out.mean()))
+        expected += [row for rows in parts.values() for row in rows if row[2] > 0]
     pd.testing.assert_frame_equal(found, pd.DataFrame(expected, columns=["trip", "covariate", "share"]))
-    assert len(found)
+    assert {"time_s", "ambient_temperature_degc in winter"} & set(found["covariate"])
 
 
 def test_a_level_without_data_predicts_like_one_never_declared(table: TripTable) -> None:

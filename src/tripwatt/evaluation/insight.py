@@ -13,7 +13,7 @@ from tripwatt.evaluation.protocols import ModelSpec
 from tripwatt.gam.diagnosis import Autocorrelation, Diagnosis, autocorrelation, diagnosis
 from tripwatt.gam.effects import Effect, RandomEffects, effects
 from tripwatt.gam.summary import Summary, summary
-from tripwatt.hybrid import HybridModel, Table2Corrector, TripTable
+from tripwatt.hybrid import TABLE2, HybridModel, Table2Corrector, TripTable
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,6 +159,8 @@ def _step_s(time_s: Any, groups: Any) -> float:
 def outside_the_others(table: TripTable, rows: Any = None) -> pd.DataFrame:
     """Trips that leave what all the other trips have shown: the range of a number, or the levels of the weather.
 
+    "time_s in winter" is a winter trip that leaves the range of the other winter trips, but not that of all trips.
+
     Parameters
     ----------
     table : TripTable
@@ -172,21 +174,32 @@ def outside_the_others(table: TripTable, rows: Any = None) -> pd.DataFrame:
     """
     groups, seen = table.groups, slice(None) if rows is None else rows
     found: list[tuple[str, str, float]] = []
+
+    def note(name: str, outside: Any) -> None:
+        share = np.bincount(groups, weights=outside, minlength=len(table)) / np.diff(table.offsets)
+        found.extend((table.trip_ids[i], name, float(share[i])) for i in np.flatnonzero(share))
+
+    winter = np.array([trip.context.season == "winter" for trip in table.trips])
     for name, column in table.covariates.items():
         if pd.api.types.is_numeric_dtype(column):
             values = column.to_numpy(dtype=np.float64)
             by_trip = pd.Series(values[seen]).groupby(groups[seen])
-            low = _without_each(by_trip.min().reindex(range(len(table))).to_numpy())
-            high = -_without_each(-by_trip.max().reindex(range(len(table))).to_numpy())
-            outside = (values < low[groups]) | (values > high[groups])
+            ends = by_trip.agg(["min", "max"]).reindex(range(len(table)))
+            outside = _beyond(values, groups, ends)
+            note(str(name), outside)
+            if f"s({name}, by=winter)" in TABLE2 and winter.any():
+                own = _beyond(values, groups, ends[winter].reindex(ends.index)) & winter[groups]
+                note(f"{name} in winter", own & ~outside)
         elif name == "weather":
             trips = column.groupby(groups, observed=True).first()
-            outside = (trips.map(trips.value_counts()).astype(int) < 2).to_numpy()[groups]
-        else:
-            continue
-        share = np.bincount(groups, weights=outside, minlength=len(table)) / np.diff(table.offsets)
-        found += [(table.trip_ids[i], str(name), float(share[i])) for i in np.flatnonzero(share)]
+            note("weather", (trips.map(trips.value_counts()).astype(int) < 2).to_numpy()[groups])
     return pd.DataFrame(found, columns=["trip", "covariate", "share"])
+
+
+def _beyond(values: Any, groups: Any, ends: pd.DataFrame) -> Any:
+    """Rows outside of the range of all trips but their own; `ends` has the range of each trip, NaN to leave it out."""
+    low, high = _without_each(ends["min"].to_numpy()), -_without_each(-ends["max"].to_numpy())
+    return (values < low[groups]) | (values > high[groups])
 
 
 def _without_each(values: Any) -> Any:
