@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.forecast.gain import Gain
+from tripwatt.forecast.gain import EXACT_W2, Gain
 from tripwatt.forecast.process import Belief, Blocks, ResidualProcess, prior
 from tripwatt.forecast.scores import Scores
 from tripwatt.hybrid import BlockTable
@@ -24,6 +24,7 @@ from tripwatt.trips import (
     structure_faults,
     value_faults,
 )
+from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
 QUANTILES: Final = (0.025, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.975)
@@ -56,6 +57,8 @@ class Forecast:
         Factor of the standard deviation for what training never saw.
     measured_until_s : float
         Time up to which the trip was measured [s since departure]; 0 before departure.
+    measured_wh, measured_hours : ndarray or None, shape (blocks,)
+        Energy that was measured in each block, and for how long; None before departure.
     """
 
     plan: Trip
@@ -71,6 +74,8 @@ class Forecast:
     widening: float = 1.0
     flags: tuple[str, ...] = ()
     measured_until_s: float = 0.0
+    measured_wh: FloatArray | None = None
+    measured_hours: FloatArray | None = None
     anchor: tuple[float, float] | None = field(default=None)
     """Time [s] and state of charge (battery management's) of the last reading; None for the start."""
 
@@ -118,9 +123,22 @@ class Forecast:
         return self.table.simulated_w + self.correction_w + self.belief.mean_w
 
     @property
+    def open_hours(self) -> FloatArray:
+        """Part of each block that was not measured [h], shape (blocks,)."""
+        if self.measured_hours is None:
+            return self.table.hours
+        return np.maximum(self.table.hours - self.measured_hours, 0.0)
+
+    @property
+    def block_energy_wh(self) -> FloatArray:
+        """Energy of each block [Wh]: what was measured, and the mean power over the rest of it."""
+        ahead = self.power_w * self.open_hours
+        return ahead if self.measured_wh is None else np.asarray(self.measured_wh + ahead)
+
+    @property
     def energy_wh(self) -> float:
         """Energy of the whole trip [Wh]."""
-        return float(self.power_w @ self.table.hours)
+        return float(self.block_energy_wh.sum())
 
     @property
     def sd_wh(self) -> float:
@@ -167,11 +185,11 @@ class Forecast:
             `time_s, distance_m, energy_wh, energy_low_wh, energy_high_wh, displayed_soc, displayed_soc_low,
             displayed_soc_high`; the band is the central 90 %.
         """
-        energy = np.concatenate(([0.0], np.cumsum(self.power_w * self.table.hours)))
+        energy = np.concatenate(([0.0], np.cumsum(self.block_energy_wh)))
         half = self.scores.factor(BAND) * np.concatenate(([0.0], self._cumulative_sd()))
-        time = np.concatenate(([0.0], np.cumsum(self.table.hours) * 3600.0))
+        time = np.concatenate(([0.0], np.cumsum(self.table.hours) * SECONDS_PER_HOUR))
         speed = self.table.features["speed_m_s"].to_numpy()
-        distance = np.concatenate(([0.0], np.cumsum(speed * self.table.hours * 3600.0)))
+        distance = np.concatenate(([0.0], np.cumsum(speed * self.table.hours * SECONDS_PER_HOUR)))
         low, high = energy - half, energy + half
         return pd.DataFrame(
             {
@@ -201,7 +219,7 @@ class Forecast:
     def battery_loss_wh(self) -> float:
         """Heat in the battery itself [Wh], on top of the energy at its terminals."""
         step = np.diff(self.simulation.time_s, prepend=self.simulation.time_s[0])
-        return float(self.simulation.battery_loss_w @ step / 3600.0)
+        return float(self.simulation.battery_loss_w @ step / SECONDS_PER_HOUR)
 
     def update(self, observed: pd.DataFrame) -> Forecast:
         """Forecast again from what was measured so far. O(blocks^2 x measured blocks).
@@ -227,8 +245,10 @@ class Forecast:
         raise_faults(value_faults(samples, "observed samples"))
         time = np.asarray(samples["time_s"], dtype=np.float64)
         soc = self._measured_soc(samples)
+        measured_wh = measured_hours = None
         if {"voltage_v", "current_a"} <= set(samples.columns):
-            weights, power, variance = self._observed_power(samples, time)
+            measured_wh, measured_hours = self._measured(samples, time)
+            weights, power, variance = self._observed_power(measured_wh, measured_hours)
         elif soc is not None:
             weights, power, variance = self._observed_soc(time, soc)
         else:
@@ -245,7 +265,14 @@ class Forecast:
         if soc is not None and np.isfinite(soc).any():
             last = int(np.flatnonzero(np.isfinite(soc))[-1])
             anchor = (float(time[last]), float(soc[last]))
-        return replace(self, belief=belief, measured_until_s=float(time[-1]), anchor=anchor)
+        return replace(
+            self,
+            belief=belief,
+            measured_until_s=float(time[-1]),
+            measured_wh=measured_wh,
+            measured_hours=measured_hours,
+            anchor=anchor,
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """What the command line and the service answer, plain values."""
@@ -264,13 +291,11 @@ class Forecast:
         }
 
     def _cumulative_sd(self) -> FloatArray:
-        return self.widening * self.belief.energy_wh(self.blocks.step_s)[1]
+        return self.widening * self.belief.energy_wh(self.open_hours * SECONDS_PER_HOUR)[1]
 
     def _energy_at(self, time_s: float) -> float:
-        ends = np.concatenate(([0.0], np.cumsum(self.table.hours) * 3600.0))
-        return float(
-            np.interp(time_s, ends, np.concatenate(([0.0], np.cumsum(self.power_w * self.table.hours))))
-        )
+        ends = np.concatenate(([0.0], np.cumsum(self.table.hours) * SECONDS_PER_HOUR))
+        return float(np.interp(time_s, ends, np.concatenate(([0.0], np.cumsum(self.block_energy_wh)))))
 
     def _soc_after(self, energy_wh: FloatArray) -> FloatArray:
         """State of charge when so much energy was taken since departure."""
@@ -290,26 +315,28 @@ class Forecast:
             return zero + displayed * (full - zero)
         return None
 
-    def _observed_power(
-        self, samples: pd.DataFrame, time: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Mean measured power of each block that was measured for long enough, as weights, values, variances."""
+    def _measured(self, samples: pd.DataFrame, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Energy [Wh] and time [h] of each block that the samples cover; long gaps cover nothing."""
         cumulative = observed_cumulative_energy(samples)
         assert cumulative is not None
         step = np.diff(time)
         sound = step <= GAP_S
         edges = np.concatenate(([0.0], np.cumsum(self.blocks.step_s)))
-        covered = np.diff(
-            np.interp(edges, time, np.concatenate(([0.0], np.cumsum(np.where(sound, step, 0.0)))))
-        )
-        gained = np.where(sound, np.diff(cumulative), 0.0)
-        energy = np.diff(np.interp(edges, time, np.concatenate(([0.0], np.cumsum(gained)))))
-        share = covered / self.blocks.step_s
+        edges[-1] = max(edges[-1], time[-1])
+        seconds = np.concatenate(([0.0], np.cumsum(np.where(sound, step, 0.0))))
+        gained = np.concatenate(([0.0], np.cumsum(np.where(sound, np.diff(cumulative), 0.0))))
+        covered = np.diff(np.interp(edges, time, seconds))
+        return np.diff(np.interp(edges, time, gained)), covered / SECONDS_PER_HOUR
+
+    def _observed_power(
+        self, measured_wh: FloatArray, measured_hours: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Mean measured power of each block that was measured for long enough, as weights, values, variances."""
+        share = np.minimum(measured_hours / self.table.hours, 1.0)
         seen = np.flatnonzero(share >= MIN_COVER)
-        power = energy[seen] / (covered[seen] / 3600.0)
-        missing = 1.0 - np.minimum(share[seen], 1.0)
         noise = (self.process.noise_factor * self.blocks.spread_w[seen]) ** 2
-        return np.eye(len(self.blocks))[seen], power, missing * noise + 1.0
+        variance = (1.0 - share[seen]) * noise + EXACT_W2
+        return np.eye(len(self.blocks))[seen], measured_wh[seen] / measured_hours[seen], variance
 
     def _observed_soc(self, time: FloatArray, soc: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Mean power between readings of the state of charge that differ by a few steps."""
@@ -330,7 +357,7 @@ class Forecast:
         weights, power, variance = [], [], []
         for a, b in itertools.pairwise(marks):
             inside = np.clip(np.minimum(edges[1:], time[b]) - np.maximum(edges[:-1], time[a]), 0.0, None)
-            hours = (time[b] - time[a]) / 3600.0
+            hours = (time[b] - time[a]) / SECONDS_PER_HOUR
             taken = (soc[a] - soc[b]) * self.wh_per_soc
             doubt = (resolution * self.wh_per_soc) ** 2 / 6.0 + (CAPACITY_SD * taken) ** 2
             weights.append(inside / (time[b] - time[a]))
