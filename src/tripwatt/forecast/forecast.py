@@ -291,7 +291,9 @@ class Forecast:
         }
 
     def _cumulative_sd(self) -> FloatArray:
-        return self.widening * self.belief.energy_wh(self.open_hours * SECONDS_PER_HOUR)[1]
+        sd = self.belief.energy_wh(self.open_hours * SECONDS_PER_HOUR)[1]
+        ahead = np.cumsum(self.open_hours) / self.table.hours.sum()
+        return self.widening * np.asarray(np.hypot(sd, self.blocks.doubt_wh * ahead))
 
     def _energy_at(self, time_s: float) -> float:
         ends = np.concatenate(([0.0], np.cumsum(self.table.hours) * SECONDS_PER_HOUR))

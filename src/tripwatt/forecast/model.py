@@ -174,7 +174,7 @@ def process_blocks(table: BlockTable, doubt_w: FloatArray) -> Blocks:
 
     Whole-trip effects load on: every hour alike; the power of driving, as much as the wheels move; the power of
     climate. What is new in each block grows with the power that is moved. What the corrector does not know of the
-    trip's total counts as one more constant effect.
+    trip's total only widens the interval.
     """
     features, hours = table.features, table.hours
     moved = features["moved_w"].to_numpy(dtype=np.float64)
@@ -184,7 +184,7 @@ def process_blocks(table: BlockTable, doubt_w: FloatArray) -> Blocks:
         step_s=table.hours * 3600.0,
         loadings=loadings,
         spread_w=100.0 + 0.3 * moved,
-        doubt_w=np.full((len(hours), 1), float(np.linalg.norm(hours @ doubt_w) / hours.sum())),
+        doubt_wh=float(np.linalg.norm(hours @ doubt_w)),
     )
 
 
