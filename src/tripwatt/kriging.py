@@ -98,7 +98,9 @@ class ClusteredKriging:
         self.share_sd = share_sd
         self.inducing = inducing
 
-    def fit(self, X: pd.DataFrame, y: npt.ArrayLike, groups: npt.ArrayLike, weight: npt.ArrayLike | None = None) -> Self:
+    def fit(
+        self, X: pd.DataFrame, y: npt.ArrayLike, groups: npt.ArrayLike, weight: npt.ArrayLike | None = None
+    ) -> Self:
         """Learn from the groups' totals. O(groups^3 + rows x features).
 
         Parameters
@@ -173,7 +175,11 @@ class ClusteredKriging:
     def load_arrays(self, arrays: dict[str, npt.NDArray[Any]]) -> Self:
         """Reverse of `to_arrays`, on a model made with the same settings."""
         names = [str(c) for c in arrays["columns"]]
-        self.weights_, self.factor_, self.variances_ = arrays["weights"], arrays["factor"], arrays["variances"]
+        self.weights_, self.factor_, self.variances_ = (
+            arrays["weights"],
+            arrays["factor"],
+            arrays["variances"],
+        )
         self.means_ = dict(zip(names, arrays["means"].tolist(), strict=True))
         self.sds_ = dict(zip(names, arrays["sds"].tolist(), strict=True))
         self.ranges_ = dict(zip(names, map(tuple, arrays["ranges"].tolist()), strict=True))
@@ -186,7 +192,9 @@ class ClusteredKriging:
         wanted = {c for part in self.parts for c in part.columns} | ({self.share_column} - {None})
         missing = sorted(str(c) for c in wanted if c not in X.columns)
         if missing:
-            raise InvalidInput([Fault("missing column", "X", c, f"one of {sorted(X.columns)}") for c in missing])
+            raise InvalidInput(
+                [Fault("missing column", "X", c, f"one of {sorted(X.columns)}") for c in missing]
+            )
 
     def _learn_columns(self, X: pd.DataFrame) -> None:
         self.means_: dict[str, float] = {}
@@ -204,7 +212,9 @@ class ClusteredKriging:
             if part.kind != "smooth":
                 continue
             z = np.unique(self._standard(X, part).round(3), axis=0)
-            self.points_[i] = _spread_points(z, self.inducing if len(part.columns) == 1 else 4 * self.inducing)
+            self.points_[i] = _spread_points(
+                z, self.inducing if len(part.columns) == 1 else 4 * self.inducing
+            )
             gram = _squared_exponential(self.points_[i], self.points_[i])
             self.whiteners_[i] = np.linalg.inv(cholesky(gram + 1e-6 * np.eye(len(gram)))).T
 
@@ -215,7 +225,11 @@ class ClusteredKriging:
     def _standard(self, X: pd.DataFrame, part: Part) -> Array:
         """Columns of a smooth part in units of its length scale, held at the edge of the training range."""
         return np.column_stack(
-            [(np.clip(self._column(X, c), *self.ranges_[c]) - self.means_[c]) / (self.sds_[c] * part.length) for c in part.columns]
+            [
+                (np.clip(self._column(X, c), *self.ranges_[c]) - self.means_[c])
+                / (self.sds_[c] * part.length)
+                for c in part.columns
+            ]
         )
 
     def _features(self, X: pd.DataFrame) -> tuple[Array, list[slice]]:
@@ -235,7 +249,9 @@ class ClusteredKriging:
 
         pieces = [totals[:, s] @ totals[:, s].T for s in self.slices_] + [np.diag(e**2) for e in effects]
         kernels = np.array(pieces)
-        start = 2.0 * np.log(np.array([p.sd for p in self.parts] + [self.effect_sd, self.share_sd][: len(effects)]))
+        start = 2.0 * np.log(
+            np.array([p.sd for p in self.parts] + [self.effect_sd, self.share_sd][: len(effects)])
+        )
         jitter = _JITTER * float(np.mean(target**2) + 1e-12)
 
         def cost(logs: Array) -> tuple[float, Array]:
@@ -254,7 +270,9 @@ class ClusteredKriging:
         self.variances_ = np.exp(found.x)
         K = np.tensordot(self.variances_, kernels, 1)
         K[np.diag_indices_from(K)] += jitter
-        spread = np.concatenate([np.full(s.stop - s.start, v) for s, v in zip(self.slices_, self.variances_, strict=False)])
+        spread = np.concatenate(
+            [np.full(s.stop - s.start, v) for s, v in zip(self.slices_, self.variances_, strict=False)]
+        )
         gain = solve(K, totals * spread).T
         self.weights_ = np.asarray(gain @ target)
         covariance = np.diag(spread) - gain @ (totals * spread)
