@@ -125,6 +125,8 @@ def _import(file: Path, row: str | None, out: Path | None, as_json: bool) -> Non
 
 
 def _describe(name: str, preset: str, overrides: list[str], as_json: bool) -> None:
+    from rich.padding import Padding
+
     from tripwatt.vehicles import describe_vehicle, load_vehicle, parse_overrides
 
     given = parse_overrides(overrides)
@@ -135,7 +137,11 @@ def _describe(name: str, preset: str, overrides: list[str], as_json: bool) -> No
         entries = [dict(zip(keys, row, strict=True)) for row in rows]
         print_json({"name": car.name, "title": car.title, "preset": car.preset, "entries": entries})
         return
-    print_table(f"{car.title} ({car.name}, preset {car.preset})", ("key", "value", "unit", "source"), rows)
+    shown = console(sys.stdout)
+    shown.print(f"{car.title} ({car.name}, preset {car.preset})")
+    for key, value, unit, source in rows:
+        shown.print(f"{key} = {value} {'' if unit == '1' else unit}".rstrip())
+        shown.print(Padding(source, (0, 0, 0, 4), expand=False))
 
 
 def _list(as_json: bool) -> None:
@@ -212,9 +218,10 @@ def _show_simulation(answer: dict[str, Any]) -> None:
     total, distance = answer["simulated_energy_wh"], answer["distance_km"]
 
     def row(name: str, energy: float) -> tuple[str, ...]:
-        per_km = f"{energy / distance:.1f}" if distance > 0 else "–"
-        share = f"{100.0 * energy / total:.1f}" if total else "–"
-        return (name, f"{energy:.1f}", share, per_km)
+        per_km = energy / distance if distance > 0 else None
+        share = 100.0 * energy / total if total else None
+        values = (energy, share, per_km)
+        return (name, *("–" if v is None else f"{round(v, 1) + 0.0:.1f}" for v in values))
 
     rows = [row(cause.replace("_", " "), energy) for cause, energy in answer["energy_by_cause_wh"].items()]
     rows.append(row("simulated, all of these", total))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,7 +22,7 @@ from tripwatt.cli.options import (
     gather,
     read_logs,
 )
-from tripwatt.cli.placing import unfinished_folder, write_whole
+from tripwatt.cli.placing import check_writable, finished_folds, unfinished_folder, write_whole
 from tripwatt.cli.printing import console, print_json, print_notes, progress
 from tripwatt.errors import Fault, InvalidInput
 
@@ -90,17 +92,23 @@ def evaluate(
         with shown.status("reading trips"):
             fleet.append(read_logs(data, dataset, mapping))
 
-    gather(lambda: _check(options, overrides or []), lambda: unfinished_folder(out), read)
-    shown.print(f"{len(fleet[0].trips)} trips read ({fleet[0].name})")
-    print_notes([note] if note else [])
+    gather(lambda: _check(options, overrides or []), lambda: check_writable(out), read)
+    trips = replace(fleet[0], notes=(*fleet[0].notes, *([note] if note else [])))
+    shown.print(f"{len(trips.trips)} trips read ({trips.name})")
     unfinished = unfinished_folder(out)
+    if resume and not finished_folds(unfinished):
+        shown.print("nothing to go on with: no finished folds are kept for this folder")
     try:
-        run = _run(fleet[0], options, unfinished, resume)
+        run = _run(trips, options, unfinished, resume)
     except KeyboardInterrupt:
         typer.echo(
             "interrupted: the finished folds are kept; the same command with --resume goes on", err=True
         )
         raise typer.Exit(INTERRUPTED) from None
+    except InvalidInput:
+        if not finished_folds(unfinished):
+            shutil.rmtree(unfinished, ignore_errors=True)
+        raise
     with shown.status("writing the report"):
         write_whole(lambda folder: _write(run, folder), out, unfinished)
     _show(run, out, as_json)
@@ -119,9 +127,11 @@ def _check(options: dict[str, Any], overrides: list[str]) -> None:
                 Fault("no models", "--models", "an empty list", "names with commas between them")
             )
 
-    def car() -> None:
+    def given() -> None:
         options["overrides"] = parse_overrides(overrides)
-        load_vehicle(options["vehicle"], overrides=options["overrides"])
+
+    def car() -> None:
+        load_vehicle(options["vehicle"], overrides=options.get("overrides"))
 
     def jobs() -> None:
         if options["n_jobs"] < -1 or options["n_jobs"] == 0:
@@ -129,7 +139,7 @@ def _check(options: dict[str, Any], overrides: list[str]) -> None:
                 Fault("no such number of processes", "--jobs", str(options["n_jobs"]), "-1, or 1 or more")
             )
 
-    gather(models, car, jobs)
+    gather(models, given, car, jobs)
 
 
 def _run(fleet: Fleet, options: dict[str, Any], unfinished: Path, resume: bool) -> EvaluationRun:

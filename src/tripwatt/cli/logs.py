@@ -23,6 +23,7 @@ from tripwatt.cli.printing import console, print_json, print_notes, print_table
 mapping_app = typer.Typer(
     help="How the columns of your tables become ours: list shipped mappings, show one, or have one proposed.",
     no_args_is_help=True,
+    rich_markup_mode=None,
 )
 
 
@@ -83,7 +84,7 @@ def audit(
     if found.findings:
         columns = ("trip", "from [s]", "to [s]", "consequence", "what")
         rows = ((f.trip, f"{f.from_s:.1f}", f"{f.to_s:.1f}", f.consequence, f.what) for f in found.findings)
-        print_table(title, columns, rows, numbers=columns[1:3])
+        print_table(title, columns, rows, numbers=columns[1:3], folding=("what",))
     else:
         console(sys.stdout).print(f"{title}: no findings")
     print_notes(fleet.notes)
@@ -118,7 +119,7 @@ def list_mappings(as_json: JsonOption = False) -> None:
     if as_json:
         print_json([{"name": name, "about": text} for name, text in about.items()])
     else:
-        print_table("Mappings for --mapping NAME", ("name", "about"), about.items())
+        print_table("Mappings for --mapping NAME", ("name", "about"), about.items(), folding=("about",))
 
 
 def show_mapping(

@@ -156,5 +156,15 @@ def gather(*checks: Callable[[], object]) -> None:
 
 
 def examples(*lines: tuple[str, str]) -> str:
-    """The end of a command's help: what to type, and what it does."""
-    return "\n\n".join(["Examples:", *(f"{command}  ({meaning})" for command, meaning in lines)])
+    r"""The end of a command's help: what it does, and below it what to type.
+
+    Examples
+    --------
+    >>> print(examples(("tripwatt simulate", "a trip of the synthetic fleet")).replace("\b", ""))
+    <BLANKLINE>
+    Examples:
+      # a trip of the synthetic fleet
+      tripwatt simulate
+    """
+    shown = "\n".join(f"  # {meaning}\n  {command}" for command, meaning in lines)
+    return f"\b\nExamples:\n{shown}"  # \b: click keeps the lines of the paragraph

@@ -14,25 +14,43 @@ LAST: Final = "results.json"
 """The file that comes last: where it stands, everything beside it belongs to it."""
 
 
-def unfinished_folder(out: Path) -> Path:
-    """Where a run keeps what is not finished: beside OUT while there is no OUT, in it afterwards.
+def check_writable(out: Path) -> None:
+    """Whether results can be written into `out`, without writing anything.
 
     Raises
     ------
     InvalidInput
-        When OUT is not a folder or cannot be written.
+        When `out` is not a folder or cannot be made or written.
     """
-    beside = out.absolute().parent / f"{out.absolute().name}.unfinished"
     if out.exists() and not out.is_dir():
         raise InvalidInput(Fault("output is not a folder", "--out", str(out), "a folder, new or existing"))
-    if out.is_dir() and not os.access(out, os.W_OK | os.X_OK):
-        raise InvalidInput(_unwritable(out, "no permission to write into it"))
+    nearest = next(place for place in (out, *out.absolute().parents) if place.exists())
+    if not nearest.is_dir():
+        raise InvalidInput(_unwritable(out, f"{nearest} is not a folder"))
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise InvalidInput(_unwritable(out, f"no permission to write into {nearest}"))
+
+
+def unfinished_folder(out: Path) -> Path:
+    """Make the folder where a run keeps what is not finished: beside OUT while there is no OUT, in it afterwards.
+
+    Raises
+    ------
+    InvalidInput
+        When it cannot be made.
+    """
+    beside = out.absolute().parent / f"{out.absolute().name}.unfinished"
     folder = out / ".unfinished" if out.is_dir() and not beside.exists() else beside
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InvalidInput(_unwritable(out, error.strerror or str(error))) from error
     return folder
+
+
+def finished_folds(unfinished: Path) -> int:
+    """How many finished folds an interrupted run has left."""
+    return sum(1 for _ in unfinished.glob("folds/*/*.npz"))
 
 
 def write_whole(write: Callable[[Path], None], out: Path, unfinished: Path) -> None:

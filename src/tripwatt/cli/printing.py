@@ -6,7 +6,7 @@ import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Final, TextIO
 
 import typer
 
@@ -14,11 +14,17 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
+UNBROKEN: Final = 1000
+"""Width [characters] of what goes into a pipe or a file, where nobody needs lines to be broken."""
+
+
 def console(stream: TextIO | None = None) -> Console:
     """A console on a stream, by default on standard error; square brackets in names and notes are no markup."""
     from rich.console import Console
 
-    return Console(file=stream or sys.stderr, highlight=False, markup=False, emoji=False)
+    stream = stream or sys.stderr
+    width = None if stream.isatty() else UNBROKEN
+    return Console(file=stream, width=width, highlight=False, markup=False, emoji=False)
 
 
 def print_json(value: object) -> None:
@@ -27,21 +33,30 @@ def print_json(value: object) -> None:
 
 
 def print_table(
-    title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence[str] = ()
+    title: str,
+    columns: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    numbers: Sequence[str] = (),
+    folding: Sequence[str] = (),
 ) -> None:
-    """A table on standard output; the columns in `numbers` stand to the right."""
+    """A table on standard output. Columns in `numbers` stand to the right, those in `folding` may break lines."""
     from rich.box import SIMPLE
     from rich.table import Table
 
-    table = Table(title=title, title_justify="left", box=SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
+    table = Table(box=SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
     for column in columns:
-        if column in numbers:
-            table.add_column(column, justify="right", no_wrap=True)
-        else:
-            table.add_column(column, overflow="fold")
+        table.add_column(
+            column,
+            justify="right" if column in numbers else "left",
+            no_wrap=column not in folding,
+            overflow="fold",
+        )
     for row in rows:
         table.add_row(*row)
-    console(sys.stdout).print(table)
+    shown = console(sys.stdout)
+    shown.print(title)
+    shown.print(table)
 
 
 def print_notes(notes: Iterable[str]) -> None:
