@@ -27,7 +27,10 @@ if TYPE_CHECKING:
     from tripwatt.trips import Fleet, Trip
 
 PresetOption = Annotated[
-    str, typer.Option("--preset", help="default, paper (the paper's crude model), or one of the car's file.")
+    str,
+    typer.Option(
+        "--preset", metavar="NAME", help="default, paper (the paper's crude model), or one of the car's file."
+    ),
 ]
 
 
@@ -61,7 +64,7 @@ def vehicles(
     name: Annotated[
         str | None,
         typer.Argument(
-            metavar="[NAME|FILE.toml]", help="One car. Left out: the list of all.", show_default=False
+            metavar="NAME|FILE.toml", help="One car. Left out: the list of all.", show_default=False
         ),
     ] = None,
     preset: PresetOption = "default",
@@ -78,12 +81,17 @@ def vehicles(
     row: Annotated[
         str | None,
         typer.Option(
-            "--row", help="With --import: which vehicle of a file that holds many.", show_default=False
+            "--row",
+            metavar="NAME",
+            help="With --import: which vehicle of a file that holds many.",
+            show_default=False,
         ),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="With --import: write the TOML here.", show_default=False),
+        typer.Option(
+            "--out", "-o", metavar="FILE", help="With --import: write the TOML here.", show_default=False
+        ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -157,7 +165,8 @@ def _list(as_json: bool) -> None:
 def simulate(
     data: DataArgument = None,
     trip: Annotated[
-        str | None, typer.Option("--trip", help="Which trip, where DATA holds many.", show_default=False)
+        str | None,
+        typer.Option("--trip", metavar="ID", help="Which trip, where DATA holds many.", show_default=False),
     ] = None,
     dataset: DatasetOption = None,
     mapping: MappingOption = None,

@@ -53,19 +53,22 @@ def add_commands(app: typer.Typer) -> None:
 def evaluate(
     data: DataArgument = None,
     out: Annotated[
-        Path, typer.Option("--out", "-o", help="Folder for the results; appears when all is written.")
+        Path,
+        typer.Option(
+            "--out", "-o", metavar="FOLDER", help="Folder for the results; appears when all is written."
+        ),
     ] = Path("out"),
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
-    protocol: Annotated[str, typer.Option(help="Which comparison.")] = "paper",
+    protocol: Annotated[str, typer.Option(metavar="NAME", help="Which comparison.")] = "paper",
     models: Annotated[
         str | None,
         typer.Option(metavar="NAME,NAME", help="Only these models of the protocol.", show_default=False),
     ] = None,
     vehicle: VehicleOption = None,
     overrides: SetOption = None,
-    seed: Annotated[int, typer.Option(min=0, help="Makes the run identical.")] = 0,
-    jobs: Annotated[int, typer.Option(help="Processes; -1 takes all cores.")] = -1,
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Makes the run identical.")] = 0,
+    jobs: Annotated[int, typer.Option(metavar="N", help="Processes; -1 takes all cores.")] = -1,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the finished folds of an interrupted run.")
     ] = False,

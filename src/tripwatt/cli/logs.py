@@ -91,8 +91,10 @@ def audit(
 
 
 def fetch(
-    dataset: Annotated[str, typer.Argument(help="Data set: tum.")] = "tum",
-    folder: Annotated[Path | None, typer.Argument(help="Folder to check.", show_default=False)] = None,
+    dataset: Annotated[str, typer.Argument(metavar="DATASET", help="Data set: tum.")] = "tum",
+    folder: Annotated[
+        Path | None, typer.Argument(metavar="FOLDER", help="Folder to check.", show_default=False)
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Say where to get a data set, and check what is already in FOLDER.
@@ -123,7 +125,7 @@ def list_mappings(as_json: JsonOption = False) -> None:
 
 
 def show_mapping(
-    name: Annotated[str, typer.Argument(help="A name of `tripwatt mapping list`.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="A name of `tripwatt mapping list`.")],
     as_json: JsonOption = False,
 ) -> None:
     """Print a mapping that comes with the package, to copy and change."""
@@ -137,10 +139,16 @@ def show_mapping(
 
 
 def suggest(
-    file: Annotated[Path, typer.Argument(help="A CSV or Parquet file of one of your trips.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A CSV or Parquet file of one of your trips.")],
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Write the TOML here instead of printing it.", show_default=False),
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FILE",
+            help="Write the TOML here instead of printing it.",
+            show_default=False,
+        ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

@@ -17,13 +17,16 @@ if TYPE_CHECKING:
 DataArgument = Annotated[
     Path | None,
     typer.Argument(
-        help="Folder or file of logged trips. Left out: the built-in synthetic fleet.", show_default=False
+        metavar="DATA",
+        help="Folder or file of logged trips. Left out: the built-in synthetic fleet.",
+        show_default=False,
     ),
 ]
 DatasetOption = Annotated[
     str | None,
     typer.Option(
         "--dataset",
+        metavar="NAME",
         help="How DATA is laid out: tum, ved or table. Left out: table with --mapping or where DATA is one file "
         "that is no TUM trip, else tum.",
         show_default=False,
