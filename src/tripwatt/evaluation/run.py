@@ -121,8 +121,8 @@ def _evaluations(
     evaluations: list[Evaluation] = []
     for name, trips in sets.items():
         if not trips:
-            if name == "reference":
-                notes.append(f"the data set {fleet.name!r} defines no reference trips that are present here")
+            if name == "reference" and fleet.reference is not None:
+                notes.append(f"none of the reference trips of the data set {fleet.name!r} is here")
             continue
         evaluations.append(_leave_one_trip_out(name, build(trips)))
     if not evaluations or max(len(e.table) for e in evaluations) < MIN_FOLDS:
