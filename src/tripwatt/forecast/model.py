@@ -130,6 +130,7 @@ class ForecastModel:
         plan = planned(trip)
         simulation = simulate_trip(self.vehicle, plan)
         table = block_table(plan, simulation)
+        correction, doubt = self.fitted_.predict_with_doubt(table)
         outside = {
             name: r.beyond(value) for name, value in _watched(table).items() for r in [self.ranges_[name]]
         }
@@ -138,8 +139,8 @@ class ForecastModel:
             vehicle=self.vehicle,
             simulation=simulation,
             table=table,
-            correction_w=self.fitted_.predict(table),
-            blocks=process_blocks(table, self.fitted_.uncertainty_factor(table)),
+            correction_w=correction,
+            blocks=process_blocks(table, doubt),
             process=self.process_,
             scores=self.scores_,
             gain=self.gain_,
