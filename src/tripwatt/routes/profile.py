@@ -97,7 +97,7 @@ class LinkStyle:
 
     driver: DriverStyle = field(
         default_factory=lambda: DriverStyle(
-            acceleration_m_s2=2.5, deceleration_m_s2=2.5, half_acceleration_speed_m_s=25.0, dwell_mean_s=20.0
+            acceleration_m_s2=2.5, deceleration_m_s2=2.5, half_acceleration_speed_m_s=35.0, dwell_mean_s=20.0
         )
     )
     comfort: float = 0.28
@@ -252,6 +252,7 @@ class _Course:
     position: FloatArray
     link: IntArray  # of each cell
     ends: IntArray  # last node of each link
+    ramp: FloatArray  # speed that a node may have at least because the neighbouring link is faster
     dip_node: IntArray
     dip_link: IntArray
     most_delay: FloatArray
@@ -292,7 +293,18 @@ class _Course:
         at_rest[[0, -1]] = np.isnan(stop[[0, -1]])
         most = np.where(at_rest & (dips == 0), 0.0, most)
         return cls(
-            length, to_drive, given, free, style, position, link, ends, dip_node, dip_link, most
+            length,
+            to_drive,
+            given,
+            free,
+            style,
+            position,
+            link,
+            ends,
+            _ramps(position, ends, np.minimum(free, HURRY * mean + 2.0), style),
+            dip_node,
+            dip_link,
+            most,
         )
 
     def drive(self, delay: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -308,6 +320,8 @@ class _Course:
         cell = cruise[self.link]
         aim = np.zeros(len(self.position))
         np.minimum(cell[1:], cell[:-1], out=aim[1:-1])
+        np.maximum(aim, self.ramp, out=aim)
+        aim[[0, -1]] = 0.0
         slow = self.free[self.dip_link] * (1.0 - np.clip(delay[self.dip_link], 0.0, 1.0))
         aim[self.dip_node] = np.minimum(aim[self.dip_node], slow)
         aim[self.ends[self.stop > 0]] = 0.0
@@ -376,6 +390,27 @@ class _Course:
         wait[nodes] = left[owner] * share / np.bincount(owner, share, n)[owner]
         wait[self.ends] += self.stop
         return wait
+
+
+def _ramps(position: FloatArray, ends: IntArray, free: FloatArray, style: LinkStyle) -> FloatArray:
+    """Speed that is allowed at each node [m/s] because a faster link is near, 0 where none is.
+
+    A change of speed lies on both sides of the point at which two links meet: the car passes it at the mean of the
+    two speeds, and on the slower link it speeds up to that, or has come from it, at a comfortable pace.
+    """
+    border = position[ends[:-1]]
+    speed = 0.5 * (free[1:] + free[:-1])
+    pace = style.comfort * style.driver.acceleration_m_s2
+    pace = pace / (1.0 + (speed / style.driver.half_acceleration_speed_m_s) ** 2)
+    link = np.searchsorted(position[ends], position, side="left")
+    ramp = np.zeros_like(position)
+    for neighbour in (link - 1, link):  # the border before the node and the one behind it
+        near = np.clip(neighbour, 0, max(len(border) - 1, 0))
+        known = (neighbour >= 0) & (neighbour < len(border))
+        if known.any():
+            squared = speed[near] ** 2 - 2.0 * pace[near] * np.abs(position - border[near])
+            ramp = np.maximum(ramp, np.where(known, np.sqrt(np.maximum(squared, 0.0)), 0.0))
+    return ramp
 
 
 def _number_of_dips(
