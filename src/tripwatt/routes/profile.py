@@ -100,9 +100,9 @@ class LinkStyle:
             acceleration_m_s2=2.5, deceleration_m_s2=2.5, half_acceleration_speed_m_s=35.0, dwell_mean_s=20.0
         )
     )
-    comfort: float = 0.28
-    street_speed_m_s: float = 10.0
-    length_exponent: float = 0.17
+    comfort: float = 0.3
+    street_speed_m_s: float = 9.0
+    length_exponent: float = 0.4
     sharpness: float = 3.5
     stop_place: float = 0.5
 
