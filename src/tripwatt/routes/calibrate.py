@@ -9,9 +9,10 @@ from typing import Final
 import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.routes.links import Departure, departure_of, links_of_trip, trip_from_links
+from tripwatt.routes.departure import departure_of
+from tripwatt.routes.links import links_of_trip, trip_from_links
 from tripwatt.routes.profile import LinkStyle
-from tripwatt.trips import Trip
+from tripwatt.trips import FloatArray, Trip
 from tripwatt.units import GRAVITY_M_S2
 
 LINK_LENGTHS_M: Final = (250.0, 1000.0)
@@ -103,16 +104,22 @@ def calibrate_style(
     names = FITTED if len(length_m) > 1 else tuple(n for n in FITTED if n != "length_exponent")
     low = np.array([b for n, b in zip(FITTED, LOWEST, strict=True) if n in names])
     high = np.array([b for n, b in zip(FITTED, HIGHEST, strict=True) if n in names])
-    cases = [(links_of_trip(trip, length), departure_of(trip), energy(trip)) for trip in chosen for length in length_m]
+    cases = [
+        (links_of_trip(trip, length), departure_of(trip), energy(trip))
+        for trip in chosen
+        for length in length_m
+    ]
 
-    def loss(x: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
+    def loss(x: FloatArray) -> float:
         inside = np.clip(x, low, high)
-        trial = replace(start, **{n: float(v) for n, v in zip(names, inside, strict=True)})
+        trial = _with(start, names, inside)
         off = [abs(energy(trip_from_links(r, d, style=trial)) / e - 1.0) for r, d, e in cases]
         return float(np.mean(off)) + float(np.sum(np.abs(x - inside)))
 
     first = np.array([getattr(start, name) for name in names])
-    simplex = np.vstack([first, *(first * np.where(np.arange(len(names)) == k, 1.25, 1.0) for k in range(len(names)))])
+    simplex = np.vstack(
+        [first, *(first * np.where(np.arange(len(names)) == k, 1.25, 1.0) for k in range(len(names)))]
+    )
     found = minimize(
         loss,
         first,
@@ -120,7 +127,14 @@ def calibrate_style(
         options={"maxfev": most_evaluations, "initial_simplex": simplex, "xatol": 5e-3, "fatol": 2e-5},
     )
     inside = np.clip(found.x, low, high)
-    return replace(start, **{n: float(v) for n, v in zip(names, inside, strict=True)})
+    return _with(start, names, inside)
 
 
-__all__ = ["LINK_LENGTHS_M", "Departure", "calibrate_style", "road_work"]
+def _with(style: LinkStyle, names: Sequence[str], values: FloatArray) -> LinkStyle:
+    given = dict(zip(names, values.tolist(), strict=True))
+    return replace(
+        style,
+        street_speed_m_s=given.get("street_speed_m_s", style.street_speed_m_s),
+        length_exponent=given.get("length_exponent", style.length_exponent),
+        comfort=given.get("comfort", style.comfort),
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -12,8 +12,9 @@ import numpy.typing as npt
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.routes.departure import Departure, planned_trip
 from tripwatt.routes.profile import LinkStyle, link_profile
-from tripwatt.trips import COLUMNS, Context, FloatArray, Trip, raise_faults
+from tripwatt.trips import COLUMNS, FloatArray, Trip, raise_faults
 
 MOST_LINKS: Final = 200_000
 """Links of one route; a router's answer has one for each piece between two nodes of the map."""
@@ -122,7 +123,12 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
         ("length_m", length, np.isfinite(length) & (length > 0), "finite, more than 0 m"),
         ("travel_time_s", time, np.isfinite(time) & (time > 0), "finite, more than 0 s"),
         ("speed_m_s", speed, ~(speed > FASTEST_LINK_M_S), f"at most {FASTEST_LINK_M_S:g} m/s"),
-        ("stop_s", route.stop_s, ~((route.stop_s < 0) | (route.stop_s >= time)), "0 s to less than the travel time"),
+        (
+            "stop_s",
+            route.stop_s,
+            ~((route.stop_s < 0) | (route.stop_s >= time)),
+            "0 s to less than the travel time",
+        ),
         (
             "moving_speed_m_s",
             route.moving_speed_m_s,
@@ -136,7 +142,9 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
         elif not sound.all():
             bad = np.flatnonzero(~sound)
             more = f" (and {len(bad) - 1} more links)" if len(bad) > 1 else ""
-            yield Fault("link out of range", f"link {bad[0] + 1}, {name}", f"{values[bad[0]]:g}{more}", allowed)
+            yield Fault(
+                "link out of range", f"link {bad[0] + 1}, {name}", f"{values[bad[0]]:g}{more}", allowed
+            )
     total = float(time.sum())
     if total > MOST_TRAVEL_TIME_S:
         yield Fault("route takes too long", "links", f"{total:g} s", f"at most {MOST_TRAVEL_TIME_S:g} s")
@@ -146,60 +154,9 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
         if wrong.any():
             first = int(np.flatnonzero(wrong)[0])
             allowed = f"{column.minimum:g} to {column.maximum:g} m"
-            yield Fault("elevation out of range", f"height {first + 1}", f"{route.elevation_m[first]:g} m", allowed)
-
-
-@dataclass(frozen=True, slots=True)
-class Departure:
-    """What is known when the car leaves. None means unknown; the models then take their defaults.
-
-    Attributes
-    ----------
-    ambient_temperature_degc, cabin_setpoint_degc : float or None
-        They stay as they are along the whole trip.
-    cabin_temperature_degc, battery_temperature_degc, soc, displayed_soc : float or None
-        At departure only.
-    context : Context
-        Season, weather, payload and so on.
-    """
-
-    ambient_temperature_degc: float | None = None
-    cabin_setpoint_degc: float | None = None
-    cabin_temperature_degc: float | None = None
-    battery_temperature_degc: float | None = None
-    soc: float | None = None
-    displayed_soc: float | None = None
-    context: Context = field(default_factory=Context)
-
-    def __post_init__(self) -> None:
-        faults = []
-        for name in (*_STAYS, *_AT_DEPARTURE):
-            value, column = getattr(self, name), COLUMNS[name]
-            if value is not None and not column.minimum <= value <= column.maximum:
-                allowed = f"{column.minimum:g} to {column.maximum:g} {column.unit}"
-                faults.append(Fault("value out of range", name, f"{value}", allowed))
-        raise_faults(faults)
-
-
-_STAYS: Final = ("ambient_temperature_degc", "cabin_setpoint_degc")
-_AT_DEPARTURE: Final = ("cabin_temperature_degc", "battery_temperature_degc", "soc", "displayed_soc")
-
-
-def departure_of(trip: Trip) -> Departure:
-    """What the first sample of a driven trip and its context say, the rest unknown.
-
-    Examples
-    --------
-    >>> log = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 1.0], "soc": [0.7, 0.6]})
-    >>> departure_of(Trip.from_samples("t", log)).soc
-    0.7
-    """
-    values: dict[str, float] = {}
-    for name in (*_STAYS, *_AT_DEPARTURE):
-        value = float(trip.array(name)[0]) if name in trip else math.nan
-        if math.isfinite(value):
-            values[name] = value
-    return Departure(**values, context=trip.context)
+            yield Fault(
+                "elevation out of range", f"height {first + 1}", f"{route.elevation_m[first]:g} m", allowed
+            )
 
 
 def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
@@ -229,7 +186,9 @@ def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
     faults: list[Fault] = []
     for number, link in enumerate(links, start=1):
         if number > MOST_LINKS:
-            faults.append(Fault("too many links", "links", f"more than {MOST_LINKS}", f"at most {MOST_LINKS}"))
+            faults.append(
+                Fault("too many links", "links", f"more than {MOST_LINKS}", f"at most {MOST_LINKS}")
+            )
             break
         rows.append(_row(link, f"link {number}", faults))
     raise_faults(faults)
@@ -237,10 +196,18 @@ def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
         raise InvalidInput(Fault("no links", "links", "0", "at least one link"))
     columns = {name: np.array([row.get(name, np.nan) for row in rows]) for name in LINK_KEYS}
     length = columns["length_m"]
-    time = np.where(np.isnan(columns["travel_time_s"]), length / columns["speed_m_s"], columns["travel_time_s"])
+    time = np.where(
+        np.isnan(columns["travel_time_s"]), length / columns["speed_m_s"], columns["travel_time_s"]
+    )
     position, height, note = _elevation(columns)
     return LinkRoute(
-        length, time, columns["stop_s"], columns["moving_speed_m_s"], position, height, (note,) if note else ()
+        length,
+        time,
+        columns["stop_s"],
+        columns["moving_speed_m_s"],
+        position,
+        height,
+        (note,) if note else (),
     )
 
 
@@ -260,16 +227,25 @@ def _row(link: Mapping[str, float | None], where: str, faults: list[Fault]) -> d
         faults.append(Fault("missing key", where, f"{sorted(row)}", "length_m"))
     if ("speed_m_s" in row) == ("travel_time_s" in row):
         faults.append(Fault("how fast?", where, f"{sorted(row)}", "either speed_m_s or travel_time_s"))
-    if ("start_elevation_m" in row) != ("end_elevation_m" in row) or ("grade" in row and "end_elevation_m" in row):
+    if ("start_elevation_m" in row) != ("end_elevation_m" in row) or (
+        "grade" in row and "end_elevation_m" in row
+    ):
         faults.append(
-            Fault("how steep?", where, f"{sorted(row)}", "either grade or start_elevation_m and end_elevation_m")
+            Fault(
+                "how steep?", where, f"{sorted(row)}", "either grade or start_elevation_m and end_elevation_m"
+            )
         )
     for key, low in (("length_m", 0.0), ("speed_m_s", 0.0), ("travel_time_s", 0.0)):
         if row.get(key, 1.0) <= low:
             faults.append(Fault("link out of range", f"{where}, {key}", f"{row[key]:g}", "more than 0"))
     if abs(row.get("grade", 0.0)) > STEEPEST_LINK:
         faults.append(
-            Fault("grade out of range", f"{where}, grade", f"{row['grade']:g}", f"-{STEEPEST_LINK} to {STEEPEST_LINK}")
+            Fault(
+                "grade out of range",
+                f"{where}, grade",
+                f"{row['grade']:g}",
+                f"-{STEEPEST_LINK} to {STEEPEST_LINK}",
+            )
         )
     return row
 
@@ -336,7 +312,9 @@ def links_of_trip(trip: Trip, length_m: float = 250.0) -> LinkRoute:
     time, speed = trip.array("time_s"), trip.array("speed_m_s")
     driven = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
     if not driven[-1] > 0:
-        raise InvalidInput(Fault("the trip does not move", trip.trip_id, f"{driven[-1]:g} m", "more than 0 m"))
+        raise InvalidInput(
+            Fault("the trip does not move", trip.trip_id, f"{driven[-1]:g} m", "more than 0 m")
+        )
     number = max(1, round(driven[-1] / length_m))
     border = np.append(np.arange(number) * length_m, driven[-1])
     moves = np.concatenate(([True], np.diff(driven) > 0))
@@ -399,7 +377,9 @@ def trip_from_links(
     departure = departure or Departure()
     fewest = route.duration_s / MOST_TRAVEL_TIME_S
     if not (math.isfinite(step_s) and step_s >= max(fewest, 0.01)):
-        raise InvalidInput(Fault("step out of range", "step_s", f"{step_s}", f"{max(fewest, 0.01):g} s or more"))
+        raise InvalidInput(
+            Fault("step out of range", "step_s", f"{step_s}", f"{max(fewest, 0.01):g} s or more")
+        )
     first = _stretches(route)
     length, time = np.add.reduceat(route.length_m, first), np.add.reduceat(route.travel_time_s, first)
     last = np.append(first[1:], len(route)) - 1
@@ -416,14 +396,7 @@ def trip_from_links(
     height = route.elevation_at(profile.position_m)
     if height is not None:
         columns["elevation_m"] = height
-    for name in (*_STAYS, *_AT_DEPARTURE):
-        value = getattr(departure, name)
-        if value is not None:
-            columns[name] = np.full(len(profile.time_s), value)
-            if name in _AT_DEPARTURE:
-                columns[name][1:] = np.nan  # nobody measures it on the way
-    notes = "; ".join(dict.fromkeys((*filter(None, (departure.context.notes,)), *route.notes)))
-    return Trip.from_samples(trip_id, pd.DataFrame(columns), replace(departure.context, notes=notes))
+    return planned_trip(trip_id, pd.DataFrame(columns), departure, route.notes)
 
 
 def _stretches(route: LinkRoute) -> npt.NDArray[np.int64]:
@@ -452,7 +425,8 @@ def _stops(route: LinkRoute, first: npt.NDArray[np.int64], last: npt.NDArray[np.
 def _moving_speeds(route: LinkRoute, first: npt.NDArray[np.int64]) -> FloatArray:
     """Length over the sum of the moving times of a stretch, unknown as soon as one of its links does not know."""
     return np.asarray(
-        np.add.reduceat(route.length_m, first) / np.add.reduceat(route.length_m / route.moving_speed_m_s, first),
+        np.add.reduceat(route.length_m, first)
+        / np.add.reduceat(route.length_m / route.moving_speed_m_s, first),
         dtype=np.float64,
     )
 

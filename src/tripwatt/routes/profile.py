@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -100,9 +100,9 @@ class LinkStyle:
             acceleration_m_s2=2.5, deceleration_m_s2=2.5, half_acceleration_speed_m_s=35.0, dwell_mean_s=20.0
         )
     )
-    comfort: float = 0.3
-    street_speed_m_s: float = 9.0
-    length_exponent: float = 0.4
+    comfort: float = 0.27
+    street_speed_m_s: float = 8.9
+    length_exponent: float = 0.43
     sharpness: float = 3.5
     stop_place: float = 0.5
 
@@ -199,9 +199,7 @@ def link_profile(
 
 def _or_unknown(values: npt.ArrayLike | None, like: FloatArray) -> FloatArray:
     return (
-        np.full(like.shape, np.nan)
-        if values is None
-        else np.atleast_1d(np.asarray(values, dtype=np.float64))
+        np.full(like.shape, np.nan) if values is None else np.atleast_1d(np.asarray(values, dtype=np.float64))
     )
 
 
@@ -284,7 +282,9 @@ class _Course:
         position[ends] = np.cumsum(length)
         dip_link = np.repeat(np.arange(len(length)), dips)
         order = np.arange(len(dip_link)) - np.repeat(np.cumsum(dips) - dips, dips)
-        place = np.full(len(dip_link), style.stop_place) if rng is None else rng.uniform(0.2, 0.8, len(dip_link))
+        place = (
+            np.full(len(dip_link), style.stop_place) if rng is None else rng.uniform(0.2, 0.8, len(dip_link))
+        )
         within = np.rint((order + place) / dips[dip_link] * cells[dip_link]).astype(np.int64)
         dip_node = (ends - cells)[dip_link] + np.clip(within, 2, cells[dip_link] - 2)
         most = np.where(dips > 0, 1.0, MOST_DELAY)
@@ -364,7 +364,7 @@ class _Course:
     @property
     def can_wait(self) -> npt.NDArray[np.bool_]:
         """Whether a link has a place at which time to spare is spent standing."""
-        can = self.most_delay == 1.0
+        can = np.equal(self.most_delay, 1.0)
         can[[0, -1]] |= self.most_delay[[0, -1]] == 0.0
         return can
 
@@ -400,8 +400,8 @@ def _ramps(position: FloatArray, ends: IntArray, free: FloatArray, style: LinkSt
     """
     border = position[ends[:-1]]
     speed = 0.5 * (free[1:] + free[:-1])
-    pace = style.comfort * style.driver.acceleration_m_s2
-    pace = pace / (1.0 + (speed / style.driver.half_acceleration_speed_m_s) ** 2)
+    gentle = style.comfort * style.driver.acceleration_m_s2
+    pace = gentle / (1.0 + (speed / style.driver.half_acceleration_speed_m_s) ** 2)
     link = np.searchsorted(position[ends], position, side="left")
     ramp = np.zeros_like(position)
     for neighbour in (link - 1, link):  # the border before the node and the one behind it
@@ -433,6 +433,3 @@ def _number_of_dips(
     number = np.rint(spare / (stop_s + style.driver.dwell_mean_s) - at_ends)
     number = np.clip(number, np.where(at_ends > 0, 0, 1), np.maximum(length // SHORTEST_BETWEEN_STOPS_M, 1))
     return np.asarray(np.where(unknown, number, 0), dtype=np.int64)
-
-
-STYLE_FIELDS: Final = tuple(f.name for f in fields(LinkStyle))
