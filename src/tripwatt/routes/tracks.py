@@ -175,6 +175,7 @@ def route_from_track(track: Track, speed_m_s: float | None = None) -> LinkRoute:
 
     Examples
     --------
+    >>> from tripwatt.routes import read_gpx
     >>> track = read_gpx(b'<gpx><rte><rtept lat="48" lon="11"/><rtept lat="48.01" lon="11"/></rte></gpx>')
     >>> route_from_track(track, 20.0).travel_time_s.round(1)
     array([55.6])
@@ -254,6 +255,7 @@ def trip_from_track(
 
     Examples
     --------
+    >>> from tripwatt.routes import read_gpx
     >>> text = "".join(f'<trkpt lat="{48 + k / 1e4:.4f}" lon="11"><time>2026-05-01T08:00:{k:02d}Z</time></trkpt>' for k in range(30))
     >>> trip = trip_from_track(read_gpx(f"<gpx><trk><trkseg>{text}</trkseg></trk></gpx>".encode()))
     >>> trip.array("speed_m_s")[10].round(2)
