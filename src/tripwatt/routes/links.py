@@ -22,6 +22,9 @@ MOST_LINKS: Final = 200_000
 MOST_TRAVEL_TIME_S: Final = 48 * 3600.0
 """No battery lasts longer than this without a charge."""
 
+MOST_SAMPLES: Final = 2_000_000
+"""Samples of one planned trip."""
+
 FASTEST_LINK_M_S: Final = 70.0
 """Highest mean speed of a link (252 km/h)."""
 
@@ -375,11 +378,9 @@ def trip_from_links(
     (80.0, 1000, 'no elevation known: the road counts as flat')
     """
     departure = departure or Departure()
-    fewest = route.duration_s / MOST_TRAVEL_TIME_S
-    if not (math.isfinite(step_s) and step_s >= max(fewest, 0.01)):
-        raise InvalidInput(
-            Fault("step out of range", "step_s", f"{step_s}", f"{max(fewest, 0.01):g} s or more")
-        )
+    finest = max(route.duration_s / MOST_SAMPLES, 1e-3)
+    if not (math.isfinite(step_s) and step_s >= finest):
+        raise InvalidInput(Fault("step out of range", "step_s", f"{step_s}", f"{finest:g} s or more"))
     first = _stretches(route)
     length, time = np.add.reduceat(route.length_m, first), np.add.reduceat(route.travel_time_s, first)
     last = np.append(first[1:], len(route)) - 1

@@ -15,6 +15,7 @@ from tripwatt.routes.departure import Departure, planned_trip
 from tripwatt.routes.links import (
     FASTEST_LINK_M_S,
     FLAT_ROAD_NOTE,
+    MOST_SAMPLES,
     MOST_TRAVEL_TIME_S,
     LinkRoute,
 )
@@ -271,15 +272,9 @@ def trip_from_track(
     last = np.append(np.flatnonzero(keep)[1:], len(track)) - 1
     known_s, driven = track.time_s[keep], track.position_m[last]
     span = float(known_s[-1])
-    if not (math.isfinite(step_s) and step_s > 0 and span / step_s <= MOST_TRAVEL_TIME_S):
-        raise InvalidInput(
-            Fault(
-                "step out of range",
-                "step_s",
-                f"{step_s}",
-                f"more than 0 s, at most {MOST_TRAVEL_TIME_S:g} samples",
-            )
-        )
+    finest = max(span / MOST_SAMPLES, 1e-3)
+    if not (math.isfinite(step_s) and step_s >= finest):
+        raise InvalidInput(Fault("step out of range", "step_s", f"{step_s}", f"{finest:g} s or more"))
     time = np.arange(max(math.ceil(span / step_s - 1e-9), 1) + 1, dtype=np.float64) * step_s
     before, after = np.maximum(time - WINDOW_S, 0.0), np.minimum(time + WINDOW_S, span)
     after = np.maximum(after, before + 1e-9)

@@ -1,0 +1,211 @@
+"""What it costs to know a trip only as links: simulated energy on link-made profiles against the true traces.
+
+Run: ``python -m benchmarks.links [--json FILE]``. Needs TRIPWATT_DATA. The 58 TUM reference trips at 1 Hz, the car's
+default physics; links of 250 m and 1 km with their mean speed (standstill included), elevation at the ends, stops not
+given. Three drivers: constant speed on every link; the link style's defaults, which know no TUM trip; a style
+calibrated within five folds on the simulated energy of the other trips.
+
+``python -m benchmarks.links --defaults`` shows where the defaults come from: the electric cars of the Vehicle Energy
+Dataset whose speed is logged without gaps of more than four seconds, and EPA's three schedules.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.physics import simulate_trip
+from tripwatt.routes import (
+    LinkRoute,
+    LinkStyle,
+    calibrate_style,
+    departure_of,
+    link_profile,
+    links_of_trip,
+    road_work,
+    trip_from_links,
+)
+from tripwatt.routes.departure import planned_trip
+from tripwatt.sources import read_fleet
+from tripwatt.trips import Trip, resample
+from tripwatt.vehicles import load_vehicle
+
+LENGTHS_M = (250.0, 1000.0)
+FOLDS = 5
+EVALUATIONS = 60
+MOST_GAP_S = 4.0
+Driver = Callable[[LinkRoute, Trip], Trip]
+
+
+def data() -> Path:
+    return Path(os.environ.get("TRIPWATT_DATA", "../shared/data"))
+
+
+def constant(route: LinkRoute, trip: Trip) -> Trip:
+    """Each link at its mean speed, changed from one second to the next."""
+    ends = np.cumsum(route.travel_time_s)
+    at = np.arange(np.ceil(ends[-1]) + 1.0)
+    link = np.minimum(np.searchsorted(ends, at, side="right"), len(route) - 1)
+    position = np.interp(
+        at, np.concatenate(([0.0], ends)), np.concatenate(([0.0], np.cumsum(route.length_m)))
+    )
+    samples = pd.DataFrame({"time_s": at, "speed_m_s": route.speed_m_s[link]})
+    height = route.elevation_at(position)
+    if height is not None:
+        samples["elevation_m"] = height
+    return planned_trip(trip.trip_id, samples, departure_of(trip), ())
+
+
+def styled(style: LinkStyle | None = None, seed: int | None = None) -> Driver:
+    def drive(route: LinkRoute, trip: Trip) -> Trip:
+        rng = None if seed is None else np.random.default_rng(seed)
+        return trip_from_links(route, departure_of(trip), style=style, rng=rng)
+
+    return drive
+
+
+def differences(
+    trips: Sequence[Trip], length_m: float, driver: Driver, energy: Callable[[Trip], float]
+) -> np.ndarray:
+    """(energy on the link-made profile - energy on the true trace) / the latter, of each trip."""
+    return np.array([energy(driver(links_of_trip(t, length_m), t)) / energy(t) - 1.0 for t in trips])
+
+
+def summary(off: np.ndarray) -> dict[str, float]:
+    return {
+        "bias": float(off.mean()),
+        "mean_absolute": float(np.abs(off).mean()),
+        "median_absolute": float(np.median(np.abs(off))),
+        "largest": float(np.abs(off).max()),
+    }
+
+
+def kept_times(trips: Sequence[Trip], length_m: float) -> dict[str, float]:
+    """How well travel times are reproduced, link by link."""
+    off, share = [], []
+    for trip in trips:
+        route = links_of_trip(trip, length_m)
+        profile = link_profile(route.length_m, route.travel_time_s, step_s=0.1)
+        moves = np.concatenate(([True], np.diff(profile.position_m) > 0))
+        border = np.concatenate(([0.0], np.cumsum(route.length_m)))
+        passed = np.interp(border, profile.position_m[moves], profile.time_s[moves])
+        passed[-1] = profile.time_s[-1]
+        passed[0] = 0.0
+        late = np.abs(np.diff(passed) - route.travel_time_s)
+        off.append(late)
+        share.append(late / route.travel_time_s)
+    seconds, relative = np.concatenate(off), np.concatenate(share)
+    return {
+        "links": len(seconds),
+        "within_1_s_or_2_percent": float(np.mean((seconds <= 1.0) | (relative <= 0.02))),
+        "q99_s": float(np.quantile(seconds, 0.99)),
+        "largest_s": float(seconds.max()),
+    }
+
+
+def in_folds(trips: Sequence[Trip], energy: Callable[[Trip], float]) -> dict[float, np.ndarray]:
+    """Differences of each trip under a style that was calibrated on the trips of the other folds."""
+    found = {length: np.zeros(len(trips)) for length in LENGTHS_M}
+    for fold in range(FOLDS):
+        held = np.arange(len(trips)) % FOLDS == fold
+        style = calibrate_style(
+            [t for t, h in zip(trips, held, strict=True) if not h],
+            energy=energy,
+            most_evaluations=EVALUATIONS,
+        )
+        for length in LENGTHS_M:
+            found[length][held] = differences(
+                [t for t, h in zip(trips, held, strict=True) if h], length, styled(style), energy
+            )
+    return found
+
+
+def milliseconds(number: int, repeats: int = 30) -> float:
+    """Median time for a route of links of 250 m, from links to trip."""
+    rng = np.random.default_rng(1)
+    unknown = np.full(number, np.nan)
+    length = np.full(number, 250.0)
+    route = LinkRoute(length, length / rng.uniform(4.0, 30.0, number), unknown, unknown)
+    taken = []
+    for _ in range(repeats):
+        started = time.perf_counter()
+        trip_from_links(route)
+        taken.append(time.perf_counter() - started)
+    return float(np.median(taken)) * 1e3
+
+
+def measure() -> dict[str, Any]:
+    car = load_vehicle("bmw_i3_60ah")
+    trips = [resample(t) for t in read_fleet(data() / "tum").reference_trips()]
+
+    def energy(trip: Trip) -> float:
+        return simulate_trip(car, trip).simulated_energy_wh
+
+    calibrated = in_folds(trips, energy)
+    drivers = {"constant speed": constant, "default style": styled(), "default style, drawn": styled(seed=1)}
+    result: dict[str, Any] = {"trips": len(trips), "milliseconds_100_links": milliseconds(100)}
+    for length in LENGTHS_M:
+        rows = {name: summary(differences(trips, length, driver, energy)) for name, driver in drivers.items()}
+        rows["calibrated in folds"] = summary(calibrated[length])
+        result[f"{length:g} m"] = {"energy": rows, "times": kept_times(trips, length)}
+    return result
+
+
+def defaults() -> None:
+    """Calibrate on data that has nothing to do with the TUM trips and show what is found."""
+    trips = []
+    for trip in read_fleet(data() / "ved", "ved").trips:
+        if trip.distance_m > 2500.0 and float(np.diff(trip.array("time_s")).max()) <= MOST_GAP_S:
+            trips.append(resample(trip))
+    logged = len(trips)
+    for path in sorted((data() / "cycles").glob("*.csv")):
+        schedule = pd.read_csv(path)[["cycSecs", "cycMps"]].astype(float)
+        schedule.columns = pd.Index(["time_s", "speed_m_s"])
+        trips.append(Trip.from_samples(path.stem, schedule))
+    print(f"{logged} logged trips, {len(trips) - logged} schedules")
+    start = LinkStyle(comfort=0.3, street_speed_m_s=10.0, length_exponent=0.3)
+    style = calibrate_style(trips, style=start, most_trips=len(trips))
+    print(
+        f"comfort {style.comfort:.2g}, street_speed_m_s {style.street_speed_m_s:.2g}, "
+        f"length_exponent {style.length_exponent:.2g}"
+    )
+    for length in LENGTHS_M:
+        print(f"{length:g} m: {summary(differences(trips, length, styled(style), road_work))}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--json", type=Path, help="write the figures here")
+    parser.add_argument("--defaults", action="store_true", help="derive the default style")
+    arguments = parser.parse_args()
+    if arguments.defaults:
+        defaults()
+        return
+    result = measure()
+    for length in LENGTHS_M:
+        part = result[f"{length:g} m"]
+        for name, row in part["energy"].items():
+            print(
+                f"{length:5g} m, {name:22s}: bias {row['bias']:+.4f}, mean absolute {row['mean_absolute']:.4f}, "
+                f"median {row['median_absolute']:.4f}, largest {row['largest']:.3f}"
+            )
+        times = part["times"]
+        print(
+            f"{length:5g} m, travel times of {times['links']} links: {times['within_1_s_or_2_percent']:.4f} within 1 s "
+            f"or 2 %, 99 % within {times['q99_s']:.2f} s, largest {times['largest_s']:.1f} s"
+        )
+    print(f"100 links of 250 m to a trip: {result['milliseconds_100_links']:.1f} ms")
+    if arguments.json:
+        arguments.json.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
