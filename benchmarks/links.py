@@ -64,6 +64,17 @@ def constant(route: LinkRoute, trip: Trip) -> Trip:
     return planned_trip(trip.trip_id, samples, departure_of(trip), ())
 
 
+def true_speed(route: LinkRoute, trip: Trip) -> Trip:
+    """The true trace, with the elevation known at the ends of the links only."""
+    time, speed = trip.array("time_s"), trip.array("speed_m_s")
+    position = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
+    samples = pd.DataFrame({"time_s": time, "speed_m_s": speed})
+    height = route.elevation_at(position)
+    if height is not None:
+        samples["elevation_m"] = height
+    return planned_trip(trip.trip_id, samples, departure_of(trip), ())
+
+
 def styled(style: LinkStyle | None = None, seed: int | None = None) -> Driver:
     def drive(route: LinkRoute, trip: Trip) -> Trip:
         rng = None if seed is None else np.random.default_rng(seed)
@@ -176,7 +187,12 @@ def measure() -> dict[str, Any]:
         return simulate_trip(car, trip).simulated_energy_wh
 
     calibrated = in_folds(trips, energy)
-    drivers = {"constant speed": constant, "default style": styled(), "default style, drawn": styled(seed=1)}
+    drivers: dict[str, Driver] = {
+        "true trace, elevation of the links": true_speed,
+        "constant speed": constant,
+        "default style": styled(),
+        "default style, drawn": styled(seed=1),
+    }
     result: dict[str, Any] = {"trips": len(trips), "milliseconds_100_links": milliseconds(100)}
     result["true trace"] = {"corrected": summary(corrected(trips, trips, energy))}
     for length in LENGTHS_M:

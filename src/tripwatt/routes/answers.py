@@ -19,7 +19,7 @@ import numpy as np
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes.geojson import track_from_geojson
 from tripwatt.routes.gpx import read_gpx
-from tripwatt.routes.links import FLAT_ROAD_NOTE, LINK_KEYS, LinkRoute, route_from_links
+from tripwatt.routes.links import FLAT_ROAD_NOTE, LINK_KEYS, SHORTEST_LINK_M, LinkRoute, route_from_links
 from tripwatt.routes.points import (
     a_list,
     a_number,
@@ -50,7 +50,7 @@ class _Pieces:
 
     def add(self, length_m: float, time_s: float, moving_m_s: float = math.nan) -> None:
         length, time = length_m + self.left_m, time_s + self.left_s
-        if length > 0 and time > 0:
+        if length >= SHORTEST_LINK_M and time > 0:
             self.length_m.append(length)
             self.time_s.append(time)
             self.moving_m_s.append(moving_m_s)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -27,6 +27,11 @@ MOST_SAMPLES: Final = 2_000_000
 
 FASTEST_LINK_M_S: Final = 70.0
 """Highest mean speed of a link (252 km/h)."""
+
+SHORTEST_LINK_M: Final = 0.01
+"""Shorter pieces are rounding, not road."""
+
+LONGEST_LINK_M: Final = 1e7
 
 STEEPEST_LINK: Final = 0.4
 """Largest grade of a link; the steepest streets of the world have 0.35."""
@@ -123,8 +128,18 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
     with np.errstate(all="ignore"):
         speed = length / time
     rules = (
-        ("length_m", length, np.isfinite(length) & (length > 0), "finite, more than 0 m"),
-        ("travel_time_s", time, np.isfinite(time) & (time > 0), "finite, more than 0 s"),
+        (
+            "length_m",
+            length,
+            (length >= SHORTEST_LINK_M) & (length <= LONGEST_LINK_M),
+            f"{SHORTEST_LINK_M:g} to {LONGEST_LINK_M:g} m",
+        ),
+        (
+            "travel_time_s",
+            time,
+            (time > 0) & (time <= MOST_TRAVEL_TIME_S),
+            f"more than 0, at most {MOST_TRAVEL_TIME_S:g} s",
+        ),
         ("speed_m_s", speed, ~(speed > FASTEST_LINK_M_S), f"at most {FASTEST_LINK_M_S:g} m/s"),
         (
             "stop_s",
@@ -148,7 +163,8 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
             yield Fault(
                 "link out of range", f"link {bad[0] + 1}, {name}", f"{values[bad[0]]:g}{more}", allowed
             )
-    total = float(time.sum())
+    with np.errstate(over="ignore"):
+        total = float(time.sum())
     if total > MOST_TRAVEL_TIME_S:
         yield Fault("route takes too long", "links", f"{total:g} s", f"at most {MOST_TRAVEL_TIME_S:g} s")
     if route.elevation_m is not None:
@@ -199,19 +215,14 @@ def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
         raise InvalidInput(Fault("no links", "links", "0", "at least one link"))
     columns = {name: np.array([row.get(name, np.nan) for row in rows]) for name in LINK_KEYS}
     length = columns["length_m"]
-    time = np.where(
-        np.isnan(columns["travel_time_s"]), length / columns["speed_m_s"], columns["travel_time_s"]
-    )
+    with np.errstate(over="ignore"):  # what is beyond all bounds is named below
+        time = np.where(
+            np.isnan(columns["travel_time_s"]), length / columns["speed_m_s"], columns["travel_time_s"]
+        )
+    flat = LinkRoute(length, time, columns["stop_s"], columns["moving_speed_m_s"])
     position, height, note = _elevation(columns)
-    return LinkRoute(
-        length,
-        time,
-        columns["stop_s"],
-        columns["moving_speed_m_s"],
-        position,
-        height,
-        (note,) if note else (),
-    )
+    notes = (note,) if note else ()
+    return replace(flat, elevation_position_m=position, elevation_m=height, notes=notes)
 
 
 def _row(link: Mapping[str, float | None], where: str, faults: list[Fault]) -> dict[str, float]:

@@ -17,6 +17,7 @@ from tripwatt.routes.links import (
     FLAT_ROAD_NOTE,
     MOST_SAMPLES,
     MOST_TRAVEL_TIME_S,
+    SHORTEST_LINK_M,
     LinkRoute,
 )
 from tripwatt.routes.points import (
@@ -219,11 +220,11 @@ def _joined(
     for k in range(1, len(steps)):
         driven += steps[k - 1]
         spent += times[k - 1]
-        if driven > 0 and spent > 0 and (driven >= TRACK_LINK_M or kinds[k] != kinds[k - 1]):
+        if driven >= SHORTEST_LINK_M and spent > 0 and (driven >= TRACK_LINK_M or kinds[k] != kinds[k - 1]):
             first.append(k)
             driven = spent = 0.0
     # what is left over must be a link too
-    while len(first) > 1 and not (sum(steps[first[-1] :]) > 0 and sum(times[first[-1] :]) > 0):
+    while len(first) > 1 and not (sum(steps[first[-1] :]) >= SHORTEST_LINK_M and sum(times[first[-1] :]) > 0):
         first.pop()
     return np.array(first, dtype=np.int64)
 
