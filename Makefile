@@ -1,9 +1,12 @@
 # The two commands of the README are `make run` and `make check`; each builds the venv it needs.
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
+
 PYTHON ?= python3
 DATA ?=
 OUT ?= out
 
-.PHONY: run check bench bars clean
+.PHONY: run check bench bars readme clean
 
 .venv/.ready: pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -35,6 +38,9 @@ bench: .venv-bench/.ready  ## ratios against peers, all measured in one run, int
 
 bars: .venv-bench/.ready  ## the long measurements against the project's own bars
 	.venv-bench/bin/python -m benchmarks.bars
+
+readme: .venv/.ready  ## the table of the README from OUT/results.json, which is copied to docs/results
+	.venv/bin/python docs/publish_results.py $(OUT)
 
 clean:
 	rm -rf .venv .venv-check .venv-bench out bench.json

@@ -6,9 +6,9 @@ import argparse
 import json
 from pathlib import Path
 
-from benchmarks import pipeline
+from benchmarks import gam, pipeline
 
-SUITES = (pipeline.run,)
+SUITES = (pipeline.run, gam.run)
 
 
 def main() -> None:

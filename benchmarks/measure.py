@@ -31,9 +31,9 @@ class Row:
         return asdict(self)
 
 
-def median_seconds(job: Callable[[], object], *, runs: int = RUNS) -> float:
-    """Median wall time of `runs` runs [s], after one run that is not counted when there are several."""
-    if runs > 1:
+def median_seconds(job: Callable[[], object], *, runs: int = RUNS, warm_up: bool = True) -> float:
+    """Median wall time of `runs` runs [s], after one run that is not counted when `warm_up`."""
+    if warm_up:
         job()
     times = []
     for _ in range(runs):

@@ -12,16 +12,7 @@ import pytest
 from tripwatt.errors import InvalidInput
 from tripwatt.vehicles import load_vehicle, render_parameters, vehicle_from_document, vehicle_names
 
-PRESETS = [
-    (name, preset)
-    for name in vehicle_names()
-    for preset in [
-        "default",
-        *tomllib.loads(
-            (resources.files("tripwatt.vehicles") / "data" / f"{name}.toml").read_text("utf-8")
-        ).get("preset", {}),
-    ]
-]
+PRESETS = [(name, preset) for name in vehicle_names() for preset in ("default", "paper")]
 
 
 @pytest.fixture
@@ -52,6 +43,15 @@ def test_presets_differ_where_the_file_says() -> None:
     assert default.climate is not None
     assert paper.drivetrain == default.drivetrain
     assert paper.battery == default.battery
+
+
+def test_every_car_has_the_preset_of_the_paper_also_with_overrides_of_what_it_leaves_out() -> None:
+    car = load_vehicle("nissan_leaf_24", "paper", {"setpoint": 18.0, "mass": 1600.0})
+    assert car.climate is None
+    assert car.regeneration.fraction == 0.5
+    assert car.body.curb_mass_kg == 1600.0
+    with pytest.raises(InvalidInput, match="setpoint"):
+        load_vehicle("nissan_leaf_24", "paper", {"setpoint": -400.0})
 
 
 def test_all_faults_come_together_with_file_and_key(document: dict[str, Any]) -> None:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import signal
+import threading
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
@@ -42,8 +46,17 @@ def map_unordered(
     results: Iterable[tuple[int, Result]] = Parallel(
         n_jobs=n_jobs, return_as="generator_unordered", batch_size=1
     )(work)
-    yield from results
+    try:
+        yield from results
+    except KeyboardInterrupt:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "[0-9]+ tasks which were still being processed", UserWarning)
+            del results  # joblib warns of what it cancels, which is what was asked for
+        raise
 
 
 def _numbered(function: Callable[[Task], Result], index: int, task: Task) -> tuple[int, Result]:
+    if multiprocessing.parent_process() is not None and threading.current_thread() is threading.main_thread():
+        # Ctrl-C reaches every process of a terminal; the parent alone answers it and ends its workers
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
     return index, function(task)

@@ -75,6 +75,18 @@ def test_outside_the_range_a_curve_is_held_or_goes_straight(frame):
     assert steps[0] == pytest.approx((edge[1] - edge[0]) / 0.001, rel=0.02)
 
 
+def test_a_level_has_its_own_range(frame):
+    half = frame[(frame["w"] != "a") | (frame["x"] < 1)]
+    for by in ("w", "on"):
+        rows = half if by == "w" else frame[(frame["on"] == 0) | (frame["x"] < 1)]
+        level = {"w": "a"} if by == "w" else {"on": 1.0}
+        model = GAMM(Formula("y", (Smooth(("x",), "ps", 10, by=by),))).fit(rows)
+        far = pd.DataFrame({"x": [1.5, 3.0, 4.5]}).assign(**level)
+        assert np.ptp(model.predict(far)) < 1e-9
+        assert model.extrapolated(far).all()
+        assert not model.extrapolated(rows).any()
+
+
 def test_a_surface_stays_bounded_far_from_its_data(frame):
     rng = np.random.default_rng(5)
     diagonal = pd.DataFrame({"x": rng.uniform(0, 1, 300)})
@@ -88,6 +100,15 @@ def test_a_surface_stays_bounded_far_from_its_data(frame):
     points = Support(frame[["x", "z"]].to_numpy())
     moved = points.clamped(np.array([[100.0, 100.0]]))
     assert not points.outside(moved).any()
+
+
+def test_terms_of_one_covariate_are_held_at_the_same_point(frame):
+    terms = (Smooth(("x",), "ps", 8), Smooth(("z",), "ps", 8), Tensor(("x", "z"), "ps", (5, 5)))
+    model = GAMM(Formula("y", terms)).fit(frame)
+    support = model.training_.supports[("x", "z")]
+    far = pd.DataFrame({"x": [-2.0, 5.0, 9.0], "z": [3.0, -3.0, 9.0]})
+    there = pd.DataFrame(support.clamped(far.to_numpy()), columns=["x", "z"])
+    assert model.predict(far) == pytest.approx(model.predict(there))
 
 
 @pytest.mark.parametrize("family", ["gaussian", "scat"])

@@ -1,11 +1,20 @@
 """A seeded run with every part that a report can show, and ways to take parts away."""
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
+
+from tripwatt.evaluation.insight import GammInsight, insight
+from tripwatt.evaluation.protocols import protocol_models
+from tripwatt.gam import RandomEffects
+from tripwatt.hybrid import build_table
+from tripwatt.synthetic import synthetic_fleet
+from tripwatt.vehicles import load_vehicle
 
 MODELS = {
     "constant": (0.20, 0.0),
@@ -14,6 +23,7 @@ MODELS = {
     "physics-paper": (0.15, -0.33),
     "physics": (0.16, -0.12),
     "physics4": (0.11, 0.0),
+    "gamm": (0.13, 0.02),
     "forest": (0.12, 0.01),
     "boosting": (0.115, 0.0),
     "boosting-only": (0.4, 0.05),
@@ -145,6 +155,36 @@ def make_inside(trips: list[str], rng: np.random.Generator) -> dict[str, pd.Data
     return {"signals": signals, "learning_curves": curves, "importances": importances}
 
 
+@lru_cache
+def fitted_gamm() -> GammInsight:
+    """A real fit on few synthetic trips, with a weather that none of them has."""
+    table = build_table(
+        synthetic_fleet(n_trips=6, seed=3).trips,
+        {"physics-paper": load_vehicle("bmw_i3_60ah", preset="paper")},
+        step_s=2.0,
+    )
+    found = insight(
+        table.take(range(6)), protocol_models("paper", ("gamm",)), 0, weathers=("dark, little rainy",)
+    ).gamm
+    assert found is not None
+    return found
+
+
+def gamm_of(trips: list[str]) -> GammInsight:
+    """`fitted_gamm` with the names of other trips."""
+    fitted = fitted_gamm()
+    effects = {
+        label: replace(e, level=tuple(trips[i % len(trips)] for i in range(len(e.level))))
+        if isinstance(e, RandomEffects)
+        else e
+        for label, e in fitted.effects.items()
+    }
+    outside = pd.DataFrame(
+        {"trip": trips[:2], "covariate": ["time_s", "weather"][: len(trips[:2])], "share": 0.25}
+    )
+    return replace(fitted, effects=effects, outside=outside)
+
+
 def make_run(dataset: str = "tum", trips: list[str] | None = None, seed: int = 7) -> SimpleNamespace:
     rng = np.random.default_rng(seed)
     trips = trips or [f"A{i:02d}" for i in range(1, 33)] + [f"B{i:02d}" for i in range(2, 28)]
@@ -188,6 +228,7 @@ def make_run(dataset: str = "tum", trips: list[str] | None = None, seed: int = 7
         results=results,
         folds=pd.concat(folds, ignore_index=True),
         series=make_series(main, rng),
+        gamm=gamm_of(trips),
         **make_inside(trips, rng),
     )
 

@@ -17,12 +17,12 @@ from rich.console import Console
 from tripwatt.errors import InvalidInput
 from tripwatt.report import figures, render_table, sentences, tables, update_readme
 from tripwatt.report.models import MODELS as STYLES
-from tripwatt.report.panels import paired_with
+from tripwatt.report.panels import build_sections, paired_with
 from tripwatt.report.style import WIDTH_IN, style_context
 from tripwatt.report.view import View
 
 MakeRun = Callable[..., SimpleNamespace]
-MODELS = [name for name in STYLES if name not in ("gamm", "hybrid")]
+MODELS = [name for name in STYLES if name != "hybrid"]
 
 
 @pytest.fixture(scope="module")
@@ -147,6 +147,12 @@ def test_no_text_of_a_figure_leaves_it_or_covers_its_neighbour(view: View, folds
         figures.plot_paired_differences(paired_with(view.paired_of(view.main), view.best), synthetic=True),
         figures.plot_learning_curves(view.learning_curves, synthetic=True),
         figures.plot_importances(view.importances, synthetic=True),
+        *(
+            p.figure
+            for s in build_sections(view)
+            for p in s.panels
+            if p.figure and s.key in ("gamm", "inside")
+        ),
     ]
     for figure in drawn:
         with style_context():

@@ -18,9 +18,10 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.audit import Audit
+from tripwatt.evaluation.insight import GammInsight, insight
 from tripwatt.evaluation.metrics import absolute_percentage_error, paired_difference, summarise_errors
 from tripwatt.evaluation.protocols import ModelSpec
-from tripwatt.hybrid import HybridModel, IntArray, TripTable
+from tripwatt.hybrid import IntArray, TripTable
 from tripwatt.physics import simulate_trip
 from tripwatt.trips import Fleet, FloatArray, Trip
 from tripwatt.vehicles import Vehicle
@@ -88,6 +89,8 @@ class EvaluationRun:
         `model, fold, rounds, error` of the boosting models, fitted on all trips of the first evaluation.
     importances : DataFrame or None
         `model, covariate, importance`, likewise.
+    gamm : GammInsight or None
+        Summary, diagnosis and effects of the GAMM, likewise; None where it was not among the models.
     """
 
     results: dict[str, Any]
@@ -96,6 +99,7 @@ class EvaluationRun:
     signals: pd.DataFrame
     learning_curves: pd.DataFrame | None = None
     importances: pd.DataFrame | None = None
+    gamm: GammInsight | None = None
 
 
 def assemble(
@@ -117,7 +121,8 @@ def assemble(
         _summary(e, frames[i], [r for r in fold_results if r.evaluation == i], specs, seed)
         for i, e in enumerate(evaluations)
     ]
-    learning_curves, importances = _insight(evaluations[0].table, specs, seed)
+    known = sorted({t.context.weather for t in fleet.trips if t.context.weather is not None})
+    inside = insight(evaluations[0].table, specs, seed, weathers=known)
     results: dict[str, Any] = {
         "protocol": protocol,
         "dataset": fleet.name,
@@ -139,8 +144,9 @@ def assemble(
         folds=pd.concat(frames, ignore_index=True),
         series=_series(evaluations[0].table, predictions[0]),
         signals=_signals(evaluations[0].table.trips, physics["physics"]),
-        learning_curves=learning_curves,
-        importances=importances,
+        learning_curves=inside.learning_curves,
+        importances=inside.importances,
+        gamm=inside.gamm,
     )
 
 
@@ -272,28 +278,6 @@ def _signals(trips: Sequence[Trip], vehicle: Vehicle) -> pd.DataFrame:
             row[name] = float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
         rows.append(row)
     return pd.DataFrame(rows)
-
-
-def _insight(
-    table: TripTable, specs: Sequence[ModelSpec], seed: int
-) -> tuple[pd.DataFrame | None, pd.DataFrame | None]:
-    """Learning curves and covariate importances of the learners, fitted once on all trips of the main evaluation."""
-    curves, importances = [], []
-    for spec in specs:
-        model = spec.build(seed)
-        if not isinstance(model, HybridModel):
-            continue
-        model.fit(table)
-        curve = getattr(model.corrector, "learning_curve_", None)
-        if curve is not None:
-            curves.append(curve.rename(columns={"round": "rounds"}).assign(model=spec.name))
-        if hasattr(model.corrector, "permutation_importance"):
-            importance = model.corrector.permutation_importance(*model.training_data(table))
-            importances.append(importance.assign(model=spec.name))
-    return (
-        pd.concat(curves, ignore_index=True) if curves else None,
-        pd.concat(importances, ignore_index=True) if importances else None,
-    )
 
 
 def write_results(run: EvaluationRun, out: Path) -> None:

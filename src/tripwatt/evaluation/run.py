@@ -10,7 +10,7 @@ import hashlib
 import json
 import time
 import zipfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -53,6 +53,7 @@ def evaluate(
     protocol: str = "paper",
     models: Sequence[str] | None = None,
     vehicle: str = "bmw_i3_60ah",
+    overrides: Mapping[str, float | str] | None = None,
     seed: int = 0,
     n_jobs: int = -1,
     work_dir: Path | None = None,
@@ -70,6 +71,8 @@ def evaluate(
         Some of the protocol's models; all by default.
     vehicle : str
         Name or path of the vehicle's TOML.
+    overrides : mapping of str to (float or str), optional
+        Values of the car that replace those of its TOML, as for `load_vehicle`; the notes of the run name them.
     seed : int
         Makes the run identical, also over a different number of processes.
     n_jobs : int
@@ -83,10 +86,11 @@ def evaluate(
     Raises
     ------
     InvalidInput
-        On an unknown protocol, model or vehicle, or when too few trips are left.
+        On an unknown protocol, model, vehicle or override, or when too few trips are left.
     """
     specs = protocol_models(protocol, None if models is None else tuple(models))
-    physics = {name: load_vehicle(vehicle, preset=preset) for name, preset in PHYSICS_PRESETS.items()}
+    physics = {name: load_vehicle(vehicle, preset, overrides) for name, preset in PHYSICS_PRESETS.items()}
+    given = [f"{physics['physics'].name} with {key} = {value}" for key, value in (overrides or {}).items()]
     audited = audit(fleet)
     evaluations, notes = _evaluations(fleet, audited, lambda trips: build_table(trips, physics))
     store = _FoldStore.open(work_dir, evaluations, specs, seed, resume)
@@ -100,7 +104,7 @@ def evaluate(
         protocol=protocol,
         seed=seed,
         physics=physics,
-        notes=(*fleet.notes, *notes),
+        notes=(*fleet.notes, *given, *notes),
     )
 
 
@@ -117,8 +121,8 @@ def _evaluations(
     evaluations: list[Evaluation] = []
     for name, trips in sets.items():
         if not trips:
-            if name == "reference":
-                notes.append(f"the data set {fleet.name!r} defines no reference trips that are present here")
+            if name == "reference" and fleet.reference is not None:
+                notes.append(f"none of the reference trips of the data set {fleet.name!r} is here")
             continue
         evaluations.append(_leave_one_trip_out(name, build(trips)))
     if not evaluations or max(len(e.table) for e in evaluations) < MIN_FOLDS:

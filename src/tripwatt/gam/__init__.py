@@ -7,21 +7,47 @@
 >>> model = GAMM(Formula(None, (Smooth(("x",)),))).fit(frame, y)
 >>> model.predict(frame).shape
 (50,)
+
+A fitted model explains itself through functions that live in modules of the same name, so that they are imported from
+there:
+
+>>> from tripwatt.gam.summary import summary
+>>> from tripwatt.gam.diagnosis import diagnosis
+>>> from tripwatt.gam.effects import effects
+>>> summary(model).smooth.index.tolist(), diagnosis(model).qq.distribution.name, list(effects(model, frame))
+(['s(x)'], 'normal', ['s(x)'])
+
+What they return (`Summary`, `Diagnosis`, `CurveEffect` and its siblings), `concurvity`, `autocorrelation` and
+`plot_effects` are exported here.
 """
 
+from tripwatt.gam.dependence import Autocorrelation, autocorrelation, concurvity
+from tripwatt.gam.diagnosis import Diagnosis
+from tripwatt.gam.effects import CurveEffect, FactorEffect, RandomEffects, SurfaceEffect, plot_effects
 from tripwatt.gam.families import Family, Gaussian, ScaledT
 from tripwatt.gam.model import GAMM
+from tripwatt.gam.summary import Summary
 from tripwatt.gam.terms import Formula, Parametric, RandomEffect, Smooth, Tensor, Term
 
 __all__ = [
     "GAMM",
+    "Autocorrelation",
+    "CurveEffect",
+    "Diagnosis",
+    "FactorEffect",
     "Family",
     "Formula",
     "Gaussian",
     "Parametric",
     "RandomEffect",
+    "RandomEffects",
     "ScaledT",
     "Smooth",
+    "Summary",
+    "SurfaceEffect",
     "Tensor",
     "Term",
+    "autocorrelation",
+    "concurvity",
+    "plot_effects",
 ]

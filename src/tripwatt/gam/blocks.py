@@ -52,7 +52,7 @@ class Block:
     by: str | None = None
     level: str | None = None
     contrast: Array | None = None
-    training: Training = field(default_factory=lambda: Training({}, {}))
+    training: Training = field(default_factory=lambda: Training({}, {}, {}))
     extrapolation: Extrapolation = "clamp"
 
     @property

@@ -234,6 +234,10 @@ class Support:
         return np.asarray(inside)
 
 
+ByPart: TypeAlias = tuple[tuple[str, ...], str, str | None]
+"""Covariates, by-variable and its level, if it is a factor."""
+
+
 @dataclass(frozen=True)
 class Training:
     """What prediction must know of the rows a model was trained on.
@@ -242,10 +246,41 @@ class Training:
     ----------
     supports : mapping of covariate names to Support
     levels : mapping of factor to Levels
+    within : mapping of (covariate names, by-variable, level) to Support
+        Rows that a by-smooth speaks of: those of its level, or those where a numeric by-variable is not zero.
     """
 
     supports: Mapping[tuple[str, ...], Support]
     levels: Mapping[str, Levels]
+    within: Mapping[ByPart, Support]
+
+    def members(self, frame: pd.DataFrame, by: str, level: str | None) -> npt.NDArray[np.bool_]:
+        """Rows (n,) of a frame that a by-smooth speaks of."""
+        if level is None:
+            return np.asarray(frame[by].to_numpy(dtype=np.float64) != 0)
+        return np.asarray(self.levels[by].codes(frame[by]) == self.levels[by].names.index(level))
+
+    def held(self, frame: pd.DataFrame) -> pd.DataFrame:
+        """The frame with its covariates moved to where training data lie, before any term sees them.
+
+        Rows are moved, not terms: terms that share a covariate, and may cancel where there are no data, all see the
+        same point. Ranges come first, those of a row's levels next, surfaces last.
+        """
+        moved: dict[str, Array] = {}
+
+        def current(names: tuple[str, ...]) -> Array:
+            columns = [moved.get(name, frame[name].to_numpy(dtype=np.float64)) for name in names]
+            return np.stack(columns, axis=1)
+
+        known = [names for names in self.supports if all(name in frame.columns for name in names)]
+        for names in sorted(known, key=len):
+            for (own, by, level), support in self.within.items():
+                if own == names and len(names) == 1 and by in frame.columns:
+                    x, rows = current(names), self.members(frame, by, level)
+                    x[rows] = support.clamped(x[rows])
+                    moved.update(zip(names, x.T, strict=True))
+            moved.update(zip(names, self.supports[names].clamped(current(names)).T, strict=True))
+        return frame.assign(**moved)
 
 
 def response(frame: pd.DataFrame, y: object, name: str | None) -> Array:

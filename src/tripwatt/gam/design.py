@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
@@ -19,6 +20,7 @@ from tripwatt.gam.covariates import (
     EXACT_ROWS,
     MAX_JOINT,
     MAX_VALUES,
+    ByPart,
     Index,
     Levels,
     Points,
@@ -54,6 +56,8 @@ class Design:
         Distinct points of each set of covariates, with the index of each row.
     codes : dict
         Level of each row, for each factor.
+    members : dict
+        Rows that each by-smooth speaks of.
     """
 
     formula: Formula
@@ -64,6 +68,7 @@ class Design:
     empty: list[int] = field(default_factory=list)
     joint: dict[tuple[str, ...], Points] = field(default_factory=dict)
     codes: dict[str, Index] = field(default_factory=dict)
+    members: dict[ByPart, npt.NDArray[np.bool_]] = field(default_factory=dict)
 
     @property
     def p(self) -> int:
@@ -142,6 +147,7 @@ class _Builder:
         self.codes: dict[str, Index] = {}
         self.levels: dict[str, Levels] = {}
         self.supports: dict[tuple[str, ...], Support] = {}
+        self.members: dict[ByPart, npt.NDArray[np.bool_]] = {}
         self.grids = self._grids()
 
     def _covariates(self, names: tuple[str, ...]) -> Array:
@@ -229,6 +235,8 @@ class _Builder:
         self.notes += built.notes
         if not by_factor:
             block = self._block(term, built, None, term.label)
+            if by is not None and term.by is not None:
+                self.members[term.names, term.by, None] = by != 0
             self.blocks.append(block)
             self.pieces.append(([block], built.table, points.index, by))
             return
@@ -236,6 +244,8 @@ class _Builder:
         levels, codes = self.factor(term.by, None, term.label)
         blocks = [self._block(term, built, name, term.label + name) for name in levels.names]
         self.blocks += blocks
+        for i, level in enumerate(levels.names):
+            self.members[term.names, term.by, level] = codes == i
         m, q = built.table.shape
         if m * q * len(blocks) ** 2 <= 4_000_000:
             table: Array = np.kron(np.eye(len(blocks)), built.table).astype(np.float64)
@@ -259,13 +269,22 @@ class _Builder:
             self.blocks.insert(0, block)
             self.pieces.insert(0, ([block], np.ones((1, 1)), np.zeros(len(self.frame), dtype=np.intp), None))
         self.blocks.sort(key=lambda block: order[block.kind])
-        training = Training(self.supports, self.levels)
+        within = {
+            (names, by, level): Support(
+                points.values[np.bincount(points.index[rows], minlength=len(points.values)) > 0]
+            )
+            for (names, by, level), rows in self.members.items()
+            if (points := self.joint[names]) is not None and rows.any()
+        }
+        training = Training(self.supports, self.levels, within)
         start = 0
         for block in self.blocks:
             block.start, block.training, block.extrapolation = start, training, self.extrapolation
             start += block.size
         rows = TableRows(self._parts(), len(self.frame), start)
-        return Design(self.formula, self.blocks, rows, training, self.notes, [], self.joint, self.codes)
+        return Design(
+            self.formula, self.blocks, rows, training, self.notes, [], self.joint, self.codes, self.members
+        )
 
     def _nested(self, parts: list[Part]) -> list[Part]:
         """Curves written into the table of a surface that has their covariate: one index instead of two."""

@@ -47,7 +47,7 @@ class CurveEffect:
     ----------
     label, covariate : str
     x, effect, std_error : ndarray (m,)
-        Grid over the range of the data, centred effect and its standard error.
+        Grid over the range of the data (of the rows that a by-smooth speaks of), centred effect and its standard error.
     multiplier : float
         Half width of the band in standard errors.
     edf : float
@@ -371,6 +371,11 @@ def _curve(
     assert isinstance(block.term, Smooth | Tensor)
     name = block.term.names[0]
     x = _grid(model, name, points)
+    if block.by is not None:
+        # what the model itself follows: beyond the rows that the smooth speaks of it is held
+        own = model.training_.within.get((block.term.names, block.by, block.level))
+        if own is not None:
+            x = np.linspace(float(own.low[0]), float(own.high[0]), points)
     effect, error = _evaluated(model, block, {name: x})
     rug = np.zeros(0) if frame is None else _rows(block, frame, (name,))[:, 0]
     return CurveEffect(

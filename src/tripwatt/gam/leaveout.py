@@ -43,7 +43,13 @@ def training_of(design: Design, rows: npt.NDArray[np.bool_]) -> Training:
         known = design.training.levels[name]
         counts = np.bincount(codes[rows], minlength=len(known.names))
         levels[name] = Levels(known.names, counts / counts.sum())
-    return Training(supports, levels)
+    within = {}
+    for (names, by, level), members in design.members.items():
+        points = design.joint[names]
+        seen = np.bincount(points.index[rows & members], minlength=len(points.values)) > 0
+        if seen.any():
+            within[names, by, level] = Support(points.values[seen])
+    return Training(supports, levels, within)
 
 
 def _fold(
@@ -76,6 +82,8 @@ def _fold(
     beta = np.zeros(own.p)
     beta[active] = solution.beta
     training, piece = training_of(own, ~held), frame.iloc[out]
+    if own.blocks[0].extrapolation == "clamp":
+        piece = training.held(piece)
     prediction = np.zeros(len(out))
     for block in own.blocks:
         if block.kind != "random" or beta[block.slice].any():

@@ -43,8 +43,10 @@ class GAMM(RegressorMixin, BaseEstimator):
     discretise : bool or int
         Round covariates to an even grid of 1,000 (or so many) values; True does so beyond 10,000 rows.
     extrapolation : {"clamp", "linear"}
-        Outside its training range a curve (or a numeric column) is held constant, or goes on as a straight line.
+        Outside its training range (of the rows of its level, for a by-smooth) a curve or a numeric column is held
+        constant, or goes on as a straight line.
         Surfaces are always held: at the range, and within a twentieth of it from the nearest training point.
+        With "clamp" the row is moved, not the term: all terms of a covariate see the same point.
     smoothing_parameters : sequence or mapping, optional
         Given values, in the order (or by the names) of `smoothing_parameters_`.
     ar1_rho : float or "estimate", optional
@@ -196,6 +198,8 @@ class GAMM(RegressorMixin, BaseEstimator):
         level of a random effect as 0. Covariates outside their range follow `extrapolation`.
         """
         full = self._complete(frame, exclude, groups)
+        if self.extrapolation == "clamp":
+            full = self.training_.held(full)
         blocks = [block for block in self.blocks_ if block.label not in set(exclude)]
         fit, error = np.zeros((len(full), len(blocks))), np.zeros((len(full), len(blocks)))
         total = np.zeros(len(full))
@@ -224,6 +228,9 @@ class GAMM(RegressorMixin, BaseEstimator):
         out = np.zeros(len(frame), dtype=bool)
         for names, support in self.training_.supports.items():
             out |= support.outside(frame[list(names)].to_numpy(dtype=np.float64))
+        for (names, by, level), support in self.training_.within.items():
+            member = self.training_.members(frame, by, level)
+            out |= support.outside(frame[list(names)].to_numpy(dtype=np.float64)) & member
         random = {term.name for term in self.formula_.terms if isinstance(term, RandomEffect)}
         for name, levels in self.training_.levels.items():
             if name not in random:

@@ -28,6 +28,12 @@ FIGURE_KEYS: Final = (
     "paired-differences",
     "importances",
     "learning-curve",
+    "running-time",
+    "gamm-diagnosis",
+    "gamm-autocorrelation",
+    "gamm-smooths",
+    "gamm-surface",
+    "gamm-random",
 )
 """Stems of all files that may stand in `figures/`."""
 
@@ -39,7 +45,7 @@ def render_report(run: object) -> str:
     ----------
     run : object
         An evaluation run: `results` as in `results.json`, `folds`, and, where there are any, `series`, `signals`,
-        `learning_curves`, `importances`. A missing part makes an empty panel that says why.
+        `learning_curves`, `importances`, `gamm`. A missing part makes an empty panel that says why.
 
     Returns
     -------

@@ -104,6 +104,12 @@ PAPER_MAPE: Final[Mapping[str, float]] = MappingProxyType(
 )
 """Average error from leave-one-trip-out that the paper reports on its TUM trips (`PAPER`), by our model names."""
 
+PAPER_CAR: Final = "bmw_i3_60ah"
+"""The bundled vehicle that is the paper's car."""
+
+PAPER_TRIPS: Final = 72
+"""Trips that the paper's data set has, each of which it leaves out once (arXiv:2405.10984, Methodology)."""
+
 PAPER_IMPROVED: Final = "over 90 % of the trips"
 """The paper's words on the share of trips that a corrector improves over the physics (its conclusion)."""
 

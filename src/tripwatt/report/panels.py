@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tripwatt.report import figures, sentences, tables
+from tripwatt.gam.effects import CurveEffect, RandomEffects, SurfaceEffect
+from tripwatt.report import figures, gamm, gamm_figures, running_time, sentences, tables
 from tripwatt.report.models import model_style
 from tripwatt.report.tables import Table
 from tripwatt.report.view import Record, View, of_evaluation
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from tripwatt.evaluation.insight import GammInsight
+    from tripwatt.gam.effects import Effect
 
 
 @dataclass(frozen=True)
@@ -61,7 +65,8 @@ def build_sections(view: View) -> list[Section]:
         Section("trips", "Trip by trip", _trips(view)),
         Section("comparison", "Which differences are real", _comparison(view)),
         Section("audit", "Which trips were used, and why others were not", _audit(view)),
-        Section("inside", "Inside the models", _inside(view)),
+        Section("gamm", "The GAMM", _gamm(view)),
+        Section("inside", "Inside the models", (*_inside(view), _running_time(view))),
     ]
 
 
@@ -69,13 +74,17 @@ def _result(view: View) -> tuple[Panel, ...]:
     evaluations = view.evaluations
     if not evaluations:
         return (Panel("table", "The table", "No evaluation was run: no trip could be used, see the audit."),)
-    notes = [sentences.on_main_table(view), sentences.on_paper(view)]
+    notes = [sentences.on_main_table(view), sentences.on_paper(view), sentences.on_physics_gap(view)]
     mean = figures.plot_mean_errors(evaluations, paper=view.paper_mape, synthetic=view.synthetic)
     others = [tables.results_table(view, e) for e in evaluations[1:]]
     sets = " ".join(filter(None, [sentences.on_sets(view), sentences.without_days(view)]))
     return (
         Panel(
-            "table", "The table", " ".join(notes), tables=(tables.results_table(view, view.main),), wide=True
+            "table",
+            "The table",
+            " ".join(filter(None, notes)),
+            tables=(tables.results_table(view, view.main),),
+            wide=True,
         ),
         Panel("mean-errors", "Mean error and its interval", sentences.on_intervals(view), mean),
         Panel(
@@ -275,3 +284,78 @@ def _inside(view: View) -> tuple[Panel, ...]:
             folded=True,
         ),
     )
+
+
+def _running_time(view: View) -> Panel:
+    title, sentence = "Running time of the correctors", running_time.on_running_time(view)
+    if not running_time.timed_models(view):
+        return Panel("running-time", title, sentence)
+    table = running_time.running_time_table(view)
+    return Panel(
+        "running-time",
+        title,
+        sentence,
+        running_time.plot_running_time(view),
+        tables=(table,),
+        folded=True,
+    )
+
+
+def _gamm(view: View) -> tuple[Panel, ...]:
+    found = view.gamm
+    if found is None:
+        said = (
+            "The model gamm was not among the models of this run, so there is no table and no figure of it."
+        )
+        return (Panel("gamm-summary", "Summary of the GAMM", said),)
+    paper, label = bool(view.paper_mape), " (synthetic trips)" if view.synthetic else ""
+    return (
+        Panel(
+            "gamm-summary",
+            "Summary of the GAMM",
+            gamm.on_summary(found, paper=paper),
+            tables=(
+                gamm.summary_table(found, paper=paper, label=label),
+                gamm.scores_table(found, label=label),
+            ),
+            wide=True,
+        ),
+        Panel(
+            "gamm-diagnosis",
+            "Do the residuals follow the model?",
+            gamm.on_diagnosis(found),
+            gamm_figures.plot_diagnosis(found.diagnosis, synthetic=view.synthetic),
+            tall=True,
+        ),
+        Panel(
+            "gamm-autocorrelation",
+            "Are the rows independent?",
+            gamm.on_dependence(found),
+            gamm_figures.plot_dependence(found.autocorrelation, found.row_step_s, synthetic=view.synthetic),
+        ),
+        _gamm_extrapolation(view, found, label),
+        *_gamm_effects(view, found.effects, label),
+    )
+
+
+def _gamm_effects(view: View, effects: Mapping[str, Effect], label: str) -> Iterator[Panel]:
+    curves = [e for e in effects.values() if isinstance(e, CurveEffect)]
+    if curves:
+        drawn = gamm_figures.plot_curves(curves, synthetic=view.synthetic)
+        yield Panel("gamm-smooths", "What each covariate does", gamm.on_curves(curves), drawn, tall=True)
+    # the formula has at most one surface and one random effect; each has its own file
+    for surface in (e for e in effects.values() if isinstance(e, SurfaceEffect)):
+        drawn = gamm_figures.plot_surface(surface, synthetic=view.synthetic)
+        yield Panel("gamm-surface", "What two covariates do together", gamm.on_surface(surface), drawn)
+    for effect in (e for e in effects.values() if isinstance(e, RandomEffects)):
+        drawn = gamm_figures.plot_random(effect, synthetic=view.synthetic)
+        table = gamm.random_table(effect, label=label)
+        said = gamm.on_random(effect)
+        yield Panel("gamm-random", "What is left to each trip", said, drawn, tables=(table,), folded=True)
+
+
+def _gamm_extrapolation(view: View, found: GammInsight, label: str) -> Panel:
+    table = gamm.outside_table(found, label=label)
+    said = gamm.on_extrapolation(found, view.main.get("n_trips"))
+    title = "Outside of the training data"
+    return Panel("gamm-extrapolation", title, said, tables=(table,) if table.rows else (), folded=True)

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.report.figures import curve_models, lowest_round, mean_importances
-from tripwatt.report.models import PAPER, PAPER_IMPROVED, model_style
+from tripwatt.report.models import PAPER, PAPER_CAR, PAPER_IMPROVED, PAPER_TRIPS, model_style
 from tripwatt.report.view import Record, View, absolute_errors, of_evaluation, plain
 
 
@@ -98,6 +98,21 @@ def on_paper(view: View) -> str:
     if shares:
         text += f" Share of trips improved over the paper preset: {listed(shares)}; the paper says {PAPER_IMPROVED}."
     return text
+
+
+def on_physics_gap(view: View) -> str:
+    """Why our simulation of the paper's car is not at the paper's error; empty on other trips or another car."""
+    ours = (view.main.get("models") or {}).get("physics-paper")
+    its_car = str(view.results.get("vehicle") or PAPER_CAR) == PAPER_CAR
+    if not ours or not its_car or "physics-paper" not in view.paper_mape:
+        return ""
+    return (
+        f"Why {label('physics-paper')} is at {percent(ours['mape'])} and the paper's physics at "
+        f"{percent(view.paper_mape['physics-paper'])}: the paper names no parameter of its MATLAB car (mass, drag, rolling "
+        "resistance, efficiencies, auxiliaries), so ours takes measured coast-down values and a drivetrain from named sources. "
+        "Both leave out the climate and take back 50 % of the braking energy. "
+        f"The paper scored {PAPER_TRIPS} trips, this table {view.main.get('n_trips', 'another number')}."
+    )
 
 
 def on_intervals(view: View) -> str:

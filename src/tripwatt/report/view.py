@@ -5,13 +5,16 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
 from tripwatt.report.models import PAPER_MAPE, model_style, ordered
+
+if TYPE_CHECKING:
+    from tripwatt.evaluation.insight import GammInsight
 
 Record = Mapping[str, Any]
 
@@ -123,6 +126,7 @@ class View:
     series : mapping of str to DataFrame
         Held-out predictions of the main evaluation along each trip; possibly empty.
     signals, learning_curves, importances : DataFrame or None
+    gamm : GammInsight or None
     """
 
     results: Record
@@ -131,6 +135,7 @@ class View:
     signals: pd.DataFrame | None = None
     learning_curves: pd.DataFrame | None = None
     importances: pd.DataFrame | None = None
+    gamm: GammInsight | None = None
 
     @classmethod
     def of(cls, run: object) -> View:
@@ -144,6 +149,7 @@ class View:
             signals=_frame(run, "signals"),
             learning_curves=_frame(run, "learning_curves"),
             importances=_frame(run, "importances"),
+            gamm=getattr(run, "gamm", None),
         )
 
     @property

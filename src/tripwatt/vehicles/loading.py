@@ -130,10 +130,11 @@ def load_vehicle(
     name_or_path : str or Path
         A name from `vehicle_names()`, or the path of a TOML file.
     preset : str
-        "default", or a preset of the file.
+        "default", "paper", or a preset of the file.
     overrides : mapping of str to (float or str), optional
         "section.key" or a short name of `tripwatt.vehicles.overriding` -> value in the unit of the entry, e.g.
-        ``{"auxiliaries.base_load_w": 400.0, "mass": 1300.0}``.
+        ``{"auxiliaries.base_load_w": 400.0, "mass": 1300.0}``. Those of a part that the preset leaves out
+        change nothing.
 
     Raises
     ------
@@ -170,6 +171,15 @@ def _read(path: Path) -> str:
 
 
 @cache
+def _shared_presets() -> dict[str, dict[str, Any]]:
+    """Presets that every car has unless its own file says otherwise."""
+    files = sorted((_data_folder() / "presets").iterdir(), key=lambda f: str(f.name))
+    return {
+        f.name[:-5]: tomllib.loads(f.read_text(encoding="utf-8")) for f in files if f.name.endswith(".toml")
+    }
+
+
+@cache
 def _bundled_text(name: str) -> str:
     return str((_data_folder() / f"{name}.toml").read_text(encoding="utf-8"))
 
@@ -194,8 +204,13 @@ def vehicle_from_document(
     overrides = spelled_out(overrides)
     for key, value in overrides.items():
         _override(entries, key, value, faults)
+    left_out = OPTIONAL_SECTIONS - tables.keys() if preset != "default" else frozenset()
+    entries = {key: e for key, e in entries.items() if key.partition(".")[0] not in left_out}
     parts: dict[str, Any] = {}
     for section, part in SECTIONS.items():
+        if section in left_out:
+            parts[section] = None
+            continue
         present = {k.partition(".")[2]: e for k, e in entries.items() if k.startswith(f"{section}.")}
         if section in OPTIONAL_SECTIONS and section not in tables and not present:
             parts[section] = None
@@ -226,7 +241,7 @@ def _preset_tables(
         for key in document
         if key not in (*SECTIONS, "preset", "name")
     ]
-    presets = document.get("preset", {})
+    presets = {**_shared_presets(), **document.get("preset", {})}
     if preset != "default" and preset not in presets:
         allowed = ", ".join(sorted({"default", *presets}))
         faults.append(Fault("unknown preset", where, preset, allowed))

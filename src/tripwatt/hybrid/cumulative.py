@@ -394,7 +394,7 @@ TABLE2: Final = (
 class Table2Corrector:
     """The paper's GAMM with Student's t errors (its Table 2) as a corrector.
 
-    Terms whose covariates no trip knows are left out. A missing value counts as the training rows' median (a trip
+    Terms whose covariates no trip knows, or that are the same in all training rows, are left out. A missing value counts as the training rows' median (a trip
     without elevation counts as flat). Unseen weather and covariates outside the training range follow the engine's
     rule, which is bounded: the mean effect, and the range's edge.
 
@@ -408,40 +408,48 @@ class Table2Corrector:
     ----------
     model_ : GAMM
         The fitted engine, for summary, diagnosis and effects.
+    left_out_ : tuple of str
+        Terms of `TABLE2` that the training rows cannot tell.
     """
 
     every_rows: int = 60
     model_: Any = None
     medians_: pd.Series | None = None
+    left_out_: tuple[str, ...] = ()
 
     def fit(self, X: pd.DataFrame, y: FloatArray, groups: IntArray) -> Self:
         """Fit by performance iteration and fREML. O(rows x coefficients^2)."""
         self.medians_ = X.select_dtypes("number").median()
-        position = pd.Series(groups).groupby(groups, sort=False).cumcount().to_numpy()
-        last = np.append(groups[1:] != groups[:-1], True)
-        rows = np.flatnonzero((position % self.every_rows == 0) | last)
-        frame = self._frame(X.iloc[rows], groups[rows])
-        self.model_ = self._engine(X).fit(frame, np.asarray(y)[rows], groups=groups[rows])
+        frame, rows = self.training_frame(X, groups)
+        varied = {name for name in map(str, frame) if len(frame[name].unique()) > 1}
+        terms = [term for term in TABLE2 if varied.issuperset(_names_in(term))]
+        self.left_out_ = tuple(term for term in TABLE2 if term not in terms)
+        self.model_ = self._engine(terms).fit(frame, np.asarray(y)[rows], groups=groups[rows])
         return self
 
     def predict(self, X: pd.DataFrame) -> FloatArray:
         """Predicted `y` of new trips: their random effect is 0."""
-        return np.asarray(self.model_.predict(self._frame(X, None)), dtype=np.float64)
+        return np.asarray(self.model_.predict(self.frame(X)), dtype=np.float64)
 
-    def _engine(self, X: pd.DataFrame) -> Any:
+    def training_frame(self, X: pd.DataFrame, groups: IntArray) -> tuple[pd.DataFrame, IntArray]:
+        """The rows that `fit` takes, as the engine sees them, and their numbers."""
+        position = pd.Series(groups).groupby(groups, sort=False).cumcount().to_numpy()
+        last = np.append(groups[1:] != groups[:-1], True)
+        rows = np.flatnonzero((position % self.every_rows == 0) | last).astype(np.int64)
+        return self.frame(X.iloc[rows], groups[rows]), rows
+
+    @staticmethod
+    def _engine(terms: Sequence[str]) -> Any:
         from tripwatt.gam import GAMM
 
-        known = {*X.columns, "trip"} | ({"winter"} if "season" in X else set())
-        terms = [term for term in TABLE2 if all(name in known for name in _names_in(term))]
         return GAMM("y ~ " + " + ".join(terms), family="scat")
 
-    def _frame(self, X: pd.DataFrame, groups: IntArray | None) -> pd.DataFrame:
+    def frame(self, X: pd.DataFrame, groups: IntArray | None = None) -> pd.DataFrame:
+        """Covariates as the engine sees them; with `groups`, the trips are those of the fit. Needs `fit`."""
         assert self.medians_ is not None
         frame = X.fillna(self.medians_.to_dict())
         if "season" in frame:
             frame["winter"] = (frame["season"] == "winter").astype(float)
-        if "weather" in frame:
-            frame["weather"] = frame["weather"].astype(str)
         if groups is not None:
             frame["trip"] = groups.astype(str)
         return frame

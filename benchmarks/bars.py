@@ -1,0 +1,300 @@
+"""The project's own bars, each with its figure: `python -m benchmarks.bars [--results DIR] [--runs N]`.
+
+Prints a table and ends with code 1 when a bar is missed. A bar whose data or extra is not at hand is listed as not
+measured. Accuracy comes from the `results.json` of an evaluation of the TUM trips: one that is run here, or with
+`--results` one that was run before (its running time is then not measured).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks import acceptance, argonne, gam, physics_trips, pipeline
+from benchmarks.measure import ROOT, RUNS, Row, tum_folder
+
+NOT_AT_HAND = "not at hand"
+EVALUATE = "tripwatt evaluate DATA/tum --protocol paper"
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One bar. `met` is None where nothing was measured or the bar asks for a figure only."""
+
+    text: str
+    measure: str
+    figure: str
+    required: str
+    met: bool | None
+
+    @property
+    def verdict(self) -> str:
+        if self.met is None:
+            return "not measured" if self.figure.startswith(NOT_AT_HAND) else "shown"
+        return "yes" if self.met else "NO"
+
+
+def at_most(text: str, measure: str, value: float, bound: float, unit: str = "") -> Bar:
+    return Bar(text, measure, f"{value:.4g} {unit}".strip(), f"<= {bound:g} {unit}".strip(), value <= bound)
+
+
+def at_least(text: str, measure: str, value: float, bound: float, unit: str = "") -> Bar:
+    return Bar(text, measure, f"{value:.4g} {unit}".strip(), f">= {bound:g} {unit}".strip(), value >= bound)
+
+
+def shown(text: str, measure: str, figure: str, beside: str) -> Bar:
+    return Bar(text, measure, figure, beside, None)
+
+
+def missing(text: str, measure: str, why: str = "") -> Bar:
+    return Bar(text, measure, f"{NOT_AT_HAND}{': ' if why else ''}{why}", "", None)
+
+
+def accuracy(results: Mapping[str, Any]) -> Iterator[Bar]:
+    """Bars on the error of the energy, from a `results.json`."""
+    evaluations = {(e["scheme"], e["trips"]): e for e in results["evaluations"]}
+    main = evaluations["leave_one_trip_out", "reference"]
+    models = main["models"]
+    sizes = [evaluations["leave_one_trip_out", name]["n_trips"] for name in ("reference", "audited", "all")]
+    yield Bar(
+        "reference, audited and all trips are rows of their own",
+        EVALUATE,
+        ", ".join(map(str, sizes)),
+        "58, any, 60",
+        (sizes[0], sizes[2]) == (58, 60),
+    )
+    for name, aim in (("forest", 0.106), ("boosting", 0.103)):
+        mape = models[name]["mape"]
+        yield at_most(f"mean APE of {name}, 58 trips", EVALUATE, mape, 0.110)
+        yield shown(f"mean APE of {name} beside the paper's", EVALUATE, f"{mape:.4f}", f"aim {aim}")
+    yield _clearly_worse(results)
+    crude = models["physics-paper"]["mape"]
+    yield shown(
+        "mean APE of physics-paper beside the paper's", EVALUATE, f"{crude:.4f}", "0.379 in the paper"
+    )
+    for name in ("gamm", "forest", "boosting"):
+        share = models[name]["improved_share"]["physics-paper"]
+        yield shown(
+            f"trips that {name} improves over physics-paper", EVALUATE, f"{share:.0%}", "> 90 % in the paper"
+        )
+    yield at_most("mean APE of physics, default preset", EVALUATE, models["physics"]["mape"], 0.20)
+    yield at_most("mean APE of the GAMM (aim)", EVALUATE, models["gamm"]["mape"], 0.115)
+
+
+def _clearly_worse(results: Mapping[str, Any]) -> Bar:
+    pairs = {frozenset((p["a"], p["b"])): p for p in results["paired"]}
+    pair = pairs[frozenset(("boosting", "boosting-only"))]
+    sign = 1.0 if pair["a"] == "boosting-only" else -1.0
+    low = min(sign * bound for bound in pair["ci95"])
+    text = "boosting without physics is worse: mean APE more, lower end of the 95 % interval"
+    return Bar(text, EVALUATE, f"{sign * pair['diff']:+.3f}, {low:+.3f}", "> 0", low > 0)
+
+
+def physics() -> Iterator[Bar]:
+    """Bars on the physics alone: the dynamometer's rows and the closure of the energy."""
+    data, reference = argonne.folders()
+    text, measure = (
+        "moving parts: worst row at 21-25 °C of Argonne's dynamometer",
+        "python -m benchmarks.argonne",
+    )
+    if (data / "cycles").is_dir() and (reference / "anl_d3_i3.csv").is_file():
+        worst = argonne.summary(argonne.argonne_rows(data, reference))["worst_error_21_to_25_degc"]
+        yield at_most(text, measure, worst, 0.08)
+    else:
+        yield missing(text, measure)
+    text, measure = "energy closes: worst relative gap of the parts", "python -m benchmarks.physics_trips"
+    folder = tum_folder()
+    if folder is None:
+        yield missing(text, measure)
+        return
+    from tripwatt.sources import read_fleet
+    from tripwatt.trips import resample
+    from tripwatt.vehicles import load_vehicle
+
+    trips = [resample(trip) for trip in read_fleet(folder).trips]
+    for preset in ("default", "paper"):
+        gap = physics_trips.worst_closure(load_vehicle("bmw_i3_60ah", preset), trips)
+        yield at_most(f"{text}, preset {preset}", measure, gap, 1e-9)
+
+
+Made = Callable[[str, str, Row], Bar]
+
+
+def value_at_most(bound: float) -> Made:
+    return lambda text, measure, row: at_most(text, measure, row.value, bound, row.unit)
+
+
+def value_at_least(bound: float) -> Made:
+    return lambda text, measure, row: at_least(text, measure, row.value, bound, row.unit)
+
+
+def ratio_at_least(bound: float) -> Made:
+    return lambda text, measure, row: at_least(f"{text}, times {row.peer}", measure, row.ratio or 0.0, bound)
+
+
+SPEED: Mapping[str, tuple[Made, ...]] = {
+    "simulate the trips at 1 Hz, one process": (value_at_least(1e6), ratio_at_least(20)),
+    "read the TUM trips": (value_at_most(4.0),),
+    "peak memory of reading the TUM trips": (value_at_most(1024.0),),
+    pipeline.EVALUATE_TUM: (value_at_most(300.0),),
+    pipeline.EVALUATE_SYNTHETIC: (value_at_most(60.0),),
+}
+"""Row of `benchmarks.pipeline` -> its bars."""
+
+GAM_SPEED: Mapping[str, tuple[Made, ...]] = {
+    "gam ps scat, 78,735 rows": (ratio_at_least(5),),
+    "gam paper scat, 78,735 rows": (value_at_most(10.0),),
+    "gam table2 scat, 78,735 rows": (value_at_most(10.0),),
+    "gam ps scat, leave one trip out, 60 folds, 78,735 rows": (value_at_most(60.0),),
+    "gam paper scat, leave one trip out, 60 folds, 78,735 rows": (value_at_most(60.0),),
+    "gam table2 scat, leave one trip out, 60 folds, 78,735 rows": (value_at_most(60.0),),
+    "gam ps scat, 787,129 rows": (value_at_most(20.0),),
+    "peak memory of all of these": (value_at_most(700.0),),
+}
+"""Row of `benchmarks.gam` -> its bars."""
+
+
+def speed(
+    rows: Iterator[Row], bars: Mapping[str, tuple[Made, ...]], measure: str, why: str = ""
+) -> Iterator[Bar]:
+    """Bars on measured rows, and those of the rows that were not measured, with the reason."""
+    seen = set()
+    for row in rows:
+        seen.add(row.name)
+        for made in bars.get(row.name, ()):
+            yield made(row.name, measure, row)
+        if row.name not in bars:
+            yield shown(row.name, measure, f"{row.value:.4g} {row.unit}", "")
+    yield from (missing(name, measure, why) for name in bars if name not in seen)
+
+
+GAM_TESTS: Mapping[str, str] = {
+    "equal to mgcv on the synthetic sets": "tests/gam/test_engine_mgcv.py -k 'not real and not nested'",
+    "equal to mgcv's bam and gam on the TUM regressions": "tests/gam/test_engine_mgcv.py -k 'real or nested'",
+    "summary and tests equal to mgcv's": "tests/gam/test_summary.py tests/gam/test_inference.py",
+    "laws of the GAMM": "tests/gam/test_engine_laws.py",
+}
+"""Bars of the GAMM that are tests of the gate -> what pytest runs."""
+
+
+def gam_tests() -> Iterator[Bar]:
+    """The bars that tests of the gate measure: passed, failed, skipped."""
+    import shlex
+
+    for text, selection in GAM_TESTS.items():
+        done = subprocess.run(
+            [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *shlex.split(selection)],
+            cwd=ROOT, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        last = done.stdout.strip().splitlines()[-1] if done.stdout.strip() else done.stderr.strip()[-80:]
+        counts = {word: int(n) for n, word in re.findall(r"(\d+) (passed|failed|skipped|error)", done.stdout)}
+        measure = f"pytest {selection}"
+        if done.returncode == 0 and not counts.get("passed") and "skipped" in last:
+            yield missing(text, measure)
+        else:
+            figure = ", ".join(f"{n} {word}" for word, n in counts.items()) or f"code {done.returncode}"
+            yield Bar(
+                text,
+                measure,
+                figure,
+                "all pass, none skipped",
+                done.returncode == 0 and "skipped" not in counts,
+            )
+
+
+def certified() -> Iterator[Bar]:
+    """The acceptance rows of the vehicle library: within 10 %, or the reason is stated."""
+    text, measure = (
+        "cars within 10 % of their certified consumption, or the reason",
+        "python -m benchmarks.acceptance",
+    )
+    results = acceptance.outcomes()
+    if not results:
+        yield missing(text, measure, "no speed schedules, install an extra")
+        return
+    outside = [o for o in results if not o.met]
+    without = [o for o in outside if (o.row.car, o.row.cycle) not in acceptance.REASONS]
+    absent = len(acceptance.rows()) - len(results)
+    figure = f"{len(results) - len(outside)} of {len(results)} rows within, {len(without)} outside without a reason"
+    yield Bar(
+        text,
+        measure,
+        figure + (f", {absent} rows not measured" if absent else ""),
+        "none without",
+        not without,
+    )
+
+
+def evaluations(results: Path | None, runs: int) -> tuple[list[Row], dict[str, Any] | None]:
+    """Times of the evaluations, and the results of the real trips; None without them."""
+    folder = tum_folder()
+    if results is not None:
+        path = results / "results.json" if results.is_dir() else results
+        return [], json.loads(path.read_text(encoding="utf-8"))
+    rows, found = [], None
+    with tempfile.TemporaryDirectory() as scratch:
+        if folder is not None:
+            out = Path(scratch) / "tum"
+            rows.append(Row(pipeline.EVALUATE_TUM, pipeline.evaluating(str(folder), out=out, runs=runs), "s"))
+            found = json.loads((out / "results.json").read_text(encoding="utf-8"))
+        rows.append(Row(pipeline.EVALUATE_SYNTHETIC, pipeline.evaluating(runs=runs), "s"))
+    return rows, found
+
+
+def bars(results: Path | None, runs: int) -> Iterator[Bar]:
+    """All bars, as they are measured."""
+    rows, found = evaluations(results, runs)
+    if found is None:
+        yield missing("mean errors on the 58 reference trips", EVALUATE)
+    else:
+        yield from accuracy(found)
+    yield from physics()
+    yield from speed(
+        iter([*pipeline.quick(), *rows]),
+        SPEED,
+        "make bench",
+        "" if results is None else "--results was given",
+    )
+    yield from speed(iter(gam.run()), GAM_SPEED, "OMP_NUM_THREADS=1 python -m benchmarks.gam")
+    yield from gam_tests()
+    yield from certified()
+
+
+def render(measured: list[Bar]) -> str:
+    """Markdown table of all bars and a line that counts them."""
+    lines = ["| bar | measure | figure | required | met |", "|---|---|---|---|---|"]
+    lines += [f"| {b.text} | `{b.measure}` | {b.figure} | {b.required} | {b.verdict} |" for b in measured]
+    count = {word: sum(b.verdict == word for b in measured) for word in ("yes", "NO", "not measured")}
+    lines += ["", f"{count['yes']} bars met, {count['NO']} missed, {count['not measured']} not measured"]
+    return "\n".join(lines)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--results", type=Path, help="results.json, or its folder, of an evaluation of the TUM trips"
+    )
+    parser.add_argument(
+        "--runs", type=int, default=RUNS, help="how often each evaluation is run; times are medians"
+    )
+    arguments = parser.parse_args()
+    measured = []
+    for bar in bars(arguments.results, arguments.runs):
+        measured.append(bar)
+        print(f"{bar.verdict:>12}  {bar.text}: {bar.figure} ({bar.required})", file=sys.stderr, flush=True)
+    print(render(measured))
+    return 1 if any(bar.met is False for bar in measured) else 0
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    sys.exit(main())

@@ -1,0 +1,40 @@
+"""Publish an evaluation: ``python docs/publish_results.py [OUT]``, or ``make readme``.
+
+Copies OUT/results.json (scores and findings, no trip data) to docs/results/, as `paper.json` for the protocol
+`paper`, and renews the table of the README from it. OUT is `out` by default; a
+JSON file, such as the published one itself, serves as well.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from tripwatt.report import update_readme
+
+ROOT = Path(__file__).resolve().parent.parent
+RESULTS = ROOT / "docs" / "results"
+
+
+def publish(out: Path, results_folder: Path = RESULTS, readme: Path = ROOT / "README.md") -> Path:
+    """Copy and renew; gives the copy.
+
+    Parameters
+    ----------
+    out : Path
+        Folder of `tripwatt evaluate`, or a `results.json`.
+    results_folder, readme : Path
+        Where the copy and the table go.
+    """
+    source = out / "results.json" if out.is_dir() else out
+    results = json.loads(source.read_text(encoding="utf-8"))
+    update_readme(results, readme)
+    copy = results_folder / f"{results['protocol']}.json"
+    copy.parent.mkdir(parents=True, exist_ok=True)
+    copy.write_text(json.dumps(results, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    return copy
+
+
+if __name__ == "__main__":
+    print(publish(Path(sys.argv[1] if len(sys.argv) > 1 else "out")))  # noqa: T201 - a script says what it wrote

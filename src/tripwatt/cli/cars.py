@@ -1,0 +1,248 @@
+"""Commands on cars: the library, importing one, driving a trip with one."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tripwatt.cli.options import (
+    DataArgument,
+    DatasetOption,
+    JsonOption,
+    MappingOption,
+    SetOption,
+    VehicleOption,
+    car_of,
+    examples,
+    read_logs,
+)
+from tripwatt.cli.placing import write_text
+from tripwatt.cli.printing import console, print_json, print_notes, print_table
+from tripwatt.errors import Fault, InvalidInput
+
+if TYPE_CHECKING:
+    from tripwatt.trips import Fleet, Trip
+
+PresetOption = Annotated[
+    str,
+    typer.Option(
+        "--preset", metavar="NAME", help="default, paper (the paper's crude model), or one of the car's file."
+    ),
+]
+
+
+def add_commands(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command(
+        epilog=examples(
+            ("tripwatt vehicles", "the cars that come with the package"),
+            ("tripwatt vehicles nissan_leaf_40", "all values of one car with unit and source"),
+            ("tripwatt vehicles my_car.toml --set mass=1620", "your own file, with another mass"),
+            (
+                "tripwatt vehicles --import 2022_Renault_Zoe_ZE50_R135.yaml --out zoe.toml",
+                "a car's file of FASTSim (.yaml, .csv) or SUMO (.xml)",
+            ),
+        )
+    )(vehicles)
+    app.command(
+        epilog=examples(
+            ("tripwatt simulate", "the first trip of the synthetic fleet"),
+            ("tripwatt simulate data/tum/TripA01.csv", "one trip of the TUM set"),
+            (
+                "tripwatt simulate data/tum --trip TripB07 --set setpoint=18",
+                "the same car with a cooler cabin",
+            ),
+            ("tripwatt simulate drive.csv --mapping my.toml --vehicle vw_id3", "your log, your car"),
+        )
+    )(simulate)
+
+
+def vehicles(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="NAME|FILE.toml", help="One car. Left out: the list of all.", show_default=False
+        ),
+    ] = None,
+    preset: PresetOption = "default",
+    overrides: SetOption = None,
+    import_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--import",
+            metavar="FILE",
+            help="Print a vehicle file of FASTSim or SUMO as TOML for --vehicle.",
+            show_default=False,
+        ),
+    ] = None,
+    row: Annotated[
+        str | None,
+        typer.Option(
+            "--row",
+            metavar="NAME",
+            help="With --import: which vehicle of a file that holds many.",
+            show_default=False,
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", metavar="FILE", help="With --import: write the TOML here.", show_default=False
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """List the cars of the library, show one with the source of every value, or import one."""
+    _require_sense(name, import_file, {"--row": row, "--out": out})
+    if import_file is not None:
+        _import(import_file, row, out, as_json)
+    elif name is not None:
+        _describe(name, preset, overrides or [], as_json)
+    else:
+        _list(as_json)
+
+
+def _require_sense(name: str | None, import_file: Path | None, only_import: dict[str, Any]) -> None:
+    faults = []
+    if name is not None and import_file is not None:
+        faults.append(Fault("two tasks at once", "NAME and --import", name, "one of them"))
+    if import_file is None:
+        faults += [
+            Fault("without effect", option, str(value), "only with --import")
+            for option, value in only_import.items()
+            if value is not None
+        ]
+    if faults:
+        raise InvalidInput(faults)
+
+
+def _import(file: Path, row: str | None, out: Path | None, as_json: bool) -> None:
+    from tripwatt.vehicles import import_vehicle
+
+    text = import_vehicle(file, row)
+    if out is not None:
+        write_text(text, out)
+        console().print(f"written: {out}; `tripwatt vehicles {out}` shows it")
+    if as_json:
+        print_json({"toml": text})
+    elif out is None:
+        typer.echo(text, nl=False)
+
+
+def _describe(name: str, preset: str, overrides: list[str], as_json: bool) -> None:
+    from rich.padding import Padding
+
+    from tripwatt.vehicles import describe_vehicle, load_vehicle, parse_overrides
+
+    given = parse_overrides(overrides)
+    car = load_vehicle(name, preset, given)
+    rows = describe_vehicle(name, preset, given)
+    if as_json:
+        keys = ("key", "value", "unit", "source")
+        entries = [dict(zip(keys, row, strict=True)) for row in rows]
+        print_json({"name": car.name, "title": car.title, "preset": car.preset, "entries": entries})
+        return
+    shown = console(sys.stdout)
+    shown.print(f"{car.title} ({car.name}, preset {car.preset})")
+    for key, value, unit, source in rows:
+        shown.print(f"{key} = {value} {'' if unit == '1' else unit}".rstrip())
+        shown.print(Padding(source, (0, 0, 0, 4), expand=False))
+
+
+def _list(as_json: bool) -> None:
+    from tripwatt.vehicles import load_vehicle, vehicle_names
+
+    cars = [load_vehicle(name) for name in vehicle_names()]
+    if as_json:
+        print_json([{"name": car.name, "title": car.title} for car in cars])
+        return
+    print_table("Cars for --vehicle NAME", ("name", "car"), [(car.name, car.title) for car in cars])
+
+
+def simulate(
+    data: DataArgument = None,
+    trip: Annotated[
+        str | None,
+        typer.Option("--trip", metavar="ID", help="Which trip, where DATA holds many.", show_default=False),
+    ] = None,
+    dataset: DatasetOption = None,
+    mapping: MappingOption = None,
+    vehicle: VehicleOption = None,
+    preset: PresetOption = "default",
+    overrides: SetOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Drive one logged trip with a car and say what the energy went into, beside what was measured.
+
+    Physics only, nothing learned: speed, road and what is known at departure (temperatures, state of charge). The
+    log is taken as it is; `tripwatt audit` says what is wrong with it.
+    """
+    from tripwatt.physics import simulate_trip
+    from tripwatt.trips import resample
+    from tripwatt.vehicles import load_vehicle, parse_overrides
+
+    name, note = car_of(vehicle, data, dataset, mapping)
+    car = load_vehicle(name, preset, parse_overrides(overrides or []))
+    fleet = read_logs(data, dataset, mapping)
+    log = _chosen(fleet, trip, data)
+    run = simulate_trip(car, resample(log))
+    distance_km = log.distance_m / 1000.0
+    causes = {cause: float(energy[-1]) for cause, energy in run.energy_by_cause_wh.items()}
+    answer = {
+        "trip": log.trip_id,
+        "vehicle": car.name,
+        "preset": car.preset,
+        "distance_km": distance_km,
+        "duration_s": log.duration_s,
+        "simulated_energy_wh": run.simulated_energy_wh,
+        "observed_energy_wh": log.observed_energy_wh,
+        "energy_by_cause_wh": causes,
+        "soc_at_departure": float(run.soc[0]),
+        "soc_at_arrival": float(run.soc[-1]),
+        "flags": list(run.flags),
+        "notes": [*([note] if note else []), *fleet.notes],
+    }
+    if as_json:
+        print_json(answer)
+    else:
+        _show_simulation(answer)
+
+
+def _chosen(fleet: Fleet, trip: str | None, data: Path | None) -> Trip:
+    if trip is None and (len(fleet.trips) == 1 or data is None):
+        return fleet.trips[0]
+    found = next((t for t in fleet.trips if t.trip_id == trip), None)
+    if found is None:
+        ids = [t.trip_id for t in fleet.trips]
+        more = f" and {len(ids) - 12} more" if len(ids) > 12 else ""
+        got = "nothing" if trip is None else trip
+        raise InvalidInput(Fault("which trip?", "--trip", got, ", ".join(ids[:12]) + more))
+    return found
+
+
+def _show_simulation(answer: dict[str, Any]) -> None:
+    total, distance = answer["simulated_energy_wh"], answer["distance_km"]
+
+    def row(name: str, energy: float) -> tuple[str, ...]:
+        per_km = energy / distance if distance > 0 else None
+        share = 100.0 * energy / total if total else None
+        values = (energy, share, per_km)
+        return (name, *("–" if v is None else f"{round(v, 1) + 0.0:.1f}" for v in values))
+
+    rows = [row(cause.replace("_", " "), energy) for cause, energy in answer["energy_by_cause_wh"].items()]
+    rows.append(row("simulated, all of these", total))
+    if answer["observed_energy_wh"] is not None:
+        rows.append(row("measured", answer["observed_energy_wh"]))
+    columns = ("energy", "Wh", "%", "Wh/km")
+    title = f"{answer['trip']}: {distance:.1f} km in {answer['duration_s'] / 60.0:.0f} min with {answer['vehicle']}, preset {answer['preset']}"
+    print_table(title, columns, rows, numbers=columns[1:])
+    departure, arrival = (100.0 * answer[f"soc_at_{end}"] for end in ("departure", "arrival"))
+    console(sys.stdout).print(
+        f"state of charge: {departure:.1f} % at departure, {arrival:.1f} % at arrival (simulated)"
+    )
+    print_notes(
+        [*(f"the car cannot follow everywhere: {flag}" for flag in answer["flags"]), *answer["notes"]]
+    )

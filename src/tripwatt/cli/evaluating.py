@@ -1,0 +1,173 @@
+"""`tripwatt evaluate`: the main job."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tripwatt.cli.options import (
+    DataArgument,
+    DatasetOption,
+    JsonOption,
+    MappingOption,
+    SetOption,
+    VehicleOption,
+    car_of,
+    examples,
+    gather,
+    read_logs,
+)
+from tripwatt.cli.placing import check_writable, finished_folds, unfinished_folder, write_whole
+from tripwatt.cli.printing import console, print_json, print_notes, progress
+from tripwatt.errors import Fault, InvalidInput
+
+if TYPE_CHECKING:
+    from tripwatt.evaluation import EvaluationRun
+    from tripwatt.trips import Fleet
+
+INTERRUPTED = 130
+"""Exit code of a run that was stopped from the keyboard."""
+
+
+def add_commands(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command(
+        epilog=examples(
+            ("tripwatt evaluate", "the built-in synthetic fleet, results in ./out"),
+            ("tripwatt evaluate data/tum --out tum-results", "your copy of the TUM trips"),
+            ("tripwatt evaluate data/ved --dataset ved", "the Leafs of the Vehicle Energy Dataset"),
+            (
+                "tripwatt evaluate logs --mapping my.toml --vehicle vw_id3 --set mass=1900",
+                "any tables of one car; `tripwatt mapping suggest` writes my.toml",
+            ),
+            ("tripwatt evaluate data/tum --resume", "go on with a run that was interrupted"),
+        )
+    )(evaluate)
+
+
+def evaluate(
+    data: DataArgument = None,
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", "-o", metavar="FOLDER", help="Folder for the results; appears when all is written."
+        ),
+    ] = Path("out"),
+    dataset: DatasetOption = None,
+    mapping: MappingOption = None,
+    protocol: Annotated[str, typer.Option(metavar="NAME", help="Which comparison.")] = "paper",
+    models: Annotated[
+        str | None,
+        typer.Option(metavar="NAME,NAME", help="Only these models of the protocol.", show_default=False),
+    ] = None,
+    vehicle: VehicleOption = None,
+    overrides: SetOption = None,
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Makes the run identical.")] = 0,
+    jobs: Annotated[int, typer.Option(metavar="N", help="Processes; -1 takes all cores.")] = -1,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the finished folds of an interrupted run.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Train and score every model on trips it has not seen, and write a table and a report.
+
+    Reads the trips, audits them, simulates the car, trains the correctors with one trip (and one day) left out at a
+    time, and writes results.json, folds.csv, report.html and its figures into OUT.
+    """
+    shown = console()
+    car, note = car_of(vehicle, data, dataset, mapping)
+    names = None if models is None else [name.strip() for name in models.split(",") if name.strip()]
+    options: dict[str, Any] = {
+        "protocol": protocol,
+        "models": names,
+        "vehicle": car,
+        "seed": seed,
+        "n_jobs": jobs,
+    }
+    fleet: list[Fleet] = []
+
+    def read() -> None:
+        with shown.status("reading trips"):
+            fleet.append(read_logs(data, dataset, mapping))
+
+    gather(lambda: _check(options, overrides or []), lambda: check_writable(out), read)
+    trips = replace(fleet[0], notes=(*fleet[0].notes, *([note] if note else [])))
+    shown.print(f"{len(trips.trips)} trips read ({trips.name})")
+    unfinished = unfinished_folder(out)
+    if resume and not finished_folds(unfinished):
+        shown.print("nothing to go on with: no finished folds are kept for this folder")
+    try:
+        run = _run(trips, options, unfinished, resume)
+    except KeyboardInterrupt:
+        typer.echo(
+            "interrupted: the finished folds are kept; the same command with --resume goes on", err=True
+        )
+        raise typer.Exit(INTERRUPTED) from None
+    except InvalidInput:
+        if not finished_folds(unfinished):
+            shutil.rmtree(unfinished, ignore_errors=True)
+        raise
+    with shown.status("writing the report"):
+        write_whole(lambda folder: _write(run, folder), out, unfinished)
+    _show(run, out, as_json)
+
+
+def _check(options: dict[str, Any], overrides: list[str]) -> None:
+    """Everything that can be wrong with the options, before hours of work; settles the overrides."""
+    from tripwatt.evaluation.protocols import protocol_models
+    from tripwatt.vehicles import load_vehicle, parse_overrides
+
+    def models() -> None:
+        names = options["models"]
+        protocol_models(options["protocol"], None if names is None else tuple(names))
+        if names == []:
+            raise InvalidInput(
+                Fault("no models", "--models", "an empty list", "names with commas between them")
+            )
+
+    def given() -> None:
+        options["overrides"] = parse_overrides(overrides)
+
+    def car() -> None:
+        load_vehicle(options["vehicle"], overrides=options.get("overrides"))
+
+    def jobs() -> None:
+        if options["n_jobs"] < -1 or options["n_jobs"] == 0:
+            raise InvalidInput(
+                Fault("no such number of processes", "--jobs", str(options["n_jobs"]), "-1, or 1 or more")
+            )
+
+    gather(models, given, car, jobs)
+
+
+def _run(fleet: Fleet, options: dict[str, Any], unfinished: Path, resume: bool) -> EvaluationRun:
+    from tripwatt.evaluation import evaluate as run_evaluation
+
+    with progress(console()) as report_progress:
+        return run_evaluation(
+            fleet, **options, work_dir=unfinished / "folds", resume=resume, progress=report_progress
+        )
+
+
+def _write(run: EvaluationRun, folder: Path) -> None:
+    from tripwatt.evaluation import write_results
+    from tripwatt.report import write_report
+
+    write_results(run, folder)
+    write_report(run, folder)
+
+
+def _show(run: EvaluationRun, out: Path, as_json: bool) -> None:
+    if as_json:
+        print_json(run.results)
+        return
+    from tripwatt.report import render_table
+
+    console(sys.stdout).print(render_table(run.results))
+    print_notes(run.results["notes"])
+    console().print(f"report: {out / 'report.html'}")

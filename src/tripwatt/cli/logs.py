@@ -1,0 +1,191 @@
+"""Commands on logged trips: what is wrong with them, where to get them, how their columns are named."""
+
+from __future__ import annotations
+
+import sys
+from importlib import resources
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tripwatt.cli.options import (
+    DataArgument,
+    DatasetOption,
+    JsonOption,
+    MappingOption,
+    examples,
+    read_logs,
+)
+from tripwatt.cli.placing import write_text
+from tripwatt.cli.printing import console, print_json, print_notes, print_table
+
+mapping_app = typer.Typer(
+    help="How the columns of your tables become ours: list shipped mappings, show one, or have one proposed.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+
+def add_commands(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command(
+        epilog=examples(
+            ("tripwatt audit data/tum", "every finding of every trip"),
+            ("tripwatt audit data/tum/TripB02.csv", "one trip"),
+            ("tripwatt audit drive.csv --mapping torque", "a log of the app Torque"),
+        )
+    )(audit)
+    app.command(
+        epilog=examples(
+            ("tripwatt fetch tum", "where to get the TUM trips"),
+            ("tripwatt fetch tum data/tum", "whether that folder holds them all; exit code 1 when not"),
+        )
+    )(fetch)
+    mapping_app.command("list", epilog=examples(("tripwatt mapping list", "the shipped mappings")))(
+        list_mappings
+    )
+    mapping_app.command(
+        "show", epilog=examples(("tripwatt mapping show torque > my.toml", "a copy to change"))
+    )(show_mapping)
+    mapping_app.command(
+        "suggest",
+        epilog=examples(
+            ("tripwatt mapping suggest drive.csv", "look at the proposal"),
+            ("tripwatt mapping suggest drive.csv --out my.toml", "save it, then check every line"),
+            ("tripwatt evaluate logs --mapping my.toml", "use it"),
+        ),
+    )(suggest)
+    app.add_typer(mapping_app, name="mapping")
+
+
+def audit(
+    data: DataArgument = None,
+    dataset: DatasetOption = None,
+    mapping: MappingOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Say what is wrong with logged trips, and what is done about it.
+
+    Nothing is changed on disk. Each finding names the trip, from when to when, what was found, and the consequence:
+    trimmed, split, set aside or noted.
+    """
+    from tripwatt.audit import audit as run_audit
+
+    fleet = read_logs(data, dataset, mapping)
+    found = run_audit(fleet)
+    if as_json:
+        frame = found.frame()
+        records = frame.astype(object).where(frame.notna(), None).to_dict("records")
+        used = [t.trip_id for t in found.trips]
+        print_json({"read": len(fleet.trips), "used": used, "findings": records, "notes": list(fleet.notes)})
+        return
+    title = f"{len(fleet.trips)} trips read, {len(found.trips)} drives used ({fleet.name})"
+    if found.findings:
+        columns = ("trip", "from [s]", "to [s]", "consequence", "what")
+        rows = ((f.trip, f"{f.from_s:.1f}", f"{f.to_s:.1f}", f.consequence, f.what) for f in found.findings)
+        print_table(title, columns, rows, numbers=columns[1:3], folding=("what",))
+    else:
+        console(sys.stdout).print(f"{title}: no findings")
+    print_notes(fleet.notes)
+
+
+def fetch(
+    dataset: Annotated[str, typer.Argument(metavar="DATASET", help="Data set: tum.")] = "tum",
+    folder: Annotated[
+        Path | None, typer.Argument(metavar="FOLDER", help="Folder to check.", show_default=False)
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Say where to get a data set, and check what is already in FOLDER.
+
+    Nothing is downloaded: the data belong to their authors, who ask for an account or a name.
+    """
+    from tripwatt.sources import check_folder, where_to_get
+
+    if folder is None:
+        where = where_to_get(dataset)
+        print_json({"where": where}) if as_json else typer.echo(where)
+        return
+    report = check_folder(folder, dataset)
+    print_json(report.as_dict()) if as_json else typer.echo(report.text())
+    if not report.complete:
+        raise typer.Exit(1)
+
+
+def list_mappings(as_json: JsonOption = False) -> None:
+    """The mappings that come with the package, and the logger each is for."""
+    from tripwatt.sources.mapping import shipped_mappings
+
+    about = {name: _comment(_shipped_text(name)) for name in shipped_mappings()}
+    if as_json:
+        print_json([{"name": name, "about": text} for name, text in about.items()])
+    else:
+        print_table("Mappings for --mapping NAME", ("name", "about"), about.items(), folding=("about",))
+
+
+def show_mapping(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="A name of `tripwatt mapping list`.")],
+    as_json: JsonOption = False,
+) -> None:
+    """Print a mapping that comes with the package, to copy and change."""
+    from tripwatt.errors import Fault, InvalidInput
+    from tripwatt.sources.mapping import shipped_mappings
+
+    if name not in shipped_mappings():
+        raise InvalidInput(Fault("no such mapping", "NAME", name, ", ".join(shipped_mappings())))
+    text = _shipped_text(name)
+    print_json({"name": name, "toml": text}) if as_json else typer.echo(text, nl=False)
+
+
+def suggest(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A CSV or Parquet file of one of your trips.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FILE",
+            help="Write the TOML here instead of printing it.",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Propose a mapping for a table from its header and its values, and explain each guess.
+
+    Exit code 1 when something has to be added by hand before the mapping can be used.
+    """
+    from dataclasses import asdict
+
+    from tripwatt.sources.suggest import suggest_mapping
+
+    proposal = suggest_mapping(file)
+    if out is not None:
+        write_text(proposal.toml, out)
+    if as_json:
+        print_json(asdict(proposal))
+    elif out is None:
+        typer.echo(proposal.toml, nl=False)
+    else:
+        columns = ("ours", "column", "unit", "why")
+        print_table(
+            f"Proposed in {out}", columns, [(g.ours, g.column, g.unit, g.why) for g in proposal.guesses]
+        )
+    if proposal.missing:
+        print_notes(f"add {what} by hand" for what in proposal.missing)
+        raise typer.Exit(1)
+
+
+def _shipped_text(name: str) -> str:
+    return (resources.files("tripwatt.sources") / "mappings" / f"{name}.toml").read_text("utf-8")
+
+
+def _comment(text: str) -> str:
+    """The comment at the head of a TOML text, in one line."""
+    head = []
+    for line in text.splitlines():
+        if not line.startswith("#"):
+            break
+        head.append(line.lstrip("# "))
+    return " ".join(head)

@@ -1,0 +1,173 @@
+"""Options that commands share, and what they stand for: a fleet of trips, a car."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from tripwatt.errors import Fault, InvalidInput
+
+if TYPE_CHECKING:
+    from tripwatt.trips import Fleet
+
+DataArgument = Annotated[
+    Path | None,
+    typer.Argument(
+        metavar="DATA",
+        help="Folder or file of logged trips. Left out: the built-in synthetic fleet.",
+        show_default=False,
+    ),
+]
+DatasetOption = Annotated[
+    str | None,
+    typer.Option(
+        "--dataset",
+        metavar="NAME",
+        help="How DATA is laid out: tum, ved or table. Left out: table with --mapping or where DATA is one file "
+        "that is no TUM trip, else tum.",
+        show_default=False,
+    ),
+]
+MappingOption = Annotated[
+    str | None,
+    typer.Option(
+        "--mapping",
+        metavar="FILE.toml|NAME",
+        help="Columns and units of a table: your TOML file, or one of `tripwatt mapping list`.",
+        show_default=False,
+    ),
+]
+VehicleOption = Annotated[
+    str | None,
+    typer.Option(
+        "--vehicle",
+        metavar="NAME|FILE.toml",
+        help="The car: one of `tripwatt vehicles`, or your TOML file. Left out: the car of the data set, for a table "
+        "the BMW i3.",
+        show_default=False,
+    ),
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Replace one value of the car, e.g. mass=1300; may be repeated. Keys: those of `tripwatt vehicles NAME`, "
+        "or short names such as mass, payload, c_d, c_rr, base_load, setpoint.",
+        show_default=False,
+    ),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for machines instead of a table.")]
+
+CARS: Final[Mapping[str, str]] = MappingProxyType(
+    {"synthetic": "bmw_i3_60ah", "tum": "bmw_i3_60ah", "ved": "nissan_leaf_24"}
+)
+"""Data set -> the car that drove it."""
+
+UNKNOWN_CAR: Final = "bmw_i3_60ah"
+"""The car of a table that is not said to be another's; the commands note it."""
+
+
+def read_logs(data: Path | None, dataset: str | None, mapping: str | None) -> Fleet:
+    """The trips that a user means by DATA, --dataset and --mapping.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of the data.
+    """
+    if data is None:
+        from tripwatt.synthetic import synthetic_fleet
+
+        unused = {"--dataset": dataset, "--mapping": mapping}
+        faults = [Fault("without DATA nothing is read", k, v) for k, v in unused.items() if v is not None]
+        if faults:
+            raise InvalidInput(faults)
+        return synthetic_fleet()
+    from tripwatt.sources import read_fleet
+
+    if dataset in (None, "tum") and mapping is None and data.is_file():
+        single = _single_tum_trip(data)
+        if single is not None:
+            return single
+    if dataset is None:
+        dataset = "table" if mapping is not None or data.is_file() else "tum"
+    return read_fleet(data, dataset, mapping)
+
+
+def _single_tum_trip(path: Path) -> Fleet | None:
+    """A file of the TUM set as a fleet of one trip, with its line of the sheet beside it; None for another file."""
+    from tripwatt.sources.tum import CITATION, OVERVIEW_NAME, REFERENCE_TRIPS, read_tum_file, trip_files
+    from tripwatt.sources.tum_overview import read_overview
+    from tripwatt.trips import Fleet
+
+    try:
+        files, _ = trip_files(path.parent)
+    except InvalidInput:
+        return None
+    trip_id = next((name for name, file in files.items() if file.name == path.name), None)
+    if trip_id is None:
+        return None
+    contexts, notes = read_overview(path.parent / OVERVIEW_NAME, (trip_id,))
+    trip = read_tum_file(path, trip_id, contexts.get(trip_id))
+    return Fleet("tum", (trip,), tuple(notes), REFERENCE_TRIPS, CITATION)
+
+
+def car_of(
+    vehicle: str | None, data: Path | None, dataset: str | None, mapping: str | None
+) -> tuple[str, str]:
+    """The car's name, and a note where it was not said and the data set does not say it either.
+
+    Examples
+    --------
+    >>> car_of(None, Path("logs"), "ved", None)
+    ('nissan_leaf_24', '')
+    """
+    if vehicle is not None:
+        return vehicle, ""
+    if data is None:
+        return CARS["synthetic"], ""
+    if dataset is not None and dataset in CARS:
+        return CARS[dataset], ""
+    if dataset is None and mapping is None and (not data.is_file() or data.name.lower().startswith("trip")):
+        return CARS["tum"], ""
+    return (
+        UNKNOWN_CAR,
+        f"the car is not known: taken for {UNKNOWN_CAR}; say --vehicle (see `tripwatt vehicles`)",
+    )
+
+
+def gather(*checks: Callable[[], object]) -> None:
+    """Run all checks and raise one `InvalidInput` with the faults of all of them.
+
+    Examples
+    --------
+    >>> gather(lambda: None)
+    """
+    faults: list[Fault] = []
+    for check in checks:
+        try:
+            check()
+        except InvalidInput as error:
+            faults += error.faults
+    if faults:
+        raise InvalidInput(faults)
+
+
+def examples(*lines: tuple[str, str]) -> str:
+    r"""The end of a command's help: what it does, and below it what to type.
+
+    Examples
+    --------
+    >>> print(examples(("tripwatt simulate", "a trip of the synthetic fleet")).replace("\b", ""))
+    <BLANKLINE>
+    Examples:
+      # a trip of the synthetic fleet
+      tripwatt simulate
+    """
+    shown = "\n".join(f"  # {meaning}\n  {command}" for command, meaning in lines)
+    return f"\b\nExamples:\n{shown}"  # \b: click keeps the lines of the paragraph

@@ -1,0 +1,368 @@
+"""One forecast: energy and state of charge along the trip with bands, why, and the same again on the way."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecast.gain import EXACT_W2, Gain
+from tripwatt.forecast.process import Belief, Blocks, ResidualProcess, prior
+from tripwatt.forecast.scores import Scores
+from tripwatt.hybrid import BlockTable
+from tripwatt.physics import Simulation
+from tripwatt.trips import (
+    FloatArray,
+    Trip,
+    observed_cumulative_energy,
+    raise_faults,
+    structure_faults,
+    value_faults,
+)
+from tripwatt.units import SECONDS_PER_HOUR
+from tripwatt.vehicles import Vehicle
+
+QUANTILES: Final = (0.025, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.975)
+ARRIVAL_LEVELS: Final = (0.0, 0.05, 0.1, 0.2)
+BAND: Final = 0.9
+GAP_S: Final = 15.0
+"""A longer gap between samples leaves the blocks under it unmeasured."""
+SOC_STEP: Final = 0.005
+"""Smallest step that a logged state of charge is trusted to."""
+CAPACITY_SD: Final = 0.03
+"""Relative doubt of the energy behind a unit of state of charge: ageing and temperature."""
+MIN_COVER: Final = 0.3
+"""Share of a block that has to be measured before it counts as observed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Forecast:
+    """Forecast of one trip; `update` makes a new one.
+
+    Attributes
+    ----------
+    plan : Trip
+        What was known at departure.
+    table : BlockTable
+    correction_w : ndarray, shape (blocks,)
+        Learned correction of the power before departure [W].
+    belief : Belief
+        Of the residual power that remains: mean 0 before departure.
+    widening : float
+        Factor of the standard deviation for what training never saw.
+    measured_until_s : float
+        Time up to which the trip was measured [s since departure]; 0 before departure.
+    measured_wh, measured_hours : ndarray or None, shape (blocks,)
+        Energy that was measured in each block, and for how long; None before departure.
+    """
+
+    plan: Trip
+    vehicle: Vehicle
+    simulation: Simulation
+    table: BlockTable
+    correction_w: FloatArray
+    blocks: Blocks
+    process: ResidualProcess
+    belief: Belief
+    scores: Scores
+    gain: Gain
+    widening: float = 1.0
+    flags: tuple[str, ...] = ()
+    measured_until_s: float = 0.0
+    measured_wh: FloatArray | None = None
+    measured_hours: FloatArray | None = None
+    anchor: tuple[float, float] | None = field(default=None)
+    """Time [s] and state of charge (battery management's) of the last reading; None for the start."""
+
+    @classmethod
+    def at_departure(
+        cls,
+        *,
+        plan: Trip,
+        vehicle: Vehicle,
+        simulation: Simulation,
+        table: BlockTable,
+        correction_w: FloatArray,
+        blocks: Blocks,
+        process: ResidualProcess,
+        scores: Scores,
+        gain: Gain,
+        outside: Mapping[str, float],
+        unknown: Sequence[str],
+    ) -> Forecast:
+        """The forecast before departure."""
+        flags = [
+            f"{name} is outside the training range by {beyond:.1f} sd" for name, beyond in outside.items()
+        ]
+        flags += [f"{name} is unknown: its usual value is assumed" for name in unknown]
+        if "elevation_m" not in plan and "grade" not in plan:
+            flags.append("no elevation: the road counts as flat")
+        return cls(
+            plan=plan,
+            vehicle=vehicle,
+            simulation=simulation,
+            table=table,
+            correction_w=correction_w,
+            blocks=blocks,
+            process=process,
+            belief=prior(process, blocks),
+            scores=scores,
+            gain=gain,
+            widening=float(np.sqrt(1.0 + sum(b**2 + 0.25 for b in outside.values()) + 0.1 * len(unknown))),
+            flags=(*flags, *simulation.flags),
+        )
+
+    @property
+    def power_w(self) -> FloatArray:
+        """Mean power of each block [W], shape (blocks,)."""
+        return self.table.simulated_w + self.correction_w + self.belief.mean_w
+
+    @property
+    def open_hours(self) -> FloatArray:
+        """Part of each block that was not measured [h], shape (blocks,)."""
+        if self.measured_hours is None:
+            return self.table.hours
+        return np.maximum(self.table.hours - self.measured_hours, 0.0)
+
+    @property
+    def block_energy_wh(self) -> FloatArray:
+        """Energy of each block [Wh]: what was measured, and the mean power over the rest of it."""
+        ahead = self.power_w * self.open_hours
+        return ahead if self.measured_wh is None else np.asarray(self.measured_wh + ahead)
+
+    @property
+    def energy_wh(self) -> float:
+        """Energy of the whole trip [Wh]."""
+        return float(self.block_energy_wh.sum())
+
+    @property
+    def sd_wh(self) -> float:
+        """Standard deviation of the energy of the whole trip [Wh]."""
+        return float(self._cumulative_sd()[-1])
+
+    def quantile(self, p: float) -> float:
+        """Quantile of the energy of the whole trip [Wh]."""
+        return self.energy_wh + float(np.sign(p - 0.5)) * self.scores.factor(abs(2.0 * p - 1.0)) * self.sd_wh
+
+    def interval(self, level: float) -> tuple[float, float]:
+        """Central interval of the energy of the whole trip [Wh]."""
+        half = self.scores.factor(level) * self.sd_wh
+        return self.energy_wh - half, self.energy_wh + half
+
+    def probability_below(self, energy_wh: float) -> float:
+        """Probability that the trip takes less than `energy_wh`."""
+        if self.sd_wh <= 0.0:
+            return float(self.energy_wh <= energy_wh)
+        return self.scores.probability((energy_wh - self.energy_wh) / self.sd_wh)
+
+    @property
+    def wh_per_soc(self) -> float:
+        """Terminal energy behind a unit of the battery management's state of charge [Wh]."""
+        return self.vehicle.battery.capacity_ah * float(np.mean(self.simulation.terminal_voltage_v))
+
+    @property
+    def soc_arrival(self) -> float:
+        """Displayed state of charge at the end of the trip; below 0 when the battery does not last."""
+        return float(self._displayed(self._soc_after(np.array([self.energy_wh])))[0])
+
+    def p_arrive(self, displayed_soc: float = 0.0) -> float:
+        """Probability to arrive with at least this displayed state of charge."""
+        soc = self.vehicle.battery.soc_from_displayed(displayed_soc)
+        time, start = self.anchor or (0.0, float(self.simulation.soc[0]))
+        return self.probability_below((start - soc) * self.wh_per_soc + self._energy_at(time))
+
+    def series(self) -> pd.DataFrame:
+        """Along the route, a row at the end of each block and one at the start.
+
+        Returns
+        -------
+        DataFrame
+            `time_s, distance_m, energy_wh, energy_low_wh, energy_high_wh, displayed_soc, displayed_soc_low,
+            displayed_soc_high`; the band is the central 90 %.
+        """
+        energy = np.concatenate(([0.0], np.cumsum(self.block_energy_wh)))
+        half = self.scores.factor(BAND) * np.concatenate(([0.0], self._cumulative_sd()))
+        time = np.concatenate(([0.0], np.cumsum(self.table.hours) * SECONDS_PER_HOUR))
+        speed = self.table.features["speed_m_s"].to_numpy()
+        distance = np.concatenate(([0.0], np.cumsum(speed * self.table.hours * SECONDS_PER_HOUR)))
+        low, high = energy - half, energy + half
+        return pd.DataFrame(
+            {
+                "time_s": time,
+                "distance_m": distance,
+                "energy_wh": energy,
+                "energy_low_wh": low,
+                "energy_high_wh": high,
+                "displayed_soc": self._displayed(self._soc_after(energy)),
+                "displayed_soc_low": self._displayed(self._soc_after(high)),
+                "displayed_soc_high": self._displayed(self._soc_after(low)),
+            }
+        )
+
+    @property
+    def by_cause_wh(self) -> dict[str, float]:
+        """Energy by cause [Wh]; the parts add up to `energy_wh`. `battery_loss` is inside the battery and not counted."""
+        parts = {cause: float(energy[-1]) for cause, energy in self.simulation.energy_by_cause_wh.items()}
+        simulated = float(self.table.simulated_w @ self.table.hours)
+        parts["learned_correction"] = self.energy_wh - simulated
+        parts["hvac"] += simulated - sum(
+            v for k, v in parts.items() if k != "learned_correction"
+        )  # rounding of blocks
+        return parts
+
+    @property
+    def battery_loss_wh(self) -> float:
+        """Heat in the battery itself [Wh], on top of the energy at its terminals."""
+        step = np.diff(self.simulation.time_s, prepend=self.simulation.time_s[0])
+        return float(self.simulation.battery_loss_w @ step / SECONDS_PER_HOUR)
+
+    def update(self, observed: pd.DataFrame) -> Forecast:
+        """Forecast again from what was measured so far. O(blocks^2 x measured blocks).
+
+        Parameters
+        ----------
+        observed : DataFrame
+            Samples since departure, `time_s` on the clock of the trip's own samples. With `voltage_v` and
+            `current_a` each block that was measured counts, gaps stay unmeasured. Without them `soc` or
+            `displayed_soc` count.
+
+        Returns
+        -------
+        Forecast
+
+        Raises
+        ------
+        InvalidInput
+            With every fault of the samples.
+        """
+        samples = observed if "speed_m_s" in observed else observed.assign(speed_m_s=0.0)
+        raise_faults(structure_faults(samples, "observed samples"))
+        raise_faults(value_faults(samples, "observed samples"))
+        time = np.asarray(samples["time_s"], dtype=np.float64)
+        soc = self._measured_soc(samples)
+        measured_wh = measured_hours = None
+        if {"voltage_v", "current_a"} <= set(samples.columns):
+            measured_wh, measured_hours = self._measured(samples, time)
+            weights, power, variance = self._observed_power(measured_wh, measured_hours)
+        elif soc is not None:
+            weights, power, variance = self._observed_soc(time, soc)
+        else:
+            where = f"columns {sorted(samples.columns)}"
+            raise InvalidInput(
+                Fault("nothing measured", "observed samples", where, "voltage_v and current_a, or soc")
+            )
+        mean = self.table.simulated_w + self.correction_w
+        belief = prior(self.process, self.blocks).given(weights, power - weights @ mean, variance)
+        edges = np.concatenate(([0.0], np.cumsum(self.blocks.step_s)))
+        rest = np.clip((edges[1:] - time[-1]) / self.blocks.step_s, 0.0, 1.0)
+        belief = self.gain.applied(belief, rest, float(time[-1] / edges[-1]))
+        anchor = None
+        if soc is not None and np.isfinite(soc).any():
+            last = int(np.flatnonzero(np.isfinite(soc))[-1])
+            anchor = (float(time[last]), float(soc[last]))
+        return replace(
+            self,
+            belief=belief,
+            measured_until_s=float(time[-1]),
+            measured_wh=measured_wh,
+            measured_hours=measured_hours,
+            anchor=anchor,
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """What the command line and the service answer, plain values."""
+        return {
+            "trip": self.plan.trip_id,
+            "given": "the driven speed trace",
+            "energy_wh": self.energy_wh,
+            "quantiles_wh": {f"{p:g}": self.quantile(p) for p in QUANTILES},
+            "soc_arrival": self.soc_arrival,
+            "p_arrive": {f"{level:g}": self.p_arrive(level) for level in ARRIVAL_LEVELS},
+            "series": {name: values.tolist() for name, values in self.series().items()},
+            "by_cause_wh": self.by_cause_wh,
+            "battery_loss_wh": self.battery_loss_wh,
+            "measured_until_s": self.measured_until_s,
+            "flags": list(self.flags),
+        }
+
+    def _cumulative_sd(self) -> FloatArray:
+        sd = self.belief.energy_wh(self.open_hours * SECONDS_PER_HOUR)[1]
+        ahead = np.cumsum(self.open_hours) / self.table.hours.sum()
+        return self.widening * np.asarray(np.hypot(sd, self.blocks.doubt_wh * ahead))
+
+    def _energy_at(self, time_s: float) -> float:
+        ends = np.concatenate(([0.0], np.cumsum(self.table.hours) * SECONDS_PER_HOUR))
+        return float(np.interp(time_s, ends, np.concatenate(([0.0], np.cumsum(self.block_energy_wh)))))
+
+    def _soc_after(self, energy_wh: FloatArray) -> FloatArray:
+        """State of charge when so much energy was taken since departure."""
+        time, soc = self.anchor or (0.0, float(self.simulation.soc[0]))
+        return np.asarray(soc - (energy_wh - self._energy_at(time)) / self.wh_per_soc)
+
+    def _displayed(self, soc: FloatArray) -> FloatArray:
+        zero, full = self.vehicle.battery.displayed_zero_soc, self.vehicle.battery.displayed_full_soc
+        return np.asarray((soc - zero) / (full - zero))
+
+    def _measured_soc(self, samples: pd.DataFrame) -> FloatArray | None:
+        if "soc" in samples and samples["soc"].notna().any():
+            return np.asarray(samples["soc"], dtype=np.float64)
+        if "displayed_soc" in samples and samples["displayed_soc"].notna().any():
+            displayed = np.asarray(samples["displayed_soc"], dtype=np.float64)
+            zero, full = self.vehicle.battery.displayed_zero_soc, self.vehicle.battery.displayed_full_soc
+            return zero + displayed * (full - zero)
+        return None
+
+    def _measured(self, samples: pd.DataFrame, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Energy [Wh] and time [h] of each block that the samples cover; long gaps cover nothing."""
+        cumulative = observed_cumulative_energy(samples)
+        assert cumulative is not None
+        step = np.diff(time)
+        sound = step <= GAP_S
+        edges = np.concatenate(([0.0], np.cumsum(self.blocks.step_s)))
+        edges[-1] = max(edges[-1], time[-1])
+        seconds = np.concatenate(([0.0], np.cumsum(np.where(sound, step, 0.0))))
+        gained = np.concatenate(([0.0], np.cumsum(np.where(sound, np.diff(cumulative), 0.0))))
+        covered = np.diff(np.interp(edges, time, seconds))
+        return np.diff(np.interp(edges, time, gained)), covered / SECONDS_PER_HOUR
+
+    def _observed_power(
+        self, measured_wh: FloatArray, measured_hours: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Mean measured power of each block that was measured for long enough, as weights, values, variances."""
+        share = np.minimum(measured_hours / self.table.hours, 1.0)
+        seen = np.flatnonzero(share >= MIN_COVER)
+        noise = (self.process.noise_factor * self.blocks.spread_w[seen]) ** 2
+        variance = (1.0 - share[seen]) * noise + EXACT_W2
+        return np.eye(len(self.blocks))[seen], measured_wh[seen] / measured_hours[seen], variance
+
+    def _observed_soc(self, time: FloatArray, soc: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Mean power between readings of the state of charge that differ by a few steps."""
+        known = np.isfinite(soc)
+        time, soc = time[known], soc[known]
+        changes = np.unique(np.concatenate(([0], np.flatnonzero(np.diff(soc) != 0) + 1)))
+        resolution = max(
+            float(np.min(np.abs(np.diff(soc[changes])))) if len(changes) > 1 else SOC_STEP, SOC_STEP
+        )
+        marks = [0]
+        for k in changes[1:]:
+            if abs(soc[k] - soc[marks[-1]]) >= 3.0 * resolution:
+                marks.append(int(k))
+        if len(marks) < 2:
+            empty = np.empty(0)
+            return np.empty((0, len(self.blocks))), empty, empty
+        edges = np.concatenate(([0.0], np.cumsum(self.blocks.step_s)))
+        weights, power, variance = [], [], []
+        for a, b in itertools.pairwise(marks):
+            inside = np.clip(np.minimum(edges[1:], time[b]) - np.maximum(edges[:-1], time[a]), 0.0, None)
+            hours = (time[b] - time[a]) / SECONDS_PER_HOUR
+            taken = (soc[a] - soc[b]) * self.wh_per_soc
+            doubt = (resolution * self.wh_per_soc) ** 2 / 6.0 + (CAPACITY_SD * taken) ** 2
+            weights.append(inside / (time[b] - time[a]))
+            power.append(taken / hours)
+            variance.append(doubt / hours**2)
+        return np.array(weights), np.array(power), np.array(variance)

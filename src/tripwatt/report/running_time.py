@@ -1,0 +1,136 @@
+"""How long each model takes to fit and to predict, as the paper compares its correctors."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from tripwatt.report.models import model_style
+from tripwatt.report.sentences import label
+from tripwatt.report.style import INK, model_rows, new_figure, styled
+from tripwatt.report.tables import Table, number
+from tripwatt.report.view import Record, View, of_evaluation
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from matplotlib.figure import Figure
+
+PAPER_SAYS: Final = "GAMMs have a longer running time compared to the others"
+"""The paper's words on running time (arXiv:2405.10984, Evaluation and Results); it prints no figure."""
+
+
+def timed_models(view: View) -> list[str]:
+    """Models of the main evaluation that learn, and whose times are known, in table order."""
+    models: Mapping[str, Record] = view.main.get("models") or {}
+    return [
+        m
+        for m in view.models
+        if model_style(m).kind != "physics"
+        and all(_positive(models[m].get(key)) for key in ("fit_s", "predict_ms"))
+    ]
+
+
+def correctors(view: View) -> list[str]:
+    """Those of `timed_models` that correct the paper's physics, which are what the paper compares."""
+    return [m for m in timed_models(view) if model_style(m).stands_on == "physics-paper"]
+
+
+def _positive(value: object) -> bool:
+    return isinstance(value, int | float) and bool(np.isfinite(value)) and value > 0
+
+
+def duration(seconds: float) -> str:
+    r"""A time in the unit that fits it.
+
+    Examples
+    --------
+    >>> duration(0.0042), duration(1.25)
+    ('4.2\xa0ms', '1.2\xa0s')
+    """
+    factor, unit = (1.0, "s") if seconds >= 1 else (1e3, "ms") if seconds >= 1e-3 else (1e6, "µs")
+    value = factor * seconds
+    return f"{value:,.0f}\u00a0{unit}" if value >= 100 else f"{value:.2g}\u00a0{unit}"
+
+
+def on_running_time(view: View) -> str:
+    """Which corrector takes longest to fit and to predict, and how that compares with what the paper says."""
+    names, models = correctors(view), view.main.get("models") or {}
+    if not names:
+        return "No corrector of the paper's physics was timed in this run."
+    fit = {m: float(models[m]["fit_s"]) for m in names}
+    predict = {m: float(models[m]["predict_ms"]) / 1e3 for m in names}
+    parts = [f"{label(m)} {duration(fit[m])} and {duration(predict[m])}" for m in names]
+    text = f"To fit, and to predict one trip: {'; '.join(parts)}."
+    if "gamm" not in fit or len(fit) == 1:
+        return text
+    others = [m for m in names if m != "gamm"]
+    slowest, longest = max(others, key=lambda m: fit[m]), max(others, key=lambda m: predict[m])
+    said = f"; the paper says that {PAPER_SAYS}" if view.paper_mape else ""
+    return (
+        f"The GAMM's fit takes {_short(fit['gamm'] / fit[slowest])} times as long as that of {label(slowest)}, the slowest of the "
+        f"other correctors, and its prediction {_short(predict['gamm'] / predict[longest])} times as long as that of "
+        f"{label(longest)}{said}. {text}"
+    )
+
+
+def running_time_table(view: View) -> Table:
+    """Fit and prediction time of every model that learns."""
+    models = view.main.get("models") or {}
+    rows = [
+        (label(m), number(models[m]["fit_s"], 1.0, 3), number(models[m]["predict_ms"], 1.0, 2))
+        for m in timed_models(view)
+    ]
+    caption = "Wall time on one core of this machine"
+    return Table(
+        f"{caption} (synthetic trips)" if view.synthetic else caption,
+        ("Model", "One fit on the training trips [s]", "Predicting one trip [ms]"),
+        tuple(rows),
+    )
+
+
+def _short(value: float) -> str:
+    """Two digits of a positive number, without a power of ten."""
+    return f"{value:,.0f}" if value >= 10 else f"{float(f'{value:.2g}'):.12g}"
+
+
+@styled
+def plot_running_time(view: View) -> Figure:
+    """Fit and prediction time of every model that learns, on logarithmic axes.
+
+    Parameters
+    ----------
+    view : View
+        Its main evaluation is shown.
+    """
+    from matplotlib.ticker import FuncFormatter
+
+    names, models = timed_models(view), view.main["models"]
+    figure = new_figure(1.6 + 0.27 * len(names), "Running time", of_evaluation(view.main), view.synthetic)
+    panels = figure.subplots(1, 2, sharey=True)
+    for axes, key, words in (
+        (panels[0], "fit_s", "one fit [s]"),
+        (panels[1], "predict_ms", "predicting one trip [ms]"),
+    ):
+        values = np.array([float(models[m][key]) for m in names])
+        for row, (model, value) in enumerate(zip(names, values, strict=True)):
+            axes.plot(value, row, "o", color=model_style(model).colour, ms=6, gid=f"{key}-{row}")
+            axes.annotate(
+                _short(value),
+                (value, row),
+                (0, 6),
+                textcoords="offset points",
+                ha="center",
+                fontsize=7.5,
+                color=INK,
+            )
+        axes.set_xscale("log")
+        axes.set_xlim(values.min() / 4, values.max() * 4)
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _short(value)))
+        axes.minorticks_off()
+        axes.set_xlabel(words)
+        axes.grid(axis="x")
+        model_rows(axes, names)
+    panels[1].tick_params(labelleft=False)
+    return figure

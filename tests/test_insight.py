@@ -1,0 +1,107 @@
+"""What the fitted learners say of themselves."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tripwatt.evaluation.insight import insight, outside_the_others
+from tripwatt.evaluation.protocols import protocol_models
+from tripwatt.gam import RandomEffects
+from tripwatt.hybrid import Table2Corrector, TripTable, build_table
+from tripwatt.synthetic import synthetic_fleet
+from tripwatt.vehicles import load_vehicle
+
+GAMM = protocol_models("paper", ("gamm",))
+
+
+@pytest.fixture(scope="module")
+def table() -> TripTable:
+    car = {"physics-paper": load_vehicle("bmw_i3_60ah", preset="paper")}
+    return build_table(synthetic_fleet(n_trips=6, seed=3).trips, car)
+
+
+def test_gamm_is_kept_with_its_numbers(table: TripTable) -> None:
+    found = insight(table, GAMM, 0).gamm
+    assert found is not None
+    assert found.summary.n == len(found.diagnosis.qq.residual)
+    assert found.row_step_s == 60 * found.full_step_s == 60.0
+    (trips,) = (e for e in found.effects.values() if isinstance(e, RandomEffects))
+    assert set(trips.level) == set(table.trip_ids)
+    model = GAMM[0].build(0).fit(table).corrector.model_
+    by_number = dict(zip(model.levels_["trip"], model.coef_[model.blocks_[-1].slice], strict=True))
+    shown = dict(zip(trips.level, trips.effect, strict=True))
+    for number, name in enumerate(table.trip_ids):
+        assert shown[name] == pytest.approx(by_number[str(number)], rel=1e-6)
+
+
+def test_a_weather_of_the_data_set_that_no_trip_has_is_shown_as_zero(table: TripTable) -> None:
+    found = insight(table, GAMM, 0, weathers=("never seen",)).gamm
+    assert found is not None
+    never = found.summary.parametric.loc["weathernever seen"]
+    assert never[["estimate", "std_error"]].tolist() == [0.0, 0.0]
+    assert np.isnan(never["p_value"])
+
+
+def test_a_run_without_gamm_has_none(table: TripTable) -> None:
+    assert insight(table, protocol_models("paper", ("constant", "physics-paper")), 0).gamm is None
+
+
+def test_trips_outside_the_others_by_brute_force(table: TripTable) -> None:
+    found = outside_the_others(table)
+    winter = np.array([t.context.season == "winter" for t in table.trips])[table.groups]
+    expected = []
+
+    def beyond(own: pd.Series, rest: pd.Series) -> pd.Series:
+        return (own < rest.min()) | (own > rest.max())
+
+    for name, column in table.covariates.items():
+        parts: dict[str, list] = {name: [], f"{name} in winter": []}
+        for i, trip in enumerate(table.trip_ids):
+            own = table.groups == i
+            out = pd.Series(False, index=column[own].index)
+            if name == "weather":
+                out = ~column[own].isin(column[~own].unique())
+            elif name != "season":
+                out = beyond(column[own], column[~own])
+                if name in ("time_s", "ambient_temperature_degc") and winter[own].all():
+                    late = beyond(column[own], column[~own & winter]) & ~out
+                    parts[f"{name} in winter"].append((trip, f"{name} in winter", late.mean()))
+            parts[name].append((trip, name, out.mean()))
+        expected += [row for rows in parts.values() for row in rows if row[2] > 0]
+    pd.testing.assert_frame_equal(found, pd.DataFrame(expected, columns=["trip", "covariate", "share"]))
+    assert {"time_s", "ambient_temperature_degc in winter"} & set(found["covariate"])
+
+
+def test_a_level_without_data_predicts_like_one_never_declared(table: TripTable) -> None:
+    X, groups = table.covariates, table.groups
+    y = table.observed_wh - table.simulated_wh["physics-paper"]
+    declared = X.assign(weather=X["weather"].cat.add_categories(["hail"]))
+    hail = declared.assign(weather=pd.Categorical(["hail"] * len(X), categories=["hail"]))
+    with_level = Table2Corrector(every_rows=10).fit(declared, y, groups).predict(hail)
+    without = Table2Corrector(every_rows=10).fit(X, y, groups).predict(hail)
+    np.testing.assert_allclose(with_level, without, rtol=1e-4, atol=0.1)
+
+
+def test_terms_that_cannot_vary_are_left_out_and_named(table: TripTable) -> None:
+    same = table.covariates.assign(
+        ambient_temperature_degc=20.0, weather=pd.Categorical(["sunny"] * len(table.covariates))
+    )
+    flat = replace(table, covariates=same)
+    found = insight(flat, GAMM, 0, weathers=("rainy",)).gamm
+    assert found is not None
+    assert set(found.left_out) == {
+        "weather",
+        "s(ambient_temperature_degc)",
+        "s(ambient_temperature_degc, by=winter)",
+        "s(ambient_temperature_degc, elevation_difference_m, k=30)",
+    }
+    assert not any("ambient" in term for term in found.summary.smooth.index)
+
+
+def test_evaluation_draws_nothing() -> None:
+    code = "import sys, tripwatt.evaluation.run, tripwatt.gam; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,74 @@
+"""What is generated is what its source says: the README's results, the page of the command line."""
+
+import importlib.util
+import json
+import re
+import shutil
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+DOCS = ROOT / "docs"
+
+
+def script(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def write_cli() -> ModuleType:
+    return script("write_cli")
+
+
+def test_readme_shows_the_published_results(tmp_path: Path) -> None:
+    readme = tmp_path / "README.md"
+    shutil.copy(ROOT / "README.md", readme)
+    publish = script("publish_results").publish
+    copy = publish(DOCS / "results" / "paper.json", tmp_path / "results", readme)
+    assert readme.read_text(encoding="utf-8") == (ROOT / "README.md").read_text(encoding="utf-8"), (
+        "make readme"
+    )
+    published = (DOCS / "results" / "paper.json").read_text(encoding="utf-8")
+    assert copy.read_text(encoding="utf-8") == published
+    changed = json.loads(published)
+    changed["evaluations"][0]["models"]["boosting"]["mape"] = 0.777
+    (tmp_path / "results.json").write_text(json.dumps(changed), encoding="utf-8")
+    publish(tmp_path, tmp_path / "results", readme)
+    assert "77.7" in readme.read_text(encoding="utf-8")
+
+
+def test_published_results_are_of_real_trips_and_hold_no_samples() -> None:
+    results = json.loads((DOCS / "results" / "paper.json").read_text(encoding="utf-8"))
+    assert results["synthetic"] is False
+    assert results["evaluations"][0]["n_trips"] == 58
+    assert (DOCS / "results" / "paper.json").stat().st_size < 200_000
+
+
+def test_page_of_the_command_line_is_complete_and_up_to_date(write_cli: ModuleType) -> None:
+    page = (DOCS / "cli.md").read_text(encoding="utf-8")
+    assert page == write_cli.render(), "run docs/write_cli.py"
+    for name, command in write_cli.commands(write_cli.typer.main.get_command(write_cli.app)):
+        assert f"## {name}\n" in page
+        assert command.help, name
+        for parameter in command.params:
+            if parameter.name != "help":
+                assert parameter.help, f"{name} {parameter.name}"
+                assert max(parameter.opts, key=len).lstrip("-").lower() in page.lower()
+
+
+def test_every_command_teaches_with_examples_that_exist(write_cli: ModuleType) -> None:
+    known = dict(write_cli.commands(write_cli.typer.main.get_command(write_cli.app)))
+    page = (DOCS / "cli.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```sh\n(.*?)```", page, flags=re.DOTALL)
+    assert len(blocks) == len(known)
+    for line in (line for block in blocks for line in block.splitlines() if line.startswith("tripwatt")):
+        name = max((n for n in known if line.startswith(n)), key=len)
+        options = {option for parameter in known[name].params for option in parameter.opts}
+        assert set(re.findall(r"\s(--[a-z-]+)", line)) <= options, line
