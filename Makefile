@@ -43,4 +43,4 @@ readme: .venv/.ready  ## the table of the README from OUT/results.json, which is
 	.venv/bin/python docs/publish_results.py $(OUT)
 
 clean:
-	rm -rf .venv .venv-check .venv-bench out bench.json
+	rm -rf .venv .venv-check .venv-bench out out.unfinished bench.json

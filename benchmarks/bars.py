@@ -144,6 +144,7 @@ def ratio_at_least(bound: float) -> Made:
 SPEED: Mapping[str, tuple[Made, ...]] = {
     "simulate the trips at 1 Hz, one process": (value_at_least(1e6), ratio_at_least(20)),
     "read the TUM trips": (value_at_most(4.0),),
+    pipeline.READ_VED: (value_at_most(3.0),),
     "peak memory of reading the TUM trips": (value_at_most(1024.0),),
     pipeline.EVALUATE_TUM: (value_at_most(300.0),),
     pipeline.EVALUATE_SYNTHETIC: (value_at_most(60.0),),

@@ -16,6 +16,7 @@ from tripwatt.sources import read_fleet
 from tripwatt.trips import Trip, resample
 from tripwatt.vehicles import load_vehicle
 
+READ_VED = "read the 211 VED trips"
 EVALUATE_TUM = "evaluate the TUM trips, whole protocol"
 EVALUATE_SYNTHETIC = "evaluate the synthetic fleet"
 
@@ -44,6 +45,9 @@ def quick() -> Iterator[Row]:
         print("no TUM trips at hand: reading and simulating are not measured", file=sys.stderr)
     else:
         yield from _reading(folder)
+        ved = folder.parent / "ved"
+        if ved.is_dir():
+            yield Row(READ_VED, median_seconds(lambda: read_fleet(ved, "ved")), "s")
         yield from _simulating([resample(t, 1.0) for t in read_fleet(folder, "tum").trips])
 
 
