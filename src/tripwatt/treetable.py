@@ -106,9 +106,7 @@ class TreeTable:
             absent = (unknown & (missing == _NAN_IS_MISSING)) | (
                 (missing == _ZERO_IS_MISSING) & (np.abs(value) <= _ZERO)
             )
-            goes_left = np.where(
-                absent, (decision & _DEFAULT_LEFT) > 0, value <= self.threshold[at, split]
-            )
+            goes_left = np.where(absent, (decision & _DEFAULT_LEFT) > 0, value <= self.threshold[at, split])
             after = np.where(goes_left, self.left[at, split], self.right[at, split])
             node = np.where(inside, after, node)
         # a running sum adds tree after tree; a plain sum may add in pairs

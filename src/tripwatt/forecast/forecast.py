@@ -101,6 +101,9 @@ class Forecast:
             f"{name} is outside the training range by {beyond:.1f} sd" for name, beyond in outside.items()
         ]
         flags += [f"{name} is unknown: its usual value is assumed" for name in unknown]
+        if not plan.has("soc") and not plan.has("displayed_soc"):
+            start = vehicle.battery.displayed_from_soc(float(simulation.soc[0]))
+            flags.append(f"state of charge is unknown: {start:.0%} displayed at departure is assumed")
         if "elevation_m" not in plan and "grade" not in plan:
             flags.append("no elevation: the road counts as flat")
         return cls(

@@ -22,7 +22,7 @@ from tripwatt.forecast.process import ResidualProcess
 from tripwatt.forecast.scores import Scores
 from tripwatt.hybrid.power import BLOCK_S, DEPARTURE_COLUMNS, ROUTE_COLUMNS
 from tripwatt.hybrid.stored import corrector_of_parts, corrector_parts
-from tripwatt.modelfile import ModelFile, Part, read_metadata, read_model, write_model
+from tripwatt.modelfile import Part, read_metadata, read_model, write_model
 from tripwatt.trips import COLUMNS, REQUIRED_COLUMNS
 from tripwatt.vehicles import Vehicle, vehicle_from_document
 
@@ -296,19 +296,3 @@ def _finite(value: float) -> float | None:
 
 def _bound(value: float | None, unbounded: float) -> float:
     return unbounded if value is None else value
-
-
-__all__ = [
-    "DEFAULT_MODEL",
-    "GIVEN",
-    "ModelFile",
-    "contract",
-    "load_metadata",
-    "load_model",
-    "model_folder",
-    "model_of_parts",
-    "model_parts",
-    "save_model",
-    "vehicle_of_part",
-    "vehicle_part",
-]
