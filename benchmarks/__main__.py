@@ -6,9 +6,9 @@ import argparse
 import json
 from pathlib import Path
 
-from benchmarks import gam, pipeline
+from benchmarks import forecast, gam, pipeline
 
-SUITES = (pipeline.run, gam.run)
+SUITES = (pipeline.run, forecast.run, gam.run)
 
 
 def main() -> None:
