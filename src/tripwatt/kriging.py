@@ -141,7 +141,9 @@ class ClusteredKriging:
         target = np.asarray(np.bincount(codes, np.asarray(y, dtype=np.float64) * w), dtype=np.float64)
         effects: list[Array] = [np.asarray(np.bincount(codes, w), dtype=np.float64)]
         if self.share_column is not None:
-            shares = np.bincount(codes, np.abs(self._column(X, self.share_column)) * w)
+            shares = np.bincount(
+                codes, np.abs(self._filled(_columns(X)[self.share_column], self.share_column)) * w
+            )
             effects.append(np.asarray(shares, dtype=np.float64))
         self._fit_totals(totals, target, np.array(effects))
         return self
@@ -234,10 +236,11 @@ class ClusteredKriging:
             self.sds_[name] = float(known.std()) or 1.0 if len(known) else 1.0
             self.ranges_[name] = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
         self.points_, self.whiteners_ = {}, {}
+        columns = _columns(X)
         for i, part in enumerate(self.parts):
             if part.kind != "smooth":
                 continue
-            held = {c: self._held(X, c) for c in part.columns}
+            held = {c: self._held(columns, c) for c in part.columns}
             z = np.unique(np.column_stack(self._standard(held, part)).round(3), axis=0)
             self.points_[i] = _spread_points(
                 z, self.inducing if len(part.columns) == 1 else 4 * self.inducing
@@ -245,15 +248,15 @@ class ClusteredKriging:
             gram = _squared_exponential(list(self.points_[i].T), self.points_[i])
             self.whiteners_[i] = np.linalg.inv(cholesky(gram + 1e-6 * np.eye(len(gram)))).T
 
-    def _column(self, X: pd.DataFrame, name: str) -> Array:
-        values = np.asarray(X[name], dtype=np.float64)
+    def _filled(self, values: Array, name: str) -> Array:
+        """A column with its mean for what is missing."""
         known = np.isfinite(values)
         return values if known.all() else np.where(known, values, self.means_.get(name, 0.0))
 
-    def _held(self, X: pd.DataFrame, name: str) -> Array:
+    def _held(self, X: Mapping[str, Array], name: str) -> Array:
         """Distance of a column from its mean, held at the edge of the training range."""
         low, high = self.ranges_[name]
-        return np.minimum(np.maximum(self._column(X, name), low), high) - self.means_[name]
+        return np.minimum(np.maximum(self._filled(X[name], name), low), high) - self.means_[name]
 
     def _standard(self, held: Mapping[str, Array], part: Part) -> list[Array]:
         """Columns of a smooth part in units of its length scale."""
@@ -262,10 +265,12 @@ class ClusteredKriging:
     def _features(self, X: pd.DataFrame) -> tuple[Array, list[slice]]:
         blocks, slices, start = [], [], 0
         smooth = dict.fromkeys(c for part in self.parts if part.kind == "smooth" for c in part.columns)
-        held = {name: self._held(X, name) for name in smooth}
+        columns = _columns(X)
+        held = {name: self._held(columns, name) for name in smooth}
         for i, part in enumerate(self.parts):
             if part.kind == "line":
-                block = self._column(X, part.columns[0])[:, None]
+                name = part.columns[0]
+                block = self._filled(columns[name], name)[:, None]
             else:
                 block = _squared_exponential(self._standard(held, part), self.points_[i]) @ self.whiteners_[i]
             blocks.append(block)
@@ -331,6 +336,18 @@ class ClusteredKriging:
         variance = np.maximum(1.0 / diagonal + own * (1.0 - spread), 0.1 * own)
         squared = (inverse @ target / diagonal) ** 2 / variance
         return np.asarray((self.df + squared) / (self.df + 1.0))
+
+
+def _columns(X: pd.DataFrame) -> dict[str, Array]:
+    """Columns by name; a table of nothing but numbers is not taken apart one by one."""
+    values = X.to_numpy()
+    if values.dtype == np.float64:
+        return dict(zip(X.columns.tolist(), values.T, strict=True))
+    return {name: np.asarray(X[name], dtype=np.float64) for name in X.columns if _is_numeric(X[name])}
+
+
+def _is_numeric(column: pd.Series) -> bool:
+    return bool(pd.api.types.is_numeric_dtype(column))
 
 
 def _squared_exponential(columns: Sequence[Array], points: Array) -> Array:

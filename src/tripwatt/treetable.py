@@ -93,24 +93,30 @@ class TreeTable:
         """Sum of all trees, shape (rows,), for rows of shape (rows, columns). O(trees x rows x depth)."""
         if not len(self):
             return np.zeros(len(X))
-        trees, rows = len(self), np.arange(len(X))
-        at = np.arange(trees)[:, None]
-        node = np.zeros((trees, len(X)), dtype=np.int64)
+        splits = self.split_feature.shape[1]
+        first = splits * np.arange(len(self))[:, None]
+        rows, cells = np.arange(len(X)), np.ascontiguousarray(X.T).ravel()
+        with_missing = bool(np.isnan(cells).any() or (self.decision & _ZERO_IS_MISSING).any())
+        node = np.zeros((len(self), len(X)), dtype=np.int64)
         while (inside := node >= 0).any():
-            split = np.where(inside, node, 0)
-            value = X[rows, self.split_feature[at, split]]
-            decision = self.decision[at, split]
-            missing = decision & _MISSING
-            unknown = np.isnan(value)
-            value = np.where(unknown & (missing != _NAN_IS_MISSING), 0.0, value)
-            absent = (unknown & (missing == _NAN_IS_MISSING)) | (
-                (missing == _ZERO_IS_MISSING) & (np.abs(value) <= _ZERO)
-            )
-            goes_left = np.where(absent, (decision & _DEFAULT_LEFT) > 0, value <= self.threshold[at, split])
-            after = np.where(goes_left, self.left[at, split], self.right[at, split])
-            node = np.where(inside, after, node)
+            split = first + np.maximum(node, 0)
+            value = cells.take(self.split_feature.take(split) * len(X) + rows)
+            goes_left = self._goes_left(value, split) if with_missing else value <= self.threshold.take(split)
+            node = np.where(inside, np.where(goes_left, self.left.take(split), self.right.take(split)), node)
         # a running sum adds tree after tree; a plain sum may add in pairs
-        return np.asarray(np.cumsum(self.leaf_value[at, -1 - node], axis=0)[-1])
+        leaves = (splits + 1) * np.arange(len(self))[:, None] - 1 - node
+        return np.asarray(np.cumsum(self.leaf_value.take(leaves), axis=0)[-1])
+
+    def _goes_left(self, value: Floats, split: Ints) -> npt.NDArray[np.bool_]:
+        """LightGBM's decision at splits, for values that may be missing."""
+        decision = self.decision.take(split)
+        missing = decision & _MISSING
+        unknown = np.isnan(value)
+        value = np.where(unknown & (missing != _NAN_IS_MISSING), 0.0, value)
+        absent = (unknown & (missing == _NAN_IS_MISSING)) | (
+            (missing == _ZERO_IS_MISSING) & (np.abs(value) <= _ZERO)
+        )
+        return np.where(absent, (decision & _DEFAULT_LEFT) > 0, value <= self.threshold.take(split))
 
 
 def _fields(block: str) -> dict[str, str]:

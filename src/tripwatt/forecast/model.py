@@ -161,9 +161,8 @@ class ForecastModel:
         simulation = simulate_trip(self.vehicle, plan)
         table = block_table(plan, simulation)
         correction, doubt = self.fitted_.predict_with_doubt(table)
-        outside = {
-            name: r.beyond(value) for name, value in _watched(table).items() for r in [self.ranges_[name]]
-        }
+        known = _watched(table)
+        outside = {name: self.ranges_[name].beyond(value) for name, value in known.items()}
         return Forecast.at_departure(
             plan=plan,
             vehicle=self.vehicle,
@@ -175,7 +174,7 @@ class ForecastModel:
             scores=self.scores_,
             gain=self.gain_,
             outside={name: beyond for name, beyond in outside.items() if beyond > 0.0},
-            unknown=tuple(n for n in DEPARTURE_COLUMNS[:4] if not np.isfinite(table.features[n].iloc[0])),
+            unknown=tuple(n for n in DEPARTURE_COLUMNS[:4] if not np.isfinite(known[n])),
         )
 
 
@@ -239,7 +238,8 @@ def process_blocks(table: BlockTable, doubt_w: FloatArray) -> Blocks:
 
 
 def _watched(table: BlockTable) -> dict[str, float]:
-    first = {name: float(table.features[name].iloc[0]) for name in WATCHED if name in table.features}
+    row = dict(zip(table.features.columns.tolist(), table.features.to_numpy()[0].tolist(), strict=True))
+    first: dict[str, float] = {name: float(row[name]) for name in WATCHED if name in row}
     return first | {"duration_s": float(table.hours.sum() * 3600.0)}
 
 
