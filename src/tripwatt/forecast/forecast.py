@@ -210,8 +210,8 @@ class Forecast:
         ----------
         observed : DataFrame
             Samples since departure, `time_s` on the clock of the trip's own samples. With `voltage_v` and
-            `current_a` each block that was measured counts, gaps stay unmeasured. Without them `soc` or
-            `displayed_soc` count.
+            `current_a`, or with `observed_energy_wh` in their place, each block that was measured counts, gaps stay
+            unmeasured. Without them `soc` or `displayed_soc` count.
 
         Returns
         -------
@@ -227,7 +227,7 @@ class Forecast:
         raise_faults(value_faults(samples, "observed samples"))
         time = np.asarray(samples["time_s"], dtype=np.float64)
         soc = self._measured_soc(samples)
-        if {"voltage_v", "current_a"} <= set(samples.columns):
+        if {"voltage_v", "current_a"} <= set(samples.columns) or "observed_energy_wh" in samples:
             weights, power, variance = self._observed_power(samples, time)
         elif soc is not None:
             weights, power, variance = self._observed_soc(time, soc)
