@@ -116,7 +116,9 @@ def _fold_frame(
     observed, simulated = table.observed_wh[last], table.simulated_wh["physics"][last]
     frames = []
     for spec in specs:
-        predicted = _by_trip(evaluation, [r for r in results if (r.evaluation, r.model) == (index, spec.name)])
+        predicted = _by_trip(
+            evaluation, [r for r in results if (r.evaluation, r.model) == (index, spec.name)]
+        )
         start = np.zeros(len(last)) if spec.name in WITHOUT_PHYSICS else simulated
         columns = {
             "scheme": evaluation.scheme,
@@ -136,9 +138,7 @@ def _fold_frame(
 WITHOUT_PHYSICS: Final = frozenset({"constant", "linear4", "linear6", "boosting-only"})
 
 
-def _by_trip(
-    evaluation: Evaluation, results: Sequence[FoldResult], name: str | None = None
-) -> FloatArray:
+def _by_trip(evaluation: Evaluation, results: Sequence[FoldResult], name: str | None = None) -> FloatArray:
     """An array of the folds in the order of the scored trips; the predicted energy when no name is given."""
     whole: FloatArray | None = None
     for result in results:

@@ -111,9 +111,7 @@ def tasks_of(
         else {"table": evaluation.table.without_samples()}
     )
     for start in range(0, len(missing), size):
-        yield ForecastTask(
-            index, spec, folds, tuple(missing[start : start + size]), seed, vehicle, **data
-        )
+        yield ForecastTask(index, spec, folds, tuple(missing[start : start + size]), seed, vehicle, **data)
 
 
 def curve_tasks(index: int, prepared: ForecastSet, seed: int) -> list[CurveTask]:
@@ -186,9 +184,7 @@ def _run_together(task: ForecastTask) -> list[FoldResult]:
     blocks = task.blocks
     assert blocks is not None
     row_folds = task.folds[blocks.groups]
-    held_out = np.asarray(
-        learner.leave_groups_out(columns, target, groups=blocks.groups, folds=row_folds)
-    )
+    held_out = np.asarray(learner.leave_groups_out(columns, target, groups=blocks.groups, folds=row_folds))
     totals = blocks.totals_wh(start + held_out)
     began = time.perf_counter()
     learner.fit(columns, target, groups=blocks.groups)
@@ -196,9 +192,7 @@ def _run_together(task: ForecastTask) -> list[FoldResult]:
     learner.predict(columns)
     each_ms = 1000.0 * (time.perf_counter() - fitted) / len(blocks)
     return [
-        FoldResult(
-            task.evaluation, task.spec.name, fold, totals[task.folds == fold], fitted - began, each_ms
-        )
+        FoldResult(task.evaluation, task.spec.name, fold, totals[task.folds == fold], fitted - began, each_ms)
         for fold in task.members
     ]
 
@@ -280,14 +274,10 @@ def _run_hybrid(task: ForecastTask, fold: int) -> FoldResult:
     energies = np.array([f.energy_wh for f in forecasts])
     each_ms = 1000.0 * (time.perf_counter() - fitted) / len(test)
     extra = _kept(forecasts, [task.logs[int(i)] for i in test])
-    return FoldResult(
-        task.evaluation, task.spec.name, fold, energies, fitted - began, each_ms, extra
-    )
+    return FoldResult(task.evaluation, task.spec.name, fold, energies, fitted - began, each_ms, extra)
 
 
-def _kept(
-    forecasts: Sequence[Forecast], logs: Sequence[pd.DataFrame]
-) -> dict[str, npt.NDArray[Any]]:
+def _kept(forecasts: Sequence[Forecast], logs: Sequence[pd.DataFrame]) -> dict[str, npt.NDArray[Any]]:
     """Everything that is scored or drawn of some forecasts, as plain arrays with one row per trip."""
     levels = (np.arange(CRPS_LEVELS) + 0.5) / CRPS_LEVELS
     bounds = np.array([[f.interval(level) for level in LEVELS] for f in forecasts])
@@ -336,9 +326,7 @@ def reforecast(forecast: Forecast, log: pd.DataFrame, fraction: float) -> list[f
     last = so_far.iloc[-1]
     by_energy = forecast.update(so_far[["time_s", "observed_energy_wh"]]).energy_wh
     charge = [c for c in ("soc", "displayed_soc") if c in so_far and so_far[c].notna().any()]
-    by_charge = (
-        forecast.update(so_far[["time_s", *charge]]).energy_wh if charge else float("nan")
-    )
+    by_charge = forecast.update(so_far[["time_s", *charge]]).energy_wh if charge else float("nan")
     then = float(np.interp(last["time_s"], planned_series["time_s"], planned_series["energy_wh"]))
     metres, whole = float(last["distance_m"]), float(planned_series["distance_m"].iloc[-1])
     gauge = float(last["observed_energy_wh"]) * whole / metres if metres > 0.0 else forecast.energy_wh

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -225,9 +226,7 @@ def strata_of(trips: pd.DataFrame) -> list[Stratum]:
         Stratum("road", "net descent of more than 10 m", climb < NET_DESCENT_M),
         Stratum("road", "no net descent", climb >= NET_DESCENT_M),
         Stratum("battery", "below 5 °C", battery < COLD_BATTERY_DEGC),
-        Stratum(
-            "battery", "5 to 28 °C", (battery >= COLD_BATTERY_DEGC) & (battery <= HOT_BATTERY_DEGC)
-        ),
+        Stratum("battery", "5 to 28 °C", (battery >= COLD_BATTERY_DEGC) & (battery <= HOT_BATTERY_DEGC)),
         Stratum("battery", "above 28 °C", battery > HOT_BATTERY_DEGC),
         *_bins("ambient", trips["ambient_temperature_degc"].to_numpy(dtype=float), (5, 15, 25), "°C"),
         *_bins("length", km, (10, 20, 40), "km"),
@@ -243,7 +242,7 @@ def _bins(by: str, values: FloatArray, edges: Sequence[float], unit: str) -> lis
     bounds = [-np.inf, *edges, np.inf]
     names = [
         f"below {edges[0]} {unit}",
-        *(f"{a} to {b} {unit}" for a, b in zip(edges[:-1], edges[1:], strict=True)),
+        *(f"{a} to {b} {unit}" for a, b in itertools.pairwise(edges)),
         f"{edges[-1]} {unit} or more",
     ]
     return [

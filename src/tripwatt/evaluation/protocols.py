@@ -102,7 +102,11 @@ _CORRECTOR_TITLES: Final[Mapping[str, str]] = MappingProxyType(
 )
 
 FORECAST_MODELS: Final = (
-    *(spec for spec in PAPER_MODELS if spec.name in ("constant", "linear4", "linear6", "physics", "physics4")),
+    *(
+        spec
+        for spec in PAPER_MODELS
+        if spec.name in ("constant", "linear4", "linear6", "physics", "physics4")
+    ),
     ModelSpec("boosting-only", "boosting on the power of blocks, without physics"),
     *(
         ModelSpec(f"power-{name}", _CORRECTOR_TITLES.get(name, f"default physics + {name} on power"))

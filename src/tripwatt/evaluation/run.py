@@ -93,8 +93,8 @@ def evaluate(
     """
     specs = protocol_models(protocol, None if models is None else tuple(models))
     if protocol == "forecast":
-        store = _StoreAt(work_dir, specs, seed, resume)
-        return _evaluate_forecast(fleet, test_fleet, specs, vehicle, seed, n_jobs, store, progress)
+        keep = _StoreAt(work_dir, specs, seed, resume)
+        return _evaluate_forecast(fleet, test_fleet, specs, vehicle, seed, n_jobs, keep, progress)
     if test_fleet is not None:
         raise InvalidInput(
             Fault("other trips to score", "--test", f"protocol {protocol!r}", "protocol 'forecast'")
@@ -415,9 +415,7 @@ class _FoldStore:
                     fold, fit_s, predict_ms = (stored[key].item() for key in ("fold", "fit_s", "predict_ms"))
                     extra = {k.removeprefix("x_"): stored[k] for k in stored.files if k.startswith("x_")}
                     energy = stored["predicted_wh"]
-                    found.append(
-                        FoldResult(evaluation, model, int(fold), energy, fit_s, predict_ms, extra)
-                    )
+                    found.append(FoldResult(evaluation, model, int(fold), energy, fit_s, predict_ms, extra))
             except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
                 path.unlink()  # half-written when the run was interrupted: that fold is run again
         return found
