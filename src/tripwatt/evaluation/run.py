@@ -139,7 +139,7 @@ def _evaluate_forecast(
     test_fleet: Fleet | None,
     specs: Sequence[ModelSpec],
     vehicle: str,
-    overrides: Mapping[str, float] | None,
+    overrides: Mapping[str, float | str] | None,
     seed: int,
     n_jobs: int,
     store_at: _StoreAt,

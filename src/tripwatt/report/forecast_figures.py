@@ -241,7 +241,9 @@ def plot_waterfall(
         starts = ends - values
         colours = [WARM if value > 0 else "#1f8a5b" for value in values]
         axes.barh(range(len(names)), values, left=starts, color=colours, height=0.7)
-        total, measured = (float(by_trip.loc[trip, c]) / 1e3 for c in ("energy_wh", "observed_energy_wh"))
+        total, measured = (
+            by_trip.loc[trip, ["energy_wh", "observed_energy_wh"]].to_numpy(dtype=np.float64) / 1e3
+        )
         axes.barh([len(names), len(names) + 1], [total, measured], color=[HYBRID, INK], height=0.7)
         every = [*values, total, measured]
         reach = float(max(ends.max(), total, measured) - min(0.0, starts.min(), ends.min()))
