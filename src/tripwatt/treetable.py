@@ -116,4 +116,4 @@ class TreeTable:
 def _fields(block: str) -> dict[str, str]:
     """`key=value` lines of one tree."""
     pairs = (line.split("=", 1) for line in block.split("\n\n")[0].splitlines()[1:] if "=" in line)
-    return {key: value for key, value in pairs}
+    return dict(pairs)

@@ -143,15 +143,16 @@ def _show_fit(fleet: Fleet, out: Path, figures: dict[str, Any], as_json: bool) -
 
 
 def forecast(
-    first: Annotated[
-        Path,
+    paths: Annotated[
+        list[Path],
         typer.Argument(
             metavar="[MODEL] TRIP",
-            help="Folder of a model, which may be left out, and a CSV or Parquet file of the trip: time_s, speed_m_s, and "
-            "elevation_m or grade where known. Other signals count as their first sample says.",
+            help="Folder of a model, left out for the one that comes with the package, and a CSV or Parquet file of the "
+            "trip with our column names: time_s, speed_m_s, and elevation_m or grade where known. Of other signals "
+            "only the first sample counts.",
+            show_default=False,
         ),
     ],
-    second: Annotated[Path | None, typer.Argument(hidden=True)] = None,
     soc: Annotated[
         float | None,
         typer.Option(
@@ -198,8 +199,8 @@ def forecast(
     from tripwatt.forecast import load_model, since_departure, trip_to_come
     from tripwatt.sources.canonical import read_canonical
 
-    model, trip = (None, first) if second is None else (first, second)
-    asked = {
+    model, trip = _model_and_trip(paths)
+    asked: dict[str, Any] = {
         "displayed_soc": soc,
         "ambient_temperature_degc": ambient,
         "cabin_setpoint_degc": setpoint,
@@ -226,6 +227,13 @@ def forecast(
     print_json(answer) if as_json else _show_forecast(found, reserve)
 
 
+def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
+    if len(paths) > 2:
+        got = " ".join(map(str, paths))
+        raise InvalidInput(Fault("too many arguments", "MODEL TRIP", got, "a model's folder and a trip's file"))
+    return (None, paths[0]) if len(paths) == 1 else (paths[0], paths[1])
+
+
 def _require_options(reserve: float, plot: Path | None) -> None:
     faults = []
     if not 0.0 <= reserve <= 1.0:
@@ -238,7 +246,7 @@ def _require_options(reserve: float, plot: Path | None) -> None:
         raise InvalidInput(faults)
 
 
-def _with_option_names(asked: dict[str, float | None]) -> None:
+def _with_option_names(asked: dict[str, Any]) -> None:
     """Check what the options say, whatever the trip, under the options' names."""
     import pandas as pd
 

@@ -35,8 +35,9 @@ def plot_forecast(forecast: Forecast) -> Figure:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10.0, 6.4), layout="constrained")
-    left, right = figure.subfigures(1, 2, width_ratios=[1.0, 1.15])
-    energy, soc = left.subplots(2, 1, sharex=True)
+    grid = figure.add_gridspec(2, 2, width_ratios=[1.0, 1.15])
+    energy = figure.add_subplot(grid[0, 0])
+    soc = figure.add_subplot(grid[1, 0], sharex=energy)
     series = forecast.series()
     minutes = series["time_s"] / 60.0
     for axis, name, scale, label in (
@@ -54,7 +55,7 @@ def plot_forecast(forecast: Forecast) -> Figure:
         axis.set_ylabel(label)
     soc.set_xlabel("time [min]")
     energy.set_title("with the central 90 %", fontsize="medium")
-    _waterfall(right.subplots(), forecast.by_cause_wh)
+    _waterfall(figure.add_subplot(grid[:, 1]), forecast.by_cause_wh)
     figure.suptitle(f"{forecast.plan.trip_id}: {forecast.energy_wh / 1000.0:.2f} kWh, {GIVEN}")
     return figure
 

@@ -199,7 +199,7 @@ def block_table(
         "payload_mass_kg": plan.context.payload_mass_kg,
     }
     for name in DEPARTURE_COLUMNS[:5]:
-        features[name] = float(plan.samples[name].iat[0]) if name in plan else np.nan
+        features[name] = float(plan.array(name)[0]) if name in plan else np.nan
     if not np.isfinite(features["cabin_setpoint_degc"]):
         setpoint = plan.context.cabin_setpoint_degc
         features["cabin_setpoint_degc"] = np.nan if setpoint is None else setpoint

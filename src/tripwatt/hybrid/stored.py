@@ -140,11 +140,11 @@ def corrector_of_parts(about: Mapping[str, Any], parts: Mapping[str, Arrays]) ->
 
 
 def _trees(corrector: PowerCorrector) -> StoredTrees:
-    model = getattr(corrector, "model", None)
-    if not isinstance(corrector, LearnerCorrector) or not hasattr(model, "booster_"):
+    if not isinstance(corrector, LearnerCorrector) or not hasattr(corrector.model, "booster_"):
         got = type(corrector).__name__
         allowed = "linear, kriging, boosting, forest or ensemble"
         raise InvalidInput(Fault("this corrector cannot be stored", "corrector", got, allowed))
+    model = corrector.model
     lone = model.position_ < 0
     n_trees = int((~lone).sum())
     text = "" if model.booster_ is None else model.booster_.model_to_string(num_iteration=-1)
