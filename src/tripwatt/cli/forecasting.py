@@ -230,7 +230,9 @@ def forecast(
 def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
     if len(paths) > 2:
         got = " ".join(map(str, paths))
-        raise InvalidInput(Fault("too many arguments", "MODEL TRIP", got, "a model's folder and a trip's file"))
+        raise InvalidInput(
+            Fault("too many arguments", "MODEL TRIP", got, "a model's folder and a trip's file")
+        )
     return (None, paths[0]) if len(paths) == 1 else (paths[0], paths[1])
 
 
