@@ -64,7 +64,12 @@ def trip_to_come(
         known["payload_mass_kg"] = payload_mass_kg
         bounds["payload_mass_kg"] = (0.0, MOST_PAYLOAD_KG, "kg")
     faults = [
-        Fault("value out of range", name, f"{value:g}", "{:g} to {:g} {}".format(*bounds[name]))
+        Fault(
+            "value out of range",
+            name,
+            f"{value:g}",
+            "{:g} to {:g} {}".format(*bounds[name]).removesuffix(" 1"),
+        )
         for name, value in known.items()
         if not (math.isfinite(value) and bounds[name][0] <= value <= bounds[name][1])
     ]
