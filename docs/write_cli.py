@@ -31,7 +31,8 @@ go to standard error, so that `tripwatt ... --json | ...` always reads one JSON 
 **Whole or not at all.** `tripwatt evaluate` writes into `OUT.unfinished` (into `OUT/.unfinished` where OUT exists) and
 renames at the end: a new OUT appears complete, by one rename. In an OUT that holds older results these go first,
 `results.json` before all others, and the new `results.json` comes last: where it stands, the files beside it belong to
-it. An interrupted run keeps its finished folds there for `--resume`.
+it. An interrupted run keeps its finished folds there for `--resume`. `tripwatt fit` writes its model beside MODEL and
+renames it; an older model goes only when the new one is whole.
 """
 
 
@@ -61,7 +62,9 @@ def section(name: str, command: Any) -> str:
 
 
 def _argument(parameter: Any) -> str:
-    name = str(parameter.metavar or parameter.name.upper()).strip("[]")
+    name = str(parameter.metavar or parameter.name.upper())
+    if name.startswith("[") and name.endswith("]"):
+        name = name[1:-1]
     return name if parameter.required else f"[{name}]"
 
 

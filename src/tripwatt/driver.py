@@ -229,7 +229,7 @@ def speed_profile(
     driving_s = np.diff(position) * 2.0 / (node_speed[1:] + node_speed[:-1])
     waiting_s = np.zeros_like(position)
     waiting_s[ends] = dwell
-    return _sampled(position, node_speed, driving_s, waiting_s, ends, step_s)
+    return profile_over_time(position, node_speed, driving_s, waiting_s, ends, step_s)
 
 
 def reachable_speed(
@@ -340,7 +340,7 @@ def smooth_field(extent: float, memory: float, rng: np.random.Generator) -> tupl
     return position, np.asarray(raw / math.sqrt(variance), dtype=np.float64)
 
 
-def _sampled(
+def profile_over_time(
     position: FloatArray,
     node_speed: FloatArray,
     driving_s: FloatArray,
@@ -348,7 +348,27 @@ def _sampled(
     ends: npt.NDArray[np.int64],
     step_s: float,
 ) -> SpeedProfile:
-    """Distance to time: each node has an arrival and, after its standstill, a departure; in between v is linear in t."""
+    """Distance to time: each node has an arrival and, after its standstill, a departure; in between v is linear in t.
+
+    Parameters
+    ----------
+    position, node_speed : ndarray, shape (nodes,)
+        Distance from the start [m] and speed there [m/s].
+    driving_s : ndarray, shape (nodes - 1,)
+        Time from each node to the next [s].
+    waiting_s : ndarray, shape (nodes,)
+        Standstill at each node [s]; not 0 only where the speed is 0.
+    ends : ndarray of int, shape (links,)
+        Index of the node at which each link ends.
+    step_s : float
+        Time between two samples [s].
+
+    Examples
+    --------
+    >>> at, speed = np.array([0.0, 4.0, 8.0]), np.array([0.0, 4.0, 0.0])
+    >>> profile_over_time(at, speed, np.array([2.0, 2.0]), np.array([1.0, 0.0, 0.0]), np.array([2]), 1.0).speed_m_s
+    array([0., 0., 2., 4., 2., 0.])
+    """
     arrival = np.concatenate(([0.0], np.cumsum(driving_s + waiting_s[:-1])))
     departure = arrival + waiting_s
     n_steps = math.ceil(float(departure[-1]) / step_s - 1e-9)

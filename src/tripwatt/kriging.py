@@ -10,7 +10,7 @@ parts are found by maximum a posteriori of the marginal likelihood (Rasmussen an
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Self
 
@@ -148,7 +148,11 @@ class ClusteredKriging:
 
     def predict(self, X: pd.DataFrame) -> Array:
         """Mean of the sum of the parts, shape (rows,); the group effect of a new group is 0."""
-        return np.asarray(self._features(X)[0] @ self.weights_)
+        return self.mean(self._features(X)[0])
+
+    def mean(self, features: Array) -> Array:
+        """Mean of the sum of the parts, from the rows' features, shape (rows,)."""
+        return np.asarray(features @ self.weights_)
 
     def features(self, X: pd.DataFrame) -> tuple[Array, Array]:
         """Features of the rows, shape (rows, features), and the prior variance of their weights before any data."""
@@ -160,7 +164,11 @@ class ClusteredKriging:
 
     def uncertainty_factor(self, X: pd.DataFrame) -> Array:
         """`L` of shape (rows, features) with `L @ L.T` the posterior covariance of the sum of the parts."""
-        return np.asarray(self._features(X)[0] @ self.factor_)
+        return self.doubt(self._features(X)[0])
+
+    def doubt(self, features: Array) -> Array:
+        """As `uncertainty_factor`, from the rows' features."""
+        return np.asarray(features @ self.factor_)
 
     def effect_sds(self) -> tuple[float, float]:
         """Standard deviation of the group effect and of the group's share."""
@@ -229,34 +237,37 @@ class ClusteredKriging:
         for i, part in enumerate(self.parts):
             if part.kind != "smooth":
                 continue
-            z = np.unique(self._standard(X, part).round(3), axis=0)
+            held = {c: self._held(X, c) for c in part.columns}
+            z = np.unique(np.column_stack(self._standard(held, part)).round(3), axis=0)
             self.points_[i] = _spread_points(
                 z, self.inducing if len(part.columns) == 1 else 4 * self.inducing
             )
-            gram = _squared_exponential(self.points_[i], self.points_[i])
+            gram = _squared_exponential(list(self.points_[i].T), self.points_[i])
             self.whiteners_[i] = np.linalg.inv(cholesky(gram + 1e-6 * np.eye(len(gram)))).T
 
     def _column(self, X: pd.DataFrame, name: str) -> Array:
         values = np.asarray(X[name], dtype=np.float64)
-        return np.where(np.isfinite(values), values, self.means_.get(name, 0.0))
+        known = np.isfinite(values)
+        return values if known.all() else np.where(known, values, self.means_.get(name, 0.0))
 
-    def _standard(self, X: pd.DataFrame, part: Part) -> Array:
-        """Columns of a smooth part in units of its length scale, held at the edge of the training range."""
-        return np.column_stack(
-            [
-                (np.clip(self._column(X, c), *self.ranges_[c]) - self.means_[c])
-                / (self.sds_[c] * part.length)
-                for c in part.columns
-            ]
-        )
+    def _held(self, X: pd.DataFrame, name: str) -> Array:
+        """Distance of a column from its mean, held at the edge of the training range."""
+        low, high = self.ranges_[name]
+        return np.minimum(np.maximum(self._column(X, name), low), high) - self.means_[name]
+
+    def _standard(self, held: Mapping[str, Array], part: Part) -> list[Array]:
+        """Columns of a smooth part in units of its length scale."""
+        return [held[c] / (self.sds_[c] * part.length) for c in part.columns]
 
     def _features(self, X: pd.DataFrame) -> tuple[Array, list[slice]]:
         blocks, slices, start = [], [], 0
+        smooth = dict.fromkeys(c for part in self.parts if part.kind == "smooth" for c in part.columns)
+        held = {name: self._held(X, name) for name in smooth}
         for i, part in enumerate(self.parts):
             if part.kind == "line":
                 block = self._column(X, part.columns[0])[:, None]
             else:
-                block = _squared_exponential(self._standard(X, part), self.points_[i]) @ self.whiteners_[i]
+                block = _squared_exponential(self._standard(held, part), self.points_[i]) @ self.whiteners_[i]
             blocks.append(block)
             slices.append(slice(start, start + block.shape[1]))
             start += block.shape[1]
@@ -322,8 +333,12 @@ class ClusteredKriging:
         return np.asarray((self.df + squared) / (self.df + 1.0))
 
 
-def _squared_exponential(a: Array, b: Array) -> Array:
-    distance = ((a[:, None, :] - b[None, :, :]) ** 2).sum(axis=2)
+def _squared_exponential(columns: Sequence[Array], points: Array) -> Array:
+    """Kernel between rows, given by columns, and points of shape (points, columns)."""
+    distance = np.zeros((len(columns[0]), len(points)))
+    for column, point in zip(columns, points.T, strict=True):
+        difference = column[:, None] - point[None, :]
+        distance += difference * difference
     return np.asarray(np.exp(-0.5 * distance))
 
 

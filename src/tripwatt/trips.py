@@ -312,32 +312,49 @@ def resample(trip: Trip, step_s: float = 1.0) -> Trip:
     if not step_s > 0:
         raise InvalidInput(Fault("step out of range", "step_s", f"{step_s}", "more than 0 s"))
     time = trip.array("time_s") - float(trip.samples["time_s"].iloc[0])
-    block = np.floor(time / step_s + 1e-6).astype(np.int64)
-    n_blocks = int(block[-1]) + 1
-    count = np.bincount(block, minlength=n_blocks)
-    filled = np.flatnonzero(count)
-    centre = (np.arange(n_blocks) + 0.5) * step_s
-    means: dict[str, FloatArray] = {}
-    for name in trip.samples.columns:
-        values = time if name == "time_s" else np.asarray(trip.samples[name], dtype=np.float64)
-        known = np.isfinite(values)
-        total = np.bincount(block, weights=np.where(known, values, 0.0), minlength=n_blocks)
-        number = count if known.all() else np.bincount(block[known], minlength=n_blocks)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            mean = total / number
-        if name == "time_s":
-            mean = np.where(count > 0, mean, centre)
-        elif len(filled) < n_blocks and number.any():
-            empty = count == 0
-            usable = number > 0
-            mean[empty] = np.interp(centre[empty], centre[usable], mean[usable])
-        means[name] = mean
+    n_blocks, means = block_means(time, {c: trip.array(c) for c in trip.samples.columns}, step_s)
     samples = pd.DataFrame(means)
     cumulative = observed_cumulative_energy(trip.samples)
     if cumulative is not None:
         ends = np.minimum(np.arange(1, n_blocks + 1) * step_s, time[-1])
         samples["observed_energy_wh"] = np.interp(ends, time, cumulative)
     return replace(trip, samples=samples, step_s=step_s)
+
+
+def block_means(
+    time: FloatArray, columns: Mapping[str, FloatArray], step_s: float
+) -> tuple[int, dict[str, FloatArray]]:
+    """Number of blocks of `step_s` seconds, and the mean of each column over each; see `resample`. O(samples).
+
+    Parameters
+    ----------
+    time : ndarray, shape (samples,)
+        Increasing times [s] since the first sample; they stand for the column `time_s`.
+    """
+    block = np.floor(time / step_s + 1e-6).astype(np.int64)
+    n_blocks = int(block[-1]) + 1
+    count = np.bincount(block, minlength=n_blocks)
+    some_empty = bool((count == 0).any())
+    centre = (np.arange(n_blocks) + 0.5) * step_s
+    means: dict[str, FloatArray] = {}
+    for name, values in columns.items():
+        values = time if name == "time_s" else values
+        known = np.isfinite(values)
+        complete = bool(known.all())
+        total = np.bincount(
+            block, weights=values if complete else np.where(known, values, 0.0), minlength=n_blocks
+        )
+        number = count if complete else np.bincount(block[known], minlength=n_blocks)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = total / number
+        if name == "time_s":
+            mean = np.where(count > 0, mean, centre)
+        elif some_empty and number.any():
+            empty = count == 0
+            usable = number > 0
+            mean[empty] = np.interp(centre[empty], centre[usable], mean[usable])
+        means[name] = mean
+    return n_blocks, means
 
 
 def require_unique_ids(trips: Iterable[Trip]) -> None:

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 import tripwatt
-from tripwatt.cli import cars, evaluating, logs
+from tripwatt.cli import cars, evaluating, forecasting, logs
 from tripwatt.errors import TripwattError
 
 __all__ = ["app", "main"]
@@ -42,6 +42,7 @@ def _main(
 
 
 evaluating.add_commands(app)
+forecasting.add_commands(app)
 logs.add_commands(app)
 cars.add_commands(app)
 

@@ -2,5 +2,18 @@
 
 from tripwatt.forecast.forecast import Forecast
 from tripwatt.forecast.model import DEFAULT_CORRECTOR, ForecastModel, training_blocks
+from tripwatt.forecast.request import since_departure, trip_to_come
+from tripwatt.forecast.storage import GIVEN, load_metadata, load_model, save_model
 
-__all__ = ["DEFAULT_CORRECTOR", "Forecast", "ForecastModel", "training_blocks"]
+__all__ = [
+    "DEFAULT_CORRECTOR",
+    "GIVEN",
+    "Forecast",
+    "ForecastModel",
+    "load_metadata",
+    "load_model",
+    "save_model",
+    "since_departure",
+    "training_blocks",
+    "trip_to_come",
+]

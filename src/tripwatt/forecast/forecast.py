@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -100,6 +101,9 @@ class Forecast:
             f"{name} is outside the training range by {beyond:.1f} sd" for name, beyond in outside.items()
         ]
         flags += [f"{name} is unknown: its usual value is assumed" for name in unknown]
+        if not plan.has("soc") and not plan.has("displayed_soc"):
+            start = vehicle.battery.displayed_from_soc(float(simulation.soc[0]))
+            flags.append(f"state of charge is unknown: {start:.0%} displayed at departure is assumed")
         if "elevation_m" not in plan and "grade" not in plan:
             flags.append("no elevation: the road counts as flat")
         return cls(
@@ -129,21 +133,21 @@ class Forecast:
             return self.table.hours
         return np.maximum(self.table.hours - self.measured_hours, 0.0)
 
-    @property
+    @cached_property
     def block_energy_wh(self) -> FloatArray:
         """Energy of each block [Wh]: what was measured, and the mean power over the rest of it."""
         ahead = self.power_w * self.open_hours
         return ahead if self.measured_wh is None else np.asarray(self.measured_wh + ahead)
 
-    @property
+    @cached_property
     def energy_wh(self) -> float:
         """Energy of the whole trip [Wh]."""
         return float(self.block_energy_wh.sum())
 
-    @property
+    @cached_property
     def sd_wh(self) -> float:
         """Standard deviation of the energy of the whole trip [Wh]."""
-        return float(self._cumulative_sd()[-1])
+        return float(self._cumulative_sd_wh[-1])
 
     def quantile(self, p: float) -> float:
         """Quantile of the energy of the whole trip [Wh]."""
@@ -160,7 +164,7 @@ class Forecast:
             return float(self.energy_wh <= energy_wh)
         return self.scores.probability((energy_wh - self.energy_wh) / self.sd_wh)
 
-    @property
+    @cached_property
     def wh_per_soc(self) -> float:
         """Terminal energy behind a unit of the battery management's state of charge [Wh]."""
         return self.vehicle.battery.capacity_ah * float(np.mean(self.simulation.terminal_voltage_v))
@@ -185,24 +189,25 @@ class Forecast:
             `time_s, distance_m, energy_wh, energy_low_wh, energy_high_wh, displayed_soc, displayed_soc_low,
             displayed_soc_high`; the band is the central 90 %.
         """
+        return pd.DataFrame(self._series())
+
+    def _series(self) -> dict[str, FloatArray]:
         energy = np.concatenate(([0.0], np.cumsum(self.block_energy_wh)))
-        half = self.scores.factor(BAND) * np.concatenate(([0.0], self._cumulative_sd()))
+        half = self.scores.factor(BAND) * np.concatenate(([0.0], self._cumulative_sd_wh))
         time = np.concatenate(([0.0], np.cumsum(self.table.hours) * SECONDS_PER_HOUR))
         speed = self.table.features["speed_m_s"].to_numpy()
         distance = np.concatenate(([0.0], np.cumsum(speed * self.table.hours * SECONDS_PER_HOUR)))
         low, high = energy - half, energy + half
-        return pd.DataFrame(
-            {
-                "time_s": time,
-                "distance_m": distance,
-                "energy_wh": energy,
-                "energy_low_wh": low,
-                "energy_high_wh": high,
-                "displayed_soc": self._displayed(self._soc_after(energy)),
-                "displayed_soc_low": self._displayed(self._soc_after(high)),
-                "displayed_soc_high": self._displayed(self._soc_after(low)),
-            }
-        )
+        return {
+            "time_s": time,
+            "distance_m": distance,
+            "energy_wh": energy,
+            "energy_low_wh": low,
+            "energy_high_wh": high,
+            "displayed_soc": self._displayed(self._soc_after(energy)),
+            "displayed_soc_low": self._displayed(self._soc_after(high)),
+            "displayed_soc_high": self._displayed(self._soc_after(low)),
+        }
 
     @property
     def by_cause_wh(self) -> dict[str, float]:
@@ -228,8 +233,8 @@ class Forecast:
         ----------
         observed : DataFrame
             Samples since departure, `time_s` on the clock of the trip's own samples. With `voltage_v` and
-            `current_a` each block that was measured counts, gaps stay unmeasured. Without them `soc` or
-            `displayed_soc` count.
+            `current_a`, or with `observed_energy_wh` in their place, each block that was measured counts, gaps stay
+            unmeasured. Without them `soc` or `displayed_soc` count.
 
         Returns
         -------
@@ -246,8 +251,9 @@ class Forecast:
         time = np.asarray(samples["time_s"], dtype=np.float64)
         soc = self._measured_soc(samples)
         measured_wh = measured_hours = None
-        if {"voltage_v", "current_a"} <= set(samples.columns):
-            measured_wh, measured_hours = self._measured(samples, time)
+        cumulative = observed_cumulative_energy(samples)
+        if cumulative is not None:
+            measured_wh, measured_hours = self._measured(cumulative, time)
             weights, power, variance = self._observed_power(measured_wh, measured_hours)
         elif soc is not None:
             weights, power, variance = self._observed_soc(time, soc)
@@ -283,15 +289,18 @@ class Forecast:
             "quantiles_wh": {f"{p:g}": self.quantile(p) for p in QUANTILES},
             "soc_arrival": self.soc_arrival,
             "p_arrive": {f"{level:g}": self.p_arrive(level) for level in ARRIVAL_LEVELS},
-            "series": {name: values.tolist() for name, values in self.series().items()},
+            "series": {name: values.tolist() for name, values in self._series().items()},
             "by_cause_wh": self.by_cause_wh,
             "battery_loss_wh": self.battery_loss_wh,
             "measured_until_s": self.measured_until_s,
             "flags": list(self.flags),
         }
 
-    def _cumulative_sd(self) -> FloatArray:
-        return self.widening * self.belief.energy_wh(self.open_hours * SECONDS_PER_HOUR)[1]
+    @cached_property
+    def _cumulative_sd_wh(self) -> FloatArray:
+        sd = self.belief.energy_wh(self.open_hours * SECONDS_PER_HOUR)[1]
+        ahead = np.cumsum(self.open_hours) / self.table.hours.sum()
+        return self.widening * np.asarray(np.hypot(sd, self.blocks.doubt_wh * ahead))
 
     def _energy_at(self, time_s: float) -> float:
         ends = np.concatenate(([0.0], np.cumsum(self.table.hours) * SECONDS_PER_HOUR))
@@ -315,10 +324,8 @@ class Forecast:
             return zero + displayed * (full - zero)
         return None
 
-    def _measured(self, samples: pd.DataFrame, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _measured(self, cumulative: FloatArray, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Energy [Wh] and time [h] of each block that the samples cover; long gaps cover nothing."""
-        cumulative = observed_cumulative_energy(samples)
-        assert cumulative is not None
         step = np.diff(time)
         sound = step <= GAP_S
         edges = np.concatenate(([0.0], np.cumsum(self.blocks.step_s)))

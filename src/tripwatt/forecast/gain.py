@@ -12,6 +12,8 @@ from tripwatt.forecast.process import Belief, Blocks, ResidualProcess, prior
 from tripwatt.trips import FloatArray
 
 FRACTIONS: Final = (0.1, 0.25, 0.5, 0.75, 0.9)
+_DRAWS: Final = 500
+_QUANTILE: Final = 0.25
 EXACT_W2: Final = 1.0
 """Variance of a fully measured block's power: a matter of form."""
 
@@ -20,8 +22,9 @@ EXACT_W2: Final = 1.0
 class Gain:
     """Share of the process's update of the rest that is taken, by the fraction of the trip that was measured.
 
-    The share minimises the summed relative error of the rest over held-out trips; it lies between 0 (the departure
-    forecast of the rest stands) and 1 (the process is right), and never falls as more is measured.
+    The share minimises the summed relative error of the rest over held-out trips, and is taken as the lower quartile
+    of its bootstrap over trips: an update has to show that it helps. It lies between 0 (the departure forecast of the
+    rest stands) and 1 (the process is right), and never falls as more is measured.
 
     Attributes
     ----------
@@ -68,12 +71,19 @@ def _rest(
 
 
 def _best_share(rests: Sequence[tuple[float, float]], energies_wh: FloatArray) -> float:
-    """Minimiser of sum |truth - share * expected| / energy: a weighted median of the ratios, held in 0..1."""
+    """Lower quartile over bootstrap draws of the minimiser of sum |truth - share * expected| / energy.
+
+    The minimiser is a weighted median of the ratios truth / expected, held in 0..1. O(draws x trips).
+    """
     truth, expected = np.array(rests).T
     weight = np.abs(expected) / energies_wh
     if weight.sum() <= 0.0:
         return 0.0
     ratio = np.divide(truth, expected, out=np.zeros_like(truth), where=expected != 0.0)
     order = np.argsort(ratio)
-    middle = int(np.searchsorted(np.cumsum(weight[order]), 0.5 * weight.sum()))
-    return float(np.clip(ratio[order][min(middle, len(order) - 1)], 0.0, 1.0))
+    ratio, weight = ratio[order], weight[order]
+    n = len(ratio)
+    counts = np.random.default_rng(0).multinomial(n, np.full(n, 1.0 / n), size=_DRAWS)
+    running = np.cumsum(counts * weight, axis=1)
+    middle = np.argmax(running >= 0.5 * running[:, -1:], axis=1)
+    return float(np.clip(np.quantile(ratio[middle], _QUANTILE), 0.0, 1.0))

@@ -7,7 +7,7 @@ conformal layer. An outer fold sees none of it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -49,6 +49,19 @@ class Range:
         return max(self.low - value, value - self.high, 0.0) / self.sd
 
 
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """A training trip while its inner fold was held out.
+
+    `score` is the error over its standard deviation before departure.
+    """
+
+    trip: str
+    observed_wh: float
+    predicted_wh: float
+    score: float
+
+
 @dataclass(eq=False)
 class ForecastModel:
     """Physics plus learned correction plus doubt.
@@ -81,13 +94,24 @@ class ForecastModel:
     gain_: Gain | None = None
     ranges_: dict[str, Range] = field(default_factory=dict)
     trip_ids_: tuple[str, ...] = ()
+    held_out_: tuple[HeldOut, ...] = ()
 
-    def fit(self, trips: Sequence[Trip]) -> ForecastModel:
+    def fit(
+        self, trips: Sequence[Trip], *, progress: Callable[[int, int], None] | None = None
+    ) -> ForecastModel:
         """Learn from raw trips with measured energy. See `fit_blocks`."""
-        return self.fit_blocks(training_blocks(trips, self.vehicle))
+        return self.fit_blocks(training_blocks(trips, self.vehicle), progress=progress)
 
-    def fit_blocks(self, table: BlockTable) -> ForecastModel:
+    def fit_blocks(
+        self, table: BlockTable, *, progress: Callable[[int, int], None] | None = None
+    ) -> ForecastModel:
         """Learn corrector, process and scores. One fit of the corrector, and one more for each inner fold.
+
+        Parameters
+        ----------
+        table : BlockTable
+        progress : callable, optional
+            Called with (finished fits, all fits).
 
         Raises
         ------
@@ -102,7 +126,10 @@ class ForecastModel:
         folds = np.random.default_rng(self.seed).permutation(len(table)) % min(INNER_FOLDS, len(table))
         held_out: list[tuple[Blocks, FloatArray]] = []
         order: list[int] = []
-        for fold in range(int(folds.max()) + 1):
+        n_folds = int(folds.max()) + 1
+        for fold in range(n_folds):
+            if progress is not None:
+                progress(fold + 1, n_folds + 1)
             inner = self.fitted_.again().fit(table.take(np.flatnonzero(folds != fold)))
             for i in np.flatnonzero(folds == fold):
                 trip = table.take([int(i)])
@@ -111,7 +138,10 @@ class ForecastModel:
                 held_out.append((process_blocks(trip, doubt), trip.residual_w - inner.predict(trip)))
         self.process_ = fit_process(held_out, len(EFFECT_START), EFFECT_START)
         self.scores_ = Scores.of([self.process_.total_score(blocks, left) for blocks, left in held_out])
+        self.held_out_ = _held_out(table, order, held_out, self.process_)
         self.gain_ = Gain.of(self.process_, held_out, table.totals_wh(table.observed_power_w)[order])
+        if progress is not None:
+            progress(n_folds + 1, n_folds + 1)
         return self
 
     def forecast(self, trip: Trip) -> Forecast:
@@ -123,13 +153,17 @@ class ForecastModel:
             Raw samples: the speed trace and road of the trip to come, and in the first sample what is known of
             ambient, cabin and battery temperature, set-point and state of charge.
         """
+        return self.forecast_planned(planned(trip))
+
+    def forecast_planned(self, plan: Trip) -> Forecast:
+        """Forecast a plan of `planned`: the same as `forecast` of the trip that it was made from."""
         if self.fitted_ is None or self.process_ is None or self.scores_ is None or self.gain_ is None:
             raise InvalidInput(
                 Fault("model is not fitted", "forecast", "no training trips", "call fit first")
             )
-        plan = planned(trip)
         simulation = simulate_trip(self.vehicle, plan)
         table = block_table(plan, simulation)
+        correction, doubt = self.fitted_.predict_with_doubt(table)
         outside = {
             name: r.beyond(value) for name, value in _watched(table).items() for r in [self.ranges_[name]]
         }
@@ -138,8 +172,8 @@ class ForecastModel:
             vehicle=self.vehicle,
             simulation=simulation,
             table=table,
-            correction_w=self.fitted_.predict(table),
-            blocks=process_blocks(table, self.fitted_.uncertainty_factor(table)),
+            correction_w=correction,
+            blocks=process_blocks(table, doubt),
             process=self.process_,
             scores=self.scores_,
             gain=self.gain_,
@@ -169,12 +203,31 @@ def training_blocks(trips: Sequence[Trip], vehicle: Vehicle) -> BlockTable:
     return BlockTable.join(tables)
 
 
+def _held_out(
+    table: BlockTable,
+    order: Sequence[int],
+    held_out: Sequence[tuple[Blocks, FloatArray]],
+    process: ResidualProcess,
+) -> tuple[HeldOut, ...]:
+    observed = table.totals_wh(table.observed_power_w)
+    rows = [
+        HeldOut(
+            table.trip_ids[i],
+            float(observed[i]),
+            float(observed[i] - blocks.step_s @ left / 3600.0),
+            process.total_score(blocks, left),
+        )
+        for i, (blocks, left) in sorted(zip(order, held_out, strict=True), key=lambda pair: pair[0])
+    ]
+    return tuple(rows)
+
+
 def process_blocks(table: BlockTable, doubt_w: FloatArray) -> Blocks:
     """Blocks of one trip as the residual process sees them.
 
     Whole-trip effects load on: every hour alike; the power of driving, as much as the wheels move; the power of
     climate. What is new in each block grows with the power that is moved. What the corrector does not know of the
-    trip's total counts as one more constant effect.
+    trip's total only widens the interval.
     """
     features, hours = table.features, table.hours
     moved = features["moved_w"].to_numpy(dtype=np.float64)
@@ -184,7 +237,7 @@ def process_blocks(table: BlockTable, doubt_w: FloatArray) -> Blocks:
         step_s=table.hours * 3600.0,
         loadings=loadings,
         spread_w=100.0 + 0.3 * moved,
-        doubt_w=np.full((len(hours), 1), float(np.linalg.norm(hours @ doubt_w) / hours.sum())),
+        doubt_wh=float(np.linalg.norm(hours @ doubt_w)),
     )
 
 

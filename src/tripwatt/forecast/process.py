@@ -46,15 +46,16 @@ class Blocks:
         Power [W] by which each whole-trip effect of size 1 changes the block.
     spread_w : ndarray, shape (blocks,)
         Scale [W] of what is new in every block, relative to the process's own factor.
-    doubt_w : ndarray, shape (blocks, any)
-        Factor of the covariance of what the mean model itself does not know [W].
+    doubt_wh : float
+        Standard deviation of what the mean model itself does not know of the trip's energy [Wh]. It widens the
+        interval; a started trip says nothing about it, so it is no part of the process.
     """
 
     time_s: FloatArray
     step_s: FloatArray
     loadings: FloatArray
     spread_w: FloatArray
-    doubt_w: FloatArray
+    doubt_wh: float
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -91,8 +92,7 @@ class ResidualProcess:
         """Covariance of the residual power [W²], shape (blocks, blocks)."""
         effects = blocks.loadings * self.effect_sd
         lag = np.abs(blocks.time_s[:, None] - blocks.time_s[None, :])
-        known = np.concatenate([effects, blocks.doubt_w], axis=1)
-        covariance = known @ known.T + self.climate_sd_w**2 * np.exp(-lag / self.climate_time_s)
+        covariance = effects @ effects.T + self.climate_sd_w**2 * np.exp(-lag / self.climate_time_s)
         edges = np.concatenate(([0.0], np.cumsum(blocks.step_s)))
         stored = np.exp(-np.abs(edges[:, None] - edges[None, :]) / self.stored_time_s)
         hours = blocks.step_s / SECONDS_PER_HOUR
@@ -103,7 +103,8 @@ class ResidualProcess:
     def total_score(self, blocks: Blocks, residual_w: FloatArray) -> float:
         """Error of a trip's energy over its standard deviation before departure."""
         hours = blocks.step_s / SECONDS_PER_HOUR
-        return float(hours @ residual_w / np.sqrt(hours @ self.covariance(blocks) @ hours))
+        variance = hours @ self.covariance(blocks) @ hours + blocks.doubt_wh**2
+        return float(hours @ residual_w / np.sqrt(variance))
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +207,7 @@ def _merged(blocks: Blocks, residual_w: FloatArray) -> tuple[Blocks, FloatArray]
         return np.asarray(np.add.reduceat(weighted, start, axis=0))
 
     spread = np.sqrt(np.add.reduceat((share * blocks.spread_w) ** 2, start))
-    merged = Blocks(mean(blocks.time_s), step, mean(blocks.loadings), spread, mean(blocks.doubt_w))
+    merged = Blocks(mean(blocks.time_s), step, mean(blocks.loadings), spread, blocks.doubt_wh)
     return merged, mean(residual_w)
 
 
@@ -222,7 +223,6 @@ class _Batch:
     real: npt.NDArray[np.bool_]
     residual: FloatArray
     loadings: FloatArray
-    doubt: FloatArray
     lag: FloatArray
     edge_lag: FloatArray
     per_hour2: FloatArray
@@ -234,7 +234,7 @@ class _Batch:
         real = np.zeros((n, m), dtype=bool)
         residual, spread, time = np.zeros((n, m)), np.zeros((n, m)), np.zeros((n, m))
         loadings = np.zeros((n, m, trips[0][0].loadings.shape[1]))
-        doubt, hours, edges = np.zeros((n, m, m)), np.full((n, m), np.inf), np.zeros((n, m + 1))
+        hours, edges = np.full((n, m), np.inf), np.zeros((n, m + 1))
         for i, (blocks, left) in enumerate(trips):
             k = len(blocks)
             real[i, :k], residual[i, :k], spread[i, :k], time[i, :k] = (
@@ -244,7 +244,6 @@ class _Batch:
                 blocks.time_s,
             )
             loadings[i, :k] = blocks.loadings
-            doubt[i, :k, :k] = blocks.doubt_w @ blocks.doubt_w.T
             hours[i, :k] = blocks.step_s / SECONDS_PER_HOUR
             edges[i, 1 : k + 1] = np.cumsum(blocks.step_s)
             edges[i, k + 1 :] = edges[i, k]
@@ -252,7 +251,7 @@ class _Batch:
         lag[~(real[:, :, None] & real[:, None, :])] = np.inf
         edge_lag = np.abs(edges[:, :, None] - edges[:, None, :])
         per_hour2 = 1.0 / (hours[:, :, None] * hours[:, None, :])
-        return cls(real, residual, loadings, doubt, lag, edge_lag, per_hour2, spread)
+        return cls(real, residual, loadings, lag, edge_lag, per_hour2, spread)
 
     def cost(self, values: FloatArray, effects: int) -> tuple[float, FloatArray]:
         """Negative log likelihood but for a constant, and its gradient by the logarithms of the parameters."""
@@ -262,7 +261,7 @@ class _Batch:
         slow = climate**2 * np.exp(-self.lag / climate_time)
         at_edges = stored_sd**2 * np.exp(-self.edge_lag / stored_time)
         stored = _increments(at_edges) * self.per_hour2
-        covariance = self.doubt + scaled @ scaled.transpose(0, 2, 1) + slow + stored
+        covariance = scaled @ scaled.transpose(0, 2, 1) + slow + stored
         diagonal = np.arange(self.real.shape[1])
         own = np.where(self.real, (noise * self.spread) ** 2, 1.0)
         covariance[:, diagonal, diagonal] += own

@@ -48,10 +48,10 @@ class Scores:
         rank = level * (n + 1)
         if rank <= n:
             return float(np.interp(rank, np.arange(n + 1), np.concatenate(([0.0], self.values))))
-        from scipy.stats import t
+        from scipy.special import stdtrit
 
-        top = t.ppf(0.5 + 0.5 * n / (n + 1), TAIL_DF)
-        return float(self.values[-1] * t.ppf(0.5 + 0.5 * min(level, 1 - 1e-9), TAIL_DF) / top)
+        top = stdtrit(TAIL_DF, 0.5 + 0.5 * n / (n + 1))
+        return float(self.values[-1] * stdtrit(TAIL_DF, 0.5 + 0.5 * min(level, 1 - 1e-9)) / top)
 
     def probability(self, standardised: float) -> float:
         """Probability that the error is below `standardised` standard deviations: the inverse of `factor`."""
@@ -61,11 +61,11 @@ class Scores:
             # scores that repeat make no step backwards
             level = float(np.interp(size, np.concatenate(([0.0], self.values)), np.arange(n + 1))) / (n + 1)
         else:
-            from scipy.stats import t
+            from scipy.special import stdtr, stdtrit
 
-            top = t.ppf(0.5 + 0.5 * n / (n + 1), TAIL_DF)
+            top = stdtrit(TAIL_DF, 0.5 + 0.5 * n / (n + 1))
             level = (
-                float(2.0 * t.cdf(size / self.values[-1] * top, TAIL_DF) - 1.0)
+                float(2.0 * stdtr(TAIL_DF, size / self.values[-1] * top) - 1.0)
                 if self.values[-1] > 0
                 else 1.0
             )

@@ -8,7 +8,8 @@ else, so nothing measured on the way can leak into a departure forecast.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, Final, Protocol, Self
 
@@ -19,7 +20,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.hybrid.cumulative import IntArray
 from tripwatt.kriging import ClusteredKriging, Part
 from tripwatt.physics import Simulation, simulate_trip
-from tripwatt.trips import FloatArray, Trip, resample
+from tripwatt.trips import FloatArray, Trip, block_means, resample
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
@@ -63,10 +64,22 @@ def planned(trip: Trip, *, step_s: float = 1.0) -> Trip:
     Trip
         Columns of `ROUTE_COLUMNS` as block means, of `DEPARTURE_COLUMNS` as constants; no measured energy.
     """
-    route = Trip(trip.trip_id, trip.samples[[c for c in ROUTE_COLUMNS if c in trip]], trip.context)
-    blocks = resample(route, step_s)
-    first = {c: float(trip.array(c)[0]) for c in DEPARTURE_COLUMNS if c in trip}
-    return replace(blocks, samples=blocks.samples.assign(**first))
+    route = {c: trip.array(c) for c in ROUTE_COLUMNS if c in trip}
+    n_blocks, columns = block_means(route["time_s"] - route["time_s"][0], route, step_s)
+    for name in DEPARTURE_COLUMNS:
+        if name in trip:
+            columns[name] = np.full(n_blocks, trip.array(name)[0])
+    return Trip(trip.trip_id, _frame(columns), trip.context, step_s=step_s)
+
+
+def _frame(columns: Mapping[str, FloatArray]) -> pd.DataFrame:
+    """A table of numbers, each column contiguous; much faster than column by column."""
+    return pd.DataFrame(np.array(list(columns.values())).T, columns=_names(tuple(columns)))
+
+
+@lru_cache(maxsize=64)
+def _names(columns: tuple[str, ...]) -> pd.Index:
+    return pd.Index(columns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +188,7 @@ def block_table(
         return np.bincount(block, values * step, n) / seconds
 
     speed = plan.array("speed_m_s")
-    features: dict[str, FloatArray | float] = {
+    features: dict[str, Any] = {
         "simulated_w": mean(simulation.battery_power_w),
         **{f"{cause}_w": mean(simulation.power_by_cause_w[cause]) for cause in LINE_CAUSES},
         "moved_w": mean(np.abs(simulation.wheel_power_w)),
@@ -186,7 +199,7 @@ def block_table(
         "payload_mass_kg": plan.context.payload_mass_kg,
     }
     for name in DEPARTURE_COLUMNS[:5]:
-        features[name] = float(plan.samples[name].iloc[0]) if name in plan else np.nan
+        features[name] = float(plan.array(name)[0]) if name in plan else np.nan
     if not np.isfinite(features["cabin_setpoint_degc"]):
         setpoint = plan.context.cabin_setpoint_degc
         features["cabin_setpoint_degc"] = np.nan if setpoint is None else setpoint
@@ -194,7 +207,7 @@ def block_table(
     return BlockTable(
         trip_ids=(plan.trip_id,),
         offsets=np.array([0, n]),
-        features=pd.DataFrame(features, index=range(n)),
+        features=_frame({name: np.broadcast_to(values, n) for name, values in features.items()}),
         hours=seconds / SECONDS_PER_HOUR,
         simulated_w=np.asarray(features["simulated_w"]),
         observed_w=None if measured is None else _measured_power(measured, block, time, step, seconds),
@@ -238,6 +251,10 @@ class PowerCorrector(Protocol):
         """`L` with `L @ L.T` the covariance of what the corrector does not know, shape (rows, any)."""
         ...
 
+    def predict_with_doubt(self, table: BlockTable) -> tuple[FloatArray, FloatArray]:
+        """`predict` and `uncertainty_factor` at once."""
+        ...
+
 
 _AMBIENT, _CABIN, _SETPOINT, _BATTERY = DEPARTURE_COLUMNS[:4]
 _SMOOTH_W: Final = 100.0
@@ -259,6 +276,14 @@ _SMOOTH: Final = tuple(
 )
 LINES: Final = tuple(Part((f"{cause}_w",), "line", 0.1) for cause in LINE_CAUSES)
 """Each cause of the simulation may be off by about 10 %: a calibration of the physics that is shrunk to none."""
+
+
+class _OneByOne:
+    """Both answers, when one does not help with the other."""
+
+    def predict_with_doubt(self: PowerCorrector, table: BlockTable) -> tuple[FloatArray, FloatArray]:
+        """`predict` and `uncertainty_factor`."""
+        return self.predict(table), self.uncertainty_factor(table)
 
 
 class KrigingCorrector:
@@ -291,14 +316,19 @@ class KrigingCorrector:
 
     def predict(self, table: BlockTable) -> FloatArray:
         """Residual power [W]."""
-        features, _ = self.model.features(table.features)
-        return (
-            self.model.predict(table.features) + _less_trip_mean(features @ self.shape[:, None], table)[:, 0]
-        )
+        return self._mean(self.model.features(table.features)[0], table)
 
     def uncertainty_factor(self, table: BlockTable) -> FloatArray:
         """From the posterior of the process."""
         return self.model.uncertainty_factor(table.features)
+
+    def predict_with_doubt(self, table: BlockTable) -> tuple[FloatArray, FloatArray]:
+        """Both from the same features."""
+        features, _ = self.model.features(table.features)
+        return self._mean(features, table), self.model.doubt(features)
+
+    def _mean(self, features: FloatArray, table: BlockTable) -> FloatArray:
+        return self.model.mean(features) + _less_trip_mean(features @ self.shape[:, None], table)[:, 0]
 
 
 _SHAPE_SHARE: Final = 4.0
@@ -312,7 +342,7 @@ def _less_trip_mean(values: FloatArray, table: BlockTable) -> FloatArray:
     return np.asarray(values - means[table.groups])
 
 
-class LearnerCorrector:
+class LearnerCorrector(_OneByOne):
     """A scikit-learn style learner on block rows, each trip weighing the same."""
 
     def __init__(
@@ -327,7 +357,7 @@ class LearnerCorrector:
 
     def fit(self, table: BlockTable) -> Self:
         """Learn from block rows, the trip as the cluster."""
-        self.model.fit(self._columns(table), table.residual_w, groups=table.groups)
+        self.model.fit(self.columns(table), table.residual_w, groups=table.groups)
         return self
 
     def again(self) -> LearnerCorrector:
@@ -336,14 +366,15 @@ class LearnerCorrector:
 
     def predict(self, table: BlockTable) -> FloatArray:
         """Residual power [W]."""
-        return np.asarray(self.model.predict(self._columns(table)), dtype=np.float64)
+        return np.asarray(self.model.predict(self.columns(table)), dtype=np.float64)
 
     def uncertainty_factor(self, table: BlockTable) -> FloatArray:
         """A tree does not say what it does not know."""
         return np.zeros((len(table.hours), 1))
 
     @staticmethod
-    def _columns(table: BlockTable) -> pd.DataFrame:
+    def columns(table: BlockTable) -> pd.DataFrame:
+        """What the learner sees of a table."""
         return table.features[list(TREE_FEATURES)]
 
 
@@ -385,6 +416,11 @@ class EnsembleCorrector:
         """Of the first member."""
         return self.members[0].uncertainty_factor(table)
 
+    def predict_with_doubt(self, table: BlockTable) -> tuple[FloatArray, FloatArray]:
+        """The first member does both at once."""
+        mean, doubt = self.members[0].predict_with_doubt(table)
+        return np.asarray(np.mean([mean, *(m.predict(table) for m in self.members[1:])], axis=0)), doubt
+
 
 def _boosting(seed: int) -> LearnerCorrector:
     from tripwatt.boosting import ClusteredBoosting
@@ -411,7 +447,7 @@ def _forest(seed: int) -> LearnerCorrector:
     return LearnerCorrector(make, lambda model: {"param_grid": None, **model.best_params_})
 
 
-class GammCorrector:
+class GammCorrector(_OneByOne):
     """The GAMM engine on block power: smooths of the departure state and the drive, a random effect per trip."""
 
     FORMULA: Final = (

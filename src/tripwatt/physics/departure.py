@@ -22,9 +22,7 @@ def at_departure(trip: Trip, *columns: str) -> tuple[float | None, ...]:
     >>> at_departure(Trip.from_samples("t", log), "soc", "voltage_v")
     (0.7, None)
     """
-    row = trip.samples.iloc[0]
-    first = dict(zip(row.index.tolist(), row.tolist(), strict=True))
-    values = [float(first.get(c, math.nan)) for c in columns]
+    values = [float(trip.array(c)[0]) if c in trip else math.nan for c in columns]
     return tuple(v if math.isfinite(v) else None for v in values)
 
 

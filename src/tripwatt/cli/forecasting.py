@@ -1,0 +1,387 @@
+"""Commands of the forecast: fit a model, forecast a trip with one, look into one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+
+from tripwatt.cli.options import (
+    DataArgument,
+    DatasetOption,
+    JsonOption,
+    MappingOption,
+    SetOption,
+    VehicleOption,
+    car_of,
+    examples,
+    gather,
+    read_logs,
+)
+from tripwatt.cli.placing import write_text
+from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
+from tripwatt.errors import Fault, InvalidInput
+
+if TYPE_CHECKING:
+    from tripwatt.forecast import Forecast
+    from tripwatt.trips import Fleet
+
+OPTION_OF: Final = {
+    "displayed_soc": "--soc",
+    "ambient_temperature_degc": "--ambient",
+    "cabin_setpoint_degc": "--setpoint",
+    "cabin_temperature_degc": "--cabin-temperature",
+    "battery_temperature_degc": "--battery-temperature",
+    "payload_mass_kg": "--payload",
+}
+PLOT_SUFFIXES: Final = (".png", ".svg", ".pdf")
+
+
+def add_commands(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command(
+        epilog=examples(
+            ("tripwatt fit data/tum --out my-model", "your copy of the TUM trips"),
+            ("tripwatt fit logs --mapping my.toml --vehicle vw_id3 --out my-model", "any tables of one car"),
+            ("tripwatt fit --out example-model", "the synthetic fleet: to try the commands, not a car"),
+        )
+    )(fit)
+    app.command(
+        epilog=examples(
+            ("tripwatt example-trip --out trip.csv", "a trip to try"),
+            (
+                "tripwatt forecast trip.csv --soc 0.8 --ambient -5",
+                "with the model that comes with the package",
+            ),
+            ("tripwatt forecast my-model trip.csv --reserve 0.1 --plot forecast.png", "with your model"),
+            ("tripwatt forecast trip.csv --observed so-far.csv --json", "again, during the trip"),
+        )
+    )(forecast)
+    app.command(
+        epilog=examples(
+            ("tripwatt inspect", "the model that comes with the package"),
+            ("tripwatt inspect my-model --json", "everything it says of itself"),
+        )
+    )(inspect)
+    app.command(
+        "example-trip",
+        epilog=examples(("tripwatt example-trip --out trip.csv", "then `tripwatt forecast trip.csv`")),
+    )(example)
+
+
+def fit(
+    data: DataArgument = None,
+    out: Annotated[
+        Path,
+        typer.Option("--out", "-o", metavar="MODEL", help="Folder of the model; appears when it is whole."),
+    ] = Path("model"),
+    dataset: DatasetOption = None,
+    mapping: MappingOption = None,
+    vehicle: VehicleOption = None,
+    overrides: SetOption = None,
+    corrector: Annotated[
+        str, typer.Option(metavar="NAME", help="linear, kriging, boosting, forest or ensemble.")
+    ] = "ensemble",
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Makes the fit identical.")] = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """Fit a forecasting model on logged trips and write it as a folder.
+
+    Audits the trips, fits on the sound ones, learns from held-out trips how sure a forecast is, and writes arrays and
+    metadata.json: what the model takes in, where it comes from, its figures, and the digest of every part.
+    """
+    from tripwatt.modelfile import require_place
+    from tripwatt.vehicles import load_vehicle, parse_overrides
+
+    shown = console()
+    car, note = car_of(vehicle, data, dataset, mapping)
+    fleets: list[Fleet] = []
+    cars: list[Any] = []
+
+    def read() -> None:
+        with shown.status("reading trips"):
+            fleets.append(read_logs(data, dataset, mapping))
+
+    gather(
+        lambda: _require_storable(corrector),
+        lambda: cars.append(load_vehicle(car, overrides=parse_overrides(overrides or []))),
+        lambda: require_place(out),
+        read,
+    )
+    fleet = replace(fleets[0], notes=(*fleets[0].notes, *([note] if note else [])))
+    shown.print(f"{len(fleet.trips)} trips read ({fleet.name})")
+    from tripwatt.forecast.storage import save_model
+    from tripwatt.forecast.training import trained
+
+    with progress(shown) as advance:
+        model, provenance, figures = trained(fleet, cars[0], corrector=corrector, seed=seed, progress=advance)
+    save_model(model, out, provenance=provenance, evaluation=figures)
+    _show_fit(fleet, out, figures, as_json)
+
+
+def _require_storable(corrector: str) -> None:
+    from tripwatt.hybrid import POWER_CORRECTORS
+
+    storable = [name for name in POWER_CORRECTORS if name != "gamm"]
+    if corrector not in storable:
+        raise InvalidInput(Fault("unknown corrector", "--corrector", corrector, ", ".join(storable)))
+
+
+def _show_fit(fleet: Fleet, out: Path, figures: dict[str, Any], as_json: bool) -> None:
+    if as_json:
+        brief = {k: v for k, v in figures.items() if k != "by_trip"}
+        print_json({"model": str(out), "data": fleet.name, "evaluation": brief, "notes": list(fleet.notes)})
+        return
+    typer.echo(f"model: {out}, fitted on {figures['trips']} trips ({fleet.name})")
+    typer.echo(
+        f"held-out trips: mean error {figures['mape']:.1%}, RMSE {figures['rmse_wh'] / 1000.0:.3f} kWh, "
+        f"{figures['given']}"
+    )
+    print_notes(fleet.notes)
+
+
+def forecast(
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="[MODEL] TRIP",
+            help="Folder of a model, left out for the one that comes with the package, and a CSV or Parquet file of the "
+            "trip with our column names: time_s, speed_m_s, and elevation_m or grade where known. Of other signals "
+            "only the first sample counts.",
+            show_default=False,
+        ),
+    ],
+    soc: Annotated[
+        float | None,
+        typer.Option(
+            "--soc", metavar="0..1", help="Displayed state of charge at departure.", show_default=False
+        ),
+    ] = None,
+    ambient: Annotated[
+        float | None, typer.Option(metavar="°C", help="Outside temperature.", show_default=False)
+    ] = None,
+    setpoint: Annotated[
+        float | None, typer.Option(metavar="°C", help="Set-point of the cabin.", show_default=False)
+    ] = None,
+    payload: Annotated[
+        float | None, typer.Option(metavar="KG", help="Load besides the driver.", show_default=False)
+    ] = None,
+    battery_temperature: Annotated[
+        float | None, typer.Option(metavar="°C", help="Battery at departure.", show_default=False)
+    ] = None,
+    cabin_temperature: Annotated[
+        float | None, typer.Option(metavar="°C", help="Cabin at departure.", show_default=False)
+    ] = None,
+    observed: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="SAMPLES",
+            help="What was measured so far, on the trip's clock: time_s with voltage_v and current_a, or soc or "
+            "displayed_soc.",
+            show_default=False,
+        ),
+    ] = None,
+    reserve: Annotated[
+        float, typer.Option(metavar="0..1", help="Displayed state of charge to arrive with.")
+    ] = 0.1,
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Draw it: .png, .svg or .pdf.", show_default=False),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Forecast the energy of a trip, how sure that is, and what it goes into, given the driven speed trace.
+
+    State of charge, in and out, is the one that the driver sees.
+    """
+    from tripwatt.forecast import load_model, since_departure, trip_to_come
+    from tripwatt.sources.canonical import read_canonical
+
+    model, trip = _model_and_trip(paths)
+    asked: dict[str, Any] = {
+        "displayed_soc": soc,
+        "ambient_temperature_degc": ambient,
+        "cabin_setpoint_degc": setpoint,
+        "cabin_temperature_degc": cabin_temperature,
+        "battery_temperature_degc": battery_temperature,
+        "payload_mass_kg": payload,
+    }
+    got: dict[str, Any] = {}
+    gather(
+        lambda: _require_options(reserve, plot),
+        lambda: got.update(model=load_model(model)),
+        lambda: got.update(samples=read_canonical(trip)),
+        lambda: None if observed is None else got.update(observed=_measured(observed)),
+        lambda: _with_option_names(asked),
+    )
+    to_come = trip_to_come(got["samples"], trip.stem, **asked)
+    found = got["model"].forecast(to_come)
+    if observed is not None:
+        found = found.update(since_departure(got["observed"], to_come))
+    answer = found.as_dict()
+    answer["p_arrive"][f"{reserve:g}"] = found.p_arrive(reserve)
+    if plot is not None:
+        _draw(found, plot)
+    print_json(answer) if as_json else _show_forecast(found, reserve)
+
+
+def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
+    if len(paths) > 2:
+        got = " ".join(map(str, paths))
+        raise InvalidInput(
+            Fault("too many arguments", "MODEL TRIP", got, "a model's folder and a trip's file")
+        )
+    return (None, paths[0]) if len(paths) == 1 else (paths[0], paths[1])
+
+
+def _require_options(reserve: float, plot: Path | None) -> None:
+    faults = []
+    if not 0.0 <= reserve <= 1.0:
+        faults.append(Fault("value out of range", "--reserve", f"{reserve:g}", "0 to 1"))
+    if plot is not None and plot.suffix.lower() not in PLOT_SUFFIXES:
+        faults.append(Fault("unknown kind of picture", "--plot", str(plot), ", ".join(PLOT_SUFFIXES)))
+    if plot is not None and not plot.absolute().parent.is_dir():
+        faults.append(Fault("no such folder", "--plot", str(plot.parent), "a folder that exists"))
+    if faults:
+        raise InvalidInput(faults)
+
+
+def _with_option_names(asked: dict[str, Any]) -> None:
+    """Check what the options say, whatever the trip, under the options' names."""
+    import pandas as pd
+
+    from tripwatt.forecast import trip_to_come
+
+    parked = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 0.0]})
+    try:
+        trip_to_come(parked, **asked)
+    except InvalidInput as error:
+        named = [replace(f, where=OPTION_OF.get(f.where, f.where)) for f in error.faults]
+        raise InvalidInput(named) from error
+
+
+def _measured(path: Path) -> Any:
+    from tripwatt.sources.canonical import read_canonical
+
+    return read_canonical(path, required=("time_s",), least=2)
+
+
+def _draw(found: Forecast, plot: Path) -> None:
+    from tripwatt.forecast.plot import plot_forecast
+
+    try:
+        plot_forecast(found).savefig(plot, dpi=150)
+    except OSError as error:
+        got = f"{plot}: {error.strerror or error}"
+        raise InvalidInput(Fault("cannot write the picture", "--plot", got, "a file")) from error
+
+
+def _show_forecast(found: Forecast, reserve: float) -> None:
+    from tripwatt.forecast.storage import GIVEN
+
+    low, high = found.interval(0.9)
+    when = "before departure" if found.measured_until_s <= 0.0 else f"after {found.measured_until_s:.0f} s"
+    rows = [
+        ("energy", f"{found.energy_wh / 1000.0:.2f} kWh"),
+        ("90 % interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
+        ("displayed charge at arrival", f"{found.soc_arrival:.0%}"),
+        ("P(arrive)", f"{found.p_arrive(0.0):.1%}"),
+        (f"P(arrive with {reserve:.0%} or more)", f"{found.p_arrive(reserve):.1%}"),
+    ]
+    print_table(f"{found.plan.trip_id}, {when}, {GIVEN}", ("forecast", ""), rows, numbers=("",))
+    causes = [
+        (cause.replace("_", " "), f"{energy / 1000.0:+.3f} kWh")
+        for cause, energy in found.by_cause_wh.items()
+        if cause != "shortfall" or energy
+    ]
+    print_table("What it goes into", ("cause", "energy"), causes, numbers=("energy",))
+    print_notes(found.flags)
+
+
+def inspect(
+    model: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="MODEL",
+            help="Folder of a model. Left out: the one that comes with the package.",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Say what a model takes in, where it comes from and how good it was. Every part is checked."""
+    from tripwatt.forecast import load_metadata
+
+    about = load_metadata(model)
+    if as_json:
+        print_json(about)
+        return
+    print_table("Model", ("", "what"), _about_rows(about), folding=("what",))
+    columns = ("input", "unit", "allowed", "training saw", "needed")
+    rows = [
+        (
+            entry["name"],
+            entry["unit"],
+            _range(entry["minimum"], entry["maximum"]),
+            _range(*entry["training"]) if "training" in entry else "",
+            ("yes" if entry["required"] else "no")
+            + (", first sample" if entry["samples"] == "first" else ""),
+        )
+        for entry in about["contract"]["inputs"]
+    ]
+    print_table("What it takes in", columns, rows)
+
+
+def _about_rows(about: dict[str, Any]) -> list[tuple[str, str]]:
+    fitted, origin, figures = about["model"], about["provenance"], about["evaluation"]
+    rows = [
+        ("format", f"{about['format_version']}, written by tripwatt {about['tripwatt']}"),
+        ("car", f"{fitted['vehicle_title']} ({fitted['vehicle']}, preset {fitted['vehicle_preset']})"),
+        ("corrector", f"{fitted['corrector']}, seed {fitted['seed']}, {fitted['trips']} trips"),
+    ]
+    if "data" in origin:
+        rows.append(("data", f"{origin['data']['name']}, SHA-256 {origin['data']['sha256']}"))
+        rows += [("citation", origin["data"]["citation"])] if origin["data"]["citation"] else []
+        rows += [("note", note) for note in origin["data"]["notes"]]
+    if "mape" in figures:
+        rows.append(
+            (
+                "held-out trips",
+                f"mean error {figures['mape']:.1%}, RMSE {figures['rmse_wh'] / 1000.0:.3f} kWh, "
+                f"bias {figures['bias_wh']:+.0f} Wh on {figures['trips']} trips, {figures['given']}",
+            )
+        )
+        rows.append(("how", figures["protocol"]))
+    rows.append(
+        ("parts", ", ".join(f"{name} ({part['bytes']} bytes)" for name, part in about["parts"].items()))
+    )
+    return rows
+
+
+def _range(low: float | None, high: float | None) -> str:
+    return f"{'-' if low is None else f'{low:g}'} to {'-' if high is None else f'{high:g}'}"
+
+
+def example(
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", metavar="FILE", help="Write it here instead of printing it.", show_default=False
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Another trip.")] = 0,
+) -> None:
+    """A synthetic trip as a CSV table with our column names, to try `tripwatt forecast` with.
+
+    Computed, not driven: no figure on it says anything of a real car.
+    """
+    from tripwatt.synthetic import example_trip
+
+    text = example_trip(seed).to_csv(index=False, lineterminator="\n")
+    if out is None:
+        typer.echo(text, nl=False)
+        return
+    write_text(text, out)
+    print_notes([f"synthetic: {out} was computed, not driven"])

@@ -1,0 +1,383 @@
+"""The consumption curve of a car in the words of routing services: HERE, TomTom, Mapbox, A Better Routeplanner.
+
+These services know a car by what it takes at a constant speed on a level road, by what a metre of height costs and
+brings back, and by a power that flows all the time. All of it is simulated here: drives of half an hour, but at most
+20 km, from the departure that was asked for, so that a cold cabin and cold tyres count with their share. `docs/export.md` says what
+each service takes, in which unit, and where that is written.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.physics import Simulation, simulate_trip
+from tripwatt.routes import Departure, route_from_links, trip_from_links
+from tripwatt.routes.departure import planned_trip
+from tripwatt.trips import FloatArray, Trip
+from tripwatt.units import GRAVITY_M_S2, M_S_PER_KM_H, SECONDS_PER_HOUR, WH_PER_J
+from tripwatt.vehicles import Vehicle
+
+DRIVE_S: Final = 1800.0
+"""Longest simulated drive [s]; the auxiliaries' power is the mean over it."""
+
+DRIVE_M: Final = 20_000.0
+"""Longest simulated drive [m]: no battery runs empty on it."""
+
+LOWEST_KM_H: Final = 10
+HIGHEST_KM_H: Final = 180
+STEP_KM_H: Final = 10
+"""Speeds of the curve. TomTom takes at most 25 points."""
+
+REFERENCE_KM_H: Final = 70
+"""Speed at which slopes are driven and the auxiliaries are counted."""
+
+SLOPE: Final = 0.05
+"""Grade of the slopes: steep enough that a part of the way down is braked by the motor."""
+
+ABRP_KM_H: Final = 110
+
+TRAFFIC_LINK_M: Final = 1000.0
+
+AUXILIARIES: Final = ("base_load", "hvac")
+"""Causes of a simulation that flow with time rather than with distance."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ConsumptionCurve:
+    """What a car takes on level ground and on slopes, without a route. Arrays have shape (speeds,).
+
+    Attributes
+    ----------
+    speed_km_h : ndarray of int
+        Speeds that the car can hold.
+    energy_wh_km : ndarray
+        Energy at the battery terminals at constant speed, without auxiliaries, level road.
+    traffic_energy_wh_km : ndarray
+        The same on links of which the speed is only the mean, stops included.
+    auxiliary_power_w : float
+        Base load and climate control, mean over the drive.
+    ascent_wh_m, descent_wh_m : float
+        Energy that a metre of height costs uphill, and that it saves downhill.
+    acceleration_efficiency, deceleration_efficiency : float
+        Kinetic energy gained over energy spent for it; energy saved over kinetic energy lost.
+    mass_kg : float
+        Test mass and payload.
+    capacity_wh : float
+        Energy between an empty and a full battery, as the driver sees them.
+    reference_wh_km : float
+        Energy at 110 km/h, auxiliaries included.
+    """
+
+    speed_km_h: np.ndarray[tuple[int], np.dtype[np.int64]]
+    energy_wh_km: FloatArray
+    traffic_energy_wh_km: FloatArray
+    auxiliary_power_w: float
+    ascent_wh_m: float
+    descent_wh_m: float
+    acceleration_efficiency: float
+    deceleration_efficiency: float
+    mass_kg: float
+    capacity_wh: float
+    reference_wh_km: float
+
+    @property
+    def uphill_efficiency(self) -> float:
+        """Potential energy gained over the energy spent for it."""
+        return _share(self.mass_kg * GRAVITY_M_S2 * WH_PER_J / self.ascent_wh_m)
+
+    @property
+    def downhill_efficiency(self) -> float:
+        """Energy saved over the potential energy lost."""
+        return _share(self.descent_wh_m / (self.mass_kg * GRAVITY_M_S2 * WH_PER_J))
+
+
+def _share(value: float) -> float:
+    return min(max(value, 0.01), 1.0)
+
+
+def consumption_curve(
+    vehicle: Vehicle,
+    *,
+    ambient_temperature_degc: float = 20.0,
+    cabin_setpoint_degc: float | None = None,
+    payload_mass_kg: float = 0.0,
+    soc: float = 0.8,
+    correction: Callable[[Trip], float] | None = None,
+) -> ConsumptionCurve:
+    """Simulate the car at constant speeds, in traffic, on slopes and in changes of speed. About 40 drives of half an hour.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    ambient_temperature_degc : float
+    cabin_setpoint_degc : float, optional
+        The car's usual set-point when not given.
+    payload_mass_kg : float
+    soc : float
+        State of charge at departure, the battery management's value.
+    correction : callable, optional
+        Energy [Wh] to be added to the simulated one of a trip, such as a learned one. It counts as driving.
+
+    Raises
+    ------
+    InvalidInput
+        When an argument cannot be used, or the car cannot hold any speed.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> curve = consumption_curve(load_vehicle("bmw_i3_60ah"))
+    >>> bool(curve.energy_wh_km[-1] > curve.energy_wh_km[4]), bool(curve.descent_wh_m < curve.ascent_wh_m)
+    (True, True)
+    """
+    departure = Departure(
+        ambient_temperature_degc=ambient_temperature_degc, cabin_setpoint_degc=cabin_setpoint_degc, soc=soc
+    )
+    departure = replace(departure, context=replace(departure.context, payload_mass_kg=payload_mass_kg))
+    drive = _Driver(vehicle, departure, correction)
+    speeds = []
+    levels = []
+    for speed in range(LOWEST_KM_H, HIGHEST_KM_H + 1, STEP_KM_H):
+        level, flags = drive.constant(speed * M_S_PER_KM_H)
+        if flags:
+            break
+        speeds.append(speed)
+        levels.append(level)
+    if not speeds:
+        where = f"{vehicle.name} at {LOWEST_KM_H} km/h"
+        raise InvalidInput(
+            Fault("the car cannot follow", where, "; ".join(flags), "a car and a battery that drive")
+        )
+    mass = vehicle.body.test_mass_kg + payload_mass_kg
+    reference = REFERENCE_KM_H * M_S_PER_KM_H
+    flat, up, down = (drive.constant(reference, grade)[0] for grade in (0.0, SLOPE, -SLOPE))
+    rise_m_km = 1000.0 * SLOPE
+    gained, saved = drive.changes_of_speed(mass * vehicle.body.rotating_mass_factor)
+    return ConsumptionCurve(
+        speed_km_h=np.array(speeds, dtype=np.int64),
+        energy_wh_km=np.array(levels),
+        traffic_energy_wh_km=np.array([drive.in_traffic(v * M_S_PER_KM_H) for v in speeds]),
+        auxiliary_power_w=drive.auxiliary_power(reference),
+        ascent_wh_m=(up - flat) / rise_m_km,
+        descent_wh_m=max(flat - down, 0.0) / rise_m_km,
+        acceleration_efficiency=gained,
+        deceleration_efficiency=saved,
+        mass_kg=mass,
+        capacity_wh=_capacity_wh(vehicle),
+        reference_wh_km=drive.reference(),
+    )
+
+
+def _capacity_wh(vehicle: Vehicle) -> float:
+    battery = vehicle.battery
+    soc = np.linspace(battery.displayed_zero_soc, battery.displayed_full_soc, 101)
+    ocv = np.interp(soc, battery.ocv_soc, battery.ocv_v) * battery.cells_in_series
+    return float(np.trapezoid(ocv, soc) * battery.capacity_ah)
+
+
+@dataclass(frozen=True, slots=True)
+class _Driver:
+    """Drives one car from one departure."""
+
+    vehicle: Vehicle
+    departure: Departure
+    correction: Callable[[Trip], float] | None
+
+    def trip(self, speed_m_s: FloatArray, grade: float = 0.0) -> Trip:
+        samples = pd.DataFrame({"time_s": np.arange(float(len(speed_m_s))), "speed_m_s": speed_m_s})
+        if grade:
+            samples["grade"] = grade
+        return planned_trip("export", samples, self.departure, ())
+
+    def driving_wh(self, trip: Trip) -> tuple[float, Simulation]:
+        """Energy of a trip without auxiliaries [Wh]."""
+        run = simulate_trip(self.vehicle, trip)
+        by_cause = run.energy_by_cause_wh
+        energy = run.simulated_energy_wh - sum(float(by_cause[cause][-1]) for cause in AUXILIARIES)
+        return energy + (0.0 if self.correction is None else self.correction(trip)), run
+
+    def steady(self, speed_m_s: float, grade: float = 0.0) -> Trip:
+        duration = int(min(DRIVE_S, DRIVE_M / speed_m_s))
+        return self.trip(np.full(duration + 1, speed_m_s), grade)
+
+    def constant(self, speed_m_s: float, grade: float = 0.0) -> tuple[float, tuple[str, ...]]:
+        """Energy per kilometre [Wh/km] without auxiliaries, and why the car cannot hold the speed, if so."""
+        trip = self.steady(speed_m_s, grade)
+        energy, run = self.driving_wh(trip)
+        return energy / (trip.distance_m / 1000.0), run.flags
+
+    def auxiliary_power(self, speed_m_s: float) -> float:
+        run = simulate_trip(self.vehicle, self.trip(np.full(int(DRIVE_S) + 1, speed_m_s)))
+        energy = sum(float(run.energy_by_cause_wh[cause][-1]) for cause in AUXILIARIES)
+        return energy * SECONDS_PER_HOUR / DRIVE_S
+
+    def reference(self) -> float:
+        """Energy per kilometre [Wh/km] at 110 km/h with auxiliaries."""
+        trip = self.steady(ABRP_KM_H * M_S_PER_KM_H)
+        energy = simulate_trip(self.vehicle, trip).simulated_energy_wh
+        return (energy + (0.0 if self.correction is None else self.correction(trip))) / (
+            trip.distance_m / 1000.0
+        )
+
+    def in_traffic(self, speed_m_s: float) -> float:
+        """Energy per kilometre [Wh/km] without auxiliaries on links of which only the mean speed is known."""
+        number = max(3, round(min(speed_m_s * DRIVE_S, DRIVE_M) / TRAFFIC_LINK_M))
+        route = route_from_links([{"length_m": TRAFFIC_LINK_M, "speed_m_s": speed_m_s}] * number)
+        trip = trip_from_links(route, self.departure)
+        return self.driving_wh(trip)[0] / (trip.distance_m / 1000.0)
+
+    def changes_of_speed(self, inertia_kg: float) -> tuple[float, float]:
+        """Kinetic energy gained per energy spent, and energy saved per kinetic energy lost, between 20 and 90 km/h."""
+        slow, fast, pace = 20.0 * M_S_PER_KM_H, 90.0 * M_S_PER_KM_H, 0.7
+        change_s = round((fast - slow) / pace)
+        hold = np.full(600, 1.0)  # warms the car as far as a drive does before the change is made
+        up = np.concatenate((slow * hold, np.linspace(slow, fast, change_s + 1)))
+        kinetic_wh = 0.5 * inertia_kg * (fast**2 - slow**2) * WH_PER_J
+        spent = self._change_wh(up, len(hold))
+        saved = self._change_wh(
+            np.concatenate((fast * hold, np.linspace(fast, slow, change_s + 1))), len(hold)
+        )
+        return _share(kinetic_wh / spent), _share(-saved / kinetic_wh)
+
+    def _change_wh(self, speed: FloatArray, start: int) -> float:
+        """Energy of a change of speed, less what the same stretch takes without inertia: the mean of both ends' rates."""
+        _, run = self.driving_wh(self.trip(speed))
+        hours = np.diff(run.time_s, prepend=run.time_s[:1]) * WH_PER_J
+        auxiliary = sum(run.power_by_cause_w[cause] for cause in AUXILIARIES)
+        total = float(np.sum(((run.battery_power_w - auxiliary) * hours)[start:]))
+        mean = 0.5 * (speed[1:] + speed[:-1])[start - 1 :]
+        levels = np.linspace(float(speed.min()), float(speed.max()), 8)
+        rate = np.interp(mean, levels, [self.constant(v)[0] for v in levels.tolist()])
+        return total - float(np.sum(rate * mean)) / 1000.0
+
+
+def _here(curve: ConsumptionCurve) -> dict[str, str]:
+    per_m = curve.energy_wh_km / 1000.0
+    traffic = curve.traffic_energy_wh_km / 1000.0
+    return {
+        "ev[freeFlowSpeedTable]": ",".join(_pairs(curve.speed_km_h, per_m, ",", 4)),
+        "ev[trafficSpeedTable]": ",".join(_pairs(curve.speed_km_h, traffic, ",", 4)),
+        "ev[auxiliaryConsumption]": f"{curve.auxiliary_power_w / SECONDS_PER_HOUR:.4f}",
+        "ev[ascent]": f"{curve.ascent_wh_m:.3f}",
+        "ev[descent]": f"{curve.descent_wh_m:.3f}",
+        "ev[maxCharge]": f"{curve.capacity_wh / 1000.0:.2f}",
+    }
+
+
+def _tomtom(curve: ConsumptionCurve) -> dict[str, str]:
+    speed, energy = _rising_end(curve.speed_km_h[:25], curve.energy_wh_km[:25] / 10.0)
+    return {
+        "vehicleEngineType": "electric",
+        "constantSpeedConsumptionInkWhPerHundredkm": ":".join(_pairs(speed, energy, ",", 2)),
+        "auxiliaryPowerInkW": f"{curve.auxiliary_power_w / 1000.0:.3f}",
+        "vehicleWeight": f"{curve.mass_kg:.0f}",
+        "accelerationEfficiency": f"{math.floor(curve.acceleration_efficiency * 1000) / 1000:.3f}",
+        "decelerationEfficiency": f"{math.floor(curve.deceleration_efficiency * 1000) / 1000:.3f}",
+        "uphillEfficiency": f"{math.floor(curve.uphill_efficiency * 1000) / 1000:.3f}",
+        "downhillEfficiency": f"{math.floor(curve.downhill_efficiency * 1000) / 1000:.3f}",
+    }
+
+
+def _mapbox(curve: ConsumptionCurve) -> dict[str, str]:
+    return {
+        "engine": "electric",
+        "energy_consumption_curve": ";".join(_pairs(curve.speed_km_h, curve.energy_wh_km, ",", 0)),
+        "auxiliary_consumption": f"{curve.auxiliary_power_w:.0f}",
+        "ev_max_charge": f"{curve.capacity_wh:.0f}",
+        "ascent": f"{min(curve.ascent_wh_m, 1000.0):.3f}",
+        "descent": f"{min(curve.descent_wh_m, 1000.0):.3f}",
+    }
+
+
+def _abrp(curve: ConsumptionCurve) -> dict[str, str]:
+    return {"ref_consumption": f"{curve.reference_wh_km:.0f}"}
+
+
+def _pairs(
+    speed_km_h: np.ndarray[tuple[int], np.dtype[np.int64]], energy: FloatArray, between: str, digits: int
+) -> list[str]:
+    return [
+        f"{v}{between}{e:.{digits}f}"
+        for v, e in zip(speed_km_h.tolist(), np.maximum(energy, 0.01).tolist(), strict=True)
+    ]
+
+
+def _rising_end(
+    speed: np.ndarray[tuple[int], np.dtype[np.int64]], energy: FloatArray
+) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], FloatArray]:
+    """Without the last points as long as they fall, which TomTom does not take."""
+    last = len(speed)
+    while last > 1 and energy[last - 1] < energy[last - 2]:
+        last -= 1
+    return speed[:last], energy[:last]
+
+
+EXPORTS: Final[Mapping[str, Callable[[ConsumptionCurve], dict[str, str]]]] = MappingProxyType(
+    {"here": _here, "tomtom": _tomtom, "mapbox": _mapbox, "abrp": _abrp}
+)
+"""The services that a curve can be exported to."""
+
+
+def export_curve(
+    vehicle: Vehicle,
+    service: str,
+    *,
+    ambient_temperature_degc: float = 20.0,
+    cabin_setpoint_degc: float | None = None,
+    payload_mass_kg: float = 0.0,
+    soc: float = 0.8,
+    correction: Callable[[Trip], float] | None = None,
+) -> dict[str, str]:
+    """Request parameters that describe a car to a routing service, each as the text that the request takes.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    service : str
+        One of `EXPORTS`: here, tomtom, mapbox, abrp.
+    ambient_temperature_degc, cabin_setpoint_degc, payload_mass_kg, soc, correction
+        As `consumption_curve`.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such service, or as `consumption_curve`.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> sorted(export_curve(load_vehicle("bmw_i3_60ah"), "abrp"))
+    ['ref_consumption']
+    """
+    if service not in EXPORTS:
+        raise InvalidInput(Fault("no such service", "service", repr(service), ", ".join(EXPORTS)))
+    curve = consumption_curve(
+        vehicle,
+        ambient_temperature_degc=ambient_temperature_degc,
+        cabin_setpoint_degc=cabin_setpoint_degc,
+        payload_mass_kg=payload_mass_kg,
+        soc=soc,
+        correction=correction,
+    )
+    return EXPORTS[service](curve)
+
+
+def render_query(parameters: Mapping[str, str]) -> str:
+    """Parameters as the query part of a request's address.
+
+    Examples
+    --------
+    >>> render_query({"ev[ascent]": "9", "ev[freeFlowSpeedTable]": "0,0.2"})
+    'ev[ascent]=9&ev[freeFlowSpeedTable]=0,0.2'
+    """
+    from urllib.parse import quote
+
+    return "&".join(f"{quote(k, safe='[]')}={quote(v, safe=',;:')}" for k, v in parameters.items())

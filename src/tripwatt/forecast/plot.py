@@ -1,0 +1,78 @@
+"""One forecast as a picture: energy and state of charge along the way with their bands, and the energy by cause."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from tripwatt.forecast.storage import GIVEN
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from tripwatt.forecast.forecast import Forecast
+
+CAUSE_NAMES: Final = {
+    "air": "air drag",
+    "rolling": "rolling",
+    "climb": "climb",
+    "acceleration": "change of speed",
+    "friction_brakes": "friction brakes",
+    "drivetrain": "drivetrain",
+    "base_load": "base load",
+    "hvac": "climate",
+    "shortfall": "not delivered",
+    "learned_correction": "learned correction",
+}
+"""Names for people of the causes of `Forecast.by_cause_wh`."""
+
+_LINE, _ABOVE, _BELOW, _TOTAL = "#0b5c8a", "#c8553d", "#3a7d44", "#444444"
+
+
+def plot_forecast(forecast: Forecast) -> Figure:
+    """Energy and displayed state of charge along the trip with 90 % bands, and a waterfall of the causes."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.0, 6.4), layout="constrained")
+    grid = figure.add_gridspec(2, 2, width_ratios=[1.0, 1.15])
+    energy = figure.add_subplot(grid[0, 0])
+    soc = figure.add_subplot(grid[1, 0], sharex=energy)
+    series = forecast.series()
+    minutes = series["time_s"] / 60.0
+    for axis, name, scale, label in (
+        (energy, "energy", 1e-3, "energy [kWh]"),
+        (soc, "soc", 100.0, "displayed state of charge [%]"),
+    ):
+        middle = "energy_wh" if name == "energy" else "displayed_soc"
+        low, high = (
+            (f"{name}_low_wh", f"{name}_high_wh") if name == "energy" else (f"{middle}_low", f"{middle}_high")
+        )
+        axis.fill_between(minutes, series[low] * scale, series[high] * scale, color=_LINE, alpha=0.2, lw=0)
+        axis.plot(minutes, series[middle] * scale, color=_LINE)
+        if forecast.measured_until_s > 0.0:
+            axis.axvline(forecast.measured_until_s / 60.0, color=_TOTAL, lw=1, ls=":")
+        axis.set_ylabel(label)
+    soc.set_xlabel("time [min]")
+    energy.set_title("with the central 90 %", fontsize="medium")
+    _waterfall(figure.add_subplot(grid[:, 1]), forecast.by_cause_wh)
+    figure.suptitle(f"{forecast.plan.trip_id}: {forecast.energy_wh / 1000.0:.2f} kWh, {GIVEN}")
+    return figure
+
+
+def _waterfall(axis: Any, by_cause_wh: dict[str, float]) -> None:
+    values = {k: v / 1000.0 for k, v in by_cause_wh.items() if k != "shortfall" or abs(v) >= 0.5}
+    sizes = np.array(list(values.values()))
+    ends = np.cumsum(sizes)
+    places = np.arange(len(sizes))
+    axis.barh(places, sizes, left=ends - sizes, color=np.where(sizes >= 0, _ABOVE, _BELOW))
+    axis.barh(len(sizes), ends[-1], color=_TOTAL)
+    for place, (end, size) in enumerate(zip(ends, sizes, strict=True)):
+        axis.annotate(
+            f"{size:+.2f}", (max(end, end - size), place), (4, 0), textcoords="offset points", va="center"
+        )
+    axis.annotate(f"{ends[-1]:.2f}", (ends[-1], len(sizes)), (4, 0), textcoords="offset points", va="center")
+    axis.set_yticks([*places, len(sizes)], [*(CAUSE_NAMES.get(k, k) for k in values), "total"])
+    axis.invert_yaxis()
+    axis.margins(x=0.15)
+    axis.set_xlabel("energy at the battery terminals [kWh]")

@@ -1,0 +1,99 @@
+"""What somebody asks for: a trip to come with what is known at the door, and what was measured since."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.trips import COLUMNS, Context, Trip
+
+MOST_PAYLOAD_KG: Final = 60_000.0
+"""As the simulation allows."""
+
+
+def trip_to_come(
+    samples: pd.DataFrame,
+    trip_id: str = "trip",
+    *,
+    displayed_soc: float | None = None,
+    ambient_temperature_degc: float | None = None,
+    cabin_setpoint_degc: float | None = None,
+    cabin_temperature_degc: float | None = None,
+    battery_temperature_degc: float | None = None,
+    payload_mass_kg: float | None = None,
+) -> Trip:
+    """A trip from its speed trace and road; what is given here wins over the table's first sample.
+
+    Parameters
+    ----------
+    samples : DataFrame
+        Canonical columns.
+    trip_id : str
+    displayed_soc : float, optional
+        State of charge at departure as the driver sees it, 0 to 1.
+    ambient_temperature_degc, cabin_setpoint_degc, cabin_temperature_degc, battery_temperature_degc : float, optional
+        At departure [°C].
+    payload_mass_kg : float, optional
+        Load on top of the car's test mass, which has a driver [kg].
+
+    Raises
+    ------
+    InvalidInput
+        With every value that cannot be one.
+
+    Examples
+    --------
+    >>> drive = pd.DataFrame({"time_s": [0.0, 1.0, 2.0], "speed_m_s": [0.0, 1.0, 2.0], "soc": 0.5})
+    >>> trip = trip_to_come(drive, displayed_soc=0.8, payload_mass_kg=150.0)
+    >>> "soc" in trip, trip.array("displayed_soc")[0].item(), trip.context.payload_mass_kg
+    (False, 0.8, 150.0)
+    """
+    given = {
+        "displayed_soc": displayed_soc,
+        "ambient_temperature_degc": ambient_temperature_degc,
+        "cabin_setpoint_degc": cabin_setpoint_degc,
+        "cabin_temperature_degc": cabin_temperature_degc,
+        "battery_temperature_degc": battery_temperature_degc,
+    }
+    known = {name: value for name, value in given.items() if value is not None}
+    bounds = {name: (COLUMNS[name].minimum, COLUMNS[name].maximum, COLUMNS[name].unit) for name in known}
+    if payload_mass_kg is not None:
+        known["payload_mass_kg"] = payload_mass_kg
+        bounds["payload_mass_kg"] = (0.0, MOST_PAYLOAD_KG, "kg")
+    faults = [
+        Fault("value out of range", name, f"{value:g}", "{:g} to {:g} {}".format(*bounds[name]))
+        for name, value in known.items()
+        if not (math.isfinite(value) and bounds[name][0] <= value <= bounds[name][1])
+    ]
+    if faults:
+        raise InvalidInput(faults)
+    payload = known.pop("payload_mass_kg", 0.0)
+    # the reading of the battery management would win over what the driver says
+    kept = samples.drop(columns="soc", errors="ignore") if displayed_soc is not None else samples
+    return Trip.from_samples(trip_id, kept.assign(**known), Context(payload_mass_kg=payload))
+
+
+def since_departure(observed: pd.DataFrame, trip: Trip) -> pd.DataFrame:
+    """Samples measured on the way, on the trip's own clock, with their times since its first sample.
+
+    Raises
+    ------
+    InvalidInput
+        When they begin before the trip.
+
+    Examples
+    --------
+    >>> drive = pd.DataFrame({"time_s": [60.0, 61.0], "speed_m_s": [0.0, 1.0]})
+    >>> trip = Trip.from_samples("t", drive)
+    >>> since_departure(pd.DataFrame({"time_s": [60.0, 61.0], "soc": [0.5, 0.5]}), trip)["time_s"].tolist()
+    [0.0, 1.0]
+    """
+    start = float(trip.samples["time_s"].iloc[0])
+    times = observed["time_s"] - start
+    if len(times) and float(times.iloc[0]) < 0.0:
+        got, allowed = f"{float(observed['time_s'].iloc[0]):g} s", f"{start:g} s or later, as the trip"
+        raise InvalidInput(Fault("measured before departure", "observed samples, time_s", got, allowed))
+    return observed.assign(time_s=times)

@@ -1,0 +1,298 @@
+"""A forecaster as a model directory and back: what is loaded forecasts to the last bit as what was stored.
+
+The car is stored with all its values and their sources, so that a later change of the bundled cars changes no stored
+model. Meaning of the parts: `model.json` holds the plain values, `vehicle.json` the car, `corrector*.npz` arrays.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, fields, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+import tripwatt
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecast.gain import Gain
+from tripwatt.forecast.model import ForecastModel, Range
+from tripwatt.forecast.process import ResidualProcess
+from tripwatt.forecast.scores import Scores
+from tripwatt.hybrid.power import BLOCK_S, DEPARTURE_COLUMNS, ROUTE_COLUMNS
+from tripwatt.hybrid.stored import corrector_of_parts, corrector_parts
+from tripwatt.modelfile import Part, read_metadata, read_model, write_model
+from tripwatt.trips import COLUMNS, REQUIRED_COLUMNS
+from tripwatt.vehicles import Vehicle, vehicle_from_document
+
+GIVEN: Final = "given the driven speed trace"
+"""What every figure of a forecast is on condition of."""
+
+DEFAULT_MODEL: Final = "bmw_i3_tum"
+"""The model that comes with the package."""
+
+PAYLOAD_KG: Final = (0.0, 60_000.0)
+
+
+def model_parts(model: ForecastModel) -> dict[str, Part]:
+    """Everything that the forecasts of a fitted model depend on, by the name of its part.
+
+    Raises
+    ------
+    InvalidInput
+        For a model that is not fitted, or whose corrector cannot be stored.
+    """
+    if model.fitted_ is None or model.process_ is None or model.scores_ is None or model.gain_ is None:
+        raise InvalidInput(Fault("model is not fitted", "store", "no training trips", "call fit first"))
+    about, arrays = corrector_parts(model.fitted_)
+    process = asdict(model.process_)
+    values = {
+        "corrector": model.corrector,
+        "seed": model.seed,
+        "block_s": BLOCK_S,
+        "fitted": about,
+        "process": {**process, "effect_sd": model.process_.effect_sd.tolist()},
+        "scores": model.scores_.values.tolist(),
+        "gain": model.gain_.values.tolist(),
+        "ranges": {n: [_finite(r.low), _finite(r.high), r.sd] for n, r in model.ranges_.items()},
+        "trip_ids": list(model.trip_ids_),
+    }
+    return {"model.json": values, "vehicle.json": vehicle_part(model.vehicle), **arrays}
+
+
+def model_of_parts(parts: Mapping[str, Part]) -> ForecastModel:
+    """Reverse of `model_parts`.
+
+    Raises
+    ------
+    InvalidInput
+        For parts that this version cannot forecast with, saying why.
+    """
+    try:
+        values: Mapping[str, Any] = parts["model.json"]
+        if values["block_s"] != BLOCK_S:
+            got, allowed = f"blocks of {values['block_s']} s", f"blocks of {BLOCK_S:g} s"
+            raise InvalidInput(
+                Fault("model of an older kind", "model.json, block_s", got, allowed, "fit again")
+            )
+        process = values["process"]
+        ranges = {
+            n: Range(_bound(low, -math.inf), _bound(high, math.inf), sd)
+            for n, (low, high, sd) in values["ranges"].items()
+        }
+        return ForecastModel(
+            vehicle=vehicle_of_part(parts["vehicle.json"]),
+            corrector=values["corrector"],
+            seed=values["seed"],
+            fitted_=corrector_of_parts(values["fitted"], parts),
+            process_=ResidualProcess(**{**process, "effect_sd": np.array(process["effect_sd"])}),
+            scores_=Scores(np.array(values["scores"], dtype=np.float64)),
+            gain_=Gain(np.array(values["gain"], dtype=np.float64)),
+            ranges_=ranges,
+            trip_ids_=tuple(values["trip_ids"]),
+        )
+    except (KeyError, TypeError) as error:
+        got = f"{type(error).__name__}: {error}"
+        fix = "it was not written by save_model, or by a version whose models are not read"
+        raise InvalidInput(Fault("parts are not those of a forecaster", "model", got, "", fix)) from error
+
+
+def save_model(
+    model: ForecastModel,
+    folder: Path | str,
+    *,
+    provenance: Mapping[str, Any] | None = None,
+    evaluation: Mapping[str, Any] | None = None,
+) -> None:
+    """Write a fitted model as a directory, whole or not at all.
+
+    Parameters
+    ----------
+    model : ForecastModel
+    folder : path
+        A new or empty folder, or one that holds a model, which is replaced.
+    provenance : mapping, optional
+        Where it comes from, such as `trained` gives: data, audit, trips, versions.
+    evaluation : mapping, optional
+        Its figures.
+
+    Raises
+    ------
+    InvalidInput
+        When the model cannot be stored or the folder cannot be used.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> trips = synthetic_fleet(n_trips=9).trips
+    >>> model = ForecastModel(load_vehicle("bmw_i3_60ah"), corrector="linear").fit(trips[:8])
+    >>> with tempfile.TemporaryDirectory() as place:
+    ...     save_model(model, Path(place) / "model")
+    ...     again = load_model(Path(place) / "model")
+    >>> again.forecast(trips[8]).energy_wh == model.forecast(trips[8]).energy_wh
+    True
+    """
+    parts = model_parts(model)
+    metadata = {
+        "tripwatt": tripwatt.__version__,
+        "given": GIVEN,
+        "model": {
+            "corrector": model.corrector,
+            "seed": model.seed,
+            "vehicle": model.vehicle.name,
+            "vehicle_title": model.vehicle.title,
+            "vehicle_preset": model.vehicle.preset,
+            "trips": len(model.trip_ids_),
+        },
+        "contract": contract(model),
+        "provenance": dict(provenance or {}),
+        "evaluation": dict(evaluation or {}),
+    }
+    write_model(folder, metadata, parts)
+
+
+def load_model(folder: Path | str | None = None) -> ForecastModel:
+    """A stored model, or without a folder the one that comes with the package.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no model, it is damaged or altered, or its format is not known.
+    """
+    return model_of_parts(read_model(model_folder(folder)).parts)
+
+
+def load_metadata(folder: Path | str | None = None, *, check_parts: bool = True) -> dict[str, Any]:
+    """The metadata of a stored model, or of the one that comes with the package.
+
+    Parameters
+    ----------
+    folder : path, optional
+    check_parts : bool
+        Whether every part is read and checked as well.
+
+    Raises
+    ------
+    InvalidInput
+        As `load_model`.
+    """
+    place = model_folder(folder)
+    return dict(read_model(place).metadata) if check_parts else read_metadata(place)
+
+
+def model_folder(folder: Path | str | None = None) -> Path:
+    """The folder itself, or that of the model that comes with the package."""
+    return Path(tripwatt.__file__).parent / "models" / DEFAULT_MODEL if folder is None else Path(folder)
+
+
+def contract(model: ForecastModel) -> dict[str, Any]:
+    """What a model takes in and gives: names, units, bounds, and what training saw.
+
+    Returns
+    -------
+    dict
+        `inputs`: for each column of a trip, and for the payload, its unit, bounds, meaning, whether it is required,
+        which samples count, and the range of the training trips where it is watched. `outputs`: name -> unit.
+    """
+    inputs = []
+    for name in (*ROUTE_COLUMNS, *DEPARTURE_COLUMNS):
+        column = COLUMNS[name]
+        entry: dict[str, Any] = {
+            "name": name,
+            "unit": column.unit,
+            "minimum": _finite(column.minimum) if name != "time_s" else 0.0,
+            "maximum": _finite(column.maximum),
+            "required": name in REQUIRED_COLUMNS,
+            "samples": "all" if name in ROUTE_COLUMNS else "first",
+            "meaning": column.meaning,
+        }
+        seen = model.ranges_.get(name)
+        if seen is not None:
+            entry["training"] = [_finite(seen.low), _finite(seen.high)]
+        inputs.append(entry)
+    low, high = PAYLOAD_KG
+    inputs.append(
+        {
+            "name": "payload_mass_kg",
+            "unit": "kg",
+            "minimum": low,
+            "maximum": high,
+            "required": False,
+            "samples": "trip",
+            "meaning": "load on top of the car's test mass; 0 when not given",
+        }
+    )
+    outputs = {
+        "energy_wh": "Wh",
+        "quantiles_wh": "Wh",
+        "soc_arrival": "1, displayed",
+        "p_arrive": "1, by displayed state of charge at the end",
+        "series": "by column",
+        "by_cause_wh": "Wh",
+        "flags": "text",
+    }
+    return {"inputs": inputs, "outputs": outputs}
+
+
+def vehicle_part(vehicle: Vehicle) -> dict[str, Any]:
+    """A car as the document that gives the same car, with the source of every value."""
+    document: dict[str, dict[str, Any]] = {}
+    for key, entry in vehicle.entries.items():
+        section, _, name = key.partition(".")
+        value = list(entry.value) if isinstance(entry.value, tuple) else entry.value
+        stored: dict[str, Any] = {"value": value, "unit": entry.unit, "source": entry.source}
+        stored |= {k: v for k, v in (("estimated", entry.estimated), ("scale", entry.scale)) if v}
+        document.setdefault(section, {})[name] = stored
+    part = {"name": vehicle.name, "title": vehicle.title, "preset": vehicle.preset, "document": document}
+    if vehicle_of_part(part) != vehicle:  # some values were replaced after the car was loaded
+        _take_values(document, vehicle)
+    return part
+
+
+def vehicle_of_part(part: Mapping[str, Any]) -> Vehicle:
+    """Reverse of `vehicle_part`.
+
+    Raises
+    ------
+    InvalidInput
+        With every entry that this version does not know or that it misses.
+    """
+    document = {**part["document"], "name": part["title"]}
+    vehicle = vehicle_from_document(document, part["name"], "vehicle.json")
+    return replace(vehicle, preset=part["preset"])
+
+
+def _take_values(document: dict[str, dict[str, Any]], vehicle: Vehicle) -> None:
+    """Put the values of the car's parts in place of those of its entries."""
+    for section, entries in list(document.items()):
+        part = getattr(vehicle, section)
+        if part is None:
+            del document[section]
+            continue
+        for field in fields(part):
+            value, entry = getattr(part, field.name), entries.get(field.name)
+            plain = list(value) if isinstance(value, tuple) else value
+            if value is None or (entry is not None and entry["value"] == plain and "scale" not in entry):
+                continue
+            source = "set after the car was loaded"
+            if entry is not None and entry["value"] == plain:
+                source = entry["source"]
+            scale = {"scale": "soc"} if field.metadata.get("scaled") else {}
+            entries[field.name] = {
+                "value": plain,
+                "unit": field.metadata["unit"],
+                "source": source,
+                **scale,
+            }
+
+
+def _finite(value: float) -> float | None:
+    """JSON knows no infinity: None."""
+    return value if math.isfinite(value) else None
+
+
+def _bound(value: float | None, unbounded: float) -> float:
+    return unbounded if value is None else value

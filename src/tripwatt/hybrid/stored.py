@@ -1,0 +1,155 @@
+"""Correctors of power as arrays and plain values, and back, so that a stored model corrects to the last bit alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Final, NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.hybrid.power import (
+    TREE_FEATURES,
+    BlockTable,
+    EnsembleCorrector,
+    KrigingCorrector,
+    LearnerCorrector,
+    PowerCorrector,
+)
+from tripwatt.kriging import Part
+from tripwatt.treetable import TreeTable
+from tripwatt.trips import FloatArray
+
+Arrays = Mapping[str, npt.NDArray[Any]]
+Stored = tuple[dict[str, Any], dict[str, dict[str, npt.NDArray[Any]]]]
+"""Plain values, and arrays by the name of their part."""
+
+_SHAPE: Final = "shape"
+
+
+@dataclass(frozen=True, eq=False)
+class StoredTrees:
+    """Trees that were fitted once: the boosting's sum or the forest's mean, evaluated without the learner.
+
+    Attributes
+    ----------
+    trees : TreeTable
+    columns : tuple of str
+        Features that the trees split on, in their order.
+    start, rest : float
+        Added before and after the sum of the trees [W].
+    divisor : int or None
+        Number of trees of a mean; None for a sum.
+    """
+
+    trees: TreeTable
+    columns: tuple[str, ...]
+    start: float
+    rest: float
+    divisor: int | None
+
+    def fit(self, table: BlockTable) -> NoReturn:
+        """Not possible: only what prediction needs was stored."""
+        raise InvalidInput(Fault("a stored corrector cannot learn", "fit", "", "a fresh ForecastModel"))
+
+    def again(self) -> NoReturn:
+        """Not possible, as `fit`."""
+        raise InvalidInput(Fault("a stored corrector cannot learn", "again", "", "a fresh ForecastModel"))
+
+    def predict(self, table: BlockTable) -> FloatArray:
+        """Residual power [W]."""
+        X = np.array([np.asarray(table.features[c], dtype=np.float64) for c in self.columns]).T
+        total = self.trees.sum(X)
+        if self.divisor is None:
+            return np.asarray(self.start + total + self.rest)
+        return np.asarray(total + self.rest) / self.divisor
+
+    def uncertainty_factor(self, table: BlockTable) -> FloatArray:
+        """A tree does not say what it does not know."""
+        return np.zeros((len(table.hours), 1))
+
+    def predict_with_doubt(self, table: BlockTable) -> tuple[FloatArray, FloatArray]:
+        """`predict` and `uncertainty_factor`."""
+        return self.predict(table), self.uncertainty_factor(table)
+
+
+def corrector_parts(corrector: PowerCorrector, name: str = "corrector") -> Stored:
+    """A fitted corrector as plain values and arrays.
+
+    Parameters
+    ----------
+    corrector : PowerCorrector
+    name : str
+        Begins the names of the parts with arrays.
+
+    Raises
+    ------
+    InvalidInput
+        For a corrector that cannot be stored.
+    """
+    if isinstance(corrector, EnsembleCorrector):
+        stored = [corrector_parts(member, f"{name}-{i}") for i, member in enumerate(corrector.members)]
+        arrays = {part: values for _, parts in stored for part, values in parts.items()}
+        return {"kind": "ensemble", "members": [about for about, _ in stored]}, arrays
+    part = f"{name}.npz"
+    if isinstance(corrector, KrigingCorrector):
+        about: dict[str, Any] = {"kind": "kriging", "arrays": part}
+        about["parts"] = [asdict(p) | {"columns": list(p.columns)} for p in corrector.parts]
+        return about, {part: {**corrector.model.to_arrays(), _SHAPE: corrector.shape}}
+    trees = corrector if isinstance(corrector, StoredTrees) else _trees(corrector)
+    about = {
+        "kind": "trees",
+        "arrays": part,
+        "columns": list(trees.columns),
+        "start": trees.start,
+        "rest": trees.rest,
+        "divisor": trees.divisor,
+    }
+    return about, {part: trees.trees.to_arrays()}
+
+
+def corrector_of_parts(about: Mapping[str, Any], parts: Mapping[str, Arrays]) -> PowerCorrector:
+    """Reverse of `corrector_parts`.
+
+    Raises
+    ------
+    InvalidInput
+        For a kind of corrector that this version does not know.
+    """
+    kind = about["kind"]
+    if kind == "ensemble":
+        return EnsembleCorrector([corrector_of_parts(member, parts) for member in about["members"]])
+    if kind == "kriging":
+        its_parts = tuple(Part(**{**p, "columns": tuple(p["columns"])}) for p in about["parts"])
+        corrector = KrigingCorrector(its_parts)
+        arrays = dict(parts[about["arrays"]])
+        corrector.shape = arrays.pop(_SHAPE)
+        corrector.model.load_arrays(arrays)
+        return corrector
+    if kind == "trees":
+        return StoredTrees(
+            TreeTable.of_arrays(parts[about["arrays"]]),
+            tuple(about["columns"]),
+            float(about["start"]),
+            float(about["rest"]),
+            about["divisor"],
+        )
+    raise InvalidInput(Fault("unknown kind of corrector", "model", repr(kind), "ensemble, kriging, trees"))
+
+
+def _trees(corrector: PowerCorrector) -> StoredTrees:
+    if not isinstance(corrector, LearnerCorrector) or not hasattr(corrector.model, "booster_"):
+        got = type(corrector).__name__
+        allowed = "linear, kriging, boosting, forest or ensemble"
+        raise InvalidInput(Fault("this corrector cannot be stored", "corrector", got, allowed))
+    model = corrector.model
+    lone = model.position_ < 0
+    n_trees = int((~lone).sum())
+    text = "" if model.booster_ is None else model.booster_.model_to_string(num_iteration=-1)
+    trees = TreeTable.of_text(text, n_trees)
+    if hasattr(model, "steps_"):
+        rest = float(model.steps_[lone].sum())
+        return StoredTrees(trees, TREE_FEATURES, float(model.start_), rest, None)
+    return StoredTrees(trees, TREE_FEATURES, 0.0, float(model.values_[lone, 0].sum()), len(model.position_))

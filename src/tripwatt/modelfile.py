@@ -1,0 +1,262 @@
+"""A model on disk: a directory of `metadata.json` and parts in open formats. No pickle is ever written or read.
+
+`metadata.json` names the format's version, what the model takes in and where it comes from, and the SHA-256 of every
+part; its own SHA-256 is taken over its bytes with the 64 digits of that value as zeros. A part is an `.npz` of plain
+arrays or a `.json`. A directory that was damaged or altered is refused, by the name of the part. This module knows
+arrays and JSON, and nothing of what they mean.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import shutil
+import zipfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from tripwatt.errors import Fault, InvalidInput
+
+Arrays = Mapping[str, npt.NDArray[Any]]
+Part = Arrays | Mapping[str, Any]
+"""Arrays for a part named `*.npz`, plain JSON values for one named `*.json`."""
+
+FORMAT: Final = "tripwatt model"
+FORMAT_VERSION: Final = 1
+METADATA: Final = "metadata.json"
+_SUFFIXES: Final = (".npz", ".json")
+_BLANK: Final = "0" * 64
+
+
+@dataclass(frozen=True, eq=False)
+class ModelFile:
+    """What a model directory holds, checked.
+
+    Attributes
+    ----------
+    metadata : mapping
+        As written, with `format`, `format_version`, `parts` and `sha256`.
+    parts : mapping of str to Part
+    """
+
+    metadata: Mapping[str, Any]
+    parts: Mapping[str, Part]
+
+
+def write_model(folder: Path | str, metadata: Mapping[str, Any], parts: Mapping[str, Part]) -> None:
+    """Write a model directory, whole or not at all; an older model of that name is replaced. O(bytes).
+
+    Parameters
+    ----------
+    folder : path
+        A new or an empty folder, or one that holds a model.
+    metadata : mapping
+        Plain JSON values; `format`, `format_version`, `parts` and `sha256` are added.
+    parts : mapping of str to Part
+        File name -> its content. Equal content gives equal bytes.
+
+    Raises
+    ------
+    InvalidInput
+        When the folder holds something else or cannot be written, or a part is neither arrays nor JSON.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as place:
+    ...     write_model(Path(place) / "m", {"about": "two"}, {"a.npz": {"x": np.array([1.0, 2.0])}})
+    ...     read_model(Path(place) / "m").parts["a.npz"]["x"]
+    array([1., 2.])
+    """
+    out = Path(folder)
+    require_place(out)
+    content = {name: _encoded(name, part) for name, part in sorted(parts.items())}
+    listed = {n: {"sha256": hashlib.sha256(b).hexdigest(), "bytes": len(b)} for n, b in content.items()}
+    document = {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        **metadata,
+        "parts": listed,
+        "sha256": _BLANK,
+    }
+    text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    content[METADATA] = text.replace(f'"sha256": "{_BLANK}"', f'"sha256": "{digest}"').encode()
+    _place(out, content)
+
+
+def read_model(folder: Path | str) -> ModelFile:
+    """Read a model directory and check every byte of it. O(bytes).
+
+    Raises
+    ------
+    InvalidInput
+        With every part that is missing, damaged or altered; or when this is no model, or one of a newer format.
+    """
+    metadata = read_metadata(folder)
+    return _READERS[int(metadata["format_version"])](Path(folder), metadata)
+
+
+def read_metadata(folder: Path | str) -> dict[str, Any]:
+    """The checked `metadata.json` of a model, without its parts.
+
+    Raises
+    ------
+    InvalidInput
+        When there is none, it is damaged or altered, or its format is newer than this program.
+    """
+    path = Path(folder)
+    where = f"{path}"
+    if not path.is_dir():
+        got = "a file" if path.exists() else "nothing"
+        raise InvalidInput(Fault("no model", where, got, "a model's folder, as `tripwatt fit` writes it"))
+    raw = _bytes(path / METADATA)
+    if raw is None:
+        fix = "the folder holds no model, or a part of one"
+        raise InvalidInput(Fault("no model", where, f"no {METADATA}", f"a folder with {METADATA}", fix))
+    try:
+        document = json.loads(raw)
+    except ValueError as error:
+        raise InvalidInput(_damaged(path / METADATA, str(error)[:120], "JSON")) from error
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        found = document.get("format") if isinstance(document, dict) else type(document).__name__
+        raise InvalidInput(Fault("no model", f"{path / METADATA}, format", repr(found), repr(FORMAT)))
+    version = document.get("format_version")
+    if version not in _READERS:
+        fix = "a newer tripwatt reads it" if isinstance(version, int) and version > FORMAT_VERSION else ""
+        known = ", ".join(map(str, sorted(_READERS)))
+        place = f"{path / METADATA}, format_version"
+        raise InvalidInput(Fault("unknown format of a model", place, repr(version), known, fix))
+    digest = str(document.get("sha256"))
+    blanked = raw.replace(f'"sha256": "{digest}"'.encode(), f'"sha256": "{_BLANK}"'.encode(), -1)
+    found = hashlib.sha256(blanked).hexdigest()
+    if found != digest:
+        raise InvalidInput(_damaged(path / METADATA, f"SHA-256 {found}", f"SHA-256 {digest}"))
+    return document
+
+
+def require_place(folder: Path) -> None:
+    """Whether a model may be written there, without writing anything.
+
+    Raises
+    ------
+    InvalidInput
+        When it is a file, a folder with something else in it, or cannot be made.
+    """
+    allowed = "a new or empty folder, or one that holds a model"
+    if folder.exists() and not folder.is_dir():
+        raise InvalidInput(Fault("output is not a folder", "--out", f"{folder}", allowed))
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / METADATA).is_file():
+        raise InvalidInput(Fault("folder holds something else", "--out", f"{folder}", allowed))
+    nearest = next(place for place in folder.absolute().parents if place.exists())
+    if not nearest.is_dir() or not os.access(nearest, os.W_OK | os.X_OK):
+        got = f"{folder}: no permission to write into {nearest}"
+        raise InvalidInput(Fault("cannot write the model", "--out", got, "a folder that can be written"))
+
+
+def _read_version_1(path: Path, metadata: Mapping[str, Any]) -> ModelFile:
+    parts: dict[str, Part] = {}
+    faults = []
+    for name, about in metadata["parts"].items():
+        place = path / name
+        raw = _bytes(place) if Path(name).name == name and place.suffix in _SUFFIXES else None
+        if raw is None:
+            faults.append(Fault("part of the model is missing", f"{place}", "nothing", "the file as written"))
+            continue
+        found = hashlib.sha256(raw).hexdigest()
+        if found != about["sha256"]:
+            got = f"{len(raw)} bytes, SHA-256 {found}"
+            faults.append(_damaged(place, got, f"{about['bytes']} bytes, SHA-256 {about['sha256']}"))
+            continue
+        try:
+            parts[name] = _decoded(place, raw)
+        except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+            faults.append(_damaged(place, str(error)[:120], "arrays without pickled objects, or JSON"))
+    if faults:
+        raise InvalidInput(faults)
+    return ModelFile(metadata, parts)
+
+
+_READERS: Final[Mapping[int, Callable[[Path, Mapping[str, Any]], ModelFile]]] = MappingProxyType(
+    {1: _read_version_1}
+)
+"""Version of the format -> its reader. A version that was ever released stays here."""
+
+
+def _damaged(place: Path, got: str, allowed: str) -> Fault:
+    return Fault(
+        "part of the model is damaged or altered", f"{place}", got, allowed, "take a fresh copy or fit again"
+    )
+
+
+def _bytes(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise InvalidInput(
+            Fault("cannot read a part of the model", f"{path}", error.strerror or str(error), "a file")
+        ) from error
+
+
+def _encoded(name: str, part: Part) -> bytes:
+    suffix = Path(name).suffix
+    if Path(name).name != name or suffix not in _SUFFIXES or name == METADATA:
+        raise InvalidInput(Fault("not a name of a part", "parts", repr(name), "NAME.npz or NAME.json"))
+    if suffix == ".json":
+        return (json.dumps(part, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+    arrays = {key: np.asarray(value) for key, value in part.items()}
+    objects = [key for key, value in arrays.items() if value.dtype.hasobject]
+    if objects:
+        where = f"parts, {name}"
+        raise InvalidInput([Fault("not a plain array", where, key, "numbers or text") for key in objects])
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]  # its stubs take `allow_pickle` for an array
+    return buffer.getvalue()
+
+
+def _decoded(place: Path, raw: bytes) -> Part:
+    if place.suffix == ".json":
+        document = json.loads(raw)
+        if not isinstance(document, dict):
+            raise ValueError("not a JSON object")
+        return document
+    with np.load(io.BytesIO(raw), allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}
+
+
+def _place(out: Path, content: Mapping[str, bytes]) -> None:
+    """Write beside `out`, then rename; an older model goes only when the new one is whole."""
+    parent = out.absolute().parent
+    made, older = (parent / f".{out.name}.{what}-{os.getpid()}" for what in ("writing", "older"))
+    try:
+        for folder in (made, older):
+            shutil.rmtree(folder, ignore_errors=True)
+        made.mkdir(parents=True)
+        for name, raw in content.items():
+            (made / name).write_bytes(raw)
+        if out.exists():
+            out.rename(older)
+        try:
+            made.rename(out)
+        except OSError:
+            if older.exists():
+                older.rename(out)
+            raise
+    except OSError as error:
+        got = f"{out}: {error.strerror or error}"
+        raise InvalidInput(
+            Fault("cannot write the model", "--out", got, "a folder that can be written")
+        ) from error
+    finally:
+        for folder in (made, older):
+            shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,464 @@
+"""A planned route as links, the trip that a driver makes of it, and the links of a trip that was driven."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.routes.departure import Departure, planned_trip
+from tripwatt.routes.profile import LinkStyle, link_profile
+from tripwatt.trips import COLUMNS, FloatArray, Trip, raise_faults
+
+MOST_LINKS: Final = 200_000
+"""Links of one route; a router's answer has one for each piece between two nodes of the map."""
+
+MOST_TRAVEL_TIME_S: Final = 48 * 3600.0
+"""No battery lasts longer than this without a charge."""
+
+MOST_SAMPLES: Final = 2_000_000
+"""Samples of one planned trip."""
+
+FASTEST_LINK_M_S: Final = 70.0
+"""Highest mean speed of a link (252 km/h)."""
+
+SHORTEST_LINK_M: Final = 0.01
+"""Shorter pieces are rounding, not road."""
+
+LONGEST_LINK_M: Final = 1e7
+
+STEEPEST_LINK: Final = 0.4
+"""Largest grade of a link; the steepest streets of the world have 0.35."""
+
+SHORTEST_STRETCH_M: Final = 60.0
+"""Shorter links are joined with what follows before they are driven: nobody keeps a mean speed over a car's length."""
+
+FLAT_ROAD_NOTE: Final = "no elevation known: the road counts as flat"
+
+RELATIVE_NOTE: Final = "elevation counted from the departure, which is set to 0 m"
+
+LINK_KEYS: Final = frozenset(
+    {
+        "length_m",
+        "speed_m_s",
+        "travel_time_s",
+        "grade",
+        "start_elevation_m",
+        "end_elevation_m",
+        "stop_s",
+        "moving_speed_m_s",
+    }
+)
+"""What a link may say of itself, see `route_from_links`."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LinkRoute:
+    """A planned route. Arrays have shape (links,) unless said otherwise; they are not to be changed.
+
+    Attributes
+    ----------
+    length_m : ndarray
+    travel_time_s : ndarray
+        Time on the link, every standstill included.
+    stop_s : ndarray
+        Standstill at the end of the link, part of its travel time; 0 = none on this link, NaN = not known.
+    moving_speed_m_s : ndarray
+        Speed while nothing stands in the way, NaN = not known.
+    elevation_position_m, elevation_m : ndarray, shape (heights,), or None
+        Heights above sea level at distances from the start; between them the road is straight. None = not known.
+    notes : tuple of str
+        What had to be assumed.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of the links.
+    """
+
+    length_m: FloatArray
+    travel_time_s: FloatArray
+    stop_s: FloatArray
+    moving_speed_m_s: FloatArray
+    elevation_position_m: FloatArray | None = None
+    elevation_m: FloatArray | None = None
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        raise_faults(_route_faults(self))
+
+    def __len__(self) -> int:
+        return len(self.length_m)
+
+    @property
+    def distance_m(self) -> float:
+        """Length of the route [m]."""
+        return float(self.length_m.sum())
+
+    @property
+    def duration_s(self) -> float:
+        """Travel time of the route [s]."""
+        return float(self.travel_time_s.sum())
+
+    @property
+    def speed_m_s(self) -> FloatArray:
+        """Mean speed of each link, length over travel time [m/s]."""
+        return self.length_m / self.travel_time_s
+
+    def elevation_at(self, position_m: npt.ArrayLike) -> FloatArray | None:
+        """Height [m] at distances from the start, shape of `position_m`; None where no height is known."""
+        if self.elevation_m is None or self.elevation_position_m is None:
+            return None
+        return np.asarray(
+            np.interp(np.asarray(position_m), self.elevation_position_m, self.elevation_m), dtype=np.float64
+        )
+
+
+def _route_faults(route: LinkRoute) -> Iterator[Fault]:
+    length, time = route.length_m, route.travel_time_s
+    if not len(length) or len(length) > MOST_LINKS:
+        yield Fault("number of links out of range", "links", f"{len(length)}", f"1 to {MOST_LINKS}")
+        return
+    with np.errstate(all="ignore"):
+        speed = length / time
+    rules = (
+        (
+            "length_m",
+            length,
+            (length >= SHORTEST_LINK_M) & (length <= LONGEST_LINK_M),
+            f"{SHORTEST_LINK_M:g} to {LONGEST_LINK_M:g} m",
+        ),
+        (
+            "travel_time_s",
+            time,
+            (time > 0) & (time <= MOST_TRAVEL_TIME_S),
+            f"more than 0, at most {MOST_TRAVEL_TIME_S:g} s",
+        ),
+        ("speed_m_s", speed, ~(speed > FASTEST_LINK_M_S), f"at most {FASTEST_LINK_M_S:g} m/s"),
+        (
+            "stop_s",
+            route.stop_s,
+            ~((route.stop_s < 0) | (route.stop_s >= time)),
+            "0 s to less than the travel time",
+        ),
+        (
+            "moving_speed_m_s",
+            route.moving_speed_m_s,
+            ~((route.moving_speed_m_s <= 0) | (route.moving_speed_m_s > FASTEST_LINK_M_S)),
+            f"more than 0, at most {FASTEST_LINK_M_S:g} m/s",
+        ),
+    )
+    for name, values, sound, allowed in rules:
+        if values.shape != length.shape:
+            yield Fault("links disagree", name, f"shape {values.shape}", f"shape {length.shape} of length_m")
+        elif not sound.all():
+            bad = np.flatnonzero(~sound)
+            more = f" (and {len(bad) - 1} more links)" if len(bad) > 1 else ""
+            yield Fault(
+                "link out of range", f"link {bad[0] + 1}, {name}", f"{values[bad[0]]:g}{more}", allowed
+            )
+    with np.errstate(over="ignore"):
+        total = float(time.sum())
+    if total > MOST_TRAVEL_TIME_S:
+        yield Fault("route takes too long", "links", f"{total:g} s", f"at most {MOST_TRAVEL_TIME_S:g} s")
+    if route.elevation_m is not None:
+        column = COLUMNS["elevation_m"]
+        wrong = ~((route.elevation_m >= column.minimum) & (route.elevation_m <= column.maximum))
+        if wrong.any():
+            first = int(np.flatnonzero(wrong)[0])
+            allowed = f"{column.minimum:g} to {column.maximum:g} m"
+            yield Fault(
+                "elevation out of range", f"height {first + 1}", f"{route.elevation_m[first]:g} m", allowed
+            )
+
+
+def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
+    """A route from links as a user writes them. O(links).
+
+    Parameters
+    ----------
+    links : iterable of mapping
+        Each with `length_m` [m] and either `speed_m_s`, the mean speed including every standstill [m/s], or
+        `travel_time_s` [s]. Optional: `stop_s`, the standstill at the end of the link (part of the travel time; 0 says
+        that the car does not stop), `moving_speed_m_s`, the speed while nothing stands in the way, and either `grade`
+        or `start_elevation_m` and `end_elevation_m` [m]. None counts as not given.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of every link.
+
+    Examples
+    --------
+    >>> route = route_from_links([{"length_m": 500.0, "speed_m_s": 10.0, "grade": 0.02},
+    ...                           {"length_m": 1000.0, "travel_time_s": 60.0, "grade": -0.01}])
+    >>> route.duration_s, route.elevation_at([500.0, 1500.0]), route.notes
+    (110.0, array([10.,  0.]), ('elevation counted from the departure, which is set to 0 m',))
+    """
+    rows: list[dict[str, float]] = []
+    faults: list[Fault] = []
+    for number, link in enumerate(links, start=1):
+        if number > MOST_LINKS:
+            faults.append(
+                Fault("too many links", "links", f"more than {MOST_LINKS}", f"at most {MOST_LINKS}")
+            )
+            break
+        rows.append(_row(link, f"link {number}", faults))
+    raise_faults(faults)
+    if not rows:
+        raise InvalidInput(Fault("no links", "links", "0", "at least one link"))
+    columns = {name: np.array([row.get(name, np.nan) for row in rows]) for name in LINK_KEYS}
+    length = columns["length_m"]
+    with np.errstate(over="ignore"):  # what is beyond all bounds is named below
+        time = np.where(
+            np.isnan(columns["travel_time_s"]), length / columns["speed_m_s"], columns["travel_time_s"]
+        )
+    flat = LinkRoute(length, time, columns["stop_s"], columns["moving_speed_m_s"])
+    position, height, note = _elevation(columns)
+    notes = (note,) if note else ()
+    return replace(flat, elevation_position_m=position, elevation_m=height, notes=notes)
+
+
+def _row(link: Mapping[str, float | None], where: str, faults: list[Fault]) -> dict[str, float]:
+    if not isinstance(link, Mapping):
+        faults.append(Fault("not a link", where, repr(link)[:60], "an object with length_m and speed_m_s"))
+        return {}
+    row: dict[str, float] = {}
+    for key, value in link.items():
+        if key not in LINK_KEYS:
+            faults.append(Fault("unknown key", where, repr(key)[:60], ", ".join(sorted(LINK_KEYS))))
+        elif isinstance(value, bool) or not isinstance(value, int | float | None):
+            faults.append(Fault("not a number", f"{where}, {key}", repr(value)[:60], "a number"))
+        elif value is not None:
+            row[key] = _finite(value, f"{where}, {key}", faults)
+    if "length_m" not in row:
+        faults.append(Fault("missing key", where, f"{sorted(row)}", "length_m"))
+    if ("speed_m_s" in row) == ("travel_time_s" in row):
+        faults.append(Fault("how fast?", where, f"{sorted(row)}", "either speed_m_s or travel_time_s"))
+    if ("start_elevation_m" in row) != ("end_elevation_m" in row) or (
+        "grade" in row and "end_elevation_m" in row
+    ):
+        faults.append(
+            Fault(
+                "how steep?", where, f"{sorted(row)}", "either grade or start_elevation_m and end_elevation_m"
+            )
+        )
+    for key, low in (("length_m", 0.0), ("speed_m_s", 0.0), ("travel_time_s", 0.0)):
+        if row.get(key, 1.0) <= low:
+            faults.append(Fault("link out of range", f"{where}, {key}", f"{row[key]:g}", "more than 0"))
+    if abs(row.get("grade", 0.0)) > STEEPEST_LINK:
+        faults.append(
+            Fault(
+                "grade out of range",
+                f"{where}, grade",
+                f"{row['grade']:g}",
+                f"-{STEEPEST_LINK} to {STEEPEST_LINK}",
+            )
+        )
+    return row
+
+
+def _finite(value: float, where: str, faults: list[Fault]) -> float:
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        faults.append(Fault("not a finite number", where, repr(value)[:60], "a finite number"))
+        return 1.0
+    return number
+
+
+def _elevation(columns: Mapping[str, FloatArray]) -> tuple[FloatArray | None, FloatArray | None, str]:
+    """Heights at the ends of the links, from grades or from heights; a link without either is level or joins its neighbours."""
+    border = np.concatenate(([0.0], np.cumsum(columns["length_m"])))
+    start, end, grade = columns["start_elevation_m"], columns["end_elevation_m"], columns["grade"]
+    known = np.isfinite(start)
+    if known.any():
+        # links may disagree by a step where they meet, so that each keeps its own two heights
+        position = np.column_stack((border[:-1], border[1:])).ravel()
+        height = np.column_stack((start, end)).ravel()
+        if np.isfinite(grade).any():
+            message = "grade on some links and elevation on others"
+            raise InvalidInput(Fault("how steep?", "links", message, "one of both on all links"))
+        there = np.isfinite(height)
+        note = "" if there.all() else "elevation bridged over links that do not say theirs"
+        return position[there], height[there], note
+    if np.isfinite(grade).any():
+        rise = np.nan_to_num(grade, nan=0.0) * columns["length_m"]
+        return border, np.concatenate(([0.0], np.cumsum(rise))), RELATIVE_NOTE
+    return None, None, FLAT_ROAD_NOTE
+
+
+def links_of_trip(trip: Trip, length_m: float = 250.0) -> LinkRoute:
+    """Cut a driven trip into links with their mean speed, as a router with perfect traffic data would see it. O(samples).
+
+    A link's travel time includes every standstill on it; a standstill at a border belongs to the link behind it. The
+    elevation is kept at the links' ends only, stops are not given. What is left over at the end of the trip is a
+    link of its own if it is longer than half a link, else part of the last one.
+
+    Parameters
+    ----------
+    trip : Trip
+        Raw or resampled.
+    length_m : float
+        Length of a link [m].
+
+    Raises
+    ------
+    InvalidInput
+        When the trip does not move or the length is not positive.
+
+    Examples
+    --------
+    >>> log = pd.DataFrame({"time_s": np.arange(61.0), "speed_m_s": np.full(61, 10.0)})
+    >>> links_of_trip(Trip.from_samples("t", log), 250.0).travel_time_s
+    array([25., 35.])
+    """
+    if not (math.isfinite(length_m) and length_m > 0):
+        raise InvalidInput(Fault("length out of range", "length_m", f"{length_m}", "more than 0 m"))
+    time, speed = trip.array("time_s"), trip.array("speed_m_s")
+    driven = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
+    if not driven[-1] > 0:
+        raise InvalidInput(
+            Fault("the trip does not move", trip.trip_id, f"{driven[-1]:g} m", "more than 0 m")
+        )
+    number = max(1, round(driven[-1] / length_m))
+    border = np.append(np.arange(number) * length_m, driven[-1])
+    moves = np.concatenate(([True], np.diff(driven) > 0))
+    passed = np.interp(border, driven[moves], time[moves])
+    passed[0], passed[-1] = time[0], time[-1]
+    position, height = None, None
+    if trip.has("elevation_m"):
+        logged = trip.array("elevation_m")
+        there = moves & np.isfinite(logged)
+        if there.any():
+            position, height = border, np.interp(border, driven[there], logged[there])
+    unknown = np.full(number, np.nan)
+    notes = () if height is not None else (FLAT_ROAD_NOTE,)
+    return LinkRoute(np.diff(border), np.diff(passed), unknown, unknown, position, height, notes)
+
+
+def trip_from_links(
+    route: LinkRoute,
+    departure: Departure | None = None,
+    *,
+    trip_id: str = "route",
+    style: LinkStyle | None = None,
+    rng: np.random.Generator | None = None,
+    step_s: float = 1.0,
+) -> Trip:
+    """Drive a planned route: a trip without measurements, from standstill to standstill. O(length / 4 m + samples).
+
+    Links shorter than `SHORTEST_STRETCH_M` are joined with what follows until a stop that was given. The travel time
+    of every stretch is reproduced by `link_profile`.
+
+    Parameters
+    ----------
+    route : LinkRoute
+    departure : Departure, optional
+        Temperatures, state of charge, season and so on.
+    trip_id : str
+    style : LinkStyle, optional
+    rng : numpy.random.Generator, optional
+        Draws stops and speeds; without it the same route gives the same trip.
+    step_s : float
+        Time between two samples [s].
+
+    Returns
+    -------
+    Trip
+        Columns `time_s`, `speed_m_s`, `elevation_m` where it is known, and what `departure` knows; what had to be
+        assumed stands in `context.notes`.
+
+    Raises
+    ------
+    InvalidInput
+        When the step is not positive or gives too many samples.
+
+    Examples
+    --------
+    >>> trip = trip_from_links(route_from_links([{"length_m": 1000.0, "speed_m_s": 12.5}]))
+    >>> trip.duration_s, round(trip.distance_m), trip.context.notes
+    (80.0, 1000, 'no elevation known: the road counts as flat')
+    """
+    departure = departure or Departure()
+    finest = max(route.duration_s / MOST_SAMPLES, 1e-3)
+    if not (math.isfinite(step_s) and step_s >= finest):
+        raise InvalidInput(Fault("step out of range", "step_s", f"{step_s}", f"{finest:g} s or more"))
+    first = _stretches(route)
+    length, time = np.add.reduceat(route.length_m, first), np.add.reduceat(route.travel_time_s, first)
+    last = np.append(first[1:], len(route)) - 1
+    profile = link_profile(
+        length,
+        time,
+        stop_s=_stops(route, first, last),
+        moving_speed_m_s=_moving_speeds(route, first),
+        style=style,
+        rng=rng,
+        step_s=step_s,
+    )
+    columns = {"time_s": profile.time_s, "speed_m_s": profile.speed_m_s}
+    height = route.elevation_at(profile.position_m)
+    if height is not None:
+        columns["elevation_m"] = height
+    return planned_trip(trip_id, pd.DataFrame(columns), departure, route.notes)
+
+
+def _stretches(route: LinkRoute) -> npt.NDArray[np.int64]:
+    """Index of the first link of each stretch: short links go with what follows, the last one with what went before."""
+    if float(route.length_m.min()) >= SHORTEST_STRETCH_M:
+        return np.arange(len(route), dtype=np.int64)
+    first, driven = [0], 0.0
+    lengths, stops = route.length_m.tolist(), (route.stop_s > 0).tolist()
+    for k in range(len(lengths) - 1):
+        driven += lengths[k]
+        if driven >= SHORTEST_STRETCH_M or stops[k]:
+            first.append(k + 1)
+            driven = 0.0
+    if len(first) > 1 and sum(lengths[first[-1] :]) < SHORTEST_STRETCH_M and not stops[first[-1] - 1]:
+        first.pop()
+    return np.array(first, dtype=np.int64)
+
+
+def _stops(route: LinkRoute, first: npt.NDArray[np.int64], last: npt.NDArray[np.int64]) -> FloatArray:
+    """Given standstill at the end of each stretch; unknown as soon as one of its links does not know."""
+    unknown = np.add.reduceat(np.isnan(route.stop_s).astype(np.float64), first) > 0
+    end = route.stop_s[last]
+    return np.where(unknown & ~(end > 0), np.nan, np.nan_to_num(end, nan=0.0))
+
+
+def _moving_speeds(route: LinkRoute, first: npt.NDArray[np.int64]) -> FloatArray:
+    """Length over the sum of the moving times of a stretch, unknown as soon as one of its links does not know."""
+    return np.asarray(
+        np.add.reduceat(route.length_m, first)
+        / np.add.reduceat(route.length_m / route.moving_speed_m_s, first),
+        dtype=np.float64,
+    )
+
+
+def join_routes(routes: Sequence[LinkRoute]) -> LinkRoute:
+    """Routes one after the other; heights only where all of them know theirs. O(links)."""
+    heights = [r.elevation_m for r in routes if r.elevation_m is not None]
+    places, driven = [], 0.0
+    for route in routes:
+        if route.elevation_position_m is not None:
+            places.append(route.elevation_position_m + driven)
+        driven += route.distance_m
+    complete = len(heights) == len(routes)
+    notes = tuple(dict.fromkeys(note for route in routes for note in route.notes))
+    return LinkRoute(
+        np.concatenate([r.length_m for r in routes]),
+        np.concatenate([r.travel_time_s for r in routes]),
+        np.concatenate([r.stop_s for r in routes]),
+        np.concatenate([r.moving_speed_m_s for r in routes]),
+        np.concatenate(places) if complete else None,
+        np.concatenate(heights) if complete else None,
+        notes if complete or FLAT_ROAD_NOTE in notes else (*notes, FLAT_ROAD_NOTE),
+    )

@@ -1,0 +1,57 @@
+"""The one door: whatever a route came as, the trip that will be driven on it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tripwatt.routes.departure import Departure
+from tripwatt.routes.links import LinkRoute, trip_from_links
+from tripwatt.routes.profile import LinkStyle
+from tripwatt.routes.tracks import Track, route_from_track, trip_from_track
+from tripwatt.trips import Trip
+
+
+def plan_trip(
+    route: LinkRoute | Track,
+    departure: Departure | None = None,
+    *,
+    speed_m_s: float | None = None,
+    trip_id: str = "route",
+    style: LinkStyle | None = None,
+    rng: np.random.Generator | None = None,
+    step_s: float = 1.0,
+) -> Trip:
+    """A trip without measurements from links or a track. O(length / 4 m + samples).
+
+    The log of a drive keeps its own speed; everything else becomes links that a driver drives (`trip_from_links`).
+
+    Parameters
+    ----------
+    route : LinkRoute or Track
+    departure : Departure, optional
+    speed_m_s : float, optional
+        Mean speed [m/s] of a track's pieces that know neither time nor speed.
+    trip_id : str
+    style : LinkStyle, optional
+    rng : numpy.random.Generator, optional
+        Draws stops and speeds; without it the same route gives the same trip.
+    step_s : float
+        Time between two samples [s].
+
+    Raises
+    ------
+    InvalidInput
+        As `trip_from_track`, `route_from_track` and `trip_from_links`.
+
+    Examples
+    --------
+    >>> from tripwatt.routes import read_route
+    >>> line = read_route(b'{"type": "LineString", "coordinates": [[11.5, 48.1], [11.52, 48.1]]}')
+    >>> round(plan_trip(line, speed_m_s=14.0).duration_s)
+    107
+    """
+    if isinstance(route, Track):
+        if route.is_log:
+            return trip_from_track(route, departure, trip_id=trip_id, step_s=step_s)
+        route = route_from_track(route, speed_m_s)
+    return trip_from_links(route, departure, trip_id=trip_id, style=style, rng=rng, step_s=step_s)

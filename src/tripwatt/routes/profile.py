@@ -1,0 +1,435 @@
+"""From what links say, a length and a travel time, to speed over time: where the car stops and how fast it is between.
+
+A link's mean speed includes every standstill. The driver model therefore asks twice. How fast would this driver go if
+nothing stood in the way (`LinkStyle.free_speed`)? And what becomes of the time that is left over? A little of it is a
+place at which the car slows down, more of it a stop, still more a longer stop or several. Links that are faster
+than the free speed are driven faster. One number per link, its *delay*, runs through all of this, and travel time
+grows with it, so that the delays can be found that reproduce the travel times of all links at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from tripwatt.driver import (
+    DriverStyle,
+    FloatArray,
+    SpeedProfile,
+    draw_dwell,
+    profile_over_time,
+    reachable_speed,
+)
+from tripwatt.errors import Fault, InvalidInput
+
+IntArray = npt.NDArray[np.int64]
+
+REFERENCE_LENGTH_M: Final = 250.0
+"""Length of a link to which `LinkStyle.street_speed_m_s` refers [m]."""
+
+SPACING_M: Final = 4.0
+"""Longest cell of the distance grid [m]."""
+
+CELLS_PER_DIP: Final = 12
+"""So many at least, so that the car moves between two stops and between a stop and the link's end."""
+
+SPREAD: Final = 0.05
+"""Standard deviation of the free speed's logarithm from link to link where it is drawn; a choice."""
+
+MOST_NODES: Final = 400_000
+"""Longer routes get longer cells, so that memory and time stay bounded."""
+
+SHORTEST_BETWEEN_STOPS_M: Final = 25.0
+"""Invented stops are no closer than this [m]: about four cars in a queue."""
+
+STANDSTILL_M_S: Final = 0.5
+"""A car that has slowed down to this can as well wait [m/s]."""
+
+MOST_PASSES: Final = 30
+
+FIRST_STEP: Final = 0.25
+"""Largest change of a delay in the first pass."""
+
+MOST_STEP: Final = 0.5
+
+FIRMER: Final = 3.0
+"""A driver who goes faster than the free speed by some share uses the pedals this many times that share more."""
+
+MOST_DELAY: Final = 0.95
+"""Of a link without a place to stop: its speed is lowered to a twentieth of the free speed at most."""
+
+TIME_TOLERANCE: Final = 0.005
+"""Passes end when no link's travel time is further off than this share, or `TIME_TOLERANCE_S`."""
+
+TIME_TOLERANCE_S: Final = 0.2
+
+HURRY: Final = 1.6
+"""A car that has to make up time goes at most this many times as fast as the link's mean speed."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkStyle:
+    """How traffic and driver fill a link of which only the mean speed is known.
+
+    The defaults of `street_speed_m_s`, `length_exponent` and `comfort` are what `calibrate_style` finds on the electric
+    cars of the Vehicle Energy Dataset, rounded; the other values are a choice. `docs/routes.md` says how.
+
+    Attributes
+    ----------
+    driver : DriverStyle
+        Its acceleration and deceleration are never exceeded; `speed_share` and `fluctuation` are not used.
+    comfort : float
+        Share of these accelerations that the driver uses where the travel time allows, in (0, 1].
+    street_speed_m_s : float
+        Speed [m/s] between two stops on a link of 250 m, however slow the link is on the whole.
+    length_exponent : float
+        How this speed grows with the length of the link: over a longer link the faster pieces count.
+    sharpness : float
+        Exponent of the mean between this speed and the link's own, at least 1: high where the larger of the two wins.
+    stop_place : float
+        Where in its share of the link the car slows down or stops: 0 at the start, 1 at the end.
+    """
+
+    driver: DriverStyle = field(
+        default_factory=lambda: DriverStyle(
+            acceleration_m_s2=2.5, deceleration_m_s2=2.5, half_acceleration_speed_m_s=35.0, dwell_mean_s=20.0
+        )
+    )
+    comfort: float = 0.27
+    street_speed_m_s: float = 8.9
+    length_exponent: float = 0.43
+    sharpness: float = 3.5
+    stop_place: float = 0.5
+
+    def __post_init__(self) -> None:
+        bounds = {
+            "comfort": (0.05, 1.0),
+            "street_speed_m_s": (1.0, 40.0),
+            "length_exponent": (0.0, 1.0),
+            "sharpness": (1.0, 50.0),
+            "stop_place": (0.1, 0.9),
+        }
+        faults = [
+            Fault("link style out of range", name, f"{getattr(self, name)}", f"{low:g} to {high:g}")
+            for name, (low, high) in bounds.items()
+            if not low <= getattr(self, name) <= high
+        ]
+        if faults:
+            raise InvalidInput(faults)
+
+    def free_speed(self, length_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
+        """Speed between two disturbances [m/s] on links of a mean speed, shape of `length_m`.
+
+        Examples
+        --------
+        >>> LinkStyle(street_speed_m_s=10.0, sharpness=2.0).free_speed(np.array([250.0]), np.array([10.0])).round(2)
+        array([14.14])
+        """
+        street = self.street_speed_m_s * (length_m / REFERENCE_LENGTH_M) ** self.length_exponent
+        large = np.maximum(street, speed_m_s)
+        ratio = np.minimum(street, speed_m_s) / large
+        return np.asarray(large * (1.0 + ratio**self.sharpness) ** (1.0 / self.sharpness), dtype=np.float64)
+
+
+def link_profile(
+    length_m: npt.ArrayLike,
+    travel_time_s: npt.ArrayLike,
+    *,
+    stop_s: npt.ArrayLike | None = None,
+    moving_speed_m_s: npt.ArrayLike | None = None,
+    style: LinkStyle | None = None,
+    rng: np.random.Generator | None = None,
+    step_s: float = 1.0,
+) -> SpeedProfile:
+    """Drive links in their travel times, from standstill to standstill. O(length / 4 m + samples).
+
+    Speed is continuous and changes no faster than `style.driver` allows. Where the travel time of a link cannot be
+    reproduced within these limits, the link takes longer than it says; everywhere else it takes what it says, to
+    5 per mille or 0.2 s (see `docs/routes.md` for the measured share).
+
+    Parameters
+    ----------
+    length_m, travel_time_s : array_like, shape (links,)
+        Length of each link [m] and time on it including every standstill [s].
+    stop_s : array_like, shape (links,), optional
+        Standstill at the end of each link [s], part of its travel time: 0 = the car does not stop on this link, NaN =
+        not known, so that stops are placed where the travel time asks for them. All unknown without it.
+    moving_speed_m_s : array_like, shape (links,), optional
+        Speed while nothing stands in the way [m/s], NaN = not known.
+    style : LinkStyle, optional
+    rng : numpy.random.Generator, optional
+        Without it the profile is the same every time; with it stops, their lengths and the speeds in between are drawn.
+    step_s : float
+        Time between two samples [s].
+
+    Returns
+    -------
+    SpeedProfile
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of the links.
+
+    Examples
+    --------
+    >>> profile = link_profile([250.0, 250.0, 250.0], [30.0, 60.0, 30.0])
+    >>> float(profile.position_m[-1]), bool(abs(profile.time_s[-1] - 120.0) <= 1.0)
+    (750.0, True)
+    """
+    style = style or LinkStyle()
+    length = np.atleast_1d(np.asarray(length_m, dtype=np.float64))
+    time = np.atleast_1d(np.asarray(travel_time_s, dtype=np.float64))
+    stop = _or_unknown(stop_s, length)
+    moving = _or_unknown(moving_speed_m_s, length)
+    faults = tuple(_link_faults(length, time, stop, moving, step_s))
+    if faults:
+        raise InvalidInput(faults)
+    course = _Course.of(length, time, stop, moving, style, rng)
+    speed, driving_s = course.solve()
+    return profile_over_time(
+        course.position, speed, driving_s, course.waiting(speed, driving_s, rng), course.ends, step_s
+    )
+
+
+def _or_unknown(values: npt.ArrayLike | None, like: FloatArray) -> FloatArray:
+    return (
+        np.full(like.shape, np.nan) if values is None else np.atleast_1d(np.asarray(values, dtype=np.float64))
+    )
+
+
+def _link_faults(
+    length: FloatArray, time: FloatArray, stop: FloatArray, moving: FloatArray, step_s: float
+) -> Iterator[Fault]:
+    if not (math.isfinite(step_s) and step_s > 0):
+        yield Fault("step out of range", "step_s", f"{step_s}", "more than 0 s")
+    if length.ndim != 1 or not length.size:
+        yield Fault("no route", "length_m", f"shape {length.shape}", "one dimension, at least one link")
+        return
+    rules = (
+        ("length_m", length, np.isfinite(length) & (length > 0), "finite, more than 0 m"),
+        ("travel_time_s", time, np.isfinite(time) & (time > 0), "finite, more than 0 s"),
+        ("stop_s", stop, np.isnan(stop) | (np.isfinite(stop) & (stop >= 0)), "0 s or more, NaN if unknown"),
+        (
+            "moving_speed_m_s",
+            moving,
+            np.isnan(moving) | (np.isfinite(moving) & (moving > 0)),
+            "more than 0 m/s, NaN if unknown",
+        ),
+    )
+    for name, values, sound, allowed in rules:
+        if values.shape != length.shape:
+            yield Fault("links disagree", name, f"shape {values.shape}", f"shape {length.shape} of length_m")
+        elif not sound.all():
+            first = int(np.flatnonzero(~sound)[0])
+            yield Fault("link out of range", f"{name}, link {first + 1}", f"{values[first]}", allowed)
+    if stop.shape == time.shape == length.shape and bool((stop >= time).any()):
+        first = int(np.flatnonzero(stop >= time)[0])
+        yield Fault(
+            "the stop takes all of the travel time",
+            f"stop_s, link {first + 1}",
+            f"{stop[first]:g} s",
+            f"less than {time[first]:g} s",
+        )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Course:
+    """The grid over the links and what is known before the delays are."""
+
+    length: FloatArray
+    time: FloatArray  # to drive and to wait in invented stops, without the stops that were given
+    stop: FloatArray
+    free: FloatArray
+    style: LinkStyle
+    position: FloatArray
+    link: IntArray  # of each cell
+    ends: IntArray  # last node of each link
+    ramp: FloatArray  # speed that a node may have at least because the neighbouring link is faster
+    dip_node: IntArray
+    dip_link: IntArray
+    most_delay: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        length: FloatArray,
+        time: FloatArray,
+        stop: FloatArray,
+        moving: FloatArray,
+        style: LinkStyle,
+        rng: np.random.Generator | None,
+    ) -> _Course:
+        given = np.nan_to_num(stop, nan=0.0)
+        to_drive = time - given
+        mean = length / to_drive
+        free = np.where(np.isnan(moving), style.free_speed(length, mean), np.maximum(moving, mean))
+        # a link whose stops are given has no reason to go faster than its own speed
+        free = np.where(np.isnan(stop) | ~np.isnan(moving), free, mean)
+        if rng is not None:
+            free = free * np.exp(SPREAD * rng.standard_normal(free.shape))
+        dips = _number_of_dips(length, to_drive, free, np.isnan(stop), style)
+        spacing = max(SPACING_M, float(length.sum()) / MOST_NODES)
+        cells = np.maximum(np.maximum(np.ceil(length / spacing), 4), CELLS_PER_DIP * dips).astype(np.int64)
+        ends = np.cumsum(cells)
+        link = np.repeat(np.arange(len(length)), cells)
+        position = np.concatenate(([0.0], np.cumsum((length / cells)[link])))
+        position[ends] = np.cumsum(length)
+        dip_link = np.repeat(np.arange(len(length)), dips)
+        order = np.arange(len(dip_link)) - np.repeat(np.cumsum(dips) - dips, dips)
+        place = (
+            np.full(len(dip_link), style.stop_place) if rng is None else rng.uniform(0.2, 0.8, len(dip_link))
+        )
+        within = np.rint((order + place) / dips[dip_link] * cells[dip_link]).astype(np.int64)
+        dip_node = (ends - cells)[dip_link] + np.clip(within, 2, cells[dip_link] - 2)
+        most = np.where(dips > 0, 1.0, MOST_DELAY)
+        # at both ends of the route the car stands anyway: time to spare is spent there
+        at_rest = np.zeros(len(length), dtype=bool)
+        at_rest[[0, -1]] = np.isnan(stop[[0, -1]])
+        most = np.where(at_rest & (dips == 0), 0.0, most)
+        return cls(
+            length,
+            to_drive,
+            given,
+            free,
+            style,
+            position,
+            link,
+            ends,
+            _ramps(position, ends, np.minimum(free, HURRY * mean + 2.0), style),
+            dip_node,
+            dip_link,
+            most,
+        )
+
+    def drive(self, delay: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Speed at the nodes [m/s] and time between them [s] for a delay of each link, without waiting.
+
+        A negative delay is more speed and firmer pedals. A positive one slows the car down at the dips; on a
+        link without any it lowers the speed throughout.
+        """
+        has_dip = self.most_delay == 1.0
+        cruise = self.free * np.where(has_dip, 1.0 - np.minimum(delay, 0.0), 1.0 - delay)
+        cruise = np.minimum(cruise, self.fastest)
+        effort = np.minimum(self.style.comfort * (1.0 + FIRMER * np.maximum(-delay, 0.0)), 1.0)
+        cell = cruise[self.link]
+        aim = np.zeros(len(self.position))
+        np.minimum(cell[1:], cell[:-1], out=aim[1:-1])
+        np.maximum(aim, self.ramp, out=aim)
+        aim[[0, -1]] = 0.0
+        slow = self.free[self.dip_link] * (1.0 - np.clip(delay[self.dip_link], 0.0, 1.0))
+        aim[self.dip_node] = np.minimum(aim[self.dip_node], slow)
+        aim[self.ends[self.stop > 0]] = 0.0
+        speed = reachable_speed(self.position, aim, self.style.driver, effort[self.link])
+        return speed, np.diff(self.position) * 2.0 / (speed[1:] + speed[:-1])
+
+    def solve(self) -> tuple[FloatArray, FloatArray]:
+        """Find the delays that reproduce the travel times, all links at once by the secant method.
+
+        Neighbours move each other, so that a secant may mislead: a delay never changes by more than its step, which
+        grows while the sign of the link's error stays and is halved when it changes.
+        """
+        delay = np.where(self.most_delay == 1.0, 0.3, 0.0)
+        least = np.minimum(1.0 - self.fastest / self.free, (1.0 - 1.0 / self.style.comfort) / FIRMER)
+        step = np.full(delay.shape, FIRST_STEP)
+        before, slope = np.zeros(delay.shape), np.zeros(delay.shape)
+        tolerance = np.maximum(TIME_TOLERANCE * self.time, TIME_TOLERANCE_S)
+        change = np.zeros(delay.shape)
+        for _ in range(MOST_PASSES):
+            speed, driving_s = self.drive(delay)
+            late = np.bincount(self.link, driving_s, len(delay)) - self.time
+            with np.errstate(divide="ignore", invalid="ignore"):
+                slope = np.where(change != 0.0, (late - before) / change, slope)
+            # a link that stops can wait for what is left, one that hurries all it can will not get faster
+            settled = (
+                (np.abs(late) <= tolerance)
+                | ((late < 0) & (delay >= self.most_delay) & self.can_wait)
+                | ((late > 0) & (delay <= least))
+            )
+            if settled.all():
+                break
+            step = np.where(late * before < 0, 0.5 * step, np.minimum(1.5 * step, MOST_STEP))
+            with np.errstate(divide="ignore", invalid="ignore"):
+                wanted = np.where(slope > 0, np.abs(late) / slope, step)
+            wanted = np.where(settled, 0.0, -np.sign(late) * np.minimum(wanted, step))
+            new = np.clip(delay + wanted, least, self.most_delay)
+            change, before, delay = new - delay, late, new
+        return speed, driving_s
+
+    @property
+    def can_wait(self) -> npt.NDArray[np.bool_]:
+        """Whether a link has a place at which time to spare is spent standing."""
+        can = np.equal(self.most_delay, 1.0)
+        can[[0, -1]] |= self.most_delay[[0, -1]] == 0.0
+        return can
+
+    @property
+    def fastest(self) -> FloatArray:
+        """Highest speed that is tried on each link [m/s]."""
+        return np.maximum(self.free, HURRY * self.length / self.time + 2.0)
+
+    def waiting(
+        self, speed: FloatArray, driving_s: FloatArray, rng: np.random.Generator | None
+    ) -> FloatArray:
+        """Standstill at each node [s]: what was given, and the time that driving leaves over."""
+        n = len(self.length)
+        left = np.maximum(self.time - np.bincount(self.link, driving_s, n), 0.0)
+        stands = speed[self.dip_node] < STANDSTILL_M_S
+        # start and end of the route count as stops of the first and the last link
+        nodes = np.concatenate((self.dip_node[stands], [0, self.ends[-1]]))
+        owner = np.concatenate((self.dip_link[stands], [0, n - 1]))
+        share = np.ones(len(nodes))
+        if rng is not None:
+            share = draw_dwell(share, self.style.driver, rng)
+        wait = np.zeros(len(self.position))
+        wait[nodes] = left[owner] * share / np.bincount(owner, share, n)[owner]
+        wait[self.ends] += self.stop
+        return wait
+
+
+def _ramps(position: FloatArray, ends: IntArray, free: FloatArray, style: LinkStyle) -> FloatArray:
+    """Speed that is allowed at each node [m/s] because a faster link is near, 0 where none is.
+
+    A change of speed lies on both sides of the point at which two links meet: the car passes it at the mean of the
+    two speeds, and on the slower link it speeds up to that, or has come from it, at a comfortable pace.
+    """
+    border = position[ends[:-1]]
+    speed = 0.5 * (free[1:] + free[:-1])
+    gentle = style.comfort * style.driver.acceleration_m_s2
+    pace = gentle / (1.0 + (speed / style.driver.half_acceleration_speed_m_s) ** 2)
+    link = np.searchsorted(position[ends], position, side="left")
+    ramp = np.zeros_like(position)
+    for neighbour in (link - 1, link):  # the border before the node and the one behind it
+        near = np.clip(neighbour, 0, max(len(border) - 1, 0))
+        known = (neighbour >= 0) & (neighbour < len(border))
+        if known.any():
+            squared = speed[near] ** 2 - 2.0 * pace[near] * np.abs(position - border[near])
+            ramp = np.maximum(ramp, np.where(known, np.sqrt(np.maximum(squared, 0.0)), 0.0))
+    return ramp
+
+
+def _number_of_dips(
+    length: FloatArray,
+    time: FloatArray,
+    free: FloatArray,
+    unknown: npt.NDArray[np.bool_],
+    style: LinkStyle,
+) -> IntArray:
+    """How often the car slows down or stops on each link: once, and more often if the time left over asks for it."""
+    up = style.comfort * style.driver.acceleration_m_s2
+    down = style.comfort * style.driver.deceleration_m_s2
+    half_squared = style.driver.half_acceleration_speed_m_s**2
+    # time that a stop costs against driving on: v/2a braking; ∫ (1 - u/v) du / a(u) speeding up
+    stop_s = free / (2.0 * down) + free / (2.0 * up) * (1.0 + free**2 / (6.0 * half_squared))
+    spare = time - length / free
+    at_ends = np.zeros(len(length))
+    at_ends[0] += 0.5
+    at_ends[-1] += 0.5
+    number = np.rint(spare / (stop_s + style.driver.dwell_mean_s) - at_ends)
+    number = np.clip(number, np.where(at_ends > 0, 0, 1), np.maximum(length // SHORTEST_BETWEEN_STOPS_M, 1))
+    return np.asarray(np.where(unknown, number, 0), dtype=np.int64)

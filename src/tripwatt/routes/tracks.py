@@ -1,0 +1,292 @@
+"""Tracks of points, with or without times, turned into links or into a driven trip."""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.routes.departure import Departure, planned_trip
+from tripwatt.routes.links import (
+    FASTEST_LINK_M_S,
+    FLAT_ROAD_NOTE,
+    MOST_SAMPLES,
+    MOST_TRAVEL_TIME_S,
+    SHORTEST_LINK_M,
+    LinkRoute,
+)
+from tripwatt.routes.points import (
+    haversine_m,
+    require_on_earth,
+)
+from tripwatt.trips import COLUMNS, FloatArray, Trip, raise_faults
+
+DENSE_STEP_S: Final = 5.0
+"""A track whose median step is at most this is a log of the drive; a sparser one gives links."""
+
+WINDOW_S: Final = 2.0
+"""Half of the time [s] over which the speed of a logged track is taken, against the jitter of positions."""
+
+STANDING_M_S: Final = 0.5
+"""Slower than this a logged position only jitters."""
+
+TRACK_LINK_M: Final = 100.0
+"""Points of a sparse or timeless track are joined until a link has this length."""
+
+_EPOCH: Final = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Track:
+    """Points in the order of travel. Arrays have shape (points,) unless said otherwise.
+
+    Attributes
+    ----------
+    latitude_deg, longitude_deg : ndarray
+    elevation_m : ndarray
+        NaN where not known.
+    time_s : ndarray or None
+        Increasing or equal, from 0; None without times.
+    piece_speed_m_s : ndarray, shape (points - 1,)
+        Mean speed between two points where the source says it, else NaN.
+    started_at : datetime or None
+        Time of the first point.
+    notes : tuple of str
+
+    Raises
+    ------
+    InvalidInput
+        For fewer than two points, places that are not on earth, a time that goes back, a track without length.
+    """
+
+    latitude_deg: FloatArray
+    longitude_deg: FloatArray
+    elevation_m: FloatArray
+    time_s: FloatArray | None
+    piece_speed_m_s: FloatArray
+    started_at: dt.datetime | None = None
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.latitude_deg) < 2:
+            raise InvalidInput(Fault("too few points", "track", f"{len(self.latitude_deg)}", "at least 2"))
+        require_on_earth(self.latitude_deg, self.longitude_deg, "track")
+        faults = []
+        if self.time_s is not None:
+            back = np.flatnonzero(np.diff(self.time_s) < 0)
+            if len(back):
+                more = f" (and {len(back) - 1} more points)" if len(back) > 1 else ""
+                got = f"{-np.diff(self.time_s)[back[0]]:g} s back{more}"
+                faults.append(
+                    Fault("time goes back", f"track, point {back[0] + 2}", got, "times that do not decrease")
+                )
+            span = float(self.time_s[-1] - self.time_s[0])
+            if not 0 < span <= MOST_TRAVEL_TIME_S:
+                faults.append(
+                    Fault(
+                        "duration out of range",
+                        "track",
+                        f"{span:g} s",
+                        f"more than 0, at most {MOST_TRAVEL_TIME_S:g} s",
+                    )
+                )
+        if not float(self.step_m.sum()) > 0:
+            faults.append(Fault("the track has no length", "track", "0 m", "two places"))
+        column = COLUMNS["elevation_m"]
+        high = np.flatnonzero((self.elevation_m < column.minimum) | (self.elevation_m > column.maximum))
+        if len(high):
+            allowed = f"{column.minimum:g} to {column.maximum:g} m"
+            got = f"{self.elevation_m[high[0]]:g} m"
+            faults.append(Fault("elevation out of range", f"track, point {high[0] + 1}", got, allowed))
+        raise_faults(faults)
+
+    def __len__(self) -> int:
+        return len(self.latitude_deg)
+
+    @property
+    def step_m(self) -> FloatArray:
+        """Distance from each point to the next [m], shape (points - 1,)."""
+        return haversine_m(self.latitude_deg, self.longitude_deg)
+
+    @property
+    def position_m(self) -> FloatArray:
+        """Distance of each point from the first one [m]."""
+        return np.concatenate(([0.0], np.cumsum(self.step_m)))
+
+    @property
+    def is_log(self) -> bool:
+        """Whether the times are so dense that the track is the log of a drive."""
+        return self.time_s is not None and float(np.median(np.diff(self.time_s))) <= DENSE_STEP_S
+
+    def elevation(self) -> tuple[FloatArray | None, FloatArray | None, tuple[str, ...]]:
+        """Distances, heights and what has to be said of them; None where no point knows its height."""
+        known = np.isfinite(self.elevation_m)
+        if not known.any():
+            return None, None, (FLAT_ROAD_NOTE,)
+        notes = () if known.all() else ("elevation bridged over points that do not say theirs",)
+        return self.position_m[known], self.elevation_m[known], notes
+
+
+def times_of(texts: list[str], where: str) -> tuple[FloatArray | None, dt.datetime | None, tuple[str, ...]]:
+    """Seconds from the first point, interpolated by order where a point has none; None unless both ends have one."""
+    if not any(texts):
+        return None, None, ()
+    if not (texts[0] and texts[-1]):
+        return None, None, ("times ignored: the first or the last point has none",)
+    values = np.full(len(texts), np.nan)
+    first: dt.datetime | None = None
+    for k, text in enumerate(texts):
+        if not text:
+            continue
+        try:
+            moment = dt.datetime.fromisoformat(text)
+        except ValueError as error:
+            fault = Fault(
+                "not a time", f"{where}, point {k + 1}", repr(text[:40]), "ISO 8601, as 2026-05-01T08:00:00Z"
+            )
+            raise InvalidInput(fault) from error
+        moment = moment if moment.tzinfo is not None else moment.replace(tzinfo=dt.UTC)
+        first = first or moment
+        values[k] = (moment - _EPOCH).total_seconds()
+    known = np.flatnonzero(np.isfinite(values))
+    notes = () if len(known) == len(values) else ("times of points that have none interpolated",)
+    values = np.interp(np.arange(len(values)), known, values[known])
+    return values - values[0], first, notes
+
+
+def route_from_track(track: Track, speed_m_s: float | None = None) -> LinkRoute:
+    """Links of a track: by its times, else by the speeds of its pieces, else by a speed for all. O(points).
+
+    Points are joined until a link has `TRACK_LINK_M`.
+
+    Parameters
+    ----------
+    track : Track
+    speed_m_s : float, optional
+        Mean speed, standstill included, where the track says neither time nor speed [m/s].
+
+    Raises
+    ------
+    InvalidInput
+        When neither is known, or the times ask for a speed that no car has.
+
+    Examples
+    --------
+    >>> from tripwatt.routes import read_gpx
+    >>> track = read_gpx(b'<gpx><rte><rtept lat="48" lon="11"/><rtept lat="48.01" lon="11"/></rte></gpx>')
+    >>> route_from_track(track, 20.0).travel_time_s.round(1)
+    array([55.6])
+    """
+    step = track.step_m
+    notes: tuple[str, ...] = track.notes
+    if track.time_s is not None:
+        time = np.diff(track.time_s)
+    else:
+        if speed_m_s is not None and not 0 < speed_m_s <= FASTEST_LINK_M_S:
+            allowed = f"more than 0, at most {FASTEST_LINK_M_S:g} m/s"
+            raise InvalidInput(Fault("speed out of range", "speed_m_s", f"{speed_m_s:g}", allowed))
+        unknown = np.isnan(track.piece_speed_m_s)
+        if unknown.any() and speed_m_s is None:
+            raise InvalidInput(
+                Fault(
+                    "how fast?",
+                    "track",
+                    f"{int(unknown.sum())} pieces without time and speed",
+                    "a speed for them",
+                    "give speed_m_s",
+                )
+            )
+        if speed_m_s is not None and unknown.any():
+            notes = (*notes, f"{speed_m_s:g} m/s assumed where the track says no speed")
+        time = step / np.where(unknown, speed_m_s or np.nan, track.piece_speed_m_s)
+    first = _joined(step, time, track.piece_speed_m_s if track.time_s is None else np.zeros_like(step))
+    length, seconds = np.add.reduceat(step, first), np.add.reduceat(time, first)
+    position, height, said = track.elevation()
+    none = np.full(len(length), np.nan)
+    return LinkRoute(length, seconds, none, none, position, height, (*notes, *said))
+
+
+def _joined(
+    step: FloatArray, time: FloatArray, kind: FloatArray
+) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """First piece of each link; a link ends when it is long enough, or where the speed of the pieces changes."""
+    first, driven, spent = [0], 0.0, 0.0
+    steps, times, kinds = step.tolist(), time.tolist(), np.nan_to_num(kind, nan=-1.0).tolist()
+    for k in range(1, len(steps)):
+        driven += steps[k - 1]
+        spent += times[k - 1]
+        if driven >= SHORTEST_LINK_M and spent > 0 and (driven >= TRACK_LINK_M or kinds[k] != kinds[k - 1]):
+            first.append(k)
+            driven = spent = 0.0
+    # what is left over must be a link too
+    while len(first) > 1 and not (sum(steps[first[-1] :]) >= SHORTEST_LINK_M and sum(times[first[-1] :]) > 0):
+        first.pop()
+    return np.array(first, dtype=np.int64)
+
+
+def trip_from_track(
+    track: Track,
+    departure: Departure | None = None,
+    *,
+    trip_id: str = "track",
+    step_s: float = 1.0,
+) -> Trip:
+    """A drive that a track has logged: its own speed over time, without measurements of energy. O(points).
+
+    Speed is the change of position over five seconds; below `STANDING_M_S` the car stands.
+
+    Parameters
+    ----------
+    track : Track
+        With times.
+    departure : Departure, optional
+        Temperatures, state of charge and so on; its `started_at`, when unknown, is the track's.
+    trip_id : str
+    step_s : float
+        Time between two samples [s].
+
+    Raises
+    ------
+    InvalidInput
+        Without times, or when the track asks for a speed that no car has.
+
+    Examples
+    --------
+    >>> from tripwatt.routes import read_gpx
+    >>> text = "".join(f'<trkpt lat="{48 + k / 1e4:.4f}" lon="11"><time>2026-05-01T08:00:{k:02d}Z</time></trkpt>' for k in range(30))
+    >>> trip = trip_from_track(read_gpx(f"<gpx><trk><trkseg>{text}</trkseg></trk></gpx>".encode()))
+    >>> trip.array("speed_m_s")[10].round(2)
+    np.float64(11.12)
+    """
+    if track.time_s is None:
+        raise InvalidInput(Fault("no times", "track", "points without time", "a track with times"))
+    departure = departure or Departure()
+    if departure.context.started_at is None and track.started_at is not None:
+        departure = replace(departure, context=replace(departure.context, started_at=track.started_at))
+    keep = np.concatenate(([True], np.diff(track.time_s) > 0))
+    # of points with one time the last place counts
+    last = np.append(np.flatnonzero(keep)[1:], len(track)) - 1
+    known_s, driven = track.time_s[keep], track.position_m[last]
+    span = float(known_s[-1])
+    finest = max(span / MOST_SAMPLES, 1e-3)
+    if not (math.isfinite(step_s) and step_s >= finest):
+        raise InvalidInput(Fault("step out of range", "step_s", f"{step_s}", f"{finest:g} s or more"))
+    time = np.arange(max(math.ceil(span / step_s - 1e-9), 1) + 1, dtype=np.float64) * step_s
+    before, after = np.maximum(time - WINDOW_S, 0.0), np.minimum(time + WINDOW_S, span)
+    after = np.maximum(after, before + 1e-9)
+    speed = (np.interp(after, known_s, driven) - np.interp(before, known_s, driven)) / (after - before)
+    speed = np.where(speed < STANDING_M_S, 0.0, speed)
+    fast = np.flatnonzero(speed > FASTEST_LINK_M_S)
+    if len(fast):
+        got = f"{speed[fast[0]]:.0f} m/s at {time[fast[0]]:g} s"
+        raise InvalidInput(Fault("the track jumps", "track", got, f"at most {FASTEST_LINK_M_S:g} m/s"))
+    position, height, notes = track.elevation()
+    columns = {"time_s": time, "speed_m_s": speed}
+    if position is not None and height is not None:
+        columns["elevation_m"] = np.interp(np.interp(time, known_s, driven), position, height)
+    return planned_trip(trip_id, pd.DataFrame(columns), departure, (*track.notes, *notes))

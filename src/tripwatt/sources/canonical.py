@@ -1,0 +1,125 @@
+"""A table whose columns bear our own names, read strictly: a trip to be driven, or what was measured on the way."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.sources.columnar import open_table
+from tripwatt.trips import COLUMNS, raise_faults, structure_faults, value_faults
+
+LEAST_SAMPLES: Final = 3
+"""Two samples are no drive."""
+
+ALSO_KNOWN: Final = ("observed_energy_wh",)
+"""Columns of our own tables that are no signals; they are read past."""
+
+
+def read_canonical(
+    path: Path | str, *, required: Sequence[str] = ("time_s", "speed_m_s"), least: int = LEAST_SAMPLES
+) -> pd.DataFrame:
+    """Samples of one trip from a CSV or Parquet file with the columns of `tripwatt.trips.COLUMNS`.
+
+    Parameters
+    ----------
+    path : path
+    required : sequence of str
+        Columns that have to be there.
+    least : int
+        Fewest samples.
+
+    Returns
+    -------
+    DataFrame
+        float64; NaN where a cell is empty.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault: a name or unit that is not ours, a column that is missing, too few samples, a value that
+        cannot be one, times that are negative or do not increase.
+
+    Examples
+    --------
+    >>> read_canonical("nowhere.csv")
+    Traceback (most recent call last):
+    ...
+    tripwatt.errors.InvalidInput: cannot read the file: nowhere.csv...
+    """
+    path = Path(path)
+    if not path.is_file():
+        got = "a folder" if path.is_dir() else "nothing"
+        raise InvalidInput(Fault("cannot read the file", f"{path}", got, "a CSV or Parquet file of samples"))
+    table = open_table(path)
+    names = [name for name in table.names if name]
+    faults = [*_name_faults(names, f"{path}")]
+    faults += [
+        Fault("missing column", f"{path}", f"columns {', '.join(names[:12])}", f"a column {name!r}")
+        for name in required
+        if name not in names
+    ]
+    known = [name for name in dict.fromkeys(names) if name in COLUMNS]
+    try:
+        values = table.numbers(known)
+    except InvalidInput as error:
+        raise InvalidInput([*faults, *error.faults]) from error
+    samples = pd.DataFrame(dict(zip(known, values, strict=True)))
+    faults += _sample_faults(samples, f"{path}", least)
+    raise_faults(faults)
+    return samples
+
+
+def _name_faults(names: Sequence[str], where: str) -> Iterator[Fault]:
+    for name in names:
+        if name in COLUMNS or name in ALSO_KNOWN:
+            continue
+        near = _nearest(name)
+        fix = f"did you mean {near} in {COLUMNS[near].unit}?" if near else "rename the column or leave it out"
+        yield Fault("unknown column or unit", f"{where}, column {name!r}", name, _allowed(), fix)
+    for name in dict.fromkeys(n for n in names if names.count(n) > 1):
+        yield Fault("column twice", f"{where}, column {name!r}", f"{names.count(name)} times", "once")
+
+
+def _nearest(name: str) -> str | None:
+    """Our column of the same quantity, whatever the unit; else the most similar name."""
+    stems = {column: _stem(column) for column in COLUMNS}
+    same = [column for column, stem in stems.items() if stem == _stem(name.lower())]
+    return same[0] if same else next(iter(difflib.get_close_matches(name.lower(), COLUMNS, n=1)), None)
+
+
+def _stem(name: str) -> str:
+    """A name without its unit: speed of speed_m_s, speed_km_h and speed_mph."""
+    for ending in ("_m_s", "_km_h"):
+        name = name.removesuffix(ending)
+    words = name.split("_")
+    return "_".join(words[:-1]) if len(words) > 1 else name
+
+
+def _allowed() -> str:
+    return ", ".join(COLUMNS)
+
+
+def _sample_faults(samples: pd.DataFrame, where: str, least: int) -> Iterator[Fault]:
+    if len(samples) < least:
+        yield Fault("too few samples", where, f"{len(samples)}", f"at least {least}")
+        return
+    if "time_s" not in samples or len(samples) < 2:
+        return
+    structural = [f for f in structure_faults(samples, where) if "'speed_m_s'" not in f.allowed]
+    yield from structural
+    if structural:
+        return
+    yield from value_faults(samples, where)
+    time = samples["time_s"].to_numpy()
+    negative = np.flatnonzero(time < 0)
+    if len(negative):
+        row = int(negative[0])
+        place = f"{where}, column 'time_s', row {row + 1}"
+        more = f" (and {len(negative) - 1} more rows)" if len(negative) > 1 else ""
+        yield Fault("negative time", place, f"{time[row]:g} s{more}", "0 s or more")

@@ -1,0 +1,119 @@
+"""Grown trees as plain arrays, and their sum evaluated with NumPy alone: what a stored model needs, and no more.
+
+A tree that LightGBM grew is read once from its documented text format. The sum over trees is the library's to the
+last bit: the same comparisons, the same values, added in the same order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from tripwatt.errors import Fault, InvalidInput
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+
+_DEFAULT_LEFT, _MISSING = 2, 12
+_ZERO_IS_MISSING, _NAN_IS_MISSING = 4, 8
+_ZERO: Final = 1e-35
+"""LightGBM takes smaller values for zero."""
+_FIELDS: Final = ("split_feature", "threshold", "decision", "left", "right", "leaf_value")
+
+
+@dataclass(frozen=True, eq=False)
+class TreeTable:
+    """Trees with numeric splits, shorter ones filled up.
+
+    Attributes
+    ----------
+    split_feature, threshold, decision : ndarray, shape (trees, splits)
+        Column, threshold and LightGBM's decision bits of each split.
+    left, right : ndarray of int, shape (trees, splits)
+        Next split, or ``-1 - leaf``.
+    leaf_value : ndarray, shape (trees, leaves)
+    """
+
+    split_feature: Ints
+    threshold: Floats
+    decision: Ints
+    left: Ints
+    right: Ints
+    leaf_value: Floats
+
+    def __len__(self) -> int:
+        return len(self.leaf_value)
+
+    @classmethod
+    def of_text(cls, text: str, n_trees: int) -> Self:
+        """The first trees of a model in LightGBM's text format. O(trees x leaves).
+
+        Raises
+        ------
+        InvalidInput
+            When the text holds fewer trees, or a tree splits on levels or has linear leaves.
+        """
+        trees = [_fields(block) for block in text.split("\nTree=")[1 : n_trees + 1]]
+        if len(trees) < n_trees:
+            raise InvalidInput(Fault("too few trees", "LightGBM text", str(len(trees)), str(n_trees)))
+        if any(int(t.get("num_cat", "0")) or int(t.get("is_linear", "0")) for t in trees):
+            raise InvalidInput(
+                Fault("trees of this kind are not stored", "LightGBM text", "levels", "numeric splits")
+            )
+        splits = max([1, *(len(t.get("split_feature", "").split()) for t in trees)])
+        arrays: dict[str, npt.NDArray[Any]] = {}
+        sources = ("split_feature", "threshold", "decision_type", "left_child", "right_child")
+        for name, source in zip(_FIELDS[:5], sources, strict=True):
+            kind = np.float64 if name == "threshold" else np.int64
+            # a lone leaf is a split whose both sides are leaf 0
+            arrays[name] = np.full((n_trees, splits), -1 if name in ("left", "right") else 0, dtype=kind)
+            for row, tree in enumerate(trees):
+                values = tree.get(source, "").split()
+                arrays[name][row, : len(values)] = [kind(v) for v in values]
+        arrays["leaf_value"] = np.zeros((n_trees, splits + 1))
+        for row, tree in enumerate(trees):
+            values = tree["leaf_value"].split()
+            arrays["leaf_value"][row, : len(values)] = [float(v) for v in values]
+        return cls(**arrays)
+
+    @classmethod
+    def of_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
+        """Reverse of `to_arrays`."""
+        return cls(**{name: arrays[name] for name in _FIELDS})
+
+    def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """The fields by name."""
+        return {name: getattr(self, name) for name in _FIELDS}
+
+    def sum(self, X: Floats) -> Floats:
+        """Sum of all trees, shape (rows,), for rows of shape (rows, columns). O(trees x rows x depth)."""
+        if not len(self):
+            return np.zeros(len(X))
+        trees, rows = len(self), np.arange(len(X))
+        at = np.arange(trees)[:, None]
+        node = np.zeros((trees, len(X)), dtype=np.int64)
+        while (inside := node >= 0).any():
+            split = np.where(inside, node, 0)
+            value = X[rows, self.split_feature[at, split]]
+            decision = self.decision[at, split]
+            missing = decision & _MISSING
+            unknown = np.isnan(value)
+            value = np.where(unknown & (missing != _NAN_IS_MISSING), 0.0, value)
+            absent = (unknown & (missing == _NAN_IS_MISSING)) | (
+                (missing == _ZERO_IS_MISSING) & (np.abs(value) <= _ZERO)
+            )
+            goes_left = np.where(absent, (decision & _DEFAULT_LEFT) > 0, value <= self.threshold[at, split])
+            after = np.where(goes_left, self.left[at, split], self.right[at, split])
+            node = np.where(inside, after, node)
+        # a running sum adds tree after tree; a plain sum may add in pairs
+        return np.asarray(np.cumsum(self.leaf_value[at, -1 - node], axis=0)[-1])
+
+
+def _fields(block: str) -> dict[str, str]:
+    """`key=value` lines of one tree."""
+    pairs = (line.split("=", 1) for line in block.split("\n\n")[0].splitlines()[1:] if "=" in line)
+    return dict(pairs)

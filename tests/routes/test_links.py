@@ -1,0 +1,221 @@
+"""Links as users write them, links of driven trips, and the trips that are made of them."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tripwatt.errors import InvalidInput
+from tripwatt.physics import simulate_trip
+from tripwatt.routes import (
+    Departure,
+    LinkRoute,
+    LinkStyle,
+    calibrate_style,
+    departure_of,
+    join_routes,
+    links_of_trip,
+    plan_trip,
+    read_route,
+    road_work,
+    route_from_links,
+    trip_from_links,
+)
+from tripwatt.sources import read_fleet
+from tripwatt.trips import Context, Trip, resample
+from tripwatt.vehicles import load_vehicle
+
+
+def driven(speed, **columns):
+    return Trip.from_samples(
+        "t", pd.DataFrame({"time_s": np.arange(float(len(speed))), "speed_m_s": speed, **columns})
+    )
+
+
+def test_links_keep_length_time_and_height_of_the_trip():
+    rng = np.random.default_rng(3)
+    speed = np.clip(np.cumsum(rng.normal(0.0, 0.8, 900)) + 12.0, 0.0, 30.0)
+    speed[300:340] = 0.0
+    trip = driven(speed, elevation_m=500.0 + np.linspace(0.0, 40.0, 900))
+    route = links_of_trip(trip, 250.0)
+    assert route.distance_m == pytest.approx(trip.distance_m)
+    assert route.duration_s == pytest.approx(trip.duration_s)
+    np.testing.assert_allclose(route.length_m[:-1], 250.0)
+    assert 125.0 < route.length_m[-1] < 375.0
+    assert route.elevation_at([0.0, route.distance_m]).tolist() == pytest.approx([500.0, 540.0])
+    assert np.isnan(route.stop_s).all()
+    # each link's time from the trapezoid of the trip itself, the standstill included
+    position = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))))
+    halt = int(np.searchsorted(position, position[305]) // 1)
+    link = int(position[305] // 250.0)
+    assert route.travel_time_s[link] > 40.0
+    assert halt > 0
+
+
+def test_a_link_made_trip_has_the_links_of_the_trip():
+    speed = np.concatenate(
+        (np.linspace(0.0, 14.0, 20), np.full(120, 14.0), np.linspace(14.0, 0.0, 12), np.zeros(30))
+    )
+    trip = driven(np.concatenate([speed] * 5))
+    route = links_of_trip(trip, 500.0)
+    again = links_of_trip(trip_from_links(route, step_s=0.1), 500.0)
+    np.testing.assert_allclose(again.travel_time_s[1:-1], route.travel_time_s[1:-1], rtol=0.02, atol=1.0)
+    assert again.duration_s == pytest.approx(route.duration_s, rel=0.005)
+
+
+def test_departure_is_known_at_the_start_and_nothing_is_measured():
+    departure = Departure(
+        ambient_temperature_degc=-3.0, soc=0.6, context=Context(payload_mass_kg=70.0, notes="two people")
+    )
+    trip = plan_trip(route_from_links([{"length_m": 900.0, "speed_m_s": 9.0}]), departure)
+    assert trip.observed_energy_wh is None
+    assert trip.context.payload_mass_kg == 70.0
+    assert trip.context.notes == "two people; no elevation known: the road counts as flat"
+    assert np.all(trip.array("ambient_temperature_degc") == -3.0)
+    assert trip.array("soc")[0] == 0.6
+    assert np.isnan(trip.array("soc")[1:]).all()
+    assert departure_of(trip) == Departure(-3.0, soc=0.6, context=trip.context)
+
+
+def test_heights_and_grades_say_the_same_road():
+    by_grade = route_from_links(
+        [{"length_m": 400.0, "speed_m_s": 10.0, "grade": 0.03}, {"length_m": 600.0, "speed_m_s": 10.0}]
+    )
+    by_height = route_from_links(
+        [
+            {"length_m": 400.0, "speed_m_s": 10.0, "start_elevation_m": 0.0, "end_elevation_m": 12.0},
+            {"length_m": 600.0, "travel_time_s": 60.0, "start_elevation_m": 12.0, "end_elevation_m": 12.0},
+        ]
+    )
+    place = np.linspace(0.0, 1000.0, 21)
+    np.testing.assert_allclose(by_grade.elevation_at(place), by_height.elevation_at(place), atol=1e-9)
+    assert by_height.notes == ()
+
+
+def test_short_links_are_joined_and_their_time_is_kept():
+    tiny = [{"length_m": 8.0, "speed_m_s": 12.0 if k % 3 else 9.0} for k in range(400)]
+    route = route_from_links(tiny)
+    trip = trip_from_links(route)
+    assert trip.distance_m == pytest.approx(route.distance_m, rel=0.01)
+    assert trip.duration_s == pytest.approx(route.duration_s, rel=0.03)
+
+
+def test_joined_routes_follow_each_other():
+    one = route_from_links(
+        [{"length_m": 400.0, "speed_m_s": 10.0, "start_elevation_m": 5.0, "end_elevation_m": 9.0}]
+    )
+    two = join_routes([one, one])
+    assert two.elevation_at([0.0, 400.0, 800.0]).tolist()[::2] == [5.0, 9.0]
+    assert two.distance_m == 800.0
+    assert "no elevation" in " ".join(join_routes([one, links_of_trip(driven(np.full(90, 10.0)))]).notes)
+
+
+def test_every_fault_of_the_links_at_once():
+    with pytest.raises(InvalidInput) as caught:
+        route_from_links(
+            [
+                {"length_m": 0.0, "speed_m_s": 10.0},
+                {"length_m": 100.0, "speed_m_s": 10.0, "travel_time_s": 10.0},
+                {"length_m": 100.0, "speed_m_s": 10.0, "grade": 3.0},
+                {"length_m": 100.0, "speed_m_s": 10.0, "colour": 1.0},
+                {"length_m": float("inf"), "speed_m_s": 10.0},
+                {"length_m": 10**400, "speed_m_s": 10.0},
+                {"length_m": True, "speed_m_s": 10.0},
+            ]
+        )
+    said = [fault.where for fault in caught.value.faults]
+    assert [f"link {k}" in " ".join(said) for k in range(1, 8)] == [True] * 7
+    with pytest.raises(InvalidInput, match="at most 70"):
+        route_from_links([{"length_m": 1000.0, "speed_m_s": 100.0}])
+    with pytest.raises(InvalidInput, match="takes too long"):
+        route_from_links([{"length_m": 1000.0, "speed_m_s": 0.001}])
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    st.lists(
+        st.dictionaries(
+            st.sampled_from(
+                [
+                    "length_m",
+                    "speed_m_s",
+                    "travel_time_s",
+                    "grade",
+                    "stop_s",
+                    "start_elevation_m",
+                    "end_elevation_m",
+                    "x",
+                ]
+            ),
+            st.one_of(
+                st.none(),
+                st.floats(),
+                st.floats(0.1, 500.0),
+                st.booleans(),
+                st.text(max_size=3),
+                st.integers(),
+            ),
+            max_size=5,
+        ),
+        max_size=4,
+    )
+)
+def test_any_links_are_refused_or_driven(links):
+    try:
+        trip = plan_trip(route_from_links(links))
+    except InvalidInput:
+        return
+    assert trip.duration_s > 0
+
+
+def test_links_come_as_json_too():
+    links = [{"length_m": 500.0, "speed_m_s": 10.0}]
+    for document in (links, {"links": links}):
+        route = read_route(json.dumps(document).encode())
+        assert isinstance(route, LinkRoute)
+        assert route.duration_s == 50.0
+
+
+def test_calibration_finds_the_style_that_made_the_trips():
+    truth = LinkStyle(street_speed_m_s=14.0, comfort=0.4)
+    rng = np.random.default_rng(5)
+    trips = [
+        trip_from_links(
+            route_from_links([{"length_m": 250.0, "speed_m_s": v} for v in rng.uniform(4.0, 16.0, 30)]),
+            style=truth,
+        )
+        for _ in range(4)
+    ]
+    found = calibrate_style(trips, length_m=(250.0,), most_evaluations=60)
+    wrong = [
+        abs(road_work(trip_from_links(links_of_trip(t), style=LinkStyle())) / road_work(t) - 1.0)
+        for t in trips
+    ]
+    right = [
+        abs(road_work(trip_from_links(links_of_trip(t), style=found)) / road_work(t) - 1.0) for t in trips
+    ]
+    assert np.mean(right) < 0.02
+    assert np.mean(right) < 0.25 * np.mean(wrong)
+    with pytest.raises(InvalidInput, match="no trips"):
+        calibrate_style([])
+
+
+def test_links_of_real_trips_cost_what_the_trips_cost(data_dir):
+    """A small sample with wide bounds; `benchmarks/links.py` measures all of them."""
+    car = load_vehicle("bmw_i3_60ah")
+    trips = [resample(t) for t in read_fleet(data_dir / "tum").reference_trips()[::8]]
+    true = np.array([simulate_trip(car, t).simulated_energy_wh for t in trips])
+    for length, bound in ((250.0, 0.05), (1000.0, 0.06)):
+        made = [trip_from_links(links_of_trip(t, length), departure_of(t)) for t in trips]
+        off = np.array([simulate_trip(car, t).simulated_energy_wh for t in made]) / true - 1.0
+        assert np.abs(off).mean() < bound
+
+
+def test_steps_that_give_too_many_samples_are_refused():
+    route = route_from_links([{"length_m": 1000.0, "speed_m_s": 1.0}] * 100)
+    for step_s in (0.0, -1.0, float("nan"), 1e-3):
+        with pytest.raises(InvalidInput, match="step out of range"):
+            trip_from_links(route, step_s=step_s)

@@ -1,0 +1,175 @@
+"""The forecast: nothing leaks, parts add up, what was measured counts exactly, doubt behaves."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tripwatt.errors import InvalidInput
+from tripwatt.forecast import ForecastModel
+from tripwatt.forecast.process import Blocks, ResidualProcess, _Batch, prior
+from tripwatt.forecast.scores import Scores
+from tripwatt.synthetic import synthetic_fleet
+from tripwatt.trips import Trip
+from tripwatt.vehicles import load_vehicle
+
+
+@pytest.fixture(scope="module")
+def fleet():
+    return synthetic_fleet(n_trips=16, seed=4)
+
+
+@pytest.fixture(scope="module")
+def model(fleet):
+    return ForecastModel(load_vehicle("bmw_i3_60ah"), corrector="kriging").fit(fleet.trips[:-2])
+
+
+@pytest.fixture(scope="module")
+def trip(fleet):
+    return fleet.trips[-1]
+
+
+def test_nothing_measured_after_the_first_sample_moves_the_departure_forecast(model, trip):
+    rng = np.random.default_rng(1)
+    samples = trip.samples.copy()
+    for name in samples.columns.difference(["time_s", "speed_m_s", "elevation_m"]):
+        later = samples[name].to_numpy(copy=True)
+        later[1:] = rng.permutation(later[1:]) * rng.uniform(0.2, 3.0)
+        samples[name] = later
+    scrambled = Trip(trip.trip_id, samples, trip.context, observed_energy_wh=1.0)
+    before, after = model.forecast(trip), model.forecast(scrambled)
+    assert before.as_dict() == after.as_dict()
+
+
+def test_first_sample_does_move_it(model, trip):
+    samples = trip.samples.assign(ambient_temperature_degc=trip.samples["ambient_temperature_degc"] - 15.0)
+    colder = dataclasses.replace(trip, samples=samples)
+    assert model.forecast(colder).energy_wh != model.forecast(trip).energy_wh
+
+
+def test_causes_add_up(model, trip):
+    forecast = model.forecast(trip)
+    assert sum(forecast.by_cause_wh.values()) == pytest.approx(forecast.energy_wh, rel=1e-9)
+
+
+def test_quantiles_rise_and_probabilities_fall(model, trip):
+    forecast = model.forecast(trip)
+    quantiles = [forecast.quantile(p) for p in np.linspace(0.01, 0.99, 33)]
+    assert np.all(np.diff(quantiles) > 0)
+    chances = [forecast.p_arrive(soc) for soc in np.linspace(-0.5, 1.0, 40)]
+    assert np.all(np.diff(chances) <= 0)
+    assert chances[0] > 0.99
+    assert chances[-1] < 0.01
+    half = forecast.probability_below(forecast.energy_wh)
+    assert half == pytest.approx(0.5)
+    assert forecast.probability_below(forecast.quantile(0.8)) == pytest.approx(0.8, abs=1e-6)
+
+
+def test_series_ends_at_the_total_and_at_the_arrival(model, trip):
+    forecast = model.forecast(trip)
+    last = forecast.series().iloc[-1]
+    low, high = forecast.interval(0.9)
+    assert last["energy_wh"] == pytest.approx(forecast.energy_wh)
+    assert (last["energy_low_wh"], last["energy_high_wh"]) == pytest.approx((low, high))
+    assert last["displayed_soc"] == pytest.approx(forecast.soc_arrival)
+
+
+def test_a_trip_that_was_measured_to_its_end_is_known(model, trip):
+    done = model.forecast(trip).update(trip.samples)
+    assert done.energy_wh == pytest.approx(trip.observed_energy_wh, rel=2e-3)
+    low, high = done.interval(0.9)
+    assert high - low < 0.05 * trip.observed_energy_wh
+    assert done.soc_arrival == pytest.approx(trip.samples["displayed_soc"].iloc[-1], abs=0.01)
+
+
+def test_an_update_knows_only_its_samples_and_shrinks_the_doubt(model, trip):
+    forecast = model.forecast(trip)
+    half = trip.samples[trip.samples["time_s"] <= trip.duration_s / 2]
+    updated = forecast.update(half)
+    assert updated.sd_wh < forecast.sd_wh
+    measured = Trip.from_samples("half", half.reset_index(drop=True)).observed_energy_wh
+    assert updated.measured_wh.sum() == pytest.approx(measured, rel=1e-6)
+    assert forecast.measured_until_s == 0.0, "the departure forecast is not changed"
+
+
+def test_gaps_stay_open(model, trip):
+    time = trip.samples["time_s"]
+    gappy = trip.samples[(time < 100) | ((time > 300) & (time < 500))]
+    updated = model.forecast(trip).update(gappy)
+    assert updated.measured_hours.sum() * 3600.0 == pytest.approx(300.0, abs=5.0)
+
+
+def test_state_of_charge_alone_counts(model, trip):
+    half = trip.samples[trip.samples["time_s"] <= trip.duration_s / 2]
+    phone = half[["time_s", "speed_m_s", "displayed_soc"]]
+    thirsty = phone.assign(
+        displayed_soc=phone["displayed_soc"].iloc[0]
+        - 3 * (phone["displayed_soc"].iloc[0] - phone["displayed_soc"])
+    )
+    forecast = model.forecast(trip)
+    assert forecast.update(thirsty).energy_wh > forecast.update(phone).energy_wh
+    assert forecast.update(thirsty).soc_arrival < forecast.update(phone).soc_arrival
+
+
+def test_what_training_never_saw_is_flagged_and_widens(model, trip):
+    arctic = dataclasses.replace(trip, samples=trip.samples.assign(ambient_temperature_degc=-40.0))
+    usual, unusual = model.forecast(trip), model.forecast(arctic)
+    assert any("ambient_temperature_degc is outside" in flag for flag in unusual.flags)
+    assert unusual.widening > 1.5 * usual.widening
+
+
+def test_unusable_samples_are_refused(model, trip):
+    forecast = model.forecast(trip)
+    with pytest.raises(InvalidInput, match="nothing measured"):
+        forecast.update(trip.samples[["time_s", "speed_m_s"]])
+    with pytest.raises(InvalidInput, match="soc"):
+        forecast.update(trip.samples[["time_s", "speed_m_s"]].assign(soc=3.0))
+    with pytest.raises(InvalidInput, match="too few trips"):
+        ForecastModel(load_vehicle("bmw_i3_60ah")).fit(synthetic_fleet(n_trips=3).trips)
+
+
+def test_conditioning_is_exact_on_what_was_seen():
+    rng = np.random.default_rng(0)
+    n = 12
+    blocks = Blocks(15.0 + 30.0 * np.arange(n), np.full(n, 30.0), np.ones((n, 1)), np.full(n, 500.0), 0.0)
+    process = ResidualProcess(np.array([300.0]), 200.0, 600.0, 20.0, 300.0, 0.5)
+    seen, power = np.array([0, 3, 4]), rng.normal(0, 800, 3)
+    belief = prior(process, blocks).given(np.eye(n)[seen], power, np.full(3, 1e-6))
+    np.testing.assert_allclose(belief.mean_w[seen], power, atol=1e-3)
+    K = process.covariance(blocks)
+    dense = K[:, seen] @ np.linalg.solve(K[np.ix_(seen, seen)], power)
+    np.testing.assert_allclose(belief.mean_w, dense, rtol=1e-5, atol=1e-3)
+
+
+def test_likelihood_gradient_is_exact():
+    rng = np.random.default_rng(2)
+    trips = []
+    for n in (7, 11):
+        blocks = Blocks(
+            30.0 + 60.0 * np.arange(n), np.full(n, 60.0), rng.uniform(0, 5, (n, 2)), rng.uniform(1, 2, n), 0.0
+        )
+        trips.append((blocks, rng.normal(0, 3, n)))
+    batch = _Batch.of(trips)
+    logs = np.log(np.array([0.4, 0.2, 1.1, 300.0, 0.05, 200.0, 0.9]))
+    _, gradient = batch.cost(np.exp(logs), 2)
+    for k in range(len(logs)):
+        step = np.zeros(len(logs))
+        step[k] = 1e-5
+        slope = (batch.cost(np.exp(logs + step), 2)[0] - batch.cost(np.exp(logs - step), 2)[0]) / 2e-5
+        assert gradient[k] == pytest.approx(slope, rel=1e-5, abs=1e-6)
+
+
+def test_conformal_factor_covers_exchangeable_errors():
+    rng = np.random.default_rng(5)
+    covered = []
+    for _ in range(400):
+        errors = rng.standard_t(3, 40)
+        covered.append(abs(errors[-1]) <= Scores.of(errors[:-1]).factor(0.9))
+    assert 0.86 <= np.mean(covered) <= 0.94
+
+
+def test_scores_and_probabilities_are_inverse():
+    scores = Scores.of(np.random.default_rng(0).standard_normal(30))
+    for level in (0.1, 0.5, 0.9, 0.96, 0.99):
+        assert scores.probability(scores.factor(level)) == pytest.approx(0.5 + level / 2, abs=1e-9)
+        assert scores.probability(-scores.factor(level)) == pytest.approx(0.5 - level / 2, abs=1e-9)
