@@ -60,9 +60,12 @@ def evaluate(
     data: DataArgument = None,
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")] = Path("out"),
     dataset: DatasetOption = "tum",
-    protocol: Annotated[str, typer.Option(help="Which comparison: paper.")] = "paper",
+    protocol: Annotated[str, typer.Option(help="Which comparison: paper, forecast.")] = "paper",
     models: Annotated[str | None, typer.Option(help="Only these models, separated by commas.")] = None,
     vehicle: Annotated[str, typer.Option(help="Bundled vehicle or a TOML file.")] = "bmw_i3_60ah",
+    test: Annotated[
+        Path | None, typer.Option("--test", help="Fit on DATA, score on these trips (protocol forecast).")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Makes the run identical.")] = 0,
     jobs: Annotated[int, typer.Option(help="Processes; -1 takes all cores.")] = -1,
     resume: Annotated[
@@ -87,6 +90,7 @@ def evaluate(
     console = _console()
     with console.status("reading trips"):
         fleet = _fleet(data, dataset)
+        other = None if test is None else _fleet(test, dataset)
     console.print(f"{len(fleet.trips)} trips read ({fleet.name})")
     names = None if models is None else [name.strip() for name in models.split(",") if name.strip()]
     work = out / ".folds"
@@ -101,6 +105,7 @@ def evaluate(
             work_dir=work,
             resume=resume,
             progress=report_progress,
+            test_fleet=other,
         )
     with console.status("writing the report"):
         _write_whole(run, out)
