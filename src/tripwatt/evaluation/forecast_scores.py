@@ -141,7 +141,7 @@ def crps_scores(
         return float(crps(observed_wh, symmetric_quantiles(centre_wh, factors * sd[:, None])).mean())
 
     mean = float(sd_wh.mean())
-    one = [score(np.full(len(sd_wh), mean * share)) for share in np.geomspace(0.25, 4.0, 65)]
+    one = [score(np.full(len(sd_wh), mean * share)) for share in np.geomspace(0.25, 4.0, 49)]
     return {
         "crps_wh": score(sd_wh),
         "crps_same_width_wh": score(np.full(len(sd_wh), mean)),

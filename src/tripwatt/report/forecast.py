@@ -127,7 +127,6 @@ def _coverage(view: View) -> Panel:
         f"{said}; {verdict}, {GIVEN} ({of_evaluation(view.main)}).",
         figures.plot_coverage(score, note=of_evaluation(view.main), synthetic=view.synthetic),
         tables=(Table(_caption(view, "Intervals of held-out trips"), columns, rows),),
-        tall=True,
     )
 
 
@@ -257,10 +256,14 @@ def _training_size(view: View) -> Panel:
         said = "No learning curve: too few trips, or hybrid or boosting-only was not among the models."
         return Panel("training-size", title, said)
     least, most = curve[0], curve[-1]
+    later = (
+        f"; with {most['n_trips']} by {percent(most['hybrid'])} and {percent(most['boosting-only'])}"
+        if len(curve) > 1
+        else ""
+    )
     said = (
         f"With {least['n_trips']} training trips {label('hybrid')} is off by {percent(least['hybrid'])} and "
-        f"{label('boosting-only')} by {percent(least['boosting-only'])}; with {most['n_trips']} by {percent(most['hybrid'])} "
-        f"and {percent(most['boosting-only'])} (means of {most['draws']} random draws, scored on all other trips, {GIVEN}). "
+        f"{label('boosting-only')} by {percent(least['boosting-only'])}{later} (means of {most['draws']} random draws, scored on all other trips, {GIVEN}). "
     )
     enough = [row["n_trips"] for row in curve if row["hybrid"] <= most["boosting-only"]]
     said += (
@@ -283,7 +286,7 @@ def _strata(view: View) -> Panel:
     compared = [s for s in strata if s.get("boosting-only") is not None]
     worst = max(strata, key=lambda s: s["hybrid"])
     behind = [f"{s['by']} {s['stratum']}" for s in compared if s["hybrid"] > s["boosting-only"]]
-    said = f"Highest mean error of the hybrid: {percent(worst['hybrid'])} ({worst['by']} {worst['stratum']}, {worst['n_trips']} trips). "
+    said = f"Highest mean error of the hybrid: {percent(worst['hybrid'])} ({worst['by']} {worst['stratum']}, trips: {worst['n_trips']}). "
     if compared:
         said += (
             f"It is below {label('boosting-only')} in {len(compared) - len(behind)} of {len(compared)} strata"

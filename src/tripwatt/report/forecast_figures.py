@@ -46,10 +46,10 @@ def plot_coverage(score: Record, *, note: str = "", synthetic: bool = False) -> 
         axes.annotate(
             f"{100 * covered:.0f} %",
             (level, covered),
-            (-8, 4),
+            (-8, 4) if level < 0.93 else (10, -14),
             textcoords="offset points",
             fontsize=8.5,
-            ha="right",
+            ha="right" if level < 0.93 else "left",
         )
     axes.plot([], [], "-o", color=HYBRID, label="held-out trips, 95 % Clopper-Pearson interval")
     axes.set(xlim=(0.4, 1.0), ylim=(0.25, 1.02))
