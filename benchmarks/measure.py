@@ -43,6 +43,15 @@ def median_seconds(job: Callable[[], object], *, runs: int = RUNS, warm_up: bool
     return statistics.median(times)
 
 
+def medians_in_turn(job: Callable[[], object], peer: Callable[[], object]) -> tuple[float, float]:
+    """Median wall times [s] of a job and of its peer, run in turn so that both meet the same load of the machine."""
+    ours, theirs = [], []
+    for _ in range(RUNS):
+        ours.append(median_seconds(job, runs=3))
+        theirs.append(median_seconds(peer, runs=1, warm_up=False))
+    return statistics.median(ours), statistics.median(theirs)
+
+
 def reference_loop() -> float:
     """Seconds of a fixed piece of array work: tells a slow machine from slow code."""
     values = np.random.default_rng(0).standard_normal(1_000_000)

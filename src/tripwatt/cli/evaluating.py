@@ -45,6 +45,7 @@ def add_commands(app: typer.Typer) -> None:
                 "tripwatt evaluate logs --mapping my.toml --vehicle vw_id3 --set mass=1900",
                 "any tables of one car; `tripwatt mapping suggest` writes my.toml",
             ),
+            ("tripwatt evaluate data/tum --protocol forecast", "forecasts before departure and on the way"),
             ("tripwatt evaluate data/tum --resume", "go on with a run that was interrupted"),
         )
     )(evaluate)
@@ -60,7 +61,15 @@ def evaluate(
     ] = Path("out"),
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
-    protocol: Annotated[str, typer.Option(metavar="NAME", help="Which comparison.")] = "paper",
+    protocol: Annotated[
+        str, typer.Option(metavar="NAME", help="Which comparison: paper or forecast.")
+    ] = "paper",
+    test: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DATA", help="Fit on DATA, score on these trips (protocol forecast).", show_default=False
+        ),
+    ] = None,
     models: Annotated[
         str | None,
         typer.Option(metavar="NAME,NAME", help="Only these models of the protocol.", show_default=False),
@@ -94,6 +103,7 @@ def evaluate(
     def read() -> None:
         with shown.status("reading trips"):
             fleet.append(read_logs(data, dataset, mapping))
+            options["test_fleet"] = None if test is None else read_logs(test, dataset, mapping)
 
     gather(lambda: _check(options, overrides or []), lambda: check_writable(out), read)
     trips = replace(fleet[0], notes=(*fleet[0].notes, *([note] if note else [])))

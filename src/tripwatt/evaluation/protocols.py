@@ -12,7 +12,16 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.hybrid import DataOnly, EnergyModel, EnergyRegression, HybridModel, PhysicsOnly, Table2Corrector
+from tripwatt.forecast import DEFAULT_CORRECTOR
+from tripwatt.hybrid import (
+    POWER_CORRECTORS,
+    DataOnly,
+    EnergyModel,
+    EnergyRegression,
+    HybridModel,
+    PhysicsOnly,
+    Table2Corrector,
+)
 
 PHYSICS_PRESETS: Final[Mapping[str, str]] = MappingProxyType({"physics-paper": "paper", "physics": "default"})
 """Name of the simulated energy -> preset of the vehicle."""
@@ -81,7 +90,36 @@ PAPER_MODELS: Final = (
     ModelSpec("boosting-only", "boosting without physics"),
 )
 
-PROTOCOLS: Final[Mapping[str, tuple[ModelSpec, ...]]] = MappingProxyType({"paper": PAPER_MODELS})
+_CORRECTOR_TITLES: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "linear": "default physics, each cause scaled",
+        "kriging": "default physics + additive Gaussian process on power",
+        "boosting": "default physics + boosting on power",
+        "forest": "default physics + forest on power",
+        "gamm": "default physics + GAMM on power",
+        "ensemble": "default physics + mean of Gaussian process and boosting on power",
+    }
+)
+
+FORECAST_MODELS: Final = (
+    *(
+        spec
+        for spec in PAPER_MODELS
+        if spec.name in ("constant", "linear4", "linear6", "physics", "physics4")
+    ),
+    ModelSpec("boosting-only", "boosting on the power of blocks, without physics"),
+    *(
+        ModelSpec(f"power-{name}", _CORRECTOR_TITLES.get(name, f"default physics + {name} on power"))
+        for name in POWER_CORRECTORS
+        if name != DEFAULT_CORRECTOR
+    ),
+    ModelSpec("hybrid", f"the forecast: {_CORRECTOR_TITLES[DEFAULT_CORRECTOR]}, with intervals and updates"),
+)
+"""The default corrector's own row is `hybrid`: its centre is that corrector's prediction."""
+
+PROTOCOLS: Final[Mapping[str, tuple[ModelSpec, ...]]] = MappingProxyType(
+    {"paper": PAPER_MODELS, "forecast": FORECAST_MODELS}
+)
 MODEL_NAMES: Final = tuple(spec.name for spec in PAPER_MODELS)
 
 

@@ -9,15 +9,17 @@ import itertools
 import json
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from tripwatt.audit import Audit
+from tripwatt.evaluation.forecast_scores import ForecastInsight
 from tripwatt.evaluation.insight import GammInsight, insight
 from tripwatt.evaluation.metrics import absolute_percentage_error, paired_difference, summarise_errors
 from tripwatt.evaluation.protocols import ModelSpec
@@ -37,7 +39,7 @@ FOLD_COLUMNS: Final = (
     "predicted_energy_wh",
     "ape",
 )
-_VERSIONED: Final = ("tripwatt", "numpy", "scipy", "pandas", "scikit-learn", "lightgbm")
+VERSIONED: Final = ("tripwatt", "numpy", "scipy", "pandas", "scikit-learn", "lightgbm")
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +70,8 @@ class FoldResult:
     predicted_wh: FloatArray
     fit_s: float
     predict_ms: float
+    extra: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
+    """What a protocol keeps beside the prediction, by name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +95,8 @@ class EvaluationRun:
         `model, covariate, importance`, likewise.
     gamm : GammInsight or None
         Summary, diagnosis and effects of the GAMM, likewise; None where it was not among the models.
+    forecast : ForecastInsight or None
+        Held-out forecasts of the first evaluation; None in a protocol without them.
     """
 
     results: dict[str, Any]
@@ -100,6 +106,7 @@ class EvaluationRun:
     learning_curves: pd.DataFrame | None = None
     importances: pd.DataFrame | None = None
     gamm: GammInsight | None = None
+    forecast: ForecastInsight | None = None
 
 
 def assemble(
@@ -118,7 +125,7 @@ def assemble(
     predictions = _predictions(evaluations, fold_results, specs)
     frames = [_fold_frame(e, predictions[i], specs, seed) for i, e in enumerate(evaluations)]
     summaries = [
-        _summary(e, frames[i], [r for r in fold_results if r.evaluation == i], specs, seed)
+        summary_of(e, frames[i], [r for r in fold_results if r.evaluation == i], specs, seed)
         for i, e in enumerate(evaluations)
     ]
     known = sorted({t.context.weather for t in fleet.trips if t.context.weather is not None})
@@ -129,7 +136,7 @@ def assemble(
         "synthetic": fleet.name == "synthetic",
         "citation": fleet.citation,
         "seed": seed,
-        "versions": {"python": platform.python_version()} | {name: version(name) for name in _VERSIONED},
+        "versions": {"python": platform.python_version()} | {name: version(name) for name in VERSIONED},
         "vehicle": next(iter(physics.values())).name,
         "notes": list(dict.fromkeys(notes)),
         "models": {spec.name: spec.title for spec in specs},
@@ -137,7 +144,7 @@ def assemble(
         "trips_used": {e.trips: list(e.table.trip_ids) for e in evaluations},
         "audit": [asdict(finding) for finding in audited.findings],
         "evaluations": summaries,
-        "paired": _paired(evaluations[0], frames[0], specs, seed),
+        "paired": paired_summary(evaluations[0], frames[0], specs, seed),
     }
     return EvaluationRun(
         results=results,
@@ -194,13 +201,14 @@ def _fold_frame(
     return pd.concat(frames, ignore_index=True)
 
 
-def _summary(
+def summary_of(
     evaluation: Evaluation,
     frame: pd.DataFrame,
     results: Sequence[FoldResult],
     specs: Sequence[ModelSpec],
     seed: int,
 ) -> dict[str, Any]:
+    """Errors of every model in one evaluation."""
     ape = {name: part["ape"].to_numpy() for name, part in frame.groupby("model")}
     models: dict[str, Any] = {}
     for spec in specs:
@@ -224,9 +232,10 @@ def _summary(
     }
 
 
-def _paired(
+def paired_summary(
     evaluation: Evaluation, frame: pd.DataFrame, specs: Sequence[ModelSpec], seed: int
 ) -> list[dict[str, Any]]:
+    """Every pair of models over the trips of one evaluation."""
     ape = {name: part["ape"].to_numpy() for name, part in frame.groupby("model")}
     pairs = []
     for a, b in itertools.combinations((spec.name for spec in specs), 2):
@@ -281,11 +290,13 @@ def _signals(trips: Sequence[Trip], vehicle: Vehicle) -> pd.DataFrame:
 
 
 def write_results(run: EvaluationRun, out: Path) -> None:
-    """Write `results.json` and `folds.csv` into the folder `out`."""
+    """Write `results.json`, `folds.csv` and, where there are forecasts, `forecasts.csv` into the folder `out`."""
     out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(run.results, indent=1, allow_nan=False, default=_plain)
     (out / "results.json").write_text(text + "\n", encoding="utf-8")
     run.folds.to_csv(out / "folds.csv", index=False)
+    if run.forecast is not None:
+        run.forecast.trips.to_csv(out / "forecasts.csv", index=False)
 
 
 def _plain(value: object) -> object:

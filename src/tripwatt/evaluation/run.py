@@ -13,7 +13,7 @@ import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +26,10 @@ from tripwatt.evaluation.results import Evaluation, EvaluationRun, FoldResult, a
 from tripwatt.hybrid import HybridModel, IntArray, TripTable, build_table
 from tripwatt.parallel import map_unordered
 from tripwatt.trips import Fleet, Trip, value_faults
-from tripwatt.vehicles import load_vehicle
+from tripwatt.vehicles import Vehicle, load_vehicle
+
+if TYPE_CHECKING:
+    from tripwatt.evaluation.forecast_sets import ForecastSet
 
 FOLDS_PER_TASK: Final = 4
 MIN_FOLDS: Final = 3
@@ -59,6 +62,7 @@ def evaluate(
     work_dir: Path | None = None,
     resume: bool = False,
     progress: Progress | None = None,
+    test_fleet: Fleet | None = None,
 ) -> EvaluationRun:
     """Audit, simulate, train and score every model of a protocol on trips it has not seen.
 
@@ -66,7 +70,7 @@ def evaluate(
     ----------
     fleet : Fleet
         Raw trips of one car.
-    protocol : {"paper"}
+    protocol : {"paper", "forecast"}
     models : sequence of str, optional
         Some of the protocol's models; all by default.
     vehicle : str
@@ -82,6 +86,8 @@ def evaluate(
     resume : bool
         Use the finished folds that are there, if they belong to the same trips, models, seed and version.
     progress : callable, optional
+    test_fleet : Fleet, optional
+        Protocol "forecast" alone: fit on `fleet`, score on these trips.
 
     Raises
     ------
@@ -89,6 +95,13 @@ def evaluate(
         On an unknown protocol, model, vehicle or override, or when too few trips are left.
     """
     specs = protocol_models(protocol, None if models is None else tuple(models))
+    if protocol == "forecast":
+        keep = _StoreAt(work_dir, specs, seed, resume)
+        return _evaluate_forecast(fleet, test_fleet, specs, vehicle, overrides, seed, n_jobs, keep, progress)
+    if test_fleet is not None:
+        raise InvalidInput(
+            Fault("other trips to score", "--test", f"protocol {protocol!r}", "protocol 'forecast'")
+        )
     physics = {name: load_vehicle(vehicle, preset, overrides) for name, preset in PHYSICS_PRESETS.items()}
     given = [f"{physics['physics'].name} with {key} = {value}" for key, value in (overrides or {}).items()]
     audited = audit(fleet)
@@ -106,6 +119,109 @@ def evaluate(
         physics=physics,
         notes=(*fleet.notes, *given, *notes),
     )
+
+
+@dataclass(frozen=True)
+class _StoreAt:
+    """Where and how finished folds are kept."""
+
+    work_dir: Path | None
+    specs: Sequence[ModelSpec]
+    seed: int
+    resume: bool
+
+    def open(self, evaluations: Sequence[Evaluation]) -> _FoldStore:
+        return _FoldStore.open(self.work_dir, evaluations, self.specs, self.seed, self.resume)
+
+
+def _evaluate_forecast(
+    fleet: Fleet,
+    test_fleet: Fleet | None,
+    specs: Sequence[ModelSpec],
+    vehicle: str,
+    overrides: Mapping[str, float | str] | None,
+    seed: int,
+    n_jobs: int,
+    store_at: _StoreAt,
+    progress: Progress | None,
+) -> EvaluationRun:
+    from tripwatt.evaluation.forecast_results import assemble_forecast
+    from tripwatt.evaluation.forecast_sets import ForecastSet, fitted_elsewhere, held_out
+
+    car = load_vehicle(vehicle, "default", overrides)
+
+    def prepare(trips: Sequence[Trip]) -> ForecastSet:
+        return ForecastSet.of(trips, car)
+
+    audited = audit(fleet)
+    notes = list(fleet.notes)
+    shown = audited
+    if test_fleet is None:
+        evaluations, sets, more = held_out(fleet, audited, prepare)
+    else:
+        shown = audit(test_fleet)
+        evaluations, sets, more = fitted_elsewhere(fleet, audited, test_fleet, shown, prepare)
+        notes = [*notes, *test_fleet.notes]
+    store = store_at.open(evaluations)
+    results = _run_forecast_folds(evaluations, sets, specs, seed, n_jobs, store, car, progress)
+    return assemble_forecast(
+        evaluations,
+        sets,
+        results,
+        specs=specs,
+        fleet=fleet,
+        test_fleet=test_fleet,
+        audited=shown,
+        seed=seed,
+        vehicle=car,
+        notes=(*notes, *more),
+    )
+
+
+def _run_forecast_folds(
+    evaluations: Sequence[Evaluation],
+    sets: Sequence[ForecastSet],
+    specs: Sequence[ModelSpec],
+    seed: int,
+    n_jobs: int,
+    store: _FoldStore,
+    vehicle: Vehicle,
+    progress: Progress | None,
+) -> list[FoldResult]:
+    from tripwatt.evaluation.forecast_results import CURVE, alike
+    from tripwatt.evaluation.forecast_run import CURVE_MODELS, cost_of, curve_tasks, run_task, tasks_of
+
+    results: list[FoldResult] = []
+    tasks: list[Any] = []
+    same_as = _first_alike(evaluations)
+    own = [(i, e) for i, e in enumerate(evaluations) if same_as[i] == i]
+    for index, evaluation in own:
+        for spec in specs:
+            done = store.load(index, spec.name)
+            results.extend(done)
+            every = set(evaluation.folds[evaluation.folds >= 0].tolist())
+            missing = sorted(every - {r.fold for r in done})
+            tasks.extend(tasks_of(index, evaluation, sets[index], spec, missing, seed, vehicle))
+    if evaluations[0].scheme == "leave_one_trip_out" and set(CURVE_MODELS) <= {s.name for s in specs}:
+        done = store.load(0, CURVE)
+        results.extend(done)
+        drawn = {r.fold for r in done}
+        tasks.extend(t for t in curve_tasks(0, sets[0], seed) if t.fold not in drawn)
+    tasks.sort(key=cost_of)
+    finished = len(results)
+    total = finished + sum(len(task.members) for task in tasks)
+    if progress:
+        progress(finished, total)
+    for index, found in map_unordered(run_task, tasks, n_jobs=n_jobs):
+        store.save(tasks[index].evaluation, found[0].model, found)
+        results.extend(found)
+        finished += len(found)
+        if progress:
+            progress(finished, total)
+    for index, first in enumerate(same_as):
+        if first != index:
+            results.extend(alike(results, index, first))
+    return results
 
 
 def _evaluations(
@@ -302,9 +418,9 @@ class _FoldStore:
             try:
                 with np.load(path, allow_pickle=False) as stored:
                     fold, fit_s, predict_ms = (stored[key].item() for key in ("fold", "fit_s", "predict_ms"))
-                    found.append(
-                        FoldResult(evaluation, model, int(fold), stored["predicted_wh"], fit_s, predict_ms)
-                    )
+                    extra = {k.removeprefix("x_"): stored[k] for k in stored.files if k.startswith("x_")}
+                    energy = stored["predicted_wh"]
+                    found.append(FoldResult(evaluation, model, int(fold), energy, fit_s, predict_ms, extra))
             except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
                 path.unlink()  # half-written when the run was interrupted: that fold is run again
         return found
@@ -319,6 +435,7 @@ class _FoldStore:
                 "fit_s": np.array(result.fit_s),
                 "predict_ms": np.array(result.predict_ms),
                 "predicted_wh": result.predicted_wh,
+                **{f"x_{name}": values for name, values in result.extra.items()},
             }
             half = path.with_suffix(".part")
             with half.open("wb") as stream:

@@ -233,8 +233,8 @@ class Forecast:
         ----------
         observed : DataFrame
             Samples since departure, `time_s` on the clock of the trip's own samples. With `voltage_v` and
-            `current_a` each block that was measured counts, gaps stay unmeasured. Without them `soc` or
-            `displayed_soc` count.
+            `current_a`, or with `observed_energy_wh` in their place, each block that was measured counts, gaps stay
+            unmeasured. Without them `soc` or `displayed_soc` count.
 
         Returns
         -------
@@ -251,8 +251,9 @@ class Forecast:
         time = np.asarray(samples["time_s"], dtype=np.float64)
         soc = self._measured_soc(samples)
         measured_wh = measured_hours = None
-        if {"voltage_v", "current_a"} <= set(samples.columns):
-            measured_wh, measured_hours = self._measured(samples, time)
+        cumulative = observed_cumulative_energy(samples)
+        if cumulative is not None:
+            measured_wh, measured_hours = self._measured(cumulative, time)
             weights, power, variance = self._observed_power(measured_wh, measured_hours)
         elif soc is not None:
             weights, power, variance = self._observed_soc(time, soc)
@@ -323,10 +324,8 @@ class Forecast:
             return zero + displayed * (full - zero)
         return None
 
-    def _measured(self, samples: pd.DataFrame, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _measured(self, cumulative: FloatArray, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Energy [Wh] and time [h] of each block that the samples cover; long gaps cover nothing."""
-        cumulative = observed_cumulative_energy(samples)
-        assert cumulative is not None
         step = np.diff(time)
         sound = step <= GAP_S
         edges = np.concatenate(([0.0], np.cumsum(self.blocks.step_s)))

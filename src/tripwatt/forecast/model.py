@@ -153,11 +153,14 @@ class ForecastModel:
             Raw samples: the speed trace and road of the trip to come, and in the first sample what is known of
             ambient, cabin and battery temperature, set-point and state of charge.
         """
+        return self.forecast_planned(planned(trip))
+
+    def forecast_planned(self, plan: Trip) -> Forecast:
+        """Forecast a plan of `planned`: the same as `forecast` of the trip that it was made from."""
         if self.fitted_ is None or self.process_ is None or self.scores_ is None or self.gain_ is None:
             raise InvalidInput(
                 Fault("model is not fitted", "forecast", "no training trips", "call fit first")
             )
-        plan = planned(trip)
         simulation = simulate_trip(self.vehicle, plan)
         table = block_table(plan, simulation)
         correction, doubt = self.fitted_.predict_with_doubt(table)

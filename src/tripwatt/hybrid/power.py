@@ -357,7 +357,7 @@ class LearnerCorrector(_OneByOne):
 
     def fit(self, table: BlockTable) -> Self:
         """Learn from block rows, the trip as the cluster."""
-        self.model.fit(self._columns(table), table.residual_w, groups=table.groups)
+        self.model.fit(self.columns(table), table.residual_w, groups=table.groups)
         return self
 
     def again(self) -> LearnerCorrector:
@@ -366,14 +366,15 @@ class LearnerCorrector(_OneByOne):
 
     def predict(self, table: BlockTable) -> FloatArray:
         """Residual power [W]."""
-        return np.asarray(self.model.predict(self._columns(table)), dtype=np.float64)
+        return np.asarray(self.model.predict(self.columns(table)), dtype=np.float64)
 
     def uncertainty_factor(self, table: BlockTable) -> FloatArray:
         """A tree does not say what it does not know."""
         return np.zeros((len(table.hours), 1))
 
     @staticmethod
-    def _columns(table: BlockTable) -> pd.DataFrame:
+    def columns(table: BlockTable) -> pd.DataFrame:
+        """What the learner sees of a table."""
         return table.features[list(TREE_FEATURES)]
 
 

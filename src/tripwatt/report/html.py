@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from tripwatt.report.forecast import FORECAST_KEYS
 from tripwatt.report.panels import Section, build_sections
 from tripwatt.report.style import INK, PAPER_COLOUR, RULE, style_context
 from tripwatt.report.view import View, of_evaluation, plain
@@ -34,6 +35,7 @@ FIGURE_KEYS: Final = (
     "gamm-smooths",
     "gamm-surface",
     "gamm-random",
+    *FORECAST_KEYS,
 )
 """Stems of all files that may stand in `figures/`."""
 

@@ -80,10 +80,35 @@ MODELS: Final[Mapping[str, ModelStyle]] = MappingProxyType(
             "Hybrid boosting", "#0072b2", "hybrid", "paper preset + marginal boosting", "physics-paper"
         ),
         "boosting-only": ModelStyle(
-            "Boosting without physics", "#c2609c", "data", "the same boosting on the energy itself"
+            "Boosting without physics",
+            "#c2609c",
+            "data",
+            "the same boosting on what was measured, not on the residual",
         ),
         "gamm": ModelStyle(
             "Hybrid GAMM", "#7d6bc6", "hybrid", "paper preset + GAMM with Student's t errors", "physics-paper"
+        ),
+        "power-linear": ModelStyle(
+            "Power: linear", "#b8860b", "hybrid", "default physics, each cause scaled", "physics"
+        ),
+        "power-kriging": ModelStyle(
+            "Power: Gaussian process",
+            "#5b7fbf",
+            "hybrid",
+            "default physics + process on its power",
+            "physics",
+        ),
+        "power-boosting": ModelStyle(
+            "Power: boosting", "#2f8fd0", "hybrid", "default physics + boosting on its power", "physics"
+        ),
+        "power-forest": ModelStyle(
+            "Power: forest", "#4a9a6a", "hybrid", "default physics + forest on its power", "physics"
+        ),
+        "power-gamm": ModelStyle(
+            "Power: GAMM", "#8f7fd0", "hybrid", "default physics + GAMM on its power", "physics"
+        ),
+        "power-ensemble": ModelStyle(
+            "Power: ensemble", "#3b8f9f", "hybrid", "default physics + mean of two correctors", "physics"
         ),
         "hybrid": ModelStyle(
             "Hybrid forecast",

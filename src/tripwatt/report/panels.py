@@ -59,22 +59,31 @@ class Section:
 
 def build_sections(view: View) -> list[Section]:
     """Every section of the report; a panel without data stays and says why it is empty."""
+    if view.is_forecast:
+        from tripwatt.report.forecast import forecast_sections
+
+        return forecast_sections(view)
     return [
-        Section("result", "Result", _result(view)),
-        Section("errors", "Errors of every model", _errors(view)),
-        Section("trips", "Trip by trip", _trips(view)),
-        Section("comparison", "Which differences are real", _comparison(view)),
-        Section("audit", "Which trips were used, and why others were not", _audit(view)),
+        Section("result", "Result", result_panels(view)),
+        Section("errors", "Errors of every model", errors_panels(view)),
+        Section("trips", "Trip by trip", trips_panels(view)),
+        Section("comparison", "Which differences are real", comparison_panels(view)),
+        Section("audit", "Which trips were used, and why others were not", audit_panels(view)),
         Section("gamm", "The GAMM", _gamm(view)),
         Section("inside", "Inside the models", (*_inside(view), _running_time(view))),
     ]
 
 
-def _result(view: View) -> tuple[Panel, ...]:
+def result_panels(view: View) -> tuple[Panel, ...]:
+    """The main table and its companions."""
     evaluations = view.evaluations
     if not evaluations:
         return (Panel("table", "The table", "No evaluation was run: no trip could be used, see the audit."),)
     notes = [sentences.on_main_table(view), sentences.on_paper(view), sentences.on_physics_gap(view)]
+    if view.is_forecast:
+        from tripwatt.report.forecast import on_forecast_table
+
+        notes = [on_forecast_table(view)]
     mean = figures.plot_mean_errors(evaluations, paper=view.paper_mape, synthetic=view.synthetic)
     others = [tables.results_table(view, e) for e in evaluations[1:]]
     sets = " ".join(filter(None, [sentences.on_sets(view), sentences.without_days(view)]))
@@ -111,7 +120,8 @@ def _result(view: View) -> tuple[Panel, ...]:
     )
 
 
-def _errors(view: View) -> tuple[Panel, ...]:
+def errors_panels(view: View) -> tuple[Panel, ...]:
+    """Distributions of the errors."""
     folds, note, made_up = view.folds_of(view.main), of_evaluation(view.main), view.synthetic
     if folds.empty:
         return (
@@ -130,7 +140,7 @@ def _errors(view: View) -> tuple[Panel, ...]:
             tall=True,
         ),
         Panel("error-boxes", "Box plot of all models", sentences.on_boxes(view), boxes),
-        _benchmark(view),
+        *(() if view.is_forecast else (_benchmark(view),)),
     )
 
 
@@ -152,7 +162,8 @@ def _benchmark(view: View) -> Panel:
     return Panel("benchmark-boxes", title, sentence, figure)
 
 
-def _trips(view: View) -> tuple[Panel, ...]:
+def trips_panels(view: View) -> tuple[Panel, ...]:
+    """Errors by trip."""
     folds, best = view.folds_of(view.main), view.best
     if best is None or best not in set(folds["model"]):
         return (
@@ -163,6 +174,8 @@ def _trips(view: View) -> tuple[Panel, ...]:
     if selected:
         said = sentences.on_trip_energy(selected, best)
         simulated = model_style(best).stands_on
+        if any(simulated not in view.series[trip] for _, trip, _ in selected):
+            simulated = None
         along = Panel(
             "trip-energy",
             "Energy along the best, the median and the worst trip",
@@ -189,7 +202,8 @@ def _trips(view: View) -> tuple[Panel, ...]:
     )
 
 
-def _comparison(view: View) -> tuple[Panel, ...]:
+def comparison_panels(view: View) -> tuple[Panel, ...]:
+    """Paired differences."""
     pairs, best = view.paired_of(view.main), view.best
     if not pairs:
         return (Panel("paired-differences", "Paired differences", "No pair of models was compared."),)
@@ -226,7 +240,8 @@ def paired_with(pairs: Sequence[Record], best: str | None) -> list[Record]:
     return turned
 
 
-def _audit(view: View) -> tuple[Panel, ...]:
+def audit_panels(view: View) -> tuple[Panel, ...]:
+    """Findings and sets of trips."""
     table = tables.audit_table(view)
     empty = "" if table.rows else " Every trip was used as it was logged."
     used = tables.used_table(view)

@@ -1,0 +1,269 @@
+"""How good a probabilistic forecast is: coverage, CRPS, PIT, re-forecasts, strata. Arrays in, plain values out."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from tripwatt.evaluation.metrics import absolute_percentage_error, bootstrap_interval, paired_difference
+from tripwatt.trips import FloatArray
+
+LEVELS: Final = (0.5, 0.8, 0.9, 0.95)
+FRACTIONS: Final = (0.1, 0.25, 0.5, 0.75)
+UPDATES: Final = ("update", "soc_only", "no_update", "naive_gauge")
+"""Energies of the whole trip after a part of it: re-forecast, the same from the state of charge alone, two baselines."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForecastInsight:
+    """Held-out forecasts of the model `hybrid` in the first evaluation.
+
+    Attributes
+    ----------
+    trips : DataFrame
+        One row per trip: `trip, observed_energy_wh, energy_wh, sd_wh, pit, crps_wh, duration_s, distance_m`, bounds
+        `low_50, high_50, ...` by nominal level in percent, and for each fraction of the trip's time and each of
+        `UPDATES` a column such as `update_25` [Wh].
+    causes : DataFrame
+        Energy by cause [Wh], index trip.
+    series : mapping of str to DataFrame
+        `Forecast.series` of each trip.
+    logs : mapping of str to DataFrame
+        What was measured on each trip.
+    """
+
+    trips: pd.DataFrame
+    causes: pd.DataFrame
+    series: Mapping[str, pd.DataFrame]
+    logs: Mapping[str, pd.DataFrame]
+
+
+def clopper_pearson(hits: int, n: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Exact interval of a proportion (Clopper and Pearson 1934).
+
+    Examples
+    --------
+    >>> low, high = clopper_pearson(9, 10)
+    >>> round(low, 3), round(high, 4)
+    (0.555, 0.9975)
+    """
+    from scipy.stats import beta
+
+    tail = (1.0 - confidence) / 2.0
+    low = 0.0 if hits == 0 else float(beta.ppf(tail, hits, n - hits + 1))
+    high = 1.0 if hits == n else float(beta.ppf(1.0 - tail, hits + 1, n - hits))
+    return low, high
+
+
+def crps(observed_wh: FloatArray, quantiles_wh: FloatArray) -> FloatArray:
+    """Continuous ranked probability score: twice the pinball loss, averaged over equally spaced quantiles.
+
+    Parameters
+    ----------
+    observed_wh : ndarray, shape (trips,)
+    quantiles_wh : ndarray, shape (trips, m)
+        At the probabilities (k + 1/2) / m (Gneiting and Raftery 2007, equation 20 and section 4.2).
+
+    Returns
+    -------
+    ndarray, shape (trips,)
+        In the unit of the observations.
+
+    Examples
+    --------
+    >>> crps(np.array([3.0]), np.array([[1.0, 1.0]]))  # a point forecast scores its absolute error
+    array([2.])
+    """
+    m = quantiles_wh.shape[1]
+    p = (np.arange(m) + 0.5) / m
+    error = observed_wh[:, None] - quantiles_wh
+    return np.asarray(2.0 * np.maximum(p * error, (p - 1.0) * error).mean(axis=1))
+
+
+def symmetric_quantiles(centre_wh: FloatArray, half_wh: FloatArray) -> FloatArray:
+    """Quantiles for `crps` from a centre and half widths at the levels (k + 1/2) / m, shape (trips, 2 m)."""
+    return np.concatenate([centre_wh[:, None] - half_wh[:, ::-1], centre_wh[:, None] + half_wh], axis=1)
+
+
+def coverage_scores(
+    observed_wh: FloatArray, low_wh: FloatArray, high_wh: FloatArray, seed: int
+) -> dict[str, Any]:
+    """Coverage and width by nominal level.
+
+    Parameters
+    ----------
+    observed_wh : ndarray, shape (trips,)
+    low_wh, high_wh : ndarray, shape (trips, len(LEVELS))
+
+    Returns
+    -------
+    dict
+        `coverage`, `coverage_ci95` (Clopper-Pearson), `coverage_bootstrap95` and `interval_width_wh`, each by level.
+    """
+    inside = (observed_wh[:, None] >= low_wh) & (observed_wh[:, None] <= high_wh)
+    keys = [f"{level:g}" for level in LEVELS]
+    n = len(observed_wh)
+    return {
+        "coverage": {k: float(inside[:, j].mean()) for j, k in enumerate(keys)},
+        "coverage_ci95": {k: clopper_pearson(int(inside[:, j].sum()), n) for j, k in enumerate(keys)},
+        "coverage_bootstrap95": {
+            k: bootstrap_interval(inside[:, j].astype(float), seed) for j, k in enumerate(keys)
+        },
+        "interval_width_wh": {k: float((high_wh - low_wh)[:, j].mean()) for j, k in enumerate(keys)},
+    }
+
+
+def crps_scores(
+    observed_wh: FloatArray, centre_wh: FloatArray, sd_wh: FloatArray, factors: FloatArray
+) -> dict[str, float]:
+    """CRPS, and that of distributions of one width for every trip.
+
+    Parameters
+    ----------
+    observed_wh, centre_wh, sd_wh : ndarray, shape (trips,)
+    factors : ndarray, shape (trips, m)
+        Half widths in standard deviations at the levels (k + 1/2) / m.
+
+    Returns
+    -------
+    dict
+        `crps_wh`; `crps_same_width_wh` with the mean standard deviation for every trip; `crps_best_same_width_wh` with
+        the one standard deviation that would have scored best, which nobody knows beforehand.
+    """
+
+    def score(sd: FloatArray) -> float:
+        return float(crps(observed_wh, symmetric_quantiles(centre_wh, factors * sd[:, None])).mean())
+
+    mean = float(sd_wh.mean())
+    one = [score(np.full(len(sd_wh), mean * share)) for share in np.geomspace(0.25, 4.0, 49)]
+    return {
+        "crps_wh": score(sd_wh),
+        "crps_same_width_wh": score(np.full(len(sd_wh), mean)),
+        "crps_best_same_width_wh": min(one),
+    }
+
+
+def update_scores(observed_wh: FloatArray, energies_wh: FloatArray, seed: int) -> dict[str, Any]:
+    """Errors of the re-forecast total by the fraction of the trip's time.
+
+    Parameters
+    ----------
+    observed_wh : ndarray, shape (trips,)
+    energies_wh : ndarray, shape (trips, len(FRACTIONS), len(UPDATES))
+        NaN where a trip lacks the measurement.
+
+    Returns
+    -------
+    dict
+        Fraction -> `mape, mape_ci95, no_update, naive_gauge, soc_only` (None without a state of charge),
+        `diff, diff_ci95, significant` against no update, `diff_gauge, diff_gauge_ci95` against the gauge.
+    """
+    scores = {}
+    for j, fraction in enumerate(FRACTIONS):
+        ape = {
+            name: absolute_percentage_error(observed_wh, energies_wh[:, j, k])
+            for k, name in enumerate(UPDATES)
+        }
+        beside = paired_difference(ape["update"], ape["no_update"], seed)
+        gauge = paired_difference(ape["update"], ape["naive_gauge"], seed)
+        soc = ape["soc_only"][np.isfinite(ape["soc_only"])]
+        scores[f"{fraction:g}"] = {
+            "mape": float(ape["update"].mean()),
+            "mape_ci95": bootstrap_interval(ape["update"], seed),
+            "no_update": float(ape["no_update"].mean()),
+            "naive_gauge": float(ape["naive_gauge"].mean()),
+            "soc_only": float(soc.mean()) if len(soc) else None,
+            "diff": beside.diff,
+            "diff_ci95": beside.ci95,
+            "significant": beside.significant,
+            "diff_gauge": gauge.diff,
+            "diff_gauge_ci95": gauge.ci95,
+        }
+    return scores
+
+
+@dataclass(frozen=True, slots=True)
+class Stratum:
+    """Trips that have something in common.
+
+    Attributes
+    ----------
+    by : str
+        What the trips are divided by.
+    name : str
+    members : ndarray of bool, shape (trips,)
+    """
+
+    by: str
+    name: str
+    members: npt.NDArray[np.bool_]
+
+
+NET_DESCENT_M: Final = -10.0
+COLD_BATTERY_DEGC: Final = 5.0
+HOT_BATTERY_DEGC: Final = 28.0
+
+
+def strata_of(trips: pd.DataFrame) -> list[Stratum]:
+    """Strata of trips by what is known of them; those without a trip are left out.
+
+    Parameters
+    ----------
+    trips : DataFrame
+        `net_climb_m, battery_temperature_degc, ambient_temperature_degc, distance_m, duration_s, driver`, NaN or None
+        where unknown.
+    """
+    battery = trips["battery_temperature_degc"].to_numpy(dtype=float)
+    climb = trips["net_climb_m"].to_numpy(dtype=float)
+    km = trips["distance_m"].to_numpy(dtype=float) / 1000.0
+    found = [
+        Stratum("road", "net descent of more than 10 m", climb < NET_DESCENT_M),
+        Stratum("road", "no net descent", climb >= NET_DESCENT_M),
+        Stratum("battery", "below 5 °C", battery < COLD_BATTERY_DEGC),
+        Stratum("battery", "5 to 28 °C", (battery >= COLD_BATTERY_DEGC) & (battery <= HOT_BATTERY_DEGC)),
+        Stratum("battery", "above 28 °C", battery > HOT_BATTERY_DEGC),
+        *_bins("ambient", trips["ambient_temperature_degc"].to_numpy(dtype=float), (5, 15, 25), "°C"),
+        *_bins("length", km, (10, 20, 40), "km"),
+        *_bins("mean speed", km / (trips["duration_s"].to_numpy(dtype=float) / 3600.0), (30, 50), "km/h"),
+    ]
+    drivers = sorted({d for d in trips["driver"] if isinstance(d, str)})
+    found += [Stratum("driver", d, (trips["driver"] == d).to_numpy(dtype=bool)) for d in drivers]
+    return [s for s in found if s.members.any()]
+
+
+def _bins(by: str, values: FloatArray, edges: Sequence[float], unit: str) -> list[Stratum]:
+    """Below the first edge, between neighbouring ones, from the last on."""
+    bounds = [-np.inf, *edges, np.inf]
+    names = [
+        f"below {edges[0]} {unit}",
+        *(f"{a} to {b} {unit}" for a, b in itertools.pairwise(edges)),
+        f"{edges[-1]} {unit} or more",
+    ]
+    return [
+        Stratum(by, name, (values >= low) & (values < high))
+        for name, low, high in zip(names, bounds[:-1], bounds[1:], strict=True)
+    ]
+
+
+def strata_scores(
+    strata: Sequence[Stratum], ape: FloatArray, ape_data: FloatArray | None, seed: int
+) -> list[dict[str, Any]]:
+    """Mean APE of hybrid and data-only model by stratum, with the paired difference where there are several trips."""
+    rows = []
+    for stratum in strata:
+        own = ape[stratum.members]
+        row: dict[str, Any] = {"by": stratum.by, "stratum": stratum.name, "n_trips": len(own)}
+        row["hybrid"] = float(own.mean())
+        if ape_data is not None:
+            other = ape_data[stratum.members]
+            difference = paired_difference(own, other, seed)
+            row |= {"boosting-only": float(other.mean()), "diff": difference.diff}
+            row["diff_ci95"] = difference.ci95 if len(own) > 1 else None
+        rows.append(row)
+    return rows

@@ -1,0 +1,303 @@
+"""The forecast protocol: nothing leaks into a departure forecast, and the scores are what they say."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import binomtest, norm
+
+from tripwatt.errors import InvalidInput
+from tripwatt.evaluation import evaluate, write_results
+from tripwatt.evaluation.forecast_run import ForecastTask, _fitted, reforecast, run_task
+from tripwatt.evaluation.forecast_scores import (
+    FRACTIONS,
+    LEVELS,
+    UPDATES,
+    clopper_pearson,
+    coverage_scores,
+    crps,
+    crps_scores,
+    strata_of,
+    update_scores,
+)
+from tripwatt.evaluation.forecast_sets import DATA_FEATURES, ForecastSet, measured_log
+from tripwatt.evaluation.protocols import protocol_models
+from tripwatt.forecast import ForecastModel
+from tripwatt.hybrid import planned
+from tripwatt.synthetic import synthetic_fleet
+from tripwatt.trips import Trip
+from tripwatt.vehicles import load_vehicle
+
+ROAD = ("time_s", "speed_m_s", "elevation_m")
+FAST = ("constant", "physics", "physics4", "power-linear", "hybrid")
+
+
+@pytest.fixture(scope="module")
+def fleet():
+    return synthetic_fleet(n_trips=11, seed=3)
+
+
+@pytest.fixture(scope="module")
+def car():
+    return load_vehicle("bmw_i3_60ah")
+
+
+@pytest.fixture(scope="module")
+def prepared(fleet, car):
+    return ForecastSet.of(fleet.trips, car)
+
+
+@pytest.fixture(scope="module", params=["linear", "ensemble"])
+def model(request, prepared, car):
+    return ForecastModel(car, corrector=request.param).fit_blocks(prepared.blocks.take(range(9)))
+
+
+def randomised(trip: Trip, seed: int) -> Trip:
+    """Every measured column redrawn after the first sample; columns that the fleet lacks are added, random throughout."""
+    rng = np.random.default_rng(seed)
+    samples = trip.samples.copy()
+    for name in samples.columns.difference(list(ROAD)):
+        values = samples[name].to_numpy(dtype=float, copy=True)
+        values[1:] = rng.permutation(values[1:]) + rng.uniform(0.1, 1.0, len(values) - 1)
+        samples[name] = values
+    for name in ("throttle", "motor_torque_nm", "regeneration_signal", "heating_power_w", "aircon_power_w"):
+        samples[name] = rng.uniform(0.0, 1.0, len(samples))
+    return dataclasses.replace(trip, samples=samples, observed_energy_wh=float(rng.uniform(1.0, 9e3)))
+
+
+def test_departure_forecast_ignores_what_is_measured_later(fleet, model, car):
+    trip = fleet.trips[10]
+    before = model.forecast(trip)
+    for seed in range(3):
+        changed = randomised(trip, seed)
+        assert not changed.samples.equals(trip.samples)
+        after = model.forecast(changed)
+        assert json.dumps(after.as_dict()) == json.dumps(before.as_dict())
+        for level in LEVELS:
+            assert after.interval(level) == before.interval(level)
+    # and the departure itself does matter
+    warm = trip.samples.assign(ambient_temperature_degc=trip.samples["ambient_temperature_degc"] + 9.0)
+    assert model.forecast(dataclasses.replace(trip, samples=warm)).energy_wh != before.energy_wh
+
+
+def test_prepared_trips_hold_nothing_of_later_signals(fleet, car):
+    trips = fleet.trips[:2]
+    before, after = (
+        ForecastSet.of(some, car)
+        for some in (trips, [keep_energy(t, randomised(t, i)) for i, t in enumerate(trips)])
+    )
+    pd.testing.assert_frame_equal(before.blocks.features, after.blocks.features)
+    pd.testing.assert_frame_equal(before.data_features, after.data_features)
+    pd.testing.assert_frame_equal(before.table.totals, after.table.totals)
+    np.testing.assert_array_equal(before.table.simulated_wh["physics"], after.table.simulated_wh["physics"])
+    for plan, other in zip(before.plans, after.plans, strict=True):
+        pd.testing.assert_frame_equal(plan.samples, other.samples)
+
+
+def keep_energy(trip: Trip, changed: Trip) -> Trip:
+    """The changed trip with its own voltage and current, which are the target and no covariate."""
+    own = {c: trip.samples[c] for c in ("voltage_v", "current_a")}
+    return dataclasses.replace(
+        changed, samples=changed.samples.assign(**own), observed_energy_wh=trip.observed_energy_wh
+    )
+
+
+def test_forecast_of_a_plan_is_the_forecast_of_its_trip(fleet, model):
+    trip = fleet.trips[9]
+    assert model.forecast_planned(planned(trip)).as_dict() == model.forecast(trip).as_dict()
+
+
+@pytest.mark.parametrize("fraction", FRACTIONS)
+def test_reforecast_never_sees_a_sample_after_the_cut(fleet, model, fraction):
+    trip = fleet.trips[10]
+    forecast = model.forecast(trip)
+    cut = fraction * float(forecast.series()["time_s"].iloc[-1])
+    rng = np.random.default_rng(1)
+    samples = trip.samples.copy()
+    later = (samples["time_s"] - samples["time_s"].iloc[0] > cut).to_numpy()
+    for name in ("voltage_v", "current_a", "soc", "displayed_soc"):
+        samples[name] = np.where(later, samples[name] * rng.uniform(0.5, 0.9, len(samples)), samples[name])
+    changed = dataclasses.replace(trip, samples=samples)
+    before, after = (reforecast(forecast, measured_log(t), fraction) for t in (trip, changed))
+    assert before == after
+    samples.loc[~later, "current_a"] += 20.0
+    moved = reforecast(forecast, measured_log(dataclasses.replace(trip, samples=samples)), fraction)
+    assert moved[UPDATES.index("update")] != before[UPDATES.index("update")]
+
+
+def test_no_update_is_measured_so_far_and_the_departure_forecast_of_the_rest(fleet, model):
+    trip = fleet.trips[10]
+    forecast, log = model.forecast(trip), measured_log(trip)
+    halfway = log[log["time_s"] <= 0.5 * forecast.series()["time_s"].iloc[-1]].iloc[-1]
+    series = forecast.series()
+    rest = forecast.energy_wh - np.interp(halfway["time_s"], series["time_s"], series["energy_wh"])
+    found = dict(zip(UPDATES, reforecast(forecast, log, 0.5), strict=True))
+    assert found["no_update"] == pytest.approx(halfway["observed_energy_wh"] + rest)
+    whole = series["distance_m"].iloc[-1]
+    gauge = halfway["observed_energy_wh"] / halfway["distance_m"] * whole
+    assert found["naive_gauge"] == pytest.approx(gauge)
+
+
+def test_log_rows_depend_on_no_later_sample(fleet):
+    trip = fleet.trips[0]
+    samples = trip.samples.copy()
+    samples.loc[100:140, "current_a"] = np.nan
+    whole = measured_log(dataclasses.replace(trip, samples=samples))
+    part = measured_log(dataclasses.replace(trip, samples=samples.iloc[:120]))
+    known = whole[whole["time_s"] <= part["time_s"].iloc[-1]]
+    pd.testing.assert_frame_equal(known.reset_index(drop=True), part)
+
+
+@pytest.mark.parametrize(("hits", "n"), [(0, 7), (3, 9), (58, 58), (52, 58), (450, 500)])
+def test_clopper_pearson_is_scipys(hits, n):
+    exact = binomtest(hits, n).proportion_ci(0.95, method="exact")
+    assert clopper_pearson(hits, n) == pytest.approx((exact.low, exact.high), abs=1e-12)
+
+
+def test_coverage_and_scores_of_a_known_distribution():
+    rng = np.random.default_rng(5)
+    n = 1500
+    centre, sd = rng.uniform(500, 5000, n), rng.uniform(20, 400, n)
+    observed = rng.normal(centre, sd)
+    half = norm.ppf(0.5 + np.array(LEVELS) / 2)[None, :] * sd[:, None]
+    scores = coverage_scores(observed, centre[:, None] - half, centre[:, None] + half, seed=0)
+    for level in LEVELS:
+        key = f"{level:g}"
+        inside = np.abs(observed - centre) <= norm.ppf(0.5 + level / 2) * sd
+        assert scores["coverage"][key] == pytest.approx(inside.mean())
+        low, high = scores["coverage_ci95"][key]
+        assert low <= level <= high
+        assert scores["interval_width_wh"][key] == pytest.approx(2 * norm.ppf(0.5 + level / 2) * sd.mean())
+    factors = np.tile(norm.ppf(0.5 + (np.arange(100) + 0.5) / 200), (n, 1))
+    found = crps_scores(observed, centre, sd, factors)
+    z = (observed - centre) / sd  # closed form of Gneiting and Raftery 2007, equation 21
+    exact = np.mean(sd * (z * (2 * norm.cdf(z) - 1) + 2 * norm.pdf(z) - 1 / np.sqrt(np.pi)))
+    assert found["crps_wh"] == pytest.approx(exact, rel=5e-3)
+    assert found["crps_wh"] < found["crps_best_same_width_wh"] <= found["crps_same_width_wh"]
+    assert crps(observed, np.tile(centre[:, None], 40)) == pytest.approx(np.abs(observed - centre))
+
+
+def test_update_scores_compare_over_the_same_trips():
+    observed = np.array([100.0, 200.0, 400.0])
+    energies = np.tile(observed[:, None, None], (1, len(FRACTIONS), len(UPDATES)))
+    energies[:, :, UPDATES.index("no_update")] *= 1.1
+    energies[:, :, UPDATES.index("soc_only")] = np.nan
+    found = update_scores(observed, energies, seed=0)["0.5"]
+    assert found["mape"] == pytest.approx(0.0)
+    assert found["no_update"] == pytest.approx(0.1)
+    assert found["diff"] == pytest.approx(-0.1)
+    assert found["significant"]
+    assert found["soc_only"] is None
+
+
+def test_strata_divide_the_trips():
+    trips = pd.DataFrame(
+        {
+            "net_climb_m": [-50.0, 3.0, np.nan],
+            "battery_temperature_degc": [2.0, 20.0, 31.0],
+            "ambient_temperature_degc": [-4.0, 5.0, 25.0],
+            "distance_m": [4e3, 10e3, 90e3],
+            "duration_s": [1200.0, 900.0, 3600.0],
+            "driver": ["driver 1", None, "driver 1"],
+        }
+    )
+    found = {(s.by, s.name): np.flatnonzero(s.members).tolist() for s in strata_of(trips)}
+    assert found["road", "net descent of more than 10 m"] == [0]
+    assert (found["battery", "below 5 °C"], found["battery", "above 28 °C"]) == ([0], [2])
+    assert found["driver", "driver 1"] == [0, 2]
+    for by in ("ambient", "length", "mean speed"):
+        assert sorted(i for (b, _), members in found.items() if b == by for i in members) == [0, 1, 2]
+
+
+def test_data_only_sees_nothing_simulated(prepared):
+    assert not {c for c in DATA_FEATURES if c.endswith("_w")}
+    blocks = prepared.blocks
+    wrong = dataclasses.replace(
+        blocks,
+        simulated_w=3.0 * blocks.simulated_w + 500.0,
+        features=blocks.features.assign(simulated_w=1.0, air_w=0.0, hvac_w=7.0),
+    )
+    train, test = np.arange(8), np.arange(8, 11)
+    one, two = (_fitted("boosting-only", 0, b, prepared.data_features, train)(test) for b in (blocks, wrong))
+    np.testing.assert_array_equal(one, two)
+
+
+@pytest.fixture(scope="module")
+def whole(fleet, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("folds")
+    return evaluate(fleet, protocol="forecast", models=FAST, n_jobs=1, work_dir=folder), folder
+
+
+def test_results_hold_the_contract(whole, tmp_path):
+    run, _ = whole
+    write_results(run, tmp_path)
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert {"learning_curve", "strata", "paired", "evaluations"} <= set(results)
+    for evaluation in results["evaluations"]:
+        hybrid = evaluation["models"]["hybrid"]
+        assert list(hybrid["coverage"]) == ["0.5", "0.8", "0.9", "0.95"]
+        widths = list(hybrid["interval_width_wh"].values())
+        assert widths == sorted(widths)
+        assert widths[0] > 0
+        assert list(hybrid["update"]) == ["0.1", "0.25", "0.5", "0.75"]
+        assert {"mape", "no_update", "naive_gauge", "soc_only", "diff_ci95"} <= set(hybrid["update"]["0.5"])
+        assert 0 < hybrid["crps_wh"] < evaluation["models"]["hybrid"]["rmse_wh"]
+    forecasts = pd.read_csv(tmp_path / "forecasts.csv")
+    folds = run.folds.query("scheme == 'leave_one_trip_out' and model == 'hybrid'")
+    np.testing.assert_allclose(forecasts["energy_wh"], folds["predicted_energy_wh"])
+    assert forecasts["pit"].between(0, 1).all()
+    np.testing.assert_allclose(run.forecast.causes.sum(axis=1), forecasts["energy_wh"])
+
+
+def test_held_out_trips_do_not_move_their_own_forecast(prepared, car):
+    """Nothing of an outer fold is in its centre, its width or its bounds; everything of the others is."""
+    folds = np.arange(len(prepared))
+    (spec,) = protocol_models("forecast", ("hybrid",))
+
+    def run(held_out, observed_w):
+        blocks = dataclasses.replace(prepared.blocks, observed_w=observed_w)
+        plans, logs = {held_out: prepared.plans[held_out]}, {held_out: prepared.logs[held_out]}
+        task = ForecastTask(0, spec, folds, (held_out,), 0, car, blocks=blocks, plans=plans, logs=logs)
+        (found,) = run_task(task)
+        return np.concatenate([found.predicted_wh, *(found.extra[k].ravel() for k in ("sd", "low", "high"))])
+
+    own = prepared.blocks.observed_power_w
+    louder = np.where(prepared.blocks.groups == 4, 1.7 * own + 300.0, own)
+    np.testing.assert_array_equal(run(4, own), run(4, louder))
+    assert not np.array_equal(run(5, own), run(5, louder))
+
+
+def test_resumed_run_is_the_identical_one(fleet, whole):
+    run, folder = whole
+    kept = sorted(folder.rglob("*.npz"))
+    assert kept
+    kept[0].write_bytes(b"half a file")
+    for path in kept[1::3]:
+        path.unlink()
+    again = evaluate(fleet, protocol="forecast", models=FAST, n_jobs=1, work_dir=folder, resume=True)
+    pd.testing.assert_frame_equal(again.folds, run.folds)
+    pd.testing.assert_frame_equal(again.forecast.trips, run.forecast.trips)
+    assert again.results["strata"] == run.results["strata"]
+    assert again.results["learning_curve"] == run.results["learning_curve"]
+
+
+def test_fit_here_score_there(fleet):
+    other = synthetic_fleet(n_trips=4, seed=8)
+    run = evaluate(
+        fleet, protocol="forecast", models=("physics", "power-linear", "hybrid"), n_jobs=1, test_fleet=other
+    )
+    (evaluation,) = run.results["evaluations"]
+    assert (evaluation["scheme"], evaluation["n_trips"]) == ("other_trips", 4)
+    assert set(run.forecast.trips["observed_energy_wh"].round(6)) == {
+        round(float(t.observed_energy_wh), 6) for t in other.trips
+    }
+    with pytest.raises(InvalidInput, match="protocol"):
+        evaluate(fleet, protocol="paper", models=("constant",), test_fleet=other)
+
+
+def test_too_few_trips_are_refused(fleet):
+    few = dataclasses.replace(fleet, trips=fleet.trips[:6])
+    with pytest.raises(InvalidInput, match="too few trips"):
+        evaluate(few, protocol="forecast", models=("constant",), n_jobs=1)
