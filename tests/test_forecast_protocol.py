@@ -187,7 +187,8 @@ def test_update_scores_compare_over_the_same_trips():
     found = update_scores(observed, energies, seed=0)["0.5"]
     assert found["mape"] == pytest.approx(0.0)
     assert found["no_update"] == pytest.approx(0.1)
-    assert found["diff"] == pytest.approx(-0.1) and found["significant"]
+    assert found["diff"] == pytest.approx(-0.1)
+    assert found["significant"]
     assert found["soc_only"] is None
 
 
@@ -238,7 +239,8 @@ def test_results_hold_the_contract(whole, tmp_path):
         hybrid = evaluation["models"]["hybrid"]
         assert list(hybrid["coverage"]) == ["0.5", "0.8", "0.9", "0.95"]
         widths = list(hybrid["interval_width_wh"].values())
-        assert widths == sorted(widths) and widths[0] > 0
+        assert widths == sorted(widths)
+        assert widths[0] > 0
         assert list(hybrid["update"]) == ["0.1", "0.25", "0.5", "0.75"]
         assert {"mape", "no_update", "naive_gauge", "soc_only", "diff_ci95"} <= set(hybrid["update"]["0.5"])
         assert 0 < hybrid["crps_wh"] < evaluation["models"]["hybrid"]["rmse_wh"]

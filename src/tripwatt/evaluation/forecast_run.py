@@ -198,7 +198,8 @@ def _run_together(task: ForecastTask) -> list[FoldResult]:
 
 
 def _run_power(task: ForecastTask, fold: int) -> FoldResult:
-    assert task.blocks is not None and task.data_features is not None
+    assert task.blocks is not None
+    assert task.data_features is not None
     train = np.flatnonzero(task.folds != fold)
     test = np.flatnonzero(task.folds == fold)
     began = time.perf_counter()
@@ -264,7 +265,9 @@ def _run_curve(task: CurveTask) -> FoldResult:
 
 
 def _run_hybrid(task: ForecastTask, fold: int) -> FoldResult:
-    assert task.blocks is not None and task.plans is not None and task.logs is not None
+    assert task.blocks is not None
+    assert task.plans is not None
+    assert task.logs is not None
     test = np.flatnonzero(task.folds == fold)
     model = ForecastModel(task.vehicle, seed=task.seed)
     began = time.perf_counter()
