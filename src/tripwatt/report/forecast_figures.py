@@ -20,6 +20,7 @@ HYBRID: Final = "#0f8797"
 PLAIN: Final = "#7c7c7c"
 WARM: Final = "#d55e00"
 PIT_BINS: Final = 10
+TOTALS: Final = ("energy_wh", "observed_energy_wh")
 LINES: Final[Mapping[str, tuple[str, str, str]]] = {
     "naive_gauge": ("consumption per km so far × all km", PLAIN, "^"),
     "no_update": ("no update: measured + departure forecast of the rest", WARM, "s"),
@@ -234,16 +235,14 @@ def plot_waterfall(
         0.9 + len(selected) * (0.75 + 0.2 * (len(names) + 2)), "Where the energy goes", _note(""), synthetic
     )
     panels = figure.subplots(len(selected), 1, squeeze=False)[:, 0]
-    by_trip = trips.set_index("trip")
+    totals = {c: dict(zip(trips["trip"], trips[c].astype(float) / 1e3, strict=True)) for c in TOTALS}
     for axes, (role, trip, ape) in zip(panels, selected, strict=True):
         values = causes.loc[trip, names].to_numpy(dtype=np.float64) / 1e3
         ends = np.cumsum(values)
         starts = ends - values
         colours = [WARM if value > 0 else "#1f8a5b" for value in values]
         axes.barh(range(len(names)), values, left=starts, color=colours, height=0.7)
-        total, measured = (
-            by_trip.loc[trip, ["energy_wh", "observed_energy_wh"]].to_numpy(dtype=np.float64) / 1e3
-        )
+        total, measured = (float(totals[c][trip]) for c in TOTALS)
         axes.barh([len(names), len(names) + 1], [total, measured], color=[HYBRID, INK], height=0.7)
         every = [*values, total, measured]
         reach = float(max(ends.max(), total, measured) - min(0.0, starts.min(), ends.min()))
