@@ -55,18 +55,16 @@ def test_page_of_the_command_line_is_complete_and_up_to_date(write_cli: ModuleTy
     page = (DOCS / "cli.md").read_text(encoding="utf-8")
     assert page == write_cli.render(), "run docs/write_cli.py"
     for name, command in write_cli.commands(write_cli.typer.main.get_command(write_cli.app)):
-        context = write_cli.typer.Context(command)
         assert f"## {name}\n" in page
         assert command.help, name
         for parameter in command.params:
             if parameter.name != "help":
                 assert parameter.help, f"{name} {parameter.name}"
-                shown = (
-                    parameter.make_metavar(context)
-                    if parameter.param_type_name == "argument"
-                    else max(parameter.opts, key=len)
-                )
-                assert shown.strip("[]-{}. ").lower() in page.lower()
+                # an argument that stands for several goes by what the help calls it
+                shown = max(parameter.opts, key=len)
+                if not shown.startswith("-") and parameter.metavar:
+                    shown = parameter.metavar
+                assert shown.lstrip("-").lower() in page.lower()
 
 
 def test_every_command_teaches_with_examples_that_exist(write_cli: ModuleType) -> None:
