@@ -22,7 +22,7 @@ from tripwatt.report.style import WIDTH_IN, style_context
 from tripwatt.report.view import View
 
 MakeRun = Callable[..., SimpleNamespace]
-MODELS = [name for name in STYLES if name != "hybrid"]
+MODELS = [name for name in STYLES if name != "hybrid" and not name.startswith("power-")]
 
 
 @pytest.fixture(scope="module")

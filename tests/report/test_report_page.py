@@ -16,7 +16,7 @@ from tripwatt.report.models import MODELS as STYLES
 from tripwatt.report.models import model_style
 
 MakeRun = Callable[..., SimpleNamespace]
-MODELS = [name for name in STYLES if name != "hybrid"]
+MODELS = [name for name in STYLES if name != "hybrid" and not name.startswith("power-")]
 VOID = {"meta", "link", "br", "hr", "img", "input", "col", "source", "wbr"}
 HOSTILE = [
     '<script>alert("x")</script>',
