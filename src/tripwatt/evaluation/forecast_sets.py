@@ -112,7 +112,7 @@ def measured_log(trip: Trip, step_s: float = 1.0) -> pd.DataFrame:
     >>> samples = pd.DataFrame({"time_s": [5.0, 5.4, 6.1, 7.0], "speed_m_s": 1.0, "voltage_v": 360.0, "current_a": 10.0})
     >>> log = measured_log(Trip.from_samples("t", samples))
     >>> [round(float(t), 6) for t in log["time_s"]]
-    [0.0, 0.4, 1.1, 2.0]
+    [0.0, 0.4, 2.0]
     """
     raw = trip.samples
     cumulative = observed_cumulative_energy(raw)

@@ -115,9 +115,11 @@ def data_digest(trips: Iterable[Trip]) -> str:
     Examples
     --------
     >>> import pandas as pd
+    >>> from dataclasses import replace
     >>> log = Trip.from_samples("t", pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 1.0]}))
-    >>> data_digest([log])[:8]
-    'cebd1fe3'
+    >>> other = replace(log, samples=log.samples.assign(speed_m_s=2.0))
+    >>> data_digest([log]) == data_digest([log]), data_digest([log]) == data_digest([other])
+    (True, False)
     """
     whole = hashlib.sha256()
     for trip in sorted(trips, key=lambda t: t.trip_id):

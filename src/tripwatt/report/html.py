@@ -35,9 +35,8 @@ FIGURE_KEYS: Final = (
     "gamm-smooths",
     "gamm-surface",
     "gamm-random",
-    *FORECAST_KEYS,
 )
-"""Stems of all files that may stand in `figures/`."""
+"""Stems of the files in `figures/` of the paper's protocol; `FORECAST_KEYS` are those of the forecast protocol alone."""
 
 
 def render_report(run: object) -> str:
@@ -75,7 +74,7 @@ def write_report(run: object, out: Path) -> None:
     page = _page(view, sections, {key: svg for key, svg, _ in drawings})
     folder = out / "figures"
     folder.mkdir(parents=True, exist_ok=True)
-    for key in FIGURE_KEYS:
+    for key in (*FIGURE_KEYS, *FORECAST_KEYS):
         if key not in {name for name, _, _ in drawings}:
             for suffix in ("png", "svg"):
                 (folder / f"{key}.{suffix}").unlink(missing_ok=True)
