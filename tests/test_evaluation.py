@@ -11,6 +11,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.evaluation import MODEL_NAMES, evaluate, write_results
 from tripwatt.evaluation.protocols import PHYSICS_PRESETS, protocol_models
 from tripwatt.evaluation.results import FOLD_COLUMNS
+from tripwatt.evaluation.run import _run_fold, _Task
 from tripwatt.hybrid import HybridModel, build_table
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.vehicles import load_vehicle
@@ -147,3 +148,19 @@ def test_unknown_names_are_refused(fleet):
         evaluate(fleet, models=("nonsense",))
     with pytest.raises(InvalidInput, match="unknown protocol"):
         evaluate(fleet, protocol="nonsense")
+
+
+@pytest.mark.parametrize("name", ["linear4", "boosting", "gamm"])
+def test_a_fold_is_fitted_without_its_own_trips(table, name):
+    """Through the very function that the evaluation runs, not a copy of it."""
+    spec = protocol_models("paper", (name,))[0]
+    folds = np.arange(len(table), dtype=np.int64)
+    rows = table.rows_of(np.array([4]))
+    changed_wh = table.observed_wh.copy()
+    changed_wh[rows] = 7.0 * changed_wh[rows] + 321.0
+    changed = dataclasses.replace(table, observed_wh=changed_wh)
+
+    def fold(which):
+        return _run_fold(_Task(0, spec, which, folds, (4,), 0), 4).predicted_wh
+
+    np.testing.assert_array_equal(fold(table), fold(changed))
