@@ -86,3 +86,16 @@ def test_reference_trips_end_where_the_reference_says():
     assert [t.trip_id for t in reference] == ["A", "C"]
     assert [t.duration_s for t in reference] == [99.0, 49.0]
     assert reference[1].observed_energy_wh == observed_energy(reference[1].samples)
+
+
+def test_energy_is_the_trapezoid_of_voltage_times_current():
+    samples = pd.DataFrame(
+        {
+            "time_s": [0.0, 10.0, 40.0],
+            "speed_m_s": 0.0,
+            "voltage_v": [400.0, 380.0, 360.0],
+            "current_a": [0.0, 20.0, -10.0],
+        }
+    )
+    by_hand = (0.5 * (0 + 7600) * 10 + 0.5 * (7600 - 3600) * 30) / 3600
+    assert observed_energy(samples) == pytest.approx(by_hand, rel=1e-12)
