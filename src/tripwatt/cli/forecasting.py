@@ -196,7 +196,7 @@ def forecast(
 
     State of charge, in and out, is the one that the driver sees.
     """
-    from tripwatt.forecast import load_model, since_departure, trip_to_come
+    from tripwatt.forecast import answer_of, load_model, since_departure, trip_to_come
     from tripwatt.sources.canonical import read_canonical
 
     model, trip = _model_and_trip(paths)
@@ -220,11 +220,9 @@ def forecast(
     found = got["model"].forecast(to_come)
     if observed is not None:
         found = found.update(since_departure(got["observed"], to_come))
-    answer = found.as_dict()
-    answer["p_arrive"][f"{reserve:g}"] = found.p_arrive(reserve)
     if plot is not None:
         _draw(found, plot)
-    print_json(answer) if as_json else _show_forecast(found, reserve)
+    print_json(answer_of(found, reserve)) if as_json else _show_forecast(found, reserve)
 
 
 def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:

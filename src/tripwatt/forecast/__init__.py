@@ -2,7 +2,7 @@
 
 from tripwatt.forecast.forecast import Forecast
 from tripwatt.forecast.model import DEFAULT_CORRECTOR, ForecastModel, training_blocks
-from tripwatt.forecast.request import since_departure, trip_to_come
+from tripwatt.forecast.request import answer_of, since_departure, trip_to_come
 from tripwatt.forecast.storage import GIVEN, load_metadata, load_model, save_model
 
 __all__ = [
@@ -10,6 +10,7 @@ __all__ = [
     "GIVEN",
     "Forecast",
     "ForecastModel",
+    "answer_of",
     "load_metadata",
     "load_model",
     "save_model",

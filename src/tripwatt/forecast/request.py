@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.trips import COLUMNS, Context, Trip
+
+if TYPE_CHECKING:
+    from tripwatt.forecast.forecast import Forecast
 
 MOST_PAYLOAD_KG: Final = 60_000.0
 """As the simulation allows."""
@@ -102,3 +105,17 @@ def since_departure(observed: pd.DataFrame, trip: Trip) -> pd.DataFrame:
         got, allowed = f"{float(observed['time_s'].iloc[0]):g} s", f"{start:g} s or later, as the trip"
         raise InvalidInput(Fault("measured before departure", "observed samples, time_s", got, allowed))
     return observed.assign(time_s=times)
+
+
+def answer_of(found: Forecast, reserve: float) -> dict[str, Any]:
+    """What the command line and the service answer: the forecast, and the chance to arrive with the reserve.
+
+    Parameters
+    ----------
+    found : Forecast
+    reserve : float
+        Displayed state of charge to arrive with, 0 to 1.
+    """
+    answer = found.as_dict()
+    answer["p_arrive"][f"{reserve:g}"] = found.p_arrive(reserve)
+    return answer
