@@ -1,0 +1,118 @@
+/** The charge at the end as twenty dots: each is as likely as any other. */
+
+import { useMemo } from "preact/hooks";
+import type uPlot from "uplot";
+import type { Answer } from "../api/types";
+import { equallyLikely } from "../model/arrival";
+import { PERCENT, shown } from "../model/units";
+import { axis, plain } from "./axes";
+import { type Mark, placeMarks } from "./marks";
+import { type Look, Plot } from "./plot";
+
+const COLUMNS = 24;
+const LARGEST_DOT = 15;
+const SPANS = [3, 6, 12, 24, 48, 96, 192];
+const ROOM = 10;
+
+interface Dots {
+  data: uPlot.AlignedData;
+  from: number;
+  to: number;
+  reserveInside: boolean;
+}
+
+function range(least: number, most: number, reserve: number): [number, number, boolean] {
+  const width = SPANS.find((span) => span >= (most - least) * 1.3) ?? (SPANS.at(-1) as number);
+  const middle = (least + most) / 2;
+  const inside = reserve > middle - 1.6 * width && reserve < most + width;
+  const low = Math.min(middle - width / 2, inside ? reserve - width * 0.1 : Number.POSITIVE_INFINITY);
+  const high = Math.max(middle + width / 2, inside ? reserve + width * 0.1 : Number.NEGATIVE_INFINITY);
+  return [low, high, inside];
+}
+
+function dotsOf(answer: Answer, reserveSoc: number): Dots {
+  const places = equallyLikely(answer).map(PERCENT.from);
+  const reserve = PERCENT.from(reserveSoc);
+  const [from, to, reserveInside] = range(places[0] as number, places.at(-1) as number, reserve);
+  const step = (to - from) / COLUMNS;
+  const heights = new Map<number, number>();
+  const xs: number[] = [];
+  const kept: (number | null)[] = [];
+  const missed: (number | null)[] = [];
+  for (const place of places) {
+    const column = Math.floor((place - from) / step);
+    const height = heights.get(column) ?? 0;
+    heights.set(column, height + 1);
+    xs.push(from + (column + 0.5) * step);
+    kept.push(place >= reserve ? height + 0.5 : null);
+    missed.push(place < reserve ? height + 0.5 : null);
+  }
+  ranges.set(kept, [from, to]);
+  return { data: [xs, kept, missed], from, to, reserveInside };
+}
+
+function dotSize(width: number): number {
+  return Math.min((width - 2 * ROOM) / COLUMNS - 1, LARGEST_DOT);
+}
+
+export function ArrivalChart({
+  answer,
+  reserve,
+  height,
+  label,
+}: {
+  answer: Answer;
+  reserve: number;
+  height: number;
+  label: string;
+}) {
+  const dots = useMemo(() => dotsOf(answer, reserve), [answer, reserve]);
+  const options = ({ palette, width }: Look): uPlot.Options => {
+    const series = (fill: string): uPlot.Series => ({
+      paths: () => null,
+      points: { show: true, size: dotSize(width), fill, stroke: fill, width: 0 },
+    });
+    return {
+      width,
+      height,
+      padding: [18, ROOM, 0, ROOM],
+      legend: { show: false },
+      cursor: { show: false },
+      scales: {
+        x: { time: false, range: (plot) => rangeOf(plot.data) },
+        y: { range: (plot) => [0, (plot.over?.clientHeight || height - 48) / (dotSize(plot.width) + 1)] },
+      },
+      axes: [
+        axis({ palette, scale: "x", grid: false, text: (x) => `${plain(x)} %`, space: 54 }),
+        { show: false },
+      ],
+      series: [{}, series(palette.main), series(palette.alarm)],
+    };
+  };
+  return (
+    <Plot
+      label={label}
+      data={dots.data}
+      height={height}
+      options={options}
+      drawn={(plot) => {
+        placeMarks(plot, marks(dots, reserve));
+      }}
+    />
+  );
+}
+
+/** uPlot asks for the range with the data that it has. */
+const ranges = new WeakMap<object, [number, number]>();
+
+function rangeOf(data: uPlot.AlignedData): [number, number] {
+  return ranges.get(data[1] as object) ?? [0, 100];
+}
+
+function marks({ reserveInside, from, to }: Dots, reserve: number): Mark[] {
+  const text = `Reserve ${shown(reserve, PERCENT)}`;
+  if (reserveInside) return [{ kind: "reserve", text, x: PERCENT.from(reserve) }];
+  const below = PERCENT.from(reserve) < from;
+  const arrow = below ? `← ${text}` : `${text} →`;
+  return [{ kind: "aside", text: arrow, x: below ? from : to, y: 0, at: below ? "right" : "left" }];
+}

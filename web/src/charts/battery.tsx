@@ -1,0 +1,172 @@
+/** The one big picture: battery along the way, with the doubt drawn in. */
+
+import { computed } from "@preact/signals";
+import type uPlot from "uplot";
+import type { Answer } from "../api/types";
+import { innerShare } from "../model/arrival";
+import { interpolate } from "../model/interpolate";
+import { figure, PERCENT, shown } from "../model/units";
+import { conditions } from "../state/conditions";
+import { answer, distanceM, driving, update } from "../state/drive";
+import { alternative, departure } from "../state/forecast";
+import { looked, place } from "../state/pointer";
+import { units, wholeBattery } from "../state/preferences";
+import { axis, plain } from "./axes";
+import { type Mark, placeMarks, pointing } from "./marks";
+import { type Look, Plot } from "./plot";
+
+const LEAST_SPAN = 20;
+const STEP = 5;
+const LOWEST = -10;
+const NEAR = 15;
+
+const percent = (values: number[]) => values.map(PERCENT.from);
+
+function core({ series }: Answer, share: number, edge: number[]): number[] {
+  return edge.map((value, k) => {
+    const middle = series.displayed_soc[k] as number;
+    return PERCENT.from(middle + (value - middle) * share);
+  });
+}
+
+function onRoad(xs: number[], from: Answer): number[] {
+  return xs.map((x) => PERCENT.from(interpolate(x, from.series.distance_m, from.series.displayed_soc)));
+}
+
+const columns = computed<uPlot.AlignedData>(() => {
+  const now = answer.value;
+  if (!now) return [[], [], [], [], [], [], [], [], [], []];
+  const { series } = now;
+  const share = innerShare(now);
+  const other = alternative.value;
+  const behind = driving.value && update.value ? distanceM.value : -1;
+  const last = series.distance_m.findLastIndex((x) => x <= behind);
+  const middle = percent(series.displayed_soc);
+  const none = middle.map(() => null);
+  return [
+    series.distance_m.map(units.value.distance.from),
+    percent(series.displayed_soc_high),
+    percent(series.displayed_soc_low),
+    core(now, share, series.displayed_soc_high),
+    core(now, share, series.displayed_soc_low),
+    other ? percent(other.series.displayed_soc_high) : none,
+    other ? percent(other.series.displayed_soc_low) : none,
+    driving.value && departure.value ? onRoad(series.distance_m, departure.value) : none,
+    other ? percent(other.series.displayed_soc) : none,
+    middle.map((y, k) => (k >= last ? y : null)),
+    middle.map((y, k) => (k <= last ? y : null)),
+  ];
+});
+
+/** Charge that the picture spans [%]: all of the bands, and the reserve when it is near. */
+const span = computed<[number, number]>(() => {
+  if (wholeBattery.value) return [0, 100];
+  const values = columns.value.slice(1).flatMap((column) => Array.from(column)) as (number | null)[];
+  const known = values.filter((value): value is number => value !== null);
+  const reserve = PERCENT.from(conditions.value.reserve);
+  let low = Math.min(...known);
+  const high = Math.min(Math.ceil((Math.max(...known) + 1) / STEP) * STEP, 100);
+  if (low - reserve < NEAR) low = Math.min(low, reserve - 2);
+  low = Math.max(Math.floor((low - 1) / STEP) * STEP, LOWEST);
+  return [Math.min(low, high - LEAST_SPAN), high];
+});
+
+/** New whenever the picture is another one, be it for its span alone. */
+const data = computed<uPlot.AlignedData>(() => (span.value ? [...columns.value] : [[]]));
+
+function options({ palette, width, height }: Look): uPlot.Options {
+  const line = (stroke: string, more: Partial<uPlot.Series> = {}): uPlot.Series => ({
+    stroke,
+    width: 2.5,
+    points: { show: false },
+    ...more,
+  });
+  const edge: uPlot.Series = { stroke: "transparent", width: 0, points: { show: false } };
+  return {
+    width,
+    height,
+    padding: [12, 46, 0, 0],
+    legend: { show: false },
+    cursor: pointing((x) => {
+      looked.value = x === null ? null : units.value.distance.to(x);
+    }),
+    scales: { x: { time: false }, y: { range: () => span.value } },
+    axes: [
+      axis({ palette, scale: "x", grid: false, text: (x) => `${plain(x)} ${units.value.distance.unit}` }),
+      axis({ palette, scale: "y", text: (y) => (y < 0 ? "" : `${plain(y)} %`) }),
+    ],
+    bands: [
+      { series: [1, 2], fill: palette.mainBand },
+      { series: [3, 4], fill: palette.mainCore },
+      { series: [5, 6], fill: palette.otherBand },
+    ],
+    series: [
+      {},
+      edge,
+      edge,
+      edge,
+      edge,
+      edge,
+      edge,
+      line(palette.muted, { width: 1.5, dash: [2, 4] }),
+      line(palette.other, { dash: [8, 5] }),
+      line(palette.main),
+      line(palette.driven, { width: 3.5 }),
+    ],
+  };
+}
+
+function marks(now: Answer): Mark[] {
+  const distance = units.value.distance;
+  const end = distance.from(now.series.distance_m.at(-1) as number);
+  const reserve = conditions.value.reserve;
+  const [low, high] = span.value;
+  const inside = (y: number) => Math.min(Math.max(y, low), high);
+  const found: Mark[] = [];
+  if (PERCENT.from(reserve) >= low) {
+    found.push({ kind: "reserve", text: `Reserve ${shown(reserve, PERCENT)}`, y: PERCENT.from(reserve) });
+  }
+  if (low < 0) found.push({ kind: "empty", text: "Empty", y: 0, at: "below" });
+  const own = inside(PERCENT.from(now.soc_arrival));
+  const other = alternative.value;
+  found.push({
+    kind: "arrival",
+    text: `${figure(PERCENT.from(now.soc_arrival), 0)} %`,
+    x: end,
+    y: own,
+    at: "right",
+  });
+  if (other) {
+    const apart = ((high - low) / 300) * 18;
+    const theirs = inside(PERCENT.from(other.soc_arrival));
+    const y = Math.abs(theirs - own) < apart ? own + (theirs >= own ? apart : -apart) : theirs;
+    found.push({
+      kind: "other",
+      text: `${figure(PERCENT.from(other.soc_arrival), 0)} %`,
+      x: end,
+      y,
+      at: "right",
+    });
+  }
+  if (driving.value) {
+    const y = interpolate(distanceM.value, now.series.distance_m, now.series.displayed_soc);
+    found.push({ kind: "car", text: "", x: distance.from(distanceM.value), y: PERCENT.from(y) });
+  }
+  return found;
+}
+
+export function BatteryChart({ height, label }: { height: number; label: string }) {
+  const now = answer.value as Answer;
+  const placed = place.value;
+  const drawn = marks(now);
+  return (
+    <Plot
+      label={label}
+      data={data.value}
+      height={height}
+      options={options}
+      pointer={placed === null ? null : units.value.distance.from(placed)}
+      drawn={(plot) => placeMarks(plot, drawn)}
+    />
+  );
+}

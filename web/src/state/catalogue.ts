@@ -1,0 +1,96 @@
+/** Cars, models and examples of the service, and how a trip is chosen. */
+
+import { batch, effect, signal } from "@preact/signals";
+import { listExamples, listModels, listVehicles, loadExample, readRoute } from "../api/client";
+import type { ExampleSummary, Model, Vehicle } from "../api/types";
+import { type Conditions, conditions } from "./conditions";
+import { complain, model } from "./forecast";
+import { recall, remember } from "./preferences";
+import { type Source, type Trip, trip, tripOfExample, tripOfRoute } from "./trip";
+
+const KEY = "tripwatt.last";
+
+interface Last {
+  example: string;
+  model: string;
+  conditions: Conditions;
+}
+
+export const models = signal<Model[]>([]);
+export const vehicles = signal<Vehicle[]>([]);
+export const examples = signal<ExampleSummary[]>([]);
+export const source = signal<Source>("examples");
+/** What is being fetched or read; empty when nothing is. */
+export const loading = signal("the examples");
+
+function show(next: Trip, at: Conditions = next.start): void {
+  batch(() => {
+    const { reserve } = conditions.value;
+    conditions.value = { ...at, reserve };
+    trip.value = next;
+  });
+}
+
+async function during<T>(what: string, work: () => Promise<T>): Promise<T | null> {
+  loading.value = what;
+  try {
+    return await work();
+  } catch (error) {
+    complain(error);
+    return null;
+  } finally {
+    loading.value = "";
+  }
+}
+
+export async function chooseExample(name: string): Promise<void> {
+  const found = await during("the trip", () => loadExample(name));
+  if (found) show(tripOfExample(found));
+}
+
+/** Read what the reader brought; true when it is a trip. */
+export async function chooseRoute(
+  text: string,
+  title: string,
+  from: Source,
+  speedMS: number,
+): Promise<boolean> {
+  const isTable = from === "upload" && /\.(csv|tsv|txt)$/i.test(title);
+  const found = await during(title, () => readRoute(text, isTable, speedMS));
+  if (found) show(tripOfRoute(found, title, from));
+  return found !== null;
+}
+
+/** Fetch what the page needs to begin, and take up where the reader left. */
+export async function begin(): Promise<void> {
+  const last = recall<Last>(KEY);
+  await during("the examples", async () => {
+    const [allModels, allVehicles, allExamples] = await Promise.all([
+      listModels(),
+      listVehicles(),
+      listExamples(),
+    ]);
+    batch(() => {
+      models.value = allModels;
+      vehicles.value = allVehicles;
+      examples.value = allExamples;
+      model.value = (allModels.find(({ name }) => name === last.model) ?? allModels[0])?.name ?? null;
+    });
+  });
+  const known = examples.value.find((row) => row.trip === last.example) ?? examples.value[0];
+  if (known) {
+    const found = await during("the trip", () => loadExample(known.trip));
+    if (!found) return;
+    const same = known.trip === last.example && last.conditions !== undefined;
+    if (same) conditions.value = last.conditions as Conditions;
+    const next = tripOfExample(found);
+    show(next, same ? { ...next.start, ...last.conditions } : next.start);
+  }
+  effect(() => {
+    remember(KEY, {
+      example: trip.value?.example ?? "",
+      model: model.value ?? "",
+      conditions: conditions.value,
+    });
+  });
+}
