@@ -68,11 +68,11 @@ def read_canonical(
 
 
 def canonical_of_text(content: bytes, where: str = "table") -> pd.DataFrame:
-    """Samples of one trip from the content of a CSV file, as `read_canonical`; no file is read.
+    r"""Samples of one trip from the content of a CSV file, as `read_canonical`; no file is read.
 
     Examples
     --------
-    >>> canonical_of_text(b"time_s,speed_m_s\\n0,0\\n1,2.5\\n2,4")["speed_m_s"].tolist()
+    >>> canonical_of_text(b"time_s,speed_m_s\n0,0\n1,2.5\n2,4")["speed_m_s"].tolist()
     [0.0, 2.5, 4.0]
     """
     table = CsvTable(Path(where), open_delimited(Path(where), content), ".")
