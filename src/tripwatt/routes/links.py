@@ -408,7 +408,7 @@ def trip_from_links(
     height = route.elevation_at(profile.position_m)
     if height is not None:
         columns["elevation_m"] = height
-    return planned_trip(trip_id, pd.DataFrame(columns), departure, route.notes)
+    return planned_trip(trip_id, columns, departure, route.notes)
 
 
 def _stretches(route: LinkRoute) -> npt.NDArray[np.int64]:

@@ -289,4 +289,4 @@ def trip_from_track(
     columns = {"time_s": time, "speed_m_s": speed}
     if position is not None and height is not None:
         columns["elevation_m"] = np.interp(np.interp(time, known_s, driven), position, height)
-    return planned_trip(trip_id, pd.DataFrame(columns), departure, (*track.notes, *notes))
+    return planned_trip(trip_id, columns, departure, (*track.notes, *notes))

@@ -127,7 +127,8 @@ def _frame(columns: Mapping[str, FloatArray]) -> pd.DataFrame:
     """A table of numbers, each column contiguous; much faster than column by column."""
     if not columns:
         return pd.DataFrame()
-    return pd.DataFrame(np.array(list(columns.values())).T, columns=list(columns))
+    names = pd.Index(list(columns), dtype=object)
+    return pd.DataFrame(np.array(list(columns.values())).T, columns=names)
 
 
 def _samples_of(table: Table, where: str, required: Sequence[str], least: int) -> pd.DataFrame:
