@@ -230,7 +230,7 @@ def forecast(
         lambda: got.update(model=load_model(model)),
         lambda: got.update(trip=_read_trip(trip, speed)),
         lambda: None if observed is None else got.update(observed=_measured(observed)),
-        lambda: _with_option_names(asked),
+        lambda: check_departure(asked),
     )
     to_come = got["trip"](asked)
     found = got["model"].forecast(to_come)
@@ -286,8 +286,14 @@ def _require_options(reserve: float, plot: Path | None) -> None:
         raise InvalidInput(faults)
 
 
-def _with_option_names(asked: dict[str, Any]) -> None:
-    """Check what the options say, whatever the trip, under the options' names."""
+def check_departure(asked: dict[str, Any]) -> None:
+    """Check what options say of the departure, whatever the trip, under the options' names.
+
+    Raises
+    ------
+    InvalidInput
+        With every value that cannot be one.
+    """
     import pandas as pd
 
     from tripwatt.forecast import trip_to_come
