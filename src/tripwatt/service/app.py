@@ -29,13 +29,12 @@ from tripwatt.service.gates import Gate
 from tripwatt.service.metrics import Metrics
 from tripwatt.service.packing import Packing
 from tripwatt.service.problems import Problem, invalid
-from tripwatt.service.receiving import body_of, media_type, require_accepts
+from tripwatt.service.receiving import body_of, require_accepts
 from tripwatt.service.settings import Settings
 
 PAGE: Final = Path(__file__).with_name("page")
 JSON: Final = "application/json"
 NDJSON: Final = "application/x-ndjson"
-CSV_TYPES: Final = ("text/csv", "application/csv")
 ROUTE_TYPES: Final = (
     "application/gpx+xml",
     "application/xml",
@@ -43,7 +42,7 @@ ROUTE_TYPES: Final = (
     "application/geo+json",
     JSON,
     "application/octet-stream",
-    *CSV_TYPES,
+    "text/csv",
 )
 KINDS: Final = {400: "bad-request", 404: "not-found", 405: "method-not-allowed"}
 
@@ -107,7 +106,7 @@ class Api:
         self.metrics.follow(lambda: self.crew.waiting, lambda: self.crew.ready, lambda: self.crew.lost)
         self.batches = 0
         self.kept: dict[str, bytes] = {}
-        places = settings.models or {DEFAULT_MODEL: None}
+        places: dict[str, Path | None] = {**settings.models} or {DEFAULT_MODEL: None}
         models = [{"name": name, **load_metadata(folder)} for name, folder in places.items()]
         self.models = orjson.dumps({"models": models})
         self.app = FastAPI(
@@ -212,9 +211,8 @@ class Api:
         require_accepts(request, JSON)
         limits = self.settings.limits
         body = await body_of(request, ROUTE_TYPES, limits.body_bytes, limits.body_timeout_s)
-        kind = "csv" if media_type(request) in CSV_TYPES else "route"
         speed = speed_m_s if speed_m_s is not None and math.isfinite(speed_m_s) else None
-        return await self._job({"kind": "route", "format": kind, "speed_m_s": speed}, body)
+        return await self._job({"kind": "route", "speed_m_s": speed}, body)
 
     async def get_models(self, request: Request) -> Response:
         """Models that a request may name: what each takes in, where it comes from, how good it was."""

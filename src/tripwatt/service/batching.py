@@ -30,8 +30,8 @@ def lines_of(body: bytes, limits: Limits) -> list[bytes]:
 
     Examples
     --------
-    >>> lines_of(b'{}\\n\\n{"links": []}\\n', Limits())
-    [b'{}', b'{"links": []}']
+    >>> lines_of(b"{} \n \n[]", Limits())
+    [b'{} ', b'[]']
     """
     lines = [line for line in body.split(b"\n") if line.strip()]
     if not lines:

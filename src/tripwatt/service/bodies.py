@@ -85,6 +85,9 @@ class Link(BaseModel):
     moving_speed_m_s: float | None = Field(
         None, gt=0, le=FASTEST_LINK_M_S, description="speed while nothing stands in the way [m/s]"
     )
+    speed_limit_m_s: float | None = Field(
+        None, gt=0, le=FASTEST_LINK_M_S, description="highest allowed [m/s]"
+    )
     grade: float | None = Field(None, ge=-0.4, le=0.4, description="rise over length [1]")
     start_elevation_m: float | None = Field(None, ge=-500, le=9000, description="height at its start [m]")
     end_elevation_m: float | None = Field(None, ge=-500, le=9000, description="height at its end [m]")

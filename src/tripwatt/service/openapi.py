@@ -186,7 +186,7 @@ def metrics() -> dict[str, Any]:
 def complete(app: FastAPI, with_token: bool) -> None:
     """Put the schemas of bodies and answers, and the token where one is asked for, into the document of the app."""
     made = app.openapi
-    models = [
+    models: list[type[BaseModel]] = [
         bodies.Link,
         bodies.ForecastRequest,
         bodies.UpdateRequest,

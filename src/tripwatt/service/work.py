@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -13,10 +12,23 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.forecast import Forecast, ForecastModel, answer_of, load_model, since_departure, trip_to_come
+from tripwatt.forecast import (
+    Forecast,
+    ForecastModel,
+    answer_of,
+    load_model,
+    planned_to_come,
+    since_departure,
+    trip_to_come,
+)
 from tripwatt.forecast.storage import DEFAULT_MODEL
-from tripwatt.physics.battery import open_circuit_voltage
-from tripwatt.routes import Departure, LinkRoute, Track, plan_trip, read_route, route_from_track
+from tripwatt.routes import (
+    Track,
+    is_links_table,
+    plan_trip,
+    read_route,
+    route_from_track,
+)
 from tripwatt.service.bodies import (
     DEPARTURE,
     ForecastRequest,
@@ -27,14 +39,14 @@ from tripwatt.service.bodies import (
     route_of,
     samples_of,
 )
+from tripwatt.service.library import columns_of, examples, links_of, vehicles
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import canonical_of_text
-from tripwatt.synthetic import example_trip, synthetic_fleet
-from tripwatt.trips import Context, Trip
-from tripwatt.vehicles import load_vehicle, vehicle_names
+from tripwatt.synthetic import example_trip
+from tripwatt.trips import Trip
 
-EXAMPLES: Final = 6
-EXAMPLE_CAR: Final = "bmw_i3_60ah"
+ROUTE_STARTS: Final = (b"<", b"{", b"[", b"\xff", b"\xfe")
+"""First bytes of XML, of JSON, and of UTF-16."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +74,7 @@ class Work:
         Parameters
         ----------
         job : mapping
-            `kind`: a key of `JOBS`; for a route also `format` and `speed_m_s`; for an example `trip`.
+            `kind`: a key of `JOBS`; for a route also `speed_m_s`.
         body : bytes
 
         Raises
@@ -107,22 +119,19 @@ class Work:
         if asked.samples is not None:
             return trip_to_come(samples_of(asked.samples, self.limits), asked.trip, **known)
         route = route_of(asked.links, asked.elevation, self.limits)
-        payload = known.pop("payload_mass_kg") or 0.0
-        departure = Departure(**known, context=Context(payload_mass_kg=payload))
-        return plan_trip(route, departure, trip_id=asked.trip)
+        return planned_to_come(plan_trip(route, trip_id=asked.trip), **known)
 
-    def route(self, body: bytes, kind: str, speed_m_s: float | None) -> dict[str, Any]:
+    def route(self, body: bytes, speed_m_s: float | None) -> dict[str, Any]:
         """What an upload holds, as the fields of a `ForecastRequest`.
 
         Parameters
         ----------
         body : bytes
-            CSV of samples, GPX, GeoJSON, a router's answer, or links.
-        kind : {"csv", "route"}
+            GPX, GeoJSON, a router's answer, links as JSON or CSV, or CSV of samples: told from the content.
         speed_m_s : float or None
             Mean speed [m/s] of pieces that know neither time nor speed.
         """
-        if kind == "csv":
+        if body.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] not in ROUTE_STARTS and not is_links_table(body):
             return self._uploaded_samples(canonical_of_text(body, "upload"))
         route = read_route(body, where="upload")
         if isinstance(route, Track):
@@ -172,7 +181,7 @@ JOBS: Final[Mapping[str, Callable[[Work, Mapping[str, Any], bytes], dict[str, An
     {
         "forecast": lambda work, job, body: work.forecast(body),
         "update": lambda work, job, body: work.update(body),
-        "route": lambda work, job, body: work.route(body, job["format"], job["speed_m_s"]),
+        "route": lambda work, job, body: work.route(body, job["speed_m_s"]),
         "vehicles": lambda work, job, body: {"vehicles": work.vehicles()},
         "examples": lambda work, job, body: examples(),
     }
@@ -190,77 +199,3 @@ def _sound(answer: dict[str, Any]) -> dict[str, Any]:
             Fault("no forecast", "trip", "values that no car has", "a trip that can be driven")
         )
     return answer
-
-
-def links_of(route: LinkRoute) -> list[dict[str, float]]:
-    """A route as the links of a request, without its heights."""
-    columns = {
-        "length_m": route.length_m,
-        "travel_time_s": route.travel_time_s,
-        "stop_s": route.stop_s,
-        "moving_speed_m_s": route.moving_speed_m_s,
-    }
-    names = list(columns)
-    rows = zip(*(columns[name].tolist() for name in names), strict=True)
-    return [{n: v for n, v in zip(names, row, strict=True) if v == v} for row in rows]
-
-
-def columns_of(samples: Any) -> dict[str, list[float | None]]:
-    """A table as the `samples` of a request; null where a value is missing."""
-    return {
-        name: [None if v != v else v for v in np.asarray(samples[name], dtype=np.float64).tolist()]
-        for name in samples.columns
-    }
-
-
-@cache
-def vehicles() -> tuple[dict[str, Any], ...]:
-    """Cars of the library."""
-    rows = []
-    for name in vehicle_names():
-        car = load_vehicle(name)
-        window = np.linspace(car.battery.displayed_zero_soc, car.battery.displayed_full_soc, 101)
-        mean_v = float(open_circuit_voltage(window, car.battery).mean())
-        rows.append(
-            {
-                "name": name,
-                "title": car.title,
-                "test_mass_kg": car.body.test_mass_kg,
-                "usable_energy_wh": car.battery.capacity_ah * mean_v * float(window[-1] - window[0]),
-                "has_climate": car.climate is not None,
-            }
-        )
-    return tuple(rows)
-
-
-@cache
-def examples() -> dict[str, dict[str, Any]]:
-    """Synthetic trips to try the service with, by name: computed, not driven."""
-    battery = load_vehicle(EXAMPLE_CAR).battery
-    found = {}
-    for trip in synthetic_fleet(EXAMPLES).trips:
-        at_door = {
-            name: float(trip.array(name)[0])
-            for name in DEPARTURE
-            if name in trip and np.isfinite(trip.array(name)[0])
-        }
-        at_door["displayed_soc"] = float(battery.displayed_from_soc(trip.array("soc")[0]))
-        route = [c for c in ("time_s", "speed_m_s", "elevation_m") if c in trip]
-        measured = [c for c in ("time_s", "voltage_v", "current_a", "soc") if c in trip]
-        found[trip.trip_id] = {
-            "trip": trip.trip_id,
-            "title": trip.context.route or trip.trip_id,
-            "vehicle": EXAMPLE_CAR,
-            "note": "synthetic: computed, not driven",
-            "duration_s": trip.duration_s,
-            "distance_m": trip.distance_m,
-            "observed_energy_wh": trip.observed_energy_wh,
-            "request": {
-                "trip": trip.trip_id,
-                "samples": columns_of(trip.samples[route]),
-                "payload_mass_kg": trip.context.payload_mass_kg,
-                **at_door,
-            },
-            "observed": columns_of(trip.samples[measured]),
-        }
-    return found
