@@ -371,6 +371,7 @@ def links_of_trip(trip: Trip, length_m: float = 250.0) -> LinkRoute:
 
     Examples
     --------
+    >>> import pandas as pd
     >>> log = pd.DataFrame({"time_s": np.arange(61.0), "speed_m_s": np.full(61, 10.0)})
     >>> links_of_trip(Trip.from_samples("t", log), 250.0).travel_time_s
     array([25., 35.])

@@ -23,8 +23,8 @@ def packed(head: dict[str, Any], body: bytes) -> bytes:
 
     Examples
     --------
-    >>> packed({}, b"x")
-    b'\\x00\\x00\\x00\\x02\\x00\\x00\\x00\\x01{}x'
+    >>> packed({}, b"x")[8:]
+    b'{}x'
     """
     text = orjson.dumps(head)
     return LENGTHS.pack(len(text), len(body)) + text + body
