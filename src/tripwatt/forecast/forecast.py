@@ -13,6 +13,7 @@ import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecast.gain import EXACT_W2, Gain
+from tripwatt.forecast.planned import given_of
 from tripwatt.forecast.process import Belief, Blocks, ResidualProcess, prior
 from tripwatt.forecast.scores import Scores
 from tripwatt.hybrid import BlockTable
@@ -120,6 +121,11 @@ class Forecast:
             widening=float(np.sqrt(1.0 + sum(b**2 + 0.25 for b in outside.values()) + 0.1 * len(unknown))),
             flags=(*flags, *simulation.flags),
         )
+
+    @property
+    def given(self) -> str:
+        """What is taken as known of the speed: the driven speed trace, or a planned route."""
+        return given_of(self.plan)
 
     @property
     def power_w(self) -> FloatArray:
@@ -284,7 +290,7 @@ class Forecast:
         """What the command line and the service answer, plain values."""
         return {
             "trip": self.plan.trip_id,
-            "given": "the driven speed trace",
+            "given": self.given,
             "energy_wh": self.energy_wh,
             "quantiles_wh": {f"{p:g}": self.quantile(p) for p in QUANTILES},
             "soc_arrival": self.soc_arrival,

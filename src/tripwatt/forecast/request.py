@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
@@ -80,8 +81,11 @@ def trip_to_come(
         raise InvalidInput(faults)
     payload = known.pop("payload_mass_kg", 0.0)
     # the reading of the battery management would win over what the driver says
-    kept = samples.drop(columns="soc", errors="ignore") if displayed_soc is not None else samples
-    return Trip.from_samples(trip_id, kept.assign(**known), Context(payload_mass_kg=payload))
+    left_out = {"soc"} if displayed_soc is not None else set()
+    columns: dict[str, Any] = {n: samples[n].to_numpy() for n in samples.columns if n not in left_out}
+    columns |= {name: np.full(len(samples), value) for name, value in known.items()}
+    table = pd.DataFrame(columns, columns=pd.Index(list(columns), dtype=object))
+    return Trip.from_samples(trip_id, table, Context(payload_mass_kg=payload))
 
 
 def since_departure(observed: pd.DataFrame, trip: Trip) -> pd.DataFrame:

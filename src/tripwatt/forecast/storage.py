@@ -18,6 +18,7 @@ import tripwatt
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecast.gain import Gain
 from tripwatt.forecast.model import ForecastModel, Range
+from tripwatt.forecast.planned import RouteDoubt
 from tripwatt.forecast.process import ResidualProcess
 from tripwatt.forecast.scores import Scores
 from tripwatt.hybrid.power import BLOCK_S, DEPARTURE_COLUMNS, ROUTE_COLUMNS
@@ -55,6 +56,7 @@ def model_parts(model: ForecastModel) -> dict[str, Part]:
         "process": {**process, "effect_sd": model.process_.effect_sd.tolist()},
         "scores": model.scores_.values.tolist(),
         "gain": model.gain_.values.tolist(),
+        "route_doubt": _doubt_part(model.route_doubt_),
         "ranges": {n: [_finite(r.low), _finite(r.high), r.sd] for n, r in model.ranges_.items()},
         "trip_ids": list(model.trip_ids_),
     }
@@ -89,6 +91,7 @@ def model_of_parts(parts: Mapping[str, Part]) -> ForecastModel:
             process_=ResidualProcess(**{**process, "effect_sd": np.array(process["effect_sd"])}),
             scores_=Scores(np.array(values["scores"], dtype=np.float64)),
             gain_=Gain(np.array(values["gain"], dtype=np.float64)),
+            route_doubt_=_doubt_of_part(values.get("route_doubt")),
             ranges_=ranges,
             trip_ids_=tuple(values["trip_ids"]),
         )
@@ -287,6 +290,21 @@ def _take_values(document: dict[str, dict[str, Any]], vehicle: Vehicle) -> None:
                 "source": source,
                 **scale,
             }
+
+
+def _doubt_part(doubt: RouteDoubt | None) -> dict[str, Any] | None:
+    if doubt is None:
+        return None
+    lengths, variances = doubt.length_m.tolist(), doubt.variance.tolist()
+    return {"length_m": lengths, "variance": variances, "trips": doubt.trips}
+
+
+def _doubt_of_part(part: Mapping[str, Any] | None) -> RouteDoubt | None:
+    """Models of older versions have none."""
+    if part is None:
+        return None
+    length, variance = (np.array(part[name], dtype=np.float64) for name in ("length_m", "variance"))
+    return RouteDoubt(length, variance, part["trips"])
 
 
 def _finite(value: float) -> float | None:

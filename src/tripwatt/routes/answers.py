@@ -31,11 +31,13 @@ from tripwatt.routes.points import (
     numbers,
     parse_json,
 )
+from tripwatt.routes.table import is_links_table, route_from_table
 from tripwatt.routes.tracks import Track
 from tripwatt.trips import FloatArray
 from tripwatt.units import M_PER_MILE, M_S_PER_KM_H
 
 M_PER_FOOT: Final = 0.3048
+ROUTE_SUFFIXES: Final = (".gpx", ".json", ".geojson")
 
 
 @dataclass(slots=True)
@@ -362,11 +364,27 @@ def _route_from(answer: dict[str, Any], router: str | None, name: str) -> LinkRo
     return ROUTERS[kind](answer, f"{name} ({kind})")
 
 
+def is_route(path: Path | str) -> bool:
+    """Whether a file is to be read as a route, by its name or its beginning; False where it cannot be read.
+
+    Everything but a Parquet file and a CSV table of samples is: its faults are then those of a route.
+    """
+    path = Path(path)
+    if path.suffix.lower() in ROUTE_SUFFIXES:
+        return path.is_file()
+    try:
+        with path.open("rb") as file:
+            head = file.read(4096)
+    except OSError:
+        return False
+    return head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"<", b"{", b"[") or is_links_table(head)
+
+
 def read_route(source: bytes | str | Path, *, where: str | None = None) -> LinkRoute | Track:
-    """A route in any of the formats: GPX, GeoJSON, a router's answer, or a JSON list of links. O(bytes).
+    """A route in any of the formats: GPX, GeoJSON, a router's answer, or links as JSON or CSV. O(bytes).
 
     The format is told from the content. Links are a JSON array of objects, or an object with a key `links`, as
-    `route_from_links` reads them.
+    `route_from_links` reads them, or a CSV table with the same names as columns (`route_from_table`).
 
     Parameters
     ----------
@@ -393,6 +411,8 @@ def read_route(source: bytes | str | Path, *, where: str | None = None) -> LinkR
     head = data[:200].lstrip(b"\xef\xbb\xbf \t\r\n")
     if head.startswith((b"<", b"\xff\xfe", b"\xfe\xff")):
         return read_gpx(data, where=name)
+    if is_links_table(data):
+        return route_from_table(data, name)
     document = parse_json(data, name)
     if isinstance(document, list):
         return route_from_links(document)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,7 +10,6 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes.departure import Departure, planned_trip
@@ -24,6 +24,9 @@ MOST_TRAVEL_TIME_S: Final = 48 * 3600.0
 
 MOST_SAMPLES: Final = 2_000_000
 """Samples of one planned trip."""
+
+MOST_FAULTS: Final = 50
+"""So many faults of links are named; of the rest the number."""
 
 FASTEST_LINK_M_S: Final = 70.0
 """Highest mean speed of a link (252 km/h)."""
@@ -53,6 +56,7 @@ LINK_KEYS: Final = frozenset(
         "end_elevation_m",
         "stop_s",
         "moving_speed_m_s",
+        "speed_limit_m_s",
     }
 )
 """What a link may say of itself, see `route_from_links`."""
@@ -75,6 +79,8 @@ class LinkRoute:
         Heights above sea level at distances from the start; between them the road is straight. None = not known.
     notes : tuple of str
         What had to be assumed.
+    speed_limit_m_s : ndarray or None
+        Highest allowed speed, NaN = not known; None = known of no link.
 
     Raises
     ------
@@ -89,6 +95,7 @@ class LinkRoute:
     elevation_position_m: FloatArray | None = None
     elevation_m: FloatArray | None = None
     notes: tuple[str, ...] = ()
+    speed_limit_m_s: FloatArray | None = None
 
     def __post_init__(self) -> None:
         raise_faults(_route_faults(self))
@@ -122,6 +129,7 @@ class LinkRoute:
 
 def _route_faults(route: LinkRoute) -> Iterator[Fault]:
     length, time = route.length_m, route.travel_time_s
+    limit = np.full(length.shape, np.nan) if route.speed_limit_m_s is None else route.speed_limit_m_s
     if not len(length) or len(length) > MOST_LINKS:
         yield Fault("number of links out of range", "links", f"{len(length)}", f"1 to {MOST_LINKS}")
         return
@@ -151,6 +159,12 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
             "moving_speed_m_s",
             route.moving_speed_m_s,
             ~((route.moving_speed_m_s <= 0) | (route.moving_speed_m_s > FASTEST_LINK_M_S)),
+            f"more than 0, at most {FASTEST_LINK_M_S:g} m/s",
+        ),
+        (
+            "speed_limit_m_s",
+            limit,
+            ~((limit <= 0) | (limit > FASTEST_LINK_M_S)),
             f"more than 0, at most {FASTEST_LINK_M_S:g} m/s",
         ),
     )
@@ -186,8 +200,8 @@ def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
     links : iterable of mapping
         Each with `length_m` [m] and either `speed_m_s`, the mean speed including every standstill [m/s], or
         `travel_time_s` [s]. Optional: `stop_s`, the standstill at the end of the link (part of the travel time; 0 says
-        that the car does not stop), `moving_speed_m_s`, the speed while nothing stands in the way, and either `grade`
-        or `start_elevation_m` and `end_elevation_m` [m]. None counts as not given.
+        that the car does not stop), `moving_speed_m_s`, the speed while nothing stands in the way, `speed_limit_m_s`,
+        and either `grade` or `start_elevation_m` and `end_elevation_m` [m]. None counts as not given.
 
     Raises
     ------
@@ -210,7 +224,7 @@ def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
             )
             break
         rows.append(_row(link, f"link {number}", faults))
-    raise_faults(faults)
+    raise_faults(_some(faults))
     if not rows:
         raise InvalidInput(Fault("no links", "links", "0", "at least one link"))
     columns = {name: np.array([row.get(name, np.nan) for row in rows]) for name in LINK_KEYS}
@@ -222,7 +236,46 @@ def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
     flat = LinkRoute(length, time, columns["stop_s"], columns["moving_speed_m_s"])
     position, height, note = _elevation(columns)
     notes = (note,) if note else ()
+    limit = columns["speed_limit_m_s"]
+    if np.isfinite(limit).any():
+        flat = replace(flat, speed_limit_m_s=limit)
     return replace(flat, elevation_position_m=position, elevation_m=height, notes=notes)
+
+
+ALLOWED_KEYS: Final = ", ".join(sorted(LINK_KEYS))
+
+
+def unit_hint(key: object) -> str:
+    """Our name of the same quantity, whatever the unit of the key; empty where there is none.
+
+    Examples
+    --------
+    >>> unit_hint("speed_km_h"), unit_hint("length_km"), unit_hint("colour")
+    ('did you mean speed_m_s?', 'did you mean length_m?', '')
+    """
+    name = str(key).lower()[:60]
+    same = [ours for ours in sorted(LINK_KEYS) if _stem(ours) == _stem(name)]
+    near = same or difflib.get_close_matches(name, LINK_KEYS, n=1, cutoff=0.8)
+    return f"did you mean {near[0]}?" if near else ""
+
+
+def _stem(name: str) -> str:
+    for ending in ("_m_s", "_km_h", "_kmh", "_kph", "_mph", "_km", "_m", "_ft", "_s", "_min", "_h"):
+        if name.endswith(ending):
+            return name.removesuffix(ending)
+    return name
+
+
+def harmless(key: str) -> float:
+    """What stands in for a value that is no number, so that it is not called missing or out of range as well."""
+    return 0.0 if key in ("grade", "stop_s") else 1.0
+
+
+def _some(faults: list[Fault]) -> list[Fault]:
+    """All faults, or the first ones and how many more there are."""
+    if len(faults) <= MOST_FAULTS:
+        return faults
+    return [*faults[:MOST_FAULTS], Fault("more faults", "links", f"{len(faults) - MOST_FAULTS} more")]
 
 
 def _row(link: Mapping[str, float | None], where: str, faults: list[Fault]) -> dict[str, float]:
@@ -232,9 +285,10 @@ def _row(link: Mapping[str, float | None], where: str, faults: list[Fault]) -> d
     row: dict[str, float] = {}
     for key, value in link.items():
         if key not in LINK_KEYS:
-            faults.append(Fault("unknown key", where, repr(key)[:60], ", ".join(sorted(LINK_KEYS))))
+            faults.append(Fault("unknown key", where, repr(key)[:60], ALLOWED_KEYS, unit_hint(key)))
         elif isinstance(value, bool) or not isinstance(value, int | float | None):
             faults.append(Fault("not a number", f"{where}, {key}", repr(value)[:60], "a number"))
+            row[key] = harmless(key)
         elif value is not None:
             row[key] = _finite(value, f"{where}, {key}", faults)
     if "length_m" not in row:
@@ -271,7 +325,7 @@ def _finite(value: float, where: str, faults: list[Fault]) -> float:
         number = math.inf
     if not math.isfinite(number):
         faults.append(Fault("not a finite number", where, repr(value)[:60], "a finite number"))
-        return 1.0
+        return harmless(where.rpartition(", ")[2])
     return number
 
 
@@ -317,6 +371,7 @@ def links_of_trip(trip: Trip, length_m: float = 250.0) -> LinkRoute:
 
     Examples
     --------
+    >>> import pandas as pd
     >>> log = pd.DataFrame({"time_s": np.arange(61.0), "speed_m_s": np.full(61, 10.0)})
     >>> links_of_trip(Trip.from_samples("t", log), 250.0).travel_time_s
     array([25., 35.])
@@ -375,7 +430,7 @@ def trip_from_links(
     -------
     Trip
         Columns `time_s`, `speed_m_s`, `elevation_m` where it is known, and what `departure` knows; what had to be
-        assumed stands in `context.notes`.
+        assumed stands in `context.notes`, and how long the links are in `context.planned_link_m`.
 
     Raises
     ------
@@ -400,6 +455,7 @@ def trip_from_links(
         time,
         stop_s=_stops(route, first, last),
         moving_speed_m_s=_moving_speeds(route, first),
+        speed_limit_m_s=_limits(route, first),
         style=style,
         rng=rng,
         step_s=step_s,
@@ -408,7 +464,8 @@ def trip_from_links(
     height = route.elevation_at(profile.position_m)
     if height is not None:
         columns["elevation_m"] = height
-    return planned_trip(trip_id, pd.DataFrame(columns), departure, route.notes)
+    context = replace(departure.context, planned_link_m=float(length @ length / length.sum()))
+    return planned_trip(trip_id, columns, replace(departure, context=context), route.notes)
 
 
 def _stretches(route: LinkRoute) -> npt.NDArray[np.int64]:
@@ -443,6 +500,15 @@ def _moving_speeds(route: LinkRoute, first: npt.NDArray[np.int64]) -> FloatArray
     )
 
 
+def _limits(route: LinkRoute, first: npt.NDArray[np.int64]) -> FloatArray | None:
+    """Highest speed limit of each stretch, unknown as soon as one of its links does not know."""
+    return (
+        None
+        if route.speed_limit_m_s is None
+        else np.asarray(np.maximum.reduceat(route.speed_limit_m_s, first))
+    )
+
+
 def join_routes(routes: Sequence[LinkRoute]) -> LinkRoute:
     """Routes one after the other; heights only where all of them know theirs. O(links)."""
     heights = [r.elevation_m for r in routes if r.elevation_m is not None]
@@ -452,6 +518,7 @@ def join_routes(routes: Sequence[LinkRoute]) -> LinkRoute:
             places.append(route.elevation_position_m + driven)
         driven += route.distance_m
     complete = len(heights) == len(routes)
+    limits = [r.speed_limit_m_s for r in routes]
     notes = tuple(dict.fromkeys(note for route in routes for note in route.notes))
     return LinkRoute(
         np.concatenate([r.length_m for r in routes]),
@@ -461,4 +528,12 @@ def join_routes(routes: Sequence[LinkRoute]) -> LinkRoute:
         np.concatenate(places) if complete else None,
         np.concatenate(heights) if complete else None,
         notes if complete or FLAT_ROAD_NOTE in notes else (*notes, FLAT_ROAD_NOTE),
+        None
+        if all(limit is None for limit in limits)
+        else np.concatenate(
+            [
+                np.full(len(r), np.nan) if limit is None else limit
+                for r, limit in zip(routes, limits, strict=True)
+            ]
+        ),
     )

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes.departure import Departure, planned_trip
@@ -130,6 +129,18 @@ class Track:
             return None, None, (FLAT_ROAD_NOTE,)
         notes = () if known.all() else ("elevation bridged over points that do not say theirs",)
         return self.position_m[known], self.elevation_m[known], notes
+
+
+def needs_speed(route: LinkRoute | Track) -> bool:
+    """Whether a route is a track of which some piece knows neither time nor speed.
+
+    Examples
+    --------
+    >>> from tripwatt.routes import read_gpx
+    >>> needs_speed(read_gpx(b'<gpx><rte><rtept lat="48" lon="11"/><rtept lat="48.01" lon="11"/></rte></gpx>'))
+    True
+    """
+    return isinstance(route, Track) and route.time_s is None and bool(np.isnan(route.piece_speed_m_s).any())
 
 
 def times_of(texts: list[str], where: str) -> tuple[FloatArray | None, dt.datetime | None, tuple[str, ...]]:
@@ -289,4 +300,5 @@ def trip_from_track(
     columns = {"time_s": time, "speed_m_s": speed}
     if position is not None and height is not None:
         columns["elevation_m"] = np.interp(np.interp(time, known_s, driven), position, height)
-    return planned_trip(trip_id, pd.DataFrame(columns), departure, (*track.notes, *notes))
+    departure = replace(departure, context=replace(departure.context, planned_link_m=None))
+    return planned_trip(trip_id, columns, departure, (*track.notes, *notes))

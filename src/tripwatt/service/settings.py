@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -87,6 +88,38 @@ class Settings:
     workers: int = 2
     token: str = field(default="", repr=False)
     limits: Limits = field(default_factory=Limits)
+
+    @property
+    def hosts(self) -> frozenset[str]:
+        """Names that a Host header may give; empty for any.
+
+        On loopback a page of another site could reach the service under a name of its own (DNS rebinding); elsewhere
+        the token keeps it out.
+
+        Examples
+        --------
+        >>> "localhost" in Settings().hosts, Settings(host="0.0.0.0").hosts
+        (True, frozenset())
+        """
+        if not is_loopback(self.host):
+            return frozenset()
+        return frozenset({"localhost", "127.0.0.1", "[::1]", self.host.lower()})
+
+
+def is_loopback(host: str) -> bool:
+    """Whether an address to listen on is reached from this machine only.
+
+    Examples
+    --------
+    >>> [is_loopback(host) for host in ("127.0.0.1", "::1", "localhost", "0.0.0.0", "::", "192.0.2.7")]
+    [True, True, True, False, False, False]
+    """
+    if host.lower() == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def parse_limits(pairs: list[str]) -> Limits:

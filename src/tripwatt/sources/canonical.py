@@ -68,11 +68,11 @@ def read_canonical(
 
 
 def canonical_of_text(content: bytes, where: str = "table") -> pd.DataFrame:
-    """Samples of one trip from the content of a CSV file, as `read_canonical`; no file is read.
+    r"""Samples of one trip from the content of a CSV file, as `read_canonical`; no file is read.
 
     Examples
     --------
-    >>> canonical_of_text(b"time_s,speed_m_s\\n0,0\\n1,2.5\\n2,4")["speed_m_s"].tolist()
+    >>> canonical_of_text(b"time_s,speed_m_s\n0,0\n1,2.5\n2,4")["speed_m_s"].tolist()
     [0.0, 2.5, 4.0]
     """
     table = CsvTable(Path(where), open_delimited(Path(where), content), ".")
@@ -127,7 +127,8 @@ def _frame(columns: Mapping[str, FloatArray]) -> pd.DataFrame:
     """A table of numbers, each column contiguous; much faster than column by column."""
     if not columns:
         return pd.DataFrame()
-    return pd.DataFrame(np.array(list(columns.values())).T, columns=list(columns))
+    names = pd.Index(list(columns), dtype=object)
+    return pd.DataFrame(np.array(list(columns.values())).T, columns=names)
 
 
 def _samples_of(table: Table, where: str, required: Sequence[str], least: int) -> pd.DataFrame:

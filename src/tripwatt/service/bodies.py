@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from types import NoneType
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, TypeVar
 
 import numpy as np
 import orjson
@@ -12,15 +13,14 @@ import pandas as pd
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, WithJsonSchema
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.routes.links import FASTEST_LINK_M_S, LINK_KEYS
+from tripwatt.routes import LinkRoute, route_from_links
+from tripwatt.routes.links import FASTEST_LINK_M_S, FLAT_ROAD_NOTE
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import canonical_samples
 from tripwatt.trips import COLUMNS, FloatArray
 
-ROUTE_COLUMNS: Final = ("time_s", "speed_m_s", "elevation_m", "grade")
-MEASURED_COLUMNS: Final = ("time_s", "voltage_v", "current_a", "soc", "displayed_soc")
-MOST_FAULTS: Final = 50
-"""Faults that one answer names; the rest is counted."""
+NUMBERS: Final = frozenset({float, int, NoneType})
+"""Types of JSON numbers and of null; true and false are none of them."""
 
 
 def _columns_schema(names: Iterable[str], required: list[str], meaning: str) -> dict[str, Any]:
@@ -84,6 +84,9 @@ class Link(BaseModel):
     )
     moving_speed_m_s: float | None = Field(
         None, gt=0, le=FASTEST_LINK_M_S, description="speed while nothing stands in the way [m/s]"
+    )
+    speed_limit_m_s: float | None = Field(
+        None, gt=0, le=FASTEST_LINK_M_S, description="highest allowed [m/s]"
     )
     grade: float | None = Field(None, ge=-0.4, le=0.4, description="rise over length [1]")
     start_elevation_m: float | None = Field(None, ge=-500, le=9000, description="height at its start [m]")
@@ -152,11 +155,14 @@ DEPARTURE: Final = (
 )
 
 
+Body = TypeVar("Body", bound=BaseModel)
+
+
 class NotJson(Exception):
     """A body that is no JSON document."""
 
 
-def parse(body: bytes, kind: type[ForecastRequest]) -> ForecastRequest:
+def parse(body: bytes, kind: type[Body]) -> Body:
     """The request that a body holds.
 
     Raises
@@ -183,14 +189,49 @@ def parse(body: bytes, kind: type[ForecastRequest]) -> ForecastRequest:
         ) from error
 
 
-def samples_of(value: Any, where: str, limits: Limits) -> pd.DataFrame:
+def samples_of(value: Any, limits: Limits) -> pd.DataFrame:
     """Checked samples of the trip of a request."""
-    return canonical_samples(_columns(value, where, limits), where)
+    samples = canonical_samples(_columns(value, "samples", limits), "samples")
+    time = samples["time_s"].to_numpy()
+    require_duration(float(time[-1] - time[0]), "samples", limits)
+    return samples
 
 
 def measured_of(value: Any, limits: Limits) -> pd.DataFrame:
     """Checked samples of what was measured."""
     return canonical_samples(_columns(value, "observed", limits), "observed", required=("time_s",), least=2)
+
+
+def route_of(links: Any, elevation: Elevation | None, limits: Limits) -> LinkRoute:
+    """Checked links of a request, with the heights that it gives beside them."""
+    if not isinstance(links, list):
+        raise InvalidInput(Fault("not a list", "links", repr(links)[:60], "a list of objects"))
+    if len(links) > limits.links:
+        raise InvalidInput(Fault("too many links", "links", f"{len(links)}", f"at most {limits.links}"))
+    route = route_from_links(links)
+    require_duration(route.duration_s, "links", limits)
+    if elevation is None:
+        return route
+    position, height = np.array(elevation.position_m), np.array(elevation.elevation_m)
+    faults = []
+    if position.shape != height.shape or len(position) > limits.samples:
+        got = f"{len(position)} positions and {len(height)} heights"
+        faults.append(Fault("heights disagree", "elevation", got, f"as many, at most {limits.samples}"))
+    if (np.diff(position) < 0).any() or position[0] < 0:
+        faults.append(Fault("position falls", "elevation.position_m", "", "0 m or more, not falling"))
+    if any("start_elevation_m" in link or "grade" in link for link in links):
+        faults.append(Fault("two roads", "elevation", "links that have heights or grades", "one of both"))
+    if faults:
+        raise InvalidInput(faults)
+    notes = tuple(note for note in route.notes if note != FLAT_ROAD_NOTE)
+    return replace(route, elevation_position_m=position, elevation_m=height, notes=notes)
+
+
+def require_duration(duration_s: float, where: str, limits: Limits) -> None:
+    """Refuse a trip that takes longer than the service computes."""
+    if not duration_s <= limits.duration_s:
+        allowed = f"at most {limits.duration_s:g} s"
+        raise InvalidInput(Fault("the trip takes too long", where, f"{duration_s:g} s", allowed))
 
 
 def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
@@ -204,8 +245,8 @@ def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
             faults.append(Fault("not a list", place, repr(values)[:60], "a list of numbers"))
         elif len(values) > limits.samples:
             faults.append(Fault("too many samples", place, f"{len(values)}", f"at most {limits.samples}"))
-        elif not set(map(type, values)) <= {float, int, NoneType}:
-            first = next(k for k, v in enumerate(values) if type(v) not in (float, int, NoneType))
+        elif not set(map(type, values)) <= NUMBERS:
+            first = next(k for k, v in enumerate(values) if type(v) not in NUMBERS)
             got = repr(values[first])[:60]
             faults.append(Fault("not a number", f"{place}[{first}]", got, "a number, or null where unknown"))
         else:
@@ -213,6 +254,3 @@ def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
     if faults:
         raise InvalidInput(faults)
     return columns
-
-
-assert frozenset(Link.model_fields) == LINK_KEYS
