@@ -20,6 +20,8 @@ from tripwatt.sources.canonical import LEAST_SAMPLES, canonical_samples
 from tripwatt.trips import COLUMNS, FloatArray
 
 LEAST_MEASURED: Final = 2
+LEAST_DURATION_S: Final = 1.0
+"""The physics goes by seconds."""
 
 NUMBERS: Final = frozenset({float, int, NoneType})
 """Types of JSON numbers and of null; true and false are none of them."""
@@ -117,8 +119,8 @@ class Elevation(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
-    position_m: list[float] = Field(min_length=2, description="distances from the start, not falling [m]")
-    elevation_m: list[float] = Field(min_length=2, description="height above sea level at each [m]")
+    position_m: list[float] = Field(min_length=1, description="distances from the start, not falling [m]")
+    elevation_m: list[float] = Field(min_length=1, description="height above sea level at each [m]")
 
 
 Links = Annotated[
@@ -254,10 +256,10 @@ def route_of(links: Any, elevation: Elevation | None, limits: Limits) -> LinkRou
 
 
 def require_duration(duration_s: float, where: str, limits: Limits) -> None:
-    """Refuse a trip that takes longer than the service computes."""
-    if not duration_s <= limits.duration_s:
-        allowed = f"at most {limits.duration_s:g} s"
-        raise InvalidInput(Fault("the trip takes too long", where, f"{duration_s:g} s", allowed))
+    """Refuse a trip that takes longer than the service computes, or no time at all."""
+    if not LEAST_DURATION_S <= duration_s <= limits.duration_s:
+        allowed = f"{LEAST_DURATION_S:g} to {limits.duration_s:g} s"
+        raise InvalidInput(Fault("duration out of range", where, f"{duration_s:g} s", allowed))
 
 
 def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
