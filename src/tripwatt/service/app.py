@@ -35,15 +35,6 @@ from tripwatt.service.settings import Settings
 PAGE: Final = Path(__file__).with_name("page")
 JSON: Final = "application/json"
 NDJSON: Final = "application/x-ndjson"
-ROUTE_TYPES: Final = (
-    "application/gpx+xml",
-    "application/xml",
-    "text/xml",
-    "application/geo+json",
-    JSON,
-    "application/octet-stream",
-    "text/csv",
-)
 KINDS: Final = {400: "bad-request", 404: "not-found", 405: "method-not-allowed"}
 
 Log = Callable[..., None]
@@ -161,7 +152,7 @@ class Api:
             ("/v1/forecast", "POST", self.forecast, openapi.forecast()),
             ("/v1/forecast/update", "POST", self.update, openapi.update()),
             ("/v1/forecast/batch", "POST", self.batch, openapi.batch()),
-            ("/v1/routes", "POST", self.route, openapi.route(ROUTE_TYPES)),
+            ("/v1/routes", "POST", self.route, openapi.route()),
             ("/v1/models", "GET", self.get_models, openapi.plain(answers.ModelsAnswer, "models")),
             ("/v1/vehicles", "GET", self.get_vehicles, openapi.plain(answers.VehiclesAnswer, "vehicles")),
             ("/v1/examples", "GET", self.get_examples, openapi.plain(answers.ExamplesAnswer, "examples")),
@@ -210,7 +201,7 @@ class Api:
         """Read a route or a trip: GPX, GeoJSON, a router's answer, links, or CSV of samples."""
         require_accepts(request, JSON)
         limits = self.settings.limits
-        body = await body_of(request, ROUTE_TYPES, limits.body_bytes, limits.body_timeout_s)
+        body = await body_of(request, tuple(openapi.UPLOADS), limits.body_bytes, limits.body_timeout_s)
         speed = speed_m_s if speed_m_s is not None and math.isfinite(speed_m_s) else None
         return await self._job({"kind": "route", "speed_m_s": speed}, body)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from types import NoneType
 from typing import Annotated, Any, Final, TypeVar
@@ -16,23 +16,29 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes import LinkRoute, route_from_links
 from tripwatt.routes.links import FASTEST_LINK_M_S, FLAT_ROAD_NOTE
 from tripwatt.service.settings import Limits
-from tripwatt.sources.canonical import canonical_samples
+from tripwatt.sources.canonical import LEAST_SAMPLES, canonical_samples
 from tripwatt.trips import COLUMNS, FloatArray
+
+LEAST_MEASURED: Final = 2
+LEAST_DURATION_S: Final = 1.0
+"""The physics goes by seconds."""
 
 NUMBERS: Final = frozenset({float, int, NoneType})
 """Types of JSON numbers and of null; true and false are none of them."""
 
 
-def _columns_schema(names: Iterable[str], required: list[str], meaning: str) -> dict[str, Any]:
+def _columns_schema(required: list[str], least: int, meaning: str) -> dict[str, Any]:
     properties = {}
-    for name in names:
-        column = COLUMNS[name]
+    for name, column in COLUMNS.items():
         item: dict[str, Any] = {"type": "number" if name in required else ["number", "null"]}
-        if np.isfinite(column.minimum):
+        if name == "time_s":
+            item["minimum"] = 0.0
+        else:
             item |= {"minimum": column.minimum, "maximum": column.maximum}
         properties[name] = {
             "type": "array",
             "items": item,
+            "minItems": least,
             "description": f"{column.meaning} [{column.unit}]",
         }
     return {
@@ -48,8 +54,8 @@ Samples = Annotated[
     Any,
     WithJsonSchema(
         _columns_schema(
-            COLUMNS,
             ["time_s", "speed_m_s"],
+            LEAST_SAMPLES,
             "Speed trace and road, a list for each column. Of other signals only the first sample counts.",
         )
     ),
@@ -58,8 +64,8 @@ Measured = Annotated[
     Any,
     WithJsonSchema(
         _columns_schema(
-            COLUMNS,
             ["time_s"],
+            LEAST_MEASURED,
             "What was measured so far, on the trip's clock: voltage_v with current_a (+ discharges), or soc or "
             "displayed_soc.",
         )
@@ -67,10 +73,25 @@ Measured = Annotated[
 ]
 
 
+def _one_of(**fields: str) -> dict[str, Any]:
+    """Schema of an object that has one of two fields, of its type, and not the other."""
+    return {
+        "oneOf": [
+            {
+                "required": [name],
+                "properties": {other: {"type": kind if other == name else "null"} for other in fields},
+            }
+            for name, kind in fields.items()
+        ]
+    }
+
+
 class Link(BaseModel):
     """A piece of a planned road. Either `speed_m_s` or `travel_time_s`; either `grade` or both heights, or neither."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(
+        extra="forbid", json_schema_extra=_one_of(speed_m_s="number", travel_time_s="number")
+    )
 
     length_m: float = Field(gt=0, le=1e7, description="length [m]")
     speed_m_s: float | None = Field(
@@ -98,8 +119,8 @@ class Elevation(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
-    position_m: list[float] = Field(min_length=2, description="distances from the start, not falling [m]")
-    elevation_m: list[float] = Field(min_length=2, description="height above sea level at each [m]")
+    position_m: list[float] = Field(min_length=1, description="distances from the start, not falling [m]")
+    elevation_m: list[float] = Field(min_length=1, description="height above sea level at each [m]")
 
 
 Links = Annotated[
@@ -112,7 +133,12 @@ Links = Annotated[
 class ForecastRequest(BaseModel):
     """A trip to come: a speed trace (`samples`) or a planned road (`links`), and what is known at the door."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+    model_config = ConfigDict(
+        extra="forbid",
+        strict=True,
+        allow_inf_nan=False,
+        json_schema_extra=_one_of(samples="object", links="array"),
+    )
 
     model: str | None = Field(
         None, max_length=100, description="one of /v1/models; the first one if left out"
@@ -199,7 +225,9 @@ def samples_of(value: Any, limits: Limits) -> pd.DataFrame:
 
 def measured_of(value: Any, limits: Limits) -> pd.DataFrame:
     """Checked samples of what was measured."""
-    return canonical_samples(_columns(value, "observed", limits), "observed", required=("time_s",), least=2)
+    return canonical_samples(
+        _columns(value, "observed", limits), "observed", required=("time_s",), least=LEAST_MEASURED
+    )
 
 
 def route_of(links: Any, elevation: Elevation | None, limits: Limits) -> LinkRoute:
@@ -228,10 +256,10 @@ def route_of(links: Any, elevation: Elevation | None, limits: Limits) -> LinkRou
 
 
 def require_duration(duration_s: float, where: str, limits: Limits) -> None:
-    """Refuse a trip that takes longer than the service computes."""
-    if not duration_s <= limits.duration_s:
-        allowed = f"at most {limits.duration_s:g} s"
-        raise InvalidInput(Fault("the trip takes too long", where, f"{duration_s:g} s", allowed))
+    """Refuse a trip that takes longer than the service computes, or no time at all."""
+    if not LEAST_DURATION_S <= duration_s <= limits.duration_s:
+        allowed = f"{LEAST_DURATION_S:g} to {limits.duration_s:g} s"
+        raise InvalidInput(Fault("duration out of range", where, f"{duration_s:g} s", allowed))
 
 
 def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Final
 
 from fastapi import FastAPI
@@ -42,7 +42,26 @@ UPDATE: Final = {
         "current_a": [2.0, 40.0, 12.0],
     },
 }
-ROUTE: Final = '{"links": [{"length_m": 800, "speed_m_s": 8.5}]}'
+GPX: Final = (
+    '<gpx><trk><trkseg><trkpt lat="48.10" lon="11.5"><time>2026-05-01T08:00:00Z</time></trkpt>'
+    '<trkpt lat="48.11" lon="11.5"><time>2026-05-01T08:01:30Z</time></trkpt></trkseg></trk></gpx>'
+)
+CSV: Final = "time_s,speed_m_s\n0,0\n10,9\n20,12\n30,0\n"
+GEOJSON: Final = {
+    "type": "Feature",
+    "geometry": {"type": "LineString", "coordinates": [[11.5, 48.1], [11.52, 48.1]]},
+    "properties": {"speed_m_s": 14.0},
+}
+UPLOADS: Final[Mapping[str, dict[str, Any]]] = {
+    "application/gpx+xml": {"schema": {"type": "string"}, "example": GPX},
+    "application/xml": {"schema": {"type": "string"}, "example": GPX},
+    "text/xml": {"schema": {"type": "string"}, "example": GPX},
+    "text/csv": {"schema": {"type": "string"}, "example": CSV},
+    "application/octet-stream": {"schema": {"type": "string", "format": "binary"}},
+    "application/geo+json": {"schema": {"type": "object"}, "example": GEOJSON},
+    "application/json": {"schema": {"type": ["object", "array"]}, "example": BY_LINKS["links"]},
+}
+"""Media type of an upload -> what is said of it."""
 
 BODY_PROBLEMS: Final = (
     "bad-request",
@@ -112,7 +131,7 @@ def update() -> dict[str, Any]:
 
 def batch() -> dict[str, Any]:
     """About `POST /v1/forecast/batch`."""
-    text = {"type": "string", "description": "a ForecastRequest a line"}
+    text = {"description": "a ForecastRequest a line"}
     said = "A ForecastAnswer or a ProblemDocument a line, in the order of the requests"
     return {
         "responses": {
@@ -129,15 +148,14 @@ def batch() -> dict[str, Any]:
     }
 
 
-def route(media_types: Sequence[str]) -> dict[str, Any]:
+def route() -> dict[str, Any]:
     """About `POST /v1/routes`."""
-    text = {"schema": {"type": "string"}, "example": ROUTE}
     return {
         "responses": {
             200: _answer(answers.RouteAnswer, "What it holds"),
             **_problems(*ALWAYS, *BODY_PROBLEMS, *WORK_PROBLEMS),
         },
-        "openapi_extra": {"requestBody": {"required": True, "content": dict.fromkeys(media_types, text)}},
+        "openapi_extra": {"requestBody": {"required": True, "content": dict(UPLOADS)}},
         "tags": ["routes"],
     }
 

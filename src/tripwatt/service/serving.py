@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import signal
 import socket
 import sys
 import time
@@ -123,6 +124,8 @@ def serve(settings: Settings, started: Callable[[str], None] = lambda address: N
             lifespan="on",
         )
         logging.getLogger("uvicorn").addHandler(_ToJson())
+        for number in (signal.SIGINT, signal.SIGTERM):  # the server raises them again when it is done
+            signal.signal(number, lambda *_: None)
         server = Server(config)
         server.run(sockets=[listener])
     if not server.started:
