@@ -2,7 +2,7 @@
 
 import { createHash } from "node:crypto";
 import { cp, mkdir, readdir, readFile, rm, writeFile } from "node:fs/promises";
-import { dirname, join, relative, sep } from "node:path";
+import { basename, dirname, join, relative, sep } from "node:path";
 import { fileURLToPath } from "node:url";
 import { build } from "esbuild";
 
@@ -39,6 +39,16 @@ async function digestOfSources() {
   return hash.digest("hex");
 }
 
+/** The page with the names of what was built. */
+async function pageOf(built) {
+  let page = await readFile(join(HERE, "index.html"), "utf8");
+  for (const ending of ["css", "js"]) {
+    const name = built.find((file) => file.startsWith("page-") && file.endsWith(`.${ending}`));
+    page = page.replace(`"page.${ending}"`, `"assets/${name}"`);
+  }
+  return page;
+}
+
 async function licences() {
   const texts = [];
   for (const name of SHIPPED) {
@@ -53,9 +63,10 @@ async function licences() {
 
 await rm(OUT, { recursive: true, force: true });
 await mkdir(OUT, { recursive: true });
-await build({
+const { metafile } = await build({
   absWorkingDir: HERE,
   entryPoints: { page: "src/main.tsx" },
+  entryNames: "assets/[name]-[hash]",
   outdir: OUT,
   bundle: true,
   minify: true,
@@ -64,15 +75,20 @@ await build({
   jsx: "automatic",
   jsxImportSource: "preact",
   loader: { ".woff2": "file" },
-  assetNames: "[name]",
+  assetNames: "assets/[name]-[hash]",
+  metafile: true,
   legalComments: "none",
 });
-for (const name of ["index.html", "icon.svg"]) await cp(join(HERE, name), join(OUT, name));
+await cp(join(HERE, "icon.svg"), join(OUT, "icon.svg"));
+await writeFile(
+  join(OUT, "index.html"),
+  await pageOf(Object.keys(metafile.outputs).map((path) => basename(path))),
+);
 await writeFile(join(OUT, "licences.txt"), await licences());
 const files = {};
 for (const path of (await filesOf(OUT)).sort()) {
   const bytes = await readFile(path);
-  files[relative(OUT, path)] = {
+  files[relative(OUT, path).split(sep).join("/")] = {
     bytes: bytes.length,
     sha256: createHash("sha256").update(bytes).digest("hex"),
   };

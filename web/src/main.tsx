@@ -27,7 +27,7 @@ function Foot() {
         </p>
       )}
       <p>
-        <a href="docs">For developers</a> <a href="licences.txt">Licences</a>
+        <a href="openapi.json">For developers: OpenAPI</a> <a href="licences.txt">Licences</a>
       </p>
     </footer>
   );

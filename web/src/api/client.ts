@@ -77,8 +77,6 @@ export const forecast = (body: string, signal?: AbortSignal) =>
 export const forecastUpdate = (body: string, signal?: AbortSignal) =>
   post<Answer>("v1/forecast/update", body, "application/json", signal);
 
-/** What an uploaded or pasted route holds. `speedMS` counts for tracks without times. */
-export function readRoute(text: string, isTable: boolean, speedMS: number): Promise<Route> {
-  const type = isTable ? "text/csv" : "application/octet-stream";
-  return post<Route>(`v1/routes?speed_m_s=${speedMS}`, text, type);
-}
+/** What an uploaded or pasted route holds; its kind is told from its content. `speedMS` is for tracks without times. */
+export const readRoute = (text: string, speedMS: number) =>
+  post<Route>(`v1/routes?speed_m_s=${speedMS}`, text, "application/octet-stream");

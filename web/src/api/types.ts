@@ -69,6 +69,7 @@ export interface ExampleSummary {
   note: string;
   duration_s: number;
   distance_m: number;
+  ambient_temperature_degc: number | null;
 }
 
 export interface Example extends ExampleSummary {
@@ -78,7 +79,9 @@ export interface Example extends ExampleSummary {
 
 export interface Route {
   samples: Columns;
-  links: Link[] | null;
+  links?: Link[] | null;
+  /** Heights along the links. */
+  elevation?: { position_m: number[]; elevation_m: number[] } | null;
   duration_s: number;
   distance_m: number;
   notes: string[];

@@ -9,9 +9,9 @@ import { axis, plain } from "./axes";
 import { type Mark, placeMarks } from "./marks";
 import { type Look, Plot } from "./plot";
 
-const COLUMNS = 24;
-const LARGEST_DOT = 15;
-const SPANS = [3, 6, 12, 24, 48, 96, 192];
+const COLUMNS = 18;
+const LARGEST_DOT = 19;
+const SPANS = [2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192];
 const ROOM = 10;
 
 interface Dots {
@@ -22,7 +22,7 @@ interface Dots {
 }
 
 function range(least: number, most: number, reserve: number): [number, number, boolean] {
-  const width = SPANS.find((span) => span >= (most - least) * 1.3) ?? (SPANS.at(-1) as number);
+  const width = SPANS.find((span) => span >= (most - least) * 1.9) ?? (SPANS.at(-1) as number);
   const middle = (least + most) / 2;
   const inside = reserve > middle - 1.6 * width && reserve < most + width;
   const low = Math.min(middle - width / 2, inside ? reserve - width * 0.1 : Number.POSITIVE_INFINITY);
@@ -114,5 +114,5 @@ function marks({ reserveInside, from, to }: Dots, reserve: number): Mark[] {
   if (reserveInside) return [{ kind: "reserve", text, x: PERCENT.from(reserve) }];
   const below = PERCENT.from(reserve) < from;
   const arrow = below ? `← ${text}` : `${text} →`;
-  return [{ kind: "aside", text: arrow, x: below ? from : to, y: 0, at: below ? "right" : "left" }];
+  return [{ kind: "aside", text: arrow, x: below ? from : to, at: below ? "right" : "left" }];
 }

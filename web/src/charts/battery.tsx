@@ -92,7 +92,7 @@ function options({ palette, width, height }: Look): uPlot.Options {
     }),
     scales: { x: { time: false }, y: { range: () => span.value } },
     axes: [
-      axis({ palette, scale: "x", grid: false, text: (x) => `${plain(x)} ${units.value.distance.unit}` }),
+      { ...axis({ palette, scale: "x", grid: false, text: () => "" }), size: 10 },
       axis({ palette, scale: "y", text: (y) => (y < 0 ? "" : `${plain(y)} %`) }),
     ],
     bands: [

@@ -13,6 +13,7 @@ export interface Palette {
   driven: string;
   ground: string;
   groundLine: string;
+  speed: string;
   alarm: string;
 }
 
@@ -32,6 +33,7 @@ export function paletteOf(element: Element): Palette {
     driven: colour("driven"),
     ground: colour("ground"),
     groundLine: colour("ground-line"),
+    speed: colour("speed"),
     alarm: colour("alarm"),
   };
 }

@@ -38,7 +38,7 @@ export function Plot({ label, data, height, options, variant = "", pointer = nul
     pointAt(made, pointer);
   };
 
-  // biome-ignore lint/correctness/useExhaustiveDependencies: new data are given to the plot below, not to a new plot
+  // New data are given to the plot below, not to a new plot.
   useLayoutEffect(() => {
     const element = box.current as HTMLDivElement;
     const width = () => Math.max(element.clientWidth, 120);

@@ -35,7 +35,7 @@ function optionsFor(hilly: boolean) {
   return ({ palette, width, height }: Look): uPlot.Options => ({
     width,
     height,
-    padding: [10, hilly ? 0 : 16, 0, 0],
+    padding: [10, hilly ? 0 : 46, 0, 0],
     legend: { show: false },
     cursor: pointing((x) => {
       looked.value = x === null ? null : units.value.distance.to(x);
@@ -47,12 +47,12 @@ function optionsFor(hilly: boolean) {
     },
     axes: [
       axis({ palette, scale: "x", grid: false, text: (x) => `${plain(x)} ${units.value.distance.unit}` }),
-      axis({ palette, scale: "speed", text: plain, size: 38 }),
-      { ...axis({ palette, scale: "height", side: 1, grid: false, text: plain, size: 46 }), show: hilly },
+      axis({ palette, scale: "speed", text: plain, space: 30 }),
+      { ...axis({ palette, scale: "height", side: 1, grid: false, text: plain, space: 30 }), show: hilly },
     ],
     series: [
       {},
-      { scale: "speed", stroke: palette.main, width: 1.5, points: { show: false } },
+      { scale: "speed", stroke: palette.speed, width: 1.25, points: { show: false } },
       {
         scale: "height",
         stroke: palette.groundLine,

@@ -18,7 +18,13 @@ export function atMotorwaySpeed(links: Link[], speedMS: number | null): Link[] {
   if (speedMS === null) return links;
   return links.map((link) => {
     if (speedOf(link) <= MOTORWAY_M_S) return link;
-    const { speed_m_s: _speed, travel_time_s: _time, moving_speed_m_s: _moving, ...rest } = link;
+    const {
+      speed_m_s: _speed,
+      travel_time_s: _time,
+      moving_speed_m_s: _moving,
+      speed_limit_m_s: _limit,
+      ...rest
+    } = link;
     return { ...rest, travel_time_s: link.length_m / speedMS + (link.stop_s ?? 0) };
   });
 }

@@ -1,6 +1,7 @@
 /** Speed and height along the way. */
 
 import type { Columns } from "../api/types";
+import { interpolate } from "./interpolate";
 
 export interface Profile {
   timeS: Float64Array;
@@ -26,4 +27,10 @@ export function profileOf(samples: Columns): Profile {
   const heights = samples.elevation_m;
   const known = heights?.some((value) => value !== null);
   return { timeS, distanceM, speedMS, elevationM: heights && known ? numbers(heights) : null };
+}
+
+/** A profile of the same road driven at another speed, with the heights of the first. */
+export function withHeightsOf({ distanceM, elevationM }: Profile, driven: Profile): Profile {
+  if (!elevationM) return driven;
+  return { ...driven, elevationM: driven.distanceM.map((x) => interpolate(x, distanceM, elevationM)) };
 }

@@ -55,8 +55,7 @@ export async function chooseRoute(
   from: Source,
   speedMS: number,
 ): Promise<boolean> {
-  const isTable = from === "upload" && /\.(csv|tsv|txt)$/i.test(title);
-  const found = await during(title, () => readRoute(text, isTable, speedMS));
+  const found = await during(title, () => readRoute(text, speedMS));
   if (found) show(tripOfRoute(found, title, from));
   return found !== null;
 }

@@ -5,7 +5,7 @@ import { forecast, Refused, readRoute } from "../api/client";
 import { Latest } from "../api/latest";
 import type { Answer, Fault, Problem } from "../api/types";
 import { atMotorwaySpeed } from "../model/links";
-import { type Profile, profileOf } from "../model/profile";
+import { type Profile, profileOf, withHeightsOf } from "../model/profile";
 import { type Conditions, conditions } from "./conditions";
 import { bodyOf, type Trip, trip } from "./trip";
 
@@ -51,9 +51,9 @@ async function renewProfile({ trip, at: { motorwayMS } }: Wish): Promise<Profile
     return profile.value;
   }
   const changed = trip.links && motorwayMS !== null ? atMotorwaySpeed(trip.links, motorwayMS) : null;
-  const route = changed && (await readRoute(JSON.stringify(changed), false, USUAL_SPEED_M_S));
+  const route = changed && (await readRoute(JSON.stringify(changed), USUAL_SPEED_M_S));
   profileOfSpeed = { trip, motorwayMS };
-  return route ? profileOf(route.samples) : trip.profile;
+  return route ? withHeightsOf(trip.profile, profileOf(route.samples)) : trip.profile;
 }
 
 const runner = new Latest<Wish>(async (wish, signal) => {

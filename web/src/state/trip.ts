@@ -19,8 +19,8 @@ export interface Trip {
   title: string;
   note: string;
   notes: string[];
-  /** The speed trace as JSON, made once: sliders do not change it. Empty for a planned road. */
-  samplesJson: string;
+  /** What no slider changes, as members of a JSON object, made once: the speed trace, or the heights of links. */
+  fixedJson: string;
   links: Link[] | null;
   profile: Profile;
   observed: Columns | null;
@@ -33,6 +33,10 @@ export const trip = signal<Trip | null>(null);
 
 function pick(columns: Columns, names: string[]): Columns {
   return Object.fromEntries(Object.entries(columns).filter(([name]) => names.includes(name)));
+}
+
+function membersOf(object: object): string {
+  return JSON.stringify(object).slice(1, -1);
 }
 
 function conditionsFrom(known: Record<string, unknown>): Conditions {
@@ -61,7 +65,7 @@ export function tripOfExample(example: Example): Trip {
     title: example.title,
     note: example.note,
     notes: [],
-    samplesJson: JSON.stringify(samples),
+    fixedJson: membersOf({ samples }),
     links: null,
     profile: profileOf(samples),
     observed: example.observed,
@@ -75,16 +79,19 @@ function isMeasured(columns: Columns): boolean {
 }
 
 export function tripOfRoute(route: Route, title: string, source: Source): Trip {
+  const links = route.links ?? null;
   const first = Object.fromEntries(Object.entries(route.samples).map(([name, column]) => [name, column[0]]));
   const measured = pick(route.samples, MEASURED);
   return {
     example: "",
     source,
     title,
-    note: route.links ? "planned road" : "speed trace",
+    note: links ? "planned road" : "speed trace",
     notes: route.notes,
-    samplesJson: route.links ? "" : JSON.stringify(pick(route.samples, ROAD)),
-    links: route.links,
+    fixedJson: membersOf(
+      links ? { elevation: route.elevation ?? null } : { samples: pick(route.samples, ROAD) },
+    ),
+    links,
     profile: profileOf(route.samples),
     observed: isMeasured(measured) ? measured : null,
     logged: warmthFrom(first),
@@ -94,9 +101,12 @@ export function tripOfRoute(route: Route, title: string, source: Source): Trip {
 
 /** Body of a request for a forecast, and with what was `observed` of an update. */
 export function bodyOf(of: Trip, at: Conditions, model: string | null, observed?: Columns): string {
-  const fields = { ...(model && { model }), ...fieldsOf(at, of.logged), ...(observed && { observed }) };
-  const road = of.links
-    ? `"links":${JSON.stringify(atMotorwaySpeed(of.links, at.motorwayMS))}`
-    : `"samples":${of.samplesJson}`;
-  return `{${road},${JSON.stringify(fields).slice(1)}`;
+  const road = of.links && { links: atMotorwaySpeed(of.links, at.motorwayMS) };
+  const fields = {
+    ...road,
+    ...(model && { model }),
+    ...fieldsOf(at, of.logged),
+    ...(observed && { observed }),
+  };
+  return `{${of.fixedJson},${membersOf(fields)}}`;
 }

@@ -1,12 +1,10 @@
 import type { Answer } from "../api/types";
 import { ArrivalChart } from "../charts/arrival";
-import { RoadChart } from "../charts/road";
 import { chanceInFigures, chanceOf, DOTS, equallyLikely } from "../model/arrival";
 import { PERCENT, shown } from "../model/units";
 import { conditions } from "../state/conditions";
-import { answer, driving, road } from "../state/drive";
+import { answer, driving } from "../state/drive";
 import { alternative, mode } from "../state/forecast";
-import { units } from "../state/preferences";
 import { Causes } from "./causes";
 import { DriveCard } from "./drive";
 import { ArrivalTable } from "./tables";
@@ -30,24 +28,6 @@ function Arrival({ of }: { of: Answer }) {
   );
 }
 
-function Road() {
-  const { speed, height } = units.value;
-  const hilly = road.value?.elevationM != null;
-  return (
-    <section class="card road" aria-labelledby="road-title">
-      <h2 id="road-title">{hilly ? "Speed and elevation" : "Speed"}</h2>
-      <ul class="legend" aria-hidden="true">
-        <li class="key-main">speed, {speed.unit}</li>
-        {hilly && <li class="key-ground">elevation, {height.unit}</li>}
-      </ul>
-      <RoadChart
-        height={200}
-        label="Speed and elevation along the way; the table along the way has their values"
-      />
-    </section>
-  );
-}
-
 export function Details() {
   const now = answer.value;
   if (!now) return null;
@@ -56,7 +36,6 @@ export function Details() {
       {driving.value && <DriveCard />}
       <Causes of={now} other={mode.value === "compare" ? alternative.value : null} />
       <Arrival of={now} />
-      <Road />
     </div>
   );
 }

@@ -1,6 +1,7 @@
 import type { ComponentChildren } from "preact";
 import type { Answer } from "../api/types";
 import { BatteryChart } from "../charts/battery";
+import { RoadChart } from "../charts/road";
 import {
   arrivalBand,
   chanceInFigures,
@@ -12,7 +13,7 @@ import {
 import { duration, ENERGY, figure, PERCENT, shown } from "../model/units";
 import { loading } from "../state/catalogue";
 import { conditions } from "../state/conditions";
-import { answer, canDrive, driving } from "../state/drive";
+import { answer, canDrive, driving, road } from "../state/drive";
 import { alternative, type Mode, mode, problem, retry } from "../state/forecast";
 import { units, wholeBattery } from "../state/preferences";
 import { trip } from "../state/trip";
@@ -165,6 +166,17 @@ function chartLabel(of: Answer): string {
   return `Battery along the way: from ${from} at departure to ${shown(of.soc_arrival, PERCENT)} on arrival, ${bandText(of)} in 9 of 10 trips`;
 }
 
+function RoadHeading() {
+  const { speed, height } = units.value;
+  const hilly = road.value?.elevationM != null;
+  return (
+    <ul class="legend road-legend" aria-hidden="true">
+      <li class="key-speed">speed, {speed.unit}</li>
+      {hilly && <li class="key-ground">elevation, {height.unit}</li>}
+    </ul>
+  );
+}
+
 function Picture({ of }: { of: Answer }) {
   const tall = matchMedia("(min-width: 700px)").matches;
   return (
@@ -183,7 +195,12 @@ function Picture({ of }: { of: Answer }) {
           0 to 100 %
         </label>
       </figcaption>
-      <BatteryChart height={tall ? 340 : 240} label={chartLabel(of)} />
+      <BatteryChart height={tall ? 320 : 240} label={chartLabel(of)} />
+      <RoadHeading />
+      <RoadChart
+        height={tall ? 160 : 130}
+        label="Speed and elevation along the way; the table has their values"
+      />
       <Place of={of} />
     </figure>
   );
@@ -218,12 +235,13 @@ export function Result() {
           ) : (
             <Headline of={now} />
           )}
+          <Warnings flags={now.flags} serious />
           {driving.value && <DriveLine of={now} />}
           {driving.value && <DriveControls />}
           <Picture of={now} />
           <Stats of={now} />
           <Given of={now} />
-          <Warnings flags={now.flags} />
+          <Warnings flags={now.flags} serious={false} />
           <RouteTable of={now} />
         </>
       ) : (

@@ -15,7 +15,7 @@ function Table({ title, head, rows }: { title: string; head: string[]; rows: Com
     <details class="as-table">
       <summary>{title}</summary>
       {/* biome-ignore lint/a11y/noNoninteractiveTabindex: what scrolls has to be reached by keys */}
-      <div class="scroll" tabIndex={0} role="region" aria-label={title}>
+      <section class="scroll" tabIndex={0} aria-label={title}>
         <table>
           <thead>
             <tr>
@@ -36,7 +36,7 @@ function Table({ title, head, rows }: { title: string; head: string[]; rows: Com
             ))}
           </tbody>
         </table>
-      </div>
+      </section>
     </details>
   );
 }

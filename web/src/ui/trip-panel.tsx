@@ -1,6 +1,6 @@
-import { useId, useState } from "preact/hooks";
+import { useEffect, useId, useState } from "preact/hooks";
 import { SAMPLE_LINKS } from "../model/sample-links";
-import { duration, shown } from "../model/units";
+import { shown } from "../model/units";
 import { chooseExample, chooseRoute, examples, loading, source } from "../state/catalogue";
 import { faults } from "../state/forecast";
 import { units } from "../state/preferences";
@@ -31,7 +31,9 @@ function Examples() {
           >
             <span class="name">{titleOf(row.title)}</span>
             <span class="figures">
-              {shown(row.distance_m, units.value.distance, 0)} · {duration(row.duration_s)}
+              {shown(row.distance_m, units.value.distance, 0)}
+              {row.ambient_temperature_degc !== null &&
+                ` · ${shown(row.ambient_temperature_degc, units.value.temperature)}`}
             </span>
           </button>
         </li>
@@ -132,21 +134,30 @@ function Links() {
 
 export function TripPanel() {
   const now = trip.value;
+  const [open, setOpen] = useState(false);
+  useEffect(() => setOpen(false), [now]);
   const wrong = faults.value.get("trip") ?? [];
   return (
-    <section class="panel trip" aria-labelledby="trip-title">
-      <h2 id="trip-title">Trip</h2>
-      <Choice
-        label="Where the trip comes from"
-        value={source.value}
-        options={SOURCES}
-        onChoose={(value) => {
-          source.value = value;
-        }}
-      />
-      {source.value === "examples" && <Examples />}
-      {source.value === "upload" && <Upload />}
-      {source.value === "links" && <Links />}
+    <section class={`panel trip${open ? " open" : ""}`} aria-labelledby="trip-title">
+      <div class="heading">
+        <h2 id="trip-title">Trip</h2>
+        <button type="button" class="link more" aria-expanded={open} onClick={() => setOpen(!open)}>
+          {open ? "Close" : "Change"}
+        </button>
+      </div>
+      <div class="ways">
+        <Choice
+          label="Where the trip comes from"
+          value={source.value}
+          options={SOURCES}
+          onChoose={(value) => {
+            source.value = value;
+          }}
+        />
+        {source.value === "examples" && <Examples />}
+        {source.value === "upload" && <Upload />}
+        {source.value === "links" && <Links />}
+      </div>
       <FaultList faults={wrong} />
       {now && (
         <p class="note">

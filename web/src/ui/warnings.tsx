@@ -1,21 +1,20 @@
 import { warningOf } from "../model/flags";
 import { Icon } from "./icons";
 
-export function Warnings({ flags }: { flags: string[] }) {
-  if (flags.length === 0) return null;
+/** What the forecast could not know. The serious ones stand before the picture, the others below it. */
+export function Warnings({ flags, serious }: { flags: string[]; serious: boolean }) {
+  const warnings = flags.map(warningOf).filter((warning) => warning.serious === serious);
+  if (warnings.length === 0) return null;
   return (
-    <ul class="warnings" aria-label="Warnings">
-      {flags.map((flag) => {
-        const { text, effect, serious } = warningOf(flag);
-        return (
-          <li key={flag} class={serious ? "serious" : ""}>
-            <Icon name={serious ? "warning" : "info"} />
-            <span>
-              {text} {effect}
-            </span>
-          </li>
-        );
-      })}
+    <ul class="warnings" aria-label={serious ? "Warnings" : "Notes"}>
+      {warnings.map(({ text, effect }) => (
+        <li key={text} class={serious ? "serious" : ""}>
+          <Icon name={serious ? "warning" : "info"} />
+          <span>
+            {text} {effect}
+          </span>
+        </li>
+      ))}
     </ul>
   );
 }
