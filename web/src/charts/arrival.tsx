@@ -11,29 +11,35 @@ import { type Look, Plot } from "./plot";
 
 const COLUMNS = 18;
 const LARGEST_DOT = 19;
-const SPANS = [2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192];
+const SPANS = [0.5, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192];
 const ROOM = 10;
+/** What labels above and the axis below take of the height. */
+const FRAME = 48;
 
 interface Dots {
   data: uPlot.AlignedData;
   from: number;
   to: number;
+  /** Dots of the highest column. */
+  stack: number;
   reserveInside: boolean;
 }
 
 function range(least: number, most: number, reserve: number): [number, number, boolean] {
   const width = SPANS.find((span) => span >= (most - least) * 1.9) ?? (SPANS.at(-1) as number);
   const middle = (least + most) / 2;
-  const inside = reserve > middle - 1.6 * width && reserve < most + width;
+  const inside = reserve > middle - 0.9 * width && reserve < middle + 0.9 * width;
   const low = Math.min(middle - width / 2, inside ? reserve - width * 0.1 : Number.POSITIVE_INFINITY);
   const high = Math.max(middle + width / 2, inside ? reserve + width * 0.1 : Number.NEGATIVE_INFINITY);
   return [low, high, inside];
 }
 
-function dotsOf(answer: Answer, reserveSoc: number): Dots {
+/** Dots of one answer, in a range that holds all of `shared`. */
+function dotsOf(answer: Answer, shared: Answer[], reserveSoc: number): Dots {
   const places = equallyLikely(answer).map(PERCENT.from);
   const reserve = PERCENT.from(reserveSoc);
-  const [from, to, reserveInside] = range(places[0] as number, places.at(-1) as number, reserve);
+  const all = shared.flatMap(equallyLikely).map(PERCENT.from);
+  const [from, to, reserveInside] = range(Math.min(...all), Math.max(...all), reserve);
   const step = (to - from) / COLUMNS;
   const heights = new Map<number, number>();
   const xs: number[] = [];
@@ -48,29 +54,35 @@ function dotsOf(answer: Answer, reserveSoc: number): Dots {
     missed.push(place < reserve ? height + 0.5 : null);
   }
   ranges.set(kept, [from, to]);
-  return { data: [xs, kept, missed], from, to, reserveInside };
+  return { data: [xs, kept, missed], from, to, stack: Math.max(...heights.values()), reserveInside };
 }
 
-function dotSize(width: number): number {
-  return Math.min((width - 2 * ROOM) / COLUMNS - 1, LARGEST_DOT);
+/** Dots as large as columns and stacks allow. */
+function dotSize(width: number, height: number, stack: number): number {
+  return Math.min((width - 2 * ROOM) / COLUMNS - 1, (height - FRAME) / stack - 1, LARGEST_DOT);
 }
 
-export function ArrivalChart({
-  answer,
-  reserve,
-  height,
-  label,
-}: {
+interface Props {
   answer: Answer;
+  /** Answers that are shown beside it, on the same axis. */
+  shared: Answer[];
+  /** Whether it is the second side of a comparison. */
+  isOther?: boolean;
   reserve: number;
   height: number;
   label: string;
-}) {
-  const dots = useMemo(() => dotsOf(answer, reserve), [answer, reserve]);
+}
+
+export function ArrivalChart({ answer, shared, isOther = false, reserve, height, label }: Props) {
+  const dots = useMemo(
+    () => dotsOf(answer, shared, reserve),
+    [answer, shared.length, shared.at(-1), reserve],
+  );
   const options = ({ palette, width }: Look): uPlot.Options => {
+    const size = dotSize(width, height, dots.stack);
     const series = (fill: string): uPlot.Series => ({
       paths: () => null,
-      points: { show: true, size: dotSize(width), fill, stroke: fill, width: 0 },
+      points: { show: true, size, fill, stroke: fill, width: 0 },
     });
     return {
       width,
@@ -80,13 +92,13 @@ export function ArrivalChart({
       cursor: { show: false },
       scales: {
         x: { time: false, range: (plot) => rangeOf(plot.data) },
-        y: { range: (plot) => [0, (plot.over?.clientHeight || height - 48) / (dotSize(plot.width) + 1)] },
+        y: { range: () => [0, (height - FRAME) / (size + 1)] },
       },
       axes: [
         axis({ palette, scale: "x", grid: false, text: (x) => `${plain(x)} %`, space: 54 }),
         { show: false },
       ],
-      series: [{}, series(palette.main), series(palette.alarm)],
+      series: [{}, series(isOther ? palette.other : palette.main), series(palette.alarm)],
     };
   };
   return (
@@ -95,6 +107,7 @@ export function ArrivalChart({
       data={dots.data}
       height={height}
       options={options}
+      variant={String(dots.stack)}
       drawn={(plot) => {
         placeMarks(plot, marks(dots, reserve));
       }}

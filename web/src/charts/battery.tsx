@@ -3,7 +3,7 @@
 import { computed } from "@preact/signals";
 import type uPlot from "uplot";
 import type { Answer } from "../api/types";
-import { innerShare } from "../model/arrival";
+import { emptyAfterM, innerShare } from "../model/arrival";
 import { interpolate } from "../model/interpolate";
 import { figure, PERCENT, shown } from "../model/units";
 import { conditions } from "../state/conditions";
@@ -19,6 +19,9 @@ const LEAST_SPAN = 20;
 const STEP = 5;
 const LOWEST = -10;
 const NEAR = 15;
+/** About how high the picture and a label are, to keep labels apart. */
+const HEIGHT_PX = 280;
+const LABEL_PX = 18;
 
 const percent = (values: number[]) => values.map(PERCENT.from);
 
@@ -116,41 +119,38 @@ function options({ palette, width, height }: Look): uPlot.Options {
   };
 }
 
-function marks(now: Answer): Mark[] {
+/** Where a forecast ends: on arrival with a charge, or on the way with none. */
+function endMark(kind: string, of: Answer): Mark & { y: number } {
   const distance = units.value.distance;
-  const end = distance.from(now.series.distance_m.at(-1) as number);
-  const reserve = conditions.value.reserve;
+  const emptyM = emptyAfterM(of);
+  if (emptyM !== null) return { kind, text: shown(emptyM, distance, 0), x: distance.from(emptyM), y: 0 };
+  const end = distance.from(of.series.distance_m.at(-1) as number);
+  const soc = PERCENT.from(of.soc_arrival);
+  return { kind, text: `${figure(soc, 0)} %`, x: end, y: soc, at: "right" };
+}
+
+function marks(now: Answer): Mark[] {
+  const reserve = PERCENT.from(conditions.value.reserve);
   const [low, high] = span.value;
-  const inside = (y: number) => Math.min(Math.max(y, low), high);
   const found: Mark[] = [];
-  if (PERCENT.from(reserve) >= low) {
-    found.push({ kind: "reserve", text: `Reserve ${shown(reserve, PERCENT)}`, y: PERCENT.from(reserve) });
+  if (reserve >= low && reserve > 0) {
+    found.push({ kind: "reserve", text: `Reserve ${figure(reserve, 0)} %`, y: reserve });
   }
   if (low < 0) found.push({ kind: "empty", text: "Empty", y: 0, at: "below" });
-  const own = inside(PERCENT.from(now.soc_arrival));
-  const other = alternative.value;
-  found.push({
-    kind: "arrival",
-    text: `${figure(PERCENT.from(now.soc_arrival), 0)} %`,
-    x: end,
-    y: own,
-    at: "right",
-  });
-  if (other) {
-    const apart = ((high - low) / 300) * 18;
-    const theirs = inside(PERCENT.from(other.soc_arrival));
-    const y = Math.abs(theirs - own) < apart ? own + (theirs >= own ? apart : -apart) : theirs;
-    found.push({
-      kind: "other",
-      text: `${figure(PERCENT.from(other.soc_arrival), 0)} %`,
-      x: end,
-      y,
-      at: "right",
-    });
+  const own = endMark("arrival", now);
+  found.push(own);
+  if (alternative.value) {
+    const theirs = endMark("other", alternative.value);
+    const apart = ((high - low) / HEIGHT_PX) * LABEL_PX;
+    if (own.x === theirs.x && Math.abs(theirs.y - own.y) < apart) {
+      theirs.y = own.y + (theirs.y >= own.y ? apart : -apart);
+    }
+    found.push(theirs);
   }
   if (driving.value) {
     const y = interpolate(distanceM.value, now.series.distance_m, now.series.displayed_soc);
-    found.push({ kind: "car", text: "", x: distance.from(distanceM.value), y: PERCENT.from(y) });
+    const x = units.value.distance.from(distanceM.value);
+    found.push({ kind: "car", text: "", x, y: PERCENT.from(y) });
   }
   return found;
 }

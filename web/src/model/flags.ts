@@ -1,15 +1,15 @@
 /** The service's flags in the reader's words. What is not known here is shown as it came. */
 
 const NAMES: Record<string, string> = {
-  ambient_temperature_degc: "The outside temperature",
-  cabin_setpoint_degc: "The cabin set-point",
-  cabin_temperature_degc: "The cabin's temperature at departure",
-  battery_temperature_degc: "The battery's temperature at departure",
-  duration_s: "The duration",
-  payload_mass_kg: "The load",
+  ambient_temperature_degc: "the outside temperature",
+  cabin_setpoint_degc: "the cabin set-point",
+  cabin_temperature_degc: "the cabin's temperature at departure",
+  battery_temperature_degc: "the battery's temperature at departure",
+  duration_s: "the duration",
+  payload_mass_kg: "the load",
 };
 
-const CAUSES: Record<string, string> = {
+const LIMITS: Record<string, string> = {
   "motor torque limit": "its motor has not the torque",
   "motor power limit": "its motor has not the power",
   "motor speed limit": "its motor would turn too fast",
@@ -22,6 +22,8 @@ const STATES: Record<string, string> = {
   "battery over-voltage": "The battery's voltage is too high to take back what braking gives",
 };
 
+const NOT_SERIOUS_BELOW = 1;
+
 export interface Warning {
   text: string;
   /** What it does to the forecast. */
@@ -29,25 +31,37 @@ export interface Warning {
   serious: boolean;
 }
 
+function listed(names: string[]): string {
+  const last = names.at(-1) as string;
+  const text = names.length > 1 ? `${names.slice(0, -1).join(", ")} and ${last}` : last;
+  return `${text[0]?.toUpperCase()}${text.slice(1)}`;
+}
+
 function nameOf(key: string): string {
   return NAMES[key] ?? key.replaceAll("_", " ");
 }
 
-type Reading = [RegExp, (...parts: string[]) => Warning];
+type Reading = [RegExp, (found: string[][]) => Warning];
 
+/** Flags of one kind are told in one sentence. */
 const READINGS: Reading[] = [
   [
     /^(\S+) is outside the training range by ([\d.]+) sd$/,
-    (name, beyond) => ({
-      text: `${nameOf(name as string)} is beyond the trips this model learned from (${beyond} standard deviations).`,
-      effect: "The band is wider for it.",
-      serious: Number(beyond) >= 1,
-    }),
+    (found) => {
+      const furthest = Math.max(...found.map(([, beyond]) => Number(beyond)));
+      const names = listed(found.map(([name]) => nameOf(name as string)));
+      const verb = found.length > 1 ? "are" : "is";
+      return {
+        text: `${names} ${verb} beyond the trips this model learned from, by up to ${furthest} standard deviations.`,
+        effect: "The band is wider for it.",
+        serious: furthest >= NOT_SERIOUS_BELOW,
+      };
+    },
   ],
   [
     /^(\S+) is unknown: its usual value is assumed$/,
-    (name) => ({
-      text: `${nameOf(name as string)} is not known; its usual value is assumed.`,
+    (found) => ({
+      text: `${listed(found.map(([name]) => nameOf(name as string)))}: not known, the usual is assumed.`,
       effect: "The band is wider for it.",
       serious: false,
     }),
@@ -62,26 +76,36 @@ const READINGS: Reading[] = [
   ],
   [
     /^(motor \w+ limit|battery voltage floor): (\d+) samples$/,
-    (limit, count) => ({
-      text: `The car cannot follow the speed in ${count} ${count === "1" ? "sample" : "samples"}: ${CAUSES[limit as string]}.`,
+    (found) => ({
+      text: `The car cannot follow the speed: ${found
+        .map(([limit, count]) => `${LIMITS[limit as string]} (${count} samples)`)
+        .join(", ")}.`,
       effect: "It is taken to drive as fast as it can.",
       serious: true,
     }),
   ],
   [
     /^(battery [\w-]+): (\d+) samples$/,
-    (state, count) => ({
-      text: `${STATES[state as string] ?? state}, in ${count} samples.`,
+    (found) => ({
+      text: found
+        .map(([state, count]) => `${STATES[state as string] ?? state} (${count} samples).`)
+        .join(" "),
       effect: "",
-      serious: state === "battery empty",
+      serious: false,
     }),
   ],
 ];
 
-export function warningOf(flag: string): Warning {
-  for (const [pattern, read] of READINGS) {
-    const found = pattern.exec(flag);
-    if (found) return read(...found.slice(1));
+/** What the flags say, in the order of the readings; what no reading knows comes last. */
+export function warningsOf(flags: string[]): Warning[] {
+  const read = new Set<string>();
+  const warnings: Warning[] = [];
+  for (const [pattern, tell] of READINGS) {
+    const matching = flags.filter((flag) => pattern.test(flag));
+    if (matching.length === 0) continue;
+    for (const flag of matching) read.add(flag);
+    warnings.push(tell(matching.map((flag) => (pattern.exec(flag) as RegExpExecArray).slice(1))));
   }
-  return { text: `${flag[0]?.toUpperCase()}${flag.slice(1)}.`, effect: "", serious: false };
+  const others = flags.filter((flag) => !read.has(flag));
+  return [...warnings, ...others.map((flag) => ({ text: `${listed([flag])}.`, effect: "", serious: false }))];
 }

@@ -25,6 +25,12 @@ export function atMotorwaySpeed(links: Link[], speedMS: number | null): Link[] {
       speed_limit_m_s: _limit,
       ...rest
     } = link;
-    return { ...rest, travel_time_s: link.length_m / speedMS + (link.stop_s ?? 0) };
+    const stop = link.stop_s ?? 0;
+    return {
+      ...rest,
+      travel_time_s: link.length_m / speedMS + stop,
+      stop_s: stop,
+      moving_speed_m_s: speedMS,
+    };
   });
 }

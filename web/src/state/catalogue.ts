@@ -31,6 +31,11 @@ function show(next: Trip, at: Conditions = next.start): void {
   });
 }
 
+/** The trip that has most to show. */
+function longest(rows: ExampleSummary[]): ExampleSummary | undefined {
+  return [...rows].sort((a, b) => b.distance_m - a.distance_m)[0];
+}
+
 async function during<T>(what: string, work: () => Promise<T>): Promise<T | null> {
   loading.value = what;
   try {
@@ -76,7 +81,7 @@ export async function begin(): Promise<void> {
       model.value = (allModels.find(({ name }) => name === last.model) ?? allModels[0])?.name ?? null;
     });
   });
-  const known = examples.value.find((row) => row.trip === last.example) ?? examples.value[0];
+  const known = examples.value.find((row) => row.trip === last.example) ?? longest(examples.value);
   if (known) {
     const found = await during("the trip", () => loadExample(known.trip));
     if (!found) return;

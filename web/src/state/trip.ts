@@ -86,7 +86,7 @@ export function tripOfRoute(route: Route, title: string, source: Source): Trip {
     example: "",
     source,
     title,
-    note: links ? "planned road" : "speed trace",
+    note: links ? `${links.length} ${links.length === 1 ? "link" : "links"}` : "speed trace",
     notes: route.notes,
     fixedJson: membersOf(
       links ? { elevation: route.elevation ?? null } : { samples: pick(route.samples, ROAD) },

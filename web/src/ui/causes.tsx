@@ -21,12 +21,20 @@ export function Causes({ of, other }: { of: Answer; other: Answer | null }) {
       <h2 id="causes-title">What the energy goes into</h2>
       <table>
         <caption class="unseen">Energy by cause; the parts add up to the total</caption>
-        <thead class="unseen">
+        <thead class={other ? "" : "unseen"}>
           <tr>
-            <th scope="col">Cause</th>
-            <th scope="col">Picture</th>
-            <th scope="col">Energy, {ENERGY.unit}</th>
-            {other && <th scope="col">Difference of the second side, {ENERGY.unit}</th>}
+            <th scope="col">
+              <span class="unseen">Cause</span>
+            </th>
+            <td aria-hidden="true" />
+            <th scope="col" class="value">
+              {other ? "First" : `Energy, ${ENERGY.unit}`}
+            </th>
+            {other && (
+              <th scope="col" class="value">
+                Second
+              </th>
+            )}
           </tr>
         </thead>
         <tbody>

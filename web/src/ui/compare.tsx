@@ -1,6 +1,6 @@
 import { batch } from "@preact/signals";
 import type { Answer } from "../api/types";
-import { chanceInFigures, chanceOf } from "../model/arrival";
+import { chanceInFigures, chanceOf, emptyAfterM } from "../model/arrival";
 import { hasMotorway } from "../model/links";
 import { duration, ENERGY, figure, PERCENT, type Quantity, shown } from "../model/units";
 import { type Conditions, change, conditions } from "../state/conditions";
@@ -75,7 +75,8 @@ export function CompareControls() {
       <div class="questions">
         {settingsOfTrip().map((name) => {
           const { label, quantity, usual } = SETTINGS[name];
-          const [first, second] = usual.map((si) => figure(quantity().from(si), 0));
+          const asked = name === setting ? [conditions.value[name] ?? usual[0], value] : usual;
+          const [first, second] = asked.map((si) => figure(quantity().from(si), 0));
           return (
             <button key={name} type="button" aria-pressed={name === setting} onClick={() => ask(name)}>
               {label}{" "}
@@ -105,6 +106,7 @@ export function CompareControls() {
 
 function Side({ of, kind, name }: { of: Answer; kind: "main" | "other"; name: string }) {
   const chance = chanceOf(of, conditions.value.reserve);
+  const emptyM = emptyAfterM(of);
   return (
     <div class={`side side-${kind}`}>
       <h3>{name}</h3>
@@ -112,7 +114,11 @@ function Side({ of, kind, name }: { of: Answer; kind: "main" | "other"; name: st
         {figure(Math.max(PERCENT.from(of.soc_arrival), 0), 0)}
         <small>%</small>
       </p>
-      <p class="figures">{bandText(of)} in 9 of 10 trips</p>
+      <p class="figures">
+        {emptyM === null
+          ? `${bandText(of)} in 9 of 10 trips`
+          : `Empty after about ${shown(emptyM, units.value.distance, 0)}`}
+      </p>
       <p class="figures">
         {shown(of.energy_wh, ENERGY)} · {duration(of.series.time_s.at(-1) as number)}
       </p>

@@ -13,7 +13,7 @@ import {
 import { duration, ENERGY, figure, PERCENT, shown } from "../model/units";
 import { loading } from "../state/catalogue";
 import { conditions } from "../state/conditions";
-import { answer, canDrive, driving, road } from "../state/drive";
+import { answer, arrived, canDrive, driving, road } from "../state/drive";
 import { alternative, type Mode, mode, problem, retry } from "../state/forecast";
 import { units, wholeBattery } from "../state/preferences";
 import { trip } from "../state/trip";
@@ -55,6 +55,8 @@ function Chance({ of }: { of: Answer }) {
 
 function Headline({ of }: { of: Answer }) {
   const emptyM = emptyAfterM(of);
+  const measured = driving.value && arrived.value;
+  const said = measured ? "measured" : `${bandText(of)} in 9 of 10 trips like this`;
   return (
     <div class="headline">
       <p class="arrival">
@@ -64,12 +66,10 @@ function Headline({ of }: { of: Answer }) {
           <small>%</small>
         </span>
         <span class="range">
-          {emptyM === null
-            ? `${bandText(of)} in 9 of 10 trips like this`
-            : `Empty after about ${shown(emptyM, units.value.distance, 0)}`}
+          {emptyM === null ? said : `Empty after about ${shown(emptyM, units.value.distance, 0)}`}
         </span>
       </p>
-      <Chance of={of} />
+      {!measured && <Chance of={of} />}
     </div>
   );
 }
@@ -136,7 +136,7 @@ function Failure() {
         <p>{found.faults?.length ? "What is wrong stands beside its field." : found.detail}</p>
       </div>
       <button type="button" onClick={retry}>
-        Try again
+        {found.faults?.length ? "Close" : "Try again"}
       </button>
     </div>
   );
@@ -239,7 +239,7 @@ export function Result() {
           {driving.value && <DriveLine of={now} />}
           {driving.value && <DriveControls />}
           <Picture of={now} />
-          <Stats of={now} />
+          {mode.value !== "compare" && <Stats of={now} />}
           <Given of={now} />
           <Warnings flags={now.flags} serious={false} />
           <RouteTable of={now} />

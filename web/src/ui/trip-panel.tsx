@@ -10,7 +10,7 @@ import { FaultList } from "./faults";
 import { Icon } from "./icons";
 
 const MAX_BYTES = 4_000_000;
-const START_KMH = 50;
+const START_M_S = 50 / 3.6;
 const TITLES: Record<string, string> = { city: "City", rural: "Country roads", mixed: "City and country" };
 
 const SOURCES: [Source, string][] = [
@@ -49,13 +49,14 @@ export function titleOf(title: string): string {
 function Upload() {
   const [over, setOver] = useState(false);
   const [refused, setRefused] = useState("");
-  const [speedKmh, setSpeed] = useState(START_KMH);
+  const [speedMS, setSpeed] = useState(START_M_S);
+  const { speed } = units.value;
   const id = useId();
   const take = async (file: File | undefined) => {
     if (!file) return;
     const tooLarge = file.size > MAX_BYTES;
     setRefused(tooLarge ? `${file.name} has more than ${MAX_BYTES / 1e6} MB` : "");
-    if (!tooLarge) await chooseRoute(await file.text(), file.name, "upload", speedKmh / 3.6);
+    if (!tooLarge) await chooseRoute(await file.text(), file.name, "upload", speedMS);
   };
   return (
     // biome-ignore lint/a11y/noStaticElementInteractions: dropping a file is a short cut; the button inside does the same
@@ -95,10 +96,10 @@ function Upload() {
           type="number"
           min={5}
           max={130}
-          value={speedKmh}
-          onInput={(event) => setSpeed(event.currentTarget.valueAsNumber || START_KMH)}
+          value={Math.round(speed.from(speedMS))}
+          onChange={(event) => setSpeed(speed.to(event.currentTarget.valueAsNumber) || START_M_S)}
         />
-        km/h
+        {speed.unit}
       </p>
     </div>
   );
@@ -112,7 +113,7 @@ function Links() {
       class="links"
       onSubmit={(event) => {
         event.preventDefault();
-        void chooseRoute(text || SAMPLE_LINKS, "Planned road", "links", START_KMH / 3.6);
+        void chooseRoute(text || SAMPLE_LINKS, "Planned road", "links", START_M_S);
         if (!text) setText(SAMPLE_LINKS);
       }}
     >
