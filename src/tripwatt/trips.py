@@ -178,7 +178,7 @@ class Trip:
 
     def has(self, *columns: str) -> bool:
         """Whether every named column is there with at least one finite value."""
-        return all(c in self.samples.columns and bool(self.samples[c].notna().any()) for c in columns)
+        return all(c in self.samples.columns and not bool(np.isnan(self.array(c)).all()) for c in columns)
 
     @property
     def duration_s(self) -> float:
