@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.trips import COLUMNS, Context, Trip
+from tripwatt.trips import COLUMNS, Context, Trip, is_sound, raise_faults, structure_faults, table_of
 
 if TYPE_CHECKING:
     from tripwatt.forecast.forecast import Forecast
@@ -82,10 +82,11 @@ def trip_to_come(
     payload = known.pop("payload_mass_kg", 0.0)
     # the reading of the battery management would win over what the driver says
     left_out = {"soc"} if displayed_soc is not None else set()
-    columns: dict[str, Any] = {n: samples[n].to_numpy() for n in samples.columns if n not in left_out}
+    if not is_sound(samples):
+        raise_faults(structure_faults(samples, trip_id))
+    columns = {n: np.asarray(samples[n], np.float64) for n in samples.columns if n not in left_out}
     columns |= {name: np.full(len(samples), value) for name, value in known.items()}
-    table = pd.DataFrame(columns, columns=pd.Index(list(columns), dtype=object))
-    return Trip.from_samples(trip_id, table, Context(payload_mass_kg=payload))
+    return Trip.from_samples(trip_id, table_of(columns), Context(payload_mass_kg=payload))
 
 
 def since_departure(observed: pd.DataFrame, trip: Trip) -> pd.DataFrame:

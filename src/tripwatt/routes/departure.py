@@ -8,10 +8,9 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
-import pandas as pd
 
 from tripwatt.errors import Fault
-from tripwatt.trips import COLUMNS, Context, FloatArray, Trip, raise_faults
+from tripwatt.trips import COLUMNS, Context, FloatArray, Trip, raise_faults, table_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +77,5 @@ def planned_trip(
             columns[name] = np.full(len(columns["time_s"]), float(value))
             if name in _AT_DEPARTURE:
                 columns[name][1:] = np.nan  # nobody measures it on the way
-    samples = pd.DataFrame(columns, columns=pd.Index(list(columns), dtype=object))
     said = "; ".join(dict.fromkeys((*filter(None, (departure.context.notes,)), *notes)))
-    return Trip.from_samples(trip_id, samples, replace(departure.context, notes=said))
+    return Trip.from_samples(trip_id, table_of(columns), replace(departure.context, notes=said))
