@@ -52,7 +52,7 @@ const READINGS: Reading[] = [
       const names = listed(found.map(([name]) => nameOf(name as string)));
       const verb = found.length > 1 ? "are" : "is";
       return {
-        text: `${names} ${verb} beyond the trips this model learned from, by up to ${furthest} standard deviations.`,
+        text: `${names} ${verb} beyond the trips this model learned from, by up to ${furthest.toFixed(1)} standard deviations.`,
         effect: "The band is wider for it.",
         serious: furthest >= NOT_SERIOUS_BELOW,
       };

@@ -28,13 +28,16 @@ export const model = signal<string | null>(null);
 export const departure = signal<Answer | null>(null);
 /** The same with the other setting; null outside of a comparison. */
 export const alternative = signal<Answer | null>(null);
+/** What the two were asked with: the conditions on the page may have moved on. */
+export const asked = signal<{ at: Conditions; other: Other }>({ at: conditions.peek(), other: other.peek() });
 export const problem = signal<Problem | null>(null);
 export const profile = signal<Profile | null>(null);
 
 interface Wish {
   trip: Trip;
   at: Conditions;
-  otherAt: Conditions | null;
+  other: Other;
+  compares: boolean;
   model: string | null;
 }
 
@@ -57,15 +60,18 @@ async function renewProfile({ trip, at: { motorwayMS } }: Wish): Promise<Profile
 }
 
 const runner = new Latest<Wish>(async (wish, signal) => {
+  const { setting, value } = wish.other;
+  const otherAt = wish.compares ? { ...wish.at, [setting]: value } : null;
   try {
     const [main, second, road] = await Promise.all([
       forecast(bodyOf(wish.trip, wish.at, wish.model), signal),
-      wish.otherAt && forecast(bodyOf(wish.trip, wish.otherAt, wish.model), signal),
+      otherAt && forecast(bodyOf(wish.trip, otherAt, wish.model), signal),
       renewProfile(wish),
     ]);
     batch(() => {
       departure.value = main;
       alternative.value = second;
+      asked.value = { at: wish.at, other: wish.other };
       profile.value = road;
       problem.value = null;
     });
@@ -82,8 +88,7 @@ export function keepForecasting(): void {
     const now = trip.value;
     if (!now) return;
     const at = conditions.value;
-    const { setting, value } = other.value;
-    const otherAt = mode.value === "compare" ? { ...at, [setting]: value } : null;
+    const compares = mode.value === "compare";
     if (now !== lastTrip) {
       runner.cancel();
       lastTrip = now;
@@ -91,7 +96,7 @@ export function keepForecasting(): void {
         departure.value = alternative.value = profile.value = problem.value = null;
       });
     }
-    const wish = { trip: now, at, otherAt, model: model.value };
+    const wish = { trip: now, at, other: other.value, compares, model: model.value };
     untracked(() => runner.want(wish));
   });
 }

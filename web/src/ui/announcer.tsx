@@ -1,9 +1,8 @@
 import { useEffect, useState } from "preact/hooks";
 import { chanceInWords, chanceOf } from "../model/arrival";
 import { PERCENT, shown } from "../model/units";
-import { conditions } from "../state/conditions";
 import { answer, arrived, playing } from "../state/drive";
-import { problem } from "../state/forecast";
+import { asked, problem } from "../state/forecast";
 import { bandText } from "./result";
 
 const SETTLED_MS = 700;
@@ -12,7 +11,7 @@ function sentence(): string {
   if (problem.value) return "";
   const now = answer.value;
   if (!now) return "";
-  const chance = chanceOf(now, conditions.value.reserve);
+  const chance = chanceOf(now, asked.value.at.reserve);
   const reserve = chance === null ? "" : ` ${chanceInWords(chance)} to keep the reserve.`;
   const end = arrived.value ? "Arrived." : "Forecast:";
   return `${end} ${shown(now.soc_arrival, PERCENT)} battery on arrival, ${bandText(now)} in 9 of 10 trips.${reserve}`;

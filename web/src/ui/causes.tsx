@@ -32,7 +32,7 @@ export function Causes({ of, other }: { of: Answer; other: Answer | null }) {
             </th>
             {other && (
               <th scope="col" class="value">
-                Second
+                Change
               </th>
             )}
           </tr>

@@ -4,7 +4,7 @@ import { chanceInFigures, chanceOf, emptyAfterM } from "../model/arrival";
 import { hasMotorway } from "../model/links";
 import { duration, ENERGY, figure, PERCENT, type Quantity, shown } from "../model/units";
 import { type Conditions, change, conditions } from "../state/conditions";
-import { type Other, other } from "../state/forecast";
+import { asked, type Other, other } from "../state/forecast";
 import { units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { bandText } from "./result";
@@ -75,8 +75,8 @@ export function CompareControls() {
       <div class="questions">
         {settingsOfTrip().map((name) => {
           const { label, quantity, usual } = SETTINGS[name];
-          const asked = name === setting ? [conditions.value[name] ?? usual[0], value] : usual;
-          const [first, second] = asked.map((si) => figure(quantity().from(si), 0));
+          const sides = name === setting ? [conditions.value[name] ?? usual[0], value] : usual;
+          const [first, second] = sides.map((si) => figure(quantity().from(si), 0));
           return (
             <button key={name} type="button" aria-pressed={name === setting} onClick={() => ask(name)}>
               {label}{" "}
@@ -105,7 +105,7 @@ export function CompareControls() {
 }
 
 function Side({ of, kind, name }: { of: Answer; kind: "main" | "other"; name: string }) {
-  const chance = chanceOf(of, conditions.value.reserve);
+  const chance = chanceOf(of, asked.value.at.reserve);
   const emptyM = emptyAfterM(of);
   return (
     <div class={`side side-${kind}`}>
@@ -142,9 +142,9 @@ export function differenceText(first: Answer, second: Answer, names: [string, st
 }
 
 export function CompareLine({ first, second }: { first: Answer; second: Answer }) {
-  const { setting, value } = other.value;
+  const { setting, value } = asked.value.other;
   const { quantity, label } = SETTINGS[setting];
-  const at = conditions.value[setting];
+  const at = asked.value.at[setting];
   const names: [string, string] = [
     at === null ? "As planned" : shown(at, quantity()),
     shown(value, quantity()),

@@ -2,15 +2,14 @@ import type { Answer } from "../api/types";
 import { ArrivalChart } from "../charts/arrival";
 import { chanceInFigures, chanceOf, DOTS, equallyLikely } from "../model/arrival";
 import { PERCENT, shown } from "../model/units";
-import { conditions } from "../state/conditions";
 import { answer, arrived, driving } from "../state/drive";
-import { alternative, mode } from "../state/forecast";
+import { alternative, asked, mode } from "../state/forecast";
 import { Causes } from "./causes";
 import { DriveCard } from "./drive";
 import { ArrivalTable } from "./tables";
 
 function ArrivalDots({ of, shared, name }: { of: Answer; shared: Answer[]; name: string }) {
-  const { reserve } = conditions.value;
+  const { reserve } = asked.value.at;
   const kept = equallyLikely(of).filter((soc) => soc >= reserve).length;
   const chance = chanceOf(of, reserve);
   const said = `${kept} of ${DOTS} equally likely arrivals keep the reserve of ${shown(reserve, PERCENT)}`;

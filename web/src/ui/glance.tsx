@@ -1,8 +1,8 @@
 import { useEffect, useState } from "preact/hooks";
 import { chanceInFigures, chanceOf } from "../model/arrival";
 import { PERCENT, shown } from "../model/units";
-import { conditions } from "../state/conditions";
 import { answer } from "../state/drive";
+import { asked } from "../state/forecast";
 import { bandText } from "./result";
 
 /** On a phone: the result at the foot while its picture is out of sight. What it says stands in the picture's card too. */
@@ -17,7 +17,7 @@ export function Glance() {
   }, [answer.value !== null]);
   const now = answer.value;
   if (!now || !away) return null;
-  const chance = chanceOf(now, conditions.value.reserve);
+  const chance = chanceOf(now, asked.value.at.reserve);
   return (
     <div class="glance" aria-hidden="true">
       <strong>{shown(now.soc_arrival, PERCENT)}</strong>

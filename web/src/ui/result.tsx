@@ -12,9 +12,8 @@ import {
 } from "../model/arrival";
 import { duration, ENERGY, figure, PERCENT, shown } from "../model/units";
 import { loading } from "../state/catalogue";
-import { conditions } from "../state/conditions";
 import { answer, arrived, canDrive, driving, road } from "../state/drive";
-import { alternative, type Mode, mode, problem, retry } from "../state/forecast";
+import { alternative, asked, type Mode, mode, problem, retry } from "../state/forecast";
 import { units, wholeBattery } from "../state/preferences";
 import { trip } from "../state/trip";
 import { Choice } from "./choice";
@@ -38,7 +37,7 @@ export function bandText(of: Answer, digits = 0): string {
 }
 
 function Chance({ of }: { of: Answer }) {
-  const reserve = conditions.value.reserve;
+  const reserve = asked.value.at.reserve;
   const chance = chanceOf(of, reserve);
   if (chance === null) return null;
   return (
