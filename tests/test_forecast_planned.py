@@ -107,7 +107,7 @@ def test_measured_doubt_is_the_difference_of_the_two_forecasts(trips):
     for row, trip in zip(off, (some[2], some[0]), strict=True):
         base = simulate_trip(CAR, planned(trip)).simulated_energy_wh
         on_links = [simulate_trip(CAR, planned(linked(trip, m))).simulated_energy_wh for m in LENGTHS_M]
-        np.testing.assert_allclose(row, np.array(on_links) / base - 1.0, atol=1e-9)
+        np.testing.assert_allclose(row, np.array(on_links) / base - 1.0, rtol=2e-3)
     assert 0.0 < np.abs(off).max() < 0.5
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from tripwatt.report.tables import Table, markdown
+from tripwatt.report.tables import DASH, Table, markdown, number, span
 
 BEGIN: Final = "<!-- links:begin -->"
 END: Final = "<!-- links:end -->"
@@ -47,16 +47,14 @@ def render_links(results: Mapping[str, Any]) -> str:
 
 
 def _row(name: str, row: Mapping[str, Any]) -> tuple[str, ...]:
-    low, high = (100.0 * bound for bound in row["mape_ci95"])
-    more_low, more_high = (100.0 * bound for bound in row["mape_more_than_driven_ci95"])
-    more = f"{100.0 * row['mape_more_than_driven']:+.1f} ({more_low:+.1f} to {more_high:+.1f})"
+    more = f"{number(row['mape_more_than_driven'], 100, 1)} ({span(row['mape_more_than_driven_ci95'])})"
     return (
         name,
-        f"{100.0 * row['mape']:.1f}",
-        f"{low:.1f} to {high:.1f}",
-        "–" if name == NAMES["driven trace"] else more.replace("-", "−"),
-        f"{100.0 * row['bias']:+.1f}".replace("-", "−"),
-        f"{row['rmse_wh'] / 1000.0:.2f}",
-        f"{100.0 * row['coverage']['0.9']:.0f}",
-        f"{100.0 * row['relative_width']['0.9']:.0f}",
+        number(row["mape"], 100, 1),
+        span(row["mape_ci95"]),
+        DASH if name == NAMES["driven trace"] else more,
+        number(row["bias"], 100, 1),
+        number(row["rmse_wh"], 1e-3, 2),
+        number(row["coverage"]["0.9"], 100, 0),
+        number(row["relative_width"]["0.9"], 100, 0),
     )
