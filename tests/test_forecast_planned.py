@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -21,12 +22,13 @@ from tripwatt.forecast import (
     training_blocks,
 )
 from tripwatt.forecast import model as model_module
-from tripwatt.forecast.planned import LENGTHS_M, MOST_TRIPS
+from tripwatt.forecast.planned import LENGTHS_M, MOST_TRIPS, along_the_plan
 from tripwatt.forecast.storage import model_of_parts, model_parts
 from tripwatt.hybrid import planned, power_corrector
 from tripwatt.physics import simulate_trip
 from tripwatt.routes import plan_trip, read_route, route_from_links
 from tripwatt.synthetic import synthetic_fleet
+from tripwatt.trips import Context
 from tripwatt.vehicles import load_vehicle
 
 CAR = load_vehicle("bmw_i3_60ah")
@@ -180,3 +182,67 @@ def test_departure_of_a_route_is_checked_and_wins(trips):
     with pytest.raises(InvalidInput) as caught:
         planned_to_come(plan, ambient_temperature_degc=400.0, displayed_soc=7.0)
     assert len(caught.value.faults) == 2
+
+
+def late(plan, factor, waits_s, power_w):
+    """The plan's own speeds driven slower by a factor after a wait, at a constant power."""
+    time = np.arange(0.0, plan.duration_s * factor + waits_s)
+    speed = (
+        np.interp((time - waits_s) / factor, plan.array("time_s"), plan.array("speed_m_s"), left=0.0) / factor
+    )
+    return pd.DataFrame({"time_s": time, "speed_m_s": speed, "observed_energy_wh": power_w * time / 3600.0})
+
+
+@pytest.mark.parametrize(("factor", "waits_s"), [(1.0, 0.0), (1.3, 0.0), (0.8, 40.0), (1.0, 120.0)])
+def test_a_late_car_has_the_rest_of_the_route_before_it(model, factor, waits_s):
+    links = [{"length_m": 500.0, "speed_m_s": 6.0 + 8.0 * (k % 2)} for k in range(30)]
+    plan = plan_trip(route_from_links(links))
+    before = model.forecast(plan)
+    observed = late(plan, factor, waits_s, 4000.0)
+    driven = np.concatenate(([0.0], np.cumsum(observed["speed_m_s"].to_numpy()[1:])))
+    observed = observed[driven <= 7500.0]  # half of the way
+    after = before.update(observed)
+    series = before.series()
+    half_s = float(np.interp(7500.0, series["distance_m"], series["time_s"]))
+    assert after.measured_until_s == pytest.approx(half_s, abs=40.0)
+    rest = before.energy_wh - float(np.interp(7500.0, series["distance_m"], series["energy_wh"]))
+    measured = float(observed["observed_energy_wh"].iloc[-1])
+    # all that was measured counts, nothing twice: what is left is the plan's rest, as the update sees it
+    left = after.energy_wh - after.measured_wh.sum()
+    assert after.measured_wh.sum() == pytest.approx(measured, rel=0.01)
+    assert left == pytest.approx(rest, rel=0.25)
+    assert float((after.open_hours * 3600.0).sum()) == pytest.approx(
+        plan.duration_s - after.measured_until_s, abs=25.0
+    )
+
+
+def test_a_wait_that_the_car_did_not_have_is_no_gap(model):
+    """Planned stops of a minute; the car drives through."""
+    plan = plan_trip(route_from_links([{"length_m": 1000.0, "travel_time_s": 140.0, "stop_s": 60.0}] * 8))
+    time = np.arange(0.0, 500.0)
+    observed = pd.DataFrame({"time_s": time, "speed_m_s": 12.0, "observed_energy_wh": time})
+    on_plan = along_the_plan(observed, plan)
+    assert on_plan["time_s"].diff().max() <= 5.0 + 1e-9
+    assert (on_plan["time_s"].diff().dropna() > 0).all()
+    assert on_plan["observed_energy_wh"].iloc[-1] == time[-1]
+    gap = observed[(time < 100.0) | (time > 250.0)]
+    assert along_the_plan(gap, plan)["time_s"].diff().max() > 100.0
+    assert along_the_plan(observed, dataclasses.replace(plan, context=Context())) is observed
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.1, 90.0), st.floats(0.0, 40.0)), min_size=2, max_size=40),
+    st.floats(0.0, 300.0),
+)
+def test_any_drive_has_a_clock_that_goes_on(steps, start):
+    plan = plan_trip(
+        route_from_links([{"length_m": 900.0, "speed_m_s": 9.0}, {"length_m": 80.0, "speed_m_s": 3.0}])
+    )
+    time = start + np.cumsum([step for step, _ in steps])
+    observed = pd.DataFrame(
+        {"time_s": time, "speed_m_s": [v for _, v in steps], "soc": 0.5, "observed_energy_wh": time}
+    )
+    found = along_the_plan(observed, plan)
+    assert (np.diff(found["time_s"]) > 0.0).all()
+    assert found["time_s"].between(0.0, plan.duration_s + 1e-2).all()
+    assert found["observed_energy_wh"].iloc[[0, -1]].tolist() == pytest.approx([0.0, time[-1] - time[0]])

@@ -13,7 +13,7 @@ import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecast.gain import EXACT_W2, Gain
-from tripwatt.forecast.planned import given_of
+from tripwatt.forecast.planned import along_the_plan, given_of
 from tripwatt.forecast.process import Belief, Blocks, ResidualProcess, prior
 from tripwatt.forecast.scores import Scores
 from tripwatt.hybrid import BlockTable
@@ -240,7 +240,8 @@ class Forecast:
         observed : DataFrame
             Samples since departure, `time_s` on the clock of the trip's own samples. With `voltage_v` and
             `current_a`, or with `observed_energy_wh` in their place, each block that was measured counts, gaps stay
-            unmeasured. Without them `soc` or `displayed_soc` count.
+            unmeasured. Without them `soc` or `displayed_soc` count. On a planned route `speed_m_s` tells how far the
+            car is; without it, it is taken to be where it was planned.
 
         Returns
         -------
@@ -254,6 +255,8 @@ class Forecast:
         samples = observed if "speed_m_s" in observed else observed.assign(speed_m_s=0.0)
         raise_faults(structure_faults(samples, "observed samples"))
         raise_faults(value_faults(samples, "observed samples"))
+        if "speed_m_s" in observed:
+            samples = along_the_plan(samples, self.plan)
         time = np.asarray(samples["time_s"], dtype=np.float64)
         soc = self._measured_soc(samples)
         measured_wh = measured_hours = None
