@@ -19,9 +19,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import pandas as pd
 
+from tripwatt.audit.signals import blank_stuck_heater
 from tripwatt.errors import InvalidInput
 from tripwatt.forecast.request import trip_to_come
 from tripwatt.hybrid import BlockTable, IntArray, PowerCorrector, block_table, planned
+from tripwatt.hybrid.climate_log import CLIMATE_COLUMNS
 from tripwatt.physics import simulate_trip
 from tripwatt.routes import departure_of, links_of_trip, trip_from_links
 from tripwatt.routes.links import FLAT_ROAD_NOTE
@@ -212,18 +214,17 @@ def as_planned(forecast: Forecast, doubt: RouteDoubt | None) -> Forecast:
     if link_m is None:
         return forecast
     flags = [*forecast.flags, *_said(forecast.plan.context.notes)]
-    blocks = forecast.blocks
+    extra = 0.0
     if doubt is None:
         flags.append(
             "a planned route, and the model does not know what that costs: the interval is too narrow"
         )
     else:
         extra = doubt.share(link_m) * abs(forecast.energy_wh)
-        blocks = replace(blocks, doubt_wh=float(np.hypot(blocks.doubt_wh, extra)))
         longest = float(doubt.length_m[-1])
         if link_m > longest:
             flags.append(f"links of {link_m:.0f} m are longer than those the doubt was measured with")
-    return replace(forecast, blocks=blocks, flags=tuple(dict.fromkeys(flags)))
+    return replace(forecast, route_doubt_wh=extra, flags=tuple(dict.fromkeys(flags)))
 
 
 def along_the_plan(samples: pd.DataFrame, plan: Trip) -> pd.DataFrame:
@@ -241,7 +242,7 @@ def along_the_plan(samples: pd.DataFrame, plan: Trip) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        `time_s`, and of `observed_energy_wh`, `soc` and `displayed_soc` what was measured.
+        `time_s`, and what was measured of `observed_energy_wh`, `soc`, `displayed_soc` and the powers of climate control.
     """
     if plan.context.planned_link_m is None:
         return samples
@@ -250,7 +251,9 @@ def along_the_plan(samples: pd.DataFrame, plan: Trip) -> pd.DataFrame:
     time, speed = (samples[name].to_numpy(dtype=np.float64) for name in ("time_s", "speed_m_s"))
     driven = _distance(time, speed)[0] + float(np.interp(time[0], at, there))
     clock = np.interp(driven, there[moves], at[moves])
-    known = {n: samples[n].to_numpy(dtype=np.float64) for n in ("soc", "displayed_soc") if n in samples}
+    states = {n: samples[n].to_numpy(dtype=np.float64) for n in ("soc", "displayed_soc") if n in samples}
+    sound = blank_stuck_heater(samples, "")[0]  # told by the log's own clock
+    powers = {n: sound[n].to_numpy(dtype=np.float64) for n in CLIMATE_COLUMNS if n in sound}
     energy = observed_cumulative_energy(samples)
     # of a standstill the last sample counts, and the first of all, from which energy is counted
     last = np.append(np.diff(clock) > 0.0, True)
@@ -271,8 +274,9 @@ def along_the_plan(samples: pd.DataFrame, plan: Trip) -> pd.DataFrame:
     found = {"time_s": np.interp(place, order, clock[kept])}
     if energy is not None:
         found["observed_energy_wh"] = np.interp(place, order, energy[kept])
+    found |= {name: np.interp(place, order, values[kept]) for name, values in powers.items()}
     whole = place == np.floor(place)
-    for name, values in known.items():
+    for name, values in states.items():
         found[name] = np.where(whole, values[kept][place.astype(np.int64)], np.nan)
     return pd.DataFrame(found)
 
@@ -280,6 +284,14 @@ def along_the_plan(samples: pd.DataFrame, plan: Trip) -> pd.DataFrame:
 def _distance(time: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Distance driven at each time [m], and the times."""
     return np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time)))), time
+
+
+def route_sd_wh(forecast: Forecast) -> FloatArray:
+    """Doubt of the route in the energy up to the end of each block [Wh]: in proportion to the time that was not measured.
+
+    One doubt for the whole route, as if all links erred together: along the way it grows like the band's other parts.
+    """
+    return np.asarray(forecast.route_doubt_wh * np.cumsum(forecast.open_hours) / forecast.table.hours.sum())
 
 
 def _said(notes: str) -> Iterable[str]:
