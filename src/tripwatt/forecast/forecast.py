@@ -13,6 +13,7 @@ import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecast.gain import Gain
+from tripwatt.forecast.planned import along_the_plan, given_of, route_sd_wh
 from tripwatt.forecast.process import EXACT_W2, Belief, Blocks, ResidualProcess
 from tripwatt.forecast.scale import TotalScale
 from tripwatt.forecast.scores import Scores
@@ -62,6 +63,8 @@ class Forecast:
         Standard deviation of the trip's energy over that of the process: the scale that held-out trips showed.
     widening : float
         Factor of the standard deviation for what training never saw.
+    route_doubt_wh : float
+        Standard deviation that a planned route adds to the trip's energy [Wh]; 0 for a driven trace.
     measured_until_s : float
         Time up to which the trip was measured [s since departure]; 0 before departure.
     measured_wh, measured_hours : ndarray or None, shape (blocks,)
@@ -81,6 +84,7 @@ class Forecast:
     gain: Gain
     spread: float = 1.0
     widening: float = 1.0
+    route_doubt_wh: float = 0.0
     flags: tuple[str, ...] = ()
     measured_until_s: float = 0.0
     measured_wh: FloatArray | None = None
@@ -133,6 +137,11 @@ class Forecast:
             widening=float(np.sqrt(1.0 + sum(b**2 + 0.25 for b in outside.values()) + 0.1 * len(unknown))),
             flags=(*flags, *simulation.flags),
         )
+
+    @property
+    def given(self) -> str:
+        """What is taken as known of the speed: the driven speed trace, or a planned route."""
+        return given_of(self.plan)
 
     @property
     def power_w(self) -> FloatArray:
@@ -248,7 +257,8 @@ class Forecast:
             Samples since departure, `time_s` on the clock of the trip's own samples. With `voltage_v` and
             `current_a`, or with `observed_energy_wh` in their place, each block that was measured counts, gaps stay
             unmeasured; `heating_power_w` and `aircon_power_w` beside them tell climate control from driving. Without
-            them `soc` or `displayed_soc` count.
+            them `soc` or `displayed_soc` count. On a planned route `speed_m_s` tells how far the car is; without it,
+            it is taken to be where it was planned.
 
         Returns
         -------
@@ -262,6 +272,8 @@ class Forecast:
         samples = observed if "speed_m_s" in observed else observed.assign(speed_m_s=0.0)
         raise_faults(structure_faults(samples, "observed samples"))
         raise_faults(value_faults(samples, "observed samples"))
+        if "speed_m_s" in observed:
+            samples = along_the_plan(samples, self.plan)
         time = np.asarray(samples["time_s"], dtype=np.float64)
         soc = self._measured_soc(samples)
         measured_wh = measured_hours = None
@@ -325,7 +337,7 @@ class Forecast:
         """What the command line and the service answer, plain values."""
         return {
             "trip": self.plan.trip_id,
-            "given": "the driven speed trace",
+            "given": self.given,
             "energy_wh": self.energy_wh,
             "quantiles_wh": {f"{p:g}": self.quantile(p) for p in QUANTILES},
             "soc_arrival": self.soc_arrival,
@@ -339,7 +351,8 @@ class Forecast:
 
     @cached_property
     def _cumulative_sd_wh(self) -> FloatArray:
-        return self.widening * self.spread * self.belief.energy_wh(self.open_hours)[1]
+        own = self.spread * self.belief.energy_wh(self.open_hours)[1]
+        return self.widening * np.asarray(np.hypot(own, route_sd_wh(self)))
 
     def _energy_at(self, time_s: float) -> float:
         ends = np.concatenate(([0.0], np.cumsum(self.table.hours) * SECONDS_PER_HOUR))

@@ -16,6 +16,7 @@ import numpy as np
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecast.forecast import Forecast
 from tripwatt.forecast.gain import Gain
+from tripwatt.forecast.planned import LinkedTrips, RouteDoubt, as_planned, linked_trips
 from tripwatt.forecast.process import Blocks, HeldOutResidual, ResidualProcess, fit_process
 from tripwatt.forecast.scale import TotalScale
 from tripwatt.forecast.scores import Scores
@@ -91,6 +92,7 @@ class ForecastModel:
     scale_: TotalScale | None = None
     scores_: Scores | None = None
     gain_: Gain | None = None
+    route_doubt_: RouteDoubt | None = None
     ranges_: dict[str, Range] = field(default_factory=dict)
     trip_ids_: tuple[str, ...] = ()
     held_out_: tuple[HeldOut, ...] = ()
@@ -99,16 +101,23 @@ class ForecastModel:
         self, trips: Sequence[Trip], *, progress: Callable[[int, int], None] | None = None
     ) -> ForecastModel:
         """Learn from raw trips with measured energy. See `fit_blocks`."""
-        return self.fit_blocks(training_blocks(trips, self.vehicle), progress=progress)
+        table = training_blocks(trips, self.vehicle)
+        return self.fit_blocks(table, routes=linked_trips(trips, self.vehicle), progress=progress)
 
     def fit_blocks(
-        self, table: BlockTable, *, progress: Callable[[int, int], None] | None = None
+        self,
+        table: BlockTable,
+        *,
+        routes: LinkedTrips | None = None,
+        progress: Callable[[int, int], None] | None = None,
     ) -> ForecastModel:
         """Learn corrector, process and scores. One fit of the corrector, and one more for each inner fold.
 
         Parameters
         ----------
         table : BlockTable
+        routes : LinkedTrips, optional
+            The same trips on links, for the doubt of planned routes.
         progress : callable, optional
             Called with (finished fits, all fits).
 
@@ -124,13 +133,17 @@ class ForecastModel:
         self.ranges_ = _ranges(table)
         folds = np.random.default_rng(self.seed).permutation(len(table)) % min(INNER_FOLDS, len(table))
         held_out: dict[int, HeldOutResidual] = {}
+        off: list[FloatArray] = []
         n_folds = int(folds.max()) + 1
         for fold in range(n_folds):
             if progress is not None:
                 progress(fold + 1, n_folds + 1)
             inner = self.fitted_.again().fit(table.take(np.flatnonzero(folds != fold)))
+            if routes is not None:
+                off.append(routes.differences(inner, table, np.flatnonzero(folds == fold)))
             for i in np.flatnonzero(folds == fold):
                 held_out[int(i)] = held_out_residual(inner, table.take([int(i)]))
+        self.route_doubt_ = RouteDoubt.of(np.concatenate(off)) if off else None
         self._learn_doubt(table, [held_out[i] for i in range(len(table))])
         if progress is not None:
             progress(n_folds + 1, n_folds + 1)
@@ -178,7 +191,7 @@ class ForecastModel:
         correction, doubt = self.fitted_.predict_with_doubt(table)
         known = _watched(table)
         outside = {name: self.ranges_[name].beyond(value) for name, value in known.items()}
-        return Forecast.at_departure(
+        forecast = Forecast.at_departure(
             plan=plan,
             vehicle=self.vehicle,
             simulation=simulation,
@@ -193,6 +206,7 @@ class ForecastModel:
             outside={name: beyond for name, beyond in outside.items() if beyond > 0.0},
             unknown=tuple(n for n in DEPARTURE_COLUMNS[:4] if not np.isfinite(known[n])),
         )
+        return as_planned(forecast, self.route_doubt_)
 
 
 def training_blocks(trips: Sequence[Trip], vehicle: Vehicle) -> BlockTable:

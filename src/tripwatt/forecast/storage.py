@@ -18,6 +18,7 @@ import tripwatt
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecast.gain import CHANNELS, Gain
 from tripwatt.forecast.model import ForecastModel, Range
+from tripwatt.forecast.planned import RouteDoubt
 from tripwatt.forecast.process import Channel, ResidualProcess
 from tripwatt.forecast.scale import TotalScale
 from tripwatt.forecast.scores import Scores
@@ -57,6 +58,7 @@ def model_parts(model: ForecastModel) -> dict[str, Part]:
         "scale": scale.values.tolist(),
         "scores": scores.values.tolist(),
         "gain": {name: getattr(gain, name).tolist() for name in CHANNELS},
+        "route_doubt": _doubt_part(model.route_doubt_),
         "ranges": {n: [_finite(r.low), _finite(r.high), r.sd] for n, r in model.ranges_.items()},
         "trip_ids": list(model.trip_ids_),
     }
@@ -97,6 +99,7 @@ def model_of_parts(parts: Mapping[str, Part]) -> ForecastModel:
             scale_=TotalScale(np.array(values["scale"], dtype=np.float64)),
             scores_=Scores(np.array(values["scores"], dtype=np.float64)),
             gain_=Gain(**{name: np.array(values["gain"][name], dtype=np.float64) for name in CHANNELS}),
+            route_doubt_=_doubt_of_part(values.get("route_doubt")),
             ranges_=ranges,
             trip_ids_=tuple(values["trip_ids"]),
         )
@@ -295,6 +298,21 @@ def _take_values(document: dict[str, dict[str, Any]], vehicle: Vehicle) -> None:
                 "source": source,
                 **scale,
             }
+
+
+def _doubt_part(doubt: RouteDoubt | None) -> dict[str, Any] | None:
+    if doubt is None:
+        return None
+    lengths, variances = doubt.length_m.tolist(), doubt.variance.tolist()
+    return {"length_m": lengths, "variance": variances, "trips": doubt.trips}
+
+
+def _doubt_of_part(part: Mapping[str, Any] | None) -> RouteDoubt | None:
+    """Models of older versions have none."""
+    if part is None:
+        return None
+    length, variance = (np.array(part[name], dtype=np.float64) for name in ("length_m", "variance"))
+    return RouteDoubt(length, variance, part["trips"])
 
 
 def _finite(value: float) -> float | None:
