@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import signal
 import subprocess
@@ -21,6 +22,8 @@ from benchmarks.service_schema import conformance
 from tripwatt.cli.serving import models_of
 from tripwatt.errors import InvalidInput
 from tripwatt.forecast.storage import model_folder
+from tripwatt.service.problems import TITLES
+from tripwatt.service.settings import Limits
 
 LONG = {"samples": {"time_s": [0.0, 20000.0, 40000.0], "speed_m_s": [10.0, 10.0, 10.0]}}
 """A trip whose forecast takes a good while."""
@@ -147,3 +150,11 @@ def test_damaged_uploads_are_problems_not_accidents(service: Service) -> None:
     assert not found.wrong, found.wrong[:3]
     assert found.statuses[422] > 50
     assert orjson.loads(service.client.get("/readyz").content)["workers"] == 1
+
+
+def test_the_page_of_the_service_lists_every_limit_and_every_problem() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "service.md").read_text(encoding="utf-8")
+    for limit in dataclasses.fields(Limits):
+        assert f"| `{limit.name}` | {limit.default:,} |" in page
+    for kind in TITLES:
+        assert f"`/problems/{kind}`" in page

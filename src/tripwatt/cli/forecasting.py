@@ -195,7 +195,7 @@ def forecast(
         typer.Option(
             metavar="SAMPLES",
             help="What was measured so far, on the trip's clock: time_s with voltage_v and current_a, or soc or "
-            "displayed_soc.",
+            "displayed_soc; on a planned route also speed_m_s, which tells how far the car is.",
             show_default=False,
         ),
     ] = None,

@@ -16,10 +16,11 @@ import numpy as np
 
 import tripwatt
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.forecast.gain import Gain
+from tripwatt.forecast.gain import CHANNELS, Gain
 from tripwatt.forecast.model import ForecastModel, Range
 from tripwatt.forecast.planned import RouteDoubt
-from tripwatt.forecast.process import ResidualProcess
+from tripwatt.forecast.process import Channel, ResidualProcess
+from tripwatt.forecast.scale import TotalScale
 from tripwatt.forecast.scores import Scores
 from tripwatt.hybrid.power import BLOCK_S, DEPARTURE_COLUMNS, ROUTE_COLUMNS
 from tripwatt.hybrid.stored import corrector_of_parts, corrector_parts
@@ -44,18 +45,19 @@ def model_parts(model: ForecastModel) -> dict[str, Part]:
     InvalidInput
         For a model that is not fitted, or whose corrector cannot be stored.
     """
-    if model.fitted_ is None or model.process_ is None or model.scores_ is None or model.gain_ is None:
+    process, scale, scores, gain = model.process_, model.scale_, model.scores_, model.gain_
+    if model.fitted_ is None or process is None or scale is None or scores is None or gain is None:
         raise InvalidInput(Fault("model is not fitted", "store", "no training trips", "call fit first"))
     about, arrays = corrector_parts(model.fitted_)
-    process = asdict(model.process_)
     values = {
         "corrector": model.corrector,
         "seed": model.seed,
         "block_s": BLOCK_S,
         "fitted": about,
-        "process": {**process, "effect_sd": model.process_.effect_sd.tolist()},
-        "scores": model.scores_.values.tolist(),
-        "gain": model.gain_.values.tolist(),
+        "process": asdict(process) | {"climate_limit_w": _finite(process.climate_limit_w)},
+        "scale": scale.values.tolist(),
+        "scores": scores.values.tolist(),
+        "gain": {name: getattr(gain, name).tolist() for name in CHANNELS},
         "route_doubt": _doubt_part(model.route_doubt_),
         "ranges": {n: [_finite(r.low), _finite(r.high), r.sd] for n, r in model.ranges_.items()},
         "trip_ids": list(model.trip_ids_),
@@ -88,9 +90,15 @@ def model_of_parts(parts: Mapping[str, Part]) -> ForecastModel:
             corrector=values["corrector"],
             seed=values["seed"],
             fitted_=corrector_of_parts(values["fitted"], parts),
-            process_=ResidualProcess(**{**process, "effect_sd": np.array(process["effect_sd"])}),
+            process_=ResidualProcess(
+                drive=Channel(**process["drive"]),
+                climate=Channel(**process["climate"]),
+                climate_limit_w=_bound(process["climate_limit_w"], math.inf),
+                apart=process["apart"],
+            ),
+            scale_=TotalScale(np.array(values["scale"], dtype=np.float64)),
             scores_=Scores(np.array(values["scores"], dtype=np.float64)),
-            gain_=Gain(np.array(values["gain"], dtype=np.float64)),
+            gain_=Gain(**{name: np.array(values["gain"][name], dtype=np.float64) for name in CHANNELS}),
             route_doubt_=_doubt_of_part(values.get("route_doubt")),
             ranges_=ranges,
             trip_ids_=tuple(values["trip_ids"]),

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.hybrid.channels import ChannelCorrector
 from tripwatt.hybrid.power import (
-    TREE_FEATURES,
     BlockTable,
     EnsembleCorrector,
     KrigingCorrector,
@@ -75,6 +75,10 @@ class StoredTrees:
         """`predict` and `uncertainty_factor`."""
         return self.predict(table), self.uncertainty_factor(table)
 
+    def predict_climate(self, table: BlockTable) -> FloatArray | None:
+        """Not told apart."""
+        return None
+
 
 def corrector_parts(corrector: PowerCorrector, name: str = "corrector") -> Stored:
     """A fitted corrector as plain values and arrays.
@@ -94,9 +98,16 @@ def corrector_parts(corrector: PowerCorrector, name: str = "corrector") -> Store
         stored = [corrector_parts(member, f"{name}-{i}") for i, member in enumerate(corrector.members)]
         arrays = {part: values for _, parts in stored for part, values in parts.items()}
         return {"kind": "ensemble", "members": [about for about, _ in stored]}, arrays
+    if isinstance(corrector, ChannelCorrector):
+        if not corrector.apart_:
+            return corrector_parts(corrector.whole, name)
+        channels = ("climate", corrector.climate), ("drive", corrector.drive)
+        told = {channel: corrector_parts(its, f"{name}-{channel}") for channel, its in channels}
+        arrays = {part: values for _, parts in told.values() for part, values in parts.items()}
+        return {"kind": "channels", **{channel: about for channel, (about, _) in told.items()}}, arrays
     part = f"{name}.npz"
     if isinstance(corrector, KrigingCorrector):
-        about: dict[str, Any] = {"kind": "kriging", "arrays": part}
+        about: dict[str, Any] = {"kind": "kriging", "arrays": part, "share_column": corrector.share_column}
         about["parts"] = [asdict(p) | {"columns": list(p.columns)} for p in corrector.parts]
         return about, {part: {**corrector.model.to_arrays(), _SHAPE: corrector.shape}}
     trees = corrector if isinstance(corrector, StoredTrees) else _trees(corrector)
@@ -122,9 +133,12 @@ def corrector_of_parts(about: Mapping[str, Any], parts: Mapping[str, Arrays]) ->
     kind = about["kind"]
     if kind == "ensemble":
         return EnsembleCorrector([corrector_of_parts(member, parts) for member in about["members"]])
+    if kind == "channels":
+        climate, drive = (corrector_of_parts(about[channel], parts) for channel in ("climate", "drive"))
+        return ChannelCorrector(climate, drive, drive, True)
     if kind == "kriging":
         its_parts = tuple(Part(**{**p, "columns": tuple(p["columns"])}) for p in about["parts"])
-        corrector = KrigingCorrector(its_parts)
+        corrector = KrigingCorrector(its_parts, about["share_column"])
         arrays = dict(parts[about["arrays"]])
         corrector.shape = arrays.pop(_SHAPE)
         corrector.model.load_arrays(arrays)
@@ -137,13 +151,15 @@ def corrector_of_parts(about: Mapping[str, Any], parts: Mapping[str, Arrays]) ->
             float(about["rest"]),
             about["divisor"],
         )
-    raise InvalidInput(Fault("unknown kind of corrector", "model", repr(kind), "ensemble, kriging, trees"))
+    raise InvalidInput(
+        Fault("unknown kind of corrector", "model", repr(kind), "channels, ensemble, kriging, trees")
+    )
 
 
 def _trees(corrector: PowerCorrector) -> StoredTrees:
     if not isinstance(corrector, LearnerCorrector) or not hasattr(corrector.model, "booster_"):
         got = type(corrector).__name__
-        allowed = "linear, kriging, boosting, forest or ensemble"
+        allowed = "linear, kriging, boosting, forest, ensemble or channels"
         raise InvalidInput(Fault("this corrector cannot be stored", "corrector", got, allowed))
     model = corrector.model
     lone = model.position_ < 0
@@ -152,5 +168,7 @@ def _trees(corrector: PowerCorrector) -> StoredTrees:
     trees = TreeTable.of_text(text, n_trees)
     if hasattr(model, "steps_"):
         rest = float(model.steps_[lone].sum())
-        return StoredTrees(trees, TREE_FEATURES, float(model.start_), rest, None)
-    return StoredTrees(trees, TREE_FEATURES, 0.0, float(model.values_[lone, 0].sum()), len(model.position_))
+        return StoredTrees(trees, corrector.features, float(model.start_), rest, None)
+    return StoredTrees(
+        trees, corrector.features, 0.0, float(model.values_[lone, 0].sum()), len(model.position_)
+    )

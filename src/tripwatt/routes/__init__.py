@@ -9,9 +9,9 @@ from tripwatt.routes.links import (
     LinkRoute,
     join_routes,
     links_of_trip,
-    route_from_links,
     trip_from_links,
 )
+from tripwatt.routes.listed import route_from_links
 from tripwatt.routes.plan import plan_trip
 from tripwatt.routes.profile import LinkStyle, link_profile
 from tripwatt.routes.table import is_links_table, route_from_table

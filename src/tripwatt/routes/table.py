@@ -8,12 +8,11 @@ import itertools
 from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.routes.links import (
+from tripwatt.routes.links import MOST_LINKS, LinkRoute
+from tripwatt.routes.listed import (
     ALLOWED_KEYS,
     LINK_KEYS,
     MOST_FAULTS,
-    MOST_LINKS,
-    LinkRoute,
     harmless,
     route_from_links,
     unit_hint,
