@@ -7,12 +7,13 @@ from typing import Any
 
 import pytest
 from benchmarks.page import SHOWN, browsing, chromium, context_of
-from benchmarks.service_process import Service, serving
+from benchmarks.service_process import TOKEN, Service, serving
 
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    with serving(tmp_path_factory.mktemp("page"), "--workers", "2") as found:
+    with serving(tmp_path_factory.mktemp("page"), "--workers", "1", token=TOKEN) as found:
+        found.client.headers["Authorization"] = f"Bearer {TOKEN}"
         yield found
 
 
@@ -35,13 +36,14 @@ def look(browser: Any, service: Service) -> Iterator[Callable[..., Any]]:
     def open_page(
         size: str = "desktop",
         scheme: str = "light",
-        url: str = service.url,
         expect: str = "",
-        shown: str = SHOWN,
+        stranger: bool = False,
     ) -> Any:
         context = context_of(browser, size, scheme)
         contexts.append(context)
         context.set_default_timeout(10_000)
+        if not stranger:
+            context.add_init_script(f"sessionStorage.setItem('tripwatt.token', '{TOKEN}')")
         page = context.new_page()
         if expect:
             allowed.append(expect)
@@ -49,10 +51,12 @@ def look(browser: Any, service: Service) -> Iterator[Callable[..., Any]]:
         page.on("pageerror", lambda error: said.append(f"error: {error}"))
         page.on(
             "request",
-            lambda request: strangers.append(request.url) if not request.url.startswith(url) else None,
+            lambda request: (
+                strangers.append(request.url) if not request.url.startswith(service.url) else None
+            ),
         )
-        page.goto(url)
-        page.wait_for_selector(shown)
+        page.goto(service.url)
+        page.wait_for_selector("dialog[open]" if stranger else SHOWN)
         return page
 
     yield open_page

@@ -19,8 +19,7 @@ const LEAST_SPAN = 20;
 const STEP = 5;
 const LOWEST = -10;
 const NEAR = 15;
-/** About how high the picture and a label are, to keep labels apart. */
-const HEIGHT_PX = 280;
+/** Height of a label, to keep two apart. */
 const LABEL_PX = 18;
 
 const percent = (values: number[]) => values.map(PERCENT.from);
@@ -129,7 +128,7 @@ function endMark(kind: string, of: Answer): Mark & { y: number } {
   return { kind, text: `${figure(soc, 0)} %`, x: end, y: soc, at: "right" };
 }
 
-function marks(now: Answer): Mark[] {
+function marks(now: Answer, heightPx: number): Mark[] {
   const reserve = PERCENT.from(conditions.value.reserve);
   const [low, high] = span.value;
   const found: Mark[] = [];
@@ -141,7 +140,7 @@ function marks(now: Answer): Mark[] {
   found.push(own);
   if (alternative.value) {
     const theirs = endMark("other", alternative.value);
-    const apart = ((high - low) / HEIGHT_PX) * LABEL_PX;
+    const apart = ((high - low) / heightPx) * LABEL_PX;
     if (own.x === theirs.x && Math.abs(theirs.y - own.y) < apart) {
       theirs.y = own.y + (theirs.y >= own.y ? apart : -apart);
     }
@@ -158,7 +157,8 @@ function marks(now: Answer): Mark[] {
 export function BatteryChart({ height, label }: { height: number; label: string }) {
   const now = answer.value as Answer;
   const placed = place.value;
-  const drawn = marks(now);
+  // Read here, so that the car moves between two answers.
+  distanceM.value;
   return (
     <Plot
       label={label}
@@ -166,7 +166,7 @@ export function BatteryChart({ height, label }: { height: number; label: string 
       height={height}
       options={options}
       pointer={placed === null ? null : units.value.distance.from(placed)}
-      drawn={(plot) => placeMarks(plot, drawn)}
+      drawn={(plot) => placeMarks(plot, marks(now, plot.over.clientHeight))}
     />
   );
 }

@@ -12,7 +12,8 @@ import { type Look, Plot } from "./plot";
 
 const LEAST_SPAN = 8;
 /** The gauge's first guesses are wild; the picture is not stretched for them. */
-const FURTHEST = 12;
+const FURTHEST = 15;
+const MARGIN = 1.5;
 
 const data = computed<uPlot.AlignedData>(() => {
   const said = history.value;
@@ -35,7 +36,7 @@ const span = computed<[number, number]>(() => {
     low = Math.min(low, Math.max(PERCENT.from(naive), now - FURTHEST));
     high = Math.max(high, Math.min(PERCENT.from(naive), now + FURTHEST));
   }
-  const more = Math.max(LEAST_SPAN - (high - low), 1) / 2;
+  const more = Math.max((LEAST_SPAN - (high - low)) / 2, MARGIN);
   return [low - more, high + more];
 });
 

@@ -50,9 +50,9 @@ const READINGS: Reading[] = [
     (found) => {
       const furthest = Math.max(...found.map(([, beyond]) => Number(beyond)));
       const names = listed(found.map(([name]) => nameOf(name as string)));
-      const verb = found.length > 1 ? "are" : "is";
+      const [verb, upTo] = found.length > 1 ? ["are", "up to "] : ["is", ""];
       return {
-        text: `${names} ${verb} beyond the trips this model learned from, by up to ${furthest.toFixed(1)} standard deviations.`,
+        text: `${names} ${verb} beyond the trips this model learned from, by ${upTo}${furthest.toFixed(1)} standard deviations.`,
         effect: "The band is wider for it.",
         serious: furthest >= NOT_SERIOUS_BELOW,
       };

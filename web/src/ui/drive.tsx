@@ -10,7 +10,7 @@ import { Icon } from "./icons";
 import { PromiseTable } from "./tables";
 
 export function DriveControls() {
-  const action = playing.value ? "Pause" : arrived.value ? "Drive again" : "Drive";
+  const action = playing.value ? "Pause" : arrived.value ? "Start again" : "Start";
   const icon = playing.value ? "pause" : arrived.value ? "replay" : "play";
   return (
     <div class="drive-controls">
@@ -84,7 +84,7 @@ export function DriveCard() {
       {history.value.length > 1 ? (
         <PromiseChart height={240} label={`Battery on arrival as promised along the way. ${verdict()}`} />
       ) : (
-        <p class="empty">Press Drive: the car moves, and the forecast with it.</p>
+        <p class="empty">Press Start: the car moves, and the forecast with it.</p>
       )}
       {verdict() && <p class="difference">{verdict()}</p>}
       <PromiseTable />

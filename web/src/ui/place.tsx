@@ -32,7 +32,7 @@ export function Place({ of }: { of: Answer }) {
   const id = useId();
   const length = lengthM.value;
   const at = place.value;
-  const text = at === null ? "Point at the picture, or move along the way" : readout(of, at);
+  const text = at === null ? "Move to look along the way" : readout(of, at);
   const share = driving.value ? timeS.value / (durationS.value || 1) : (at ?? 0) / (length || 1);
   return (
     <div class="place">

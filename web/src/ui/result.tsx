@@ -207,6 +207,7 @@ function Picture({ of }: { of: Answer }) {
 
 export function Result() {
   const now = answer.value;
+  const others = alternative.value?.flags ?? [];
   return (
     <section class="card result" aria-labelledby="result-title" aria-busy={!now}>
       <div class="heading">
@@ -234,13 +235,13 @@ export function Result() {
           ) : (
             <Headline of={now} />
           )}
-          <Warnings flags={now.flags} serious />
+          <Warnings flags={now.flags} others={others} serious />
           {driving.value && <DriveLine of={now} />}
           {driving.value && <DriveControls />}
           <Picture of={now} />
           {mode.value !== "compare" && <Stats of={now} />}
           <Given of={now} />
-          <Warnings flags={now.flags} serious={false} />
+          <Warnings flags={now.flags} others={others} serious={false} />
           <RouteTable of={now} />
         </>
       ) : (
