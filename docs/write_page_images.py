@@ -37,7 +37,7 @@ def _compare(page: Any) -> None:
 def _motorway(page: Any) -> None:
     _check(page, "Links")
     page.get_by_role("button", name="Try with an example").click()
-    page.get_by_text("9 links").wait_for()
+    page.get_by_text("73 links").wait_for()
     _check(page, "Compare")
     page.get_by_role("button", name="Motorway speed").click()
 

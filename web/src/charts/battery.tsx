@@ -22,41 +22,45 @@ const NEAR = 15;
 /** Height of a label, to keep two apart. */
 const LABEL_PX = 18;
 
-const percent = (values: number[]) => values.map(PERCENT.from);
-
-function core({ series }: Answer, share: number, edge: number[]): number[] {
-  return edge.map((value, k) => {
-    const middle = series.displayed_soc[k] as number;
-    return PERCENT.from(middle + (value - middle) * share);
-  });
+/** One of the series [%] of an answer at distances that need not be its own. */
+function along(of: Answer, name: Curve, xs: number[]): number[] {
+  return xs.map((x) => PERCENT.from(interpolate(x, of.series.distance_m, of.series[name])));
 }
 
-function onRoad(xs: number[], from: Answer): number[] {
-  return xs.map((x) => PERCENT.from(interpolate(x, from.series.distance_m, from.series.displayed_soc)));
+type Curve = "displayed_soc" | "displayed_soc_low" | "displayed_soc_high";
+
+/** Distances of the answer, and that of the car among them. */
+function places({ series }: Answer, carM: number | null): number[] {
+  if (carM === null) return series.distance_m;
+  return [...series.distance_m, carM].sort((a, b) => a - b);
 }
 
 const columns = computed<uPlot.AlignedData>(() => {
   const now = answer.value;
-  if (!now) return [[], [], [], [], [], [], [], [], [], []];
-  const { series } = now;
+  if (!now) return [[], [], [], [], [], [], [], [], [], [], []];
+  const carM = driving.value && update.value ? distanceM.value : null;
+  const xs = places(now, carM);
+  const middle = along(now, "displayed_soc", xs);
   const share = innerShare(now);
-  const other = alternative.value;
-  const behind = driving.value && update.value ? distanceM.value : -1;
-  const last = series.distance_m.findLastIndex((x) => x <= behind);
-  const middle = percent(series.displayed_soc);
-  const none = middle.map(() => null);
+  const core = (name: Curve) =>
+    along(now, name, xs).map((edge, k) => {
+      const y = middle[k] as number;
+      return y + (edge - y) * share;
+    });
+  const none = xs.map(() => null);
+  const other = (name: Curve) => (alternative.value ? along(alternative.value, name, xs) : none);
   return [
-    series.distance_m.map(units.value.distance.from),
-    percent(series.displayed_soc_high),
-    percent(series.displayed_soc_low),
-    core(now, share, series.displayed_soc_high),
-    core(now, share, series.displayed_soc_low),
-    other ? percent(other.series.displayed_soc_high) : none,
-    other ? percent(other.series.displayed_soc_low) : none,
-    driving.value && departure.value ? onRoad(series.distance_m, departure.value) : none,
-    other ? percent(other.series.displayed_soc) : none,
-    middle.map((y, k) => (k >= last ? y : null)),
-    middle.map((y, k) => (k <= last ? y : null)),
+    xs.map(units.value.distance.from),
+    along(now, "displayed_soc_high", xs),
+    along(now, "displayed_soc_low", xs),
+    core("displayed_soc_high"),
+    core("displayed_soc_low"),
+    other("displayed_soc_high"),
+    other("displayed_soc_low"),
+    driving.value && departure.value ? along(departure.value, "displayed_soc", xs) : none,
+    other("displayed_soc"),
+    middle.map((y, k) => ((xs[k] as number) >= (carM ?? 0) ? y : null)),
+    middle.map((y, k) => ((xs[k] as number) <= (carM ?? -1) ? y : null)),
   ];
 });
 

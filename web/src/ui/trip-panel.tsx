@@ -1,5 +1,5 @@
 import { useEffect, useId, useState } from "preact/hooks";
-import { SAMPLE_LINKS } from "../model/sample-links";
+import { sampleLinks } from "../model/sample-links";
 import { shown } from "../model/units";
 import { chooseExample, chooseRoute, examples, loading, source } from "../state/catalogue";
 import { faults } from "../state/forecast";
@@ -113,8 +113,9 @@ function Links() {
       class="links"
       onSubmit={(event) => {
         event.preventDefault();
-        void chooseRoute(text || SAMPLE_LINKS, "Planned road", "links", START_M_S);
-        if (!text) setText(SAMPLE_LINKS);
+        const links = text || sampleLinks();
+        setText(links);
+        void chooseRoute(links, "Planned road", "links", START_M_S);
       }}
     >
       <label for={id}>Links or a router's answer, as JSON</label>
