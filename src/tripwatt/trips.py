@@ -174,7 +174,7 @@ class Trip:
         KeyError
             When the trip lacks the column.
         """
-        return np.asarray(self.samples[column], dtype=np.float64)
+        return self.samples[column].to_numpy(dtype=np.float64)
 
     def has(self, *columns: str) -> bool:
         """Whether every named column is there with at least one finite value."""
