@@ -22,7 +22,7 @@ from tripwatt.evaluation.protocols import ModelSpec
 from tripwatt.evaluation.results import Evaluation, FoldResult
 from tripwatt.forecast import DEFAULT_CORRECTOR, Forecast, ForecastModel
 from tripwatt.hybrid import BlockTable, IntArray, TripTable, power_corrector
-from tripwatt.hybrid.climate_log import CLIMATE_COLUMNS
+from tripwatt.hybrid.climate_log import TOLD_BY
 from tripwatt.hybrid.power import LearnerCorrector
 from tripwatt.trips import FloatArray, Trip
 from tripwatt.vehicles import Vehicle
@@ -328,7 +328,7 @@ def reforecast(forecast: Forecast, log: pd.DataFrame, fraction: float) -> list[f
     if len(so_far) < 2:
         return [forecast.energy_wh, float("nan"), forecast.energy_wh, forecast.energy_wh]
     last = so_far.iloc[-1]
-    measured = ["time_s", "observed_energy_wh", *(c for c in CLIMATE_COLUMNS if c in so_far)]
+    measured = ["time_s", "observed_energy_wh", *(c for c in TOLD_BY if c in so_far)]
     by_energy = forecast.update(so_far[measured]).energy_wh
     charge = [c for c in CHARGE_COLUMNS if c in so_far and so_far[c].notna().any()]
     by_charge = forecast.update(so_far[["time_s", *charge]]).energy_wh if charge else float("nan")

@@ -17,7 +17,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.evaluation.results import Evaluation
 from tripwatt.forecast.model import MIN_TRIPS
 from tripwatt.hybrid import BlockTable, IntArray, TripTable, block_table, build_table, planned
-from tripwatt.hybrid.climate_log import CLIMATE_COLUMNS
+from tripwatt.hybrid.climate_log import TOLD_BY
 from tripwatt.hybrid.power import BLOCK_S, DEPARTURE_COLUMNS, ROUTE_COLUMNS
 from tripwatt.physics import simulate_trip
 from tripwatt.trips import Fleet, FloatArray, Trip, observed_cumulative_energy
@@ -132,7 +132,7 @@ def measured_log(trip: Trip, step_s: float = 1.0) -> pd.DataFrame:
     last = np.clip(np.searchsorted(time[rows], steps + 1e-9, side="right") - 1, 0, None)
     rows = rows[np.unique(np.append(last, len(rows) - 1))]
     log = {"time_s": time[rows], "observed_energy_wh": cumulative[rows], "distance_m": distance[rows]}
-    log |= {c: trip.array(c)[rows] for c in (*CHARGE_COLUMNS, *CLIMATE_COLUMNS) if c in trip}
+    log |= {c: trip.array(c)[rows] for c in (*CHARGE_COLUMNS, *TOLD_BY) if c in trip}
     return pd.DataFrame(log)
 
 

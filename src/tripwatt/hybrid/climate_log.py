@@ -11,6 +11,8 @@ from tripwatt.audit.signals import blank_stuck_heater
 from tripwatt.trips import FloatArray
 
 CLIMATE_COLUMNS: Final = ("heating_power_w", "aircon_power_w")
+TOLD_BY: Final = (*CLIMATE_COLUMNS, "requested_heating_power_w")
+"""What `logged_climate` looks at: the requested power tells whether the heater's signal is stuck."""
 LEAST_SHARE: Final = 0.5
 """Share of a block's time that has to be logged before its mean counts."""
 
