@@ -155,13 +155,14 @@ class ForecastModel:
         errors = np.array([trip.error_wh for trip in held_out])
         self.process_ = fit_process(held_out)
         self.scale_ = scale = TotalScale.of([trip.blocks for trip in held_out], errors)
-        scores = errors / np.array([scale.sd_wh(trip.blocks) for trip in held_out])
+        sd = np.array([scale.sd_wh(trip.blocks) for trip in held_out])
+        scores = errors / sd
         self.scores_ = Scores.of(scores.tolist())
         self.held_out_ = tuple(
             HeldOut(name, float(o), float(o - e), float(s))
             for name, o, e, s in zip(table.trip_ids, observed, errors, scores, strict=True)
         )
-        self.gain_ = Gain.of(self.process_, held_out, observed)
+        self.gain_ = Gain.of(self.process_, held_out, sd)
 
     def forecast(self, trip: Trip) -> Forecast:
         """Forecast a trip from what is known at its departure. O(samples + blocks^2).
