@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -188,6 +189,7 @@ def simulate(
     car = load_vehicle(name, preset, parse_overrides(overrides or []))
     fleet = read_logs(data, dataset, mapping)
     log = _chosen(fleet, trip, data)
+    _require_clock(log)
     run = simulate_trip(car, resample(log))
     distance_km = log.distance_m / 1000.0
     causes = {cause: float(energy[-1]) for cause, energy in run.energy_by_cause_wh.items()}
@@ -221,6 +223,17 @@ def _chosen(fleet: Fleet, trip: str | None, data: Path | None) -> Trip:
         got = "nothing" if trip is None else trip
         raise InvalidInput(Fault("which trip?", "--trip", got, ", ".join(ids[:12]) + more))
     return found
+
+
+def _require_clock(log: Trip) -> None:
+    """A log is simulated as it is, but not without a time that goes on."""
+    from tripwatt.trips import value_faults
+
+    columns = log.samples[["time_s"]]
+    faults = [*value_faults(columns, log.trip_id)]
+    if faults:
+        fix = "`tripwatt audit` says what it makes of such a log; `tripwatt mapping apply` writes one of its drives"
+        raise InvalidInput([replace(fault, fix=fix) for fault in faults])
 
 
 def _show_simulation(answer: dict[str, Any]) -> None:
