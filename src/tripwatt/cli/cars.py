@@ -201,6 +201,7 @@ def simulate(
         "duration_s": log.duration_s,
         "simulated_energy_wh": run.simulated_energy_wh,
         "observed_energy_wh": log.observed_energy_wh,
+        "observed_energy_std_wh": log.observed_energy_std_wh,
         "energy_by_cause_wh": causes,
         "soc_at_departure": float(run.soc[0]),
         "soc_at_arrival": float(run.soc[-1]),
@@ -252,6 +253,10 @@ def _show_simulation(answer: dict[str, Any]) -> None:
     columns = ("energy", "Wh", "%", "Wh/km")
     title = f"{answer['trip']}: {distance:.1f} km in {answer['duration_s'] / 60.0:.0f} min with {answer['vehicle']}, preset {answer['preset']}"
     print_table(title, columns, rows, numbers=columns[1:])
+    if answer["observed_energy_std_wh"] is not None:
+        console(sys.stdout).print(
+            f"measured: from the state of charge, standard error {answer['observed_energy_std_wh']:.0f} Wh"
+        )
     departure, arrival = (100.0 * answer[f"soc_at_{end}"] for end in ("departure", "arrival"))
     console(sys.stdout).print(
         f"state of charge: {departure:.1f} % at departure, {arrival:.1f} % at arrival (simulated)"

@@ -242,7 +242,8 @@ def _body_faults(
     for number, line in enumerate(lines, start=first_line):
         if not line.strip():
             continue
-        cells = _decoded(line).strip("\r").split(source.delimiter)
+        text = _decoded(line).strip("\r")
+        cells = _fields(text, source.delimiter) if '"' in text else text.split(source.delimiter)
         if len(cells) != width:
             if cut_off and number - first_line == last and len(cells) < width:
                 cut_fault = _cut_off_fault(source, number, len(cells), width, cells)

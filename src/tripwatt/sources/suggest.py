@@ -190,11 +190,12 @@ def _with_unit(ours: str, name: str, table: Table, values: FloatArray | None) ->
     known = values[np.isfinite(values)]
     if not len(known):
         return None
-    said = unit_in(ours, name)
+    said = None if name == ours else unit_in(ours, name)
     if name == ours:
         own = COLUMNS[ours].unit.lower() if ours in COLUMNS else "w"
-        unit = unit_of_values(ours, known)[0] if ours == "time_s" and known[0] > SINCE_1970 else own
-        return Guess(ours, name, unit, OWN_NAME)
+        since_1970 = ours == "time_s" and known[0] > SINCE_1970
+        if not since_1970 and _possible(ours, own, known):
+            return Guess(ours, name, own, OWN_NAME)
     if said is not None and not (ours == "time_s" and known[0] > SINCE_1970):
         return Guess(ours, name, said, NAME_AND_UNIT) if _possible(ours, said, known) else None
     unit, why = unit_of_values(ours, known)

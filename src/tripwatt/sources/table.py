@@ -277,6 +277,8 @@ def _trips_of(
             samples = samples.sort_values("time_s", kind="stable", ignore_index=True)
             notes.append(f"{table.path.name}: rows of {name} were put in the order of their time stamps")
         notes += _gap_notes(table, name, samples, rows)
+        if texts is not None:
+            faults += _reused_id(table, name, samples, rows)
         if len(samples) < 2:
             faults.append(
                 Fault("too few samples", f"{table.path}, trip {name}", f"{len(samples)}", "at least 2")
@@ -341,7 +343,10 @@ def _gap_notes(table: Table, name: str, samples: pd.DataFrame, rows: npt.NDArray
     step = np.diff(np.asarray(samples["time_s"]))
     for i in np.flatnonzero(step > GAP_S)[:3]:
         where = f"{table.path.name} row {table.row(int(rows[i + 1]))}, trip {name}"
-        yield f"{where}: no samples for {step[i]:.0f} s; the audit reads what follows as another drive"
+        yield (
+            f"{where}: no samples for {step[i]:.0f} s, at most {GAP_S:g} s are bridged: the audit reads what follows as "
+            "another drive"
+        )
     back = np.flatnonzero(step < -GAP_S)
     if len(back):
         i = int(back[0])
@@ -350,6 +355,19 @@ def _gap_notes(table: Table, name: str, samples: pd.DataFrame, rows: npt.NDArray
             f"{where}: the time goes back by {-step[i]:.0f} s ({len(back)} times in all); several trips in one file? "
             "Name their column under [trip] in the mapping"
         )
+
+
+def _reused_id(
+    table: Table, name: str, samples: pd.DataFrame, rows: npt.NDArray[np.int64]
+) -> Iterator[Fault]:
+    """An id under which the time starts again."""
+    time = np.asarray(samples["time_s"])
+    back = np.flatnonzero(np.diff(time) < -GAP_S)
+    if len(back):
+        i = int(back[0])
+        where = f"{table.path} row {table.row(int(rows[i + 1]))}, trip {name}"
+        got = f"the time starts again, {time[i + 1]:g} s after {time[i]:g} s"
+        yield Fault("two trips with one id", where, got, "one id a trip", "give each trip an id of its own")
 
 
 def _trip(name: str, samples: pd.DataFrame, mapping: ColumnMapping, *, stamped: bool) -> Trip:
