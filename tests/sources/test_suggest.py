@@ -167,3 +167,45 @@ def test_what_a_logger_writes_only_when_it_changes_is_held(tmp_path) -> None:
     ).to_csv(tmp_path / "x.csv", index=False)
     assert "hold_s = 10" in suggest_mapping(tmp_path / "x.csv").toml
     assert proposed(tmp_path / "x.csv").samples["current_a"].notna().all()
+
+
+def test_a_row_for_each_value_gets_the_shipped_mapping_with_the_signals_that_are_there(tmp_path) -> None:
+    d = drive(300)
+    rows = ["SECONDS;PID;VALUE;UNITS"]
+    for t, v, u, i in d.itertuples(index=False):
+        rows += [
+            f"{t};Speed (GPS);{3.6 * v};km/h",
+            f"{t};HV pack voltage;{u};V",
+            f"{t};HV pack current;{i};A",
+        ]
+    (tmp_path / "log.csv").write_text("\n".join(rows) + "\n")
+    suggestion = suggest_mapping(tmp_path / "log.csv")
+    assert (suggestion.shipped, suggestion.missing) == ("car_scanner", ())
+    assert suggestion.toml.count("CHECK") == 2
+    energy = np.trapezoid(d.u * d.i, d.t) / 3600.0
+    assert proposed(tmp_path / "log.csv").observed_energy_wh == pytest.approx(energy, rel=1e-6)
+
+
+@pytest.mark.parametrize("zone", [None, "Europe/Berlin"])
+def test_times_that_parquet_knows_as_such_are_time_stamps(tmp_path, zone) -> None:
+    d = drive()
+    when = pd.date_range("2024-05-31 08:00", periods=len(d), freq="s", tz=zone)
+    path = tmp_path / "x.parquet"
+    columns = {"when": when, "speed_kmh": d.v * 3.6, "pack_voltage": d.u, "pack_current": d.i}
+    pd.DataFrame(columns).to_parquet(path)
+    trip = proposed(path)
+    assert trip.duration_s == pytest.approx(699.0)
+    assert trip.context.started_at is not None
+    with pytest.raises(InvalidInput, match='unit = "timestamp"'):
+        read_table(path, parse_mapping(suggest_mapping(path).toml.replace('"timestamp"', '"epoch_s"'), "m"))
+
+
+def test_headers_that_a_logger_repeats_and_rows_without_a_time_are_left_out(tmp_path) -> None:
+    d = drive()
+    text = pd.DataFrame({"time": d.t, "speed": d.v * 3.6, "current": d.i, "voltage": d.u}).to_csv(index=False)
+    lines = text.splitlines()
+    lines[400] = "," + lines[400].partition(",")[2]
+    (tmp_path / "x.csv").write_text("\n".join([*lines[:200], lines[0], *lines[200:]]) + "\n")
+    fleet = read_table(tmp_path / "x.csv", parse_mapping(suggest_mapping(tmp_path / "x.csv").toml, "m"))
+    assert len(fleet.trips[0]) == len(d) - 1
+    assert any("2 rows without a time" in note for note in fleet.notes)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from importlib import resources
 from pathlib import Path
 from typing import Annotated
 
@@ -122,9 +121,9 @@ def fetch(
 
 def list_mappings(as_json: JsonOption = False) -> None:
     """The mappings that come with the package, and the logger each is for."""
-    from tripwatt.sources.mapping import shipped_mappings
+    from tripwatt.sources.mapping import shipped_mappings, shipped_text
 
-    about = {name: _comment(_shipped_text(name)) for name in shipped_mappings()}
+    about = {name: _comment(shipped_text(name)) for name in shipped_mappings()}
     if as_json:
         print_json([{"name": name, "about": text} for name, text in about.items()])
     else:
@@ -137,11 +136,11 @@ def show_mapping(
 ) -> None:
     """Print a mapping that comes with the package, to copy and change."""
     from tripwatt.errors import Fault, InvalidInput
-    from tripwatt.sources.mapping import shipped_mappings
+    from tripwatt.sources.mapping import shipped_mappings, shipped_text
 
     if name not in shipped_mappings():
         raise InvalidInput(Fault("no such mapping", "NAME", name, ", ".join(shipped_mappings())))
-    text = _shipped_text(name)
+    text = shipped_text(name)
     print_json({"name": name, "toml": text}) if as_json else typer.echo(text, nl=False)
 
 
@@ -234,10 +233,6 @@ def apply(
         return
     typer.echo(f"{out}: {len(table)} samples of {wanted[0].trip_id} with {', '.join(table.columns)}")
     print_notes([*notes, *fleet.notes])
-
-
-def _shipped_text(name: str) -> str:
-    return (resources.files("tripwatt.sources") / "mappings" / f"{name}.toml").read_text("utf-8")
 
 
 def _comment(text: str) -> str:

@@ -86,6 +86,11 @@ class ParquetTable:
         """Columns as float64, with every one that holds no numbers named."""
         faults, values = [], []
         for name in names:
+            if pd.api.types.is_datetime64_any_dtype(self.frame[name].dtype):
+                fix = 'in a mapping: unit = "timestamp"'
+                where = f"{self.path} column {name!r}"
+                faults.append(Fault("not a number", where, f"{self.frame[name].dtype}", "numbers", fix))
+                continue
             try:
                 values.append(np.asarray(pd.to_numeric(self.frame[name]), dtype=np.float64))
             except (ValueError, TypeError) as error:

@@ -101,7 +101,16 @@ def open_delimited(path: Path) -> Delimited:
         raise InvalidInput(
             Fault("no samples", f"{path}", f"a header of {len(cells)} columns and nothing below it", "rows")
         )
+    data = data[: end + 1] + _without_headers(data[end + 1 :], header.strip(b"\r"), delimiter)
     return Delimited(path, cells, delimiter, data, end + 1, line)
+
+
+def _without_headers(body: bytes, header: bytes, delimiter: str) -> bytes:
+    """The body with empty rows in place of repeated headers, which loggers write at each start; rows keep their numbers."""
+    if header not in body:
+        return body
+    empty = delimiter.encode() * header.count(delimiter.encode())
+    return b"\n".join(empty if row.strip(b"\r") == header else row for row in body.split(b"\n"))
 
 
 def _read_text_bytes(path: Path) -> bytes:

@@ -28,7 +28,7 @@ from tripwatt.sources.evidence import (
     stamp_format,
     unit_of_values,
 )
-from tripwatt.sources.mapping import POWER, TIME_STAMPS, UNITS, load_mapping, shipped_mappings
+from tripwatt.sources.mapping import POWER, TIME_STAMPS, UNITS, load_mapping, shipped_mappings, shipped_text
 from tripwatt.sources.naming import NAMES, candidates, unit_in, words
 from tripwatt.trips import COLUMNS
 
@@ -110,6 +110,9 @@ def suggest_mapping(path: Path | str) -> Suggestion:
     """
     path = table_files(Path(path))[0]
     table, columns, decimal = _readable(path)
+    long = _long(path, table)
+    if long is not None:
+        return long
     trip, groups = _trip_column(table, columns)
     guesses = _by_name(table, columns, trip)
     if "time_s" not in guesses:
@@ -133,11 +136,41 @@ def suggest_mapping(path: Path | str) -> Suggestion:
     return Suggestion(toml, tuple(guesses.values()), missing, shipped, unused)
 
 
+def _long(path: Path, table: Table) -> Suggestion | None:
+    """A shipped mapping for a table with a row for each value, as it is, beside the signals of the file."""
+    for name in shipped_mappings():
+        mapping = load_mapping(name)
+        if mapping.long_name is None or not _has_all(table, name):
+            continue
+        there = next(n for n in table.names if column_key(n) == column_key(mapping.long_name))
+        signals = sorted(set(table.texts(there)))
+        guesses: dict[str, Guess] = {}
+        missing: list[str] = []
+        text = shipped_text(name)
+        for ours, entry in mapping.columns.items():
+            likely = candidates(ours, signals)
+            if ours == "time_s" or entry.column in signals:
+                guesses[ours] = Guess(ours, entry.column, entry.unit, f"of the shipped mapping {name!r}")
+            elif likely:
+                why = f"CHECK: named like it, in place of {entry.column!r}"
+                guesses[ours] = Guess(ours, likely[0], entry.unit, why)
+                text = text.replace(f"column = {_quoted(entry.column)}", f"column = {_quoted(likely[0])}")
+            elif not entry.optional:
+                missing.append(f"the signal of {ours}, {entry.column!r} is not in the file")
+        shown = ", ".join(_quoted(s) for s in signals[:40]) + (" ..." if len(signals) > 40 else "")
+        head = [f"# Proposed for {_comment(path.name)}: the shipped mapping {name!r}. Check every line."]
+        head += [f"# TO DO: {what}" for what in missing]
+        head += [f"# {g.ours}: {g.why}" for g in guesses.values() if "CHECK" in g.why]
+        head.append(f"# Signals of the file: {_comment(shown)}")
+        return Suggestion("\n".join([*head, text]), tuple(guesses.values()), tuple(missing), name)
+    return None
+
+
 def _readable(path: Path) -> tuple[Table, dict[str, FloatArray], str]:
     """The table, every column of it that holds numbers, and its decimal separator."""
     table = open_table(path)
     columns = _numbers(table)
-    if path.suffix.lower() != ".parquet":
+    if path.suffix.lower() != ".parquet" and len(columns) < len({n for n in table.names if n}):
         comma = open_table(path, ",")
         with_comma = _numbers(comma)
         if len(with_comma) > len(columns):

@@ -271,6 +271,10 @@ def _trips_of(
         outside = sum(not text for text in texts)
         if outside:
             notes.append(f"{table.path.name}: {outside} rows without a trip were left out")
+    timeless = ~np.isfinite(ours["time_s"])
+    if timeless.any() and not timeless.all():
+        notes.append(f"{table.path.name}: {int(timeless.sum())} rows without a time were left out")
+        groups = [(name, rows[~timeless[rows]]) for name, rows in groups]
     for name, rows in groups:
         samples = frame.iloc[rows].reset_index(drop=True)
         if stamped and bool((np.diff(samples["time_s"]) < 0).any()):
