@@ -210,15 +210,14 @@ def block_table(
         features=_frame({name: np.broadcast_to(values, n) for name, values in features.items()}),
         hours=seconds / SECONDS_PER_HOUR,
         simulated_w=np.asarray(features["simulated_w"]),
-        observed_w=None if measured is None else _measured_power(measured, block, time, step, seconds),
+        observed_w=None if measured is None else _measured_power(measured, block, plan, seconds),
     )
 
 
-def _measured_power(
-    measured: Trip, block: IntArray, time: FloatArray, step: FloatArray, seconds: FloatArray
-) -> FloatArray | None:
+def _measured_power(measured: Trip, block: IntArray, plan: Trip, seconds: FloatArray) -> FloatArray | None:
     """Mean measured power of each block [W]; the blocks' energies add up to the trip's energy."""
-    raw = measured if measured.step_s is not None else resample(measured, float(np.median(step)))
+    step_s = plan.step_s or float(np.median(np.diff(plan.array("time_s"))))
+    raw = measured if measured.step_s is not None else resample(measured, step_s)
     if "observed_energy_wh" not in raw:
         return None
     cumulative = raw.array("observed_energy_wh")
