@@ -3,13 +3,13 @@
 The corrector is a Gaussian process, linear in weights `w` of known features. Its posterior on the first car has mean
 `m` and covariance `C`; its variances before any trip, found by marginal likelihood, are `V`. Of another car
 
-    w' = rho w + own,   own ~ N(0, tau^2 (1 - rho^2) V),   theta ~ N(0, tau^2 W),
+    w' = rho w + own,   own ~ N(0, tau^2 (1 - rho^2) V),   theta ~ N(0, kappa^2 W),
     residual energy of trip i = x_i' w' + s_i' theta + error_i,   error_i ~ N(0, lambda * n_i).
 
 `rho` is the share of the correction that cars have in common, `theta` the relative error of a few physical parameters
-with published widths `W` (`tripwatt.hybrid.parameters`), `tau` how much cars differ at all, and `n_i` the variance of a
-trip that the residual process of the first car expects. One car tells nothing of how alike cars are, so `rho`, `tau` and
-`lambda` have flat priors on a grid and are integrated by their marginal likelihood on the second car's trips (empirical
+with published widths `W` (`tripwatt.hybrid.parameters`), `tau` and `kappa` how much cars differ in the one and the other,
+and `n_i` the variance of a trip that the residual process of the first car expects. One car tells nothing of how alike
+cars are, so `rho`, `tau`, `kappa` and `lambda` have flat priors on a grid and are integrated by their marginal likelihood on the second car's trips (empirical
 Bayes without a choice: Gelman et al., Bayesian Data Analysis, section 5.4; Rasmussen and Williams 2006, section 5.2).
 Without a trip half of the correction is taken. The absolute error is convex in the share, so half of a correction is
 never worse than the mean of none and all of it.
@@ -37,6 +37,7 @@ from tripwatt.vehicles import Vehicle
 
 SHARES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
 OWN_SCALES: Final = (0.0, 0.25, 0.5, 1.0, 2.0)
+BOOK_SCALES: Final = (0.0, 1.0)
 NOISE_SCALES: Final = (0.5, 1.0, 2.0, 4.0, 8.0)
 MODES: Final = ("effects", "parameters", "both")
 """What a car may have of its own: terms of the corrector, physical parameters, or both."""
@@ -47,14 +48,25 @@ _CLIMATE: Final = frozenset({"ambient_temperature_degc", "cabin_temperature_degc
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """One point of the grid: share in common, scale of what is own, scale of the error's variance."""
+    """One point of the grid: share in common, scales of what is own and of book values, of the error's variance."""
 
     share: float
     own: float
+    book: float
     noise: float
 
 
-GRID: Final = tuple(Option(r, t, n) for r in SHARES for t in OWN_SCALES for n in NOISE_SCALES)
+def grid(mode: str = "both") -> tuple[Option, ...]:
+    """Every option of a mode, all of the same weight before any trip.
+
+    Examples
+    --------
+    >>> len(grid("both")), {o.book for o in grid("effects")}
+    (250, {0.0})
+    """
+    own = OWN_SCALES if mode != "parameters" else (0.0,)
+    book = BOOK_SCALES if mode != "effects" else (0.0,)
+    return tuple(Option(r, t, b, n) for r in SHARES for t in own for b in book for n in NOISE_SCALES)
 
 
 def process_member(corrector: PowerCorrector) -> KrigingCorrector:
@@ -176,8 +188,9 @@ class CarTransfer:
         trust = familiarity(self.corrector, table)[:, None]
         return features * trust, features, features * np.sqrt(1.0 - trust**2)
 
-    def posterior(self, evidence: Evidence, prior: Sequence[Option] = GRID) -> Posterior:
+    def posterior(self, evidence: Evidence) -> Posterior:
         """What is believed of the second car's weights after its trips, the grid integrated. O(options x features^2)."""
+        prior = grid(self.mode)
         weights = self._weights(evidence, prior)
         total = sum(o.noise * w for o, w in zip(prior, weights, strict=True))
         mean: Any = 0.0
@@ -189,7 +202,7 @@ class CarTransfer:
             mean, second = mean + weight * m, second + weight * (covariance + np.outer(m, m))
         kept = weights[weights >= _NEGLIGIBLE].sum()
         mean, second = mean / kept, second / kept
-        return Posterior(mean, second - np.outer(mean, mean), tuple(prior), weights, float(total))
+        return Posterior(mean, second - np.outer(mean, mean), prior, weights, float(total))
 
     def predict_draws(self, evidence: Evidence, draws: IntArray, score: IntArray) -> DrawsForecast:
         """Residual energy of some trips, given each of many draws of k other trips. O(options x draws x k^3).
@@ -202,19 +215,19 @@ class CarTransfer:
         score : ndarray of int, shape (trips,)
             The trips to predict.
         """
-        n_draws, k = draws.shape
+        prior = grid(self.mode)
         everything = [
             _given_draws(mean, kernel, option.noise * evidence.noise_wh2, evidence.residual_wh, draws, score)
-            for option, mean, kernel in self._kernels(evidence, GRID)
+            for option, mean, kernel in self._kernels(evidence, prior)
         ]
         log_weight = np.array([e[2] for e in everything])
         weight = np.exp(log_weight - log_weight.max(axis=0))
         weight /= weight.sum(axis=0)
         means, variances = np.array([e[0] for e in everything]), np.array([e[1] for e in everything])
         mean = np.einsum("od,ods->ds", weight, means)
-        noise = np.array([o.noise for o in GRID])[:, None, None] * evidence.noise_wh2[score]
+        noise = np.array([o.noise for o in prior])[:, None, None] * evidence.noise_wh2[score]
         second = np.einsum("od,ods->ds", weight, variances + noise + means**2)
-        share = weight.T @ np.array([o.share for o in GRID])
+        share = weight.T @ np.array([o.share for o in prior])
         return DrawsForecast(mean, np.sqrt(np.maximum(second - mean**2, 0.0)), share)
 
     def _kernels(
@@ -228,7 +241,7 @@ class CarTransfer:
         physical = (S * self._widths()) @ S.T
         centre = W @ self.corrector.model.weights_
         for option in prior:
-            mine = option.own**2 * ((1.0 - option.share**2) * self._has("effects") * own + physical)
+            mine = option.own**2 * (1.0 - option.share**2) * own + option.book**2 * physical
             yield option, option.share * centre, option.share**2 * (common + lost) + mine
 
     def _weights(self, evidence: Evidence, prior: Sequence[Option]) -> FloatArray:
@@ -248,8 +261,8 @@ class CarTransfer:
         mean = np.concatenate(
             [option.share * self.corrector.model.weights_, np.zeros(2 * n + len(self.parameters))]
         )
-        own = option.own**2 * (1.0 - option.share**2) * self._has("effects") * before
-        rest = np.concatenate([own, option.share**2 * before, option.own**2 * self._widths()])
+        own = option.own**2 * (1.0 - option.share**2) * before
+        rest = np.concatenate([own, option.share**2 * before, option.book**2 * self._widths()])
         covariance = np.zeros((len(mean), len(mean)))
         covariance[:n, :n] = option.share**2 * posterior
         covariance[range(n, len(mean)), range(n, len(mean))] = rest
@@ -267,10 +280,7 @@ class CarTransfer:
         return before, model.factor_ @ model.factor_.T
 
     def _widths(self) -> FloatArray:
-        return np.array([p.width**2 for p in self.parameters]) * self._has("parameters")
-
-    def _has(self, what: str) -> float:
-        return float(self.mode in (what, "both"))
+        return np.array([p.width**2 for p in self.parameters])
 
 
 @dataclass(frozen=True, eq=False)
