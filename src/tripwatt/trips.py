@@ -80,6 +80,8 @@ class Context:
         Whether the log says that the trip directly follows another one.
     notes : str
         Free text from the source.
+    car : str or None
+        Which car of a data set of several drove it; None where the set has one car.
     """
 
     season: str | None = None
@@ -90,6 +92,7 @@ class Context:
     payload_mass_kg: float = 0.0
     follows_trip: bool = False
     notes: str = ""
+    car: str | None = None
 
     @property
     def day(self) -> dt.date | None:

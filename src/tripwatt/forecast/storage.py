@@ -16,12 +16,13 @@ import numpy as np
 
 import tripwatt
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecast.elsewhere import Elsewhere
 from tripwatt.forecast.gain import Gain
 from tripwatt.forecast.model import ForecastModel, Range
 from tripwatt.forecast.process import ResidualProcess
 from tripwatt.forecast.scores import Scores
-from tripwatt.hybrid.power import BLOCK_S, DEPARTURE_COLUMNS, ROUTE_COLUMNS
-from tripwatt.hybrid.stored import corrector_of_parts, corrector_parts
+from tripwatt.hybrid.power import BLOCK_S, DEPARTURE_COLUMNS, ROUTE_COLUMNS, KrigingCorrector
+from tripwatt.hybrid.stored import Stored, corrector_of_parts, corrector_parts
 from tripwatt.modelfile import Part, read_metadata, read_model, write_model
 from tripwatt.trips import COLUMNS, REQUIRED_COLUMNS
 from tripwatt.vehicles import Vehicle, vehicle_from_document
@@ -46,18 +47,20 @@ def model_parts(model: ForecastModel) -> dict[str, Part]:
     if model.fitted_ is None or model.process_ is None or model.scores_ is None or model.gain_ is None:
         raise InvalidInput(Fault("model is not fitted", "store", "no training trips", "call fit first"))
     about, arrays = corrector_parts(model.fitted_)
-    process = asdict(model.process_)
     values = {
         "corrector": model.corrector,
         "seed": model.seed,
         "block_s": BLOCK_S,
         "fitted": about,
-        "process": {**process, "effect_sd": model.process_.effect_sd.tolist()},
+        "process": _process_values(model.process_),
         "scores": model.scores_.values.tolist(),
         "gain": model.gain_.values.tolist(),
         "ranges": {n: [_finite(r.low), _finite(r.high), r.sd] for n, r in model.ranges_.items()},
         "trip_ids": list(model.trip_ids_),
     }
+    if model.elsewhere_ is not None:
+        values["elsewhere"], more = _elsewhere_part(model.elsewhere_)
+        arrays |= more
     return {"model.json": values, "vehicle.json": vehicle_part(model.vehicle), **arrays}
 
 
@@ -86,11 +89,12 @@ def model_of_parts(parts: Mapping[str, Part]) -> ForecastModel:
             corrector=values["corrector"],
             seed=values["seed"],
             fitted_=corrector_of_parts(values["fitted"], parts),
-            process_=ResidualProcess(**{**process, "effect_sd": np.array(process["effect_sd"])}),
+            process_=_process(process),
             scores_=Scores(np.array(values["scores"], dtype=np.float64)),
             gain_=Gain(np.array(values["gain"], dtype=np.float64)),
             ranges_=ranges,
             trip_ids_=tuple(values["trip_ids"]),
+            elsewhere_=_elsewhere_of_part(values["elsewhere"], parts) if "elsewhere" in values else None,
         )
     except (KeyError, TypeError) as error:
         got = f"{type(error).__name__}: {error}"
@@ -263,6 +267,36 @@ def vehicle_of_part(part: Mapping[str, Any]) -> Vehicle:
     document = {**part["document"], "name": part["title"]}
     vehicle = vehicle_from_document(document, part["name"], "vehicle.json")
     return replace(vehicle, preset=part["preset"])
+
+
+def _elsewhere_part(elsewhere: Elsewhere) -> Stored:
+    about, arrays = corrector_parts(elsewhere.corrector, "corrector-elsewhere")
+    values = {
+        "fitted": about,
+        "process": _process_values(elsewhere.process),
+        "scores": elsewhere.scores.values.tolist(),
+        "hidden": list(elsewhere.hidden),
+    }
+    return values, arrays
+
+
+def _elsewhere_of_part(values: Mapping[str, Any], parts: Mapping[str, Part]) -> Elsewhere:
+    corrector = corrector_of_parts(values["fitted"], parts)
+    assert isinstance(corrector, KrigingCorrector)
+    return Elsewhere(
+        corrector,
+        _process(values["process"]),
+        Scores(np.array(values["scores"], dtype=np.float64)),
+        tuple(values["hidden"]),
+    )
+
+
+def _process_values(process: ResidualProcess) -> dict[str, Any]:
+    return {**asdict(process), "effect_sd": process.effect_sd.tolist()}
+
+
+def _process(values: Mapping[str, Any]) -> ResidualProcess:
+    return ResidualProcess(**{**values, "effect_sd": np.array(values["effect_sd"])})
 
 
 def _take_values(document: dict[str, dict[str, Any]], vehicle: Vehicle) -> None:

@@ -294,16 +294,24 @@ class KrigingCorrector:
     """
 
     def __init__(self, parts: tuple[Part, ...] = (*LINES, *_SMOOTH)) -> None:
+        self._take(parts)
+
+    def _take(self, parts: tuple[Part, ...]) -> None:
         self.parts = parts
         self.model = ClusteredKriging(parts, effect_sd=220.0, share_column="simulated_w", share_sd=0.05)
         self.shape = np.empty(0)
 
     def fit(self, table: BlockTable) -> Self:
-        """Learn from trip totals, then from the rows within trips. O(rows x features^2)."""
+        """Learn from trip totals, then from the rows within trips. O(rows x features^2).
+
+        Parts with a column that no row knows are left out.
+        """
+        known = {name for name, column in table.features.items() if bool(column.notna().any())}
+        self._take(tuple(part for part in self.parts if known.issuperset(part.columns)))
         self.model.fit(table.features, table.residual_w, table.groups, table.hours)
         features, prior = self.model.features(table.features)
         left = table.residual_w - self.model.predict(table.features)
-        within = _less_trip_mean(np.column_stack([features, left]), table)
+        within = less_trip_mean(np.column_stack([features, left]), table)
         X, r = within[:, :-1], within[:, -1]
         gram = X.T @ X + np.diag(np.mean(r**2) / (_SHAPE_SHARE * prior))
         self.shape = np.linalg.solve(gram, X.T @ r)
@@ -327,14 +335,14 @@ class KrigingCorrector:
         return self._mean(features, table), self.model.doubt(features)
 
     def _mean(self, features: FloatArray, table: BlockTable) -> FloatArray:
-        return self.model.mean(features) + _less_trip_mean(features @ self.shape[:, None], table)[:, 0]
+        return self.model.mean(features) + less_trip_mean(features @ self.shape[:, None], table)[:, 0]
 
 
 _SHAPE_SHARE: Final = 4.0
 """Prior variance of the shape's weights, over that of the totals' weights: twice as far from the simulation."""
 
 
-def _less_trip_mean(values: FloatArray, table: BlockTable) -> FloatArray:
+def less_trip_mean(values: FloatArray, table: BlockTable) -> FloatArray:
     """Columns less their mean over the time of each trip, shape (rows, columns)."""
     sums = np.add.reduceat(values * table.hours[:, None], table.offsets[:-1], axis=0)
     means = sums / np.add.reduceat(table.hours, table.offsets[:-1])[:, None]

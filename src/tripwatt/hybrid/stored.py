@@ -18,6 +18,7 @@ from tripwatt.hybrid.power import (
     LearnerCorrector,
     PowerCorrector,
 )
+from tripwatt.hybrid.transferred import TransferredCorrector
 from tripwatt.kriging import Part
 from tripwatt.treetable import TreeTable
 from tripwatt.trips import FloatArray
@@ -98,6 +99,11 @@ def corrector_parts(corrector: PowerCorrector, name: str = "corrector") -> Store
         about: dict[str, Any] = {"kind": "kriging", "arrays": part}
         about["parts"] = [asdict(p) | {"columns": list(p.columns)} for p in corrector.parts]
         return about, {part: {**corrector.model.to_arrays(), _SHAPE: corrector.shape}}
+    if isinstance(corrector, TransferredCorrector):
+        base, arrays = corrector_parts(corrector.base, f"{name}-base")
+        about = {"kind": "transferred", "arrays": part, "base": base, "share": corrector.share}
+        own = {key: getattr(corrector, key) for key in ("scales", "mean", "factor")}
+        return about, {**arrays, part: own}
     trees = corrector if isinstance(corrector, StoredTrees) else _trees(corrector)
     about = {
         "kind": "trees",
@@ -128,6 +134,11 @@ def corrector_of_parts(about: Mapping[str, Any], parts: Mapping[str, Arrays]) ->
         corrector.shape = arrays.pop(_SHAPE)
         corrector.model.load_arrays(arrays)
         return corrector
+    if kind == "transferred":
+        base = corrector_of_parts(about["base"], parts)
+        assert isinstance(base, KrigingCorrector)
+        own = parts[about["arrays"]]
+        return TransferredCorrector(base, own["scales"], own["mean"], own["factor"], float(about["share"]))
     if kind == "trees":
         return StoredTrees(
             TreeTable.of_arrays(parts[about["arrays"]]),
@@ -136,7 +147,9 @@ def corrector_of_parts(about: Mapping[str, Any], parts: Mapping[str, Arrays]) ->
             float(about["rest"]),
             about["divisor"],
         )
-    raise InvalidInput(Fault("unknown kind of corrector", "model", repr(kind), "ensemble, kriging, trees"))
+    raise InvalidInput(
+        Fault("unknown kind of corrector", "model", repr(kind), "ensemble, kriging, transferred, trees")
+    )
 
 
 def _trees(corrector: PowerCorrector) -> StoredTrees:

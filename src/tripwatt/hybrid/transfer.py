@@ -26,7 +26,6 @@ from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.hybrid.cumulative import IntArray
@@ -69,6 +68,12 @@ def grid(mode: str = "both") -> tuple[Option, ...]:
     return tuple(Option(r, t, b, n) for r in SHARES for t in own for b in book for n in NOISE_SCALES)
 
 
+def require_mode(mode: str) -> None:
+    """Raise `InvalidInput` for an unknown mode."""
+    if mode not in MODES:
+        raise InvalidInput(Fault("unknown way to adapt", "mode", repr(mode), ", ".join(MODES)))
+
+
 def process_member(corrector: PowerCorrector) -> KrigingCorrector:
     """The Gaussian process of a corrector: only it says what it does not know.
 
@@ -100,7 +105,7 @@ def part_scales(corrector: KrigingCorrector, source: Vehicle, target: Vehicle) -
             source.climate.shell_w_k + source.climate.fresh_air_low_w_k
         )
     factors = []
-    for part, size in zip(corrector.parts, _sizes(corrector), strict=True):
+    for part, size in zip(corrector.parts, part_sizes(corrector), strict=True):
         columns = set(part.columns)
         factor = 1.0
         if part.kind == "smooth" and columns & _CLIMATE:
@@ -111,7 +116,8 @@ def part_scales(corrector: KrigingCorrector, source: Vehicle, target: Vehicle) -
     return np.concatenate(factors)
 
 
-def _sizes(corrector: KrigingCorrector) -> list[int]:
+def part_sizes(corrector: KrigingCorrector) -> list[int]:
+    """Number of features of each part."""
     whiteners = corrector.model.whiteners_
     return [1 if p.kind == "line" else whiteners[i].shape[1] for i, p in enumerate(corrector.parts)]
 
@@ -165,6 +171,11 @@ class CarTransfer:
     parameters: tuple[Parameter, ...] = PARAMETERS
     mode: str = "both"
 
+    @property
+    def sizes(self) -> list[int]:
+        """Number of features of each part of the corrector."""
+        return part_sizes(self.corrector)
+
     def evidence(self, table: BlockTable, physical_w: FloatArray, noise_wh2: FloatArray) -> Evidence:
         """Trips of the second car. O(rows x features).
 
@@ -203,6 +214,28 @@ class CarTransfer:
         kept = weights[weights >= _NEGLIGIBLE].sum()
         mean, second = mean / kept, second / kept
         return Posterior(mean, second - np.outer(mean, mean), prior, weights, float(total))
+
+    def left_out(self, evidence: Evidence) -> tuple[FloatArray, FloatArray]:
+        """Mean and variance [Wh, Wh²] of each trip's residual energy given all others, without its own error.
+
+        The grid is weighted by the others as well: p(y_others) = p(y) / p(y_i | y_others). O(options x trips^3).
+        """
+        y, noise = evidence.residual_wh, evidence.noise_wh2
+        logs, means, variances = [], [], []
+        for option, mean, kernel in self._kernels(evidence, grid(self.mode)):
+            covariance = kernel + np.diag(option.noise * noise)
+            inverse = np.linalg.inv(covariance)
+            variance = 1.0 / np.diag(inverse)
+            error = (inverse @ (y - mean)) * variance
+            own = -0.5 * error**2 / variance - 0.5 * np.log(variance)
+            logs.append(_log_likelihood(y - mean, covariance) - own)
+            means.append(y - error)
+            variances.append(np.maximum(variance - option.noise * noise, 0.0))
+        weight = np.exp(np.array(logs) - np.max(logs, axis=0))
+        weight /= weight.sum(axis=0)
+        centre = (weight * np.array(means)).sum(axis=0)
+        spread = (weight * (np.array(variances) + np.array(means) ** 2)).sum(axis=0) - centre**2
+        return centre, np.maximum(spread, 0.0)
 
     def predict_draws(self, evidence: Evidence, draws: IntArray, score: IntArray) -> DrawsForecast:
         """Residual energy of some trips, given each of many draws of k other trips. O(options x draws x k^3).
@@ -276,7 +309,7 @@ class CarTransfer:
 
     def _prior_variances(self) -> tuple[FloatArray, FloatArray]:
         model = self.corrector.model
-        before = np.repeat(model.variances_[: len(self.corrector.parts)], _sizes(self.corrector))
+        before = np.repeat(model.variances_[: len(self.corrector.parts)], self.sizes)
         return before, model.factor_ @ model.factor_.T
 
     def _widths(self) -> FloatArray:
@@ -383,5 +416,3 @@ def _given_draws(
         log_likelihood,
     )
 
-
-Arrays = Mapping[str, npt.NDArray[Any]]
