@@ -182,7 +182,12 @@ class ForecastModel:
             scores=self.scores_,
             gain=self.gain_,
             outside={name: beyond for name, beyond in outside.items() if beyond > 0.0},
-            unknown=tuple(n for n in DEPARTURE_COLUMNS[:4] if not np.isfinite(known[n])),
+            unknown=tuple(
+                n
+                for n in DEPARTURE_COLUMNS[:4]
+                # a signal that no training trip had is nothing that a forecast counts on
+                if not np.isfinite(known[n]) and np.isfinite(self.ranges_[n].low)
+            ),
         )
 
 
