@@ -19,7 +19,6 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.evaluation.forecast_sets import ForecastSet
 from tripwatt.evaluation.transfer_scores import (
     curve_row,
-    energy_error,
     paired_energy_error,
     resamples,
     scored,
@@ -150,7 +149,7 @@ def evaluate_transfer(
         "kind": "transfer",
         "from": _about(source, cars[0], len(learned)),
         "to": _about(target, cars[1], sum(len(t) for t in by_car.values())),
-        "hidden": [name for name in hidden if any(trip.has(name) for trip in learned)],
+        "hidden": [name for name in hidden if name not in unknown_signals(learned)],
         "given": "given the driven speed trace",
         "min_distance_m": min_distance_m,
         "draws": draws,
@@ -194,7 +193,9 @@ def _by_car(trips: Sequence[Trip], min_distance_m: float) -> tuple[dict[str, lis
         if all(trip.context.started_at is not None for trip in own):
             own.sort(key=lambda trip: str(trip.context.started_at))
         else:
-            notes.append(f"no dates{f' of car {name}' if name else ''}: the order of the log counts as that of time")
+            notes.append(
+                f"no dates{f' of car {name}' if name else ''}: the order of the log counts as that of time"
+            )
     ordered = dict(sorted(cars.items(), key=lambda item: (-len(item[1]), item[0])))
     return ordered, notes if len(long) < len(trips) else notes[1:]
 
@@ -205,12 +206,16 @@ def _require(
     faults = []
     if learned < MIN_TRIPS:
         got = f"{learned} of {len(source.trips)} after the audit"
-        faults.append(Fault("too few trips to learn from", f"--from {source.name}", got, f"at least {MIN_TRIPS}"))
+        faults.append(
+            Fault("too few trips to learn from", f"--from {source.name}", got, f"at least {MIN_TRIPS}")
+        )
     most = max((len(trips) for trips in by_car.values()), default=0)
     if most < MIN_CAR_TRIPS:
         got = f"{most} of {len(target.trips)} after the audit, of at least {min_distance_m / 1000.0:g} km"
         faults.append(
-            Fault("too few trips to score", f"--to {target.name}", got, f"at least {MIN_CAR_TRIPS} of one car")
+            Fault(
+                "too few trips to score", f"--to {target.name}", got, f"at least {MIN_CAR_TRIPS} of one car"
+            )
         )
     if faults:
         raise InvalidInput(faults)
@@ -259,7 +264,8 @@ def _evaluate_car(
     }
     none = np.empty((1, 0), dtype=np.int64)
     models["zero-shot"] = (
-        models["physics"] + transfers[MAIN_MODE].predict_draws(evidence[MAIN_MODE], none, car.second).mean_wh[0]
+        models["physics"]
+        + transfers[MAIN_MODE].predict_draws(evidence[MAIN_MODE], none, car.second).mean_wh[0]
     )
     index = resamples(len(observed), seed)
     curves, everything = {}, None
@@ -371,9 +377,7 @@ def _period(car: _Car, members: IntArray) -> list[str] | None:
     return [min(known), max(known)] if known else None
 
 
-def _paired(
-    models: Mapping[str, FloatArray], observed: FloatArray, index: IntArray
-) -> list[dict[str, Any]]:
+def _paired(models: Mapping[str, FloatArray], observed: FloatArray, index: IntArray) -> list[dict[str, Any]]:
     """Differences of the error that matter, over the same trips."""
     wanted = [("zero-shot", other) for other in ("physics", "data-only", "kriging-as-is", "boosting-as-is")]
     wanted += [("physics", "own-ensemble"), ("zero-shot", "own-ensemble"), ("zero-shot", "own-kriging")]
@@ -410,6 +414,3 @@ def _bars(
             "ratio": ten["error"] / own,
         }
     return bars
-
-
-__all__ = ["TransferRun", "energy_error", "evaluate_transfer"]

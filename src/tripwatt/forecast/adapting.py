@@ -263,12 +263,10 @@ def _quantiles(values: FloatArray, weight: FloatArray) -> FloatArray:
     """Values at evenly spread levels of a weighted sample."""
     order = np.argsort(values)
     level = np.cumsum(weight[order]) - 0.5 * weight[order]
-    return np.interp((np.arange(_LEVELS) + 1.0) / (_LEVELS + 1.0), level, values[order])
+    return np.asarray(np.interp((np.arange(_LEVELS) + 1.0) / (_LEVELS + 1.0), level, values[order]))
 
 
-def _joined(
-    base: Mapping[str, Range], own: Mapping[str, Range], hidden: Sequence[str]
-) -> dict[str, Range]:
+def _joined(base: Mapping[str, Range], own: Mapping[str, Range], hidden: Sequence[str]) -> dict[str, Range]:
     """What either car has shown; a hidden signal was shown by none."""
     joined = {}
     for name, old in base.items():

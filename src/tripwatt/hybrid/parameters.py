@@ -60,7 +60,11 @@ PARAMETERS: Final = (
         0.15,
         "neighbouring classes of the EU tyre label lie 15 % apart (Regulation (EU) 2020/740, annex I: B to 7.7, C to 9.0, "
         "D to 10.5 kg/t)",
-        ("road_load.coastdown_a_n", "road_load.coastdown_b_n_s_m", "road_load.rolling_resistance_coefficient"),
+        (
+            "road_load.coastdown_a_n",
+            "road_load.coastdown_b_n_s_m",
+            "road_load.rolling_resistance_coefficient",
+        ),
         ("rolling",),
     ),
     Parameter(
@@ -159,5 +163,6 @@ def sensitivities(
             power = np.concatenate([block_table(plan, simulate(other, plan)).simulated_w for plan in plans])
             columns.append((power - table.simulated_w) / _STEP)
         else:
-            columns.append(sum(table.features[f"{cause}_w"].to_numpy() for cause in parameter.causes))
+            causes = [f"{cause}_w" for cause in parameter.causes]
+            columns.append(np.asarray(table.features[causes].to_numpy().sum(axis=1)))
     return np.column_stack(columns) if columns else np.empty((len(table.hours), 0))

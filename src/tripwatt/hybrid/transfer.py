@@ -268,11 +268,12 @@ class CarTransfer:
     ) -> Iterator[tuple[Option, FloatArray, FloatArray]]:
         """Mean and covariance of the trips' residual energies before any of them, for each option."""
         before, posterior = self._prior_variances()
-        W, O, L, S = evidence.world, evidence.own, evidence.lost, evidence.physical
-        common = (W @ posterior) @ W.T
-        own, lost = (O * before) @ O.T, (L * before) @ L.T
-        physical = (S * self._widths()) @ S.T
-        centre = W @ self.corrector.model.weights_
+        world, physics = evidence.world, evidence.physical
+        common = (world @ posterior) @ world.T
+        own = (evidence.own * before) @ evidence.own.T
+        lost = (evidence.lost * before) @ evidence.lost.T
+        physical = (physics * self._widths()) @ physics.T
+        centre = world @ self.corrector.model.weights_
         for option in prior:
             mine = option.own**2 * (1.0 - option.share**2) * own + option.book**2 * physical
             yield option, option.share * centre, option.share**2 * (common + lost) + mine
@@ -415,4 +416,3 @@ def _given_draws(
         np.maximum(before - (cross**2).sum(axis=1), 0.0),
         log_likelihood,
     )
-

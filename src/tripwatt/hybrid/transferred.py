@@ -41,7 +41,9 @@ class TransferredCorrector:
     share: float
 
     @classmethod
-    def of(cls, transfer: CarTransfer, posterior: Posterior, calibrated: frozenset[str]) -> TransferredCorrector:
+    def of(
+        cls, transfer: CarTransfer, posterior: Posterior, calibrated: frozenset[str]
+    ) -> TransferredCorrector:
         """From what is believed of the second car.
 
         Parameters
