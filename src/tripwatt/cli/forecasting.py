@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -26,7 +27,7 @@ from tripwatt.errors import Fault, InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.forecast import Forecast, ForecastModel
-    from tripwatt.trips import Fleet
+    from tripwatt.trips import Fleet, Trip
 
 OPTION_OF: Final = {
     "displayed_soc": "--soc",
@@ -61,6 +62,11 @@ def add_commands(app: typer.Typer) -> None:
             ),
             ("tripwatt forecast my-model trip.csv --reserve 0.1 --plot forecast.png", "with your model"),
             ("tripwatt forecast trip.csv --observed so-far.csv --json", "again, during the trip"),
+            (
+                "tripwatt forecast answer.json --soc 0.8 --ambient 5",
+                "a planned route: a router's saved answer",
+            ),
+            ("tripwatt forecast ride.gpx --speed 60", "a track without times, driven at 60 km/h on average"),
         )
     )(forecast)
     app.command(
@@ -177,9 +183,11 @@ def forecast(
         list[Path],
         typer.Argument(
             metavar="[MODEL] TRIP",
-            help="Folder of a model, left out for the one that comes with the package, and a CSV or Parquet file of the "
-            "trip with our column names: time_s, speed_m_s, and elevation_m or grade where known. Of other signals "
-            "only the first sample counts.",
+            help="Folder of a model, left out for the one that comes with the package, and the trip. As it is driven: a "
+            "CSV or Parquet file with our column names, time_s, speed_m_s, and elevation_m or grade where known; of other "
+            "signals only the first sample counts. As it is planned: links (CSV or JSON: length_m, speed_m_s or "
+            "travel_time_s, and where known grade or start_elevation_m and end_elevation_m, stop_s, speed_limit_m_s), GPX, "
+            "GeoJSON, or the saved answer of OSRM, Valhalla, openrouteservice or GraphHopper.",
             show_default=False,
         ),
     ],
@@ -204,12 +212,20 @@ def forecast(
     cabin_temperature: Annotated[
         float | None, typer.Option(metavar="°C", help="Cabin at departure.", show_default=False)
     ] = None,
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            metavar="KM/H",
+            help="Mean speed on a planned track that says neither times nor speeds.",
+            show_default=False,
+        ),
+    ] = None,
     observed: Annotated[
         Path | None,
         typer.Option(
             metavar="SAMPLES",
             help="What was measured so far, on the trip's clock: time_s with voltage_v and current_a, or soc or "
-            "displayed_soc.",
+            "displayed_soc; on a planned route also speed_m_s, which tells how far the car is.",
             show_default=False,
         ),
     ] = None,
@@ -222,12 +238,12 @@ def forecast(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Forecast the energy of a trip, how sure that is, and what it goes into, given the driven speed trace.
+    """Forecast the energy of a trip, how sure that is, and what it goes into, given its speed trace or a planned route.
 
-    State of charge, in and out, is the one that the driver sees.
+    A planned route is driven by a driver model; what that costs in accuracy was measured when the model was fitted and
+    widens the interval. State of charge, in and out, is the one that the driver sees.
     """
-    from tripwatt.forecast import load_model, since_departure, trip_to_come
-    from tripwatt.sources.canonical import read_canonical
+    from tripwatt.forecast import load_model, since_departure
 
     model, trip = _model_and_trip(paths)
     asked: dict[str, Any] = {
@@ -242,11 +258,11 @@ def forecast(
     gather(
         lambda: _require_options(reserve, plot),
         lambda: got.update(model=load_model(model)),
-        lambda: got.update(samples=read_canonical(trip)),
+        lambda: got.update(trip=_read_trip(trip, speed)),
         lambda: None if observed is None else got.update(observed=_measured(observed)),
-        lambda: _with_option_names(asked),
+        lambda: check_departure(asked),
     )
-    to_come = trip_to_come(got["samples"], trip.stem, **asked)
+    to_come = got["trip"](asked)
     found = got["model"].forecast(to_come)
     if observed is not None:
         found = found.update(since_departure(got["observed"], to_come))
@@ -266,6 +282,28 @@ def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
     return (None, paths[0]) if len(paths) == 1 else (paths[0], paths[1])
 
 
+def _read_trip(path: Path, speed_km_h: float | None) -> Callable[[dict[str, Any]], Trip]:
+    """What makes the trip to come of the options: from samples, or from a planned route, whatever the file holds."""
+    from tripwatt.forecast import planned_to_come, trip_to_come
+    from tripwatt.routes import is_route, needs_speed, plan_trip, read_route
+    from tripwatt.sources.canonical import read_canonical
+    from tripwatt.units import M_S_PER_KM_H
+
+    route = read_route(path) if is_route(path) else None
+    if speed_km_h is not None and (route is None or not needs_speed(route)):
+        got = f"{path.name} says how fast it is"
+        raise InvalidInput(Fault("without effect", "--speed", got, "a track without times and speeds"))
+    if route is None:
+        samples = read_canonical(path)
+        return lambda asked: trip_to_come(samples, path.stem, **asked)
+    if speed_km_h is None and needs_speed(route):
+        got, fix = "pieces without time and speed", "say --speed KM/H"
+        raise InvalidInput(Fault("how fast?", path.name, got, "a speed for them", fix))
+    speed_m_s = None if speed_km_h is None else speed_km_h * M_S_PER_KM_H
+    plan = plan_trip(route, speed_m_s=speed_m_s, trip_id=path.stem)
+    return lambda asked: planned_to_come(plan, **asked)
+
+
 def _require_options(reserve: float, plot: Path | None) -> None:
     faults = []
     if not 0.0 <= reserve <= 1.0:
@@ -278,8 +316,14 @@ def _require_options(reserve: float, plot: Path | None) -> None:
         raise InvalidInput(faults)
 
 
-def _with_option_names(asked: dict[str, Any]) -> None:
-    """Check what the options say, whatever the trip, under the options' names."""
+def check_departure(asked: dict[str, Any]) -> None:
+    """Check what options say of the departure, whatever the trip, under the options' names.
+
+    Raises
+    ------
+    InvalidInput
+        With every value that cannot be one.
+    """
     import pandas as pd
 
     from tripwatt.forecast import trip_to_come
@@ -309,8 +353,6 @@ def _draw(found: Forecast, plot: Path) -> None:
 
 
 def _show_forecast(found: Forecast, reserve: float) -> None:
-    from tripwatt.forecast.storage import GIVEN
-
     low, high = found.interval(0.9)
     when = "before departure" if found.measured_until_s <= 0.0 else f"after {found.measured_until_s:.0f} s"
     rows = [
@@ -320,7 +362,7 @@ def _show_forecast(found: Forecast, reserve: float) -> None:
         ("P(arrive)", f"{found.p_arrive(0.0):.1%}"),
         (f"P(arrive with {reserve:.0%} or more)", f"{found.p_arrive(reserve):.1%}"),
     ]
-    print_table(f"{found.plan.trip_id}, {when}, {GIVEN}", ("forecast", ""), rows, numbers=("",))
+    print_table(f"{found.plan.trip_id}, {when}, given {found.given}", ("forecast", ""), rows, numbers=("",))
     causes = [
         (cause.replace("_", " "), f"{energy / 1000.0:+.3f} kWh")
         for cause, energy in found.by_cause_wh.items()

@@ -23,7 +23,7 @@ from tripwatt.evaluation.transfer_scores import (
     resamples,
     scored,
 )
-from tripwatt.forecast.elsewhere import Elsewhere, trip_variances, unknown_signals, without_signals
+from tripwatt.forecast.elsewhere import Elsewhere, unknown_signals, without_signals
 from tripwatt.forecast.model import MIN_TRIPS
 from tripwatt.forecast.training import versions
 from tripwatt.hybrid import IntArray, power_corrector
@@ -37,6 +37,8 @@ TRIPS: Final = (0, 1, 2, 5, 10, 20, 50)
 DRAWS: Final = 200
 MIN_DISTANCE_M: Final = 2000.0
 MAIN_MODE: Final = "both"
+OWN: Final = ("kriging", "ensemble", "channels")
+"""Correctors of the models that a car trains on its own trips alone; the last is the default."""
 MIN_CAR_TRIPS: Final = 4
 """Fewest trips of a car that are cut into halves; a car with fewer is only shown, with nothing of its own learned."""
 
@@ -310,14 +312,14 @@ def _evaluate_car(
 
 
 def _transfer(source: _Source, vehicle: Vehicle, mode: str) -> CarTransfer:
-    corrector = source.elsewhere.corrector
-    return CarTransfer(corrector, part_scales(corrector, source.vehicle, vehicle), PARAMETERS, mode)
+    members = source.elsewhere.members
+    return CarTransfer(members, part_scales(members, source.vehicle, vehicle), PARAMETERS, mode)
 
 
 def _evidence(transfer: CarTransfer, car: _Car, source: _Source) -> Evidence:
     """Of all trips of a car; what a draw may learn from is chosen by `_forecasts`."""
     blocks = car.prepared.blocks
-    return transfer.evidence(blocks, car.physical_w, trip_variances(source.elsewhere.process, blocks))
+    return transfer.evidence(blocks, car.physical_w, source.elsewhere.variances_wh2(blocks))
 
 
 def _forecasts(
@@ -343,7 +345,7 @@ def _transferred_as_is(car: _Car, source: _Source, seed: int) -> dict[str, Float
     trees = power_corrector("boosting", seed).fit(of_source.blocks)
     return {
         "data-only": car.energies(np.asarray(learner.predict(of_car.data_features)) - simulated),
-        "kriging-as-is": car.energies(source.elsewhere.corrector.predict(of_car.blocks)),
+        "kriging-as-is": car.energies(source.elsewhere.members.predict(of_car.blocks)),
         "boosting-as-is": car.energies(trees.predict(of_car.blocks)),
     }
 
@@ -354,8 +356,7 @@ def _own_models(car: _Car, seed: int) -> dict[str, FloatArray]:
         return {}
     first, blocks = car.prepared.blocks.take(car.first), car.prepared.blocks
     models = {
-        f"own-{name}": car.energies(power_corrector(name, seed).fit(first).predict(blocks))
-        for name in ("kriging", "ensemble")
+        f"own-{name}": car.energies(power_corrector(name, seed).fit(first).predict(blocks)) for name in OWN
     }
     learner, rows = _learner(seed), np.isin(blocks.groups, car.first)
     learner.fit(car.prepared.data_features[rows], first.observed_power_w, groups=first.groups)
@@ -380,7 +381,7 @@ def _period(car: _Car, members: IntArray) -> list[str] | None:
 def _paired(models: Mapping[str, FloatArray], observed: FloatArray, index: IntArray) -> list[dict[str, Any]]:
     """Differences of the error that matter, over the same trips."""
     wanted = [("zero-shot", other) for other in ("physics", "data-only", "kriging-as-is", "boosting-as-is")]
-    wanted += [("physics", "own-ensemble"), ("zero-shot", "own-ensemble"), ("zero-shot", "own-kriging")]
+    wanted += [("zero-shot", f"own-{name}") for name in OWN]
     return [
         {"a": a, "b": b, **paired_energy_error(observed, models[a], models[b], index)}
         for a, b in wanted
@@ -405,7 +406,7 @@ def _bars(
         }
     }
     ten = next((row for row in curve if row["k"] == 10), None)
-    own = min((scores[m]["error"] for m in ("own-kriging", "own-ensemble") if m in scores), default=None)
+    own = min((scores[f"own-{m}"]["error"] for m in OWN if f"own-{m}" in scores), default=None)
     if ten is not None and own:
         bars["ten_trips_within_15_percent_of_own"] = {
             "met": bool(ten["error"] <= 1.15 * own),

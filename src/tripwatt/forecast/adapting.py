@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 
 from tripwatt.audit import audit
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.forecast.elsewhere import Elsewhere, trip_variances, unknown_signals
+from tripwatt.forecast.elsewhere import Elsewhere, unknown_signals
 from tripwatt.forecast.model import ForecastModel, HeldOut, Range, training_ranges
-from tripwatt.forecast.process import ResidualProcess
+from tripwatt.forecast.scale import TAIL_DF, TotalScale
 from tripwatt.forecast.scores import Scores
 from tripwatt.forecast.training import data_digest, held_out_figures, versions
 from tripwatt.hybrid import BlockTable, block_table, planned
@@ -94,28 +94,26 @@ def adapt(base: ForecastModel, trips: Sequence[Trip], vehicle: Vehicle, *, mode:
     origin, hidden = _origin(base, trips)
     plans = [planned(trip) for trip in trips]
     table = _blocks(plans, trips, vehicle)
-    transfer = CarTransfer(
-        origin.corrector, part_scales(origin.corrector, base.vehicle, vehicle), PARAMETERS, mode
-    )
-    evidence = transfer.evidence(
-        table, sensitivities(plans, vehicle, table), trip_variances(origin.process, table)
-    )
+    scales = part_scales(origin.members, base.vehicle, vehicle)
+    transfer = CarTransfer(origin.members, scales, PARAMETERS, mode)
+    evidence = transfer.evidence(table, sensitivities(plans, vehicle, table), origin.variances_wh2(table))
     posterior = transfer.posterior(evidence)
     found = posterior.parameters([p.name for p in PARAMETERS])
     calibrated = {p.name: found[p.name][0] for p in PARAMETERS if p.keys}
     told = f"calibrated on {len(trips)} trip{'s' if len(trips) > 1 else ''} of the car"
     own_car = changed(vehicle, calibrated, source=told) if mode != "effects" else vehicle
     corrector = TransferredCorrector.of(transfer, posterior, frozenset(calibrated))
-    process = scaled_process(origin.process, float(np.sqrt(posterior.noise_scale)))
     scores, held_out = _scores(transfer, evidence, posterior, origin.scores, table)
     model = ForecastModel(
         vehicle=own_car,
         corrector=TRANSFERRED,
         seed=base.seed,
         fitted_=corrector,
-        process_=process,
+        process_=None if base.process_ is None else replace(base.process_, apart=False),
+        scale_=_scale(origin.scale, posterior.noise_scale),
         scores_=scores,
         gain_=base.gain_,
+        route_doubt_=base.route_doubt_,
         ranges_=_joined(base.ranges_, training_ranges(table), hidden),
         trip_ids_=table.trip_ids,
         held_out_=held_out,
@@ -197,10 +195,8 @@ def _require_trips(trips: Sequence[Trip]) -> None:
 
 def _origin(base: ForecastModel, trips: Sequence[Trip]) -> tuple[Elsewhere, tuple[str, ...]]:
     """What of the base goes to the new car: what it learned with as little known as the car's log does."""
-    if base.fitted_ is None or base.process_ is None or base.scores_ is None:
-        raise InvalidInput(Fault("model is not fitted", "base", "no training trips", "call fit first"))
     usual = Elsewhere.of(base)
-    used = {column for part in usual.corrector.parts for column in part.columns}
+    used = {column for part in usual.members.parts for column in part.columns}
     missing = tuple(name for name in unknown_signals(trips) if name in used)
     if missing and base.elsewhere_ is not None:
         return base.elsewhere_, base.elsewhere_.hidden
@@ -216,17 +212,10 @@ def _blocks(plans: Sequence[Trip], trips: Sequence[Trip], vehicle: Vehicle) -> B
     )
 
 
-def scaled_process(process: ResidualProcess, factor: float) -> ResidualProcess:
-    """A residual process with every standard deviation times a factor.
-
-    Examples
-    --------
-    >>> small = ResidualProcess(np.array([1.0]), 2.0, 900.0, 3.0, 200.0, 0.5)
-    >>> scaled_process(small, 2.0).climate_sd_w, scaled_process(small, 2.0).climate_time_s
-    (4.0, 900.0)
-    """
-    names = [f.name for f in fields(process) if "_sd" in f.name or f.name == "noise_factor"]
-    return replace(process, **{name: factor * getattr(process, name) for name in names})
+def _scale(base: TotalScale, noise_scale: float) -> TotalScale:
+    """The scale of an adapted model's totals: the base's error, wider by what own trips say; its own doubt in full."""
+    factor = np.sqrt(noise_scale * TAIL_DF / (TAIL_DF - 2.0))
+    return TotalScale(np.append(base.values[:3] * factor, 1.0))
 
 
 def _scores(

@@ -13,12 +13,13 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.forecast.model import ForecastModel, process_blocks
-from tripwatt.forecast.process import ResidualProcess
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecast.model import ForecastModel, process_blocks, training_blocks
+from tripwatt.forecast.scale import TAIL_DF, TotalScale
 from tripwatt.forecast.scores import Scores
 from tripwatt.hybrid import BlockTable
-from tripwatt.hybrid.power import DEPARTURE_COLUMNS, KrigingCorrector
-from tripwatt.hybrid.transfer import process_member
+from tripwatt.hybrid.power import DEPARTURE_COLUMNS
+from tripwatt.hybrid.transfer import Members
 from tripwatt.trips import FloatArray, Trip
 from tripwatt.vehicles import Vehicle
 
@@ -28,38 +29,51 @@ HIDEABLE: Final = DEPARTURE_COLUMNS[1:4]
 
 @dataclass(frozen=True, eq=False)
 class Elsewhere:
-    """A corrector of one car for use on others, with how sure it was on held-out trips of its own.
+    """What was learned on one car, for use on others, with how sure it was on held-out trips of its own.
 
     Attributes
     ----------
-    corrector : KrigingCorrector
-    process : ResidualProcess
+    members : Members
+        Its Gaussian processes.
+    scale : TotalScale
     scores : Scores
     hidden : tuple of str
         Signals that were hidden from it, and from the simulation that it corrects.
     """
 
-    corrector: KrigingCorrector
-    process: ResidualProcess
+    members: Members
+    scale: TotalScale
     scores: Scores
     hidden: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, model: ForecastModel) -> Elsewhere:
-        """The Gaussian process of a fitted model, nothing hidden."""
-        assert model.fitted_ is not None
-        assert model.process_ is not None
-        assert model.scores_ is not None
-        return cls(process_member(model.fitted_), model.process_, model.scores_)
+        """The Gaussian processes of a fitted model, nothing hidden.
+
+        Raises
+        ------
+        InvalidInput
+            When it is not fitted or has none.
+        """
+        if model.fitted_ is None or model.scale_ is None or model.scores_ is None:
+            raise InvalidInput(Fault("model is not fitted", "base", "no training trips", "call fit first"))
+        return cls(Members.of(model.fitted_), model.scale_, model.scores_)
 
     @classmethod
     def learned(
         cls, trips: Sequence[Trip], vehicle: Vehicle, hidden: Collection[str] = HIDEABLE, *, seed: int = 0
     ) -> Elsewhere:
-        """Simulate and learn trips with some signals hidden. As `ForecastModel.fit` with the corrector kriging."""
+        """Simulate and learn trips with some signals hidden, one Gaussian process for all of the residual."""
         seen = [without_signals(trip, hidden) for trip in trips]
-        model = ForecastModel(vehicle, "kriging", seed).fit(seen)
+        model = ForecastModel(vehicle, "kriging", seed).fit_blocks(training_blocks(seen, vehicle))
         return replace(cls.of(model), hidden=tuple(hidden))
+
+    def variances_wh2(self, table: BlockTable) -> FloatArray:
+        """Variance of each trip's energy [Wh²] apart from what the mean does not know, shape (trips,)."""
+        trips = [table.take([i]) for i in range(len(table))]
+        none = [np.zeros((len(trip.hours), 1)) for trip in trips]
+        sd = [self.scale.sd_wh(process_blocks(t, zero)) for t, zero in zip(trips, none, strict=True)]
+        return np.square(sd) * TAIL_DF / (TAIL_DF - 2.0)  # of the t distribution that the scale belongs to
 
 
 def elsewhere_of(model: ForecastModel, trips: Sequence[Trip]) -> Elsewhere | None:
@@ -72,7 +86,7 @@ def elsewhere_of(model: ForecastModel, trips: Sequence[Trip]) -> Elsewhere | Non
         Those that it was fitted on.
     """
     hidden = tuple(name for name in HIDEABLE if name not in unknown_signals(trips))
-    if not hidden or model.corrector not in ("linear", "kriging", "ensemble"):
+    if not hidden or model.corrector not in ("linear", "kriging", "ensemble", "channels"):
         return None
     return Elsewhere.learned(trips, model.vehicle, hidden, seed=model.seed)
 
@@ -105,13 +119,3 @@ def unknown_signals(trips: Sequence[Trip], candidates: Collection[str] = HIDEABL
         if trip.has(name) or (name == "cabin_setpoint_degc" and trip.context.cabin_setpoint_degc is not None)
     }
     return tuple(name for name in candidates if name not in known)
-
-
-def trip_variances(process: ResidualProcess, table: BlockTable) -> FloatArray:
-    """Variance of each trip's residual energy [Wh²] that a residual process expects, shape (trips,)."""
-    variances = []
-    for i in range(len(table)):
-        trip = table.take([i])
-        covariance = process.covariance(process_blocks(trip, np.zeros((len(trip.hours), 1))))
-        variances.append(float(trip.hours @ covariance @ trip.hours))
-    return np.array(variances)

@@ -8,7 +8,7 @@ The corrector is a Gaussian process, linear in weights `w` of known features. It
 
 `rho` is the share of the correction that cars have in common, `theta` the relative error of a few physical parameters
 with published widths `W` (`tripwatt.hybrid.parameters`), `tau` and `kappa` how much cars differ in the one and the other,
-and `n_i` the variance of a trip that the residual process of the first car expects. One car tells nothing of how alike
+and `n_i` the variance of a trip that the first car's held-out trips let expect. One car tells nothing of how alike
 cars are, so `rho`, `tau`, `kappa` and `lambda` have flat priors on a grid and are integrated by their marginal likelihood on the second car's trips (empirical
 Bayes without a choice: Gelman et al., Bayesian Data Analysis, section 5.4; Rasmussen and Williams 2006, section 5.2).
 Without a trip half of the correction is taken. The absolute error is convex in the share, so half of a correction is
@@ -28,9 +28,11 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.hybrid.channels import ChannelCorrector
 from tripwatt.hybrid.cumulative import IntArray
 from tripwatt.hybrid.parameters import PARAMETERS, Parameter
 from tripwatt.hybrid.power import BlockTable, EnsembleCorrector, KrigingCorrector, PowerCorrector
+from tripwatt.kriging import Part
 from tripwatt.trips import FloatArray
 from tripwatt.vehicles import Vehicle
 
@@ -74,25 +76,100 @@ def require_mode(mode: str) -> None:
         raise InvalidInput(Fault("unknown way to adapt", "mode", repr(mode), ", ".join(MODES)))
 
 
-def process_member(corrector: PowerCorrector) -> KrigingCorrector:
-    """The Gaussian process of a corrector: only it says what it does not know.
+@dataclass(frozen=True, eq=False)
+class Members:
+    """The Gaussian processes of a corrector, side by side: one, or one for each channel.
 
-    Raises
-    ------
-    InvalidInput
-        When there is none.
+    Attributes
+    ----------
+    correctors : tuple of KrigingCorrector
     """
-    members = corrector.members if isinstance(corrector, EnsembleCorrector) else (corrector,)
-    for member in members:
-        if isinstance(member, KrigingCorrector):
-            return member
-    got = type(corrector).__name__
-    raise InvalidInput(
-        Fault("this corrector cannot be transferred", "corrector", got, "linear, kriging or ensemble")
-    )
+
+    correctors: tuple[KrigingCorrector, ...]
+
+    @classmethod
+    def of(cls, corrector: PowerCorrector) -> Members:
+        """Those of any corrector: only they say what they do not know.
+
+        Raises
+        ------
+        InvalidInput
+            When there is none.
+        """
+        if isinstance(corrector, KrigingCorrector):
+            return cls((corrector,))
+        inner: tuple[PowerCorrector, ...] = ()
+        if isinstance(corrector, EnsembleCorrector):
+            inner = tuple(m for m in corrector.members if isinstance(m, KrigingCorrector))
+        elif isinstance(corrector, ChannelCorrector):
+            inner = (corrector.climate, corrector.drive) if corrector.apart_ else (corrector.whole,)
+        found = tuple(k for member in inner for k in cls.of(member).correctors)
+        if not found:
+            got, allowed = type(corrector).__name__, "linear, kriging, ensemble or channels"
+            raise InvalidInput(Fault("this corrector cannot be transferred", "corrector", got, allowed))
+        return cls(found)
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """Parts of all of them."""
+        return tuple(part for corrector in self.correctors for part in corrector.parts)
+
+    @property
+    def sizes(self) -> list[int]:
+        """Number of features of each part."""
+        return [
+            1 if part.kind == "line" else corrector.model.whiteners_[i].shape[1]
+            for corrector in self.correctors
+            for i, part in enumerate(corrector.parts)
+        ]
+
+    @property
+    def weights(self) -> FloatArray:
+        """Posterior mean of the weights, shape (features,)."""
+        return np.concatenate([c.model.weights_ for c in self.correctors])
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Posterior covariance of the weights, shape (features, features); channels are independent."""
+        from scipy.linalg import block_diag
+
+        return np.asarray(block_diag(*(c.model.factor_ @ c.model.factor_.T for c in self.correctors)))
+
+    @property
+    def variances(self) -> FloatArray:
+        """Variance of each weight before any trip, shape (features,)."""
+        by_part = [c.model.variances_[: len(c.parts)] for c in self.correctors]
+        return np.repeat(np.concatenate(by_part), self.sizes)
+
+    @property
+    def shape(self) -> FloatArray:
+        """Weights of the shape within a trip, shape (features,)."""
+        return np.concatenate([c.shape for c in self.correctors])
+
+    def features(self, table: BlockTable) -> FloatArray:
+        """Features of each row [W], shape (rows, features)."""
+        return np.hstack([c.model.features(table.features)[0] for c in self.correctors])
+
+    def predict(self, table: BlockTable) -> FloatArray:
+        """Residual power [W] of the first car's correction, as it is."""
+        return np.asarray(np.sum([c.predict(table) for c in self.correctors], axis=0))
+
+    def familiarity(self, table: BlockTable) -> FloatArray:
+        """How near each row is to what was learned from: 1 inside, towards 0 far outside, shape (rows,)."""
+        distances: dict[str, FloatArray] = {}
+        for corrector in self.correctors:
+            model = corrector.model
+            for name in {c for part in corrector.parts if part.kind == "smooth" for c in part.columns}:
+                values = np.asarray(table.features[name], dtype=np.float64)
+                low, high = model.ranges_[name]
+                beyond = np.maximum(low - values, values - high) / model.sds_[name]
+                beyond = np.where(np.isfinite(beyond), np.maximum(beyond, 0.0), 0.0)
+                distances[name] = np.minimum(beyond, distances.get(name, np.inf))
+        squared = np.sum([d**2 for d in distances.values()], axis=0) if distances else 0.0
+        return np.exp(-0.5 * np.broadcast_to(squared, len(table.hours)))
 
 
-def part_scales(corrector: KrigingCorrector, source: Vehicle, target: Vehicle) -> FloatArray:
+def part_scales(members: Members, source: Vehicle, target: Vehicle) -> FloatArray:
     """Factor of each weight's feature from one car to the other, shape (features,).
 
     A line multiplies a simulated cause and knows no car. A smooth part is in watts: one of speed goes with the mass
@@ -105,21 +182,15 @@ def part_scales(corrector: KrigingCorrector, source: Vehicle, target: Vehicle) -
             source.climate.shell_w_k + source.climate.fresh_air_low_w_k
         )
     factors = []
-    for part, size in zip(corrector.parts, part_sizes(corrector), strict=True):
+    for part in members.parts:
         columns = set(part.columns)
         factor = 1.0
         if part.kind == "smooth" and columns & _CLIMATE:
             factor = heat
         elif part.kind == "smooth" and columns & _DRIVING:
             factor = mass
-        factors.append(np.full(size, factor))
-    return np.concatenate(factors)
-
-
-def part_sizes(corrector: KrigingCorrector) -> list[int]:
-    """Number of features of each part."""
-    whiteners = corrector.model.whiteners_
-    return [1 if p.kind == "line" else whiteners[i].shape[1] for i, p in enumerate(corrector.parts)]
+        factors.append(factor)
+    return np.repeat(np.array(factors), members.sizes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +204,7 @@ class Evidence:
     physical : ndarray, shape (trips, parameters)
         Energy by a relative change of 1 of each parameter [Wh].
     noise_wh2 : ndarray, shape (trips,)
-        Variance of a trip that the first car's residual process expects.
+        Variance of a trip that the first car's held-out trips let expect.
     residual_wh : ndarray, shape (trips,)
         Observed minus simulated; NaN where nothing was measured.
     """
@@ -157,7 +228,7 @@ class CarTransfer:
 
     Attributes
     ----------
-    corrector : KrigingCorrector
+    members : Members
         Fitted on the first car.
     scales : ndarray, shape (features,)
         From `part_scales`.
@@ -166,15 +237,10 @@ class CarTransfer:
         One of `MODES`.
     """
 
-    corrector: KrigingCorrector
+    members: Members
     scales: FloatArray
     parameters: tuple[Parameter, ...] = PARAMETERS
     mode: str = "both"
-
-    @property
-    def sizes(self) -> list[int]:
-        """Number of features of each part of the corrector."""
-        return part_sizes(self.corrector)
 
     def evidence(self, table: BlockTable, physical_w: FloatArray, noise_wh2: FloatArray) -> Evidence:
         """Trips of the second car. O(rows x features).
@@ -195,8 +261,8 @@ class CarTransfer:
 
     def rows(self, table: BlockTable) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Features of blocks [W]: in common, own, lost; each of shape (rows, features)."""
-        features = self.corrector.model.features(table.features)[0] * self.scales
-        trust = familiarity(self.corrector, table)[:, None]
+        features = self.members.features(table) * self.scales
+        trust = self.members.familiarity(table)[:, None]
         return features * trust, features, features * np.sqrt(1.0 - trust**2)
 
     def posterior(self, evidence: Evidence) -> Posterior:
@@ -267,13 +333,13 @@ class CarTransfer:
         self, evidence: Evidence, prior: Sequence[Option]
     ) -> Iterator[tuple[Option, FloatArray, FloatArray]]:
         """Mean and covariance of the trips' residual energies before any of them, for each option."""
-        before, posterior = self._prior_variances()
+        before, posterior = self.members.variances, self.members.covariance
         world, physics = evidence.world, evidence.physical
         common = (world @ posterior) @ world.T
         own = (evidence.own * before) @ evidence.own.T
         lost = (evidence.lost * before) @ evidence.lost.T
         physical = (physics * self._widths()) @ physics.T
-        centre = world @ self.corrector.model.weights_
+        centre = world @ self.members.weights
         for option in prior:
             mine = option.own**2 * (1.0 - option.share**2) * own + option.book**2 * physical
             yield option, option.share * centre, option.share**2 * (common + lost) + mine
@@ -290,11 +356,9 @@ class CarTransfer:
 
     def _conditioned(self, evidence: Evidence, option: Option) -> tuple[FloatArray, FloatArray]:
         """Mean and covariance of (common, own, lost, parameters) under one option."""
-        before, posterior = self._prior_variances()
+        before, posterior = self.members.variances, self.members.covariance
         n = len(before)
-        mean = np.concatenate(
-            [option.share * self.corrector.model.weights_, np.zeros(2 * n + len(self.parameters))]
-        )
+        mean = np.concatenate([option.share * self.members.weights, np.zeros(2 * n + len(self.parameters))])
         own = option.own**2 * (1.0 - option.share**2) * before
         rest = np.concatenate([own, option.share**2 * before, option.book**2 * self._widths()])
         covariance = np.zeros((len(mean), len(mean)))
@@ -307,11 +371,6 @@ class CarTransfer:
         total = cross @ X.T + np.diag(option.noise * evidence.noise_wh2)
         gain = np.linalg.solve(total, cross).T
         return mean + gain @ (evidence.residual_wh - X @ mean), covariance - gain @ cross
-
-    def _prior_variances(self) -> tuple[FloatArray, FloatArray]:
-        model = self.corrector.model
-        before = np.repeat(model.variances_[: len(self.corrector.parts)], self.sizes)
-        return before, model.factor_ @ model.factor_.T
 
     def _widths(self) -> FloatArray:
         return np.array([p.width**2 for p in self.parameters])
@@ -328,7 +387,7 @@ class Posterior:
     options, weights : tuple of Option, ndarray
         The grid and its posterior probabilities.
     noise_scale : float
-        Mean of the error's variance over that of the first car's residual process.
+        Mean of the error's variance over that of the first car.
     """
 
     mean: FloatArray
@@ -363,18 +422,6 @@ class DrawsForecast:
 
 
 _NEGLIGIBLE: Final = 1e-4
-
-
-def familiarity(corrector: KrigingCorrector, table: BlockTable) -> FloatArray:
-    """How near each block is to what the corrector was fitted on: 1 inside, towards 0 far outside, shape (rows,)."""
-    model = corrector.model
-    squared = np.zeros(len(table.hours))
-    for name in dict.fromkeys(c for part in corrector.parts if part.kind == "smooth" for c in part.columns):
-        values = np.asarray(table.features[name], dtype=np.float64)
-        low, high = model.ranges_[name]
-        beyond = np.maximum(low - values, values - high) / model.sds_[name]
-        squared += np.where(np.isfinite(beyond), np.maximum(beyond, 0.0), 0.0) ** 2
-    return np.asarray(np.exp(-0.5 * squared))
 
 
 def _totals(table: BlockTable, rows_w: FloatArray) -> FloatArray:

@@ -8,8 +8,8 @@ from typing import Final, NoReturn
 import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.hybrid.power import BlockTable, KrigingCorrector, less_trip_mean
-from tripwatt.hybrid.transfer import CarTransfer, Posterior
+from tripwatt.hybrid.power import BlockTable, less_trip_mean
+from tripwatt.hybrid.transfer import CarTransfer, Members, Posterior
 from tripwatt.trips import FloatArray
 
 _SMALLEST: Final = 1e-10
@@ -22,7 +22,7 @@ class TransferredCorrector:
 
     Attributes
     ----------
-    base : KrigingCorrector
+    base : Members
         Of the first car.
     scales : ndarray, shape (features,)
         From `part_scales`.
@@ -34,7 +34,7 @@ class TransferredCorrector:
         Share in common; the base's shape within a trip is taken by it.
     """
 
-    base: KrigingCorrector
+    base: Members
     scales: FloatArray
     mean: FloatArray
     factor: FloatArray
@@ -54,9 +54,9 @@ class TransferredCorrector:
             Parameters whose mean the car's values have taken. The mean of the others, and the doubt of all, becomes
             that of the causes that they multiply.
         """
-        names = [part.columns[0] if part.kind == "line" else "" for part in transfer.corrector.parts]
+        names = [part.columns[0] if part.kind == "line" else "" for part in transfer.members.parts]
         features = len(transfer.scales)
-        starts = np.concatenate(([0], np.cumsum(transfer.sizes)))[:-1]
+        starts = np.concatenate(([0], np.cumsum(transfer.members.sizes)))[:-1]
         onto = np.hstack([np.eye(3 * features), np.zeros((3 * features, len(transfer.parameters)))])
         moved = onto.copy()
         for j, parameter in enumerate(transfer.parameters):
@@ -69,7 +69,7 @@ class TransferredCorrector:
         values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
         kept = values > _SMALLEST * max(float(values[-1]), 0.0)
         factor = vectors[:, kept] * np.sqrt(values[kept])
-        return cls(transfer.corrector, transfer.scales, moved @ posterior.mean, factor, posterior.share)
+        return cls(transfer.members, transfer.scales, moved @ posterior.mean, factor, posterior.share)
 
     def fit(self, table: BlockTable) -> NoReturn:
         """Not possible: it is adapted with `CarTransfer`, from the base."""
@@ -93,3 +93,7 @@ class TransferredCorrector:
         rows = np.hstack(blocks)
         shape = self.share * less_trip_mean(blocks[0] @ self.base.shape[:, None], table)[:, 0]
         return rows @ self.mean + shape, rows @ self.factor
+
+    def predict_climate(self, table: BlockTable) -> FloatArray | None:
+        """Not told apart: what is the car's own is learned from totals alone."""
+        return None

@@ -115,7 +115,11 @@ def _note(results: Mapping[str, Any], car: Mapping[str, Any]) -> str:
         else f"scored on {car['trips_second']} trips, nothing learned from it"
     )
     name = f", car {car['car']}" if car["car"] else ""
-    return f"{results['from']['vehicle_title']} → {results['to']['vehicle_title']}{name}; {halves}"
+    return f"{results['from']['vehicle_title']} → {results['to']['vehicle_title']}{name}\n{halves}"
+
+
+def _line(results: Mapping[str, Any], car: Mapping[str, Any]) -> str:
+    return _note(results, car).replace("\n", "; ")
 
 
 def said_of_models(car: Mapping[str, Any]) -> str:
@@ -145,7 +149,7 @@ def said_of_curve(car: Mapping[str, Any]) -> str:
         + listed([f"{percent(row['error'])} with {row['k']}" for row in rows])
         + f" own trips, {GIVEN}."
     )
-    own = [name for name in ("own-kriging", "own-ensemble") if name in car["models"]]
+    own = [name for name in car["models"] if name.startswith("own-") and name != "own-data-only"]
     if own:
         best = min(own, key=lambda name: float(car["models"][name]["error"]))
         text += f" A model trained on the whole first half alone ({model_name(best)}): {percent(car['models'][best]['error'])}."
@@ -176,7 +180,7 @@ def models_table(results: Mapping[str, Any], car: Mapping[str, Any]) -> Table:
         )
         for name in names
     ]
-    return Table(f"Errors, {_note(results, car)}, {GIVEN}", COLUMNS, tuple(rows))
+    return Table(f"Errors, {_line(results, car)}, {GIVEN}", COLUMNS, tuple(rows))
 
 
 def curve_table(results: Mapping[str, Any], car: Mapping[str, Any]) -> Table:
@@ -196,7 +200,7 @@ def curve_table(results: Mapping[str, Any], car: Mapping[str, Any]) -> Table:
         )
         for row, terms, parameters in zip(car["curves"]["both"], *other, strict=True)
     ]
-    return Table(f"Error by own trips, {_note(results, car)}, {GIVEN}", CURVE_COLUMNS, tuple(rows))
+    return Table(f"Error by own trips, {_line(results, car)}, {GIVEN}", CURVE_COLUMNS, tuple(rows))
 
 
 def _calibration(results: Mapping[str, Any], car: Mapping[str, Any], stem: str) -> Panel:

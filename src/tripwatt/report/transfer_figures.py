@@ -29,6 +29,7 @@ LABELS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         "data-only": ("data only, as is", "data"),
         "own-kriging": ("own model: process", "own"),
         "own-ensemble": ("own model: ensemble", "own"),
+        "own-channels": ("own model: default", "own"),
         "own-data-only": ("own model: data only", "own"),
     }
 )
@@ -50,10 +51,10 @@ def model_name(model: str) -> str:
     Examples
     --------
     >>> model_name("physics"), model_name("adapted-69")
-    ('its physics alone', 'transfer, all 69 own trips')
+    ('its physics alone', 'transfer, all 69 own')
     """
     if model.startswith("adapted-"):
-        return f"transfer, all {model.removeprefix('adapted-')} own trips"
+        return f"transfer, all {model.removeprefix('adapted-')} own"
     return LABELS.get(model, (model, "own"))[0]
 
 
@@ -87,7 +88,12 @@ def plot_curve(car: Mapping[str, Any], *, note: str = "") -> Figure:
             label=f"transfer: {MODE_LABELS[mode]}",
             gid=f"curve-{mode}",
         )
-    for model, line in (("physics", "-"), ("own-ensemble", "-"), ("own-kriging", "--"), ("data-only", "-")):
+    for model, line in (
+        ("physics", "-"),
+        ("own-channels", "-"),
+        ("own-kriging", "--"),
+        ("data-only", "-"),
+    ):
         if model in car["models"]:
             axes.axhline(
                 100.0 * car["models"][model]["error"],
