@@ -417,6 +417,8 @@ def _about_rows(about: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append(("data", f"{origin['data']['name']}, SHA-256 {origin['data']['sha256']}"))
         rows += [("citation", origin["data"]["citation"])] if origin["data"]["citation"] else []
         rows += [("note", note) for note in origin["data"]["notes"]]
+    if "adapted" in origin:
+        rows += _adapted_rows(origin)
     if "mape" in figures:
         rows.append(
             (
@@ -430,6 +432,27 @@ def _about_rows(about: dict[str, Any]) -> list[tuple[str, str]]:
         ("parts", ", ".join(f"{name} ({part['bytes']} bytes)" for name, part in about["parts"].items()))
     )
     return rows
+
+
+def _adapted_rows(origin: dict[str, Any]) -> list[tuple[str, str]]:
+    """Where an adapted model comes from, and what its own trips changed."""
+    how, base = origin["adapted"], origin["base"]
+    changes = [
+        f"{name.replace('_', ' ')} {value['change']:+.1%} (sd {value['sd']:.1%})"
+        for name, value in how["parameters"].items()
+    ]
+    told = base["model"]
+    return [
+        (
+            "base",
+            f"{told['vehicle_title']}, {told['corrector']}, {told['trips']} trips, SHA-256 {base['sha256']}",
+        ),
+        (
+            "adapted",
+            f"with {how['trips']} own trips; {how['share_in_common']:.0%} of the base's correction is shared",
+        ),
+        *([("car against its book", ", ".join(changes))] if changes else []),
+    ]
 
 
 def _range(low: float | None, high: float | None) -> str:
