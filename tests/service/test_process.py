@@ -19,7 +19,7 @@ from benchmarks.service_fuzz import fuzz
 from benchmarks.service_process import Service, serving
 from benchmarks.service_schema import conformance
 
-from tripwatt.cli.serving import models_of
+from tripwatt.cli.serving import models_of, serve
 from tripwatt.errors import InvalidInput
 from tripwatt.forecast.storage import model_folder
 from tripwatt.service.problems import TITLES
@@ -59,6 +59,12 @@ def test_it_does_not_start_where_it_would_not_be_safe(tmp_path: Path) -> None:
     assert "unknown limit" in said
     assert "limit samples" in said
     assert "nothing" in refused(str(tmp_path / "nothing"))
+
+
+def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "fastapi", None)
+    with pytest.raises(InvalidInput, match=r"tripwatt\[service\]"):
+        serve()
 
 
 def test_models_are_those_of_the_start(tmp_path: Path) -> None:

@@ -40,8 +40,9 @@ SOC_STEP: Final = 0.005
 """Smallest step that a logged state of charge is trusted to."""
 CAPACITY_SD: Final = 0.03
 """Relative doubt of the energy behind a unit of state of charge: ageing and temperature."""
-MIN_COVER: Final = 0.3
-"""Share of a block that has to be measured before it counts as observed."""
+MIN_COVER: Final = 0.8
+"""Share of a block that has to be measured before it counts as observed: within a block, power changes with every
+change of speed, so a part of it says little of the rest."""
 
 
 @dataclass(frozen=True, eq=False)

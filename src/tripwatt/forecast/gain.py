@@ -15,6 +15,10 @@ from tripwatt.trips import FloatArray
 BoolArray = npt.NDArray[np.bool_]
 
 FRACTIONS: Final = (0.1, 0.25, 0.375, 0.5, 0.75, 0.9)
+SURE: Final = 1.645
+"""Standard errors to the lower end of a one-sided confidence interval of 95 %."""
+LEAST: Final = 0.1
+"""A smaller share is no reason to change a forecast."""
 CHANNELS: Final = ("climate", "drive", "whole")
 
 
@@ -22,8 +26,8 @@ CHANNELS: Final = ("climate", "drive", "whole")
 class Gain:
     """Share of the process's update of the rest that is taken, by the fraction of the trip that was measured.
 
-    The share is the one that explains the relative errors of the rest over held-out trips best, shrunk towards 0: an
-    update has to show that it helps. It lies between 0 (the departure forecast of the rest stands) and 1 (the process
+    The share is the one that explains the standardised errors of the rest over held-out trips best, at the lower
+    end of its confidence interval: an update has to show that it helps. It lies between 0 (the departure forecast of the rest stands) and 1 (the process
     is right), and never falls as more is measured. Climate control, which is measured
     by itself, comes first; driving explains what is then left. `whole` is for samples that do not tell the two apart.
 
@@ -43,18 +47,18 @@ class Gain:
     whole: FloatArray
 
     @classmethod
-    def of(cls, process: ResidualProcess, trips: Sequence[HeldOutResidual], energies_wh: FloatArray) -> Gain:
+    def of(cls, process: ResidualProcess, trips: Sequence[HeldOutResidual], scale_wh: FloatArray) -> Gain:
         """Learn from held-out trips. O(trips x blocks^3)."""
         shares = np.zeros((len(FRACTIONS), len(CHANNELS)))
         split = np.array([process.apart and trip.climate_w is not None for trip in trips])
         for row, fraction in enumerate(FRACTIONS):
             rests = np.array([_rest(process, trip, fraction) for trip in trips])
             truth, climate, drive, whole = rests.T
-            shares[row, 2] = _best_share(truth, whole, energies_wh)
+            shares[row, 2] = _best_share(truth, whole, scale_wh)
             if split.any():
-                shares[row, 0] = _best_share(truth[split], climate[split], energies_wh[split])
+                shares[row, 0] = _best_share(truth[split], climate[split], scale_wh[split])
                 left = truth - shares[row, 0] * climate
-                shares[row, 1] = _best_share(left[split], drive[split], energies_wh[split])
+                shares[row, 1] = _best_share(left[split], drive[split], scale_wh[split])
         return cls(*np.maximum.accumulate(shares, axis=0).T)
 
     def at(self, channel: str, fraction: float) -> float:
@@ -93,13 +97,16 @@ def _rest(
     return float(hours @ left), climate, drive, whole
 
 
-def _best_share(truth: FloatArray, expected: FloatArray, energies_wh: FloatArray) -> float:
+def _best_share(truth: FloatArray, expected: FloatArray, scale_wh: FloatArray) -> float:
     """Share of `expected` that explains `truth`, held in 0..1.
 
-    Ridge regression of relative errors through the origin: the posterior mean of a share that is N(0, 1) before the
-    trips are seen, so that an expectation which explains little is not taken.
+    Regression of standardised errors through the origin: the lower end of the slope's one-sided confidence interval.
     """
-    t, x = truth / energies_wh, expected / energies_wh
-    fit = float(x @ t) / max(float(x @ x), 1e-300)
-    noise = float(np.mean((t - fit * x) ** 2))
-    return float(np.clip((x @ t) / max(float(x @ x) + noise, 1e-300), 0.0, 1.0))
+    t, x = truth / scale_wh, expected / scale_wh
+    size = float(x @ x)
+    if size <= 0.0:
+        return 0.0
+    slope = float(x @ t) / size
+    error = float(np.sqrt(np.mean((t - slope * x) ** 2) / size))
+    share = float(np.clip(slope - SURE * error, 0.0, 1.0))
+    return share if share >= LEAST else 0.0

@@ -84,7 +84,7 @@ def trip_to_come(
     left_out = {"soc"} if displayed_soc is not None else set()
     if not is_sound(samples):
         raise_faults(structure_faults(samples, trip_id))
-    columns = {n: np.asarray(samples[n], np.float64) for n in samples.columns if n not in left_out}
+    columns = {n: samples[n].to_numpy(dtype=np.float64) for n in samples.columns if n not in left_out}
     columns |= {name: np.full(len(samples), value) for name, value in known.items()}
     return Trip.from_samples(trip_id, table_of(columns), Context(payload_mass_kg=payload))
 

@@ -54,6 +54,7 @@ def departure_of(trip: Trip) -> Departure:
 
     Examples
     --------
+    >>> import pandas as pd
     >>> log = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 1.0], "soc": [0.7, 0.6]})
     >>> departure_of(Trip.from_samples("t", log)).soc
     0.7

@@ -141,7 +141,13 @@ def _samples_of(table: Table, where: str, required: Sequence[str], least: int) -
 
 def _missing(names: Sequence[str], required: Sequence[str], where: str) -> list[Fault]:
     return [
-        Fault("missing column", where, f"columns {', '.join(names[:12])}", f"a column {name!r}")
+        Fault(
+            "missing column",
+            where,
+            f"columns {', '.join(names[:12])}",
+            f"a column {name!r}",
+            "`tripwatt mapping apply` writes a log under our names",
+        )
         for name in required
         if name not in names
     ]
