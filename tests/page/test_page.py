@@ -194,6 +194,21 @@ def test_drives_a_measured_trip(look: Look, service: Service) -> None:
     assert gauges[0] == pytest.approx(gauges[1], abs=0.3)  # on arrival nothing is left to extrapolate
 
 
+def test_another_car_is_forecast_by_its_book_values(look: Look, service: Service) -> None:
+    page = look()
+    own = headline(page)
+    cars = service.client.get("/v1/vehicles").json()["vehicles"]
+    largest = max(cars, key=lambda car: car["usable_energy_wh"])
+    sent, answer = asked(
+        page, "/v1/forecast", lambda: page.get_by_role("combobox", name="Car").select_option(largest["name"])
+    )
+    assert sent["vehicle"] == largest["name"]
+    assert service.forecast(sent).json() == answer
+    page.get_by_text("No trip of this car was measured").wait_for()
+    assert headline(page) > own
+    assert page.get_by_role("radio", name="Drive").is_disabled()
+
+
 def test_remembers_and_speaks_miles(look: Look) -> None:
     page = look()
     mode(page, "mi")

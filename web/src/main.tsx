@@ -2,9 +2,10 @@ import "uplot/dist/uPlot.min.css";
 import "./styles/page.css";
 
 import { render } from "preact";
-import { begin, models } from "./state/catalogue";
+import { isMeasured, model, vehicle } from "./state/car";
+import { begin } from "./state/catalogue";
 import { keepDriving } from "./state/drive";
-import { keepForecasting, model } from "./state/forecast";
+import { keepForecasting } from "./state/forecast";
 import { keepPointing } from "./state/pointer";
 import { keepPreferences } from "./state/preferences";
 import { Announcer } from "./ui/announcer";
@@ -17,13 +18,16 @@ import { askHere, TokenDialog } from "./ui/token-dialog";
 import { TripPanel } from "./ui/trip-panel";
 
 function Foot() {
-  const used = models.value.find(({ name }) => name === model.value);
+  const used = model.value;
+  const learned = used && `model ${used.name}, learned from ${used.model.trips} trips`;
   return (
     <footer>
       {used && (
         <p>
-          {used.model.vehicle_title}, model {used.name}, learned from {used.model.trips} trips. A forecast is
-          no promise: drive with a reserve.
+          {isMeasured.value
+            ? `${used.model.vehicle_title}, ${learned}.`
+            : `${vehicle.value?.title} by its book values; ${learned} of a ${used.model.vehicle_title}.`}{" "}
+          A forecast is no promise: drive with a reserve.
         </p>
       )}
       <p>

@@ -60,6 +60,8 @@ export interface Model {
 export interface Vehicle {
   name: string;
   title: string;
+  /** Models that were fitted on trips of this car. */
+  models: string[];
 }
 
 export interface ExampleSummary {

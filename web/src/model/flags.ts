@@ -67,6 +67,14 @@ const READINGS: Reading[] = [
     }),
   ],
   [
+    /^(no trip of this car was measured): (.+)$/,
+    ([found]) => ({
+      text: `No trip of this car was measured. The forecast takes ${found?.[1]}.`,
+      effect: "The band is wider for it.",
+      serious: true,
+    }),
+  ],
+  [
     /^no elevation/,
     () => ({
       text: "The road has no elevation and counts as flat.",

@@ -2,9 +2,10 @@
 
 import { batch, effect, signal } from "@preact/signals";
 import { listExamples, listModels, listVehicles, loadExample, readRoute } from "../api/client";
-import type { ExampleSummary, Model, Vehicle } from "../api/types";
+import type { ExampleSummary } from "../api/types";
+import { type Car, car, chooseFirst, models, vehicles } from "./car";
 import { type Conditions, conditions } from "./conditions";
-import { complain, model } from "./forecast";
+import { complain } from "./forecast";
 import { recall, remember } from "./preferences";
 import { type Source, type Trip, trip, tripOfExample, tripOfRoute } from "./trip";
 
@@ -12,12 +13,10 @@ const KEY = "tripwatt.last";
 
 interface Last {
   example: string;
-  model: string;
+  car: Car;
   conditions: Conditions;
 }
 
-export const models = signal<Model[]>([]);
-export const vehicles = signal<Vehicle[]>([]);
 export const examples = signal<ExampleSummary[]>([]);
 export const source = signal<Source>("examples");
 /** What is being fetched or read; empty when nothing is. */
@@ -78,7 +77,7 @@ export async function begin(): Promise<void> {
       models.value = allModels;
       vehicles.value = allVehicles;
       examples.value = allExamples;
-      model.value = (allModels.find(({ name }) => name === last.model) ?? allModels[0])?.name ?? null;
+      chooseFirst(last.car);
     });
   });
   const known = examples.value.find((row) => row.trip === last.example) ?? longest(examples.value);
@@ -93,7 +92,7 @@ export async function begin(): Promise<void> {
   effect(() => {
     remember(KEY, {
       example: trip.value?.example ?? "",
-      model: model.value ?? "",
+      car: car.value,
       conditions: conditions.value,
     });
   });

@@ -7,8 +7,9 @@ import type { Answer } from "../api/types";
 import { arrivalBand } from "../model/arrival";
 import { energySoFarWh, naiveArrival, until } from "../model/gauge";
 import { interpolate } from "../model/interpolate";
+import { car } from "./car";
 import { conditions } from "./conditions";
-import { complain, departure, mode, model, profile } from "./forecast";
+import { complain, departure, mode, profile } from "./forecast";
 import { bodyOf, type Trip, trip } from "./trip";
 
 const REST_MS = 120;
@@ -34,7 +35,14 @@ export const timeS = signal(0);
 export const update = signal<Answer | null>(null);
 export const history = signal<Moment[]>([]);
 
-export const canDrive = computed(() => trip.value?.observed != null);
+/** Why the trip cannot be driven; empty when it can. */
+export const whyNoDrive = computed(() => {
+  const now = trip.value;
+  if (!now?.observed) return "Nothing was measured on this trip: no drive.";
+  const other = now.vehicle !== "" && now.vehicle !== car.value?.vehicle;
+  return other ? "This trip was measured with another car: no drive." : "";
+});
+export const canDrive = computed(() => whyNoDrive.value === "");
 export const driving = computed(() => mode.value === "drive" && canDrive.value);
 export const durationS = computed(() => trip.value?.profile.timeS.at(-1) ?? 0);
 export const distanceM = computed(() => {
@@ -76,7 +84,7 @@ function momentOf(said: Answer, of: Trip): Moment {
 const runner = new Latest<Wish>(async (wish, signal) => {
   const measured = until(wish.trip.observed ?? {}, wish.timeS);
   try {
-    const said = await forecastUpdate(bodyOf(wish.trip, conditions.value, model.value, measured), signal);
+    const said = await forecastUpdate(bodyOf(wish.trip, conditions.value, car.value, measured), signal);
     const moment = momentOf(said, wish.trip);
     batch(() => {
       update.value = said;
@@ -127,7 +135,10 @@ export function seek(toS: number): void {
 
 export function keepDriving(): void {
   effect(() => {
-    if (trip.value && conditions.value && mode.value) untracked(reset);
+    if (trip.value && conditions.value && car.value && mode.value) untracked(reset);
+  });
+  effect(() => {
+    if (trip.value && !canDrive.value && mode.value === "drive") mode.value = "plan";
   });
   effect(() => (playing.value ? play() : undefined));
   effect(() => {

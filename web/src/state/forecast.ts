@@ -6,6 +6,7 @@ import { Latest } from "../api/latest";
 import type { Answer, Fault, Problem } from "../api/types";
 import { atMotorwaySpeed } from "../model/links";
 import { type Profile, profileOf, withHeightsOf } from "../model/profile";
+import { type Car, car } from "./car";
 import { type Conditions, conditions } from "./conditions";
 import { bodyOf, type Trip, trip } from "./trip";
 
@@ -22,7 +23,6 @@ export interface Other {
 
 export const mode = signal<Mode>("plan");
 export const other = signal<Other>({ setting: "setpointDegc", value: 18 });
-export const model = signal<string | null>(null);
 
 /** Forecast before departure. */
 export const departure = signal<Answer | null>(null);
@@ -38,7 +38,7 @@ interface Wish {
   at: Conditions;
   other: Other;
   compares: boolean;
-  model: string | null;
+  car: Car | null;
 }
 
 function problemFrom(error: unknown): Problem | null {
@@ -64,8 +64,8 @@ const runner = new Latest<Wish>(async (wish, signal) => {
   const otherAt = wish.compares ? { ...wish.at, [setting]: value } : null;
   try {
     const [main, second, road] = await Promise.all([
-      forecast(bodyOf(wish.trip, wish.at, wish.model), signal),
-      otherAt && forecast(bodyOf(wish.trip, otherAt, wish.model), signal),
+      forecast(bodyOf(wish.trip, wish.at, wish.car), signal),
+      otherAt && forecast(bodyOf(wish.trip, otherAt, wish.car), signal),
       renewProfile(wish),
     ]);
     batch(() => {
@@ -96,7 +96,7 @@ export function keepForecasting(): void {
         departure.value = alternative.value = profile.value = problem.value = null;
       });
     }
-    const wish = { trip: now, at, other: other.value, compares, model: model.value };
+    const wish = { trip: now, at, other: other.value, compares, car: car.value };
     untracked(() => runner.want(wish));
   });
 }
@@ -129,4 +129,5 @@ const FIELDS = [
   "payload_mass_kg",
   "reserve",
   "model",
+  "vehicle",
 ];

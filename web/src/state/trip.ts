@@ -4,6 +4,7 @@ import { signal } from "@preact/signals";
 import type { Columns, Example, Link, Route } from "../api/types";
 import { atMotorwaySpeed } from "../model/links";
 import { type Profile, profileOf } from "../model/profile";
+import type { Car } from "./car";
 import { type Conditions, fieldsOf, USUAL, type Warmth } from "./conditions";
 
 const ROAD = ["time_s", "speed_m_s", "elevation_m", "grade"];
@@ -16,6 +17,8 @@ export interface Trip {
   /** Name of the example; empty for what the reader brought. */
   example: string;
   source: Source;
+  /** The car that was measured; empty where nobody says. */
+  vehicle: string;
   title: string;
   note: string;
   notes: string[];
@@ -62,6 +65,7 @@ export function tripOfExample(example: Example): Trip {
   return {
     example: example.trip,
     source: "examples",
+    vehicle: example.vehicle,
     title: example.title,
     note: example.note,
     notes: [],
@@ -85,6 +89,7 @@ export function tripOfRoute(route: Route, title: string, source: Source): Trip {
   return {
     example: "",
     source,
+    vehicle: "",
     title,
     note: links ? `${links.length} ${links.length === 1 ? "link" : "links"}` : "speed trace",
     notes: route.notes,
@@ -100,11 +105,11 @@ export function tripOfRoute(route: Route, title: string, source: Source): Trip {
 }
 
 /** Body of a request for a forecast, and with what was `observed` of an update. */
-export function bodyOf(of: Trip, at: Conditions, model: string | null, observed?: Columns): string {
+export function bodyOf(of: Trip, at: Conditions, car: Car | null, observed?: Columns): string {
   const road = of.links && { links: atMotorwaySpeed(of.links, at.motorwayMS) };
   const fields = {
     ...road,
-    ...(model && { model }),
+    ...car,
     ...fieldsOf(at, of.logged),
     ...(observed && { observed }),
   };

@@ -1,5 +1,6 @@
-import { models, vehicles } from "../state/catalogue";
-import { faults, model } from "../state/forecast";
+import type { Vehicle } from "../api/types";
+import { car, choices, chooseModel, chooseVehicle, vehicles } from "../state/car";
+import { faults } from "../state/forecast";
 import { system, type Theme, theme } from "../state/preferences";
 import { Choice } from "./choice";
 import { FaultList } from "./faults";
@@ -30,49 +31,48 @@ function ThemeButton() {
   );
 }
 
+function Cars({ label, rows }: { label: string; rows: Vehicle[] }) {
+  if (rows.length === 0) return null;
+  return (
+    <optgroup label={label}>
+      {rows.map((row) => (
+        <option key={row.name} value={row.name}>
+          {row.title}
+        </option>
+      ))}
+    </optgroup>
+  );
+}
+
 function CarSelect() {
-  const own = models.value.find(({ name }) => name === model.value);
-  const withModel = new Map(models.value.map((row) => [row.model.vehicle, row]));
-  const without = vehicles.value.filter(({ name }) => !withModel.has(name));
-  const ofCar = models.value.filter((row) => row.model.vehicle === own?.model.vehicle);
-  const choose = (name: string) => {
-    model.value = name;
-  };
+  const measured = vehicles.value.filter((row) => row.models.length > 0);
+  const others = vehicles.value.filter((row) => row.models.length === 0);
+  const wrong = [...(faults.value.get("vehicle") ?? []), ...(faults.value.get("model") ?? [])];
   return (
     <div class="car">
       <label>
         <span class="unseen">Car</span>
         <select
-          value={own?.model.vehicle ?? ""}
-          onChange={(event) => choose(withModel.get(event.currentTarget.value)?.name ?? "")}
+          value={car.value?.vehicle ?? ""}
+          onChange={(event) => chooseVehicle(event.currentTarget.value)}
         >
-          <optgroup label="With a model">
-            {[...withModel.values()].map((row) => (
-              <option key={row.name} value={row.model.vehicle}>
-                {row.model.vehicle_title}
-              </option>
-            ))}
-          </optgroup>
-          <optgroup label="Known, no model on this service">
-            {without.map((car) => (
-              <option key={car.name} value={car.name} disabled>
-                {car.title}
-              </option>
-            ))}
-          </optgroup>
+          <Cars label="Learned from its own trips" rows={measured} />
+          <Cars label="By its book values" rows={others} />
         </select>
       </label>
-      {ofCar.length > 1 && (
+      {choices.value.length > 1 && (
         <label>
           <span class="unseen">Model</span>
-          <select value={model.value ?? ""} onChange={(event) => choose(event.currentTarget.value)}>
-            {ofCar.map((row) => (
-              <option key={row.name}>{row.name}</option>
+          <select value={car.value?.model ?? ""} onChange={(event) => chooseModel(event.currentTarget.value)}>
+            {choices.value.map((row) => (
+              <option key={row.name} value={row.name}>
+                {`${row.name}, ${row.model.trips} trips`}
+              </option>
             ))}
           </select>
         </label>
       )}
-      <FaultList faults={faults.value.get("model") ?? []} />
+      <FaultList faults={wrong} />
     </div>
   );
 }

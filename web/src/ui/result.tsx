@@ -12,7 +12,7 @@ import {
 } from "../model/arrival";
 import { duration, ENERGY, figure, PERCENT, shown } from "../model/units";
 import { loading } from "../state/catalogue";
-import { answer, arrived, canDrive, driving, road } from "../state/drive";
+import { answer, arrived, canDrive, driving, road, whyNoDrive } from "../state/drive";
 import { alternative, asked, type Mode, mode, problem, retry } from "../state/forecast";
 import { units, wholeBattery } from "../state/preferences";
 import { trip } from "../state/trip";
@@ -224,7 +224,7 @@ export function Result() {
             mode.value = value;
           }}
         />
-        {trip.value && !canDrive.value && <p class="note">Nothing was measured on this trip: no drive.</p>}
+        {trip.value && whyNoDrive.value && <p class="note">{whyNoDrive.value}</p>}
       </div>
       {mode.value === "compare" && <CompareControls />}
       <Failure />
