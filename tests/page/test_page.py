@@ -261,3 +261,14 @@ def test_axe_finds_nothing_serious(look: Look, size: str, scheme: str) -> None:
             if violation["impact"] in ("serious", "critical")
         ]
     assert found == []
+
+
+def test_a_service_that_is_gone_is_said_and_asked_again(look: Look) -> None:
+    page = look(expect="ERR_FAILED")
+    page.route("**/v1/**", lambda route: route.abort())
+    page.reload()
+    page.get_by_text("The service does not answer").wait_for()
+    page.unroute("**/v1/**")
+    page.get_by_role("button", name="Try again").click()
+    page.wait_for_selector(".result .plot canvas")
+    assert page.get_by_role("alert").count() == 0

@@ -3,7 +3,7 @@ import "./styles/page.css";
 
 import { render } from "preact";
 import { isMeasured, model, vehicle } from "./state/car";
-import { begin } from "./state/catalogue";
+import { begin, keepRemembering } from "./state/catalogue";
 import { keepDriving } from "./state/drive";
 import { keepForecasting } from "./state/forecast";
 import { keepPointing } from "./state/pointer";
@@ -63,5 +63,6 @@ keepPreferences();
 keepForecasting();
 keepDriving();
 keepPointing();
+keepRemembering();
 render(<Page />, document.body);
 void begin();

@@ -5,7 +5,7 @@ import { listExamples, listModels, listVehicles, loadExample, readRoute } from "
 import type { ExampleSummary } from "../api/types";
 import { type Car, car, chooseFirst, models, vehicles } from "./car";
 import { type Conditions, conditions } from "./conditions";
-import { complain } from "./forecast";
+import { complain, problem } from "./forecast";
 import { recall, remember } from "./preferences";
 import { type Source, type Trip, trip, tripOfExample, tripOfRoute } from "./trip";
 
@@ -52,16 +52,10 @@ export async function chooseExample(name: string): Promise<void> {
   if (found) show(tripOfExample(found));
 }
 
-/** Read what the reader brought; true when it is a trip. */
-export async function chooseRoute(
-  text: string,
-  title: string,
-  from: Source,
-  speedMS: number,
-): Promise<boolean> {
+/** Read what the reader brought. */
+export async function chooseRoute(text: string, title: string, from: Source, speedMS: number): Promise<void> {
   const found = await during(title, () => readRoute(text, speedMS));
   if (found) show(tripOfRoute(found, title, from));
-  return found !== null;
 }
 
 /** Fetch what the page needs to begin, and take up where the reader left. */
@@ -89,11 +83,19 @@ export async function begin(): Promise<void> {
     const next = tripOfExample(found);
     show(next, same ? { ...next.start, ...last.conditions } : next.start);
   }
+}
+
+/** Try again what failed: the beginning, or the forecast. */
+export function retry(): void {
+  problem.value = null;
+  if (trip.value) conditions.value = { ...conditions.value };
+  else void begin();
+}
+
+/** Keep the browser's memory in step with what is chosen. */
+export function keepRemembering(): void {
   effect(() => {
-    remember(KEY, {
-      example: trip.value?.example ?? "",
-      car: car.value,
-      conditions: conditions.value,
-    });
+    if (!trip.value) return;
+    remember(KEY, { example: trip.value.example, car: car.value, conditions: conditions.value });
   });
 }

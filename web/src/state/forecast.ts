@@ -106,12 +106,6 @@ export function complain(error: unknown): void {
   problem.value = problemFrom(error);
 }
 
-/** Ask again for what failed. */
-export function retry(): void {
-  problem.value = null;
-  conditions.value = { ...conditions.value };
-}
-
 /** Faults by the field that they belong to; those of no field on this page are in "trip". */
 export const faults = computed(() => {
   const byField = new Map<string, Fault[]>();

@@ -1,6 +1,7 @@
 import type { Answer } from "../api/types";
 import { waterfall } from "../model/causes";
 import { ENERGY, figure, shown, signed } from "../model/units";
+import { isMeasured, model } from "../state/car";
 
 /** Least digits of a kilowatt-hour that tell the parts apart. */
 const DIGITS = 2;
@@ -68,7 +69,9 @@ export function Causes({ of, other }: { of: Answer; other: Answer | null }) {
       </table>
       <p class="note">
         In {ENERGY.unit} at the battery's terminals; {shown(of.battery_loss_wh, ENERGY)} more warms the
-        battery itself. The learned part is what trips of this car took beyond the physics.
+        battery itself. The learned part is what{" "}
+        {isMeasured.value ? "trips of this car" : `trips of a ${model.value?.model.vehicle_title}`} took
+        beyond the physics.
       </p>
     </section>
   );

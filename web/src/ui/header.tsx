@@ -48,6 +48,7 @@ function CarSelect() {
   const measured = vehicles.value.filter((row) => row.models.length > 0);
   const others = vehicles.value.filter((row) => row.models.length === 0);
   const wrong = [...(faults.value.get("vehicle") ?? []), ...(faults.value.get("model") ?? [])];
+  if (vehicles.value.length === 0) return null;
   return (
     <div class="car">
       <label>

@@ -11,9 +11,9 @@ import {
   verdictOf,
 } from "../model/arrival";
 import { duration, ENERGY, figure, PERCENT, shown } from "../model/units";
-import { loading } from "../state/catalogue";
+import { loading, retry } from "../state/catalogue";
 import { answer, arrived, canDrive, driving, road, whyNoDrive } from "../state/drive";
-import { alternative, asked, type Mode, mode, problem, retry } from "../state/forecast";
+import { alternative, asked, type Mode, mode, problem } from "../state/forecast";
 import { units, wholeBattery } from "../state/preferences";
 import { trip } from "../state/trip";
 import { Choice } from "./choice";

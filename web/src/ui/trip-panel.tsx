@@ -90,7 +90,7 @@ function Upload() {
       </label>
       {refused && <p class="faults">{refused}</p>}
       <p class="inline">
-        <label for={id}>A track without times is driven at</label>
+        <label for={id}>Tracks without times, at</label>
         <input
           id={id}
           type="number"
