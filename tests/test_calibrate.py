@@ -47,9 +47,7 @@ def test_known_changes_are_found_and_the_rest_stays_with_the_book():
 
 def test_too_few_and_silent_trips_are_named_together():
     trips = synthetic_fleet(2).trips
-    silent = replace(
-        trips[1], samples=trips[1].samples.drop(columns=["voltage_v"]), observed_energy_wh=None
-    )
+    silent = replace(trips[1], samples=trips[1].samples.drop(columns=["voltage_v"]), observed_energy_wh=None)
     with pytest.raises(InvalidInput) as error:
         calibrate([trips[0], silent], load_vehicle("bmw_i3_60ah"))
     assert "too few trips" in str(error.value)
