@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks import acceptance, argonne, gam, physics_trips, pipeline, planned
+from benchmarks import acceptance, argonne, gam, physics_trips, pipeline, planned, ved_trips
 from benchmarks.measure import ROOT, RUNS, Row, tum_folder
 
 NOT_AT_HAND = "not at hand"
@@ -125,6 +125,26 @@ def physics() -> Iterator[Bar]:
     for preset in ("default", "paper"):
         gap = physics_trips.worst_closure(load_vehicle("bmw_i3_60ah", preset), trips)
         yield at_most(f"{text}, preset {preset}", measure, gap, 1e-9)
+
+
+def leafs() -> Iterator[Bar]:
+    """Bars on the physics alone on the VED's Leafs, on which nothing is fitted."""
+    from tripwatt.sources import read_fleet
+    from tripwatt.vehicles import load_vehicle
+
+    text, measure = "physics of the VED's Leafs, trips over 2 km", "python -m benchmarks.ved_trips"
+    folder = ved_trips.ved_folder()
+    if folder is None:
+        yield missing(text, measure)
+        return
+    results = ved_trips.outcomes(read_fleet(folder, "ved").trips, load_vehicle(ved_trips.CAR))
+    for row in ved_trips.scores(results):
+        name = f"{text}, {row.name}, {row.n_trips} trips"
+        if row.name not in ved_trips.BARS_ON:
+            yield shown(name, measure, f"{row.error:.3f}, bias {row.bias:+.3f}", "")
+            continue
+        yield at_most(f"{name}: energy-weighted error", measure, row.error, ved_trips.ERROR_BAR)
+        yield at_most(f"{name}: size of the bias", measure, abs(row.bias), ved_trips.BIAS_BAR)
 
 
 Made = Callable[[str, str, Row], Bar]
@@ -286,6 +306,7 @@ def bars(results: Path | None, runs: int, links: Path | None = None) -> Iterator
         yield from accuracy(found)
     yield from planned_routes(links)
     yield from physics()
+    yield from leafs()
     yield from speed(
         iter([*pipeline.quick(), *rows]),
         SPEED,

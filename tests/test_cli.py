@@ -482,7 +482,7 @@ def test_vehicles_lists_shows_and_refuses(run: Callable[..., Answer], tmp_path: 
         "source": "given by the caller",
     }
     assert all(e["source"] for e in shown["entries"])
-    assert "body.curb_mass_kg = 1493 kg" in run("vehicles", "nissan_leaf_24").out
+    assert "body.curb_mass_kg = 1515 kg" in run("vehicles", "nissan_leaf_24").out
     refused = run("vehicles", "nisan_leaf_24")
     assert refused.code == 2
     assert "did you mean 'nissan_leaf_24'" in refused.err

@@ -1,5 +1,7 @@
 """The library of cars: inheritance, overrides, import, and certified consumption."""
 
+import csv
+import io
 import itertools
 import math
 import re
@@ -325,6 +327,18 @@ def test_fastsim_rows_give_the_same_mass_from_parts_and_as_stated(tmp_path: Path
     alone = vehicle_from_document(imported(tmp_path, "c.csv", single), "c", "c.toml")
     assert alone.body == stated.body
     assert alone.battery == stated.battery
+
+
+def test_fastsim_2_in_yaml_is_its_row_in_csv(tmp_path: Path) -> None:
+    names, *rows = csv.reader(io.StringIO(CSV_HEAD + CSV_ROWS))
+    row = dict(zip(names, rows[0], strict=True))
+    lines = [f"{'scenario_name' if key == 'Scenario name' else key}: {value}" for key, value in row.items()]
+    from_yaml = imported(tmp_path, "car.yaml", "---\n" + "\n".join(lines) + "\n")
+    from_csv = imported(tmp_path, "car.csv", CSV_HEAD + CSV_ROWS, row["Scenario name"])
+    cars = [vehicle_from_document(document, "c", "c.toml") for document in (from_yaml, from_csv)]
+    assert cars[0].body == cars[1].body
+    assert cars[0].road_load == cars[1].road_load
+    assert cars[0].battery == cars[1].battery
 
 
 @pytest.mark.parametrize(

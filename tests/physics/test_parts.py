@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tripwatt.physics.battery import discharge, internal_resistance, open_circuit_voltage
-from tripwatt.physics.cabin import CabinStart, condition_cabin
+from tripwatt.physics.cabin import HEAT_PUMP_RATING_DEGC, CabinStart, condition_cabin, heat_pump_heat
 from tripwatt.physics.road_load import air_density, grade_from_elevation, rolling_factor
 from tripwatt.physics.simulate import simulate
 from tripwatt.physics.thermal import Relaxation
@@ -166,6 +166,23 @@ class TestCabin:
         pump = load_vehicle("bmw_i3_60ah", overrides={"climate.heat_pump_max_heat_w": 4000.0})
         start = CabinStart(0.0, 22.0, 0.0)
         assert self.run(pump, 0.0, start).power_w.sum() < 0.75 * self.run(i3, 0.0, start).power_w.sum()
+
+    @given(st.floats(-50.0, 40.0), st.floats(0.0, 20.0))
+    def test_heat_pump_is_weaker_in_colder_air(self, ambient: float, colder: float) -> None:
+        climate = load_vehicle("nissan_leaf_24").climate
+        assert climate is not None
+        assert 0.0 <= heat_pump_heat(ambient - colder, climate) <= heat_pump_heat(ambient, climate)
+        assert heat_pump_heat(HEAT_PUMP_RATING_DEGC, climate) == climate.heat_pump_max_heat_w > 0.0
+
+    def test_where_the_heat_pump_gives_nothing_the_heater_gives_all(self, i3: Vehicle) -> None:
+        pump = load_vehicle("bmw_i3_60ah", overrides={"climate.heat_pump_max_heat_w": 4000.0})
+        start = CabinStart(-45.0, 22.0, 0.0)
+        cold = [
+            condition_cabin(car.climate, np.arange(0.0, 600.0), np.zeros(600), -45.0, start).power_w
+            for car in (pump, i3)
+            if car.climate is not None
+        ]
+        assert cold[0] == pytest.approx(cold[1])
 
     def test_energy_does_not_depend_on_the_samples(self, i3: Vehicle) -> None:
         assert i3.climate is not None

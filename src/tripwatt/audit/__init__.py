@@ -234,6 +234,7 @@ def _judge_leg(leg: Trip) -> tuple[Trip, list[Finding]]:
         findings += found
     mended = replace(leg, samples=samples, observed_energy_wh=observed_energy(samples))
     findings += consistency.unit_findings(mended)
+    findings += consistency.soc_energy_findings(mended)
     if mended.distance_m < SHORTEST_LEG_M or mended.duration_s < SHORTEST_LEG_S:
         what = (
             f"{mended.distance_m:.0f} m in {mended.duration_s:.0f} s: "

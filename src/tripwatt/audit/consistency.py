@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -32,6 +32,12 @@ FEWEST_TRIPS: Final = 5
 
 OF_ANOTHER_CAR: Final = 2
 """So many other drives with the same capacity make it another car, not a fault."""
+
+COARSE_SHARE: Final = 0.25
+"""Standard error over the energy that is told; a forecast's own error is smaller."""
+
+USELESS_SHARE: Final = 0.5
+"""Standard error over the energy at which the energy is not known: two of them reach to nothing."""
 
 NORMAL_MAD: Final = 1.4826
 """Standard deviation of a normal distribution per median absolute deviation."""
@@ -240,3 +246,16 @@ def unit_findings(trip: Trip) -> list[Finding]:
         guess = "speed in km/h taken for m/s, or the current or the voltage too small"
     what = f"power and acceleration would make a car of {mass:.3g} kg: wrong units, such as {guess}"
     return [whole(trip.samples, trip.trip_id, what, "set aside")]
+
+
+def soc_energy_findings(trip: Trip) -> Iterator[Finding]:
+    """An energy from the state of charge that its own standard error drowns, as on short trips with whole percents."""
+    error, energy = trip.observed_energy_std_wh, trip.observed_energy_wh
+    if error is None or energy is None:
+        return
+    useless = not error < USELESS_SHARE * energy
+    if useless or error > COARSE_SHARE * energy:
+        what = f"energy from the SoC is {energy:.0f} Wh with a standard error of {error:.0f} Wh: " + (
+            "not known" if useless else "coarse"
+        )
+        yield whole(trip.samples, trip.trip_id, what, "set aside" if useless else "noted")

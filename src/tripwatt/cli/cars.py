@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -188,6 +189,7 @@ def simulate(
     car = load_vehicle(name, preset, parse_overrides(overrides or []))
     fleet = read_logs(data, dataset, mapping)
     log = _chosen(fleet, trip, data)
+    _require_clock(log)
     run = simulate_trip(car, resample(log))
     distance_km = log.distance_m / 1000.0
     causes = {cause: float(energy[-1]) for cause, energy in run.energy_by_cause_wh.items()}
@@ -199,6 +201,7 @@ def simulate(
         "duration_s": log.duration_s,
         "simulated_energy_wh": run.simulated_energy_wh,
         "observed_energy_wh": log.observed_energy_wh,
+        "observed_energy_std_wh": log.observed_energy_std_wh,
         "energy_by_cause_wh": causes,
         "soc_at_departure": float(run.soc[0]),
         "soc_at_arrival": float(run.soc[-1]),
@@ -223,6 +226,17 @@ def _chosen(fleet: Fleet, trip: str | None, data: Path | None) -> Trip:
     return found
 
 
+def _require_clock(log: Trip) -> None:
+    """A log is simulated as it is, but not without a time that goes on."""
+    from tripwatt.trips import value_faults
+
+    columns = log.samples[["time_s"]]
+    faults = [*value_faults(columns, log.trip_id)]
+    if faults:
+        fix = "`tripwatt audit` says what it makes of such a log; `tripwatt mapping apply` writes one of its drives"
+        raise InvalidInput([replace(fault, fix=fix) for fault in faults])
+
+
 def _show_simulation(answer: dict[str, Any]) -> None:
     total, distance = answer["simulated_energy_wh"], answer["distance_km"]
 
@@ -239,6 +253,10 @@ def _show_simulation(answer: dict[str, Any]) -> None:
     columns = ("energy", "Wh", "%", "Wh/km")
     title = f"{answer['trip']}: {distance:.1f} km in {answer['duration_s'] / 60.0:.0f} min with {answer['vehicle']}, preset {answer['preset']}"
     print_table(title, columns, rows, numbers=columns[1:])
+    if answer["observed_energy_std_wh"] is not None:
+        console(sys.stdout).print(
+            f"measured: from the state of charge, standard error {answer['observed_energy_std_wh']:.0f} Wh"
+        )
     departure, arrival = (100.0 * answer[f"soc_at_{end}"] for end in ("departure", "arrival"))
     console(sys.stdout).print(
         f"state of charge: {departure:.1f} % at departure, {arrival:.1f} % at arrival (simulated)"

@@ -26,7 +26,7 @@ from tripwatt.cli.printing import console, print_json, print_notes, print_table,
 from tripwatt.errors import Fault, InvalidInput
 
 if TYPE_CHECKING:
-    from tripwatt.forecast import Forecast
+    from tripwatt.forecast import Forecast, ForecastModel
     from tripwatt.trips import Fleet, Trip
 
 OPTION_OF: Final = {
@@ -46,6 +46,10 @@ def add_commands(app: typer.Typer) -> None:
         epilog=examples(
             ("tripwatt fit data/tum --out my-model", "your copy of the TUM trips"),
             ("tripwatt fit logs --mapping my.toml --vehicle vw_id3 --out my-model", "any tables of one car"),
+            (
+                "tripwatt fit logs --mapping my.toml --vehicle nissan_leaf_24 --base i3-model --out leaf-model",
+                "a few trips of one car on top of a model of another",
+            ),
             ("tripwatt fit --out example-model", "the synthetic fleet: to try the commands, not a car"),
         )
     )(fit)
@@ -90,6 +94,15 @@ def fit(
     corrector: Annotated[
         str, typer.Option(metavar="NAME", help="linear, kriging, boosting, forest or ensemble.")
     ] = "ensemble",
+    base: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MODEL",
+            help="Adapt this model of another car to the trips instead; a few trips are enough. --corrector and "
+            "--seed are then the base's.",
+            show_default=False,
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Makes the fit identical.")] = 0,
     as_json: JsonOption = False,
 ) -> None:
@@ -105,12 +118,14 @@ def fit(
     car, note = car_of(vehicle, data, dataset, mapping)
     fleets: list[Fleet] = []
     cars: list[Any] = []
+    bases: list[tuple[ForecastModel, dict[str, Any]]] = []
 
     def read() -> None:
         with shown.status("reading trips"):
             fleets.append(read_logs(data, dataset, mapping))
 
     gather(
+        lambda: None if base is None else bases.append(_stored(base)),
         lambda: _require_storable(corrector),
         lambda: cars.append(load_vehicle(car, overrides=parse_overrides(overrides or []))),
         lambda: require_place(out),
@@ -121,10 +136,25 @@ def fit(
     from tripwatt.forecast.storage import save_model
     from tripwatt.forecast.training import trained
 
-    with progress(shown) as advance:
-        model, provenance, figures = trained(fleet, cars[0], corrector=corrector, seed=seed, progress=advance)
+    if bases:
+        from tripwatt.forecast.adapting import adapted
+
+        with shown.status("adapting the base"):
+            model, provenance, figures = adapted(fleet, cars[0], *bases[0])
+    else:
+        with progress(shown) as advance:
+            model, provenance, figures = trained(
+                fleet, cars[0], corrector=corrector, seed=seed, progress=advance
+            )
     save_model(model, out, provenance=provenance, evaluation=figures)
     _show_fit(fleet, out, figures, as_json)
+
+
+def _stored(folder: Path) -> tuple[ForecastModel, dict[str, Any]]:
+    """A stored model and what it says of itself."""
+    from tripwatt.forecast import load_metadata, load_model
+
+    return load_model(folder), load_metadata(folder, check_parts=False)
 
 
 def _require_storable(corrector: str) -> None:
@@ -387,6 +417,8 @@ def _about_rows(about: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append(("data", f"{origin['data']['name']}, SHA-256 {origin['data']['sha256']}"))
         rows += [("citation", origin["data"]["citation"])] if origin["data"]["citation"] else []
         rows += [("note", note) for note in origin["data"]["notes"]]
+    if "adapted" in origin:
+        rows += _adapted_rows(origin)
     if "mape" in figures:
         rows.append(
             (
@@ -400,6 +432,27 @@ def _about_rows(about: dict[str, Any]) -> list[tuple[str, str]]:
         ("parts", ", ".join(f"{name} ({part['bytes']} bytes)" for name, part in about["parts"].items()))
     )
     return rows
+
+
+def _adapted_rows(origin: dict[str, Any]) -> list[tuple[str, str]]:
+    """Where an adapted model comes from, and what its own trips changed."""
+    how, base = origin["adapted"], origin["base"]
+    changes = [
+        f"{name.replace('_', ' ')} {value['change']:+.1%} (sd {value['sd']:.1%})"
+        for name, value in how["parameters"].items()
+    ]
+    told = base["model"]
+    return [
+        (
+            "base",
+            f"{told['vehicle_title']}, {told['corrector']}, {told['trips']} trips, SHA-256 {base['sha256']}",
+        ),
+        (
+            "adapted",
+            f"with {how['trips']} own trips; {how['share_in_common']:.0%} of the base's correction is shared",
+        ),
+        *([("car against its book", ", ".join(changes))] if changes else []),
+    ]
 
 
 def _range(low: float | None, high: float | None) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from importlib import resources
 from pathlib import Path
 from typing import Annotated
 
@@ -56,6 +55,13 @@ def add_commands(app: typer.Typer) -> None:
             ("tripwatt evaluate logs --mapping my.toml", "use it"),
         ),
     )(suggest)
+    mapping_app.command(
+        "apply",
+        epilog=examples(
+            ("tripwatt mapping apply drive.csv --mapping my.toml --out trip.csv", "your log under our names"),
+            ("tripwatt forecast my-model trip.csv", "forecast it"),
+        ),
+    )(apply)
     app.add_typer(mapping_app, name="mapping")
 
 
@@ -115,9 +121,9 @@ def fetch(
 
 def list_mappings(as_json: JsonOption = False) -> None:
     """The mappings that come with the package, and the logger each is for."""
-    from tripwatt.sources.mapping import shipped_mappings
+    from tripwatt.sources.mapping import shipped_mappings, shipped_text
 
-    about = {name: _comment(_shipped_text(name)) for name in shipped_mappings()}
+    about = {name: _comment(shipped_text(name)) for name in shipped_mappings()}
     if as_json:
         print_json([{"name": name, "about": text} for name, text in about.items()])
     else:
@@ -130,16 +136,22 @@ def show_mapping(
 ) -> None:
     """Print a mapping that comes with the package, to copy and change."""
     from tripwatt.errors import Fault, InvalidInput
-    from tripwatt.sources.mapping import shipped_mappings
+    from tripwatt.sources.mapping import shipped_mappings, shipped_text
 
     if name not in shipped_mappings():
         raise InvalidInput(Fault("no such mapping", "NAME", name, ", ".join(shipped_mappings())))
-    text = _shipped_text(name)
+    text = shipped_text(name)
     print_json({"name": name, "toml": text}) if as_json else typer.echo(text, nl=False)
 
 
 def suggest(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A CSV or Parquet file of one of your trips.")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="A CSV or Parquet file of your trips, or a folder of them: its first file counts.",
+        ),
+    ],
     out: Annotated[
         Path | None,
         typer.Option(
@@ -158,7 +170,7 @@ def suggest(
     """
     from dataclasses import asdict
 
-    from tripwatt.sources.suggest import suggest_mapping
+    from tripwatt.sources.suggest import SPELLED, suggest_mapping
 
     proposal = suggest_mapping(file)
     if out is not None:
@@ -170,15 +182,57 @@ def suggest(
     else:
         columns = ("ours", "column", "unit", "why")
         print_table(
-            f"Proposed in {out}", columns, [(g.ours, g.column, g.unit, g.why) for g in proposal.guesses]
+            f"Proposed in {out}",
+            columns,
+            [(g.ours, g.column, SPELLED.get(g.unit, g.unit), g.why) for g in proposal.guesses],
+            folding=("why",),
         )
     if proposal.missing:
         print_notes(f"add {what} by hand" for what in proposal.missing)
         raise typer.Exit(1)
 
 
-def _shipped_text(name: str) -> str:
-    return (resources.files("tripwatt.sources") / "mappings" / f"{name}.toml").read_text("utf-8")
+def apply(
+    data: Annotated[Path, typer.Argument(metavar="DATA", help="A table of trips, or a folder of them.")],
+    mapping: MappingOption = None,
+    trip: Annotated[
+        str | None,
+        typer.Option("--trip", metavar="ID", help="Which trip, where DATA holds many.", show_default=False),
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="The CSV file to write.")] = Path(
+        "trip.csv"
+    ),
+    as_json: JsonOption = False,
+) -> None:
+    """Write one trip of a table under our names and in our units, audited, as `tripwatt forecast` reads it.
+
+    What the audit did is listed. Time starts at 0.
+    """
+    from tripwatt.audit import audit as run_audit
+    from tripwatt.errors import Fault, InvalidInput
+    from tripwatt.trips import COLUMNS
+
+    if out.suffix.lower() != ".csv":
+        raise InvalidInput(Fault("unknown kind of file", "--out", str(out), "a .csv file"))
+    fleet = read_logs(data, "table", mapping)
+    found = run_audit(fleet)
+    wanted = [t for t in found.trips if trip in (None, t.trip_id)]
+    if len(wanted) != 1:
+        ids = [t.trip_id for t in found.trips]
+        aside = found.set_aside.get(trip or fleet.trips[0].trip_id, "")
+        allowed = ", ".join(ids[:12]) + (f" and {len(ids) - 12} more" if len(ids) > 12 else "")
+        got = f"set aside by the audit: {aside}" if aside else trip or f"{len(ids)} drives"
+        raise InvalidInput(Fault("which trip?", "--trip", got, allowed or "a drive that the audit uses"))
+    samples = wanted[0].samples
+    table = samples[[c for c in COLUMNS if c in samples.columns]].copy()
+    table["time_s"] -= table["time_s"].iloc[0]
+    write_text(table.to_csv(index=False, lineterminator="\n"), out)
+    notes = [f"{f.trip}: {f.what} ({f.consequence})" for f in found.findings if f.trip == wanted[0].trip_id]
+    if as_json:
+        print_json({"trip": wanted[0].trip_id, "out": str(out), "samples": len(table), "notes": notes})
+        return
+    typer.echo(f"{out}: {len(table)} samples of {wanted[0].trip_id} with {', '.join(table.columns)}")
+    print_notes([*notes, *fleet.notes])
 
 
 def _comment(text: str) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from tripwatt.hybrid.power import DEPARTURE_COLUMNS
 from tripwatt.physics import simulate_trip
 from tripwatt.trips import FloatArray, Trip
 from tripwatt.vehicles import Vehicle
+
+if TYPE_CHECKING:
+    from tripwatt.forecast.elsewhere import Elsewhere
 
 DEFAULT_CORRECTOR: Final = "channels"
 INNER_FOLDS: Final = 10
@@ -96,6 +99,8 @@ class ForecastModel:
     ranges_: dict[str, Range] = field(default_factory=dict)
     trip_ids_: tuple[str, ...] = ()
     held_out_: tuple[HeldOut, ...] = ()
+    elsewhere_: Elsewhere | None = None
+    """The corrector for cars whose logs lack signals that this one's have; None when nobody made one."""
 
     def fit(
         self, trips: Sequence[Trip], *, progress: Callable[[int, int], None] | None = None
@@ -130,7 +135,7 @@ class ForecastModel:
             raise InvalidInput(Fault("too few trips", "training", str(len(table)), f"at least {MIN_TRIPS}"))
         self.fitted_ = power_corrector(self.corrector, self.seed).fit(table)
         self.trip_ids_ = table.trip_ids
-        self.ranges_ = _ranges(table)
+        self.ranges_ = training_ranges(table)
         folds = np.random.default_rng(self.seed).permutation(len(table)) % min(INNER_FOLDS, len(table))
         held_out: dict[int, HeldOutResidual] = {}
         off: list[FloatArray] = []
@@ -205,7 +210,12 @@ class ForecastModel:
             scores=self.scores_,
             gain=self.gain_,
             outside={name: beyond for name, beyond in outside.items() if beyond > 0.0},
-            unknown=tuple(n for n in DEPARTURE_COLUMNS[:4] if not np.isfinite(known[n])),
+            unknown=tuple(
+                n
+                for n in DEPARTURE_COLUMNS[:4]
+                # a signal that no training trip had is nothing that a forecast counts on
+                if not np.isfinite(known[n]) and np.isfinite(self.ranges_[n].low)
+            ),
         )
         return as_planned(forecast, self.route_doubt_)
 
@@ -259,7 +269,8 @@ def _watched(table: BlockTable) -> dict[str, float]:
     return first | {"duration_s": float(table.hours.sum() * 3600.0)}
 
 
-def _ranges(table: BlockTable) -> dict[str, Range]:
+def training_ranges(table: BlockTable) -> dict[str, Range]:
+    """What the trips of a table show of each of `WATCHED`."""
     rows = [_watched(table.take([i])) for i in range(len(table))]
     ranges = {}
     for name in WATCHED:

@@ -16,6 +16,7 @@ import numpy as np
 
 import tripwatt
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecast.elsewhere import Elsewhere
 from tripwatt.forecast.gain import CHANNELS, Gain
 from tripwatt.forecast.model import ForecastModel, Range
 from tripwatt.forecast.planned import RouteDoubt
@@ -23,7 +24,13 @@ from tripwatt.forecast.process import Channel, ResidualProcess
 from tripwatt.forecast.scale import TotalScale
 from tripwatt.forecast.scores import Scores
 from tripwatt.hybrid.power import BLOCK_S, DEPARTURE_COLUMNS, ROUTE_COLUMNS
-from tripwatt.hybrid.stored import corrector_of_parts, corrector_parts
+from tripwatt.hybrid.stored import (
+    Stored,
+    corrector_of_parts,
+    corrector_parts,
+    members_of_parts,
+    members_parts,
+)
 from tripwatt.modelfile import Part, read_metadata, read_model, write_model
 from tripwatt.trips import COLUMNS, REQUIRED_COLUMNS
 from tripwatt.vehicles import Vehicle, vehicle_from_document
@@ -62,6 +69,9 @@ def model_parts(model: ForecastModel) -> dict[str, Part]:
         "ranges": {n: [_finite(r.low), _finite(r.high), r.sd] for n, r in model.ranges_.items()},
         "trip_ids": list(model.trip_ids_),
     }
+    if model.elsewhere_ is not None:
+        values["elsewhere"], more = _elsewhere_part(model.elsewhere_)
+        arrays |= more
     return {"model.json": values, "vehicle.json": vehicle_part(model.vehicle), **arrays}
 
 
@@ -102,6 +112,7 @@ def model_of_parts(parts: Mapping[str, Part]) -> ForecastModel:
             route_doubt_=_doubt_of_part(values.get("route_doubt")),
             ranges_=ranges,
             trip_ids_=tuple(values["trip_ids"]),
+            elsewhere_=_elsewhere_of_part(values["elsewhere"], parts) if "elsewhere" in values else None,
         )
     except (KeyError, TypeError) as error:
         got = f"{type(error).__name__}: {error}"
@@ -274,6 +285,26 @@ def vehicle_of_part(part: Mapping[str, Any]) -> Vehicle:
     document = {**part["document"], "name": part["title"]}
     vehicle = vehicle_from_document(document, part["name"], "vehicle.json")
     return replace(vehicle, preset=part["preset"])
+
+
+def _elsewhere_part(elsewhere: Elsewhere) -> Stored:
+    about, arrays = members_parts(elsewhere.members, "corrector-elsewhere")
+    values = {
+        "fitted": about,
+        "scale": elsewhere.scale.values.tolist(),
+        "scores": elsewhere.scores.values.tolist(),
+        "hidden": list(elsewhere.hidden),
+    }
+    return values, arrays
+
+
+def _elsewhere_of_part(values: Mapping[str, Any], parts: Mapping[str, Part]) -> Elsewhere:
+    return Elsewhere(
+        members_of_parts(values["fitted"], parts),
+        TotalScale(np.array(values["scale"], dtype=np.float64)),
+        Scores(np.array(values["scores"], dtype=np.float64)),
+        tuple(values["hidden"]),
+    )
 
 
 def _take_values(document: dict[str, dict[str, Any]], vehicle: Vehicle) -> None:

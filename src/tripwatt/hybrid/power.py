@@ -227,16 +227,15 @@ def block_table(
         features=_frame({name: np.broadcast_to(values, n) for name, values in features.items()}),
         hours=seconds / SECONDS_PER_HOUR,
         simulated_w=np.asarray(features["simulated_w"]),
-        observed_w=None if measured is None else _measured_power(measured, block, time, step, seconds),
+        observed_w=None if measured is None else _measured_power(measured, block, plan, seconds),
         observed_hvac_w=None if measured is None else _measured_climate(measured, seconds),
     )
 
 
-def _measured_power(
-    measured: Trip, block: IntArray, time: FloatArray, step: FloatArray, seconds: FloatArray
-) -> FloatArray | None:
+def _measured_power(measured: Trip, block: IntArray, plan: Trip, seconds: FloatArray) -> FloatArray | None:
     """Mean measured power of each block [W]; the blocks' energies add up to the trip's energy."""
-    raw = measured if measured.step_s is not None else resample(measured, float(np.median(step)))
+    step_s = plan.step_s or float(np.median(np.diff(plan.array("time_s"))))
+    raw = measured if measured.step_s is not None else resample(measured, step_s)
     if "observed_energy_wh" not in raw:
         return None
     cumulative = raw.array("observed_energy_wh")
@@ -333,17 +332,25 @@ class KrigingCorrector(_Whole):
     def __init__(
         self, parts: tuple[Part, ...] = (*LINES, *_SMOOTH), share_column: str = "simulated_w"
     ) -> None:
+        self._take(parts, share_column)
+
+    def _take(self, parts: tuple[Part, ...], share_column: str) -> None:
         self.parts = parts
         self.share_column = share_column
         self.model = ClusteredKriging(parts, effect_sd=220.0, share_column=share_column, share_sd=0.05)
         self.shape = np.empty(0)
 
     def fit(self, table: BlockTable) -> Self:
-        """Learn from trip totals, then from the rows within trips. O(rows x features^2)."""
+        """Learn from trip totals, then from the rows within trips. O(rows x features^2).
+
+        Parts with a column that no row knows are left out.
+        """
+        known = {name for name, column in table.features.items() if bool(column.notna().any())}
+        self._take(tuple(part for part in self.parts if known.issuperset(part.columns)), self.share_column)
         self.model.fit(table.features, table.residual_w, table.groups, table.hours)
         features, prior = self.model.features(table.features)
         left = table.residual_w - self.model.predict(table.features)
-        within = _less_trip_mean(np.column_stack([features, left]), table)
+        within = less_trip_mean(np.column_stack([features, left]), table)
         X, r = within[:, :-1], within[:, -1]
         gram = X.T @ X + np.diag(np.mean(r**2) / (_SHAPE_SHARE * prior))
         self.shape = np.linalg.solve(gram, X.T @ r)
@@ -367,14 +374,14 @@ class KrigingCorrector(_Whole):
         return self._mean(features, table), self.model.doubt(features)
 
     def _mean(self, features: FloatArray, table: BlockTable) -> FloatArray:
-        return self.model.mean(features) + _less_trip_mean(features @ self.shape[:, None], table)[:, 0]
+        return self.model.mean(features) + less_trip_mean(features @ self.shape[:, None], table)[:, 0]
 
 
 _SHAPE_SHARE: Final = 4.0
 """Prior variance of the shape's weights, over that of the totals' weights: twice as far from the simulation."""
 
 
-def _less_trip_mean(values: FloatArray, table: BlockTable) -> FloatArray:
+def less_trip_mean(values: FloatArray, table: BlockTable) -> FloatArray:
     """Columns less their mean over the time of each trip, shape (rows, columns)."""
     sums = np.add.reduceat(values * table.hours[:, None], table.offsets[:-1], axis=0)
     means = sums / np.add.reduceat(table.hours, table.offsets[:-1])[:, None]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final, NoReturn
 
@@ -18,6 +18,8 @@ from tripwatt.hybrid.power import (
     LearnerCorrector,
     PowerCorrector,
 )
+from tripwatt.hybrid.transfer import Members
+from tripwatt.hybrid.transferred import TransferredCorrector
 from tripwatt.kriging import Part
 from tripwatt.treetable import TreeTable
 from tripwatt.trips import FloatArray
@@ -109,6 +111,11 @@ def corrector_parts(corrector: PowerCorrector, name: str = "corrector") -> Store
         about: dict[str, Any] = {"kind": "kriging", "arrays": part, "share_column": corrector.share_column}
         about["parts"] = [asdict(p) | {"columns": list(p.columns)} for p in corrector.parts]
         return about, {part: {**corrector.model.to_arrays(), _SHAPE: corrector.shape}}
+    if isinstance(corrector, TransferredCorrector):
+        members, arrays = members_parts(corrector.base, f"{name}-base")
+        about = {"kind": "transferred", "arrays": part, "base": members, "share": corrector.share}
+        own = {key: getattr(corrector, key) for key in ("scales", "mean", "factor")}
+        return about, {**arrays, part: own}
     trees = corrector if isinstance(corrector, StoredTrees) else _trees(corrector)
     about = {
         "kind": "trees",
@@ -142,6 +149,10 @@ def corrector_of_parts(about: Mapping[str, Any], parts: Mapping[str, Arrays]) ->
         corrector.shape = arrays.pop(_SHAPE)
         corrector.model.load_arrays(arrays)
         return corrector
+    if kind == "transferred":
+        base = members_of_parts(about["base"], parts)
+        own = parts[about["arrays"]]
+        return TransferredCorrector(base, own["scales"], own["mean"], own["factor"], float(about["share"]))
     if kind == "trees":
         return StoredTrees(
             TreeTable.of_arrays(parts[about["arrays"]]),
@@ -151,8 +162,27 @@ def corrector_of_parts(about: Mapping[str, Any], parts: Mapping[str, Arrays]) ->
             about["divisor"],
         )
     raise InvalidInput(
-        Fault("unknown kind of corrector", "model", repr(kind), "channels, ensemble, kriging, trees")
+        Fault(
+            "unknown kind of corrector",
+            "model",
+            repr(kind),
+            "channels, ensemble, kriging, transferred, trees",
+        )
     )
+
+
+def members_parts(
+    members: Members, name: str
+) -> tuple[list[dict[str, Any]], dict[str, dict[str, npt.NDArray[Any]]]]:
+    """Gaussian processes as plain values and arrays."""
+    stored = [corrector_parts(member, f"{name}-{i}") for i, member in enumerate(members.correctors)]
+    return [about for about, _ in stored], {k: v for _, parts in stored for k, v in parts.items()}
+
+
+def members_of_parts(about: Sequence[Mapping[str, Any]], parts: Mapping[str, Arrays]) -> Members:
+    """Reverse of `members_parts`."""
+    found = [corrector_of_parts(member, parts) for member in about]
+    return Members(tuple(c for c in found if isinstance(c, KrigingCorrector)))
 
 
 def _trees(corrector: PowerCorrector) -> StoredTrees:

@@ -59,6 +59,18 @@ def irradiance(weather: str | None, season: str | None = None) -> float:
     return found * (WINTER_SUN if season == "winter" else 1.0)
 
 
+HEAT_PUMP_RATING_DEGC: Final = 7.0
+"""Outside air at which the largest heat of a heat pump is stated, as in EN 14511."""
+
+HEAT_PUMP_HEAT_PER_K: Final = 0.03
+"""Change of a heat pump's largest heat for each kelvin of outside air [1/K]. At full speed a compressor moves mass in
+proportion to the density of the vapour it draws in; for R134a that evaporates 8 K below the air this is 13.9 kg/m³ at 7 °C,
+10.4 at -1 °C and 7.3 at -10 °C (NIST REFPROP)."""
+
+HEAT_PUMP_MOST: Final = 1.5
+"""Largest heat of a heat pump in warm air over that at the rating, where the controls stop its rise."""
+
+
 @dataclass(frozen=True, slots=True)
 class CabinStart:
     """What is known of the cabin at departure.
@@ -145,7 +157,7 @@ def _control_steps(
     fan_range = climate.fresh_air_high_w_k - climate.fresh_air_low_w_k
     blower_range = climate.blower_high_power_w - climate.blower_low_power_w
     most_heat, most_cooling = climate.heater_max_heat_w, climate.cooler_max_heat_w
-    most_pumped, pump_cop = climate.heat_pump_max_heat_w, heat_pump_cop(ambient, climate)
+    most_pumped, pump_cop = heat_pump_heat(ambient, climate), heat_pump_cop(ambient, climate)
     resistive, cooler_cop = climate.heater_efficiency, climate.cooler_cop
     shell, per_speed = climate.shell_w_k, climate.shell_per_speed_w_s_k_m
     low_fresh, high_fresh = climate.fresh_air_low_w_k, climate.fresh_air_high_w_k
@@ -180,6 +192,20 @@ def _control_steps(
         for number in range(min(len(powers), math.ceil(climate.defrost_time_s / dt))):
             powers[number] += (1.0 - start.warmth) * climate.defrost_power_w
     return powers, temperatures
+
+
+def heat_pump_heat(ambient_temperature_degc: float, climate: Climate) -> float:
+    """Largest heat of the heat pump [W] in outside air of a temperature; the heater gives what is missing.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> leaf = load_vehicle("nissan_leaf_24").climate
+    >>> heat_pump_heat(7.0, leaf) == leaf.heat_pump_max_heat_w, heat_pump_heat(-40.0, leaf)
+    (True, 0.0)
+    """
+    factor = 1.0 + HEAT_PUMP_HEAT_PER_K * (ambient_temperature_degc - HEAT_PUMP_RATING_DEGC)
+    return climate.heat_pump_max_heat_w * min(max(factor, 0.0), HEAT_PUMP_MOST)
 
 
 def heat_pump_cop(ambient_temperature_degc: float, climate: Climate) -> float:

@@ -60,7 +60,13 @@ def read_canonical(
     names = [name for name in table.names if name]
     faults = [*_name_faults(names, f"{path}")]
     faults += [
-        Fault("missing column", f"{path}", f"columns {', '.join(names[:12])}", f"a column {name!r}")
+        Fault(
+            "missing column",
+            f"{path}",
+            f"columns {', '.join(names[:12])}",
+            f"a column {name!r}",
+            "`tripwatt mapping apply` writes a log under our names",
+        )
         for name in required
         if name not in names
     ]

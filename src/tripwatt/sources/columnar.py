@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,8 @@ from tripwatt.sources.delimited import Delimited, open_delimited, read_numbers, 
 from tripwatt.trips import raise_faults
 
 FloatArray = npt.NDArray[np.float64]
+
+SUFFIXES: Final = (".csv", ".tsv", ".txt", ".parquet")
 
 
 class Table(Protocol):
@@ -84,6 +86,11 @@ class ParquetTable:
         """Columns as float64, with every one that holds no numbers named."""
         faults, values = [], []
         for name in names:
+            if pd.api.types.is_datetime64_any_dtype(self.frame[name].dtype):
+                fix = 'in a mapping: unit = "timestamp"'
+                where = f"{self.path} column {name!r}"
+                faults.append(Fault("not a number", where, f"{self.frame[name].dtype}", "numbers", fix))
+                continue
             try:
                 values.append(np.asarray(pd.to_numeric(self.frame[name]), dtype=np.float64))
             except (ValueError, TypeError) as error:
@@ -123,3 +130,22 @@ def open_table(path: Path, decimal: str = ".") -> Table:
         got = str(error).splitlines()[0][:160] if str(error) else type(error).__name__
         raise InvalidInput(Fault("unreadable Parquet file", f"{path}", got, "a Parquet file")) from error
     return ParquetTable(path, frame.reset_index(drop=True))
+
+
+def table_files(path: Path) -> list[Path]:
+    """A table itself, or the tables of a folder by name.
+
+    Raises
+    ------
+    InvalidInput
+        When there is none.
+    """
+    allowed = f"a file or a folder of files {', '.join(SUFFIXES)}"
+    if not path.exists():
+        raise InvalidInput(Fault("no such file or folder", f"{path}", "", allowed))
+    if path.is_file():
+        return [path]
+    files = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file())
+    if not files:
+        raise InvalidInput(Fault("no trips", f"{path}", "no table", allowed))
+    return files

@@ -101,7 +101,16 @@ def open_delimited(path: Path) -> Delimited:
         raise InvalidInput(
             Fault("no samples", f"{path}", f"a header of {len(cells)} columns and nothing below it", "rows")
         )
+    data = data[: end + 1] + _without_headers(data[end + 1 :], header.strip(b"\r"), delimiter)
     return Delimited(path, cells, delimiter, data, end + 1, line)
+
+
+def _without_headers(body: bytes, header: bytes, delimiter: str) -> bytes:
+    """The body with empty rows in place of repeated headers, which loggers write at each start; rows keep their numbers."""
+    if header not in body:
+        return body
+    empty = delimiter.encode() * header.count(delimiter.encode())
+    return b"\n".join(empty if row.strip(b"\r") == header else row for row in body.split(b"\n"))
 
 
 def _read_text_bytes(path: Path) -> bytes:
@@ -242,7 +251,8 @@ def _body_faults(
     for number, line in enumerate(lines, start=first_line):
         if not line.strip():
             continue
-        cells = _decoded(line).strip("\r").split(source.delimiter)
+        text = _decoded(line).strip("\r")
+        cells = _fields(text, source.delimiter) if '"' in text else text.split(source.delimiter)
         if len(cells) != width:
             if cut_off and number - first_line == last and len(cells) < width:
                 cut_fault = _cut_off_fault(source, number, len(cells), width, cells)

@@ -170,6 +170,17 @@ def shipped_mappings() -> tuple[str, ...]:
     return tuple(sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")))
 
 
+def shipped_text(name: str) -> str:
+    """The TOML of a shipped mapping, one of `shipped_mappings`.
+
+    Examples
+    --------
+    >>> "[columns]" in shipped_text("abrp")
+    True
+    """
+    return (resources.files("tripwatt.sources") / "mappings" / f"{name}.toml").read_text("utf-8")
+
+
 def load_mapping(mapping: Path | str) -> ColumnMapping:
     """A mapping from a TOML file, or a shipped one by its name.
 
@@ -179,8 +190,7 @@ def load_mapping(mapping: Path | str) -> ColumnMapping:
         With every key that is unknown, missing or has a value that cannot be.
     """
     if isinstance(mapping, str) and mapping in shipped_mappings():
-        text = (resources.files("tripwatt.sources") / "mappings" / f"{mapping}.toml").read_text("utf-8")
-        return parse_mapping(text, mapping)
+        return parse_mapping(shipped_text(mapping), mapping)
     path = Path(mapping)
     try:
         return parse_mapping(path.read_text("utf-8"), str(path))

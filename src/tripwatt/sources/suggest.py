@@ -1,10 +1,14 @@
-"""Proposes a mapping for a table from its header and from the range of its values, and explains each guess."""
+"""Proposes a mapping for a table from its header and from its values, and explains each guess.
+
+A name is a hint, the values decide: a voltage has to be a traction battery's, a time has to increase. Where a name does
+not say a unit, physics does: in the wrong unit of speed the car would have a mass that no car has.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
@@ -12,68 +16,40 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.errors import Fault, InvalidInput
-from tripwatt.inertia import apparent_mass
-from tripwatt.sources.columnar import Table, open_table
+from tripwatt.errors import InvalidInput
+from tripwatt.sources.columnar import Table, open_table, table_files
 from tripwatt.sources.delimited import column_key
-from tripwatt.sources.mapping import POWER, TIME_STAMPS, UNITS, load_mapping, shipped_mappings
+from tripwatt.sources.evidence import (
+    SINCE_1970,
+    STAND_IN_V,
+    Flow,
+    best_flow,
+    speed_unit,
+    stamp_format,
+    unit_of_values,
+)
+from tripwatt.sources.mapping import POWER, TIME_STAMPS, UNITS, load_mapping, shipped_mappings, shipped_text
+from tripwatt.sources.naming import NAMES, candidates, unit_in, words
 from tripwatt.trips import COLUMNS
 
 FloatArray = npt.NDArray[np.float64]
 
-NAMES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-    {
-        "time_s": (
-            r"^(unix ?)?time(stamp)?( ?utc)?\b",
-            r"^utc$",
-            r"\btime\b",
-            r"timestamp",
-            r"^t$",
-            r"^date",
-            r"seconds",
-        ),
-        "speed_m_s": (r"vehicle ?speed", r"^speed", r"velocity", r"speed", r"^v$"),
-        "voltage_v": (r"(hv|pack|traction|battery|bms).*(voltage|volt)", r"voltage", r"^volt", r"^u$"),
-        "current_a": (r"(hv|pack|traction|battery|bms).*(current|amp)", r"current", r"^amp", r"^i$"),
-        POWER: (r"(hv|pack|traction|battery|bms).*power", r"^power"),
-        "displayed_soc": (
-            r"display.*(soc|state of charge)",
-            r"usable.*(level|soc)",
-            r"(soc|state of charge).*display",
-        ),
-        "soc": (r"\bsoc\b", r"state of charge", r"battery ?level", r"soc"),
-        "elevation_m": (r"elevation", r"altitude", r"\balt\b", r"height"),
-        "grade": (r"grade", r"slope", r"inclination"),
-        "ambient_temperature_degc": (r"ambient", r"outside", r"\boat\b", r"ext(ernal)?[_ ]?temp", r"outdoor"),
-        "cabin_temperature_degc": (r"cabin", r"inside[_ ]?temp", r"interior"),
-        "battery_temperature_degc": (r"batt(ery)?[_ ]?temp", r"temp.*batt"),
-        "motor_torque_nm": (r"torque",),
-        "heating_power_w": (r"heat(er|ing)[_ ]?power",),
-        "aircon_power_w": (r"(air ?con\w*|a/?c|climate|hvac)[_ ]?power",),
-    }
-)
-"""What loggers call our columns, the likeliest first; matched on `column_key` with underscores as blanks."""
+SPARSE_SHARE: Final = 0.2
+"""With more missing values than this in a measured column the logger writes what changes."""
+HOLD_S: Final = 10
 
-NOT_OF_THE_PACK: Final = re.compile(
-    r"12 ?v|module|cell|min\b|max\b|charger|obd adapter|requested|target|set ?point"
-)
-"""Words of columns that share a name with the pack's but are something else."""
+RISING_SHARE: Final = 0.9
+"""Time goes on from row to row, but for the starts of other trips."""
+FURTHEST_KG: Final = (300.0, 9000.0)
+"""A stated unit of speed is doubted when the car's mass is outside: grades and heaters blur it."""
 
-_UNIT_IN_NAME: Final = re.compile(
-    r"[\[(]\s*([^\])]+?)\s*[\])]|_(kmh|kph|mph|ms|kw|w|v|a|degc|c|f|m|ft|s|pct|percent)$"
+OWN_NAME: Final = "our own name"
+NAME_AND_UNIT: Final = "the name says what it is and the unit"
+
+_TRIP_NAME: Final = re.compile(
+    r"^(trip|drive|journey|fahrt|ride|route|session|segment|track)( ?(id|no|nr|num|number|name|uid|uuid|index|idx))?$"
 )
-_UNIT_WORDS: Final = MappingProxyType(
-    {
-        "celsius": "degc",
-        "deg c": "degc",
-        "pct": "%",
-        "meter": "m",
-        "meters": "m",
-        "watts": "w",
-        "meters/second": "m/s",
-    }
-)
-_SPELLED: Final = MappingProxyType(
+SPELLED: Final[Mapping[str, str]] = MappingProxyType(
     {
         "v": "V",
         "a": "A",
@@ -85,7 +61,7 @@ _SPELLED: Final = MappingProxyType(
         "f": "degF",
         "k": "K",
     }
-    | {"nm": "Nm", "mv": "mV", "kv": "kV", "ma": "mA", "kmh": "km/h", "kph": "km/h"}
+    | {"nm": "Nm", "mv": "mV", "kv": "kV", "ma": "mA", "da": "dA", "kmh": "km/h", "kph": "km/h"}
 )
 
 
@@ -97,6 +73,7 @@ class Guess:
     column: str
     unit: str
     why: str
+    format: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,53 +89,96 @@ class Suggestion:
         What has to be added by hand before the mapping can be used.
     shipped : str or None
         A shipped mapping whose columns the table has.
+    unused : tuple of str
+        Columns of the table that were not recognised.
     """
 
     toml: str
     guesses: tuple[Guess, ...]
     missing: tuple[str, ...]
     shipped: str | None
+    unused: tuple[str, ...] = ()
 
 
 def suggest_mapping(path: Path | str) -> Suggestion:
-    """Propose a mapping for a CSV or Parquet file.
+    """Propose a mapping for a CSV or Parquet file, or for the first one of a folder.
 
     Raises
     ------
     InvalidInput
-        When the file cannot be read as a table.
+        When there is none or it cannot be read as a table.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise InvalidInput(Fault("no such file", f"{path}", "", "a CSV or Parquet file"))
-    table = open_table(path)
-    columns = _readable(table)
-    guesses: dict[str, Guess] = {}
-    taken: set[str] = set()
-    for ours, patterns in NAMES.items():
-        found = _best_name(ours, patterns, [n for n in table.names if n not in taken])
-        if found is None:
-            continue
-        guess = _with_unit(ours, found, columns.get(found))
-        if guess is not None:
-            guesses[ours] = guess
-            taken.add(found)
+    path = table_files(Path(path))[0]
+    table, columns, decimal = _readable(path)
+    long = _long(path, table)
+    if long is not None:
+        return long
+    trip, groups = _trip_column(table, columns)
+    guesses = _by_name(table, columns, trip)
+    if "time_s" not in guesses:
+        guesses |= _rising(table, columns, {g.column for g in guesses.values()} | {trip or ""})
+    flow = best_flow(
+        _clock(guesses, columns, len(groups)),
+        _drive_by_drive(guesses, columns, groups),
+        {n: v for n, v in columns.items() if n not in {g.column for g in guesses.values()} and n != trip},
+    )
+    guesses |= {g[0]: Guess(*g) for g in flow.found}
     if {"voltage_v", "current_a"} <= guesses.keys():
         guesses.pop(POWER, None)
-    sign, why_sign = _sign(guesses, columns)
-    trip = next((n for n in table.names if re.search(r"^(trip|drive|journey)([ _]?id)?$", _words(n))), None)
+    guesses = {ours: guesses[ours] for ours in NAMES if ours in guesses}
+    guesses = _with_doubt_of_fahrenheit(_with_speed_unit(guesses, flow))
     missing = tuple(_missing(guesses))
     shipped = next((name for name in shipped_mappings() if _has_all(table, name)), None)
-    toml = _render(path, guesses, sign, why_sign, trip, missing, shipped)
-    return Suggestion(toml, tuple(guesses.values()), missing, shipped)
+    used = {g.column for g in guesses.values()} | {trip or ""}
+    unused = tuple(n for n in dict.fromkeys(table.names) if n and n not in used)
+    settings = _file_settings(decimal, guesses, columns)
+    toml = _render(path, guesses, flow, trip, missing, shipped, unused, settings)
+    return Suggestion(toml, tuple(guesses.values()), missing, shipped, unused)
 
 
-def _words(name: str) -> str:
-    return column_key(name).replace("_", " ").replace(".", " ")
+def _long(path: Path, table: Table) -> Suggestion | None:
+    """A shipped mapping for a table with a row for each value, as it is, beside the signals of the file."""
+    for name in shipped_mappings():
+        mapping = load_mapping(name)
+        if mapping.long_name is None or not _has_all(table, name):
+            continue
+        there = next(n for n in table.names if column_key(n) == column_key(mapping.long_name))
+        signals = sorted(set(table.texts(there)))
+        guesses: dict[str, Guess] = {}
+        missing: list[str] = []
+        text = shipped_text(name)
+        for ours, entry in mapping.columns.items():
+            likely = candidates(ours, signals)
+            if ours == "time_s" or entry.column in signals:
+                guesses[ours] = Guess(ours, entry.column, entry.unit, f"of the shipped mapping {name!r}")
+            elif likely:
+                why = f"CHECK: named like it, in place of {entry.column!r}"
+                guesses[ours] = Guess(ours, likely[0], entry.unit, why)
+                text = text.replace(f"column = {_quoted(entry.column)}", f"column = {_quoted(likely[0])}")
+            elif not entry.optional:
+                missing.append(f"the signal of {ours}, {entry.column!r} is not in the file")
+        shown = ", ".join(_quoted(s) for s in signals[:40]) + (" ..." if len(signals) > 40 else "")
+        head = [f"# Proposed for {_comment(path.name)}: the shipped mapping {name!r}. Check every line."]
+        head += [f"# TO DO: {what}" for what in missing]
+        head += [f"# {g.ours}: {g.why}" for g in guesses.values() if "CHECK" in g.why]
+        head.append(f"# Signals of the file: {_comment(shown)}")
+        return Suggestion("\n".join([*head, text]), tuple(guesses.values()), tuple(missing), name)
+    return None
 
 
-def _readable(table: Table) -> dict[str, FloatArray]:
-    """Every column that holds numbers."""
+def _readable(path: Path) -> tuple[Table, dict[str, FloatArray], str]:
+    """The table, every column of it that holds numbers, and its decimal separator."""
+    table = open_table(path)
+    columns = _numbers(table)
+    if path.suffix.lower() != ".parquet" and len(columns) < len({n for n in table.names if n}):
+        comma = open_table(path, ",")
+        with_comma = _numbers(comma)
+        if len(with_comma) > len(columns):
+            return comma, with_comma, ","
+    return table, columns, "."
+
+
+def _numbers(table: Table) -> dict[str, FloatArray]:
     columns: dict[str, FloatArray] = {}
     for name in dict.fromkeys(n for n in table.names if n):
         try:
@@ -168,94 +188,128 @@ def _readable(table: Table) -> dict[str, FloatArray]:
     return columns
 
 
-def _best_name(ours: str, patterns: Sequence[str], names: Sequence[str]) -> str | None:
-    if ours in names:
-        return ours
-    for pattern in patterns:
-        for name in names:
-            words = _words(name)
-            if re.search(pattern, words) and not NOT_OF_THE_PACK.search(words):
-                return name
-    return None
+def _trip_column(table: Table, columns: Mapping[str, FloatArray]) -> tuple[str | None, npt.NDArray[np.int64]]:
+    """A column that tells trips apart by its name, and the number of each row's trip."""
+    for name in table.names:
+        if _TRIP_NAME.match(words(name)):
+            keys = columns[name] if name in columns else np.array(table.texts(name), dtype=object)
+            _, group = np.unique(np.array([str(k) for k in keys], dtype=object), return_inverse=True)
+            return name, group.astype(np.int64)
+    rows = len(next(iter(columns.values()))) if columns else 0
+    return None, np.zeros(rows, dtype=np.int64)
 
 
-def _with_unit(ours: str, name: str, values: FloatArray | None) -> Guess | None:
-    """The guess with its unit, from the name if it says one, else from the values; None for a column of text."""
+def _by_name(table: Table, columns: Mapping[str, FloatArray], trip: str | None) -> dict[str, Guess]:
+    """For each of ours the likeliest column by name whose values can be one."""
+    guesses: dict[str, Guess] = {}
+    taken = {trip}
+    for ours in NAMES:
+        for name in candidates(ours, [n for n in table.names if n and n not in taken]):
+            guess = _with_unit(ours, name, table, columns.get(name))
+            if guess is not None:
+                guesses[ours] = guess
+                taken.add(name)
+                break
+    return guesses
+
+
+def _with_unit(ours: str, name: str, table: Table, values: FloatArray | None) -> Guess | None:
+    """The guess with its unit, from the name if it says one, else from the values; None where they cannot be it."""
     if values is None:
-        return Guess(ours, name, "timestamp", "named like it, and no numbers") if ours == "time_s" else None
+        if ours != "time_s":
+            return None
+        found = stamp_format(table.texts(name))
+        return None if found is None else Guess(ours, name, "timestamp", found[1], found[0])
     known = values[np.isfinite(values)]
     if not len(known):
         return None
+    said = None if name == ours else unit_in(ours, name)
     if name == ours:
-        return Guess(ours, name, _own(ours), "our own name")
-    match = _UNIT_IN_NAME.search(column_key(name))
-    if match:
-        said = (match[1] or match[2] or "").lower()
-        said = _UNIT_WORDS.get(said, said)
-        if said in UNITS[ours]:
-            return Guess(ours, name, said, "named like it, and the name says the unit")
-    unit, why = _unit_from_values(ours, known)
-    return Guess(ours, name, unit, f"named like it; {why}")
+        own = COLUMNS[ours].unit.lower() if ours in COLUMNS else "w"
+        since_1970 = ours == "time_s" and known[0] > SINCE_1970
+        if not since_1970 and _possible(ours, own, known):
+            return Guess(ours, name, own, OWN_NAME)
+    if said is not None and not (ours == "time_s" and known[0] > SINCE_1970):
+        return Guess(ours, name, said, NAME_AND_UNIT) if _possible(ours, said, known) else None
+    unit, why = unit_of_values(ours, known)
+    return Guess(ours, name, unit, f"named like it; {why}") if _possible(ours, unit, known) else None
 
 
-def _own(ours: str) -> str:
+def _rising(table: Table, columns: Mapping[str, FloatArray], taken: set[str]) -> dict[str, Guess]:
+    """The first column that holds time stamps or rises in even steps: time, whatever its name."""
+    for name in (n for n in dict.fromkeys(table.names) if n and n not in taken):
+        if name not in columns:
+            found = stamp_format(table.texts(name))
+            if found is not None:
+                return {"time_s": Guess("time_s", name, "timestamp", found[1], found[0])}
+            continue
+        steps = np.diff(columns[name])
+        if len(steps) > 9 and (steps > 0).all() and np.quantile(steps, 0.9) <= 2.0 * np.median(steps):
+            unit, why = unit_of_values("time_s", columns[name])
+            return {"time_s": Guess("time_s", name, unit, f"no name says it, but it rises evenly; {why}")}
+    return {}
+
+
+def _possible(ours: str, unit: str, known: FloatArray) -> bool:
+    """Whether the middle of the values is one of ours."""
     if ours == "time_s":
-        return "s"
-    return COLUMNS[ours].unit if ours in COLUMNS else "W"
-
-
-def _unit_from_values(ours: str, known: FloatArray) -> tuple[str, str]:
-    low, high = float(np.min(known)), float(np.max(known))
-    seen = f"values of {low:g} to {high:g}"
-    if ours == "time_s":
-        if low > 1e11:
-            return "epoch_ms", f"{seen} are milliseconds since 1970"
-        if low > 1e8:
-            return "epoch_s", f"{seen} are seconds since 1970"
-        step = float(np.median(np.diff(known))) if len(known) > 1 else 1.0
-        return ("ms", f"steps of {step:g} are milliseconds") if step >= 50.0 else ("s", f"steps of {step:g}")
-    if ours == "speed_m_s":
         return (
-            ("km/h", f"{seen} are km/h rather than m/s")
-            if high > 45.0
-            else ("m/s", f"{seen}: CHECK, m/s or km/h?")
+            len(known) > 1 and float(np.mean(np.diff(known) >= 0.0)) > RISING_SHARE and known[-1] != known[0]
         )
-    if ours in ("soc", "displayed_soc", "grade"):
-        return ("%", f"{seen} are percent") if high > 1.5 else ("1", f"{seen} are a fraction")
-    if ours.endswith("_degc"):
-        if low > 200.0:
-            return "K", f"{seen} are kelvin"
-        return ("degF", f"{seen} are °F") if high > 60.0 and "ambient" in ours else ("degC", f"{seen}")
-    if ours.endswith("_w"):
-        return ("kW", f"{seen} are kW") if max(abs(low), abs(high)) < 1000.0 else ("W", f"{seen} are W")
-    if ours == "voltage_v":
-        return ("mV", f"{seen} are mV") if high > 2000.0 else ("V", seen)
-    return _own(ours), seen
+    if ours not in COLUMNS:
+        return True
+    factor, offset = UNITS[ours][unit]
+    middle = float(np.median(known)) * factor + offset
+    column = COLUMNS[ours]
+    if ours == "voltage_v" and middle == 0.0:  # parked most of the time
+        middle = float(np.max(known)) * factor
+    return column.minimum <= middle <= column.maximum
 
 
-def _sign(guesses: Mapping[str, Guess], columns: Mapping[str, FloatArray]) -> tuple[str, str]:
-    """Which direction of the current is positive: while a car accelerates its battery discharges."""
-    flow = guesses.get("current_a") or guesses.get(POWER)
-    if flow is None:
-        return "", ""
-    time, speed = (_ours(guesses.get(n), columns) for n in ("time_s", "speed_m_s"))
-    amount = _ours(flow, columns)
-    if speed is not None and amount is not None:
-        clock = time if time is not None else np.arange(len(speed), dtype=np.float64)
-        found = apparent_mass(clock - clock[0], speed, amount)
-        if found is not None and abs(found[1]) > 0.3:
-            direction = "discharge" if found[1] > 0 else "charge"
-            return direction, f"correlation with acceleration {found[1]:.2f}"
-    return "discharge", "CHECK: too little driving to tell"
+def _clock(guesses: Mapping[str, Guess], columns: Mapping[str, FloatArray], rows: int) -> FloatArray:
+    time = guesses.get("time_s")
+    if time is None or time.column not in columns:
+        return np.arange(rows, dtype=np.float64)
+    unit = TIME_STAMPS[time.unit] if time.unit in TIME_STAMPS else UNITS["time_s"][time.unit][0]
+    seconds: FloatArray = (columns[time.column] - columns[time.column][0]) * unit
+    return seconds
 
 
-def _ours(guess: Guess | None, columns: Mapping[str, FloatArray]) -> FloatArray | None:
-    if guess is None or guess.column not in columns:
-        return None
-    if guess.unit in TIME_STAMPS:
-        return columns[guess.column] * TIME_STAMPS[guess.unit]
-    factor, offset = UNITS[guess.ours][guess.unit.lower()]
-    return columns[guess.column] * factor + offset
+def _drive_by_drive(
+    guesses: Mapping[str, Guess], columns: Mapping[str, FloatArray], groups: npt.NDArray[np.int64]
+) -> dict[str, tuple[str, FloatArray]]:
+    """What is known of speed, voltage, current and power, in our units as far as they are known; of the longest trip."""
+    longest = groups == int(np.argmax(np.bincount(groups))) if len(groups) else np.zeros(0, bool)
+    known: dict[str, tuple[str, FloatArray]] = {"rows": ("", longest.astype(np.float64))}
+    for ours in ("speed_m_s", "voltage_v", "current_a", POWER):
+        guess = guesses.get(ours)
+        if guess is not None and guess.column in columns:
+            factor, offset = UNITS[ours][guess.unit.lower()]
+            known[ours] = (guess.column, columns[guess.column] * factor + offset)
+    return known
+
+
+def _with_speed_unit(guesses: dict[str, Guess], flow: Flow) -> dict[str, Guess]:
+    """The unit of the speed by the mass that the car would have: taken where no name says it, else a doubt."""
+    speed = guesses.get("speed_m_s")
+    if speed is None or flow.mass_kg is None or speed.why == OWN_NAME:
+        return guesses
+    unit, why = speed_unit(speed.unit, flow.mass_kg)
+    if speed.why == NAME_AND_UNIT:
+        if unit == speed.unit or FURTHEST_KG[0] <= flow.mass_kg <= FURTHEST_KG[1]:
+            return guesses
+        return {**guesses, "speed_m_s": replace(speed, why=f"{speed.why}; CHECK: {why}")}
+    return {**guesses, "speed_m_s": replace(speed, unit=unit, why=f"{speed.why.split(':')[0]}; {why}")}
+
+
+def _with_doubt_of_fahrenheit(guesses: dict[str, Guess]) -> dict[str, Guess]:
+    """A temperature without a unit beside miles or feet may be in °F."""
+    ambient = guesses.get("ambient_temperature_degc")
+    units = {guesses[ours].unit for ours in ("speed_m_s", "elevation_m") if ours in guesses}
+    if ambient is None or not units & {"mph", "ft"} or ambient.unit != "degc" or "named" not in ambient.why:
+        return guesses
+    doubt = replace(ambient, why=f"{ambient.why}; CHECK, °F as the speed is in miles?")
+    return {**guesses, ambient.ours: doubt}
 
 
 def _missing(guesses: Mapping[str, Guess]) -> list[str]:
@@ -263,6 +317,8 @@ def _missing(guesses: Mapping[str, Guess]) -> list[str]:
     if {"voltage_v", "current_a"} <= guesses.keys():
         return missing
     if POWER in guesses:
+        return missing
+    if "current_a" in guesses:
         return missing if "voltage_v" in guesses else [*missing, "[battery] nominal_voltage_v"]
     if "soc" in guesses or "displayed_soc" in guesses:
         return [*missing, "[battery] usable_capacity_kwh"]
@@ -277,30 +333,63 @@ def _has_all(table: Table, shipped: str) -> bool:
     return all(column_key(e.column) in keys for e in mapping.columns.values() if not e.optional)
 
 
+def _file_settings(
+    decimal: str, guesses: Mapping[str, Guess], columns: Mapping[str, FloatArray]
+) -> list[str]:
+    lines = ['decimal = ","  # the numbers have a decimal comma'] if decimal == "," else []
+    missing = {
+        g.column: float(np.mean(~np.isfinite(columns[g.column])))
+        for ours, g in guesses.items()
+        if ours in ("speed_m_s", "voltage_v", "current_a", POWER) and g.column in columns
+    }
+    if missing and max(missing.values()) > SPARSE_SHARE:
+        column = max(missing, key=lambda name: missing[name])
+        lines.append(
+            f"hold_s = {HOLD_S}  # {missing[column]:.0%} of {_quoted(column)} is missing: the last value counts"
+        )
+    return lines
+
+
 def _render(
     path: Path,
     guesses: Mapping[str, Guess],
-    sign: str,
-    why_sign: str,
+    flow: Flow,
     trip: str | None,
     missing: Sequence[str],
     shipped: str | None,
+    unused: Sequence[str],
+    settings: Sequence[str],
 ) -> str:
-    lines = [f"# Proposed for {path.name} from its header and values. Check every line."]
+    lines = [f"# Proposed for {_comment(path.name)} from its header and values. Check every line."]
     if shipped:
         lines.append(
             f"# The columns are those of the shipped mapping {shipped!r}: --mapping {shipped} may do."
         )
     lines += [f"# TO DO: add {what}" for what in missing]
+    if unused:
+        shown = ", ".join(_quoted(n) for n in unused[:12])
+        lines.append(f"# Not used: {shown}" + (f" and {len(unused) - 12} more" if len(unused) > 12 else ""))
     lines.append("[columns]")
     for guess in guesses.values():
-        name, unit = _quoted(guess.column), _SPELLED.get(guess.unit, guess.unit)
-        lines.append(f'{guess.ours} = {{ column = {name}, unit = "{unit}" }}  # {guess.why}')
-    if sign:
-        lines += ["", "[current]", f'positive = "{sign}"  # {why_sign}']
+        name, unit = _quoted(guess.column), SPELLED.get(guess.unit, guess.unit)
+        stamp = f", format = {_quoted(guess.format)}" if guess.format else ""
+        lines.append(f'{guess.ours} = {{ column = {name}, unit = "{unit}"{stamp} }}  # {_comment(guess.why)}')
+    if flow.sign and {"current_a", POWER} & guesses.keys():
+        lines += ["", "[current]", f'positive = "{flow.sign}"  # {flow.why_sign}']
     if trip:
         lines += ["", "[trip]", f"column = {_quoted(trip)}"]
+    if POWER in guesses and "voltage_v" not in guesses:
+        note = (
+            "stands in where no voltage is logged; only its product with the current, the power, is measured"
+        )
+        lines += ["", "[battery]", f"nominal_voltage_v = {STAND_IN_V:g}  # {note}"]
+    if settings:
+        lines += ["", "[file]", *settings]
     return "\n".join(lines) + "\n"
+
+
+def _comment(text: str) -> str:
+    return "".join(c if c.isprintable() else " " for c in text)
 
 
 def _quoted(text: str) -> str:

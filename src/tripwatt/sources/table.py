@@ -6,6 +6,7 @@ import datetime as dt
 import difflib
 import math
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -18,7 +19,7 @@ import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.inertia import apparent_mass
-from tripwatt.sources.columnar import Table, open_table
+from tripwatt.sources.columnar import Table, open_table, table_files
 from tripwatt.sources.delimited import column_key
 from tripwatt.sources.mapping import (
     POWER,
@@ -33,14 +34,17 @@ from tripwatt.trips import COLUMNS, Context, Fleet, Trip, raise_faults
 
 FloatArray = npt.NDArray[np.float64]
 
-SUFFIXES: Final = (".csv", ".tsv", ".txt", ".parquet")
 WRONG_SHARE: Final = 0.01
 """Up to this share of impossible values are a sensor's dropouts and the audit's affair; more is a wrong unit."""
+
+SHOWN_ALIKE: Final = 2
+"""Faults named of one kind in one column; the others are counted."""
 
 GAP_S: Final = 60.0
 WRONG_SIGN: Final = -0.3
 REVERSING_M_S: Final = -10.0
 WH_PER_KWH: Final = 1000.0
+SECONDS_PER_DAY: Final = 86_400.0
 
 
 def read_table(
@@ -68,18 +72,18 @@ def read_table(
         contradict, a current of the wrong sign, two trips with one id.
     """
     path = Path(path)
-    files = _table_files(path)
+    files = table_files(path)
     checked = _checked(mapping, files[0])
 
     def read_one(file: Path) -> tuple[list[Trip], list[str]] | InvalidInput:
         try:
             return _read_file(file, checked)
         except InvalidInput as error:
-            return error
+            return InvalidInput([_with_decimal_hint(fault, checked) for fault in error.faults])
 
     with ThreadPoolExecutor(n_jobs or os.cpu_count() or 1) as pool:
         results = list(pool.map(read_one, files))
-    raise_faults(fault for r in results if isinstance(r, InvalidInput) for fault in r.faults)
+    raise_faults(_alike_counted(path, [r.faults for r in results if isinstance(r, InvalidInput)]))
     read = [r for r in results if not isinstance(r, InvalidInput)]
     trips = [trip for its_trips, _ in read for trip in its_trips]
     raise_faults([*_twice(path, files, [its for its, _ in read]), *_wrong_sign(trips, checked)])
@@ -91,16 +95,26 @@ def read_table(
     return Fleet("table", tuple(trips), (*_fleet_notes(trips, checked), *notes))
 
 
-def _table_files(path: Path) -> list[Path]:
-    allowed = f"a file or a folder of files {', '.join(SUFFIXES)}"
-    if not path.exists():
-        raise InvalidInput(Fault("no such file or folder", f"{path}", "", allowed))
-    if path.is_file():
-        return [path]
-    files = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file())
-    if not files:
-        raise InvalidInput(Fault("no trips", f"{path}", "no table", allowed))
-    return files
+def _alike_counted(path: Path, faults: Sequence[Sequence[Fault]]) -> Iterator[Fault]:
+    """All faults of all files; of one that many files share in the same column the first ones and how many more."""
+    seen: dict[tuple[str, str, str], list[Fault]] = {}
+    for fault in (fault for its_faults in faults for fault in its_faults):
+        column = fault.where.partition(" column ")[2]
+        seen.setdefault((fault.what, column, fault.allowed), []).append(fault)
+    for alike in seen.values():
+        if len(alike) <= SHOWN_ALIKE + 1:
+            yield from alike
+            continue
+        yield from alike[:SHOWN_ALIKE]
+        column = alike[0].where.partition(" column ")[2]
+        place = f"{path} column {column}" if column else f"{path}"
+        yield replace(alike[0], where=place, got=f"{len(alike) - SHOWN_ALIKE} more of this kind")
+
+
+def _with_decimal_hint(fault: Fault, mapping: ColumnMapping) -> Fault:
+    if fault.what != "decimal comma":
+        return fault
+    return replace(fault, fix=f'add [file] decimal = "," to {mapping.source}')
 
 
 def _checked(mapping: Path | str | ColumnMapping | None, first: Path) -> ColumnMapping:
@@ -173,8 +187,8 @@ def _missing(table: Table, name: str, mapping: ColumnMapping) -> Fault:
     return Fault("missing column", f"{table.path}", got, f"a column {name!r}", f"{fix}see {mapping.source}")
 
 
-def _stamps(table: Table, entry: Entry) -> tuple[FloatArray, list[dt.datetime | None]]:
-    """Seconds since 1970 of a column of time stamps."""
+def _stamps(table: Table, entry: Entry) -> tuple[FloatArray, list[dt.datetime | None] | None]:
+    """Seconds since 1970 of a column of time stamps; since the first sample, and no start, where they tell no day."""
     texts = pd.Series(table.texts(entry.column), dtype=object)
     stamps = pd.to_datetime(texts, format=entry.format or "ISO8601", utc=True, errors="coerce")
     bad = np.flatnonzero(stamps.isna() & (texts != ""))
@@ -186,6 +200,9 @@ def _stamps(table: Table, entry: Entry) -> tuple[FloatArray, list[dt.datetime | 
         raise InvalidInput(Fault("not a time", place, got, allowed, fix))
     seconds = (stamps - pd.Timestamp(0, tz="UTC")).dt.total_seconds()
     values = np.asarray(seconds, dtype=np.float64)
+    if entry.format and not re.search("%[djUVxcs]", entry.format):  # a clock without a day
+        midnight = np.concatenate(([0.0], np.cumsum(np.diff(values) < -0.5 * SECONDS_PER_DAY)))
+        return values - values[0] + SECONDS_PER_DAY * midnight, None
     return values, [_from_epoch(values[0])]
 
 
@@ -254,12 +271,18 @@ def _trips_of(
         outside = sum(not text for text in texts)
         if outside:
             notes.append(f"{table.path.name}: {outside} rows without a trip were left out")
+    timeless = ~np.isfinite(ours["time_s"])
+    if timeless.any() and not timeless.all():
+        notes.append(f"{table.path.name}: {int(timeless.sum())} rows without a time were left out")
+        groups = [(name, rows[~timeless[rows]]) for name, rows in groups]
     for name, rows in groups:
         samples = frame.iloc[rows].reset_index(drop=True)
         if stamped and bool((np.diff(samples["time_s"]) < 0).any()):
             samples = samples.sort_values("time_s", kind="stable", ignore_index=True)
             notes.append(f"{table.path.name}: rows of {name} were put in the order of their time stamps")
         notes += _gap_notes(table, name, samples, rows)
+        if texts is not None:
+            faults += _reused_id(table, name, samples, rows)
         if len(samples) < 2:
             faults.append(
                 Fault("too few samples", f"{table.path}, trip {name}", f"{len(samples)}", "at least 2")
@@ -324,7 +347,31 @@ def _gap_notes(table: Table, name: str, samples: pd.DataFrame, rows: npt.NDArray
     step = np.diff(np.asarray(samples["time_s"]))
     for i in np.flatnonzero(step > GAP_S)[:3]:
         where = f"{table.path.name} row {table.row(int(rows[i + 1]))}, trip {name}"
-        yield f"{where}: no samples for {step[i]:.0f} s; the audit reads what follows as another drive"
+        yield (
+            f"{where}: no samples for {step[i]:.0f} s, at most {GAP_S:g} s are bridged: the audit reads what follows as "
+            "another drive"
+        )
+    back = np.flatnonzero(step < -GAP_S)
+    if len(back):
+        i = int(back[0])
+        where = f"{table.path.name} row {table.row(int(rows[i + 1]))}, trip {name}"
+        yield (
+            f"{where}: the time goes back by {-step[i]:.0f} s ({len(back)} times in all); several trips in one file? "
+            "Name their column under [trip] in the mapping"
+        )
+
+
+def _reused_id(
+    table: Table, name: str, samples: pd.DataFrame, rows: npt.NDArray[np.int64]
+) -> Iterator[Fault]:
+    """An id under which the time starts again."""
+    time = np.asarray(samples["time_s"])
+    back = np.flatnonzero(np.diff(time) < -GAP_S)
+    if len(back):
+        i = int(back[0])
+        where = f"{table.path} row {table.row(int(rows[i + 1]))}, trip {name}"
+        got = f"the time starts again, {time[i + 1]:g} s after {time[i]:g} s"
+        yield Fault("two trips with one id", where, got, "one id a trip", "give each trip an id of its own")
 
 
 def _trip(name: str, samples: pd.DataFrame, mapping: ColumnMapping, *, stamped: bool) -> Trip:

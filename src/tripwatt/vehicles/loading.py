@@ -216,8 +216,17 @@ def vehicle_from_document(
             parts[section] = None
             continue
         missing = [f.name for f in dataclasses.fields(part) if _required(f) and f.name not in present]
+        named = tables.get(section, {})
         faults += [
-            Fault("missing entry", f"{where}, [{section}]", "nothing", f"an entry {key!r}") for key in missing
+            Fault(
+                "missing entry",
+                f"{where}, [{section}]",
+                "nothing",
+                f"an entry {key!r}",
+                _entry_line(section, key),
+            )
+            for key in missing
+            if key not in named  # else its own fault was told
         ]
         if not missing:
             parts[section] = part(**{k: e.value for k, e in present.items()})
@@ -280,6 +289,12 @@ def _unknown(what: str, where: str, got: str, allowed: Sequence[str] | Mapping[s
 
 def _fields(section: str) -> dict[str, dataclasses.Field[Any]]:
     return {f.name: f for f in dataclasses.fields(SECTIONS[section])}
+
+
+def _entry_line(section: str, key: str) -> str:
+    """What to write for an entry that is missing."""
+    unit = _fields(section)[key].metadata["unit"]
+    return f'add {key} = {{ value = ..., unit = "{unit}", source = "..." }} under [{section}]'
 
 
 def _entry(section: str, key: str, raw: object, where: str, faults: list[Fault]) -> Entry | None:

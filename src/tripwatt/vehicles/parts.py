@@ -217,7 +217,9 @@ class Climate:
     heater_efficiency: float = quantity(
         "1", 0.3, 1.0, "heat in the cabin over electric power, resistive heater"
     )
-    heat_pump_max_heat_w: float = quantity("W", 0.0, 60_000.0, "largest heat of the heat pump, 0 for none")
+    heat_pump_max_heat_w: float = quantity(
+        "W", 0.0, 60_000.0, "largest heat of the heat pump at 7 degC outside, 0 for none"
+    )
     heat_pump_cop_at_0_degc: float = quantity("1", 1.0, 6.0, "heat over electric power at 0 degC outside")
     heat_pump_cop_per_k: float = quantity("1/K", 0.0, 0.5, "rise of it for each kelvin of warmer air")
     cooler_max_heat_w: float = quantity(

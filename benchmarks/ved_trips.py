@@ -1,0 +1,171 @@
+"""Physics alone on the logged trips of the VED's Leafs: nothing is fitted on them. Where the error comes from, by weather.
+
+Run: ``python -m benchmarks.ved_trips`` (``--write`` also renews the tables in docs/ved.md). Needs TRIPWATT_DATA.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from tripwatt.audit import audit
+from tripwatt.physics import simulate_trip
+from tripwatt.physics.departure import at_departure
+from tripwatt.sources import read_fleet
+from tripwatt.trips import Trip, resample
+from tripwatt.units import WH_PER_J
+from tripwatt.vehicles import Vehicle, load_vehicle
+
+SHORTEST_M: Final = 2000.0
+CAR: Final = "nissan_leaf_24"
+ERROR_BAR, BIAS_BAR = 0.20, 0.08
+BARS_ON: Final = ("car 10", "both cars")
+EDGES_DEGC: Final = (-40.0, -5.0, 0.0, 5.0, 10.0, 18.0, 26.0, 50.0)
+
+PAGE: Final = Path(__file__).parents[1] / "docs" / "ved.md"
+MARKS: Final = ("<!-- tables: python -m benchmarks.ved_trips --write -->", "<!-- end of the tables -->")
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """One trip: energies [Wh], and the electric energy of heating and cooling as simulated and as the car logged it."""
+
+    trip: str
+    distance_m: float
+    duration_s: float
+    ambient_degc: float
+    observed_wh: float
+    simulated_wh: float
+    simulated_climate_wh: float
+    logged_climate_wh: float
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """Energy-weighted error and bias of some trips."""
+
+    name: str
+    n_trips: int
+    error: float
+    bias: float
+
+    @property
+    def met(self) -> bool:
+        return self.error <= ERROR_BAR and abs(self.bias) <= BIAS_BAR
+
+
+def ved_folder() -> Path | None:
+    """The VED trips, or None where they are not at hand."""
+    folder = Path(os.environ.get("TRIPWATT_DATA", "../shared/data")) / "ved"
+    return folder if folder.is_dir() else None
+
+
+def outcomes(trips: Sequence[Trip], vehicle: Vehicle) -> list[Outcome]:
+    """Simulation beside measurement, for trips with a measured energy that are long enough."""
+    results = []
+    for log in trips:
+        if log.distance_m <= SHORTEST_M or log.observed_energy_wh is None:
+            continue
+        trip = resample(log)
+        run = simulate_trip(vehicle, trip)
+        (ambient,) = at_departure(trip, "ambient_temperature_degc")
+        time = trip.array("time_s")
+        logged = np.nan_to_num(trip.array("heating_power_w")) + np.nan_to_num(trip.array("aircon_power_w"))
+        results.append(
+            Outcome(
+                log.trip_id,
+                log.distance_m,
+                log.duration_s,
+                float("nan") if ambient is None else ambient,
+                log.observed_energy_wh,
+                run.simulated_energy_wh,
+                float(run.energy_by_cause_wh["hvac"][-1]),
+                float(np.trapezoid(logged, time)) * WH_PER_J,
+            )
+        )
+    return results
+
+
+def score(name: str, results: Sequence[Outcome]) -> Score:
+    """Sum of absolute errors, and of errors, over the sum of the observed energies."""
+    observed = np.array([r.observed_wh for r in results])
+    error = np.array([r.simulated_wh for r in results]) - observed
+    total = observed.sum()
+    return Score(name, len(results), float(np.abs(error).sum() / total), float(error.sum() / total))
+
+
+def scores(results: Sequence[Outcome]) -> list[Score]:
+    """Each car and both."""
+    groups = {
+        "car 10": [r for r in results if r.trip.startswith("VED10-")],
+        "car 541": [r for r in results if r.trip.startswith("VED541-")],
+        "both cars": list(results),
+    }
+    return [score(name, group) for name, group in groups.items() if group]
+
+
+def by_weather(results: Sequence[Outcome]) -> list[str]:
+    """Rows of a markdown table: what the cars used and what heating and cooling took, by outside air."""
+    lines = [
+        "| outside air °C | trips | measured Wh/km | simulated Wh/km | error | heating and cooling logged W | simulated W |",
+        "|---|---:|---:|---:|---:|---:|---:|",
+    ]
+    for low, high in pairwise(EDGES_DEGC):
+        group = [r for r in results if low < r.ambient_degc <= high]
+        if not group:
+            continue
+        km = sum(r.distance_m for r in group) / 1000.0
+        hours = sum(r.duration_s for r in group) / 3600.0
+        observed, simulated = sum(r.observed_wh for r in group), sum(r.simulated_wh for r in group)
+        label = f"up to {high:g}" if low == EDGES_DEGC[0] else f"{low:g} to {high:g}"
+        label = f"above {low:g}" if high == EDGES_DEGC[-1] else label
+        lines.append(
+            f"| {label} | {len(group)} | {observed / km:.0f} | {simulated / km:.0f} | {simulated / observed - 1:+.1%} "
+            f"| {sum(r.logged_climate_wh for r in group) / hours:.0f} "
+            f"| {sum(r.simulated_climate_wh for r in group) / hours:.0f} |"
+        )
+    return lines
+
+
+def report() -> tuple[str, bool]:
+    """Both tables as markdown, and whether the bars are met; raises FileNotFoundError without the data."""
+    folder = ved_folder()
+    if folder is None:
+        raise FileNotFoundError("no VED trips: set TRIPWATT_DATA")
+    fleet = read_fleet(folder, "ved")
+    vehicle = load_vehicle(CAR)
+    lines = ["| trips over 2 km | car | trips | energy-weighted error | bias |", "|---|---|---:|---:|---:|"]
+    met = True
+    sets = {"as logged": fleet.trips, "audited": audit(fleet).trips}
+    results: list[Outcome] = []
+    for name, trips in sets.items():
+        results = outcomes(trips, vehicle)
+        for row in scores(results):
+            lines.append(f"| {name} | {row.name} | {row.n_trips} | {row.error:.1%} | {row.bias:+.1%} |")
+            met &= row.met or row.name not in BARS_ON
+    return "\n".join([*lines, "", *by_weather(results)]), met
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--write", action="store_true", help="renew the tables in docs/ved.md")
+    arguments = parser.parse_args()
+    text, met = report()
+    print(text)
+    print(f"\nbars (error <= {ERROR_BAR:.0%}, bias within {BIAS_BAR:.0%}): {'met' if met else 'MISSED'}")
+    if arguments.write:
+        head, _, rest = PAGE.read_text(encoding="utf-8").partition(MARKS[0])
+        _, _, tail = rest.partition(MARKS[1])
+        PAGE.write_text(f"{head}{MARKS[0]}\n\n{text}\n\n{MARKS[1]}{tail}", encoding="utf-8")
+    raise SystemExit(0 if met else 1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,264 @@
+"""What the values of a table say of its columns.
+
+Units come from ranges, time stamps from their form, and Newton's second law says which column is the current, which way
+it counts, and in which unit the speed is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from tripwatt.inertia import apparent_mass
+from tripwatt.sources.mapping import M_S_PER_MPH, POWER
+from tripwatt.trips import COLUMNS
+from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_HOUR
+
+FloatArray = npt.NDArray[np.float64]
+
+CLEAR: Final = 0.3
+"""Correlation of power with acceleration above which its direction is clear."""
+SURE: Final = 0.6
+"""Correlation above which an unnamed column is taken for the current."""
+USUAL_KG: Final = 1700.0
+LIGHTEST_KG, HEAVIEST_KG = 600.0, 4500.0
+PACK_V: Final = (150.0, 950.0)
+PACK_SWING: Final = 0.35
+STAND_IN_V: Final = 360.0
+"""Any pack voltage serves to tell a direction."""
+MOST_COLUMNS: Final = 12
+
+SINCE_1970: Final = 1e8
+"""No trip lasts so many seconds: larger times count since 1970."""
+
+SPEED_UNITS: Final = MappingProxyType({"m/s": 1.0, "km/h": M_S_PER_KM_H, "mph": M_S_PER_MPH})
+
+STAMP_FORMATS: Final = (
+    "%d.%m.%Y %H:%M:%S",
+    "%d.%m.%Y %H:%M:%S.%f",
+    "%d.%m.%Y %H:%M:%S,%f",
+    "%d.%m.%y %H:%M:%S",
+    "%d-%b-%Y %H:%M:%S.%f",
+    "%d-%b-%Y %H:%M:%S",
+    "%Y/%m/%d %H:%M:%S",
+    "%Y/%m/%d %H:%M:%S.%f",
+    "%Y-%m-%d %H:%M:%S,%f",
+    "%m/%d/%Y %H:%M:%S",
+    "%d/%m/%Y %H:%M:%S",
+    "%m/%d/%Y %I:%M:%S %p",
+    "%d-%m-%Y %H:%M:%S",
+    "%d.%m.%Y %H:%M",
+    "%m/%d/%Y %H:%M",
+    "%d/%m/%Y %H:%M",
+    "%H:%M:%S",
+    "%H:%M:%S.%f",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Flow:
+    """What the flow of power says: columns found by it, direction of the current, mass in the assumed unit of speed.
+
+    `found` holds (our name, column, unit, why).
+    """
+
+    found: tuple[tuple[str, str, str, str], ...] = ()
+    sign: str = ""
+    why_sign: str = ""
+    mass_kg: float | None = None
+
+
+def stamp_format(texts: Sequence[str]) -> tuple[str, str] | None:
+    """`strptime` format of a column of time stamps and why, the format empty for ISO 8601; None for other texts.
+
+    Examples
+    --------
+    >>> stamp_format(["2024-05-31T08:00:00Z", "2024-05-31T08:00:01Z"])
+    ('', 'time stamps, ISO 8601')
+    >>> stamp_format(["31.05.2024 08:00:00"])[0], stamp_format(["Monday"])
+    ('%d.%m.%Y %H:%M:%S', None)
+    """
+    some = [text for text in texts if text]
+    probe = pd.Series(some[:200] + some[-50:], dtype=object)
+    if not len(probe):
+        return None
+    if pd.to_datetime(probe, format="ISO8601", utc=True, errors="coerce").notna().all():
+        return "", "time stamps, ISO 8601"
+    fitting = [
+        form
+        for form in STAMP_FORMATS
+        if pd.to_datetime(probe, format=form, utc=True, errors="coerce").notna().all()
+    ]
+    if not fitting:
+        return None
+    unclear = "" if len(fitting) == 1 else f"; CHECK, may be {' or '.join(fitting[1:3])}"
+    return fitting[0], f"time stamps such as {some[0]}{unclear}"
+
+
+def unit_of_values(ours: str, known: FloatArray) -> tuple[str, str]:
+    """Unit of a column whose name does not say it, from the range of its values, and why."""
+    low, high = float(np.min(known)), float(np.max(known))
+    seen = f"values of {low:g} to {high:g}"
+    if ours == "time_s":
+        return _unit_of_time(known, low, seen)
+    if ours == "speed_m_s":
+        return (
+            ("km/h", f"{seen} are km/h rather than m/s")
+            if high > 60.0
+            else ("m/s", f"{seen}: CHECK, m/s or km/h?")
+        )
+    if ours in ("soc", "displayed_soc", "grade"):
+        return ("%", f"{seen} are percent") if high > 1.5 else ("1", f"{seen} are a fraction")
+    if ours.endswith("_degc"):
+        if low > 200.0:
+            return "k", f"{seen} are kelvin"
+        if high > 60.0 and "ambient" in ours:
+            return "degf", f"{seen} are °F"
+        check = ": CHECK, °C or °F?" if high > 42.0 and "ambient" in ours else ""
+        return "degc", f"{seen}{check}"
+    if ours.endswith("_w"):
+        return ("kw", f"{seen} are kW") if max(abs(low), abs(high)) < 1000.0 else ("w", f"{seen} are W")
+    if ours == "voltage_v":
+        return ("mv", f"{seen} are mV") if high > 2000.0 else ("v", seen)
+    if ours == "current_a":
+        return ("ma", f"{seen} are mA") if max(abs(low), abs(high)) > 3000.0 else ("a", seen)
+    return COLUMNS[ours].unit.lower(), seen
+
+
+def _unit_of_time(known: FloatArray, low: float, seen: str) -> tuple[str, str]:
+    if low > 1e11:
+        return "epoch_ms", f"{seen} are milliseconds since 1970"
+    if low > SINCE_1970:
+        return "epoch_s", f"{seen} are seconds since 1970"
+    steps = np.diff(known)
+    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
+    if step >= 50.0:
+        return "ms", f"steps of {step:g} are milliseconds"
+    if abs(step * SECONDS_PER_HOUR - round(step * SECONDS_PER_HOUR)) < 0.02 and step < 0.01:
+        return "h", f"steps of {step:.3g} are hours"
+    if step < 0.05 and abs(step * 60.0 - round(step * 60.0)) < 0.02:
+        return "min", f"steps of {step:.3g} are minutes"
+    return "s", f"steps of {step:g}"
+
+
+def speed_unit(assumed: str, mass_kg: float) -> tuple[str, str]:
+    """Unit in which the car has a mass that cars have, for the mass that it has in the assumed one.
+
+    Examples
+    --------
+    >>> speed_unit("m/s", 125.0)[0], speed_unit("m/s", 1650.0)[0]
+    ('km/h', 'm/s')
+    """
+    masses = {
+        unit: mass_kg * (SPEED_UNITS[assumed] / factor) ** 2
+        for unit, factor in SPEED_UNITS.items()
+        if assumed in SPEED_UNITS
+    }
+    fitting = {u: m for u, m in masses.items() if LIGHTEST_KG <= m <= HEAVIEST_KG}
+    if not fitting:
+        return assumed, f"CHECK: in {assumed} the car would weigh {mass_kg:.0f} kg"
+    unit = min(fitting, key=lambda u: abs(np.log(fitting[u] / USUAL_KG)))
+    others = ", ".join(f"{m:.0f} in {u}" for u, m in masses.items() if u != unit)
+    check = " CHECK, that is close" if len(fitting) > 1 else ""
+    return (
+        unit,
+        f"in {unit} the car reacts to its power like {fitting[unit]:.0f} kg ({others}, no car's){check}",
+    )
+
+
+def best_flow(
+    clock: FloatArray, known: Mapping[str, tuple[str, FloatArray]], others: Mapping[str, FloatArray]
+) -> Flow:
+    """Columns that only their values give away, and the direction of the current.
+
+    Parameters
+    ----------
+    clock : ndarray
+        Time [s].
+    known : mapping
+        Our name to (column, values in our unit), and "rows" to ("", 1 for the rows of the longest trip).
+    others : mapping
+        Columns that no name explained.
+    """
+    rows = known["rows"][1] > 0
+    if len(clock) != len(rows) or not rows.any():
+        return Flow()
+    time = clock[rows]
+    found: list[tuple[str, str, str, str]] = []
+    spare = {n: v[rows] for n, v in others.items()}
+    voltage = known["voltage_v"][1][rows] if "voltage_v" in known else None
+    if voltage is None:
+        name = next((n for n, v in spare.items() if _is_pack_voltage(v)), None)
+        if name is not None:
+            voltage = spare.pop(name)
+            text = f"no name says it, but values of {np.nanmin(voltage):g} to {np.nanmax(voltage):g} are a battery's"
+            found.append(("voltage_v", name, "v", text))
+    volts = np.full(len(time), STAND_IN_V) if voltage is None else voltage
+    speeds = (
+        {"": known["speed_m_s"][1][rows]}
+        if "speed_m_s" in known
+        else {n: v for n, v in spare.items() if _may_be_speed(v)}
+    )
+    if POWER in known and "current_a" not in known:
+        flows = {"": known[POWER][1][rows]}
+    elif "current_a" in known:
+        flows = {"": known["current_a"][1][rows] * volts}
+    else:
+        flows = {n: v * volts for n, v in spare.items() if np.nanmin(v, initial=0.0) < 0.0}
+    return _matched(time, speeds, flows, found, measured=POWER in known or "current_a" in known)
+
+
+def _matched(
+    time: FloatArray,
+    speeds: Mapping[str, FloatArray],
+    flows: Mapping[str, FloatArray],
+    found: list[tuple[str, str, str, str]],
+    *,
+    measured: bool,
+) -> Flow:
+    """The pair of speed and flow of power that obeys Newton's second law best."""
+    best: tuple[float, float, str, str] | None = None
+    for speed_name, speed in list(speeds.items())[:MOST_COLUMNS]:
+        for flow_name, flow in list(flows.items())[:MOST_COLUMNS]:
+            if speed_name and speed_name == flow_name:
+                continue
+            answer = apparent_mass(time, speed, flow)
+            if answer is not None and (best is None or abs(answer[1]) > abs(best[1])):
+                best = (answer[0], answer[1], speed_name, flow_name)
+    if best is None or abs(best[1]) < CLEAR:
+        return Flow(tuple(found), "discharge" if measured else "", "CHECK: too little driving to tell")
+    mass, correlation, speed_name, flow_name = best
+    if (speed_name or flow_name) and abs(correlation) < SURE:
+        return Flow(tuple(found), "discharge" if measured else "", "CHECK: too little driving to tell")
+    if flow_name:
+        text = (
+            f"no name says it, but it goes with speed times acceleration (correlation {abs(correlation):.2f})"
+        )
+        found.append(("current_a", flow_name, "a", text))
+    if speed_name:
+        text = f"no name says it, but the flow of power goes with its change (correlation {abs(correlation):.2f})"
+        found.append(("speed_m_s", speed_name, "m/s", text))
+    sign = "discharge" if correlation > 0 else "charge"
+    return Flow(tuple(found), sign, f"correlation of power with acceleration {correlation:.2f}", abs(mass))
+
+
+def _is_pack_voltage(values: FloatArray) -> bool:
+    known = values[np.isfinite(values)]
+    if len(known) < 10:
+        return False
+    low, middle, high = np.quantile(known, [0.02, 0.5, 0.98])
+    steady = abs(float(np.corrcoef(known, np.arange(len(known)))[0, 1])) > 0.9999 if high > low else True
+    return bool(PACK_V[0] <= middle <= PACK_V[1] and 0.0 < (high - low) / middle < PACK_SWING and not steady)
+
+
+def _may_be_speed(values: FloatArray) -> bool:
+    known = values[np.isfinite(values)]
+    if len(known) < 10:
+        return False
+    return bool(known.min() >= 0.0 and 5.0 <= known.max() <= 260.0 and known.min() < 0.2 * known.max())

@@ -1,0 +1,61 @@
+"""Vehicle files of other programs as the text of a car's TOML.
+
+Read are those of NREL FASTSim (YAML of version 3, YAML and CSV of version 2) and Eclipse SUMO (XML of its MMPEVEM model).
+What such a file does not hold comes from shared data, from similarity with a bundled car, or from a stated estimate; each
+entry says which. Motor efficiency and loss maps of the source are not taken over.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.vehicles.importing.fastsim import from_fastsim_csv, from_fastsim_yaml
+from tripwatt.vehicles.importing.found import Found
+from tripwatt.vehicles.importing.rendering import vehicle_toml
+from tripwatt.vehicles.importing.sumo import from_sumo
+from tripwatt.vehicles.loading import vehicle_from_document
+
+LARGEST_FILE_BYTES: Final = 20_000_000
+"""Vehicle files are far smaller; larger ones are refused unread."""
+
+
+def import_vehicle(path: str | Path, row: str | None = None) -> str:
+    """Text of a car's TOML for a vehicle file of FASTSim (.yaml, .yml, .csv) or SUMO MMPEVEM (.xml).
+
+    Parameters
+    ----------
+    path : str or Path
+    row : str, optional
+        For a CSV table with many vehicles: the scenario name or number of one. For an XML with many vehicle types:
+        the id of one.
+
+    Raises
+    ------
+    InvalidInput
+        With everything that the file lacks or that cannot be used.
+    """
+    file = Path(path)
+    readers: dict[str, Callable[[str, str, str | None], Found]] = {
+        ".yaml": from_fastsim_yaml,
+        ".yml": from_fastsim_yaml,
+        ".csv": from_fastsim_csv,
+        ".xml": from_sumo,
+    }
+    reader = readers.get(file.suffix.lower())
+    if reader is None:
+        raise InvalidInput(Fault("unknown kind of file", str(file), file.suffix, ", ".join(readers)))
+    try:
+        if file.stat().st_size > LARGEST_FILE_BYTES:
+            size, most = f"{file.stat().st_size} bytes", f"at most {LARGEST_FILE_BYTES} bytes"
+            raise InvalidInput(Fault("file too large", str(file), size, most))
+        text = file.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InvalidInput(Fault("file cannot be read", str(file), str(error), "a text file")) from error
+    found = reader(text, str(file), row)
+    result = vehicle_toml(found, file.name)
+    vehicle_from_document(tomllib.loads(result), file.stem, str(file))  # impossible values show here
+    return result

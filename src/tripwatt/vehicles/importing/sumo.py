@@ -1,0 +1,128 @@
+"""Vehicle types of Eclipse SUMO's MMPEVEM model."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Final
+from xml.parsers import expat
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.vehicles.importing.found import Fields, Found
+
+SUMO_NAMES: Final = frozenset(
+    [
+        "vehicleMass",
+        "wheelRadius",
+        "internalMomentOfInertia",
+        "radialDragCoefficient",
+        "rollDragCoefficient",
+        "airDragCoefficient",
+        "frontSurfaceArea",
+        "gearRatio",
+        "gearEfficiency",
+        "maximumTorque",
+        "maximumPower",
+        "maximumRecuperationTorque",
+        "maximumRecuperationPower",
+        "internalBatteryResistance",
+        "nominalBatteryVoltage",
+        "constantPowerIntake",
+        "powerLossMap",
+        "propulsionEfficiency",
+        "recuperationEfficiency",
+        "stoppingThreshold",
+        "rotatingMass",
+        "mass",
+        "loading",
+    ]
+)
+"""Parameters of SUMO's MMPEVEM vehicles; `has.*` and `device.*` are allowed besides."""
+
+
+def sumo_types(text: str, where: str) -> dict[str, dict[str, str]]:
+    """Parameters of the vehicle types in a SUMO file, by id. Files with a document type or entities are refused."""
+    types: dict[str, dict[str, str]] = {}
+    current: list[dict[str, str]] = []
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        if tag == "vType":
+            current[:] = [{k: v for k, v in attributes.items() if k in ("mass", "emissionClass")}]
+            types[attributes.get("id", f"vType {len(types) + 1}")] = current[0]
+        elif tag == "param" and current:
+            current[0][attributes.get("key", "")] = attributes.get("value", "")
+
+    def end(tag: str) -> None:
+        if tag == "vType":
+            current.clear()
+
+    def refuse(name: str, *_: object) -> None:
+        allowed = "plain XML without document type and entities"
+        raise InvalidInput(Fault("file may not define entities", where, name, allowed))
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    parser.StartDoctypeDeclHandler = refuse
+    parser.EntityDeclHandler = refuse
+    try:
+        parser.Parse(text.encode("utf-8"), True)
+    except expat.ExpatError as error:
+        raise InvalidInput(
+            Fault("not an XML file", where, str(error), "XML of SUMO vehicle types")
+        ) from error
+    return types
+
+
+def from_sumo(text: str, where: str, row: str | None) -> Found:
+    """A vehicle type of SUMO's MMPEVEM model."""
+    # The text is decoded by now: a declaration of another encoding would mislead the parser.
+    types = sumo_types(re.sub(r"^\s*<\?xml[^>]*\?>", "", text, count=1), where)
+    title = row if row is not None else (next(iter(types)) if len(types) == 1 else "")
+    if title not in types:
+        raise InvalidInput(
+            Fault("which vehicle type?", where, row or "no id", ", ".join(types) or "a <vType>")
+        )
+    table = types[title]
+    place = f"{where}, {title}"
+    fields = Fields(table, place)
+    fields.faults += [
+        Fault("unknown entry", f"{place}, {key}", table[key], "a parameter of the MMPEVEM model")
+        for key in table
+        if key not in SUMO_NAMES and key != "emissionClass" and not key.startswith(("has.", "device."))
+    ]
+    if table.get("emissionClass", "MMPEVEM") != "MMPEVEM":
+        fields.faults.append(
+            Fault("another model", f"{place}, emissionClass", table["emissionClass"], "MMPEVEM")
+        )
+    mass_key = "vehicleMass" if "vehicleMass" in table else "mass"
+    power_key = "maximumPower" if "maximumPower" in table else "device.battery.maxPower"
+    capacity_keys = ("device.battery.capacity", "device.battery.maximumBatteryCapacity")
+    capacity_key = next((k for k in capacity_keys if k in table), capacity_keys[0])
+    loss_map = table.get("powerLossMap", "").split("|")
+    speeds = re.findall(r"[\d.]+", loss_map[1].split(";")[0]) if len(loss_map) == 3 else []
+    if not speeds:
+        fields.faults.append(Fault("missing entry", f"{place}, powerLossMap", "nothing", "axes and losses"))
+    found = Found(
+        title=title.replace("_", " "),
+        mass_kg=fields.number(mass_key),
+        load_kg=None,
+        drag_coefficient=fields.number("airDragCoefficient"),
+        frontal_area_m2=fields.number("frontSurfaceArea"),
+        rolling_resistance_coefficient=fields.number("rollDragCoefficient"),
+        wheel_radius_m=fields.number("wheelRadius"),
+        motor_power_w=fields.number(power_key),
+        energy_wh=fields.number(capacity_key),
+        base_load_w=fields.number("constantPowerIntake"),
+        gearbox_efficiency=fields.number("gearEfficiency"),
+        rotating_inertia_kg_m2=fields.optional("internalMomentOfInertia"),
+        gear_ratio=fields.number("gearRatio"),
+        motor_torque_nm=fields.number("maximumTorque"),
+        motor_speed_rad_s=float(speeds[-1]) * math.pi / 30.0 if speeds else None,
+        regeneration_torque_nm=fields.optional("maximumRecuperationTorque"),
+        regeneration_power_w=fields.optional("maximumRecuperationPower"),
+        nominal_voltage_v=fields.number("nominalBatteryVoltage"),
+        pack_resistance_ohm=fields.optional("internalBatteryResistance"),
+    )
+    fields.done()
+    return found

@@ -1,0 +1,211 @@
+"""Proposals for tables with all kinds of headers: what is proposed reads the same drive, or says what to check."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tripwatt.errors import InvalidInput
+from tripwatt.sources.mapping import parse_mapping
+from tripwatt.sources.suggest import suggest_mapping
+from tripwatt.sources.table import read_table
+from tripwatt.trips import Trip
+
+AMBIENT_DEGC, HEIGHT_M = 11.0, 320.0
+Columns = dict[str, object]
+
+
+def drive(n: int = 700) -> pd.DataFrame:
+    """A drive of a car of 1600 kg: seconds, m/s, V, A (+ discharges)."""
+    rng = np.random.default_rng(4)
+    time = np.arange(float(n))
+    speed = np.maximum(11.0 + 9.0 * np.sin(time / 11.0) + 3.0 * np.sin(time / 4.3), 0.0)
+    power = 1600.0 * speed * np.gradient(speed, time) + 250.0 * speed + 900.0
+    current = power / 365.0 + rng.normal(0.0, 0.2, n)
+    return pd.DataFrame({"t": time, "v": speed, "u": 365.0 - 0.1 * current, "i": current})
+
+
+def stamps(d: pd.DataFrame, form: str) -> list[str]:
+    return list((pd.Timestamp("2024-05-31 08:00:00") + pd.to_timedelta(d.t, unit="s")).dt.strftime(form))
+
+
+HEADERS: dict[str, Callable[[pd.DataFrame], Columns]] = {
+    "units at the end": lambda d: {
+        "time_s": d.t, "speed_kmh": d.v * 3.6, "current_A": d.i, "voltage_V": d.u, "T_amb_C": AMBIENT_DEGC, "elev_m": HEIGHT_M,
+    },
+    "german, charge positive": lambda d: {
+        "Zeit [s]": d.t, "v [km/h]": d.v * 3.6, "I_Batt [A]": -d.i, "U_Batt [V]": d.u, "Außentemperatur [°C]": AMBIENT_DEGC,
+        "Höhe [m]": HEIGHT_M,
+    },
+    "american": lambda d: {
+        "Date/Time": stamps(d, "%m/%d/%Y %H:%M:%S"), "Spd (mph)": d.v / 0.44704, "HV Amps": -d.i, "HV Volts": d.u,
+        "OAT (F)": AMBIENT_DEGC * 1.8 + 32, "Alt (ft)": HEIGHT_M / 0.3048,
+    },
+    "letters": lambda d: {"t": d.t, "v": d.v, "i": d.i, "u": d.u, "temp_out": AMBIENT_DEGC, "height": HEIGHT_M},
+    "camel case": lambda d: {
+        "timeMs": d.t * 1000, "vehicleSpeedKmh": d.v * 3.6, "hvBatteryCurrentA": d.i, "hvBatteryVoltageV": d.u,
+        "ambientTemperatureC": AMBIENT_DEGC, "gpsAltitudeM": HEIGHT_M,
+    },
+    "epoch and amps": lambda d: {
+        "ts": (1.7e9 + d.t) * 1000, "velocity": d.v * 3.6, "amps": d.i, "volts": d.u, "oat": AMBIENT_DEGC, "alt": HEIGHT_M,
+    },
+    "german stamps": lambda d: {
+        "Datum": stamps(d, "%d.%m.%Y %H:%M:%S"), "Geschwindigkeit (km/h)": d.v * 3.6, "Batteriestrom (A)": d.i,
+        "Batteriespannung (V)": d.u, "Umgebungstemperatur (°C)": AMBIENT_DEGC, "Höhe (m)": HEIGHT_M,
+    },
+    "a clock": lambda d: {
+        "time": stamps(d, "%H:%M:%S"), "Vehicle Speed": d.v * 3.6, "Pack current": d.i, "Pack voltage": d.u,
+        "Outside temperature": AMBIENT_DEGC, "Altitude": HEIGHT_M,
+    },
+    "our own names in other units": lambda d: {
+        "time_s": 1.7e9 + d.t, "speed_m_s": d.v, "voltage_v": d.u, "current_a": d.i, "soc": 80.0,
+        "ambient_temperature_degc": AMBIENT_DEGC, "elevation_m": HEIGHT_M,
+    },
+    "things of the same name": lambda d: {
+        "Time": d.t, "12V battery voltage": 12.5, "Cell voltage max": 4.1, "Motor current": 1.4 * d.i, "Motor speed (rpm)": d.v * 500,
+        "Speed limit": 50, "Vehicle speed": d.v * 3.6, "Battery voltage": d.u, "Battery current": d.i, "Battery temperature": 21.0,
+        "Ambient temperature": AMBIENT_DEGC, "Altitude": HEIGHT_M,
+    },
+}  # fmt: skip
+
+
+def proposed(path) -> Trip:
+    (trip,) = read_table(path, parse_mapping(suggest_mapping(path).toml, "proposed")).trips
+    return trip
+
+
+@pytest.mark.parametrize("header", HEADERS)
+def test_what_is_proposed_reads_the_same_drive(tmp_path, header) -> None:
+    truth = drive()
+    table = pd.DataFrame(HEADERS[header](truth))
+    comma = "german" in header
+    path = tmp_path / "drive.csv"
+    table.to_csv(
+        path, index=False, sep=";" if comma else ",", decimal="," if comma else ".", encoding="latin-1"
+    )
+    suggestion = suggest_mapping(path)
+    assert suggestion.missing == ()
+    assert all(guess.why for guess in suggestion.guesses)
+    trip = proposed(path)
+    assert trip.array("speed_m_s") == pytest.approx(truth.v.to_numpy(), abs=1e-6)
+    assert trip.array("time_s")[-1] - trip.array("time_s")[0] == pytest.approx(699.0)
+    energy = np.trapezoid(truth.u * truth.i, truth.t) / 3600.0
+    assert trip.observed_energy_wh == pytest.approx(energy, rel=1e-6)
+    assert trip.array("ambient_temperature_degc")[0] == pytest.approx(AMBIENT_DEGC)
+    assert trip.array("elevation_m")[0] == pytest.approx(HEIGHT_M)
+    started = trip.context.started_at
+    assert (started is not None) == any(word in header for word in ("american", "epoch", "stamps", "other"))
+
+
+def test_columns_that_no_name_explains_are_found_by_physics(tmp_path) -> None:
+    d = drive()
+    table = pd.DataFrame({"a1": d.t, "a2": d.v * 3.6, "a3": -d.i, "a4": d.u, "a5": 3.0})
+    table.to_csv(tmp_path / "x.csv", index=False)
+    suggestion = suggest_mapping(tmp_path / "x.csv")
+    assert {g.ours: g.column for g in suggestion.guesses} == {
+        "time_s": "a1",
+        "speed_m_s": "a2",
+        "voltage_v": "a4",
+        "current_a": "a3",
+    }
+    assert all("no name says it" in g.why for g in suggestion.guesses)
+    assert 'positive = "charge"' in suggestion.toml
+    assert suggestion.unused == ("a5",)
+    assert proposed(tmp_path / "x.csv").array("speed_m_s") == pytest.approx(d.v.to_numpy())
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, "m/s"), (3.6, "km/h"), (1 / 0.44704, "mph")])
+def test_a_slow_drive_tells_the_unit_of_its_speed_by_the_cars_mass(tmp_path, factor, unit) -> None:
+    d = drive()
+    slow = d.v * 0.4
+    current = (1600.0 * slow * np.gradient(slow, d.t) + 1500.0) / d.u
+    pd.DataFrame({"time": d.t, "speed": slow * factor, "current": current, "voltage": d.u}).to_csv(
+        tmp_path / "x.csv", index=False
+    )
+    (speed,) = [g for g in suggest_mapping(tmp_path / "x.csv").guesses if g.ours == "speed_m_s"]
+    assert speed.unit == unit
+    assert "kg" in speed.why
+
+
+def test_a_unit_in_the_name_that_physics_denies_is_doubted(tmp_path) -> None:
+    d = drive()
+    pd.DataFrame({"time": d.t, "speed [m/s]": d.v * 3.6, "current": d.i, "voltage": d.u}).to_csv(
+        tmp_path / "x.csv", index=False
+    )
+    (speed,) = [g for g in suggest_mapping(tmp_path / "x.csv").guesses if g.ours == "speed_m_s"]
+    assert (speed.unit, "CHECK" in speed.why, "km/h" in speed.why) == ("m/s", True, True)
+
+
+def test_a_folder_stands_for_its_first_file_and_an_empty_one_is_refused(tmp_path) -> None:
+    with pytest.raises(InvalidInput, match="no table"):
+        suggest_mapping(tmp_path)
+    d = drive()
+    pd.DataFrame({"time_s": d.t, "speed_m_s": d.v, "voltage_v": d.u, "current_a": d.i, "fahrt_nr": 3}).to_csv(
+        tmp_path / "a.csv", index=False
+    )
+    suggestion = suggest_mapping(tmp_path)
+    assert 'column = "fahrt_nr"' in suggestion.toml
+    assert "Proposed for a.csv" in suggestion.toml
+
+
+def test_power_alone_gets_a_voltage_that_stands_in(tmp_path) -> None:
+    d = drive()
+    power = d.u * d.i / 1000.0
+    pd.DataFrame({"time": d.t, "speed": d.v * 3.6, "battery_power_kW": power}).to_csv(
+        tmp_path / "x.csv", index=False
+    )
+    assert suggest_mapping(tmp_path / "x.csv").missing == ()
+    energy = 1000.0 * np.trapezoid(power, d.t) / 3600.0
+    assert proposed(tmp_path / "x.csv").observed_energy_wh == pytest.approx(energy, rel=1e-6)
+
+
+def test_what_a_logger_writes_only_when_it_changes_is_held(tmp_path) -> None:
+    d = drive()
+    pd.DataFrame(
+        {"time": d.t, "speed": d.v * 3.6, "current": d.i.where(d.t % 3 == 0), "voltage": d.u}
+    ).to_csv(tmp_path / "x.csv", index=False)
+    assert "hold_s = 10" in suggest_mapping(tmp_path / "x.csv").toml
+    assert proposed(tmp_path / "x.csv").samples["current_a"].notna().all()
+
+
+def test_a_row_for_each_value_gets_the_shipped_mapping_with_the_signals_that_are_there(tmp_path) -> None:
+    d = drive(300)
+    rows = ["SECONDS;PID;VALUE;UNITS"]
+    for t, v, u, i in d.itertuples(index=False):
+        rows += [
+            f"{t};Speed (GPS);{3.6 * v};km/h",
+            f"{t};HV pack voltage;{u};V",
+            f"{t};HV pack current;{i};A",
+        ]
+    (tmp_path / "log.csv").write_text("\n".join(rows) + "\n")
+    suggestion = suggest_mapping(tmp_path / "log.csv")
+    assert (suggestion.shipped, suggestion.missing) == ("car_scanner", ())
+    assert suggestion.toml.count("CHECK") == 2
+    energy = np.trapezoid(d.u * d.i, d.t) / 3600.0
+    assert proposed(tmp_path / "log.csv").observed_energy_wh == pytest.approx(energy, rel=1e-6)
+
+
+@pytest.mark.parametrize("zone", [None, "Europe/Berlin"])
+def test_times_that_parquet_knows_as_such_are_time_stamps(tmp_path, zone) -> None:
+    d = drive()
+    when = pd.date_range("2024-05-31 08:00", periods=len(d), freq="s", tz=zone)
+    path = tmp_path / "x.parquet"
+    columns = {"when": when, "speed_kmh": d.v * 3.6, "pack_voltage": d.u, "pack_current": d.i}
+    pd.DataFrame(columns).to_parquet(path)
+    trip = proposed(path)
+    assert trip.duration_s == pytest.approx(699.0)
+    assert trip.context.started_at is not None
+    with pytest.raises(InvalidInput, match='unit = "timestamp"'):
+        read_table(path, parse_mapping(suggest_mapping(path).toml.replace('"timestamp"', '"epoch_s"'), "m"))
+
+
+def test_headers_that_a_logger_repeats_and_rows_without_a_time_are_left_out(tmp_path) -> None:
+    d = drive()
+    text = pd.DataFrame({"time": d.t, "speed": d.v * 3.6, "current": d.i, "voltage": d.u}).to_csv(index=False)
+    lines = text.splitlines()
+    lines[400] = "," + lines[400].partition(",")[2]
+    (tmp_path / "x.csv").write_text("\n".join([*lines[:200], lines[0], *lines[200:]]) + "\n")
+    fleet = read_table(tmp_path / "x.csv", parse_mapping(suggest_mapping(tmp_path / "x.csv").toml, "m"))
+    assert len(fleet.trips[0]) == len(d) - 1
+    assert any("2 rows without a time" in note for note in fleet.notes)

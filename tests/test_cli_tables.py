@@ -1,0 +1,285 @@
+"""Tables, mappings and vehicle files on the command line: what is wrong is one message with place, finding and remedy."""
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tripwatt.cli import main
+
+MAPPING = """
+[columns]
+time_s = { column = "Time", unit = "s" }
+speed_m_s = { column = "Speed", unit = "km/h" }
+voltage_v = { column = "Volt", unit = "V" }
+current_a = { column = "Amp", unit = "A" }
+ambient_temperature_degc = { column = "Outside", unit = "degC" }
+elevation_m = { column = "Height", unit = "m" }
+[current]
+positive = "discharge"
+"""
+Table = pd.DataFrame
+
+
+class Answer(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def run(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> Callable[..., Answer]:
+    """The command in this process, started where the files are."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: object) -> Answer:
+        monkeypatch.setattr(sys, "argv", ["tripwatt", *map(str, arguments)])
+        capsys.readouterr()
+        code = 0
+        try:
+            main()
+        except SystemExit as end:
+            code = int(end.code or 0)
+        said = capsys.readouterr()
+        return Answer(code, said.out, " ".join(said.err.split()))
+
+    return call
+
+
+def drive(n: int = 700, seed: int = 0) -> Table:
+    rng = np.random.default_rng(seed)
+    time = np.arange(float(n))
+    speed = np.maximum(12.0 + 9.0 * np.sin(time / 11.0 + seed) + 3.0 * np.sin(time / 4.3), 0.0)
+    current = (1500.0 * speed * np.gradient(speed, time) + 250.0 * speed + 900.0) / 390.0
+    current += rng.normal(0.0, 0.2, n)
+    volt = 390.0 - 0.1 * current
+    height = 300.0 + 10.0 * np.sin(time / 90.0)
+    return Table(
+        {"Time": time, "Speed": 3.6 * speed, "Volt": volt, "Amp": current, "Outside": 12.0, "Height": height}
+    )
+
+
+def gap(d: Table) -> Table:
+    return d.assign(Time=d.Time + 300.0 * (d.index >= 400))
+
+
+BAD: dict[str, tuple[Callable[[Table], Table], tuple[str, ...]]] = {
+    "missing column": (
+        lambda d: d.rename(columns={"Volt": "Voltage"}),
+        ("missing column: drive.csv", "'Time', 'Speed', 'Voltage'", "a column 'Volt'", "did you mean 'Voltage'?", "my.toml"),
+    ),
+    "900 km/h": (
+        lambda d: d.assign(Speed=900.0),
+        ("value out of range: drive.csv row 2 column 'Speed'", "got 900 km/h", "-36 to 324 km/h", "check the unit"),
+    ),
+    "m/s in place of km/h": (
+        lambda d: d.assign(Speed=d.Speed * 12.0),
+        ("value out of range", "column 'Speed'", "324 km/h"),
+    ),
+    "a 12 V pack": (
+        lambda d: d.assign(Volt=12.4),
+        ("value out of range: drive.csv row 2 column 'Volt'", "got 12.4 v", "30 to 1200 v", "12 V board net"),
+    ),
+    "current of the wrong sign": (
+        lambda d: d.assign(Amp=-d.Amp),
+        ("the current has the wrong sign: column 'Amp'", "charge while it accelerates", 'positive = "charge" in place', "my.toml"),
+    ),
+    "a word among the numbers": (
+        lambda d: d.assign(Amp=[*map(str, d.Amp[:50]), "n.v.", *map(str, d.Amp[51:])]),
+        ("not a number: drive.csv row 52 column 'Amp'", "'n.v.'"),
+    ),
+    "a decimal comma": (
+        lambda d: d.assign(Volt=[f"{v:.1f}".replace(".", ",") for v in d.Volt]),
+        ("decimal comma: drive.csv row 2 column 'Volt'", 'add [file] decimal = "," to my.toml'),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", BAD)
+@pytest.mark.parametrize("command", [("audit",), ("simulate",), ("evaluate", "--out", "results"), ("fit",)])
+def test_bad_tables_are_one_message_and_code_2(run, tmp_path, what, command) -> None:
+    damage, words = BAD[what]
+    (tmp_path / "my.toml").write_text(MAPPING)
+    damage(drive()).to_csv(tmp_path / "drive.csv", index=False)
+    verb, *options = command
+    answer = run(verb, "drive.csv", "--dataset", "table", "--mapping", "my.toml", *options)
+    assert answer.code == 2
+    assert answer.err.count("error:") == 1
+    assert "Traceback" not in answer.err
+    for word in words:
+        assert word in answer.err
+    assert {p.name for p in tmp_path.iterdir()} == {"my.toml", "drive.csv"}, "nothing half-written is left"
+
+
+def test_a_gap_of_minutes_is_told_with_its_row_and_splits_the_drive(run, tmp_path) -> None:
+    (tmp_path / "my.toml").write_text(MAPPING)
+    gap(drive()).to_csv(tmp_path / "drive.csv", index=False)
+    answer = run("audit", "drive.csv", "--mapping", "my.toml", "--json")
+    assert answer.code == 0
+    found = json.loads(answer.out)
+    assert found["used"] == ["drive-1", "drive-2"]
+    (note,) = [n for n in found["notes"] if "no samples" in n]
+    assert "drive.csv row 402" in note
+    assert "301 s" in note
+    assert "at most 60 s" in note
+
+
+def test_two_trips_with_one_id_within_a_file_and_between_files(run, tmp_path) -> None:
+    (tmp_path / "my.toml").write_text(MAPPING + '[trip]\ncolumn = "Drive"\n')
+    pd.concat([drive().assign(Drive=7), drive(seed=1).assign(Drive=7)]).to_csv(
+        tmp_path / "all.csv", index=False
+    )
+    answer = run("audit", "all.csv", "--mapping", "my.toml")
+    assert answer.code == 2
+    for words in ("two trips with one id: all.csv row 702, trip 7", "0 s after 699 s", "one id a trip"):
+        assert words in answer.err
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    for name in ("a", "b"):
+        drive().assign(Drive=3).to_csv(folder / f"{name}.csv", index=False)
+    answer = run("audit", "logs", "--mapping", "my.toml")
+    assert answer.code == 2
+    assert "two trips with one id: logs, trip 3: got a.csv and b.csv" in answer.err
+
+
+def test_one_wrong_setting_in_many_files_is_counted_not_repeated(run, tmp_path) -> None:
+    (tmp_path / "my.toml").write_text(MAPPING)
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    for k in range(9):
+        drive(60).assign(Volt=12.0).to_csv(folder / f"{k}.csv", index=False)
+    answer = run("audit", "logs", "--mapping", "my.toml")
+    assert answer.code == 2
+    assert answer.err.count("value out of range") == 3
+    assert "7 more of this kind" in answer.err
+
+
+def test_several_trips_in_one_file_without_a_trip_column_are_no_traceback(run, tmp_path) -> None:
+    (tmp_path / "my.toml").write_text(MAPPING)
+    pd.concat([drive(), drive(seed=1)]).to_csv(tmp_path / "all.csv", index=False)
+    answer = run("simulate", "all.csv", "--mapping", "my.toml")
+    assert answer.code == 2
+    assert "time does not increase: all" in answer.err
+    assert "tripwatt audit" in answer.err
+    assert "[trip]" in run("audit", "all.csv", "--mapping", "my.toml").err
+    assert run("mapping", "apply", "all.csv", "--mapping", "my.toml", "--trip", "all-2").code == 0
+    refused = run("mapping", "apply", "all.csv", "--mapping", "my.toml", "--trip", "all")
+    assert refused.code == 2
+    assert "all-1, all-2" in refused.err
+
+
+VEHICLE: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
+    "missing value": (
+        ("curb_mass_kg = {", "# curb_mass_kg = {"),
+        ("missing entry: car.toml, [body]", "'curb_mass_kg'", 'unit = "kg", source = "..." } under [body]'),
+    ),
+    "impossible value": (
+        ("curb_mass_kg = { value = 1515.0", "curb_mass_kg = { value = 15.0"),
+        ("value out of range: car.toml, body.curb_mass_kg", "got 15 kg", "100 to 60000 kg"),
+    ),
+    "no number": (
+        ("curb_mass_kg = { value = 1515.0", 'curb_mass_kg = { value = "heavy"'),
+        ("not a number: car.toml, body.curb_mass_kg", "'heavy'", "a finite number"),
+    ),
+    "another unit": (
+        ('1515.0, unit = "kg"', '1515.0, unit = "lb"'),
+        ("wrong unit: car.toml, body.curb_mass_kg", "'lb'", "'kg'"),
+    ),
+    "no source": (
+        ('source = "Autoblog', 'sauce = "Autoblog'),
+        ("missing source: car.toml, body.curb_mass_kg", "where the value comes from"),
+    ),
+}
+
+
+@pytest.mark.parametrize("what", VEHICLE)
+def test_bad_vehicle_files_are_one_message_and_code_2(run, tmp_path, what) -> None:
+    from importlib import resources
+
+    (old, new), words = VEHICLE[what]
+    text = (resources.files("tripwatt.vehicles") / "data" / "nissan_leaf_24.toml").read_text("utf-8")
+    assert old in text
+    (tmp_path / "car.toml").write_text(text.replace(old, new))
+    (tmp_path / "my.toml").write_text(MAPPING)
+    drive().to_csv(tmp_path / "drive.csv", index=False)
+    for command in (
+        ("vehicles", "car.toml"),
+        ("simulate", "drive.csv", "--mapping", "my.toml", "--vehicle", "car.toml"),
+    ):
+        answer = run(*command)
+        assert answer.code == 2
+        assert answer.err.count("error:") == 1
+        for word in words:
+            assert word in answer.err
+
+
+def test_from_a_strange_table_to_a_forecast(run, tmp_path) -> None:
+    """suggest, audit, simulate, fit, mapping apply, forecast, each with what the one before wrote."""
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    for k in range(8):
+        d = drive(600 + 40 * k, seed=k)
+        strange = Table(
+            {
+                "Zeit": d.Time,
+                "v_kmh": d.Speed,
+                "I_Akku": -d.Amp,
+                "U_Akku": d.Volt,
+                "T_aussen": 12.0,
+                "z_m": d.Height,
+            }
+        )
+        strange.to_csv(folder / f"fahrt{k}.csv", index=False, sep=";", decimal=",")
+    assert run("mapping", "suggest", "logs", "--out", "my.toml").code == 0
+    audited = run("audit", "logs", "--mapping", "my.toml", "--json")
+    assert len(json.loads(audited.out)["used"]) == 8, audited.out
+    simulated = run("simulate", "logs", "--mapping", "my.toml", "--vehicle", "vw_id3", "--trip", "fahrt2", "--json")  # fmt: skip
+    answer = json.loads(simulated.out)
+    assert answer["vehicle"] == "vw_id3"
+    assert answer["simulated_energy_wh"] > 0 < answer["observed_energy_wh"]
+    fit = run("fit", "logs", "--mapping", "my.toml", "--vehicle", "vw_id3", "--corrector", "linear", "--out", "model")  # fmt: skip
+    assert fit.code == 0, fit.err
+    assert run("mapping", "apply", "logs", "--mapping", "my.toml", "--trip", "fahrt2").code == 0
+    found = run("forecast", "model", "trip.csv", "--json")
+    assert found.code == 0, found.err
+    observed = answer["observed_energy_wh"]
+    assert json.loads(found.out)["energy_wh"] == pytest.approx(observed, rel=0.25)
+
+
+def test_energy_from_whole_percents_says_how_uncertain_it_is_and_short_trips_go(run, tmp_path) -> None:
+    text = """
+    [columns]
+    time_s = { column = "Time", unit = "s" }
+    speed_m_s = { column = "Speed", unit = "km/h" }
+    soc = { column = "SoC", unit = "%" }
+    [battery]
+    usable_capacity_kwh = 40
+    """
+    (tmp_path / "my.toml").write_text(text)
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    for name, drop in (("long", 12.0), ("short", 1.0), ("shortest", 0.4)):
+        d = drive()
+        d.assign(SoC=np.round(80.0 - drop * d.Time / 699.0)).to_csv(folder / f"{name}.csv", index=False)
+    found = json.loads(run("audit", "logs", "--mapping", "my.toml", "--json").out)
+    assert found["used"] == ["long", "short"]
+    said = {f["trip"]: f["what"] for f in found["findings"] if "standard error" in f["what"]}
+    assert said == {
+        "short": "energy from the SoC is 400 Wh with a standard error of 165 Wh: coarse",
+        "shortest": "energy from the SoC is 0 Wh with a standard error of 163 Wh: not known",
+    }
+    simulated = run("simulate", "logs", "--mapping", "my.toml", "--trip", "long", "--json")
+    answer = json.loads(simulated.out)
+    assert answer["observed_energy_wh"] == pytest.approx(4800.0)
+    assert answer["observed_energy_std_wh"] == pytest.approx(
+        np.hypot(0.05 * 4800, 400 / np.sqrt(6)), rel=1e-3
+    )
+    shown = run("simulate", "logs", "--mapping", "my.toml", "--trip", "long")
+    assert "standard error 290 Wh" in shown.out
