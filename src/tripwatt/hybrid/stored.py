@@ -114,7 +114,7 @@ def corrector_parts(corrector: PowerCorrector, name: str = "corrector") -> Store
     if isinstance(corrector, TransferredCorrector):
         members, arrays = members_parts(corrector.base, f"{name}-base")
         about = {"kind": "transferred", "arrays": part, "base": members, "share": corrector.share}
-        own = {
+        own: dict[str, npt.NDArray[Any]] = {
             "scales": corrector.scales,
             "mean": corrector.mean,
             "factor": corrector.factor.astype(np.float32),
