@@ -1,8 +1,9 @@
-"""The project's own bars, each with its figure: `python -m benchmarks.bars [--results DIR] [--runs N]`.
+"""The project's own bars, each with its figure: `python -m benchmarks.bars [--results DIR] [--links FILE] [--runs N]`.
 
 Prints a table and ends with code 1 when a bar is missed. A bar whose data or extra is not at hand is listed as not
 measured. Accuracy comes from the `results.json` of an evaluation of the TUM trips: one that is run here, or with
-`--results` one that was run before (its running time is then not measured).
+`--results` one that was run before (its running time is then not measured); that of planned routes likewise from
+`benchmarks.planned`, or with `--links` from its results.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks import acceptance, argonne, gam, physics_trips, pipeline, ved_trips
+from benchmarks import acceptance, argonne, gam, physics_trips, pipeline, planned, ved_trips
 from benchmarks.measure import ROOT, RUNS, Row, tum_folder
 
 NOT_AT_HAND = "not at hand"
@@ -258,6 +259,28 @@ def certified() -> Iterator[Bar]:
     )
 
 
+LINKS_BARS: Mapping[str, float] = {"250 m": 0.085, "1000 m": 0.095}
+"""Length of links -> largest mean APE of the forecast from them."""
+
+
+def planned_routes(found: Path | None) -> Iterator[Bar]:
+    """Bars on the forecast of planned routes, from a results file of `benchmarks.planned` or a run of now."""
+    measure = "python -m benchmarks.planned"
+    text = "mean APE of the forecast from links of {}, 58 trips"
+    folder = tum_folder()
+    if found is None and folder is None:
+        yield from (missing(text.format(name), measure) for name in LINKS_BARS)
+        return
+    results = planned.measure(folder) if found is None else json.loads(found.read_text(encoding="utf-8"))
+    trace = results["known"]["driven trace"]
+    for name, bound in LINKS_BARS.items():
+        row = results["known"][name]
+        yield at_most(text.format(name), measure, row["mape"], bound)
+        figure = f"{row['coverage']['0.9']:.3f}, width {row['relative_width']['0.9']:.3f} of the energy"
+        beside = f"{trace['coverage']['0.9']:.3f}, {trace['relative_width']['0.9']:.3f} with the driven trace"
+        yield shown(f"90 % intervals from links of {name} hold", measure, figure, beside)
+
+
 def evaluations(results: Path | None, runs: int) -> tuple[list[Row], dict[str, Any] | None]:
     """Times of the evaluations, and the results of the real trips; None without them."""
     folder = tum_folder()
@@ -274,13 +297,14 @@ def evaluations(results: Path | None, runs: int) -> tuple[list[Row], dict[str, A
     return rows, found
 
 
-def bars(results: Path | None, runs: int) -> Iterator[Bar]:
+def bars(results: Path | None, runs: int, links: Path | None = None) -> Iterator[Bar]:
     """All bars, as they are measured."""
     rows, found = evaluations(results, runs)
     if found is None:
         yield missing("mean errors on the 58 reference trips", EVALUATE)
     else:
         yield from accuracy(found)
+    yield from planned_routes(links)
     yield from physics()
     yield from leafs()
     yield from speed(
@@ -311,9 +335,10 @@ def main() -> int:
     parser.add_argument(
         "--runs", type=int, default=RUNS, help="how often each evaluation is run; times are medians"
     )
+    parser.add_argument("--links", type=Path, help="results of `benchmarks.planned` that was run before")
     arguments = parser.parse_args()
     measured = []
-    for bar in bars(arguments.results, arguments.runs):
+    for bar in bars(arguments.results, arguments.runs, arguments.links):
         measured.append(bar)
         print(f"{bar.verdict:>12}  {bar.text}: {bar.figure} ({bar.required})", file=sys.stderr, flush=True)
     print(render(measured))

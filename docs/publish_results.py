@@ -2,7 +2,7 @@
 
 Copies OUT/results.json (scores and findings, no trip data) to docs/results/, as `paper.json` for the protocol
 `paper`, and renews the table of the README from it. OUT is `out` by default; a
-JSON file, such as the published one itself, serves as well.
+JSON file, such as the published one itself, or what `python -m benchmarks.planned --json FILE` writes, serves as well.
 """
 
 from __future__ import annotations

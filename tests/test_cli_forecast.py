@@ -169,14 +169,14 @@ def test_faults_of_options_model_and_trip_come_in_one_message(run: Run, tmp_path
 
 def test_a_damaged_model_is_refused(run: Run, trip: Path, tmp_path: Path) -> None:
     shutil.copytree(model_folder(), tmp_path / "model")
-    file = tmp_path / "model" / "corrector-0.npz"
+    file = min((tmp_path / "model").glob("corrector*.npz"))
     raw = bytearray(file.read_bytes())
     raw[len(raw) // 2] ^= 1
     file.write_bytes(raw)
     for command in (("forecast", tmp_path / "model", trip), ("inspect", tmp_path / "model")):
         answer = run(*command)
         assert answer.code == 2
-        assert "corrector-0.npz" in answer.err
+        assert file.name in answer.err
         assert "damaged or altered" in answer.err
 
 

@@ -84,9 +84,19 @@ def test_limits_of_tomtom(mild, cold):
 
 
 def test_correction_and_payload_count(mild):
-    more = consumption_curve(CAR, correction=lambda trip: 10.0 * trip.distance_m / 1000.0)
-    np.testing.assert_allclose(more.energy_wh_km - mild.energy_wh_km, 10.0, atol=1e-6)
-    assert more.reference_wh_km - mild.reference_wh_km == pytest.approx(10.0)
+    more = consumption_curve(
+        CAR, correction=lambda trip: 10.0 * trip.distance_m / 1000.0 + trip.duration_s / 36.0
+    )
+
+    def whole(curve):
+        return curve.energy_wh_km + curve.auxiliary_power_w / curve.speed_km_h
+
+    np.testing.assert_allclose(whole(more) - whole(mild), 10.0 + 100.0 / mild.speed_km_h, atol=1e-6)
+    assert more.auxiliary_power_w - mild.auxiliary_power_w == pytest.approx(200.0)  # as at 10 km/h
+    assert more.energy_wh_km[0] == pytest.approx(mild.energy_wh_km[0])
+    assert more.reference_wh_km - mild.reference_wh_km == pytest.approx(10.0 + 100.0 / 110.0)
+    assert more.ascent_wh_m == mild.ascent_wh_m
+    assert more.deceleration_efficiency == mild.deceleration_efficiency
     heavy = consumption_curve(CAR, payload_mass_kg=300.0)
     assert heavy.mass_kg == mild.mass_kg + 300.0
     assert np.all(heavy.energy_wh_km > mild.energy_wh_km)

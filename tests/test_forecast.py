@@ -7,7 +7,16 @@ import pytest
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecast import ForecastModel
-from tripwatt.forecast.process import Blocks, ResidualProcess, _Batch, prior
+from tripwatt.forecast.gain import Gain
+from tripwatt.forecast.process import (
+    Belief,
+    Blocks,
+    Channel,
+    HeldOutResidual,
+    ResidualProcess,
+    _Batch,
+)
+from tripwatt.forecast.scale import TotalScale
 from tripwatt.forecast.scores import Scores
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Trip
@@ -128,35 +137,105 @@ def test_unusable_samples_are_refused(model, trip):
         ForecastModel(load_vehicle("bmw_i3_60ah")).fit(synthetic_fleet(n_trips=3).trips)
 
 
+def some_blocks(rng: np.random.Generator, n: int) -> Blocks:
+    return Blocks(
+        15.0 + 30.0 * np.arange(n), np.full(n, 30.0), rng.uniform(0, 9000, n), rng.uniform(0, 3000, n)
+    )
+
+
+PROCESS = ResidualProcess(
+    Channel(50.0, 0.02, 400.0, 90.0, 0.5), Channel(200.0, 0.1, 300.0, 300.0, 60.0, 2.0, 150.0), 1000.0, True
+)
+
+
 def test_conditioning_is_exact_on_what_was_seen():
     rng = np.random.default_rng(0)
     n = 12
-    blocks = Blocks(15.0 + 30.0 * np.arange(n), np.full(n, 30.0), np.ones((n, 1)), np.full(n, 500.0), 0.0)
-    process = ResidualProcess(np.array([300.0]), 200.0, 600.0, 20.0, 300.0, 0.5)
+    blocks = some_blocks(rng, n)
+    K = PROCESS.covariance(blocks)
     seen, power = np.array([0, 3, 4]), rng.normal(0, 800, 3)
-    belief = prior(process, blocks).given(np.eye(n)[seen], power, np.full(3, 1e-6))
+    belief = Belief.of(K).given(np.eye(n)[seen], power, np.full(3, 1e-6))
     np.testing.assert_allclose(belief.mean_w[seen], power, atol=1e-3)
-    K = process.covariance(blocks)
     dense = K[:, seen] @ np.linalg.solve(K[np.ix_(seen, seen)], power)
     np.testing.assert_allclose(belief.mean_w, dense, rtol=1e-5, atol=1e-3)
 
 
-def test_likelihood_gradient_is_exact():
+@pytest.mark.parametrize("channels", [("drive",), ("climate",), ("drive", "climate")])
+def test_likelihood_and_its_gradient_are_exact(channels: tuple[str, ...]):
     rng = np.random.default_rng(2)
-    trips = []
-    for n in (7, 11):
-        blocks = Blocks(
-            30.0 + 60.0 * np.arange(n), np.full(n, 60.0), rng.uniform(0, 5, (n, 2)), rng.uniform(1, 2, n), 0.0
-        )
-        trips.append((blocks, rng.normal(0, 3, n)))
-    batch = _Batch.of(trips)
-    logs = np.log(np.array([0.4, 0.2, 1.1, 300.0, 0.05, 200.0, 0.9]))
-    _, gradient = batch.cost(np.exp(logs), 2)
-    for k in range(len(logs)):
-        step = np.zeros(len(logs))
-        step[k] = 1e-5
-        slope = (batch.cost(np.exp(logs + step), 2)[0] - batch.cost(np.exp(logs - step), 2)[0]) / 2e-5
-        assert gradient[k] == pytest.approx(slope, rel=1e-5, abs=1e-6)
+    trips = [HeldOutResidual(some_blocks(rng, n), rng.normal(0, 600, n)) for n in (8, 12)]
+    batch = _Batch.of(trips, "whole")
+    values = np.array([dataclasses.astuple(getattr(PROCESS, name)) for name in channels])
+    cost, gradient = batch.cost(channels, values)
+    for at in np.ndindex(values.shape):
+        if values[at] == 0.0:
+            continue
+        up, down = values.copy(), values.copy()
+        up[at] *= np.exp(1e-5)
+        down[at] *= np.exp(-1e-5)
+        slope = (batch.cost(channels, up)[0] - batch.cost(channels, down)[0]) / 2e-5
+        assert gradient[at] == pytest.approx(slope, rel=1e-5, abs=1e-6)
+    dense = 0.0
+    for trip in trips:  # pairs of blocks are merged before the likelihood is taken
+        pairs = np.kron(np.eye(len(trip.blocks) // 2), np.full((1, 2), 0.5))
+        b = trip.blocks
+        merged = Blocks(pairs @ b.time_s, 2 * (pairs @ b.step_s), pairs @ b.moved_w, pairs @ b.hvac_w)
+        K = np.zeros((len(merged), len(merged)))
+        if "drive" in channels:
+            K += PROCESS.drive.covariance(merged.time_s, merged.moved_w, np.sqrt(0.5) * merged.drive_noise_w)
+        if "climate" in channels:
+            K += PROCESS.climate.covariance(merged.time_s, merged.hvac_w, np.full(len(merged), np.sqrt(0.5)))
+        left = pairs @ trip.residual_w
+        dense += 0.5 * left @ np.linalg.solve(K, left) + 0.5 * np.linalg.slogdet(K)[1]
+    assert cost == pytest.approx(dense, rel=1e-9)
+
+
+def test_scale_learns_what_errors_grow_with():
+    rng = np.random.default_rng(3)
+    blocks = [
+        Blocks(np.arange(n) * 60.0, np.full(n, 60.0), np.full(n, 5000.0), np.zeros(n)) for n in range(4, 204)
+    ]
+    hours = np.array([b.hours.sum() for b in blocks])
+    errors = rng.standard_t(4, len(blocks)) * np.hypot(20.0, 300.0 * hours)
+    scale = TotalScale.of(blocks, errors)
+    short, long = scale.sd_wh(blocks[0]), scale.sd_wh(blocks[-1])
+    assert short == pytest.approx(np.hypot(20.0, 300.0 * hours[0]), rel=0.5)
+    assert long == pytest.approx(np.hypot(20.0, 300.0 * hours[-1]), rel=0.25)
+
+
+def test_a_channel_that_explains_the_rest_is_taken_and_noise_is_not():
+    rng = np.random.default_rng(4)
+    n_trips, n = 60, 40
+    held_out = []
+    for _ in range(n_trips):
+        blocks = some_blocks(rng, n)
+        climate = np.full(n, rng.normal(0, 300))
+        held_out.append(HeldOutResidual(blocks, climate + rng.normal(0, 1500, n), climate))
+    gain = Gain.of(PROCESS, held_out, np.full(n_trips, 2000.0))
+    assert gain.at("climate", 0.5) > 0.8
+    assert gain.at("drive", 0.25) < 0.5
+    assert gain.at("whole", 0.0) == 0.0
+
+
+def test_measured_climate_on_the_way_is_told_from_driving(fleet):
+    trips = [t for t in fleet.trips if t.has("heating_power_w") and t.has("aircon_power_w")]
+    model = ForecastModel(load_vehicle("bmw_i3_60ah")).fit(trips[:-1])
+    assert model.process_ is not None
+    assert model.process_.apart
+    before = model.forecast(trips[-1])
+    half = trips[-1].samples.iloc[: len(trips[-1]) // 2]
+    columns = ["time_s", "voltage_v", "current_a", "heating_power_w", "aircon_power_w"]
+    # one kilowatt more of climate control, in the battery's power as well
+    more = half[columns].assign(
+        heating_power_w=half["heating_power_w"] + 1000.0,
+        current_a=half["current_a"] + 1000.0 / half["voltage_v"],
+    )
+    as_is, warmer = before.update(half[columns]), before.update(more)
+    so_far = 1000.0 * half["time_s"].iloc[-1] / 3600.0
+    assert warmer.energy_wh - as_is.energy_wh > 1.1 * so_far  # it is expected to go on
+    # one column alone says nothing of the sum: the forecast is that of the undivided power
+    alone = before.update(half[columns[:4]])
+    assert alone.energy_wh == before.update(half[columns[:3]]).energy_wh
 
 
 def test_conformal_factor_covers_exchangeable_errors():

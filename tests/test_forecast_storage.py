@@ -34,7 +34,7 @@ def table(fleet, car):
     return training_blocks(fleet.trips[:10], car)
 
 
-@pytest.mark.parametrize("corrector", ["linear", "kriging", "boosting", "forest", "ensemble"])
+@pytest.mark.parametrize("corrector", ["linear", "kriging", "boosting", "forest", "ensemble", "channels"])
 def test_round_trip_is_identical(corrector: str, fleet, car, table, tmp_path: Path) -> None:
     model = ForecastModel(car, corrector, seed=3).fit_blocks(table)
     save_model(model, tmp_path / "model")

@@ -44,6 +44,31 @@ def test_readme_shows_the_published_results(tmp_path: Path) -> None:
     assert "77.7" in readme.read_text(encoding="utf-8")
 
 
+def test_readme_shows_the_published_figures_of_planned_routes(tmp_path: Path) -> None:
+    readme = tmp_path / "README.md"
+    shutil.copy(ROOT / "README.md", readme)
+    publish = script("publish_results").publish
+    published = DOCS / "results" / "links.json"
+    copy = publish(published, tmp_path / "results", readme)
+    assert readme.read_text(encoding="utf-8") == (ROOT / "README.md").read_text(encoding="utf-8"), (
+        "python docs/publish_results.py docs/results/links.json"
+    )
+    assert copy.read_text(encoding="utf-8") == published.read_text(encoding="utf-8")
+    changed = json.loads(published.read_text(encoding="utf-8"))
+    assert (changed["synthetic"], changed["n_trips"]) == (False, 58)
+    changed["known"]["250 m"]["mape"] = 0.666
+    (tmp_path / "results.json").write_text(json.dumps(changed), encoding="utf-8")
+    publish(tmp_path, tmp_path / "results", readme)
+    assert "| 66.6 |" in readme.read_text(encoding="utf-8")
+    for row in changed["known"].values():
+        rows = row["by_trip"]
+        inside = [r["low_90_wh"] <= r["observed_wh"] <= r["high_90_wh"] for r in rows]
+        assert sum(inside) / len(rows) == pytest.approx(row["coverage"]["0.9"])
+    trace = changed["known"]["driven trace"]["by_trip"]
+    mape = sum(abs(r["energy_wh"] / r["observed_wh"] - 1.0) for r in trace) / len(trace)
+    assert mape == pytest.approx(changed["known"]["driven trace"]["mape"])
+
+
 def test_published_results_are_of_real_trips_and_hold_no_samples() -> None:
     results = json.loads((DOCS / "results" / "paper.json").read_text(encoding="utf-8"))
     assert results["synthetic"] is False

@@ -124,7 +124,10 @@ def consumption_curve(
     soc : float
         State of charge at departure, the battery management's value.
     correction : callable, optional
-        Energy [Wh] to be added to the simulated one of a trip, such as a learned one. It counts as driving.
+        Energy [Wh] to be added to the simulated one of a trip, such as a learned one. Its power at the lowest speed,
+        where driving takes least, counts as auxiliary; what it is more or less at other speeds and in traffic counts
+        as driving, so that the whole is right at every speed. Slopes and changes of speed are those of the simulation:
+        no log holds half an hour of a steep road.
 
     Raises
     ------
@@ -142,7 +145,8 @@ def consumption_curve(
         ambient_temperature_degc=ambient_temperature_degc, cabin_setpoint_degc=cabin_setpoint_degc, soc=soc
     )
     departure = replace(departure, context=replace(departure.context, payload_mass_kg=payload_mass_kg))
-    drive = _Driver(vehicle, departure, correction)
+    physics = _Driver(vehicle, departure, None)
+    drive, learned_w = physics.corrected(correction)
     speeds = []
     levels = []
     for speed in range(LOWEST_KM_H, HIGHEST_KM_H + 1, STEP_KM_H):
@@ -158,21 +162,21 @@ def consumption_curve(
         )
     mass = vehicle.body.test_mass_kg + payload_mass_kg
     reference = REFERENCE_KM_H * M_S_PER_KM_H
-    flat, up, down = (drive.constant(reference, grade)[0] for grade in (0.0, SLOPE, -SLOPE))
+    flat, up, down = (physics.constant(reference, grade)[0] for grade in (0.0, SLOPE, -SLOPE))
     rise_m_km = 1000.0 * SLOPE
-    gained, saved = drive.changes_of_speed(mass * vehicle.body.rotating_mass_factor)
+    gained, saved = physics.changes_of_speed(mass * vehicle.body.rotating_mass_factor)
     return ConsumptionCurve(
         speed_km_h=np.array(speeds, dtype=np.int64),
         energy_wh_km=np.array(levels),
         traffic_energy_wh_km=np.array([drive.in_traffic(v * M_S_PER_KM_H) for v in speeds]),
-        auxiliary_power_w=drive.auxiliary_power(reference),
+        auxiliary_power_w=max(physics.auxiliary_power(reference) + learned_w, 0.0),
         ascent_wh_m=(up - flat) / rise_m_km,
         descent_wh_m=max(flat - down, 0.0) / rise_m_km,
         acceleration_efficiency=gained,
         deceleration_efficiency=saved,
         mass_kg=mass,
         capacity_wh=_capacity_wh(vehicle),
-        reference_wh_km=drive.reference(),
+        reference_wh_km=replace(drive, correction=correction).reference(),
     )
 
 
@@ -190,6 +194,16 @@ class _Driver:
     vehicle: Vehicle
     departure: Departure
     correction: Callable[[Trip], float] | None
+
+    def corrected(self, correction: Callable[[Trip], float] | None) -> tuple[_Driver, float]:
+        """With what a correction says of driving, and the power [W] that it says flows all the time."""
+        if correction is None:
+            return self, 0.0
+        slow = self.steady(LOWEST_KM_H * M_S_PER_KM_H)
+        power = correction(slow) * SECONDS_PER_HOUR / slow.duration_s
+        return replace(
+            self, correction=lambda trip: correction(trip) - power * trip.duration_s / SECONDS_PER_HOUR
+        ), power
 
     def trip(self, speed_m_s: FloatArray, grade: float = 0.0) -> Trip:
         samples = pd.DataFrame({"time_s": np.arange(float(len(speed_m_s))), "speed_m_s": speed_m_s})

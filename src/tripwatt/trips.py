@@ -80,6 +80,11 @@ class Context:
         Whether the log says that the trip directly follows another one.
     notes : str
         Free text from the source.
+    planned_link_m : float or None
+        Of a planned trip whose speed was made from links: their mean length [m], each weighed by its own length. None
+        where the speed is that of a drive.
+    car : str or None
+        Which car of a data set of several drove it; None where the set has one car.
     """
 
     season: str | None = None
@@ -90,6 +95,8 @@ class Context:
     payload_mass_kg: float = 0.0
     follows_trip: bool = False
     notes: str = ""
+    planned_link_m: float | None = None
+    car: str | None = None
 
     @property
     def day(self) -> dt.date | None:

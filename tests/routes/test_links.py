@@ -219,3 +219,86 @@ def test_steps_that_give_too_many_samples_are_refused():
     for step_s in (0.0, -1.0, float("nan"), 1e-3):
         with pytest.raises(InvalidInput, match="step out of range"):
             trip_from_links(route, step_s=step_s)
+
+
+LIMITED = st.lists(
+    st.tuples(st.floats(70.0, 3000.0), st.floats(3.0, 35.0), st.one_of(st.none(), st.floats(3.0, 40.0))),
+    min_size=1,
+    max_size=12,
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(LIMITED, st.one_of(st.none(), st.integers(0, 9)))
+def test_nobody_drives_faster_than_the_limit_or_the_mean_speed(links, seed):
+    route = route_from_links(
+        [{"length_m": length, "speed_m_s": v, "speed_limit_m_s": limit} for length, v, limit in links]
+    )
+    trip = plan_trip(route, rng=None if seed is None else np.random.default_rng(seed), step_s=0.5)
+    time, speed = trip.array("time_s"), trip.array("speed_m_s")
+    position = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
+    position *= route.distance_m / position[-1]
+    ends = np.cumsum(route.length_m)
+    allowed = np.array([np.inf if limit is None else max(limit, v) for _, v, limit in links])
+    # samples on a border belong to either link
+    near = [np.minimum(np.searchsorted(ends, position + d), len(ends) - 1) for d in (-12.0, 0.0, 12.0)]
+    assert np.all(speed <= np.max([allowed[link] for link in near], axis=0) + 0.01)
+
+
+def test_a_speed_limit_changes_the_drive_and_joins():
+    free = [{"length_m": 800.0, "speed_m_s": 8.0}] * 4
+    limited = [{**link, "speed_limit_m_s": 9.0} for link in free]
+    routes = [route_from_links(links) for links in (free, limited)]
+    fast, slow = (plan_trip(route) for route in routes)
+    assert fast.array("speed_m_s").max() > 12.0
+    assert slow.array("speed_m_s").max() <= 9.0 + 1e-9
+    assert slow.duration_s == pytest.approx(400.0, rel=0.02)
+    both = join_routes(routes)
+    assert np.isnan(both.speed_limit_m_s[:4]).all()
+    assert both.speed_limit_m_s[4:].tolist() == [9.0] * 4
+    assert join_routes([routes[0]] * 2).speed_limit_m_s is None
+
+
+def test_a_planned_trip_knows_the_length_of_its_links():
+    assert driven(np.full(60, 10.0)).context.planned_link_m is None
+    two = route_from_links([{"length_m": 100.0, "speed_m_s": 9.0}, {"length_m": 300.0, "speed_m_s": 9.0}])
+    assert plan_trip(two).context.planned_link_m == pytest.approx((100.0**2 + 300.0**2) / 400.0)
+
+
+TABLE = "length_m;speed_m_s;grade;stop_s\n500;10,5;0,01;\n\n250;5;;20\n"
+
+
+def test_links_come_as_csv_too(tmp_path):
+    objects = route_from_links(
+        [{"length_m": 500, "speed_m_s": 10.5, "grade": 0.01}, {"length_m": 250, "speed_m_s": 5, "stop_s": 20}]
+    )
+    for text in (
+        TABLE,
+        TABLE.replace(",", ".").replace(";", ","),
+        TABLE.replace(";", "\t").replace("\n", "\r\n"),
+    ):
+        (tmp_path / "route.csv").write_bytes(b"\xef\xbb\xbf" + text.encode())
+        route = read_route(tmp_path / "route.csv")
+        for name in ("length_m", "travel_time_s", "stop_s", "elevation_m"):
+            np.testing.assert_array_equal(getattr(route, name), getattr(objects, name))
+
+
+def test_every_fault_of_a_table_at_once():
+    with pytest.raises(InvalidInput) as caught:
+        read_route(b"length_km,speed_km_h,colour\n1,50,red\n")
+    said = str(caught.value)
+    assert "did you mean length_m?" in said
+    assert "did you mean speed_m_s?" in said
+    assert "'colour'" in said
+    assert said.count("missing column") == 2
+    with pytest.raises(InvalidInput) as caught:
+        read_route(b"length_m,speed_m_s,grade\nx,9,0\n5,-9,7\n,nan,0\n8,9,0,1\n")
+    said = str(caught.value)
+    for words in ("link 1, length_m: got 'x'", "link 2, speed_m_s", "link 2, grade", "missing key: link 3",
+                  "link 3, speed_m_s: got nan", "too many cells"):  # fmt: skip
+        assert words in said
+    assert "missing key: link 1" not in said
+    with pytest.raises(InvalidInput) as caught:
+        read_route(b"length_m,speed_m_s\n" + b"0,0\n" * 20_000)
+    assert len(caught.value.faults) <= 60
+    assert "more" in str(caught.value.faults[-1])

@@ -185,6 +185,18 @@ def test_miles_and_feet_of_valhalla():
     assert route.elevation_at([0.0])[0] == pytest.approx(152.4)
 
 
+@pytest.mark.parametrize(("units", "metres"), [("m", 1.0), ("km", 1000.0), ("mi", 1609.344)])
+def test_units_of_openrouteservice(units, metres):
+    answer = json.loads((ANSWERS / "openrouteservice.json").read_text())
+    for step in answer["features"][0]["properties"]["segments"][0]["steps"]:
+        step["distance"] /= metres
+    answer["metadata"]["query"] = {"units": units, "profile": "driving-car"}
+    assert read_answer(json.dumps(answer).encode()).distance_m == pytest.approx(1500.0)
+    answer["metadata"]["query"]["units"] = "furlong"
+    with pytest.raises(InvalidInput, match="unknown unit"):
+        read_answer(json.dumps(answer).encode())
+
+
 def encode(points, scales):
     """An encoded polyline, written the other way round than the reader."""
     text, before = "", np.zeros(len(scales), dtype=np.int64)
@@ -225,6 +237,19 @@ def test_encoded_answers_with_heights():
     assert read_answer(json.dumps(answer).encode()).elevation_at([0, 1000, 2000]).tolist() == pytest.approx(
         [500, 504, 510]
     )
+    path["bbox"] = [11.5, 48.1, 11.527, 48.1]  # newer versions: no heights in it
+    assert read_answer(json.dumps(answer).encode()).elevation_at([1000]).tolist() == pytest.approx([504])
+    flat = [(48.1 + 0.001 * k, 11.5 + 0.002 * k) for k in range(6)]
+    length = float(haversine_m([p[0] for p in flat], [p[1] for p in flat]).sum())
+    flat_path = {
+        "points": encode(flat, [1e5, 1e5]),
+        "points_encoded": True,
+        "distance": length,
+        "time": 90_000,
+    }
+    route = read_answer(json.dumps({"paths": [flat_path]}).encode())
+    assert route.elevation_m is None
+    assert route.distance_m == pytest.approx(length)
     steps = [{"distance": 2000.0, "duration": 160.0, "way_points": [0, 2]}]
     ors = {
         "routes": [
@@ -289,6 +314,24 @@ REFUSED = {
     ).encode(),
     "something else": b'{"name":"me"}',
     "number": b"12",
+    "table of nothing": b"length_m,speed_m_s\n",
+    "table without a speed": b"length_m\n500\n",
+    "table of nan": b"length_m,speed_m_s\nnan,inf\n",
+    "table of bytes": b"length_m,speed_m_s\n\xff\xfe,1\n",
+    "table of one endless cell": b"length_m,speed_m_s\n" + b"1" * 200_000 + b",1\n",
+    "deep tracks": b"<gpx>" + b"<trk>" * 100_000,
+    "wide attribute": b'<gpx><rte><rtept lat="48" lon="' + b"1" * 1_000_000 + b'"/></rte></gpx>',
+    "infinite place": gpx(drive(SPEED)).replace(b'lat="48.000000000"', b'lat="1e400"'),
+    "parameter entity": b'<!DOCTYPE gpx [<!ENTITY % a SYSTEM "file:///etc/passwd">%a;]><gpx/>',
+    "late document type": b"<!-- --><?x y?><!DOCTYPE gpx><gpx/>",
+    "UTF-16 bomb": BOMB.replace('version="1.0"', 'version="1.0" encoding="UTF-16"').encode("utf-16"),
+    "year 99999": gpx(drive(SPEED)).replace(b"2026-05-01T08:00:00Z", b"99999-05-01T08:00:00Z"),
+    "negative duration": b'{"code":"Ok","routes":[{"legs":[{"distance":900,"duration":-60}]}]}',
+    "huge duration": b'{"code":"Ok","routes":[{"legs":[{"distance":900,"duration":1e300}]}]}',
+    "unknown unit": b'{"trip":{"status":0,"units":"versts","legs":[]}}',
+    "points beyond the path": json.dumps(
+        {"paths": [{"points": {"coordinates": [[11, 48], [11.1, 48]]}, "details": {"time": [[0, 9, 1000]]}}]}
+    ).encode(),
 }
 
 
@@ -319,6 +362,7 @@ SEEDS = [
     json.dumps(
         [{"length_m": 300, "speed_m_s": 9, "grade": 0.01}, {"length_m": 90, "travel_time_s": 9}]
     ).encode(),
+    b"length_m,speed_m_s,grade,stop_s,speed_limit_m_s\n500,10,0.01,,14\n250,5,,20,\n",
     *(p.read_bytes() for p in sorted(ANSWERS.glob("*.json"))),
 ]
 SNIPPETS = [
@@ -340,6 +384,11 @@ SNIPPETS = [
     b"-1",
     b"<trk>",
     b"</trkseg>",
+    b",",
+    b";",
+    b"\n",
+    b"\x00",
+    b"<!DOCTYPE x>",
 ]
 
 

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 import tripwatt
-from tripwatt.cli import cars, evaluating, forecasting, logs
+from tripwatt.cli import cars, evaluating, exporting, forecasting, logs, transferring
 from tripwatt.errors import TripwattError
 
 __all__ = ["app", "main"]
@@ -43,8 +43,10 @@ def _main(
 
 evaluating.add_commands(app)
 forecasting.add_commands(app)
+transferring.add_commands(app)
 logs.add_commands(app)
 cars.add_commands(app)
+exporting.add_commands(app)
 
 
 def main() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -25,8 +26,8 @@ from tripwatt.cli.printing import console, print_json, print_notes, print_table,
 from tripwatt.errors import Fault, InvalidInput
 
 if TYPE_CHECKING:
-    from tripwatt.forecast import Forecast
-    from tripwatt.trips import Fleet
+    from tripwatt.forecast import Forecast, ForecastModel
+    from tripwatt.trips import Fleet, Trip
 
 OPTION_OF: Final = {
     "displayed_soc": "--soc",
@@ -45,6 +46,10 @@ def add_commands(app: typer.Typer) -> None:
         epilog=examples(
             ("tripwatt fit data/tum --out my-model", "your copy of the TUM trips"),
             ("tripwatt fit logs --mapping my.toml --vehicle vw_id3 --out my-model", "any tables of one car"),
+            (
+                "tripwatt fit logs --mapping my.toml --vehicle nissan_leaf_24 --base i3-model --out leaf-model",
+                "a few trips of one car on top of a model of another",
+            ),
             ("tripwatt fit --out example-model", "the synthetic fleet: to try the commands, not a car"),
         )
     )(fit)
@@ -57,6 +62,11 @@ def add_commands(app: typer.Typer) -> None:
             ),
             ("tripwatt forecast my-model trip.csv --reserve 0.1 --plot forecast.png", "with your model"),
             ("tripwatt forecast trip.csv --observed so-far.csv --json", "again, during the trip"),
+            (
+                "tripwatt forecast answer.json --soc 0.8 --ambient 5",
+                "a planned route: a router's saved answer",
+            ),
+            ("tripwatt forecast ride.gpx --speed 60", "a track without times, driven at 60 km/h on average"),
         )
     )(forecast)
     app.command(
@@ -84,6 +94,15 @@ def fit(
     corrector: Annotated[
         str, typer.Option(metavar="NAME", help="linear, kriging, boosting, forest or ensemble.")
     ] = "ensemble",
+    base: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MODEL",
+            help="Adapt this model of another car to the trips instead; a few trips are enough. --corrector and "
+            "--seed are then the base's.",
+            show_default=False,
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Makes the fit identical.")] = 0,
     as_json: JsonOption = False,
 ) -> None:
@@ -99,12 +118,14 @@ def fit(
     car, note = car_of(vehicle, data, dataset, mapping)
     fleets: list[Fleet] = []
     cars: list[Any] = []
+    bases: list[tuple[ForecastModel, dict[str, Any]]] = []
 
     def read() -> None:
         with shown.status("reading trips"):
             fleets.append(read_logs(data, dataset, mapping))
 
     gather(
+        lambda: None if base is None else bases.append(_stored(base)),
         lambda: _require_storable(corrector),
         lambda: cars.append(load_vehicle(car, overrides=parse_overrides(overrides or []))),
         lambda: require_place(out),
@@ -115,10 +136,25 @@ def fit(
     from tripwatt.forecast.storage import save_model
     from tripwatt.forecast.training import trained
 
-    with progress(shown) as advance:
-        model, provenance, figures = trained(fleet, cars[0], corrector=corrector, seed=seed, progress=advance)
+    if bases:
+        from tripwatt.forecast.adapting import adapted
+
+        with shown.status("adapting the base"):
+            model, provenance, figures = adapted(fleet, cars[0], *bases[0])
+    else:
+        with progress(shown) as advance:
+            model, provenance, figures = trained(
+                fleet, cars[0], corrector=corrector, seed=seed, progress=advance
+            )
     save_model(model, out, provenance=provenance, evaluation=figures)
     _show_fit(fleet, out, figures, as_json)
+
+
+def _stored(folder: Path) -> tuple[ForecastModel, dict[str, Any]]:
+    """A stored model and what it says of itself."""
+    from tripwatt.forecast import load_metadata, load_model
+
+    return load_model(folder), load_metadata(folder, check_parts=False)
 
 
 def _require_storable(corrector: str) -> None:
@@ -147,9 +183,11 @@ def forecast(
         list[Path],
         typer.Argument(
             metavar="[MODEL] TRIP",
-            help="Folder of a model, left out for the one that comes with the package, and a CSV or Parquet file of the "
-            "trip with our column names: time_s, speed_m_s, and elevation_m or grade where known. Of other signals "
-            "only the first sample counts.",
+            help="Folder of a model, left out for the one that comes with the package, and the trip. As it is driven: a "
+            "CSV or Parquet file with our column names, time_s, speed_m_s, and elevation_m or grade where known; of other "
+            "signals only the first sample counts. As it is planned: links (CSV or JSON: length_m, speed_m_s or "
+            "travel_time_s, and where known grade or start_elevation_m and end_elevation_m, stop_s, speed_limit_m_s), GPX, "
+            "GeoJSON, or the saved answer of OSRM, Valhalla, openrouteservice or GraphHopper.",
             show_default=False,
         ),
     ],
@@ -174,12 +212,20 @@ def forecast(
     cabin_temperature: Annotated[
         float | None, typer.Option(metavar="°C", help="Cabin at departure.", show_default=False)
     ] = None,
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            metavar="KM/H",
+            help="Mean speed on a planned track that says neither times nor speeds.",
+            show_default=False,
+        ),
+    ] = None,
     observed: Annotated[
         Path | None,
         typer.Option(
             metavar="SAMPLES",
             help="What was measured so far, on the trip's clock: time_s with voltage_v and current_a, or soc or "
-            "displayed_soc.",
+            "displayed_soc; on a planned route also speed_m_s, which tells how far the car is.",
             show_default=False,
         ),
     ] = None,
@@ -192,12 +238,12 @@ def forecast(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Forecast the energy of a trip, how sure that is, and what it goes into, given the driven speed trace.
+    """Forecast the energy of a trip, how sure that is, and what it goes into, given its speed trace or a planned route.
 
-    State of charge, in and out, is the one that the driver sees.
+    A planned route is driven by a driver model; what that costs in accuracy was measured when the model was fitted and
+    widens the interval. State of charge, in and out, is the one that the driver sees.
     """
-    from tripwatt.forecast import load_model, since_departure, trip_to_come
-    from tripwatt.sources.canonical import read_canonical
+    from tripwatt.forecast import load_model, since_departure
 
     model, trip = _model_and_trip(paths)
     asked: dict[str, Any] = {
@@ -212,11 +258,11 @@ def forecast(
     gather(
         lambda: _require_options(reserve, plot),
         lambda: got.update(model=load_model(model)),
-        lambda: got.update(samples=read_canonical(trip)),
+        lambda: got.update(trip=_read_trip(trip, speed)),
         lambda: None if observed is None else got.update(observed=_measured(observed)),
-        lambda: _with_option_names(asked),
+        lambda: check_departure(asked),
     )
-    to_come = trip_to_come(got["samples"], trip.stem, **asked)
+    to_come = got["trip"](asked)
     found = got["model"].forecast(to_come)
     if observed is not None:
         found = found.update(since_departure(got["observed"], to_come))
@@ -236,6 +282,28 @@ def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
     return (None, paths[0]) if len(paths) == 1 else (paths[0], paths[1])
 
 
+def _read_trip(path: Path, speed_km_h: float | None) -> Callable[[dict[str, Any]], Trip]:
+    """What makes the trip to come of the options: from samples, or from a planned route, whatever the file holds."""
+    from tripwatt.forecast import planned_to_come, trip_to_come
+    from tripwatt.routes import is_route, needs_speed, plan_trip, read_route
+    from tripwatt.sources.canonical import read_canonical
+    from tripwatt.units import M_S_PER_KM_H
+
+    route = read_route(path) if is_route(path) else None
+    if speed_km_h is not None and (route is None or not needs_speed(route)):
+        got = f"{path.name} says how fast it is"
+        raise InvalidInput(Fault("without effect", "--speed", got, "a track without times and speeds"))
+    if route is None:
+        samples = read_canonical(path)
+        return lambda asked: trip_to_come(samples, path.stem, **asked)
+    if speed_km_h is None and needs_speed(route):
+        got, fix = "pieces without time and speed", "say --speed KM/H"
+        raise InvalidInput(Fault("how fast?", path.name, got, "a speed for them", fix))
+    speed_m_s = None if speed_km_h is None else speed_km_h * M_S_PER_KM_H
+    plan = plan_trip(route, speed_m_s=speed_m_s, trip_id=path.stem)
+    return lambda asked: planned_to_come(plan, **asked)
+
+
 def _require_options(reserve: float, plot: Path | None) -> None:
     faults = []
     if not 0.0 <= reserve <= 1.0:
@@ -248,8 +316,14 @@ def _require_options(reserve: float, plot: Path | None) -> None:
         raise InvalidInput(faults)
 
 
-def _with_option_names(asked: dict[str, Any]) -> None:
-    """Check what the options say, whatever the trip, under the options' names."""
+def check_departure(asked: dict[str, Any]) -> None:
+    """Check what options say of the departure, whatever the trip, under the options' names.
+
+    Raises
+    ------
+    InvalidInput
+        With every value that cannot be one.
+    """
     import pandas as pd
 
     from tripwatt.forecast import trip_to_come
@@ -279,8 +353,6 @@ def _draw(found: Forecast, plot: Path) -> None:
 
 
 def _show_forecast(found: Forecast, reserve: float) -> None:
-    from tripwatt.forecast.storage import GIVEN
-
     low, high = found.interval(0.9)
     when = "before departure" if found.measured_until_s <= 0.0 else f"after {found.measured_until_s:.0f} s"
     rows = [
@@ -290,7 +362,7 @@ def _show_forecast(found: Forecast, reserve: float) -> None:
         ("P(arrive)", f"{found.p_arrive(0.0):.1%}"),
         (f"P(arrive with {reserve:.0%} or more)", f"{found.p_arrive(reserve):.1%}"),
     ]
-    print_table(f"{found.plan.trip_id}, {when}, {GIVEN}", ("forecast", ""), rows, numbers=("",))
+    print_table(f"{found.plan.trip_id}, {when}, given {found.given}", ("forecast", ""), rows, numbers=("",))
     causes = [
         (cause.replace("_", " "), f"{energy / 1000.0:+.3f} kWh")
         for cause, energy in found.by_cause_wh.items()
@@ -345,6 +417,8 @@ def _about_rows(about: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append(("data", f"{origin['data']['name']}, SHA-256 {origin['data']['sha256']}"))
         rows += [("citation", origin["data"]["citation"])] if origin["data"]["citation"] else []
         rows += [("note", note) for note in origin["data"]["notes"]]
+    if "adapted" in origin:
+        rows += _adapted_rows(origin)
     if "mape" in figures:
         rows.append(
             (
@@ -358,6 +432,27 @@ def _about_rows(about: dict[str, Any]) -> list[tuple[str, str]]:
         ("parts", ", ".join(f"{name} ({part['bytes']} bytes)" for name, part in about["parts"].items()))
     )
     return rows
+
+
+def _adapted_rows(origin: dict[str, Any]) -> list[tuple[str, str]]:
+    """Where an adapted model comes from, and what its own trips changed."""
+    how, base = origin["adapted"], origin["base"]
+    changes = [
+        f"{name.replace('_', ' ')} {value['change']:+.1%} (sd {value['sd']:.1%})"
+        for name, value in how["parameters"].items()
+    ]
+    told = base["model"]
+    return [
+        (
+            "base",
+            f"{told['vehicle_title']}, {told['corrector']}, {told['trips']} trips, SHA-256 {base['sha256']}",
+        ),
+        (
+            "adapted",
+            f"with {how['trips']} own trips; {how['share_in_common']:.0%} of the base's correction is shared",
+        ),
+        *([("car against its book", ", ".join(changes))] if changes else []),
+    ]
 
 
 def _range(low: float | None, high: float | None) -> str:

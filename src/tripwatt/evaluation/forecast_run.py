@@ -17,11 +17,12 @@ import numpy.typing as npt
 import pandas as pd
 
 from tripwatt.evaluation.forecast_scores import FRACTIONS, LEVELS, UPDATES
-from tripwatt.evaluation.forecast_sets import TRAINING_ONLY, ForecastSet
+from tripwatt.evaluation.forecast_sets import CHARGE_COLUMNS, TRAINING_ONLY, ForecastSet
 from tripwatt.evaluation.protocols import ModelSpec
 from tripwatt.evaluation.results import Evaluation, FoldResult
 from tripwatt.forecast import DEFAULT_CORRECTOR, Forecast, ForecastModel
 from tripwatt.hybrid import BlockTable, IntArray, TripTable, power_corrector
+from tripwatt.hybrid.climate_log import TOLD_BY
 from tripwatt.hybrid.power import LearnerCorrector
 from tripwatt.trips import FloatArray, Trip
 from tripwatt.vehicles import Vehicle
@@ -327,8 +328,9 @@ def reforecast(forecast: Forecast, log: pd.DataFrame, fraction: float) -> list[f
     if len(so_far) < 2:
         return [forecast.energy_wh, float("nan"), forecast.energy_wh, forecast.energy_wh]
     last = so_far.iloc[-1]
-    by_energy = forecast.update(so_far[["time_s", "observed_energy_wh"]]).energy_wh
-    charge = [c for c in ("soc", "displayed_soc") if c in so_far and so_far[c].notna().any()]
+    measured = ["time_s", "observed_energy_wh", *(c for c in TOLD_BY if c in so_far)]
+    by_energy = forecast.update(so_far[measured]).energy_wh
+    charge = [c for c in CHARGE_COLUMNS if c in so_far and so_far[c].notna().any()]
     by_charge = forecast.update(so_far[["time_s", *charge]]).energy_wh if charge else float("nan")
     then = float(np.interp(last["time_s"], planned_series["time_s"], planned_series["energy_wh"]))
     metres, whole = float(last["distance_m"]), float(planned_series["distance_m"].iloc[-1])

@@ -17,11 +17,13 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.evaluation.results import Evaluation
 from tripwatt.forecast.model import MIN_TRIPS
 from tripwatt.hybrid import BlockTable, IntArray, TripTable, block_table, build_table, planned
+from tripwatt.hybrid.climate_log import TOLD_BY
 from tripwatt.hybrid.power import BLOCK_S, DEPARTURE_COLUMNS, ROUTE_COLUMNS
 from tripwatt.physics import simulate_trip
 from tripwatt.trips import Fleet, FloatArray, Trip, observed_cumulative_energy
 from tripwatt.vehicles import Vehicle
 
+CHARGE_COLUMNS: Final = ("soc", "displayed_soc")
 MIN_DAYS: Final = 3
 TRAINING_ONLY: Final = -1
 """Fold of a trip that is only trained on."""
@@ -104,8 +106,8 @@ def measured_log(trip: Trip, step_s: float = 1.0) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        `time_s` since departure, `observed_energy_wh`, `distance_m`, and the states of charge that the trip has. A
-        row depends on no sample after it.
+        `time_s` since departure, `observed_energy_wh`, `distance_m`, and the states of charge and the powers of
+        climate control that the trip has. A row depends on no sample after it.
 
     Examples
     --------
@@ -130,7 +132,7 @@ def measured_log(trip: Trip, step_s: float = 1.0) -> pd.DataFrame:
     last = np.clip(np.searchsorted(time[rows], steps + 1e-9, side="right") - 1, 0, None)
     rows = rows[np.unique(np.append(last, len(rows) - 1))]
     log = {"time_s": time[rows], "observed_energy_wh": cumulative[rows], "distance_m": distance[rows]}
-    log |= {c: trip.array(c)[rows] for c in ("soc", "displayed_soc") if c in trip}
+    log |= {c: trip.array(c)[rows] for c in (*CHARGE_COLUMNS, *TOLD_BY) if c in trip}
     return pd.DataFrame(log)
 
 

@@ -98,6 +98,7 @@ _CORRECTOR_TITLES: Final[Mapping[str, str]] = MappingProxyType(
         "forest": "default physics + forest on power",
         "gamm": "default physics + GAMM on power",
         "ensemble": "default physics + mean of Gaussian process and boosting on power",
+        "channels": "default physics + climate and driving corrected apart, by Gaussian processes and boosting",
     }
 )
 

@@ -2,6 +2,7 @@
 
 from tripwatt.forecast.forecast import Forecast
 from tripwatt.forecast.model import DEFAULT_CORRECTOR, ForecastModel, training_blocks
+from tripwatt.forecast.planned import LinkedTrips, RouteDoubt, linked, linked_trips, planned_to_come
 from tripwatt.forecast.request import since_departure, trip_to_come
 from tripwatt.forecast.storage import GIVEN, load_metadata, load_model, save_model
 
@@ -10,8 +11,13 @@ __all__ = [
     "GIVEN",
     "Forecast",
     "ForecastModel",
+    "LinkedTrips",
+    "RouteDoubt",
+    "linked",
+    "linked_trips",
     "load_metadata",
     "load_model",
+    "planned_to_come",
     "save_model",
     "since_departure",
     "training_blocks",

@@ -12,10 +12,13 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.forecast.gain import EXACT_W2, Gain
-from tripwatt.forecast.process import Belief, Blocks, ResidualProcess, prior
+from tripwatt.forecast.gain import Gain
+from tripwatt.forecast.planned import along_the_plan, given_of, route_sd_wh
+from tripwatt.forecast.process import EXACT_W2, Belief, Blocks, ResidualProcess
+from tripwatt.forecast.scale import TotalScale
 from tripwatt.forecast.scores import Scores
 from tripwatt.hybrid import BlockTable
+from tripwatt.hybrid.climate_log import logged_climate
 from tripwatt.physics import Simulation
 from tripwatt.trips import (
     FloatArray,
@@ -37,8 +40,9 @@ SOC_STEP: Final = 0.005
 """Smallest step that a logged state of charge is trusted to."""
 CAPACITY_SD: Final = 0.03
 """Relative doubt of the energy behind a unit of state of charge: ageing and temperature."""
-MIN_COVER: Final = 0.3
-"""Share of a block that has to be measured before it counts as observed."""
+MIN_COVER: Final = 0.8
+"""Share of a block that has to be measured before it counts as observed: within a block, power changes with every
+change of speed, so a part of it says little of the rest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +56,16 @@ class Forecast:
     table : BlockTable
     correction_w : ndarray, shape (blocks,)
         Learned correction of the power before departure [W].
+    climate_w : ndarray or None, shape (blocks,)
+        Its part of climate control; None where the model does not tell it apart.
     belief : Belief
         Of the residual power that remains: mean 0 before departure.
+    spread : float
+        Standard deviation of the trip's energy over that of the process: the scale that held-out trips showed.
     widening : float
         Factor of the standard deviation for what training never saw.
+    route_doubt_wh : float
+        Standard deviation that a planned route adds to the trip's energy [Wh]; 0 for a driven trace.
     measured_until_s : float
         Time up to which the trip was measured [s since departure]; 0 before departure.
     measured_wh, measured_hours : ndarray or None, shape (blocks,)
@@ -67,12 +77,15 @@ class Forecast:
     simulation: Simulation
     table: BlockTable
     correction_w: FloatArray
+    climate_w: FloatArray | None
     blocks: Blocks
     process: ResidualProcess
     belief: Belief
     scores: Scores
     gain: Gain
+    spread: float = 1.0
     widening: float = 1.0
+    route_doubt_wh: float = 0.0
     flags: tuple[str, ...] = ()
     measured_until_s: float = 0.0
     measured_wh: FloatArray | None = None
@@ -89,8 +102,10 @@ class Forecast:
         simulation: Simulation,
         table: BlockTable,
         correction_w: FloatArray,
+        climate_w: FloatArray | None,
         blocks: Blocks,
         process: ResidualProcess,
+        scale: TotalScale,
         scores: Scores,
         gain: Gain,
         outside: Mapping[str, float],
@@ -106,20 +121,28 @@ class Forecast:
             flags.append(f"state of charge is unknown: {start:.0%} displayed at departure is assumed")
         if "elevation_m" not in plan and "grade" not in plan:
             flags.append("no elevation: the road counts as flat")
+        belief = Belief.of(process.covariance(blocks))
         return cls(
             plan=plan,
             vehicle=vehicle,
             simulation=simulation,
             table=table,
             correction_w=correction_w,
+            climate_w=climate_w,
             blocks=blocks,
             process=process,
-            belief=prior(process, blocks),
+            belief=belief,
             scores=scores,
             gain=gain,
+            spread=scale.sd_wh(blocks) / float(belief.energy_wh(blocks.hours)[1][-1]),
             widening=float(np.sqrt(1.0 + sum(b**2 + 0.25 for b in outside.values()) + 0.1 * len(unknown))),
             flags=(*flags, *simulation.flags),
         )
+
+    @property
+    def given(self) -> str:
+        """What is taken as known of the speed: the driven speed trace, or a planned route."""
+        return given_of(self.plan)
 
     @property
     def power_w(self) -> FloatArray:
@@ -234,7 +257,9 @@ class Forecast:
         observed : DataFrame
             Samples since departure, `time_s` on the clock of the trip's own samples. With `voltage_v` and
             `current_a`, or with `observed_energy_wh` in their place, each block that was measured counts, gaps stay
-            unmeasured. Without them `soc` or `displayed_soc` count.
+            unmeasured; `heating_power_w` and `aircon_power_w` beside them tell climate control from driving. Without
+            them `soc` or `displayed_soc` count. On a planned route `speed_m_s` tells how far the car is; without it,
+            it is taken to be where it was planned.
 
         Returns
         -------
@@ -248,6 +273,8 @@ class Forecast:
         samples = observed if "speed_m_s" in observed else observed.assign(speed_m_s=0.0)
         raise_faults(structure_faults(samples, "observed samples"))
         raise_faults(value_faults(samples, "observed samples"))
+        if "speed_m_s" in observed:
+            samples = along_the_plan(samples, self.plan)
         time = np.asarray(samples["time_s"], dtype=np.float64)
         soc = self._measured_soc(samples)
         measured_wh = measured_hours = None
@@ -262,11 +289,7 @@ class Forecast:
             raise InvalidInput(
                 Fault("nothing measured", "observed samples", where, "voltage_v and current_a, or soc")
             )
-        mean = self.table.simulated_w + self.correction_w
-        belief = prior(self.process, self.blocks).given(weights, power - weights @ mean, variance)
-        edges = np.concatenate(([0.0], np.cumsum(self.blocks.step_s)))
-        rest = np.clip((edges[1:] - time[-1]) / self.blocks.step_s, 0.0, 1.0)
-        belief = self.gain.applied(belief, rest, float(time[-1] / edges[-1]))
+        belief = self._updated(samples, weights, power, variance)
         anchor = None
         if soc is not None and np.isfinite(soc).any():
             last = int(np.flatnonzero(np.isfinite(soc))[-1])
@@ -280,11 +303,42 @@ class Forecast:
             anchor=anchor,
         )
 
+    def _updated(
+        self, samples: pd.DataFrame, weights: FloatArray, power: FloatArray, variance: FloatArray
+    ) -> Belief:
+        """Belief after powers were observed; climate control apart where the samples tell it."""
+        time = np.asarray(samples["time_s"], dtype=np.float64)
+        edges = np.concatenate(([0.0], np.cumsum(self.blocks.step_s)))
+        ahead = edges[1:] > time[-1] + 1e-9
+        fraction = float(min(time[-1] / edges[-1], 1.0))
+        residual = power - weights @ (self.table.simulated_w + self.correction_w)
+        climate = self._climate_residual(samples, edges) if self.process.apart else None
+        needed = (weights > 0.0).any(axis=0)
+        if climate is None or not np.isfinite(climate[needed]).all():
+            whole = Belief.of(self.process.covariance(self.blocks)).given(weights, residual, variance)
+            return self.gain.applied("whole", whole, ahead, fraction)
+        seen = weights @ np.nan_to_num(climate)
+        exact = np.full(len(seen), EXACT_W2)
+        own = Belief.of(self.process.climate_covariance(self.blocks))
+        own = own.given(weights, self.process.limited(seen), exact)
+        drive = Belief.of(self.process.drive_covariance(self.blocks))
+        drive = drive.given(weights, residual - seen, variance)
+        return self.gain.applied("climate", own, ahead, fraction) + self.gain.applied(
+            "drive", drive, ahead, fraction
+        )
+
+    def _climate_residual(self, samples: pd.DataFrame, edges_s: FloatArray) -> FloatArray | None:
+        """Measured less expected power of climate control [W]; NaN in blocks that were not measured."""
+        logged = logged_climate(samples, edges_s)
+        if logged is None or self.climate_w is None:
+            return None
+        return np.asarray(logged - self.blocks.hvac_w - self.climate_w)
+
     def as_dict(self) -> dict[str, Any]:
         """What the command line and the service answer, plain values."""
         return {
             "trip": self.plan.trip_id,
-            "given": "the driven speed trace",
+            "given": self.given,
             "energy_wh": self.energy_wh,
             "quantiles_wh": {f"{p:g}": self.quantile(p) for p in QUANTILES},
             "soc_arrival": self.soc_arrival,
@@ -298,9 +352,8 @@ class Forecast:
 
     @cached_property
     def _cumulative_sd_wh(self) -> FloatArray:
-        sd = self.belief.energy_wh(self.open_hours * SECONDS_PER_HOUR)[1]
-        ahead = np.cumsum(self.open_hours) / self.table.hours.sum()
-        return self.widening * np.asarray(np.hypot(sd, self.blocks.doubt_wh * ahead))
+        own = self.spread * self.belief.energy_wh(self.open_hours)[1]
+        return self.widening * np.asarray(np.hypot(own, route_sd_wh(self)))
 
     def _energy_at(self, time_s: float) -> float:
         ends = np.concatenate(([0.0], np.cumsum(self.table.hours) * SECONDS_PER_HOUR))
@@ -341,7 +394,7 @@ class Forecast:
         """Mean measured power of each block that was measured for long enough, as weights, values, variances."""
         share = np.minimum(measured_hours / self.table.hours, 1.0)
         seen = np.flatnonzero(share >= MIN_COVER)
-        noise = (self.process.noise_factor * self.blocks.spread_w[seen]) ** 2
+        noise = (self.process.drive.noise * self.blocks.drive_noise_w[seen]) ** 2
         variance = (1.0 - share[seen]) * noise + EXACT_W2
         return np.eye(len(self.blocks))[seen], measured_wh[seen] / measured_hours[seen], variance
 

@@ -1,22 +1,24 @@
 """The forecaster: physics, a corrector of power, and how sure they are, fitted together on logged trips.
 
 How sure is learned from trips that the corrector has not seen: the training trips are held out in turn, the residual
-process is fitted to what was left of them, and the standardised errors of their totals become the scores of a
-conformal layer. An outer fold sees none of it.
+process and the scale of the total are fitted to what was left of them, and the standardised errors of their totals
+become the scores of a conformal layer. An outer fold sees none of it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecast.forecast import Forecast
 from tripwatt.forecast.gain import Gain
-from tripwatt.forecast.process import Blocks, ResidualProcess, fit_process
+from tripwatt.forecast.planned import LinkedTrips, RouteDoubt, as_planned, linked_trips
+from tripwatt.forecast.process import Blocks, HeldOutResidual, ResidualProcess, fit_process
+from tripwatt.forecast.scale import TotalScale
 from tripwatt.forecast.scores import Scores
 from tripwatt.hybrid import BlockTable, PowerCorrector, block_table, planned, power_corrector
 from tripwatt.hybrid.power import DEPARTURE_COLUMNS
@@ -24,12 +26,12 @@ from tripwatt.physics import simulate_trip
 from tripwatt.trips import FloatArray, Trip
 from tripwatt.vehicles import Vehicle
 
-DEFAULT_CORRECTOR: Final = "ensemble"
+if TYPE_CHECKING:
+    from tripwatt.forecast.elsewhere import Elsewhere
+
+DEFAULT_CORRECTOR: Final = "channels"
 INNER_FOLDS: Final = 10
 MIN_TRIPS: Final = 8
-EFFECT_START: Final = np.array([200.0, 0.05, 0.15])
-"""Start of the whole-trip effects' standard deviations: a constant [W], a share of driving, a share of climate."""
-
 WATCHED: Final = (*DEPARTURE_COLUMNS[:4], "trip_speed_m_s", "duration_s")
 """What is compared with the training range; outside, the forecast is flagged and its interval widened."""
 
@@ -90,26 +92,37 @@ class ForecastModel:
     seed: int = 0
     fitted_: PowerCorrector | None = None
     process_: ResidualProcess | None = None
+    scale_: TotalScale | None = None
     scores_: Scores | None = None
     gain_: Gain | None = None
+    route_doubt_: RouteDoubt | None = None
     ranges_: dict[str, Range] = field(default_factory=dict)
     trip_ids_: tuple[str, ...] = ()
     held_out_: tuple[HeldOut, ...] = ()
+    elsewhere_: Elsewhere | None = None
+    """The corrector for cars whose logs lack signals that this one's have; None when nobody made one."""
 
     def fit(
         self, trips: Sequence[Trip], *, progress: Callable[[int, int], None] | None = None
     ) -> ForecastModel:
         """Learn from raw trips with measured energy. See `fit_blocks`."""
-        return self.fit_blocks(training_blocks(trips, self.vehicle), progress=progress)
+        table = training_blocks(trips, self.vehicle)
+        return self.fit_blocks(table, routes=linked_trips(trips, self.vehicle), progress=progress)
 
     def fit_blocks(
-        self, table: BlockTable, *, progress: Callable[[int, int], None] | None = None
+        self,
+        table: BlockTable,
+        *,
+        routes: LinkedTrips | None = None,
+        progress: Callable[[int, int], None] | None = None,
     ) -> ForecastModel:
         """Learn corrector, process and scores. One fit of the corrector, and one more for each inner fold.
 
         Parameters
         ----------
         table : BlockTable
+        routes : LinkedTrips, optional
+            The same trips on links, for the doubt of planned routes.
         progress : callable, optional
             Called with (finished fits, all fits).
 
@@ -122,27 +135,39 @@ class ForecastModel:
             raise InvalidInput(Fault("too few trips", "training", str(len(table)), f"at least {MIN_TRIPS}"))
         self.fitted_ = power_corrector(self.corrector, self.seed).fit(table)
         self.trip_ids_ = table.trip_ids
-        self.ranges_ = _ranges(table)
+        self.ranges_ = training_ranges(table)
         folds = np.random.default_rng(self.seed).permutation(len(table)) % min(INNER_FOLDS, len(table))
-        held_out: list[tuple[Blocks, FloatArray]] = []
-        order: list[int] = []
+        held_out: dict[int, HeldOutResidual] = {}
+        off: list[FloatArray] = []
         n_folds = int(folds.max()) + 1
         for fold in range(n_folds):
             if progress is not None:
                 progress(fold + 1, n_folds + 1)
             inner = self.fitted_.again().fit(table.take(np.flatnonzero(folds != fold)))
+            if routes is not None:
+                off.append(routes.differences(inner, table, np.flatnonzero(folds == fold)))
             for i in np.flatnonzero(folds == fold):
-                trip = table.take([int(i)])
-                order.append(int(i))
-                doubt = inner.uncertainty_factor(trip)
-                held_out.append((process_blocks(trip, doubt), trip.residual_w - inner.predict(trip)))
-        self.process_ = fit_process(held_out, len(EFFECT_START), EFFECT_START)
-        self.scores_ = Scores.of([self.process_.total_score(blocks, left) for blocks, left in held_out])
-        self.held_out_ = _held_out(table, order, held_out, self.process_)
-        self.gain_ = Gain.of(self.process_, held_out, table.totals_wh(table.observed_power_w)[order])
+                held_out[int(i)] = held_out_residual(inner, table.take([int(i)]))
+        self.route_doubt_ = RouteDoubt.of(np.concatenate(off)) if off else None
+        self._learn_doubt(table, [held_out[i] for i in range(len(table))])
         if progress is not None:
             progress(n_folds + 1, n_folds + 1)
         return self
+
+    def _learn_doubt(self, table: BlockTable, held_out: Sequence[HeldOutResidual]) -> None:
+        """Process, scale, scores and gain from trips that were held out."""
+        observed = table.totals_wh(table.observed_power_w)
+        errors = np.array([trip.error_wh for trip in held_out])
+        self.process_ = fit_process(held_out)
+        self.scale_ = scale = TotalScale.of([trip.blocks for trip in held_out], errors)
+        sd = np.array([scale.sd_wh(trip.blocks) for trip in held_out])
+        scores = errors / sd
+        self.scores_ = Scores.of(scores.tolist())
+        self.held_out_ = tuple(
+            HeldOut(name, float(o), float(o - e), float(s))
+            for name, o, e, s in zip(table.trip_ids, observed, errors, scores, strict=True)
+        )
+        self.gain_ = Gain.of(self.process_, held_out, sd)
 
     def forecast(self, trip: Trip) -> Forecast:
         """Forecast a trip from what is known at its departure. O(samples + blocks^2).
@@ -157,7 +182,13 @@ class ForecastModel:
 
     def forecast_planned(self, plan: Trip) -> Forecast:
         """Forecast a plan of `planned`: the same as `forecast` of the trip that it was made from."""
-        if self.fitted_ is None or self.process_ is None or self.scores_ is None or self.gain_ is None:
+        if (
+            self.fitted_ is None
+            or self.process_ is None
+            or self.scale_ is None
+            or self.scores_ is None
+            or self.gain_ is None
+        ):
             raise InvalidInput(
                 Fault("model is not fitted", "forecast", "no training trips", "call fit first")
             )
@@ -166,19 +197,27 @@ class ForecastModel:
         correction, doubt = self.fitted_.predict_with_doubt(table)
         known = _watched(table)
         outside = {name: self.ranges_[name].beyond(value) for name, value in known.items()}
-        return Forecast.at_departure(
+        forecast = Forecast.at_departure(
             plan=plan,
             vehicle=self.vehicle,
             simulation=simulation,
             table=table,
             correction_w=correction,
+            climate_w=self.fitted_.predict_climate(table),
             blocks=process_blocks(table, doubt),
             process=self.process_,
+            scale=self.scale_,
             scores=self.scores_,
             gain=self.gain_,
             outside={name: beyond for name, beyond in outside.items() if beyond > 0.0},
-            unknown=tuple(n for n in DEPARTURE_COLUMNS[:4] if not np.isfinite(known[n])),
+            unknown=tuple(
+                n
+                for n in DEPARTURE_COLUMNS[:4]
+                # a signal that no training trip had is nothing that a forecast counts on
+                if not np.isfinite(known[n]) and np.isfinite(self.ranges_[n].low)
+            ),
         )
+        return as_planned(forecast, self.route_doubt_)
 
 
 def training_blocks(trips: Sequence[Trip], vehicle: Vehicle) -> BlockTable:
@@ -202,41 +241,25 @@ def training_blocks(trips: Sequence[Trip], vehicle: Vehicle) -> BlockTable:
     return BlockTable.join(tables)
 
 
-def _held_out(
-    table: BlockTable,
-    order: Sequence[int],
-    held_out: Sequence[tuple[Blocks, FloatArray]],
-    process: ResidualProcess,
-) -> tuple[HeldOut, ...]:
-    observed = table.totals_wh(table.observed_power_w)
-    rows = [
-        HeldOut(
-            table.trip_ids[i],
-            float(observed[i]),
-            float(observed[i] - blocks.step_s @ left / 3600.0),
-            process.total_score(blocks, left),
-        )
-        for i, (blocks, left) in sorted(zip(order, held_out, strict=True), key=lambda pair: pair[0])
-    ]
-    return tuple(rows)
+def held_out_residual(corrector: PowerCorrector, table: BlockTable) -> HeldOutResidual:
+    """What a corrector that has not seen a trip leaves of it; `table` holds that one trip."""
+    correction, doubt = corrector.predict_with_doubt(table)
+    blocks = process_blocks(table, doubt)
+    climate = corrector.predict_climate(table)
+    left = None if climate is None else table.climate_residual_w - climate
+    logged = left is not None and bool(np.isfinite(left).all())
+    return HeldOutResidual(blocks, table.residual_w - correction, left if logged else None)
 
 
 def process_blocks(table: BlockTable, doubt_w: FloatArray) -> Blocks:
-    """Blocks of one trip as the residual process sees them.
-
-    Whole-trip effects load on: every hour alike; the power of driving, as much as the wheels move; the power of
-    climate. What is new in each block grows with the power that is moved. What the corrector does not know of the
-    trip's total only widens the interval.
-    """
-    features, hours = table.features, table.hours
-    moved = features["moved_w"].to_numpy(dtype=np.float64)
-    loadings = np.column_stack([np.ones(len(moved)), moved, features["hvac_w"].to_numpy()])
+    """Blocks of one trip as the residual process sees them."""
+    features = table.features
     return Blocks(
         time_s=features["time_s"].to_numpy(dtype=np.float64),
         step_s=table.hours * 3600.0,
-        loadings=loadings,
-        spread_w=100.0 + 0.3 * moved,
-        doubt_wh=float(np.linalg.norm(hours @ doubt_w)),
+        moved_w=features["moved_w"].to_numpy(dtype=np.float64),
+        hvac_w=features["hvac_w"].to_numpy(dtype=np.float64),
+        doubt_wh=float(np.linalg.norm(table.hours @ doubt_w)),
     )
 
 
@@ -246,7 +269,8 @@ def _watched(table: BlockTable) -> dict[str, float]:
     return first | {"duration_s": float(table.hours.sum() * 3600.0)}
 
 
-def _ranges(table: BlockTable) -> dict[str, Range]:
+def training_ranges(table: BlockTable) -> dict[str, Range]:
+    """What the trips of a table show of each of `WATCHED`."""
     rows = [_watched(table.take([i])) for i in range(len(table))]
     ranges = {}
     for name in WATCHED:

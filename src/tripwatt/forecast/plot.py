@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from tripwatt.forecast.storage import GIVEN
-
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -56,7 +54,7 @@ def plot_forecast(forecast: Forecast) -> Figure:
     soc.set_xlabel("time [min]")
     energy.set_title("with the central 90 %", fontsize="medium")
     _waterfall(figure.add_subplot(grid[:, 1]), forecast.by_cause_wh)
-    figure.suptitle(f"{forecast.plan.trip_id}: {forecast.energy_wh / 1000.0:.2f} kWh, {GIVEN}")
+    figure.suptitle(f"{forecast.plan.trip_id}: {forecast.energy_wh / 1000.0:.2f} kWh, given {forecast.given}")
     return figure
 
 

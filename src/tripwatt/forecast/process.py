@@ -1,13 +1,14 @@
-"""The residual power of a trip as a Gaussian process over its blocks, shrunk by what is measured on the way.
+"""The residual power of a trip as a Gaussian process over its blocks, in two channels: driving and climate control.
 
-The residual power of block t is ``r_t = sum_j u_j a_tj + c_t + d_t + w_t``: whole-trip effects `u` (driver, wind,
-load, climate), each 0 for a new trip and known better with every block that was driven; a part `c` that drifts
-whatever the car does (climate control, auxiliaries), with an exponential covariance; `d`, the change of an energy
-that comes back, because a logged elevation errs by a bounded height: the energy itself has the exponential
-covariance, so that what was taken too much on one block is expected back on later ones; and `w`, new in every block
-in proportion to the power that is moved. At a standstill only `c` and the constant effect are left: that is how
-climate is told from driving. The energy to come is a sum over blocks, so its variance counts the correlation along
-the trip and is never a root of summed variances.
+The residual power of block t is ``r_t = d_t + c_t``. Each channel is ``u + v s_t + g_t z_t + w_t``: a constant `u` and
+a share `v` of the power `s` that the channel moves, both of the whole trip (driver, wind, load, set-point), 0 for a
+new trip and known better with every block that was driven; a drift `z` with an exponential covariance; and `w`, new in
+every block. At departure a climate control is far from its steady state, so its drift starts wider by ``g_t``. The
+energy to come is a sum over blocks: its variance counts the correlation along the trip and is never a root of summed
+variances.
+
+Where the log tells climate control from driving, each channel is learned and updated by itself. A burst of a heater
+says little of what comes, so what is believed of the climate channel is limited.
 
 Conditioning is the textbook formula for a Gaussian vector of which linear functions were observed (Rasmussen and
 Williams 2006, section 2.2): it is the same for measured power, for missing or late samples, and for a state of
@@ -27,9 +28,17 @@ from tripwatt.trips import FloatArray
 from tripwatt.units import SECONDS_PER_HOUR
 
 _LOG_BOUND: Final = 4.6  # parameters stay within a factor of 100 of their start
-_CLIMATE_TIME_S: Final = 900.0
-_STORED_WH: Final = 40.0
-_STORED_TIME_S: Final = 200.0
+_STARTS: Final = {
+    "drive": (100.0, 0.05, 300.0, 200.0, 0.5, 0.0, 1.0),
+    "climate": (200.0, 0.15, 300.0, 200.0, 50.0, 2.0, 200.0),
+}
+"""Where the search of each channel's values starts, in the order of `Channel`."""
+_LIMIT_SHARE: Final = 0.95
+"""Share of the blocks whose climate residual lies within the limit."""
+EXACT_W2: Final = 1.0
+"""Variance of a fully measured block's power: a matter of form."""
+MOVED_SHARE: Final = 0.3
+FLOOR_W: Final = 100.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,23 +51,68 @@ class Blocks:
         Middle of each block.
     step_s : ndarray, shape (blocks,)
         Length of each block.
-    loadings : ndarray, shape (blocks, effects)
-        Power [W] by which each whole-trip effect of size 1 changes the block.
-    spread_w : ndarray, shape (blocks,)
-        Scale [W] of what is new in every block, relative to the process's own factor.
+    moved_w : ndarray, shape (blocks,)
+        Power at the wheels, drawn or given back.
+    hvac_w : ndarray, shape (blocks,)
+        Simulated power of climate control.
     doubt_wh : float
-        Standard deviation of what the mean model itself does not know of the trip's energy [Wh]. It widens the
-        interval; a started trip says nothing about it, so it is no part of the process.
+        Standard deviation of what the mean model itself does not know of the trip's energy [Wh].
     """
 
     time_s: FloatArray
     step_s: FloatArray
-    loadings: FloatArray
-    spread_w: FloatArray
-    doubt_wh: float
+    moved_w: FloatArray
+    hvac_w: FloatArray
+    doubt_wh: float = 0.0
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    @property
+    def hours(self) -> FloatArray:
+        """Length of each block [h]."""
+        return self.step_s / SECONDS_PER_HOUR
+
+    @property
+    def drive_noise_w(self) -> FloatArray:
+        """Scale of what is new in every block of the driving channel: it grows with the power that is moved [W]."""
+        return FLOOR_W + MOVED_SHARE * self.moved_w
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """Covariance of one channel's residual power.
+
+    Attributes
+    ----------
+    constant_sd_w : float
+        Standard deviation of the trip's constant [W].
+    share_sd : float
+        Standard deviation of the trip's share of the power that the channel moves.
+    drift_sd_w, drift_time_s : float
+        Standard deviation [W] and correlation time [s] of the drift.
+    noise : float
+        Standard deviation of what is new in each block, over the channel's scale of it.
+    onset, onset_time_s : float
+        The drift's variance is ``1 + onset² exp(-t / onset_time_s)`` times as large t seconds after departure.
+    """
+
+    constant_sd_w: float
+    share_sd: float
+    drift_sd_w: float
+    drift_time_s: float
+    noise: float
+    onset: float = 0.0
+    onset_time_s: float = 1.0
+
+    def covariance(self, time_s: FloatArray, size_w: FloatArray, noise_w: FloatArray) -> FloatArray:
+        """Covariance [W²], shape (blocks, blocks)."""
+        lag = np.abs(time_s[:, None] - time_s)
+        start = np.sqrt(1.0 + self.onset**2 * np.exp(-time_s / self.onset_time_s))
+        covariance = self.drift_sd_w**2 * np.exp(-lag / self.drift_time_s) * np.outer(start, start)
+        covariance += self.constant_sd_w**2 + self.share_sd**2 * np.outer(size_w, size_w)
+        covariance[np.diag_indices(len(time_s))] += (self.noise * noise_w) ** 2
+        return np.asarray(covariance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,44 +121,37 @@ class ResidualProcess:
 
     Attributes
     ----------
-    effect_sd : ndarray, shape (effects,)
-        Standard deviation of each whole-trip effect.
-    climate_sd_w : float
-        Standard deviation of what drifts whatever the car does [W].
-    climate_time_s : float
-        Its correlation time [s].
-    stored_sd_wh : float
-        Standard deviation of the energy that comes back [Wh].
-    stored_time_s : float
-        Its correlation time [s].
-    noise_factor : float
-        Standard deviation of what is new in each block, over `Blocks.spread_w`.
+    drive, climate : Channel
+    climate_limit_w : float
+        Measured climate power counts as no further than this from what was expected [W].
+    apart : bool
+        Whether the channels were learned by themselves.
     """
 
-    effect_sd: FloatArray
-    climate_sd_w: float
-    climate_time_s: float
-    stored_sd_wh: float
-    stored_time_s: float
-    noise_factor: float
+    drive: Channel
+    climate: Channel
+    climate_limit_w: float
+    apart: bool
+
+    def drive_covariance(self, blocks: Blocks) -> FloatArray:
+        """Of the driving channel [W²], shape (blocks, blocks)."""
+        return self.drive.covariance(blocks.time_s, blocks.moved_w, blocks.drive_noise_w)
+
+    def climate_covariance(self, blocks: Blocks) -> FloatArray:
+        """Of the climate channel [W²], shape (blocks, blocks)."""
+        return self.climate.covariance(blocks.time_s, blocks.hvac_w, np.ones(len(blocks)))
 
     def covariance(self, blocks: Blocks) -> FloatArray:
-        """Covariance of the residual power [W²], shape (blocks, blocks)."""
-        effects = blocks.loadings * self.effect_sd
-        lag = np.abs(blocks.time_s[:, None] - blocks.time_s[None, :])
-        covariance = effects @ effects.T + self.climate_sd_w**2 * np.exp(-lag / self.climate_time_s)
-        edges = np.concatenate(([0.0], np.cumsum(blocks.step_s)))
-        stored = np.exp(-np.abs(edges[:, None] - edges[None, :]) / self.stored_time_s)
-        hours = blocks.step_s / SECONDS_PER_HOUR
-        covariance += self.stored_sd_wh**2 * _increments(stored) / np.outer(hours, hours)
-        covariance[np.diag_indices(len(blocks))] += (self.noise_factor * blocks.spread_w) ** 2
-        return np.asarray(covariance)
+        """Of the whole [W²], shape (blocks, blocks)."""
+        return self.drive_covariance(blocks) + self.climate_covariance(blocks)
 
-    def total_score(self, blocks: Blocks, residual_w: FloatArray) -> float:
-        """Error of a trip's energy over its standard deviation before departure."""
-        hours = blocks.step_s / SECONDS_PER_HOUR
-        variance = hours @ self.covariance(blocks) @ hours + blocks.doubt_wh**2
-        return float(hours @ residual_w / np.sqrt(variance))
+    def sd_wh(self, blocks: Blocks) -> float:
+        """Standard deviation of the trip's energy [Wh]."""
+        return float(np.sqrt(blocks.hours @ self.covariance(blocks) @ blocks.hours))
+
+    def limited(self, climate_w: FloatArray) -> FloatArray:
+        """Climate residual within the limit [W]."""
+        return np.clip(climate_w, -self.climate_limit_w, self.climate_limit_w)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +166,15 @@ class Belief:
 
     mean_w: FloatArray
     covariance_w2: FloatArray
+
+    @classmethod
+    def of(cls, covariance_w2: FloatArray) -> Belief:
+        """Before anything was observed: mean 0."""
+        return cls(np.zeros(len(covariance_w2)), covariance_w2)
+
+    def __add__(self, other: Belief) -> Belief:
+        """The sum of two independent parts."""
+        return Belief(self.mean_w + other.mean_w, self.covariance_w2 + other.covariance_w2)
 
     def given(self, weights: FloatArray, observed: FloatArray, variance: FloatArray) -> Belief:
         """Belief after linear functions of the residual power were observed. O(blocks^2 x observations).
@@ -142,78 +198,88 @@ class Belief:
             self.mean_w + gain @ (observed - weights @ self.mean_w), 0.5 * (covariance + covariance.T)
         )
 
-    def energy_wh(
-        self, step_s: FloatArray, cumulative: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
+    def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Mean and standard deviation of the cumulative residual energy at the end of each block [Wh]."""
-        hours = step_s / SECONDS_PER_HOUR
         mean = np.cumsum(self.mean_w * hours)
         scaled = self.covariance_w2 * np.outer(hours, hours)
         variance = np.diag(np.cumsum(np.cumsum(scaled, axis=0), axis=1))
         return mean, np.sqrt(np.maximum(variance, 0.0))
 
 
-def prior(process: ResidualProcess, blocks: Blocks) -> Belief:
-    """Belief before departure: mean 0."""
-    return Belief(np.zeros(len(blocks)), process.covariance(blocks))
+@dataclass(frozen=True, eq=False)
+class HeldOutResidual:
+    """Residual power of a trip that the mean model has not seen.
+
+    Attributes
+    ----------
+    blocks : Blocks
+    residual_w : ndarray, shape (blocks,)
+        Observed minus predicted power.
+    climate_w : ndarray or None, shape (blocks,)
+        Its part of climate control; None where it is not told apart or was not logged throughout.
+    """
+
+    blocks: Blocks
+    residual_w: FloatArray
+    climate_w: FloatArray | None = None
+
+    @property
+    def error_wh(self) -> float:
+        """Observed minus predicted energy of the trip [Wh]."""
+        return float(self.blocks.hours @ self.residual_w)
 
 
-def fit_process(
-    trips: Sequence[tuple[Blocks, FloatArray]], effects: int, start_sd: FloatArray
-) -> ResidualProcess:
+def fit_process(trips: Sequence[HeldOutResidual]) -> ResidualProcess:
     """Maximum likelihood of the process over trips that its mean model has not seen.
 
+    Where trips tell climate control apart, each channel is fitted by itself on those trips; else both on the sum.
     Blocks are merged in pairs and all trips are solved at once, by exact gradients. O(trips x blocks^3) a step.
-
-    Parameters
-    ----------
-    trips : sequence of (Blocks, ndarray of shape (blocks,))
-        Blocks and residual power [W] of each trip, held out of the model that the residual belongs to.
-    effects : int
-        Number of whole-trip effects.
-    start_sd : ndarray, shape (effects,)
-        Where the search starts for the effects' standard deviations.
     """
+    split = [trip for trip in trips if trip.climate_w is not None]
+    if not split:
+        drive, climate = _fitted(_Batch.of(trips, "whole"), ("drive", "climate"))
+        return ResidualProcess(drive, climate, float("inf"), apart=False)
+    seen = np.concatenate([np.abs(trip.climate_w) for trip in split if trip.climate_w is not None])
+    limit = float(np.quantile(seen, _LIMIT_SHARE))
+    (climate,) = _fitted(_Batch.of(split, "climate", limit), ("climate",))
+    (drive,) = _fitted(_Batch.of(split, "drive"), ("drive",))
+    return ResidualProcess(drive, climate, limit, apart=True)
+
+
+def _fitted(batch: _Batch, channels: tuple[str, ...]) -> list[Channel]:
     from scipy.optimize import minimize
 
-    batch = _Batch.of([_merged(blocks, residual) for blocks, residual in trips])
-    noise = float(np.sqrt(np.mean(batch.residual[batch.real] ** 2 / batch.spread[batch.real] ** 2))) + 1e-9
-    size = float(np.sqrt(np.mean(batch.residual[batch.real] ** 2))) + 1e-9
-    start = np.concatenate(
-        [np.log(start_sd), np.log([0.2 * size, _CLIMATE_TIME_S, _STORED_WH, _STORED_TIME_S, noise])]
-    )
+    starts = np.array([_STARTS[name] for name in channels])
+    free = starts > 0.0
+    free[:, -1] &= starts[:, -2] > 0.0
+    start = np.log(starts[free])
 
     def cost(logs: FloatArray) -> tuple[float, FloatArray]:
-        value, gradient = batch.cost(np.exp(logs), effects)
+        values = starts.copy()
+        values[free] = np.exp(logs)
+        value, gradient = batch.cost(channels, values)
         # a weak pull to the start keeps an effect that no trip shows from running off to 0
         pull = (logs - start) / 2.0
-        return value + 0.5 * float(pull @ pull), gradient + pull / 2.0
+        return value + 0.5 * float(pull @ pull), gradient[free] + pull / 2.0
 
     bounds = [(value - _LOG_BOUND, value + _LOG_BOUND) for value in start]
-    found = np.exp(
-        minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60}).x
+    starts[free] = np.exp(
+        minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 80}).x
     )
-    return ResidualProcess(found[:effects], *map(float, found[effects:]))
+    return [Channel(*map(float, row)) for row in starts]
 
 
-def _merged(blocks: Blocks, residual_w: FloatArray) -> tuple[Blocks, FloatArray]:
-    """Two blocks in one: means by time; the noise of a mean is that of independent parts."""
+def _merged(blocks: Blocks, residual_w: FloatArray) -> tuple[Blocks, FloatArray, FloatArray]:
+    """Two blocks in one: means by time; the noise of a mean is that of independent parts, here relative to one block's."""
     start = np.arange(0, len(blocks), 2)
     step = np.add.reduceat(blocks.step_s, start)
     share = blocks.step_s / np.repeat(step, np.diff(np.append(start, len(blocks))))
 
     def mean(values: FloatArray) -> FloatArray:
-        weighted = values * (share if values.ndim == 1 else share[:, None])
-        return np.asarray(np.add.reduceat(weighted, start, axis=0))
+        return np.asarray(np.add.reduceat(values * share, start))
 
-    spread = np.sqrt(np.add.reduceat((share * blocks.spread_w) ** 2, start))
-    merged = Blocks(mean(blocks.time_s), step, mean(blocks.loadings), spread, blocks.doubt_wh)
-    return merged, mean(residual_w)
-
-
-def _increments(kernel: FloatArray) -> FloatArray:
-    """Covariance of the increments between edges, from that of the values at the edges (last two axes)."""
-    return np.asarray(np.diff(np.diff(kernel, axis=-1), axis=-2))
+    merged = Blocks(mean(blocks.time_s), step, mean(blocks.moved_w), mean(blocks.hvac_w), blocks.doubt_wh)
+    return merged, mean(residual_w), np.sqrt(np.add.reduceat(share**2, start))
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,63 +288,70 @@ class _Batch:
 
     real: npt.NDArray[np.bool_]
     residual: FloatArray
-    loadings: FloatArray
-    lag: FloatArray
-    edge_lag: FloatArray
-    per_hour2: FloatArray
-    spread: FloatArray
+    time: FloatArray
+    size: dict[str, FloatArray]
+    noise: dict[str, FloatArray]
 
     @classmethod
-    def of(cls, trips: Sequence[tuple[Blocks, FloatArray]]) -> _Batch:
-        n, m = len(trips), max(len(blocks) for blocks, _ in trips)
-        real = np.zeros((n, m), dtype=bool)
-        residual, spread, time = np.zeros((n, m)), np.zeros((n, m)), np.zeros((n, m))
-        loadings = np.zeros((n, m, trips[0][0].loadings.shape[1]))
-        hours, edges = np.full((n, m), np.inf), np.zeros((n, m + 1))
-        for i, (blocks, left) in enumerate(trips):
+    def of(cls, trips: Sequence[HeldOutResidual], what: str, limit_w: float = np.inf) -> _Batch:
+        """`what` is the residual to explain: the whole, its climate part (within a limit) or its driving part."""
+        rows = []
+        for trip in trips:
+            left, climate = trip.residual_w, trip.climate_w
+            if what != "whole" and climate is not None:
+                left = np.clip(climate, -limit_w, limit_w) if what == "climate" else left - climate
+            rows.append(_merged(trip.blocks, left))
+        shape = len(rows), max(len(blocks) for blocks, _, _ in rows)
+        real = np.zeros(shape, dtype=bool)
+        residual, time, moved, hvac = (np.zeros(shape) for _ in range(4))
+        drive_noise, climate_noise = np.zeros(shape), np.zeros(shape)
+        for i, (blocks, left, rest) in enumerate(rows):
             k = len(blocks)
-            real[i, :k], residual[i, :k], spread[i, :k], time[i, :k] = (
-                True,
-                left,
-                blocks.spread_w,
-                blocks.time_s,
-            )
-            loadings[i, :k] = blocks.loadings
-            hours[i, :k] = blocks.step_s / SECONDS_PER_HOUR
-            edges[i, 1 : k + 1] = np.cumsum(blocks.step_s)
-            edges[i, k + 1 :] = edges[i, k]
-        lag = np.abs(time[:, :, None] - time[:, None, :])
-        lag[~(real[:, :, None] & real[:, None, :])] = np.inf
-        edge_lag = np.abs(edges[:, :, None] - edges[:, None, :])
-        per_hour2 = 1.0 / (hours[:, :, None] * hours[:, None, :])
-        return cls(real, residual, loadings, lag, edge_lag, per_hour2, spread)
+            real[i, :k], residual[i, :k], time[i, :k] = True, left, blocks.time_s
+            moved[i, :k], hvac[i, :k] = blocks.moved_w, blocks.hvac_w
+            drive_noise[i, :k], climate_noise[i, :k] = rest * blocks.drive_noise_w, rest
+        size = {"drive": moved, "climate": hvac}
+        return cls(real, residual, time, size, {"drive": drive_noise, "climate": climate_noise})
 
-    def cost(self, values: FloatArray, effects: int) -> tuple[float, FloatArray]:
-        """Negative log likelihood but for a constant, and its gradient by the logarithms of the parameters."""
-        sd = values[:effects]
-        climate, climate_time, stored_sd, stored_time, noise = values[effects:]
-        scaled = self.loadings * sd
-        slow = climate**2 * np.exp(-self.lag / climate_time)
-        at_edges = stored_sd**2 * np.exp(-self.edge_lag / stored_time)
-        stored = _increments(at_edges) * self.per_hour2
-        covariance = scaled @ scaled.transpose(0, 2, 1) + slow + stored
+    def cost(self, channels: Sequence[str], values: FloatArray) -> tuple[float, FloatArray]:
+        """Negative log likelihood but for a constant, and its gradient by the logarithms of the values."""
+        pairs = self.real[:, :, None] & self.real[:, None, :]
+        lag = np.where(pairs, np.abs(self.time[:, :, None] - self.time[:, None, :]), np.inf)
         diagonal = np.arange(self.real.shape[1])
-        own = np.where(self.real, (noise * self.spread) ** 2, 1.0)
-        covariance[:, diagonal, diagonal] += own
+        covariance = np.zeros_like(lag)
+        covariance[:, diagonal, diagonal] += np.where(self.real, 0.0, 1.0)
+        drifts, starts = [], []
+        for name, (constant, share, sd, time, noise, onset, onset_time) in zip(channels, values, strict=True):
+            early = onset**2 * np.exp(-self.time / onset_time)
+            start = np.sqrt(1.0 + early)
+            drift = sd**2 * np.exp(-lag / time) * start[:, :, None] * start[:, None, :]
+            size = share * self.size[name]
+            covariance += drift + np.where(pairs, constant**2, 0.0) + size[:, :, None] * size[:, None, :]
+            covariance[:, diagonal, diagonal] += (noise * self.noise[name]) ** 2
+            drifts.append(drift)
+            starts.append(early / (1.0 + early))
         factor = np.linalg.cholesky(covariance)
         inverse = np.linalg.inv(covariance)
         alpha = (inverse @ self.residual[:, :, None])[:, :, 0]
-        log_det = np.log(factor[:, diagonal, diagonal]).sum()
-        by_effect = np.einsum("tij,tik,tkj->j", scaled, inverse, scaled, optimize=True)
-        by_effect -= (np.einsum("ti,tij->tj", alpha, scaled) ** 2).sum(axis=0)
+        value = 0.5 * float(np.sum(alpha * self.residual)) + float(
+            np.log(factor[:, diagonal, diagonal]).sum()
+        )
         inner = inverse - alpha[:, :, None] * alpha[:, None, :]
-        finite = np.where(np.isfinite(self.lag), self.lag, 0.0)
-        rest = [
-            np.sum(inner * slow),
-            0.5 * np.sum(inner * slow * finite) / climate_time,
-            np.sum(inner * stored),
-            0.5 * np.sum(inner * _increments(at_edges * self.edge_lag) * self.per_hour2) / stored_time,
-            np.sum(inner[:, diagonal, diagonal] * np.where(self.real, own, 0.0)),
-        ]
-        value = 0.5 * float(np.sum(alpha * self.residual)) + float(log_det)
-        return value, np.concatenate([by_effect, rest])
+        finite = np.where(pairs, lag, 0.0)
+        gradient = np.zeros_like(values)
+        real = self.real.astype(np.float64)
+        for row, (name, drift, weight) in enumerate(zip(channels, drifts, starts, strict=True)):
+            constant, share, _, time, noise, _, onset_time = values[row]
+            size = share * self.size[name]
+            pulled = inner * drift
+            by_start = pulled.sum(axis=2)
+            gradient[row] = (
+                constant**2 * np.einsum("ti,tij,tj->", real, inner, real, optimize=True),
+                np.einsum("ti,tij,tj->", size, inner, size, optimize=True),
+                pulled.sum(),
+                0.5 * np.sum(pulled * finite) / time,
+                np.sum(inner[:, diagonal, diagonal] * (noise * self.noise[name]) ** 2),
+                np.sum(by_start * weight),
+                0.5 * np.sum(by_start * weight * self.time) / onset_time,
+            )
+        return value, gradient

@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.audit import audit
+from tripwatt.forecast.elsewhere import elsewhere_of
 from tripwatt.forecast.model import DEFAULT_CORRECTOR, ForecastModel, HeldOut
 from tripwatt.trips import COLUMNS, Fleet, Trip
 from tripwatt.vehicles import Vehicle
@@ -60,6 +61,7 @@ def trained(
     """
     found = audit(fleet)
     model = ForecastModel(vehicle, corrector, seed).fit(found.trips, progress=progress)
+    model.elsewhere_ = elsewhere_of(model, found.trips)
     provenance = {
         "data": {
             "name": fleet.name,
@@ -71,10 +73,17 @@ def trained(
         "trips_used": list(model.trip_ids_),
         "audit": [str(finding) for finding in found.findings],
         "seed": seed,
+        **versions(),
+    }
+    return model, provenance, held_out_figures(model.held_out_)
+
+
+def versions() -> dict[str, Any]:
+    """Python and the packages that figures depend on."""
+    return {
         "python": platform.python_version(),
         "packages": {name: version(name) for name in PACKAGES},
     }
-    return model, provenance, held_out_figures(model.held_out_)
 
 
 def held_out_figures(trips: Sequence[HeldOut]) -> dict[str, Any]:

@@ -4,6 +4,7 @@
 is known before departure. In both ``residual = observed - simulated`` and ``predicted = simulated + correction``.
 """
 
+from tripwatt.hybrid.correctors import POWER_CORRECTORS, power_corrector
 from tripwatt.hybrid.cumulative import (
     COVARIATES,
     TABLE2,
@@ -20,12 +21,10 @@ from tripwatt.hybrid.cumulative import (
 )
 from tripwatt.hybrid.power import (
     BLOCK_S,
-    POWER_CORRECTORS,
     BlockTable,
     PowerCorrector,
     block_table,
     planned,
-    power_corrector,
 )
 
 __all__ = [

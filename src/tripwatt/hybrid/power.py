@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from types import MappingProxyType
 from typing import Any, Final, Protocol, Self
 
 import numpy as np
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.hybrid.climate_log import logged_climate
 from tripwatt.hybrid.cumulative import IntArray
 from tripwatt.kriging import ClusteredKriging, Part
 from tripwatt.physics import Simulation, simulate_trip
@@ -97,6 +97,8 @@ class BlockTable:
     simulated_w : ndarray, shape (rows,)
     observed_w : ndarray or None, shape (rows,)
         Measured power at the battery terminals.
+    observed_hvac_w : ndarray or None, shape (rows,)
+        Measured power of climate control; NaN where it was not logged.
     """
 
     trip_ids: tuple[str, ...]
@@ -105,6 +107,7 @@ class BlockTable:
     hours: FloatArray
     simulated_w: FloatArray
     observed_w: FloatArray | None = None
+    observed_hvac_w: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.trip_ids)
@@ -128,6 +131,13 @@ class BlockTable:
         """Observed minus simulated power [W], shape (rows,)."""
         return self.observed_power_w - self.simulated_w
 
+    @property
+    def climate_residual_w(self) -> FloatArray:
+        """Observed minus simulated power of climate control [W], shape (rows,); NaN where it was not logged."""
+        if self.observed_hvac_w is None:
+            return np.full(len(self.hours), np.nan)
+        return np.asarray(self.observed_hvac_w - self.features["hvac_w"].to_numpy())
+
     def take(self, members: Sequence[int] | IntArray) -> BlockTable:
         """The table of some of the trips. O(their rows)."""
         index = np.asarray(members, dtype=np.int64)
@@ -139,6 +149,7 @@ class BlockTable:
             hours=self.hours[rows],
             simulated_w=self.simulated_w[rows],
             observed_w=None if self.observed_w is None else self.observed_w[rows],
+            observed_hvac_w=None if self.observed_hvac_w is None else self.observed_hvac_w[rows],
         )
 
     def totals_wh(self, power_w: FloatArray) -> FloatArray:
@@ -149,6 +160,9 @@ class BlockTable:
     def join(cls, tables: Sequence[BlockTable]) -> BlockTable:
         """One table of several."""
         observed = [t.observed_w for t in tables]
+        climate = [
+            np.full(len(t.hours), np.nan) if t.observed_hvac_w is None else t.observed_hvac_w for t in tables
+        ]
         return cls(
             trip_ids=tuple(i for t in tables for i in t.trip_ids),
             offsets=np.concatenate(([0], np.cumsum([len(t.hours) for t in tables]))).astype(np.int64),
@@ -158,6 +172,9 @@ class BlockTable:
             observed_w=None
             if any(o is None for o in observed)
             else np.concatenate([o for o in observed if o is not None]),
+            observed_hvac_w=None
+            if all(t.observed_hvac_w is None for t in tables)
+            else np.concatenate(climate),
         )
 
 
@@ -210,20 +227,26 @@ def block_table(
         features=_frame({name: np.broadcast_to(values, n) for name, values in features.items()}),
         hours=seconds / SECONDS_PER_HOUR,
         simulated_w=np.asarray(features["simulated_w"]),
-        observed_w=None if measured is None else _measured_power(measured, block, time, step, seconds),
+        observed_w=None if measured is None else _measured_power(measured, block, plan, seconds),
+        observed_hvac_w=None if measured is None else _measured_climate(measured, seconds),
     )
 
 
-def _measured_power(
-    measured: Trip, block: IntArray, time: FloatArray, step: FloatArray, seconds: FloatArray
-) -> FloatArray | None:
+def _measured_power(measured: Trip, block: IntArray, plan: Trip, seconds: FloatArray) -> FloatArray | None:
     """Mean measured power of each block [W]; the blocks' energies add up to the trip's energy."""
-    raw = measured if measured.step_s is not None else resample(measured, float(np.median(step)))
+    step_s = plan.step_s or float(np.median(np.diff(plan.array("time_s"))))
+    raw = measured if measured.step_s is not None else resample(measured, step_s)
     if "observed_energy_wh" not in raw:
         return None
     cumulative = raw.array("observed_energy_wh")
     ends = np.append(np.flatnonzero(np.diff(block)), len(block) - 1)
     return np.asarray(np.diff(cumulative[ends], prepend=0.0) / (seconds / SECONDS_PER_HOUR))
+
+
+def _measured_climate(measured: Trip, seconds: FloatArray) -> FloatArray | None:
+    """Mean measured power of climate control in each block [W]; None when it was not logged."""
+    start = float(measured.array("time_s")[0])
+    return logged_climate(measured.samples, start + np.concatenate(([0.0], np.cumsum(seconds))))
 
 
 def trip_blocks(trip: Trip, vehicle: Vehicle, *, with_energy: bool = True) -> BlockTable:
@@ -255,6 +278,10 @@ class PowerCorrector(Protocol):
         """`predict` and `uncertainty_factor` at once."""
         ...
 
+    def predict_climate(self, table: BlockTable) -> FloatArray | None:
+        """The part of `predict` that is climate control [W]; None for a corrector that does not tell it apart."""
+        ...
+
 
 _AMBIENT, _CABIN, _SETPOINT, _BATTERY = DEPARTURE_COLUMNS[:4]
 _SMOOTH_W: Final = 100.0
@@ -278,7 +305,15 @@ LINES: Final = tuple(Part((f"{cause}_w",), "line", 0.1) for cause in LINE_CAUSES
 """Each cause of the simulation may be off by about 10 %: a calibration of the physics that is shrunk to none."""
 
 
-class _OneByOne:
+class _Whole:
+    """A corrector that does not tell climate control from driving."""
+
+    def predict_climate(self, table: BlockTable) -> FloatArray | None:
+        """Not told apart."""
+        return None
+
+
+class _OneByOne(_Whole):
     """Both answers, when one does not help with the other."""
 
     def predict_with_doubt(self: PowerCorrector, table: BlockTable) -> tuple[FloatArray, FloatArray]:
@@ -286,7 +321,7 @@ class _OneByOne:
         return self.predict(table), self.uncertainty_factor(table)
 
 
-class KrigingCorrector:
+class KrigingCorrector(_Whole):
     """Additive Gaussian process: calibrated causes plus smooth functions of the departure state.
 
     The trips' totals decide how much, because rows of a trip are far from independent. The rows decide when: what is
@@ -294,17 +329,28 @@ class KrigingCorrector:
     it moves energy along the trip and never changes the total.
     """
 
-    def __init__(self, parts: tuple[Part, ...] = (*LINES, *_SMOOTH)) -> None:
+    def __init__(
+        self, parts: tuple[Part, ...] = (*LINES, *_SMOOTH), share_column: str = "simulated_w"
+    ) -> None:
+        self._take(parts, share_column)
+
+    def _take(self, parts: tuple[Part, ...], share_column: str) -> None:
         self.parts = parts
-        self.model = ClusteredKriging(parts, effect_sd=220.0, share_column="simulated_w", share_sd=0.05)
+        self.share_column = share_column
+        self.model = ClusteredKriging(parts, effect_sd=220.0, share_column=share_column, share_sd=0.05)
         self.shape = np.empty(0)
 
     def fit(self, table: BlockTable) -> Self:
-        """Learn from trip totals, then from the rows within trips. O(rows x features^2)."""
+        """Learn from trip totals, then from the rows within trips. O(rows x features^2).
+
+        Parts with a column that no row knows are left out.
+        """
+        known = {name for name, column in table.features.items() if bool(column.notna().any())}
+        self._take(tuple(part for part in self.parts if known.issuperset(part.columns)), self.share_column)
         self.model.fit(table.features, table.residual_w, table.groups, table.hours)
         features, prior = self.model.features(table.features)
         left = table.residual_w - self.model.predict(table.features)
-        within = _less_trip_mean(np.column_stack([features, left]), table)
+        within = less_trip_mean(np.column_stack([features, left]), table)
         X, r = within[:, :-1], within[:, -1]
         gram = X.T @ X + np.diag(np.mean(r**2) / (_SHAPE_SHARE * prior))
         self.shape = np.linalg.solve(gram, X.T @ r)
@@ -312,7 +358,7 @@ class KrigingCorrector:
 
     def again(self) -> KrigingCorrector:
         """The same parts."""
-        return KrigingCorrector(self.parts)
+        return KrigingCorrector(self.parts, self.share_column)
 
     def predict(self, table: BlockTable) -> FloatArray:
         """Residual power [W]."""
@@ -328,14 +374,14 @@ class KrigingCorrector:
         return self._mean(features, table), self.model.doubt(features)
 
     def _mean(self, features: FloatArray, table: BlockTable) -> FloatArray:
-        return self.model.mean(features) + _less_trip_mean(features @ self.shape[:, None], table)[:, 0]
+        return self.model.mean(features) + less_trip_mean(features @ self.shape[:, None], table)[:, 0]
 
 
 _SHAPE_SHARE: Final = 4.0
 """Prior variance of the shape's weights, over that of the totals' weights: twice as far from the simulation."""
 
 
-def _less_trip_mean(values: FloatArray, table: BlockTable) -> FloatArray:
+def less_trip_mean(values: FloatArray, table: BlockTable) -> FloatArray:
     """Columns less their mean over the time of each trip, shape (rows, columns)."""
     sums = np.add.reduceat(values * table.hours[:, None], table.offsets[:-1], axis=0)
     means = sums / np.add.reduceat(table.hours, table.offsets[:-1])[:, None]
@@ -350,9 +396,11 @@ class LearnerCorrector(_OneByOne):
         make: Callable[[Mapping[str, Any]], Any],
         tuned: Callable[[Any], dict[str, Any]],
         settings: Mapping[str, Any] | None = None,
+        features: tuple[str, ...] | None = None,
     ) -> None:
         self.make = make
         self.tuned = tuned
+        self.features = TREE_FEATURES if features is None else features
         self.model = make(settings or {})
 
     def fit(self, table: BlockTable) -> Self:
@@ -362,7 +410,7 @@ class LearnerCorrector(_OneByOne):
 
     def again(self) -> LearnerCorrector:
         """The same learner with its choice made."""
-        return LearnerCorrector(self.make, self.tuned, self.tuned(self.model))
+        return LearnerCorrector(self.make, self.tuned, self.tuned(self.model), self.features)
 
     def predict(self, table: BlockTable) -> FloatArray:
         """Residual power [W]."""
@@ -372,10 +420,9 @@ class LearnerCorrector(_OneByOne):
         """A tree does not say what it does not know."""
         return np.zeros((len(table.hours), 1))
 
-    @staticmethod
-    def columns(table: BlockTable) -> pd.DataFrame:
+    def columns(self, table: BlockTable) -> pd.DataFrame:
         """What the learner sees of a table."""
-        return table.features[list(TREE_FEATURES)]
+        return table.features[list(self.features)]
 
 
 TREE_FEATURES: Final = (
@@ -392,7 +439,7 @@ TREE_FEATURES: Final = (
 )
 
 
-class EnsembleCorrector:
+class EnsembleCorrector(_Whole):
     """Mean of several correctors; what is not known is the first one's."""
 
     def __init__(self, members: Sequence[PowerCorrector]) -> None:
@@ -422,7 +469,8 @@ class EnsembleCorrector:
         return np.asarray(np.mean([mean, *(m.predict(table) for m in self.members[1:])], axis=0)), doubt
 
 
-def _boosting(seed: int) -> LearnerCorrector:
+def boosting_corrector(seed: int, features: tuple[str, ...] | None = None) -> LearnerCorrector:
+    """Clustered boosting on block rows, fresh."""
     from tripwatt.boosting import ClusteredBoosting
 
     def make(settings: Mapping[str, Any]) -> Any:
@@ -435,10 +483,14 @@ def _boosting(seed: int) -> LearnerCorrector:
         }
         return ClusteredBoosting(random_state=seed, **{**base, **settings})
 
-    return LearnerCorrector(make, lambda model: {"n_rounds": max(int(model.n_rounds_), 1), "n_folds": None})
+    def tuned(model: Any) -> dict[str, Any]:
+        return {"n_rounds": max(int(model.n_rounds_), 1), "n_folds": None}
+
+    return LearnerCorrector(make, tuned, features=features)
 
 
-def _forest(seed: int) -> LearnerCorrector:
+def forest_corrector(seed: int) -> LearnerCorrector:
+    """Clustered forest on block rows, fresh."""
     from tripwatt.forest import ClusteredForest
 
     def make(settings: Mapping[str, Any]) -> Any:
@@ -478,29 +530,3 @@ class GammCorrector(_OneByOne):
     def _frame(self, table: BlockTable, *, trips: bool = False) -> pd.DataFrame:
         frame = table.features.fillna(self.medians_.fillna(0.0).to_dict())
         return frame.assign(trip=table.groups.astype(str)) if trips else frame
-
-
-POWER_CORRECTORS: Final[Mapping[str, Callable[[int], PowerCorrector]]] = MappingProxyType(
-    {
-        "linear": lambda seed: KrigingCorrector(LINES),
-        "kriging": lambda seed: KrigingCorrector(),
-        "boosting": _boosting,
-        "forest": _forest,
-        "gamm": lambda seed: GammCorrector(),
-        "ensemble": lambda seed: EnsembleCorrector([KrigingCorrector(), _boosting(seed)]),
-    }
-)
-"""Correctors of power by name; each makes a fresh one from a seed."""
-
-
-def power_corrector(name: str, seed: int = 0) -> PowerCorrector:
-    """A fresh corrector.
-
-    Raises
-    ------
-    InvalidInput
-        On an unknown name.
-    """
-    if name not in POWER_CORRECTORS:
-        raise InvalidInput(Fault("unknown corrector", "corrector", name, ", ".join(POWER_CORRECTORS)))
-    return POWER_CORRECTORS[name](seed)

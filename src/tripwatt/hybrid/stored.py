@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final, NoReturn
 
@@ -10,14 +10,16 @@ import numpy as np
 import numpy.typing as npt
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.hybrid.channels import ChannelCorrector
 from tripwatt.hybrid.power import (
-    TREE_FEATURES,
     BlockTable,
     EnsembleCorrector,
     KrigingCorrector,
     LearnerCorrector,
     PowerCorrector,
 )
+from tripwatt.hybrid.transfer import Members
+from tripwatt.hybrid.transferred import TransferredCorrector
 from tripwatt.kriging import Part
 from tripwatt.treetable import TreeTable
 from tripwatt.trips import FloatArray
@@ -74,6 +76,10 @@ class StoredTrees:
         """`predict` and `uncertainty_factor`."""
         return self.predict(table), self.uncertainty_factor(table)
 
+    def predict_climate(self, table: BlockTable) -> FloatArray | None:
+        """Not told apart."""
+        return None
+
 
 def corrector_parts(corrector: PowerCorrector, name: str = "corrector") -> Stored:
     """A fitted corrector as plain values and arrays.
@@ -93,11 +99,23 @@ def corrector_parts(corrector: PowerCorrector, name: str = "corrector") -> Store
         stored = [corrector_parts(member, f"{name}-{i}") for i, member in enumerate(corrector.members)]
         arrays = {part: values for _, parts in stored for part, values in parts.items()}
         return {"kind": "ensemble", "members": [about for about, _ in stored]}, arrays
+    if isinstance(corrector, ChannelCorrector):
+        if not corrector.apart_:
+            return corrector_parts(corrector.whole, name)
+        channels = ("climate", corrector.climate), ("drive", corrector.drive)
+        told = {channel: corrector_parts(its, f"{name}-{channel}") for channel, its in channels}
+        arrays = {part: values for _, parts in told.values() for part, values in parts.items()}
+        return {"kind": "channels", **{channel: about for channel, (about, _) in told.items()}}, arrays
     part = f"{name}.npz"
     if isinstance(corrector, KrigingCorrector):
-        about: dict[str, Any] = {"kind": "kriging", "arrays": part}
+        about: dict[str, Any] = {"kind": "kriging", "arrays": part, "share_column": corrector.share_column}
         about["parts"] = [asdict(p) | {"columns": list(p.columns)} for p in corrector.parts]
         return about, {part: {**corrector.model.to_arrays(), _SHAPE: corrector.shape}}
+    if isinstance(corrector, TransferredCorrector):
+        members, arrays = members_parts(corrector.base, f"{name}-base")
+        about = {"kind": "transferred", "arrays": part, "base": members, "share": corrector.share}
+        own = {key: getattr(corrector, key) for key in ("scales", "mean", "factor")}
+        return about, {**arrays, part: own}
     trees = corrector if isinstance(corrector, StoredTrees) else _trees(corrector)
     about = {
         "kind": "trees",
@@ -121,13 +139,20 @@ def corrector_of_parts(about: Mapping[str, Any], parts: Mapping[str, Arrays]) ->
     kind = about["kind"]
     if kind == "ensemble":
         return EnsembleCorrector([corrector_of_parts(member, parts) for member in about["members"]])
+    if kind == "channels":
+        climate, drive = (corrector_of_parts(about[channel], parts) for channel in ("climate", "drive"))
+        return ChannelCorrector(climate, drive, drive, True)
     if kind == "kriging":
         its_parts = tuple(Part(**{**p, "columns": tuple(p["columns"])}) for p in about["parts"])
-        corrector = KrigingCorrector(its_parts)
+        corrector = KrigingCorrector(its_parts, about["share_column"])
         arrays = dict(parts[about["arrays"]])
         corrector.shape = arrays.pop(_SHAPE)
         corrector.model.load_arrays(arrays)
         return corrector
+    if kind == "transferred":
+        base = members_of_parts(about["base"], parts)
+        own = parts[about["arrays"]]
+        return TransferredCorrector(base, own["scales"], own["mean"], own["factor"], float(about["share"]))
     if kind == "trees":
         return StoredTrees(
             TreeTable.of_arrays(parts[about["arrays"]]),
@@ -136,13 +161,34 @@ def corrector_of_parts(about: Mapping[str, Any], parts: Mapping[str, Arrays]) ->
             float(about["rest"]),
             about["divisor"],
         )
-    raise InvalidInput(Fault("unknown kind of corrector", "model", repr(kind), "ensemble, kriging, trees"))
+    raise InvalidInput(
+        Fault(
+            "unknown kind of corrector",
+            "model",
+            repr(kind),
+            "channels, ensemble, kriging, transferred, trees",
+        )
+    )
+
+
+def members_parts(
+    members: Members, name: str
+) -> tuple[list[dict[str, Any]], dict[str, dict[str, npt.NDArray[Any]]]]:
+    """Gaussian processes as plain values and arrays."""
+    stored = [corrector_parts(member, f"{name}-{i}") for i, member in enumerate(members.correctors)]
+    return [about for about, _ in stored], {k: v for _, parts in stored for k, v in parts.items()}
+
+
+def members_of_parts(about: Sequence[Mapping[str, Any]], parts: Mapping[str, Arrays]) -> Members:
+    """Reverse of `members_parts`."""
+    found = [corrector_of_parts(member, parts) for member in about]
+    return Members(tuple(c for c in found if isinstance(c, KrigingCorrector)))
 
 
 def _trees(corrector: PowerCorrector) -> StoredTrees:
     if not isinstance(corrector, LearnerCorrector) or not hasattr(corrector.model, "booster_"):
         got = type(corrector).__name__
-        allowed = "linear, kriging, boosting, forest or ensemble"
+        allowed = "linear, kriging, boosting, forest, ensemble or channels"
         raise InvalidInput(Fault("this corrector cannot be stored", "corrector", got, allowed))
     model = corrector.model
     lone = model.position_ < 0
@@ -151,5 +197,7 @@ def _trees(corrector: PowerCorrector) -> StoredTrees:
     trees = TreeTable.of_text(text, n_trees)
     if hasattr(model, "steps_"):
         rest = float(model.steps_[lone].sum())
-        return StoredTrees(trees, TREE_FEATURES, float(model.start_), rest, None)
-    return StoredTrees(trees, TREE_FEATURES, 0.0, float(model.values_[lone, 0].sum()), len(model.position_))
+        return StoredTrees(trees, corrector.features, float(model.start_), rest, None)
+    return StoredTrees(
+        trees, corrector.features, 0.0, float(model.values_[lone, 0].sum()), len(model.position_)
+    )

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.report import sentences
+from tripwatt.report import planned, sentences
 from tripwatt.report.tables import markdown, results_table, sets_table
 from tripwatt.report.view import View
 
@@ -49,23 +49,27 @@ def update_readme(results: Mapping[str, Any], readme_path: Path) -> None:
     Parameters
     ----------
     results : mapping
-        The contract of `results.json`.
+        The contract of `results.json`, or what `benchmarks.planned` writes.
     readme_path : Path
-        A file that holds `<!-- results:begin -->` and `<!-- results:end -->`, once each and in this order.
+        A file that holds `<!-- results:begin -->` and `<!-- results:end -->`, once each and in this order; for planned
+        routes `<!-- links:begin -->` and `<!-- links:end -->`.
 
     Raises
     ------
     InvalidInput
         When the markers are not there.
     """
+    if results.get("protocol") == "links":
+        opening, closing, shown = planned.BEGIN, planned.END, planned.render_links(results)
+    else:
+        opening, closing, shown = BEGIN, END, render_readme_results(results)
     text = readme_path.read_text(encoding="utf-8")
-    before, begin, rest = text.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not begin or not end or text.count(BEGIN) != 1 or text.count(END) != 1:
-        got = f"{text.count(BEGIN)} times begin, {text.count(END)} times end"
-        raise InvalidInput(
-            Fault("no place for the results", str(readme_path), got, f"one {BEGIN} and, after it, one {END}")
-        )
+    before, begin, rest = text.partition(opening)
+    _, end, after = rest.partition(closing)
+    if not begin or not end or text.count(opening) != 1 or text.count(closing) != 1:
+        got = f"{text.count(opening)} times begin, {text.count(closing)} times end"
+        allowed = f"one {opening} and, after it, one {closing}"
+        raise InvalidInput(Fault("no place for the results", str(readme_path), got, allowed))
     partial = readme_path.with_name(f"{readme_path.name}.partial")
-    partial.write_text(f"{before}{BEGIN}\n{render_readme_results(results)}\n{END}{after}", encoding="utf-8")
+    partial.write_text(f"{before}{opening}\n{shown}\n{closing}{after}", encoding="utf-8")
     os.replace(partial, readme_path)

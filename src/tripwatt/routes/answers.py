@@ -19,7 +19,8 @@ import numpy as np
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes.geojson import track_from_geojson
 from tripwatt.routes.gpx import read_gpx
-from tripwatt.routes.links import FLAT_ROAD_NOTE, LINK_KEYS, SHORTEST_LINK_M, LinkRoute, route_from_links
+from tripwatt.routes.links import FLAT_ROAD_NOTE, SHORTEST_LINK_M, LinkRoute
+from tripwatt.routes.listed import LINK_KEYS, route_from_links
 from tripwatt.routes.points import (
     a_list,
     a_number,
@@ -31,11 +32,14 @@ from tripwatt.routes.points import (
     numbers,
     parse_json,
 )
+from tripwatt.routes.table import is_links_table, route_from_table
 from tripwatt.routes.tracks import Track
 from tripwatt.trips import FloatArray
 from tripwatt.units import M_PER_MILE, M_S_PER_KM_H
 
 M_PER_FOOT: Final = 0.3048
+ORS_UNITS_M: Final[Mapping[str, float]] = MappingProxyType({"m": 1.0, "km": 1000.0, "mi": M_PER_MILE})
+ROUTE_SUFFIXES: Final = (".gpx", ".json", ".geojson")
 
 
 @dataclass(slots=True)
@@ -141,14 +145,21 @@ def route_from_osrm(answer: Mapping[str, Any], where: str = "OSRM answer") -> Li
 
 
 def _add_steps(
-    pieces: _Pieces, steps: Any, where: str, length_key: str, time_key: str, scale: float = 1.0
+    pieces: _Pieces,
+    steps: Any,
+    where: str,
+    length_key: str,
+    time_key: str,
+    *,
+    length_scale: float = 1.0,
+    time_scale: float = 1.0,
 ) -> None:
     for k, entry in enumerate(a_list(steps, f"{where}, steps")):
         place = f"{where}, steps[{k}]"
         step = an_object(entry, place)
         pieces.add(
-            a_number(step.get(length_key), f"{place}, {length_key}", least=0.0),
-            scale * a_number(step.get(time_key), f"{place}, {time_key}", least=0.0),
+            length_scale * a_number(step.get(length_key), f"{place}, {length_key}", least=0.0),
+            time_scale * a_number(step.get(time_key), f"{place}, {time_key}", least=0.0),
         )
 
 
@@ -205,6 +216,7 @@ def route_from_openrouteservice(
     if "error" in answer:
         raise InvalidInput(Fault("the router found no route", where, repr(answer["error"])[:120], "routes"))
     heights = None
+    metres = _openrouteservice_unit(answer, where)
     if "features" in answer:
         feature, notes = _first(answer["features"], f"{where}, features")
         route = an_object(feature.get("properties"), f"{where}, properties")
@@ -220,8 +232,22 @@ def route_from_openrouteservice(
     for k, entry in enumerate(a_list(route.get("segments"), f"{where}, segments", least=1)):
         place = f"{where}, segments[{k}]"
         segment = an_object(entry, place)
-        _add_steps(pieces, segment.get("steps") or [segment], place, "distance", "duration")
+        steps = segment.get("steps") or [segment]
+        _add_steps(pieces, steps, place, "distance", "duration", length_scale=metres)
     return pieces.route(where, heights, *notes)
+
+
+def _openrouteservice_unit(answer: Mapping[str, Any], where: str) -> float:
+    """Metres in a unit of length of the answer, which repeats the request; metres where it does not say."""
+    metadata = answer.get("metadata")
+    query = metadata.get("query") if isinstance(metadata, dict) else None
+    units = query.get("units", "m") if isinstance(query, dict) else "m"
+    if not isinstance(units, str) or units.lower() not in ORS_UNITS_M:
+        fault = Fault(
+            "unknown unit", f"{where}, metadata, query, units", repr(units)[:40], ", ".join(ORS_UNITS_M)
+        )
+        raise InvalidInput(fault)
+    return ORS_UNITS_M[units.lower()]
 
 
 def route_from_graphhopper(answer: Mapping[str, Any], where: str = "GraphHopper answer") -> LinkRoute:
@@ -248,7 +274,7 @@ def route_from_graphhopper(answer: Mapping[str, Any], where: str = "GraphHopper 
             pieces.add(float(position[end] - position[start]), milliseconds / 1000.0, float(moving[start]))
     else:
         instructions = path.get("instructions") or [path]
-        _add_steps(pieces, instructions, where, "distance", "time", 1e-3)
+        _add_steps(pieces, instructions, where, "distance", "time", time_scale=1e-3)
     return pieces.route(where, None if points is None else _heights(points), *notes)
 
 
@@ -260,10 +286,30 @@ def _graphhopper_points(path: Mapping[str, Any], where: str) -> FloatArray | Non
         multiplier = a_number(
             path.get("points_encoded_multiplier", 1e5), f"{where}, points_encoded_multiplier", least=1.0
         )
-        # with elevation the bounding box has six numbers
-        three = isinstance(path.get("bbox"), list) and len(path["bbox"]) == 6
-        return decode_polyline(points, f"{where}, points", precision=multiplier, dimensions=3 if three else 2)
+        return _graphhopper_polyline(points, path, multiplier, f"{where}, points")
     return coordinates(an_object(points, f"{where}, points").get("coordinates"), f"{where}, points")
+
+
+def _graphhopper_polyline(text: str, path: Mapping[str, Any], multiplier: float, where: str) -> FloatArray:
+    """Points of an encoded text that does not say whether heights are in it: as many as fit the path's length."""
+    found = {}
+    faults: list[Fault] = []
+    for dimensions in (2, 3):
+        try:
+            points = decode_polyline(text, where, precision=multiplier, dimensions=dimensions)
+        except InvalidInput as error:
+            faults = faults or list(error.faults)
+            continue
+        found[dimensions] = points
+    if not found:
+        raise InvalidInput(faults)
+    if len(found) == 1:
+        return next(iter(found.values()))
+    if path.get("distance") is None:
+        # older versions give six numbers with elevation, newer ones always four
+        return found[3 if isinstance(path.get("bbox"), list) and len(path["bbox"]) == 6 else 2]
+    driven = a_number(path["distance"], f"{where}, distance", least=0.0)
+    return min(found.values(), key=lambda p: abs(float(haversine_m(p[:, 0], p[:, 1]).sum()) - driven))
 
 
 def _intervals(value: Any, points: int, where: str) -> list[tuple[int, int, float]]:
@@ -362,11 +408,27 @@ def _route_from(answer: dict[str, Any], router: str | None, name: str) -> LinkRo
     return ROUTERS[kind](answer, f"{name} ({kind})")
 
 
+def is_route(path: Path | str) -> bool:
+    """Whether a file is to be read as a route, by its name or its beginning; False where it cannot be read.
+
+    Everything but a Parquet file and a CSV table of samples is: its faults are then those of a route.
+    """
+    path = Path(path)
+    if path.suffix.lower() in ROUTE_SUFFIXES:
+        return path.is_file()
+    try:
+        with path.open("rb") as file:
+            head = file.read(4096)
+    except OSError:
+        return False
+    return head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"<", b"{", b"[") or is_links_table(head)
+
+
 def read_route(source: bytes | str | Path, *, where: str | None = None) -> LinkRoute | Track:
-    """A route in any of the formats: GPX, GeoJSON, a router's answer, or a JSON list of links. O(bytes).
+    """A route in any of the formats: GPX, GeoJSON, a router's answer, or links as JSON or CSV. O(bytes).
 
     The format is told from the content. Links are a JSON array of objects, or an object with a key `links`, as
-    `route_from_links` reads them.
+    `route_from_links` reads them, or a CSV table with the same names as columns (`route_from_table`).
 
     Parameters
     ----------
@@ -393,6 +455,8 @@ def read_route(source: bytes | str | Path, *, where: str | None = None) -> LinkR
     head = data[:200].lstrip(b"\xef\xbb\xbf \t\r\n")
     if head.startswith((b"<", b"\xff\xfe", b"\xfe\xff")):
         return read_gpx(data, where=name)
+    if is_links_table(data):
+        return route_from_table(data, name)
     document = parse_json(data, name)
     if isinstance(document, list):
         return route_from_links(document)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -33,29 +33,10 @@ SHORTEST_LINK_M: Final = 0.01
 
 LONGEST_LINK_M: Final = 1e7
 
-STEEPEST_LINK: Final = 0.4
-"""Largest grade of a link; the steepest streets of the world have 0.35."""
-
 SHORTEST_STRETCH_M: Final = 60.0
 """Shorter links are joined with what follows before they are driven: nobody keeps a mean speed over a car's length."""
 
 FLAT_ROAD_NOTE: Final = "no elevation known: the road counts as flat"
-
-RELATIVE_NOTE: Final = "elevation counted from the departure, which is set to 0 m"
-
-LINK_KEYS: Final = frozenset(
-    {
-        "length_m",
-        "speed_m_s",
-        "travel_time_s",
-        "grade",
-        "start_elevation_m",
-        "end_elevation_m",
-        "stop_s",
-        "moving_speed_m_s",
-    }
-)
-"""What a link may say of itself, see `route_from_links`."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -75,6 +56,8 @@ class LinkRoute:
         Heights above sea level at distances from the start; between them the road is straight. None = not known.
     notes : tuple of str
         What had to be assumed.
+    speed_limit_m_s : ndarray or None
+        Highest allowed speed, NaN = not known; None = known of no link.
 
     Raises
     ------
@@ -89,6 +72,7 @@ class LinkRoute:
     elevation_position_m: FloatArray | None = None
     elevation_m: FloatArray | None = None
     notes: tuple[str, ...] = ()
+    speed_limit_m_s: FloatArray | None = None
 
     def __post_init__(self) -> None:
         raise_faults(_route_faults(self))
@@ -122,6 +106,7 @@ class LinkRoute:
 
 def _route_faults(route: LinkRoute) -> Iterator[Fault]:
     length, time = route.length_m, route.travel_time_s
+    limit = np.full(length.shape, np.nan) if route.speed_limit_m_s is None else route.speed_limit_m_s
     if not len(length) or len(length) > MOST_LINKS:
         yield Fault("number of links out of range", "links", f"{len(length)}", f"1 to {MOST_LINKS}")
         return
@@ -153,6 +138,12 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
             ~((route.moving_speed_m_s <= 0) | (route.moving_speed_m_s > FASTEST_LINK_M_S)),
             f"more than 0, at most {FASTEST_LINK_M_S:g} m/s",
         ),
+        (
+            "speed_limit_m_s",
+            limit,
+            ~((limit <= 0) | (limit > FASTEST_LINK_M_S)),
+            f"more than 0, at most {FASTEST_LINK_M_S:g} m/s",
+        ),
     )
     for name, values, sound, allowed in rules:
         if values.shape != length.shape:
@@ -176,124 +167,6 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
             yield Fault(
                 "elevation out of range", f"height {first + 1}", f"{route.elevation_m[first]:g} m", allowed
             )
-
-
-def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
-    """A route from links as a user writes them. O(links).
-
-    Parameters
-    ----------
-    links : iterable of mapping
-        Each with `length_m` [m] and either `speed_m_s`, the mean speed including every standstill [m/s], or
-        `travel_time_s` [s]. Optional: `stop_s`, the standstill at the end of the link (part of the travel time; 0 says
-        that the car does not stop), `moving_speed_m_s`, the speed while nothing stands in the way, and either `grade`
-        or `start_elevation_m` and `end_elevation_m` [m]. None counts as not given.
-
-    Raises
-    ------
-    InvalidInput
-        With every fault of every link.
-
-    Examples
-    --------
-    >>> route = route_from_links([{"length_m": 500.0, "speed_m_s": 10.0, "grade": 0.02},
-    ...                           {"length_m": 1000.0, "travel_time_s": 60.0, "grade": -0.01}])
-    >>> route.duration_s, route.elevation_at([500.0, 1500.0]), route.notes
-    (110.0, array([10.,  0.]), ('elevation counted from the departure, which is set to 0 m',))
-    """
-    rows: list[dict[str, float]] = []
-    faults: list[Fault] = []
-    for number, link in enumerate(links, start=1):
-        if number > MOST_LINKS:
-            faults.append(
-                Fault("too many links", "links", f"more than {MOST_LINKS}", f"at most {MOST_LINKS}")
-            )
-            break
-        rows.append(_row(link, f"link {number}", faults))
-    raise_faults(faults)
-    if not rows:
-        raise InvalidInput(Fault("no links", "links", "0", "at least one link"))
-    columns = {name: np.array([row.get(name, np.nan) for row in rows]) for name in LINK_KEYS}
-    length = columns["length_m"]
-    with np.errstate(over="ignore"):  # what is beyond all bounds is named below
-        time = np.where(
-            np.isnan(columns["travel_time_s"]), length / columns["speed_m_s"], columns["travel_time_s"]
-        )
-    flat = LinkRoute(length, time, columns["stop_s"], columns["moving_speed_m_s"])
-    position, height, note = _elevation(columns)
-    notes = (note,) if note else ()
-    return replace(flat, elevation_position_m=position, elevation_m=height, notes=notes)
-
-
-def _row(link: Mapping[str, float | None], where: str, faults: list[Fault]) -> dict[str, float]:
-    if not isinstance(link, Mapping):
-        faults.append(Fault("not a link", where, repr(link)[:60], "an object with length_m and speed_m_s"))
-        return {}
-    row: dict[str, float] = {}
-    for key, value in link.items():
-        if key not in LINK_KEYS:
-            faults.append(Fault("unknown key", where, repr(key)[:60], ", ".join(sorted(LINK_KEYS))))
-        elif isinstance(value, bool) or not isinstance(value, int | float | None):
-            faults.append(Fault("not a number", f"{where}, {key}", repr(value)[:60], "a number"))
-        elif value is not None:
-            row[key] = _finite(value, f"{where}, {key}", faults)
-    if "length_m" not in row:
-        faults.append(Fault("missing key", where, f"{sorted(row)}", "length_m"))
-    if ("speed_m_s" in row) == ("travel_time_s" in row):
-        faults.append(Fault("how fast?", where, f"{sorted(row)}", "either speed_m_s or travel_time_s"))
-    if ("start_elevation_m" in row) != ("end_elevation_m" in row) or (
-        "grade" in row and "end_elevation_m" in row
-    ):
-        faults.append(
-            Fault(
-                "how steep?", where, f"{sorted(row)}", "either grade or start_elevation_m and end_elevation_m"
-            )
-        )
-    for key, low in (("length_m", 0.0), ("speed_m_s", 0.0), ("travel_time_s", 0.0)):
-        if row.get(key, 1.0) <= low:
-            faults.append(Fault("link out of range", f"{where}, {key}", f"{row[key]:g}", "more than 0"))
-    if abs(row.get("grade", 0.0)) > STEEPEST_LINK:
-        faults.append(
-            Fault(
-                "grade out of range",
-                f"{where}, grade",
-                f"{row['grade']:g}",
-                f"-{STEEPEST_LINK} to {STEEPEST_LINK}",
-            )
-        )
-    return row
-
-
-def _finite(value: float, where: str, faults: list[Fault]) -> float:
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        faults.append(Fault("not a finite number", where, repr(value)[:60], "a finite number"))
-        return 1.0
-    return number
-
-
-def _elevation(columns: Mapping[str, FloatArray]) -> tuple[FloatArray | None, FloatArray | None, str]:
-    """Heights at the ends of the links, from grades or from heights; a link without either is level or joins its neighbours."""
-    border = np.concatenate(([0.0], np.cumsum(columns["length_m"])))
-    start, end, grade = columns["start_elevation_m"], columns["end_elevation_m"], columns["grade"]
-    known = np.isfinite(start)
-    if known.any():
-        # links may disagree by a step where they meet, so that each keeps its own two heights
-        position = np.column_stack((border[:-1], border[1:])).ravel()
-        height = np.column_stack((start, end)).ravel()
-        if np.isfinite(grade).any():
-            message = "grade on some links and elevation on others"
-            raise InvalidInput(Fault("how steep?", "links", message, "one of both on all links"))
-        there = np.isfinite(height)
-        note = "" if there.all() else "elevation bridged over links that do not say theirs"
-        return position[there], height[there], note
-    if np.isfinite(grade).any():
-        rise = np.nan_to_num(grade, nan=0.0) * columns["length_m"]
-        return border, np.concatenate(([0.0], np.cumsum(rise))), RELATIVE_NOTE
-    return None, None, FLAT_ROAD_NOTE
 
 
 def links_of_trip(trip: Trip, length_m: float = 250.0) -> LinkRoute:
@@ -375,7 +248,7 @@ def trip_from_links(
     -------
     Trip
         Columns `time_s`, `speed_m_s`, `elevation_m` where it is known, and what `departure` knows; what had to be
-        assumed stands in `context.notes`.
+        assumed stands in `context.notes`, and how long the links are in `context.planned_link_m`.
 
     Raises
     ------
@@ -384,6 +257,7 @@ def trip_from_links(
 
     Examples
     --------
+    >>> from tripwatt.routes import route_from_links
     >>> trip = trip_from_links(route_from_links([{"length_m": 1000.0, "speed_m_s": 12.5}]))
     >>> trip.duration_s, round(trip.distance_m), trip.context.notes
     (80.0, 1000, 'no elevation known: the road counts as flat')
@@ -400,6 +274,7 @@ def trip_from_links(
         time,
         stop_s=_stops(route, first, last),
         moving_speed_m_s=_moving_speeds(route, first),
+        speed_limit_m_s=_limits(route, first),
         style=style,
         rng=rng,
         step_s=step_s,
@@ -408,7 +283,8 @@ def trip_from_links(
     height = route.elevation_at(profile.position_m)
     if height is not None:
         columns["elevation_m"] = height
-    return planned_trip(trip_id, pd.DataFrame(columns), departure, route.notes)
+    context = replace(departure.context, planned_link_m=float(length @ length / length.sum()))
+    return planned_trip(trip_id, pd.DataFrame(columns), replace(departure, context=context), route.notes)
 
 
 def _stretches(route: LinkRoute) -> npt.NDArray[np.int64]:
@@ -443,6 +319,15 @@ def _moving_speeds(route: LinkRoute, first: npt.NDArray[np.int64]) -> FloatArray
     )
 
 
+def _limits(route: LinkRoute, first: npt.NDArray[np.int64]) -> FloatArray | None:
+    """Highest speed limit of each stretch, unknown as soon as one of its links does not know."""
+    return (
+        None
+        if route.speed_limit_m_s is None
+        else np.asarray(np.maximum.reduceat(route.speed_limit_m_s, first))
+    )
+
+
 def join_routes(routes: Sequence[LinkRoute]) -> LinkRoute:
     """Routes one after the other; heights only where all of them know theirs. O(links)."""
     heights = [r.elevation_m for r in routes if r.elevation_m is not None]
@@ -452,6 +337,7 @@ def join_routes(routes: Sequence[LinkRoute]) -> LinkRoute:
             places.append(route.elevation_position_m + driven)
         driven += route.distance_m
     complete = len(heights) == len(routes)
+    limits = [r.speed_limit_m_s for r in routes]
     notes = tuple(dict.fromkeys(note for route in routes for note in route.notes))
     return LinkRoute(
         np.concatenate([r.length_m for r in routes]),
@@ -461,4 +347,12 @@ def join_routes(routes: Sequence[LinkRoute]) -> LinkRoute:
         np.concatenate(places) if complete else None,
         np.concatenate(heights) if complete else None,
         notes if complete or FLAT_ROAD_NOTE in notes else (*notes, FLAT_ROAD_NOTE),
+        None
+        if all(limit is None for limit in limits)
+        else np.concatenate(
+            [
+                np.full(len(r), np.nan) if limit is None else limit
+                for r, limit in zip(routes, limits, strict=True)
+            ]
+        ),
     )

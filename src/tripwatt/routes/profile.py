@@ -142,6 +142,7 @@ def link_profile(
     *,
     stop_s: npt.ArrayLike | None = None,
     moving_speed_m_s: npt.ArrayLike | None = None,
+    speed_limit_m_s: npt.ArrayLike | None = None,
     style: LinkStyle | None = None,
     rng: np.random.Generator | None = None,
     step_s: float = 1.0,
@@ -161,6 +162,8 @@ def link_profile(
         not known, so that stops are placed where the travel time asks for them. All unknown without it.
     moving_speed_m_s : array_like, shape (links,), optional
         Speed while nothing stands in the way [m/s], NaN = not known.
+    speed_limit_m_s : array_like, shape (links,), optional
+        Highest speed [m/s], NaN = not known. It is kept except on a link whose mean speed is higher; then that one is.
     style : LinkStyle, optional
     rng : numpy.random.Generator, optional
         Without it the profile is the same every time; with it stops, their lengths and the speeds in between are drawn.
@@ -187,10 +190,11 @@ def link_profile(
     time = np.atleast_1d(np.asarray(travel_time_s, dtype=np.float64))
     stop = _or_unknown(stop_s, length)
     moving = _or_unknown(moving_speed_m_s, length)
-    faults = tuple(_link_faults(length, time, stop, moving, step_s))
+    limit = _or_unknown(speed_limit_m_s, length)
+    faults = tuple(_link_faults(length, time, stop, moving, limit, step_s))
     if faults:
         raise InvalidInput(faults)
-    course = _Course.of(length, time, stop, moving, style, rng)
+    course = _Course.of(length, time, stop, moving, limit, style, rng)
     speed, driving_s = course.solve()
     return profile_over_time(
         course.position, speed, driving_s, course.waiting(speed, driving_s, rng), course.ends, step_s
@@ -204,7 +208,12 @@ def _or_unknown(values: npt.ArrayLike | None, like: FloatArray) -> FloatArray:
 
 
 def _link_faults(
-    length: FloatArray, time: FloatArray, stop: FloatArray, moving: FloatArray, step_s: float
+    length: FloatArray,
+    time: FloatArray,
+    stop: FloatArray,
+    moving: FloatArray,
+    limit: FloatArray,
+    step_s: float,
 ) -> Iterator[Fault]:
     if not (math.isfinite(step_s) and step_s > 0):
         yield Fault("step out of range", "step_s", f"{step_s}", "more than 0 s")
@@ -219,6 +228,12 @@ def _link_faults(
             "moving_speed_m_s",
             moving,
             np.isnan(moving) | (np.isfinite(moving) & (moving > 0)),
+            "more than 0 m/s, NaN if unknown",
+        ),
+        (
+            "speed_limit_m_s",
+            limit,
+            np.isnan(limit) | (np.isfinite(limit) & (limit > 0)),
             "more than 0 m/s, NaN if unknown",
         ),
     )
@@ -246,6 +261,7 @@ class _Course:
     time: FloatArray  # to drive and to wait in invented stops, without the stops that were given
     stop: FloatArray
     free: FloatArray
+    limit: FloatArray  # inf where there is none
     style: LinkStyle
     position: FloatArray
     link: IntArray  # of each cell
@@ -262,6 +278,7 @@ class _Course:
         time: FloatArray,
         stop: FloatArray,
         moving: FloatArray,
+        limit: FloatArray,
         style: LinkStyle,
         rng: np.random.Generator | None,
     ) -> _Course:
@@ -273,6 +290,8 @@ class _Course:
         free = np.where(np.isnan(stop) | ~np.isnan(moving), free, mean)
         if rng is not None:
             free = free * np.exp(SPREAD * rng.standard_normal(free.shape))
+        limit = np.where(np.isnan(limit), np.inf, np.maximum(limit, mean))
+        free = np.minimum(free, limit)
         dips = _number_of_dips(length, to_drive, free, np.isnan(stop), style)
         spacing = max(SPACING_M, float(length.sum()) / MOST_NODES)
         cells = np.maximum(np.maximum(np.ceil(length / spacing), 4), CELLS_PER_DIP * dips).astype(np.int64)
@@ -297,6 +316,7 @@ class _Course:
             to_drive,
             given,
             free,
+            limit,
             style,
             position,
             link,
@@ -321,6 +341,7 @@ class _Course:
         aim = np.zeros(len(self.position))
         np.minimum(cell[1:], cell[:-1], out=aim[1:-1])
         np.maximum(aim, self.ramp, out=aim)
+        self._keep_to_limits(aim)
         aim[[0, -1]] = 0.0
         slow = self.free[self.dip_link] * (1.0 - np.clip(delay[self.dip_link], 0.0, 1.0))
         aim[self.dip_node] = np.minimum(aim[self.dip_node], slow)
@@ -371,7 +392,13 @@ class _Course:
     @property
     def fastest(self) -> FloatArray:
         """Highest speed that is tried on each link [m/s]."""
-        return np.maximum(self.free, HURRY * self.length / self.time + 2.0)
+        return np.minimum(np.maximum(self.free, HURRY * self.length / self.time + 2.0), self.limit)
+
+    def _keep_to_limits(self, aim: FloatArray) -> None:
+        """Lower speeds at nodes [m/s] to the limits of the links that they lie on."""
+        cell = self.limit[self.link]
+        np.minimum(aim[1:], cell, out=aim[1:])
+        np.minimum(aim[:-1], cell, out=aim[:-1])
 
     def waiting(
         self, speed: FloatArray, driving_s: FloatArray, rng: np.random.Generator | None

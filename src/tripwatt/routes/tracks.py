@@ -132,6 +132,18 @@ class Track:
         return self.position_m[known], self.elevation_m[known], notes
 
 
+def needs_speed(route: LinkRoute | Track) -> bool:
+    """Whether a route is a track of which some piece knows neither time nor speed.
+
+    Examples
+    --------
+    >>> from tripwatt.routes import read_gpx
+    >>> needs_speed(read_gpx(b'<gpx><rte><rtept lat="48" lon="11"/><rtept lat="48.01" lon="11"/></rte></gpx>'))
+    True
+    """
+    return isinstance(route, Track) and route.time_s is None and bool(np.isnan(route.piece_speed_m_s).any())
+
+
 def times_of(texts: list[str], where: str) -> tuple[FloatArray | None, dt.datetime | None, tuple[str, ...]]:
     """Seconds from the first point, interpolated by order where a point has none; None unless both ends have one."""
     if not any(texts):
@@ -289,4 +301,5 @@ def trip_from_track(
     columns = {"time_s": time, "speed_m_s": speed}
     if position is not None and height is not None:
         columns["elevation_m"] = np.interp(np.interp(time, known_s, driven), position, height)
+    departure = replace(departure, context=replace(departure.context, planned_link_m=None))
     return planned_trip(trip_id, pd.DataFrame(columns), departure, (*track.notes, *notes))

@@ -209,7 +209,9 @@ def _trips(weeks: list[_Week], with_engine: frozenset[int]) -> tuple[list[Trip],
             if len(samples) < 2:
                 continue
             day = float(samples["day"].iloc[0])
-            context = Context(started_at=FIRST_DAY + dt.timedelta(days=day - 1.0), route="Ann Arbor")
+            context = Context(
+                started_at=FIRST_DAY + dt.timedelta(days=day - 1.0), route="Ann Arbor", car=f"{car}"
+            )
             ours = samples[[c for c in COLUMNS if c in samples.columns]].reset_index(drop=True)
             trips.append((day, Trip.from_log(f"VED{car}-{number}", ours, context)))
     raise_faults(faults)

@@ -1,0 +1,151 @@
+"""How good the forecast of a planned route is: leave one trip out, each trip once as driven and once from its links.
+
+Run: ``python -m benchmarks.planned --json links.json`` and publish with ``python docs/publish_results.py links.json``.
+Needs TRIPWATT_DATA. The 58 TUM reference trips; one fit of the default forecaster for each left-out trip, its doubt of
+planned routes learned inside the fold; the same fitted model forecasts the driven trace, the links of 250 m and those of
+1 km, before departure and again after half of the time. A link's speed is its length over its time, standstill included;
+elevation is known at the links' ends; stops are not given. Everything else that a forecast knows at departure is the
+first sample of the trip.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.measure import tum_folder
+from tripwatt.evaluation.forecast_scores import LEVELS, coverage_scores
+from tripwatt.evaluation.metrics import absolute_percentage_error, bootstrap_interval, summarise_errors
+from tripwatt.forecast import Forecast, ForecastModel, linked, linked_trips, training_blocks
+from tripwatt.sources import read_fleet
+from tripwatt.trips import FloatArray, Trip
+from tripwatt.vehicles import load_vehicle
+
+LINKS_M: Mapping[str, float | None] = {"driven trace": None, "250 m": 250.0, "1000 m": 1000.0}
+"""What is known of the speed -> length of the links."""
+
+SEED = 0
+PACKAGES = ("numpy", "scipy", "pandas", "scikit-learn", "lightgbm")
+
+
+def forecasts(trips: Sequence[Trip]) -> list[dict[str, Forecast]]:
+    """Forecasts of every trip, by what is known of its speed, from a model that was fitted on the others."""
+    car = load_vehicle("bmw_i3_60ah")
+    blocks, routes = training_blocks(trips, car), linked_trips(trips, car)
+    found: list[dict[str, Forecast]] = []
+    for k, trip in enumerate(trips):
+        others = np.delete(np.arange(len(trips)), k)
+        model = ForecastModel(car, seed=SEED).fit_blocks(blocks.take(others), routes=routes.take(others))
+        found.append(
+            {
+                name: model.forecast(trip if length is None else linked(trip, length))
+                for name, length in LINKS_M.items()
+            }
+        )
+        print(f"{k + 1} of {len(trips)} trips", file=sys.stderr, flush=True)
+    return found
+
+
+def so_far(trip: Trip, share: float) -> pd.DataFrame:
+    """What was measured in the first part of a trip's time, with the car's speed."""
+    time = trip.array("time_s") - float(trip.array("time_s")[0])
+    columns = trip.samples[["speed_m_s", "voltage_v", "current_a"]].assign(time_s=time)
+    return columns[time <= share * time[-1]].reset_index(drop=True)
+
+
+def updated(trips: Sequence[Trip], made: Sequence[Forecast], share: float = 0.5) -> FloatArray:
+    """Energy of the whole trip, forecast again after a part of its time [Wh]."""
+    pairs = zip(trips, made, strict=True)
+    return np.array([forecast.update(so_far(trip, share)).energy_wh for trip, forecast in pairs])
+
+
+def scores(trips: Sequence[Trip], made: Sequence[Forecast], driven: Sequence[Forecast]) -> dict[str, Any]:
+    """Errors, coverage and width of some forecasts; widths beside those on the driven trace."""
+    observed_wh = np.array([t.observed_energy_wh for t in trips], dtype=np.float64)
+    energy = np.array([f.energy_wh for f in made])
+    base = np.array([f.energy_wh for f in driven])
+    bounds = np.array([[f.interval(level) for level in LEVELS] for f in made])
+    error = summarise_errors(observed_wh, energy, SEED)
+    ape = absolute_percentage_error(observed_wh, energy)
+    worse = ape - absolute_percentage_error(observed_wh, base)
+    return {
+        "mape": error.mape,
+        "mape_ci95": error.mape_ci95,
+        "median_ape": error.median_ape,
+        "max_ape": error.max_ape,
+        "bias": error.bias,
+        "rmse_wh": error.rmse_wh,
+        "mape_more_than_driven": float(worse.mean()),
+        "mape_more_than_driven_ci95": bootstrap_interval(worse, SEED),
+        "mape_after_half": float(absolute_percentage_error(observed_wh, updated(trips, made)).mean()),
+        "energy_differs": float(np.mean(np.abs(energy / base - 1.0))),
+        **coverage_scores(observed_wh, bounds[:, :, 0], bounds[:, :, 1], SEED),
+        "relative_width": {
+            f"{level:g}": float(np.mean((bounds[:, j, 1] - bounds[:, j, 0]) / energy))
+            for j, level in enumerate(LEVELS)
+        },
+        "sd_over_driven": float(np.mean([f.sd_wh / d.sd_wh for f, d in zip(made, driven, strict=True)])),
+        "by_trip": [
+            {
+                "trip": f.plan.trip_id,
+                "observed_wh": o,
+                "energy_wh": f.energy_wh,
+                "low_90_wh": f.interval(0.9)[0],
+                "high_90_wh": f.interval(0.9)[1],
+            }
+            for f, o in zip(made, observed_wh.tolist(), strict=True)
+        ],
+    }
+
+
+def measure(folder: Path) -> dict[str, Any]:
+    """The results file."""
+    fleet = read_fleet(folder)
+    trips = fleet.reference_trips()
+    found = forecasts(trips)
+    driven = [f["driven trace"] for f in found]
+    return {
+        "protocol": "links",
+        "scheme": "leave_one_trip_out",
+        "trips": "reference",
+        "n_trips": len(trips),
+        "seed": SEED,
+        "data": fleet.name,
+        "synthetic": False,
+        "citation": fleet.citation,
+        "versions": {name: version(name) for name in ("tripwatt", *PACKAGES)},
+        "known": {name: scores(trips, [f[name] for f in found], driven) for name in LINKS_M},
+    }
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", type=Path, help="write the figures here")
+    arguments = parser.parse_args()
+    folder = tum_folder()
+    if folder is None:
+        print("no TUM trips at hand: set TRIPWATT_DATA", file=sys.stderr)
+        return 1
+    result = measure(folder)
+    for name, row in result["known"].items():
+        print(
+            f"{name:>12}: mean APE {row['mape']:.4f}, bias {row['bias']:+.4f}, after half of the time "
+            f"{row['mape_after_half']:.4f}, 90 % interval covers "
+            f"{row['coverage']['0.9']:.3f}, width {row['relative_width']['0.9']:.3f} of the energy, "
+            f"sd {row['sd_over_driven']:.3f} of the driven trace's"
+        )
+    if arguments.json:
+        arguments.json.write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

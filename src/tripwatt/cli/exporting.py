@@ -1,0 +1,167 @@
+"""`tripwatt export`: the consumption curve of a car as routing services take it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+
+from tripwatt.cli.options import SetOption, examples, gather
+from tripwatt.cli.placing import write_text
+from tripwatt.cli.printing import print_json, print_notes
+from tripwatt.errors import Fault, InvalidInput
+
+if TYPE_CHECKING:
+    from tripwatt.export import ConsumptionCurve
+    from tripwatt.trips import Trip
+    from tripwatt.vehicles import Vehicle
+
+ModelOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--model",
+        "-m",
+        metavar="MODEL",
+        help="Folder of a model: its car, with what it has learned. Left out, and without --vehicle: the model that "
+        "comes with the package.",
+        show_default=False,
+    ),
+]
+CarOption = Annotated[
+    str | None,
+    typer.Option(
+        "--vehicle",
+        metavar="NAME|FILE.toml",
+        help="A car without a model, by physics alone: one of `tripwatt vehicles`, or your TOML file.",
+        show_default=False,
+    ),
+]
+AmbientOption = Annotated[float, typer.Option(metavar="°C", help="Outside temperature.")]
+SetpointOption = Annotated[
+    float | None,
+    typer.Option(
+        metavar="°C", help="Set-point of the cabin. Left out: the car's usual one.", show_default=False
+    ),
+]
+PayloadOption = Annotated[float, typer.Option(metavar="KG", help="Load besides the driver.")]
+SocOption = Annotated[
+    float, typer.Option("--soc", metavar="0..1", help="Displayed state of charge at departure.")
+]
+OutOption = Annotated[
+    Path | None,
+    typer.Option("--out", "-o", metavar="FILE", help="Write the JSON here as well.", show_default=False),
+]
+QueryOption = Annotated[
+    bool, typer.Option("--query", help="Print the query part of a request's address instead of JSON.")
+]
+
+SERVICES: Final = {
+    "here": "HERE Routing v8: ev[freeFlowSpeedTable], ev[trafficSpeedTable], ascent, descent, auxiliaryConsumption.",
+    "tomtom": "TomTom Routing: constantSpeedConsumptionInkWhPerHundredkm, auxiliaryPowerInkW, efficiencies.",
+    "mapbox": "Mapbox Directions: energy_consumption_curve, auxiliary_consumption, ascent, descent, ev_max_charge.",
+    "abrp": "A Better Routeplanner: reference consumption, Wh/km at 110 km/h.",
+}
+
+
+def add_commands(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    group = typer.Typer(
+        help="The consumption curve of a car at a temperature, as routing services take it.",
+        no_args_is_help=True,
+        rich_markup_mode=None,
+    )
+    for service, text in SERVICES.items():
+        group.command(
+            service,
+            help=f"{text}\n\nPrints the parameters of a request as one JSON object of texts.",
+            epilog=examples(
+                (
+                    f"tripwatt export {service} --ambient -5",
+                    "the car of the model that comes with the package",
+                ),
+                (
+                    f"tripwatt export {service} --vehicle nissan_leaf_40 --query",
+                    "another car, by physics alone",
+                ),
+            ),
+        )(_command(service))
+    app.add_typer(group, name="export")
+
+
+def _command(service: str) -> Callable[..., None]:
+    def command(
+        model: ModelOption = None,
+        vehicle: CarOption = None,
+        overrides: SetOption = None,
+        ambient: AmbientOption = 20.0,
+        setpoint: SetpointOption = None,
+        payload: PayloadOption = 0.0,
+        soc: SocOption = 0.8,
+        out: OutOption = None,
+        query: QueryOption = False,
+    ) -> None:
+        from tripwatt.export import EXPORTS, render_query
+
+        departure = {
+            "ambient_temperature_degc": ambient,
+            "cabin_setpoint_degc": setpoint,
+            "payload_mass_kg": payload,
+            "displayed_soc": soc,
+        }
+        curve, notes = _curve(model, vehicle, overrides or [], departure)
+        parameters = EXPORTS[service](curve)
+        if out is not None:
+            write_text(json.dumps(parameters, indent=1, ensure_ascii=False) + "\n", out)
+        typer.echo(render_query(parameters)) if query else print_json(parameters)
+        print_notes(notes)
+
+    return command
+
+
+def _curve(
+    model: Path | None, vehicle: str | None, overrides: list[str], departure: dict[str, Any]
+) -> tuple[ConsumptionCurve, list[str]]:
+    from tripwatt.cli.forecasting import check_departure
+    from tripwatt.export import consumption_curve
+
+    cars: list[tuple[Vehicle, Callable[[Trip], float] | None, list[str]]] = []
+    gather(
+        lambda: cars.append(_car(model, vehicle, overrides)),
+        lambda: check_departure(departure),
+    )
+    car, correction, notes = cars[0]
+    battery = car.battery
+    curve = consumption_curve(
+        car,
+        ambient_temperature_degc=departure["ambient_temperature_degc"],
+        cabin_setpoint_degc=departure["cabin_setpoint_degc"],
+        payload_mass_kg=departure["payload_mass_kg"],
+        soc=battery.soc_from_displayed(departure["displayed_soc"]),
+        correction=correction,
+    )
+    return curve, notes
+
+
+def _car(
+    model: Path | None, vehicle: str | None, overrides: list[str]
+) -> tuple[Vehicle, Callable[[Trip], float] | None, list[str]]:
+    """The car, what was learned about it, and what to say of that."""
+    from tripwatt.vehicles import load_vehicle, parse_overrides
+
+    if vehicle is not None:
+        if model is not None:
+            got = f"--model {model} --vehicle {vehicle}"
+            raise InvalidInput(Fault("two cars", "--model and --vehicle", got, "one of them"))
+        car = load_vehicle(vehicle, overrides=parse_overrides(overrides))
+        return car, None, [f"{car.title}: by physics alone, nothing learned"]
+    if overrides:
+        fix = "a model was fitted on its car as it is: say --vehicle, or fit again"
+        raise InvalidInput(Fault("without effect", "--set", " ".join(overrides), "with --vehicle", fix))
+    from tripwatt.forecast import load_model
+
+    fitted = load_model(model)
+    notes = [f"{fitted.vehicle.title}: with what the model has learned"]
+    return fitted.vehicle, lambda trip: fitted.forecast(trip).by_cause_wh["learned_correction"], notes

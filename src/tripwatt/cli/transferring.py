@@ -1,0 +1,179 @@
+"""`tripwatt transfer`: what a model of one car is worth on another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tripwatt.cli.options import (
+    DatasetOption,
+    JsonOption,
+    MappingOption,
+    SetOption,
+    VehicleOption,
+    car_of,
+    examples,
+    gather,
+    read_logs,
+)
+from tripwatt.cli.placing import check_writable, unfinished_folder, write_whole
+from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
+from tripwatt.errors import Fault, InvalidInput
+
+if TYPE_CHECKING:
+    from tripwatt.trips import Fleet
+
+DEFAULT_TRIPS = "0,1,2,5,10,20,50"
+
+
+def add_commands(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command(
+        epilog=examples(
+            ("tripwatt transfer --from data/tum --to data/ved", "what an i3 teaches of a Leaf"),
+            ("tripwatt transfer --from data/ved --to data/tum --out back", "and the other way"),
+            (
+                "tripwatt transfer --from data/tum --to logs --dataset table --mapping my.toml --vehicle vw_id3",
+                "any tables of one car",
+            ),
+        )
+    )(transfer)
+
+
+def transfer(
+    source: Annotated[
+        Path,
+        typer.Option("--from", metavar="DATA", help="Trips of the car to learn from.", show_default=False),
+    ],
+    target: Annotated[
+        Path,
+        typer.Option("--to", metavar="DATA", help="Trips of the car to forecast.", show_default=False),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", "-o", metavar="FOLDER", help="Folder for the results; appears when all is written."
+        ),
+    ] = Path("transfer"),
+    dataset: DatasetOption = None,
+    mapping: MappingOption = None,
+    vehicle: VehicleOption = None,
+    overrides: SetOption = None,
+    from_dataset: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="As --dataset, of the car to learn from.", show_default=False),
+    ] = None,
+    from_mapping: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE.toml|NAME", help="As --mapping, of the car to learn from.", show_default=False
+        ),
+    ] = None,
+    from_vehicle: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME|FILE.toml", help="As --vehicle, of the car to learn from.", show_default=False
+        ),
+    ] = None,
+    trips: Annotated[
+        str, typer.Option(metavar="K,K", help="Numbers of own trips to learn from.")
+    ] = DEFAULT_TRIPS,
+    draws: Annotated[int, typer.Option(min=1, metavar="N", help="Random draws of each number.")] = 200,
+    min_km: Annotated[float, typer.Option(metavar="KM", help="Shorter trips are left out.")] = 2.0,
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Makes the run identical.")] = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """Train on one car, forecast another with none and with a few of its own trips, and score it.
+
+    Learns from the first half of the second car's trips in time, scores the second half, and writes results.json,
+    trips.csv, report.html and its figures into OUT. --dataset, --mapping, --vehicle and --set are of the second car.
+    """
+    from tripwatt.vehicles import load_vehicle, parse_overrides
+
+    shown = console()
+    dataset, from_dataset = (
+        dataset_of(target, dataset, mapping),
+        dataset_of(source, from_dataset, from_mapping),
+    )
+    car, note = car_of(vehicle, target, dataset, mapping)
+    from_car, from_note = car_of(from_vehicle, source, from_dataset, from_mapping)
+    fleets: dict[str, Fleet] = {}
+    options: dict[str, Any] = {"draws": draws, "min_distance_m": 1000.0 * min_km, "seed": seed}
+
+    def read(key: str, place: Path, of: str | None, columns: str | None) -> None:
+        with shown.status(f"reading trips of {place}"):
+            fleets[key] = read_logs(place, of, columns)
+
+    gather(
+        lambda: options.update(trips=numbers_of(trips)),
+        lambda: options.update(source_vehicle=load_vehicle(from_car)),
+        lambda: options.update(target_vehicle=load_vehicle(car, overrides=parse_overrides(overrides or []))),
+        lambda: check_writable(out),
+        lambda: read("source", source, from_dataset, from_mapping),
+        lambda: read("target", target, dataset, mapping),
+    )
+    from tripwatt.evaluation.transfer import evaluate_transfer
+    from tripwatt.report.transfer import write_transfer
+
+    with progress(shown) as advance:
+        run = evaluate_transfer(fleets["source"], fleets["target"], **options, progress=advance)
+    said = [text for text, of in ((from_note, "--from"), (note, "--to")) if text]
+    run.results["notes"] += said
+    with shown.status("writing the report"):
+        write_whole(lambda folder: write_transfer(run, folder), out, unfinished_folder(out))
+    _show(run.results, out, as_json)
+
+
+def dataset_of(place: Path, dataset: str | None, mapping: str | None) -> str | None:
+    """The data set that is said, or that the names of a folder's files tell.
+
+    Examples
+    --------
+    >>> dataset_of(Path("anywhere"), "table", None)
+    'table'
+    """
+    if dataset is None and mapping is None and place.is_dir() and any(place.glob("VED_*_week*.csv")):
+        return "ved"
+    return dataset
+
+
+def numbers_of(text: str) -> list[int]:
+    """Numbers of trips from a text with commas.
+
+    Raises
+    ------
+    InvalidInput
+        When it holds something else.
+
+    Examples
+    --------
+    >>> numbers_of("0, 5,10")
+    [0, 5, 10]
+    """
+    try:
+        numbers = [int(part) for part in text.split(",")]
+    except ValueError:
+        numbers = [-1]
+    if min(numbers) < 0:
+        raise InvalidInput(
+            Fault("no such numbers of trips", "--trips", text, "whole numbers from 0 on, with commas")
+        )
+    return numbers
+
+
+def _show(results: dict[str, Any], out: Path, as_json: bool) -> None:
+    if as_json:
+        print_json(results)
+        return
+    from tripwatt.report.transfer import curve_table, models_table
+
+    for car in results["cars"]:
+        for table in (
+            models_table(results, car),
+            *([curve_table(results, car)] if car["trips_first"] else []),
+        ):
+            print_table(table.caption, table.columns, table.rows, numbers=table.columns[1:])
+    print_notes(results["notes"])
+    console().print(f"report: {out / 'report.html'}")

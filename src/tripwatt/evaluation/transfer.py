@@ -1,0 +1,417 @@
+"""Transfer, measured: a corrector of one car on another, with none and with a few of that car's trips.
+
+Everything about the second car is learned from the first half of its trips in time and scored on the second half. The
+k trips are drawn at random from the first half, many times. The first car's trips are seen as the second car's log
+would show them: signals that it lacks are hidden before the first car is simulated and learned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.audit import audit
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.evaluation.forecast_sets import ForecastSet
+from tripwatt.evaluation.transfer_scores import (
+    curve_row,
+    paired_energy_error,
+    resamples,
+    scored,
+)
+from tripwatt.forecast.elsewhere import Elsewhere, unknown_signals, without_signals
+from tripwatt.forecast.model import MIN_TRIPS
+from tripwatt.forecast.training import versions
+from tripwatt.hybrid import IntArray, power_corrector
+from tripwatt.hybrid.parameters import PARAMETERS, sensitivities
+from tripwatt.hybrid.power import LearnerCorrector
+from tripwatt.hybrid.transfer import MODES, CarTransfer, DrawsForecast, Evidence, part_scales
+from tripwatt.trips import Fleet, FloatArray, Trip
+from tripwatt.vehicles import Vehicle, load_vehicle
+
+TRIPS: Final = (0, 1, 2, 5, 10, 20, 50)
+DRAWS: Final = 200
+MIN_DISTANCE_M: Final = 2000.0
+MAIN_MODE: Final = "both"
+OWN: Final = ("kriging", "ensemble", "channels")
+"""Correctors of the models that a car trains on its own trips alone; the last is the default."""
+MIN_CAR_TRIPS: Final = 4
+"""Fewest trips of a car that are cut into halves; a car with fewer is only shown, with nothing of its own learned."""
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class TransferRun:
+    """What `evaluate_transfer` found.
+
+    Attributes
+    ----------
+    results : dict
+        As written to `results.json`.
+    trips : DataFrame
+        One row for each scored trip and model that learned nothing at random: `car, trip, model,
+        observed_energy_wh, predicted_energy_wh`.
+    """
+
+    results: dict[str, Any]
+    trips: pd.DataFrame
+
+
+@dataclass(frozen=True, eq=False)
+class _Source:
+    """The first car, seen as the second car's log would show it."""
+
+    prepared: ForecastSet
+    elsewhere: Elsewhere
+    vehicle: Vehicle
+
+
+@dataclass(frozen=True, eq=False)
+class _Car:
+    """Trips of one car of the target, in the order of time, and which of them are the first half."""
+
+    name: str
+    trips: tuple[Trip, ...]
+    prepared: ForecastSet
+    physical_w: FloatArray
+    first: IntArray
+    second: IntArray
+
+    @property
+    def observed_wh(self) -> FloatArray:
+        """Of the scored trips."""
+        blocks = self.prepared.blocks
+        return blocks.totals_wh(blocks.observed_power_w)[self.second]
+
+    def energies(self, correction_w: FloatArray) -> FloatArray:
+        """Energy of the scored trips with a correction of each block's power."""
+        blocks = self.prepared.blocks
+        return blocks.totals_wh(blocks.simulated_w + correction_w)[self.second]
+
+
+def evaluate_transfer(
+    source: Fleet,
+    target: Fleet,
+    *,
+    source_vehicle: str | Vehicle = "bmw_i3_60ah",
+    target_vehicle: str | Vehicle = "nissan_leaf_24",
+    trips: Sequence[int] = TRIPS,
+    draws: int = DRAWS,
+    min_distance_m: float = MIN_DISTANCE_M,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> TransferRun:
+    """Train on one car, forecast another with none and with k of its own trips, and score it beside other ways.
+
+    Parameters
+    ----------
+    source, target : Fleet
+        Raw trips. Of the source the reference trips, else those that the audit keeps; of the target those that the
+        audit keeps, each of its cars by itself.
+    source_vehicle, target_vehicle : str or Vehicle
+        Their cars, as for `load_vehicle`.
+    trips : sequence of int
+        Numbers k of own trips.
+    draws : int
+        Random draws of k trips.
+    min_distance_m : float
+        Shorter trips of the target are left out.
+    seed : int
+    progress : callable, optional
+        Called with (finished steps, all steps).
+
+    Raises
+    ------
+    InvalidInput
+        When an argument cannot be used or too few trips are left.
+    """
+    _check(trips, draws, min_distance_m)
+    cars = [v if isinstance(v, Vehicle) else load_vehicle(v) for v in (source_vehicle, target_vehicle)]
+    learned = list(source.reference_trips() or audit(source).trips)
+    found = audit(target)
+    by_car, notes = _by_car(found.trips, min_distance_m)
+    _require(len(learned), source, by_car, target, min_distance_m)
+    hidden = unknown_signals([trip for trips_of in by_car.values() for trip in trips_of])
+    steps = 1 + len(by_car)
+    origin = _source(learned, hidden, cars[0], seed)
+    _tell(progress, 1, steps)
+    described, rows = [], []
+    for number, (name, own) in enumerate(by_car.items()):
+        car = _car(name, own, cars[1])
+        about, predicted = _evaluate_car(car, origin, cars[1], sorted({*trips}), draws, seed)
+        described.append(about)
+        rows += predicted
+        _tell(progress, 2 + number, steps)
+    results = {
+        "kind": "transfer",
+        "from": _about(source, cars[0], len(learned)),
+        "to": _about(target, cars[1], sum(len(t) for t in by_car.values())),
+        "hidden": [name for name in hidden if name not in unknown_signals(learned)],
+        "given": "given the driven speed trace",
+        "min_distance_m": min_distance_m,
+        "draws": draws,
+        "seed": seed,
+        "main_mode": MAIN_MODE,
+        "parameters": [{"name": p.name, "width": p.width, "source": p.source} for p in PARAMETERS],
+        "cars": described,
+        "notes": [*source.notes, *target.notes, *notes],
+        "audit": [str(finding) for finding in found.findings],
+        "citations": [c for c in (source.citation, target.citation) if c],
+        "versions": versions()["packages"],
+    }
+    return TransferRun(results, pd.DataFrame(rows))
+
+
+def _tell(progress: Progress | None, done: int, steps: int) -> None:
+    if progress is not None:
+        progress(done, steps)
+
+
+def _check(trips: Sequence[int], draws: int, min_distance_m: float) -> None:
+    faults = []
+    if not trips or min(trips) < 0:
+        faults.append(Fault("no such number of trips", "trips", str(list(trips)), "whole numbers from 0 on"))
+    if draws < 1:
+        faults.append(Fault("no such number of draws", "draws", str(draws), "1 or more"))
+    if not min_distance_m >= 0.0:
+        faults.append(Fault("no such distance", "min_distance_m", str(min_distance_m), "0 or more"))
+    if faults:
+        raise InvalidInput(faults)
+
+
+def _by_car(trips: Sequence[Trip], min_distance_m: float) -> tuple[dict[str, list[Trip]], list[str]]:
+    """Trips of each car in the order of time; the car with most of them first."""
+    long = [t for t in trips if t.distance_m >= min_distance_m and t.observed_energy_wh is not None]
+    notes = [f"{len(trips) - len(long)} trips of less than {min_distance_m / 1000.0:g} km were left out"]
+    cars: dict[str, list[Trip]] = {}
+    for trip in long:
+        cars.setdefault(trip.context.car or "", []).append(trip)
+    for name, own in cars.items():
+        if all(trip.context.started_at is not None for trip in own):
+            own.sort(key=lambda trip: str(trip.context.started_at))
+        else:
+            notes.append(
+                f"no dates{f' of car {name}' if name else ''}: the order of the log counts as that of time"
+            )
+    ordered = dict(sorted(cars.items(), key=lambda item: (-len(item[1]), item[0])))
+    return ordered, notes if len(long) < len(trips) else notes[1:]
+
+
+def _require(
+    learned: int, source: Fleet, by_car: Mapping[str, Sequence[Trip]], target: Fleet, min_distance_m: float
+) -> None:
+    faults = []
+    if learned < MIN_TRIPS:
+        got = f"{learned} of {len(source.trips)} after the audit"
+        faults.append(
+            Fault("too few trips to learn from", f"--from {source.name}", got, f"at least {MIN_TRIPS}")
+        )
+    most = max((len(trips) for trips in by_car.values()), default=0)
+    if most < MIN_CAR_TRIPS:
+        got = f"{most} of {len(target.trips)} after the audit, of at least {min_distance_m / 1000.0:g} km"
+        faults.append(
+            Fault(
+                "too few trips to score", f"--to {target.name}", got, f"at least {MIN_CAR_TRIPS} of one car"
+            )
+        )
+    if faults:
+        raise InvalidInput(faults)
+
+
+def _source(trips: Sequence[Trip], hidden: Sequence[str], vehicle: Vehicle, seed: int) -> _Source:
+    seen = [without_signals(trip, hidden) for trip in trips]
+    return _Source(ForecastSet.of(seen, vehicle), Elsewhere.learned(seen, vehicle, (), seed=seed), vehicle)
+
+
+def _car(name: str, trips: Sequence[Trip], vehicle: Vehicle) -> _Car:
+    prepared = ForecastSet.of(trips, vehicle)
+    order = np.arange(len(trips), dtype=np.int64)
+    half = len(trips) // 2 if len(trips) >= MIN_CAR_TRIPS else 0
+    return _Car(
+        name,
+        tuple(trips),
+        prepared,
+        sensitivities(prepared.plans, vehicle, prepared.blocks),
+        order[:half],
+        order[half:],
+    )
+
+
+def _about(fleet: Fleet, vehicle: Vehicle, used: int) -> dict[str, Any]:
+    return {
+        "dataset": fleet.name,
+        "vehicle": vehicle.name,
+        "vehicle_title": vehicle.title,
+        "trips_read": len(fleet.trips),
+        "trips_used": used,
+    }
+
+
+def _evaluate_car(
+    car: _Car, source: _Source, vehicle: Vehicle, trips: Sequence[int], draws: int, seed: int
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Everything that is said of one car, and its trips' predictions."""
+    observed = car.observed_wh
+    transfers = {mode: _transfer(source, vehicle, mode) for mode in MODES}
+    evidence = {mode: _evidence(t, car, source) for mode, t in transfers.items()}
+    models = {
+        "physics": car.energies(np.zeros(len(car.prepared.blocks.hours))),
+        **_transferred_as_is(car, source, seed),
+        **_own_models(car, seed),
+    }
+    none = np.empty((1, 0), dtype=np.int64)
+    models["zero-shot"] = (
+        models["physics"]
+        + transfers[MAIN_MODE].predict_draws(evidence[MAIN_MODE], none, car.second).mean_wh[0]
+    )
+    index = resamples(len(observed), seed)
+    curves, everything = {}, None
+    for mode in MODES:
+        forecasts = _forecasts(transfers[mode], evidence[mode], car, trips, draws, seed)
+        curves[mode] = [
+            curve_row(k, forecast, models["physics"], observed, index, seed) for k, forecast in forecasts
+        ]
+        if mode == MAIN_MODE and len(car.first):
+            everything = transfers[mode].posterior(evidence[mode].take(car.first))
+            models[f"adapted-{len(car.first)}"] = models["physics"] + forecasts[-1][1].mean_wh[0]
+    scores = {name: scored(observed, predicted, index) for name, predicted in models.items()}
+    about = {
+        "car": car.name,
+        "trips_first": len(car.first),
+        "trips_second": len(car.second),
+        "first_from_to": _period(car, car.first),
+        "second_from_to": _period(car, car.second),
+        "models": scores,
+        "curves": curves,
+        "paired": _paired(models, observed, index),
+        "bars": _bars(scores, curves[MAIN_MODE], models, observed, index),
+        "calibrated": None
+        if everything is None
+        else {
+            name: {"change": m, "sd": s}
+            for name, (m, s) in everything.parameters([p.name for p in PARAMETERS]).items()
+        },
+    }
+    rows = [
+        {
+            "car": car.name,
+            "trip": car.prepared.blocks.trip_ids[i],
+            "model": name,
+            "observed_energy_wh": float(o),
+            "predicted_energy_wh": float(p),
+        }
+        for name, predicted in models.items()
+        for i, o, p in zip(car.second, observed, predicted, strict=True)
+    ]
+    return about, rows
+
+
+def _transfer(source: _Source, vehicle: Vehicle, mode: str) -> CarTransfer:
+    members = source.elsewhere.members
+    return CarTransfer(members, part_scales(members, source.vehicle, vehicle), PARAMETERS, mode)
+
+
+def _evidence(transfer: CarTransfer, car: _Car, source: _Source) -> Evidence:
+    """Of all trips of a car; what a draw may learn from is chosen by `_forecasts`."""
+    blocks = car.prepared.blocks
+    return transfer.evidence(blocks, car.physical_w, source.elsewhere.variances_wh2(blocks))
+
+
+def _forecasts(
+    transfer: CarTransfer, evidence: Evidence, car: _Car, trips: Sequence[int], draws: int, seed: int
+) -> list[tuple[int, DrawsForecast]]:
+    """For each k that the first half allows, and for the whole of it, the scored trips given each draw."""
+    most = len(car.first)
+    done = []
+    for k in [*(k for k in trips if k < most), most] if most else [0]:
+        rng = np.random.default_rng((seed, k))
+        n = draws if 0 < k < most else 1
+        chosen = np.array([rng.permutation(car.first)[:k] for _ in range(n)], dtype=np.int64).reshape(n, k)
+        done.append((k, transfer.predict_draws(evidence, chosen, car.second)))
+    return done
+
+
+def _transferred_as_is(car: _Car, source: _Source, seed: int) -> dict[str, FloatArray]:
+    """Models of the first car used on the second without a second thought."""
+    of_source, of_car = source.prepared, car.prepared
+    learner = _learner(seed)
+    learner.fit(of_source.data_features, of_source.blocks.observed_power_w, groups=of_source.blocks.groups)
+    simulated = of_car.blocks.simulated_w
+    trees = power_corrector("boosting", seed).fit(of_source.blocks)
+    return {
+        "data-only": car.energies(np.asarray(learner.predict(of_car.data_features)) - simulated),
+        "kriging-as-is": car.energies(source.elsewhere.members.predict(of_car.blocks)),
+        "boosting-as-is": car.energies(trees.predict(of_car.blocks)),
+    }
+
+
+def _own_models(car: _Car, seed: int) -> dict[str, FloatArray]:
+    """Models of the car's own, trained on its whole first half."""
+    if len(car.first) < MIN_TRIPS:
+        return {}
+    first, blocks = car.prepared.blocks.take(car.first), car.prepared.blocks
+    models = {
+        f"own-{name}": car.energies(power_corrector(name, seed).fit(first).predict(blocks)) for name in OWN
+    }
+    learner, rows = _learner(seed), np.isin(blocks.groups, car.first)
+    learner.fit(car.prepared.data_features[rows], first.observed_power_w, groups=first.groups)
+    models["own-data-only"] = car.energies(
+        np.asarray(learner.predict(car.prepared.data_features)) - blocks.simulated_w
+    )
+    return models
+
+
+def _learner(seed: int) -> Any:
+    corrector = power_corrector("boosting", seed)
+    assert isinstance(corrector, LearnerCorrector)
+    return corrector.model
+
+
+def _period(car: _Car, members: IntArray) -> list[str] | None:
+    days = [car.trips[i].context.day for i in members]
+    known = [str(day) for day in days if day is not None]
+    return [min(known), max(known)] if known else None
+
+
+def _paired(models: Mapping[str, FloatArray], observed: FloatArray, index: IntArray) -> list[dict[str, Any]]:
+    """Differences of the error that matter, over the same trips."""
+    wanted = [("zero-shot", other) for other in ("physics", "data-only", "kriging-as-is", "boosting-as-is")]
+    wanted += [("zero-shot", f"own-{name}") for name in OWN]
+    return [
+        {"a": a, "b": b, **paired_energy_error(observed, models[a], models[b], index)}
+        for a, b in wanted
+        if a in models and b in models
+    ]
+
+
+def _bars(
+    scores: Mapping[str, Mapping[str, Any]],
+    curve: Sequence[Mapping[str, Any]],
+    models: Mapping[str, FloatArray],
+    observed: FloatArray,
+    index: IntArray,
+) -> dict[str, Any]:
+    """What was asked of the transfer, with what came out."""
+    pair = paired_energy_error(observed, models["zero-shot"], models["physics"], index)
+    bars: dict[str, Any] = {
+        "zero_shot_better_than_physics": {
+            "met": bool(pair["significant"] and pair["diff"] < 0.0),
+            "diff": pair["diff"],
+            "diff_ci95": pair["diff_ci95"],
+        }
+    }
+    ten = next((row for row in curve if row["k"] == 10), None)
+    own = min((scores[f"own-{m}"]["error"] for m in OWN if f"own-{m}" in scores), default=None)
+    if ten is not None and own:
+        bars["ten_trips_within_15_percent_of_own"] = {
+            "met": bool(ten["error"] <= 1.15 * own),
+            "error": ten["error"],
+            "own_error": own,
+            "ratio": ten["error"] / own,
+        }
+    return bars

@@ -1,0 +1,89 @@
+"""Errors of a fleet's energy: sum |predicted - observed| / sum observed, and their uncertainty over trips and draws."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.hybrid import IntArray
+from tripwatt.hybrid.transfer import DrawsForecast
+from tripwatt.trips import FloatArray
+
+RESAMPLES: Final = 4000
+BAND: Final = 0.9
+_HALF: Final = 1.6448536269514722  # standard deviations of the central 90 % of a normal distribution
+
+
+def resamples(n_trips: int, seed: int, n: int = RESAMPLES) -> IntArray:
+    """Trips of each bootstrap sample, shape (samples, trips)."""
+    return np.random.default_rng((seed, n_trips)).integers(0, n_trips, size=(n, n_trips))
+
+
+def energy_error(observed_wh: FloatArray, predicted_wh: FloatArray) -> tuple[float, float]:
+    """Error sum |predicted - observed| / sum observed, and bias sum (predicted - observed) / sum observed.
+
+    Examples
+    --------
+    >>> energy_error(np.array([1000.0, 3000.0]), np.array([1100.0, 2700.0]))
+    (0.1, -0.05)
+    """
+    miss = predicted_wh - observed_wh
+    total = float(observed_wh.sum())
+    return float(np.abs(miss).sum()) / total, float(miss.sum()) / total
+
+
+def scored(observed_wh: FloatArray, predicted_wh: FloatArray, index: IntArray) -> dict[str, Any]:
+    """Error and bias with 95 % bootstrap intervals over trips."""
+    error, bias = energy_error(observed_wh, predicted_wh)
+    miss, total = predicted_wh - observed_wh, observed_wh[index].sum(axis=1)
+    return {
+        "error": error,
+        "error_ci95": _interval(np.abs(miss)[index].sum(axis=1) / total),
+        "bias": bias,
+        "bias_ci95": _interval(miss[index].sum(axis=1) / total),
+    }
+
+
+def paired_energy_error(
+    observed_wh: FloatArray, a_wh: FloatArray, b_wh: FloatArray, index: IntArray
+) -> dict[str, Any]:
+    """Error of `a` minus that of `b` over the same trips; negative when `a` errs less."""
+    difference = np.abs(a_wh - observed_wh) - np.abs(b_wh - observed_wh)
+    interval = _interval(difference[index].sum(axis=1) / observed_wh[index].sum(axis=1))
+    return {
+        "diff": float(difference.sum() / observed_wh.sum()),
+        "diff_ci95": interval,
+        "significant": not interval[0] <= 0.0 <= interval[1],
+    }
+
+
+def curve_row(
+    k: int,
+    forecast: DrawsForecast,
+    simulated_wh: FloatArray,
+    observed_wh: FloatArray,
+    index: IntArray,
+    seed: int,
+) -> dict[str, Any]:
+    """What k own trips give: means over the draws, their spread, and the interval over draws and trips together."""
+    miss = simulated_wh + forecast.mean_wh - observed_wh
+    total = float(observed_wh.sum())
+    error, bias = np.abs(miss).sum(axis=1) / total, miss.sum(axis=1) / total
+    drawn = np.random.default_rng((seed, 1, k)).integers(0, len(miss), size=len(index))
+    both = np.abs(miss[drawn[:, None], index]).sum(axis=1) / observed_wh[index].sum(axis=1)
+    return {
+        "k": k,
+        "draws": len(miss),
+        "error": float(error.mean()),
+        "error_ci95": _interval(both),
+        "error_of_draws": [float(q) for q in np.quantile(error, (0.025, 0.5, 0.975))],
+        "bias": float(bias.mean()),
+        "share_in_common": float(forecast.share.mean()),
+        "inside_90": float(np.mean(np.abs(miss) <= _HALF * forecast.sd_wh)),
+    }
+
+
+def _interval(values: FloatArray) -> list[float]:
+    low, high = np.quantile(values, (0.025, 0.975))
+    return [float(low), float(high)]

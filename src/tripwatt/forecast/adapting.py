@@ -1,0 +1,270 @@
+"""A fitted model on another car: what the base knows, that car's own physics, and a few of its trips."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.audit import audit
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecast.elsewhere import Elsewhere, unknown_signals
+from tripwatt.forecast.model import ForecastModel, HeldOut, Range, training_ranges
+from tripwatt.forecast.scale import TAIL_DF, TotalScale
+from tripwatt.forecast.scores import Scores
+from tripwatt.forecast.training import data_digest, held_out_figures, versions
+from tripwatt.hybrid import BlockTable, block_table, planned
+from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
+from tripwatt.hybrid.transfer import CarTransfer, Evidence, Posterior, part_scales, require_mode
+from tripwatt.hybrid.transferred import TransferredCorrector
+from tripwatt.physics import simulate_trip
+from tripwatt.trips import Fleet, FloatArray, Trip
+from tripwatt.vehicles import Vehicle
+
+TRANSFERRED: Final = "transferred"
+"""Name of the corrector of an adapted model."""
+
+BASE_TRIPS: Final = 10.0
+"""Weight of the base's scores beside the own trips', in trips: the fewest that show a 90 % interval at all."""
+
+_LEVELS: Final = 40
+"""Scores that an adapted model keeps."""
+
+PROTOCOL: Final = "own trips, each left out of the adaptation"
+
+
+@dataclass(frozen=True, eq=False)
+class Adapted:
+    """A model on its new car, and what was learned on the way.
+
+    Attributes
+    ----------
+    model : ForecastModel
+    posterior : Posterior
+    parameters : mapping of str to (float, float)
+        Relative change of each physical parameter and its standard deviation.
+    hidden : tuple of str
+        Signals that the new car's log lacks and that were hidden from what was transferred.
+    """
+
+    model: ForecastModel
+    posterior: Posterior
+    parameters: Mapping[str, tuple[float, float]]
+    hidden: tuple[str, ...]
+
+
+def adapt(base: ForecastModel, trips: Sequence[Trip], vehicle: Vehicle, *, mode: str = "both") -> Adapted:
+    """Put a fitted model on another car, with that car's trips. O(options x features^2 + trips^3).
+
+    Parameters
+    ----------
+    base : ForecastModel
+        Fitted, with a corrector that holds a Gaussian process: linear, kriging or ensemble.
+    trips : sequence of Trip
+        Of the new car, at least one, with measured energy.
+    vehicle : Vehicle
+        The new car as its book says.
+    mode : {"both", "effects", "parameters"}
+        What the car may have of its own: terms of the corrector, physical parameters, or both.
+
+    Returns
+    -------
+    Adapted
+        Its model forecasts like any other. Mass, rolling, air and base load of its car are calibrated.
+
+    Raises
+    ------
+    InvalidInput
+        When the base cannot be transferred, or a trip has no measured energy.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> trips = synthetic_fleet(n_trips=12).trips
+    >>> base = ForecastModel(load_vehicle("bmw_i3_60ah"), corrector="linear").fit(trips[:10])
+    >>> found = adapt(base, trips[10:11], load_vehicle("nissan_leaf_24"))
+    >>> found.model.vehicle.title, len(found.model.trip_ids_)
+    ('Nissan Leaf 24 kWh', 1)
+    """
+    require_mode(mode)
+    _require_trips(trips)
+    origin, hidden = _origin(base, trips)
+    plans = [planned(trip) for trip in trips]
+    table = _blocks(plans, trips, vehicle)
+    scales = part_scales(origin.members, base.vehicle, vehicle)
+    transfer = CarTransfer(origin.members, scales, PARAMETERS, mode)
+    evidence = transfer.evidence(table, sensitivities(plans, vehicle, table), origin.variances_wh2(table))
+    posterior = transfer.posterior(evidence)
+    found = posterior.parameters([p.name for p in PARAMETERS])
+    calibrated = {p.name: found[p.name][0] for p in PARAMETERS if p.keys}
+    told = f"calibrated on {len(trips)} trip{'s' if len(trips) > 1 else ''} of the car"
+    own_car = changed(vehicle, calibrated, source=told) if mode != "effects" else vehicle
+    corrector = TransferredCorrector.of(transfer, posterior, frozenset(calibrated))
+    scores, held_out = _scores(transfer, evidence, posterior, origin.scores, table)
+    model = ForecastModel(
+        vehicle=own_car,
+        corrector=TRANSFERRED,
+        seed=base.seed,
+        fitted_=corrector,
+        process_=None if base.process_ is None else replace(base.process_, apart=False),
+        scale_=_scale(origin.scale, posterior.noise_scale),
+        scores_=scores,
+        gain_=base.gain_,
+        route_doubt_=base.route_doubt_,
+        ranges_=_joined(base.ranges_, training_ranges(table), hidden),
+        trip_ids_=table.trip_ids,
+        held_out_=held_out,
+    )
+    return Adapted(model, posterior, found, hidden)
+
+
+def adapted(
+    fleet: Fleet,
+    vehicle: Vehicle,
+    base: ForecastModel,
+    about_base: Mapping[str, Any],
+    *,
+    mode: str = "both",
+) -> tuple[ForecastModel, dict[str, Any], dict[str, Any]]:
+    """Audit a car's logs, adapt a stored model to the sound trips, and keep where both come from.
+
+    Parameters
+    ----------
+    fleet : Fleet
+    vehicle : Vehicle
+    base : ForecastModel
+    about_base : mapping
+        The base's metadata, as `load_metadata` gives them.
+    mode : str
+        As for `adapt`.
+
+    Returns
+    -------
+    model, provenance, evaluation
+        As of `trained`; the provenance nests the base's with its digest.
+    """
+    found = audit(fleet)
+    done = adapt(base, found.trips, vehicle, mode=mode)
+    digest = data_digest(found.trips)
+    provenance = {
+        "data": {
+            "name": fleet.name,
+            "citation": fleet.citation,
+            "notes": list(fleet.notes),
+            "logs": len(fleet.trips),
+            "sha256": digest,
+        },
+        "trips_used": list(done.model.trip_ids_),
+        "audit": [str(finding) for finding in found.findings],
+        "seed": base.seed,
+        **versions(),
+        "adapted": {
+            "trips": len(found.trips),
+            "mode": mode,
+            "hidden": list(done.hidden),
+            "share_in_common": done.posterior.share,
+            "noise_scale": done.posterior.noise_scale,
+            "parameters": {k: {"change": m, "sd": s} for k, (m, s) in done.parameters.items()}
+            if mode != "effects"
+            else {},
+        },
+        "base": {
+            "sha256": about_base["sha256"],
+            "tripwatt": about_base["tripwatt"],
+            "model": dict(about_base["model"]),
+            "provenance": dict(about_base["provenance"]),
+        },
+    }
+    return done.model, provenance, {**held_out_figures(done.model.held_out_), "protocol": PROTOCOL}
+
+
+def _require_trips(trips: Sequence[Trip]) -> None:
+    faults = [
+        Fault("no measured energy", t.trip_id, "", "voltage and current")
+        for t in trips
+        if t.observed_energy_wh is None
+    ]
+    if not trips:
+        faults.append(Fault("no trips", "adaptation", "0 after the audit", "at least 1 with measured energy"))
+    if faults:
+        raise InvalidInput(faults)
+
+
+def _origin(base: ForecastModel, trips: Sequence[Trip]) -> tuple[Elsewhere, tuple[str, ...]]:
+    """What of the base goes to the new car: what it learned with as little known as the car's log does."""
+    usual = Elsewhere.of(base)
+    used = {column for part in usual.members.parts for column in part.columns}
+    missing = tuple(name for name in unknown_signals(trips) if name in used)
+    if missing and base.elsewhere_ is not None:
+        return base.elsewhere_, base.elsewhere_.hidden
+    return usual, missing
+
+
+def _blocks(plans: Sequence[Trip], trips: Sequence[Trip], vehicle: Vehicle) -> BlockTable:
+    return BlockTable.join(
+        [
+            block_table(plan, simulate_trip(vehicle, plan), trip)
+            for plan, trip in zip(plans, trips, strict=True)
+        ]
+    )
+
+
+def _scale(base: TotalScale, noise_scale: float) -> TotalScale:
+    """The scale of an adapted model's totals: the base's error, wider by what own trips say; its own doubt in full."""
+    factor = np.sqrt(noise_scale * TAIL_DF / (TAIL_DF - 2.0))
+    return TotalScale(np.append(base.values[:3] * factor, 1.0))
+
+
+def _scores(
+    transfer: CarTransfer, evidence: Evidence, posterior: Posterior, base: Scores, table: BlockTable
+) -> tuple[Scores, tuple[HeldOut, ...]]:
+    """Standardised errors: the base's, spread by what is believed of the error's scale, and those of own trips.
+
+    Own trips are left out in turn. The base counts as `BASE_TRIPS` of them, so that one trip alone neither narrows
+    nor blows up an interval.
+    """
+    scale = posterior.noise_scale
+    centre, doubt = transfer.left_out(evidence)
+    error = evidence.residual_wh - centre
+    own = error / np.sqrt(scale * evidence.noise_wh2 + doubt)
+    noise = np.array([option.noise for option in posterior.options])
+    spread = np.sqrt(noise / scale)
+    values = np.concatenate([(base.values[:, None] * spread).ravel(), np.abs(own)])
+    share = BASE_TRIPS / (BASE_TRIPS + len(own))
+    weight = np.concatenate(
+        [
+            np.tile(share * posterior.weights / len(base.values), len(base.values)),
+            np.full(len(own), (1.0 - share) / len(own)),
+        ]
+    )
+    observed = table.totals_wh(table.observed_power_w)
+    held_out = tuple(
+        HeldOut(name, float(o), float(o - e), float(s))
+        for name, o, e, s in zip(table.trip_ids, observed, error, own, strict=True)
+    )
+    return Scores.of(_quantiles(values, weight).tolist()), held_out
+
+
+def _quantiles(values: FloatArray, weight: FloatArray) -> FloatArray:
+    """Values at evenly spread levels of a weighted sample."""
+    order = np.argsort(values)
+    level = np.cumsum(weight[order]) - 0.5 * weight[order]
+    return np.asarray(np.interp((np.arange(_LEVELS) + 1.0) / (_LEVELS + 1.0), level, values[order]))
+
+
+def _joined(base: Mapping[str, Range], own: Mapping[str, Range], hidden: Sequence[str]) -> dict[str, Range]:
+    """What either car has shown; a hidden signal was shown by none."""
+    joined = {}
+    for name, old in base.items():
+        new = own.get(name, old)
+        joined[name] = (
+            Range(-np.inf, np.inf, 1.0)
+            if name in hidden
+            else Range(min(old.low, new.low), max(old.high, new.high), old.sd)
+            if np.isfinite(new.low)
+            else old
+        )
+    return joined

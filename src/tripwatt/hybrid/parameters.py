@@ -1,0 +1,168 @@
+"""A few physical parameters of a car that its book values may have wrong, and what they do to the power of a trip.
+
+Each has a width: how far a car on the road may be from its book value. The widths come from what is published, never
+from the trips that they are used on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from tripwatt.hybrid.power import BlockTable, block_table
+from tripwatt.physics import Simulation, simulate_trip
+from tripwatt.trips import FloatArray, Trip
+from tripwatt.vehicles import Vehicle
+from tripwatt.vehicles.loading import Entry
+
+_STEP: Final = 0.02
+"""Relative change of a parameter for its finite difference."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One parameter of a car, as a relative change of its book value.
+
+    Attributes
+    ----------
+    name : str
+    width : float
+        Prior standard deviation of the relative change.
+    source : str
+        Where the width comes from.
+    keys : tuple of str
+        Entries of the car that the change multiplies; empty for one that scales a cause of the simulated power.
+    causes : tuple of str
+        Causes of the simulated power that it multiplies, to first order.
+    """
+
+    name: str
+    width: float
+    source: str
+    keys: tuple[str, ...]
+    causes: tuple[str, ...]
+
+
+PARAMETERS: Final = (
+    Parameter(
+        "mass",
+        0.05,
+        "one more adult (75 kg, Directive 92/21/EEC) or the lightest against the heaviest trim: 3 to 6 % of a small car",
+        ("body.curb_mass_kg", "body.driver_mass_kg"),
+        ("rolling", "climb", "acceleration", "friction_brakes"),
+    ),
+    Parameter(
+        "rolling",
+        0.15,
+        "neighbouring classes of the EU tyre label lie 15 % apart (Regulation (EU) 2020/740, annex I: B to 7.7, C to 9.0, "
+        "D to 10.5 kg/t)",
+        (
+            "road_load.coastdown_a_n",
+            "road_load.coastdown_b_n_s_m",
+            "road_load.rolling_resistance_coefficient",
+        ),
+        ("rolling",),
+    ),
+    Parameter(
+        "air",
+        0.10,
+        "drag area of coast-downs against makers' figures, e.g. Nissan's 0.28 to 0.29 and 0.315 of a coast-down fit",
+        ("road_load.coastdown_c_n_s2_m2", "road_load.drag_coefficient"),
+        ("air",),
+    ),
+    Parameter(
+        "base_load",
+        0.40,
+        "0.2 to 0.4 kW of auxiliary load, about the 0.25 and 0.3 kW that FASTSim's database gives for electric cars",
+        ("auxiliaries.base_load_w",),
+        ("base_load",),
+    ),
+    Parameter(
+        "drivetrain",
+        0.20,
+        "motor and inverter losses are scaled from another car's map where a car's own is not published",
+        (),
+        ("drivetrain",),
+    ),
+    Parameter(
+        "hvac",
+        0.30,
+        "heat demand with and without recirculated air, and of settings 3 K apart at 20 K to the outside",
+        (),
+        ("hvac",),
+    ),
+)
+"""What is calibrated, with its width and where that comes from."""
+
+
+def changed(vehicle: Vehicle, changes: Mapping[str, float], *, source: str = "") -> Vehicle:
+    """A car with parameters changed by a relative amount; those without an entry of their own change nothing.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    changes : mapping of str to float
+        Name of a parameter -> relative change, e.g. ``{"mass": 0.03}``.
+    source : str
+        Said of every changed entry.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = changed(load_vehicle("bmw_i3_60ah"), {"base_load": 0.5})
+    >>> car.auxiliaries.base_load_w, car.entries["auxiliaries.base_load_w"].value
+    (450.0, 450.0)
+    """
+    entries = dict(vehicle.entries)
+    for parameter in PARAMETERS:
+        factor = 1.0 + changes.get(parameter.name, 0.0)
+        for key in parameter.keys if factor != 1.0 else ():
+            section, _, name = key.partition(".")
+            part = getattr(vehicle, section)
+            value = getattr(part, name)
+            if value is None:
+                continue
+            vehicle = replace(vehicle, **{section: replace(part, **{name: value * factor})})
+            if key in entries:
+                told = source or f"book value times {factor:.3f}"
+                old: Entry = entries[key]
+                entries[key] = replace(
+                    old, value=value * factor, source=f"{told}; book value {value:g}: {old.source}"
+                )
+    return replace(vehicle, entries=MappingProxyType(entries))
+
+
+def sensitivities(
+    plans: Sequence[Trip],
+    vehicle: Vehicle,
+    table: BlockTable,
+    parameters: Sequence[Parameter] = PARAMETERS,
+    simulate: Callable[[Vehicle, Trip], Simulation] = simulate_trip,
+) -> FloatArray:
+    """Power of each block by a relative change of 1 of each parameter [W], shape (rows, parameters).
+
+    A parameter with entries of its own is changed by 2 % and the trip is simulated again; the others multiply a
+    cause. O(samples) for each.
+
+    Parameters
+    ----------
+    plans : sequence of Trip
+        Of `planned`, in the order of the table.
+    vehicle : Vehicle
+    table : BlockTable
+        Their blocks with the car as it is.
+    """
+    columns = []
+    for parameter in parameters:
+        if parameter.keys and parameter.name != "base_load":
+            other = changed(vehicle, {parameter.name: _STEP})
+            power = np.concatenate([block_table(plan, simulate(other, plan)).simulated_w for plan in plans])
+            columns.append((power - table.simulated_w) / _STEP)
+        else:
+            causes = [f"{cause}_w" for cause in parameter.causes]
+            columns.append(np.asarray(table.features[causes].to_numpy().sum(axis=1)))
+    return np.column_stack(columns) if columns else np.empty((len(table.hours), 0))

@@ -1,0 +1,62 @@
+"""What a forecast loses when only a planned route is known, for the README: from a results file of the protocol `links`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from tripwatt.report.tables import DASH, Table, markdown, number, span
+
+BEGIN: Final = "<!-- links:begin -->"
+END: Final = "<!-- links:end -->"
+NAMES: Final[Mapping[str, str]] = {
+    "driven trace": "the driven speed trace",
+    "250 m": "a planned route, links of 250 m",
+    "1000 m": "a planned route, links of 1 km",
+}
+
+
+def render_links(results: Mapping[str, Any]) -> str:
+    """The figures beside each other as Markdown: errors, coverage and width by what is known of the speed.
+
+    Parameters
+    ----------
+    results : mapping
+        What `benchmarks.planned` writes.
+    """
+    known = results["known"]
+    rows = tuple(_row(NAMES.get(name, name), row) for name, row in known.items())
+    columns = (
+        "Known of the speed",
+        "Mean error [%]",
+        "95 % interval",
+        "More than with the trace [points]",
+        "After half of the time [%]",
+        "Bias [%]",
+        "RMSE [kWh]",
+        "90 % interval holds [% of trips]",
+        "Its width [% of energy]",
+    )
+    caption = f"The forecast before departure, leave one trip out, {results['n_trips']} reference trips"
+    return "\n\n".join(
+        (
+            markdown(Table(caption, columns, rows)),
+            "A link is known by its length, its mean speed with every standstill, and the elevation at its ends; where "
+            "the car stops is not known. Whatever widens the interval was learned on the other trips.",
+        )
+    )
+
+
+def _row(name: str, row: Mapping[str, Any]) -> tuple[str, ...]:
+    more = f"{number(row['mape_more_than_driven'], 100, 1)} ({span(row['mape_more_than_driven_ci95'])})"
+    return (
+        name,
+        number(row["mape"], 100, 1),
+        span(row["mape_ci95"]),
+        DASH if name == NAMES["driven trace"] else more,
+        number(row["mape_after_half"], 100, 1),
+        number(row["bias"], 100, 1),
+        number(row["rmse_wh"], 1e-3, 2),
+        number(row["coverage"]["0.9"], 100, 0),
+        number(row["relative_width"]["0.9"], 100, 0),
+    )

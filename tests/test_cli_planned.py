@@ -1,0 +1,212 @@
+"""`tripwatt forecast` with planned routes, and `tripwatt export`, as a new user meets them."""
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import parse_qs
+
+import numpy as np
+import pytest
+
+from tripwatt.cli import main
+from tripwatt.export import EXPORTS, consumption_curve
+from tripwatt.forecast import load_model, save_model
+from tripwatt.routes import plan_trip, read_route, route_from_links
+from tripwatt.vehicles import load_vehicle
+
+ANSWERS = Path(__file__).parent / "routes" / "answers"
+
+
+class Answer(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+
+Run = Callable[..., Answer]
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
+    def call(*arguments: object) -> Answer:
+        monkeypatch.setattr(sys, "argv", ["tripwatt", *map(str, arguments)])
+        capsys.readouterr()
+        code = 0
+        try:
+            main()
+        except SystemExit as end:
+            code = int(end.code or 0)
+        said = capsys.readouterr()
+        return Answer(code, said.out, said.err)
+
+    return call
+
+
+LINKS = [{"length_m": 600.0, "speed_m_s": 9.0, "grade": 0.01}, {"length_m": 4000.0, "travel_time_s": 200.0}]
+TRACK = "<gpx><trk><trkseg>{}</trkseg></trk></gpx>"
+
+
+def routes(folder: Path) -> dict[str, Path]:
+    """One route of about 5 km in every format that says how fast it is."""
+    point = '<trkpt lat="48.{:04d}" lon="11"><ele>{}</ele><time>2026-05-01T08:{:02d}:{:02d}Z</time></trkpt>'
+    sparse = "".join(point.format(10 * k, 500 + k, k // 2, 30 * (k % 2)) for k in range(40))
+    texts = {
+        "links.json": json.dumps(LINKS),
+        "object.json": json.dumps({"links": LINKS}),
+        "links.csv": "length_m,speed_m_s,travel_time_s,grade\n600,9,,0.01\n4000,,200,\n",
+        "links.txt": "length_m;speed_m_s\n600;9\n4000;20,0\n",
+        "sparse.gpx": TRACK.format(sparse),
+        "roads.geojson": json.dumps(
+            {
+                "type": "Feature",
+                "properties": {"highway": "primary"},
+                "geometry": {
+                    "type": "LineString",
+                    "coordinates": [[11.5, 48.1], [11.54, 48.1], [11.57, 48.1]],
+                },
+            }
+        ),
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text)
+    return {name: folder / name for name in texts} | {p.name: p for p in ANSWERS.glob("*.json")}
+
+
+def test_every_format_is_a_trip(run: Run, tmp_path: Path) -> None:
+    for name, path in routes(tmp_path).items():
+        answer = run("forecast", path, "--soc", 0.7, "--ambient", 3, "--payload", 80, "--json")
+        assert answer.code == 0, (name, answer.err)
+        found = json.loads(answer.out)
+        assert found["given"] == "a planned route", name
+        assert found["trip"] == path.stem
+        assert found["series"]["displayed_soc"][0] == pytest.approx(0.7)
+        assert found["series"]["distance_m"][-1] == pytest.approx(
+            plan_trip(read_route(path)).distance_m, rel=0.01
+        )
+        assert 0.0 < found["energy_wh"] < 2000.0
+    plain = run("forecast", tmp_path / "links.csv", "--soc", 0.7)
+    assert "given a planned route" in plain.out
+    assert "the driven speed trace" not in plain.out
+
+
+def test_the_package_knows_what_links_cost(run: Run, tmp_path: Path) -> None:
+    path = routes(tmp_path)["links.json"]
+    flags = json.loads(run("forecast", path, "--json").out)["flags"]
+    assert not any("does not know" in flag for flag in flags)
+    assert load_model().route_doubt_.trips >= 50
+
+
+def test_a_model_and_the_options_count(run: Run, tmp_path: Path) -> None:
+    save_model(load_model(), tmp_path / "model")
+    path = routes(tmp_path)["links.csv"]
+    cold, mild = (
+        json.loads(run("forecast", tmp_path / "model", path, "--ambient", t, "--json").out) for t in (-10, 20)
+    )
+    assert cold["energy_wh"] > mild["energy_wh"]
+
+
+def test_a_dense_track_is_the_drive_itself(run: Run, tmp_path: Path) -> None:
+    point = '<trkpt lat="48.{:06d}" lon="11"><time>2026-05-01T08:{:02d}:{:02d}Z</time></trkpt>'
+    text = "".join(point.format(100 * k, k // 60, k % 60) for k in range(300))
+    (tmp_path / "log.gpx").write_text(TRACK.format(text))
+    found = json.loads(run("forecast", tmp_path / "log.gpx", "--json").out)
+    assert found["given"] == "the driven speed trace"
+
+
+def test_a_track_without_times_needs_a_speed(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "line.gpx"
+    path.write_text(TRACK.format('<trkpt lat="48" lon="11"/><trkpt lat="48.1" lon="11"/>'))
+    answer = run("forecast", path)
+    assert answer.code == 2
+    assert "--speed" in answer.err
+    times = [
+        json.loads(run("forecast", path, "--speed", v, "--json").out)["series"]["time_s"][-1]
+        for v in (50, 100)
+    ]
+    assert times[0] == pytest.approx(2.0 * times[1], rel=0.02)
+    answer = run("forecast", ANSWERS / "osrm.json", "--speed", 50)
+    assert answer.code == 2
+    assert "without effect" in answer.err
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("r.csv", "length_m,speed_m_s\n500,-3\n-1,5\n", ["link 1, speed_m_s", "link 2, length_m"]),
+        ("r.csv", "length_km,speed_km_h\n500,3\n", ["did you mean length_m", "did you mean speed_m_s"]),
+        (
+            "r.json",
+            '[{"length_m": 5}, {"speed_m_s": 5, "colour": 1}]',
+            ["link 1", "missing key: link 2", "'colour'"],
+        ),
+        ("r.json", "", ["not JSON"]),
+        ("r.json", '[{"length_m": 1e999, "speed_m_s": NaN}]', ["NaN"]),
+        ("r.gpx", '<!DOCTYPE g [<!ENTITY a "b">]><gpx>&a;</gpx>', ["r.gpx"]),
+        ("r.geojson", '{"type": "Point", "coordinates": [1, 2]}', ["no line"]),
+        ("r.json", '{"code": "NoRoute"}', ["found no route"]),
+    ],
+)
+def test_a_bad_route_is_one_message_with_the_options_faults(
+    run: Run, tmp_path: Path, name: str, text: str, said: list[str]
+) -> None:
+    (tmp_path / name).write_text(text)
+    answer = run("forecast", tmp_path / name, "--soc", 7, "--reserve", 3, "--observed", tmp_path / "none.csv")
+    assert answer.code == 2
+    for words in (*said, "--soc", "--reserve", "none.csv", "faults:"):
+        assert words in answer.err
+    assert answer.out == ""
+    assert "Traceback" not in answer.err
+
+
+@pytest.mark.parametrize("service", list(EXPORTS))
+def test_export_prints_the_curve_of_the_car(run: Run, tmp_path: Path, service: str) -> None:
+    answer = run(
+        "export", service, "--vehicle", "nissan_leaf_40", "--ambient", -5, "--out", tmp_path / "c.json"
+    )
+    assert answer.code == 0
+    car = load_vehicle("nissan_leaf_40")
+    soc = car.battery.soc_from_displayed(0.8)
+    expected = EXPORTS[service](consumption_curve(car, ambient_temperature_degc=-5.0, soc=soc))
+    assert json.loads(answer.out) == json.loads((tmp_path / "c.json").read_text()) == expected
+    assert "physics alone" in answer.err
+    query = run("export", service, "--vehicle", "nissan_leaf_40", "--ambient", -5, "--query")
+    assert {k: v[0] for k, v in parse_qs(query.out.strip()).items()} == expected
+
+
+def test_export_of_a_model_is_what_the_model_forecasts(run: Run) -> None:
+    """HERE's formula on a level link of constant speed gives the forecast of that drive."""
+    said = json.loads(run("export", "here", "--ambient", 5, "--setpoint", 21, "--payload", 75).out)
+    table = np.array(said["ev[freeFlowSpeedTable]"].split(","), dtype=float).reshape(-1, 2)
+    seconds = 1200.0  # 20 km at 60 km/h
+    model = load_model()
+    drive = plan_trip(
+        route_from_links([{"length_m": 20_000.0, "travel_time_s": seconds, "moving_speed_m_s": 60 / 3.6}])
+    )
+    steady = drive.samples.assign(
+        speed_m_s=60.0 / 3.6, displayed_soc=0.8, ambient_temperature_degc=5.0, cabin_setpoint_degc=21.0
+    )
+    from tripwatt.forecast import trip_to_come
+
+    forecast = model.forecast(trip_to_come(steady, payload_mass_kg=75.0))
+    exported = dict(table.tolist())[60.0] * 20_000.0 + float(said["ev[auxiliaryConsumption]"]) * seconds
+    # the auxiliaries of HERE are the mean of half an hour, those of the forecast of its first 20 minutes
+    assert exported == pytest.approx(forecast.energy_wh, rel=0.12)
+    bare = json.loads(run("export", "here", "--vehicle", "bmw_i3_60ah", "--ambient", 5, "--setpoint", 21).out)
+    assert bare["ev[freeFlowSpeedTable]"] != said["ev[freeFlowSpeedTable]"]
+
+
+def test_export_names_all_faults(run: Run, tmp_path: Path) -> None:
+    answer = run(
+        "export", "here", "--model", tmp_path / "none", "--set", "mass=3", "--ambient", 900, "--payload", -1, "--soc", 3
+    )  # fmt: skip
+    assert answer.code == 2
+    for said in ("--set", "--ambient", "--payload", "--soc"):
+        assert said in answer.err
+    answer = run("export", "mapbox", "--model", "x", "--vehicle", "nissan_leaf_40")
+    assert answer.code == 2
+    assert "one of them" in answer.err
+    answer = run("export", "abrp", "--out", tmp_path / "no" / "x.json", "--vehicle", "nissan_leaf_40")
+    assert answer.code == 2
+    assert answer.out == ""

@@ -1,0 +1,256 @@
+"""The forecast of a planned route: what links cost is learned on trips that were held out, and widens the interval."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tripwatt.errors import InvalidInput
+from tripwatt.forecast import (
+    ForecastModel,
+    RouteDoubt,
+    linked,
+    linked_trips,
+    load_model,
+    planned_to_come,
+    save_model,
+    training_blocks,
+)
+from tripwatt.forecast import model as model_module
+from tripwatt.forecast.gain import CHANNELS, FRACTIONS, Gain
+from tripwatt.forecast.planned import LENGTHS_M, MOST_TRIPS, along_the_plan
+from tripwatt.forecast.storage import model_of_parts, model_parts
+from tripwatt.hybrid import planned, power_corrector
+from tripwatt.physics import simulate_trip
+from tripwatt.routes import plan_trip, read_route, route_from_links
+from tripwatt.synthetic import synthetic_fleet
+from tripwatt.trips import Context
+from tripwatt.vehicles import load_vehicle
+
+CAR = load_vehicle("bmw_i3_60ah")
+
+
+@pytest.fixture(scope="module")
+def trips():
+    return synthetic_fleet(14, seed=2).trips
+
+
+@pytest.fixture(scope="module")
+def model(trips):
+    return ForecastModel(CAR, "linear").fit(trips[:12])
+
+
+def without_doubt(model):
+    return dataclasses.replace(model, route_doubt_=None)
+
+
+@given(st.lists(st.lists(st.floats(-0.5, 0.5), min_size=3, max_size=3), min_size=5, max_size=9))
+def test_doubt_is_the_mean_square_and_never_falls(differences):
+    rows = np.array(differences)
+    doubt = RouteDoubt.of(np.vstack((rows, [[np.nan] * 3])))
+    assert doubt.trips == len(rows)
+    square = (rows**2).mean(axis=0)
+    assert doubt.share(LENGTHS_M[0]) ** 2 == pytest.approx(square[0])
+    assert doubt.share(LENGTHS_M[2]) ** 2 == pytest.approx(square.max())
+    grid = np.array([doubt.share(length) for length in np.linspace(0.0, 9000.0, 60)])
+    assert grid[0] == 0.0
+    assert np.all(np.diff(grid) >= -1e-12)
+
+
+def test_too_few_trips_say_nothing():
+    assert RouteDoubt.of(np.full((4, 3), 0.1)) is None
+    assert RouteDoubt.of(np.full((9, 3), np.nan)) is None
+
+
+def test_the_cost_of_links_is_learned_on_trips_that_the_corrector_has_not_seen(trips, monkeypatch):
+    looked_at = []
+
+    class Spy:
+        def __init__(self, inner):
+            self.inner, self.trained = inner, set()
+
+        def fit(self, table):
+            self.trained = set(table.trip_ids)
+            self.inner.fit(table)
+            return self
+
+        def again(self):
+            return Spy(self.inner.again())
+
+        def look(self, table):
+            assert not self.trained & set(table.trip_ids)
+            looked_at.extend(table.trip_ids)
+            return table
+
+        def predict(self, table):
+            return self.inner.predict(self.look(table))
+
+        def predict_with_doubt(self, table):
+            return self.inner.predict_with_doubt(self.look(table))
+
+        def __getattr__(self, name):
+            return getattr(self.inner, name)
+
+    monkeypatch.setattr(model_module, "power_corrector", lambda name, seed: Spy(power_corrector(name, seed)))
+    table = training_blocks(trips[:9], CAR)
+    found = ForecastModel(CAR, "linear").fit_blocks(table, routes=linked_trips(trips[:9], CAR))
+    assert found.route_doubt_.trips == 9
+    # each trip: for its residual, on its driven trace, and on links of every length
+    assert all(looked_at.count(trip.trip_id) == 2 + len(LENGTHS_M) for trip in trips[:9])
+
+
+def test_measured_doubt_is_the_difference_of_the_two_forecasts(trips):
+    """With a corrector that knows nothing the difference is that of the simulations."""
+
+    class Nothing:
+        def predict(self, table):
+            return np.zeros(len(table.hours))
+
+    some = trips[:3]
+    off = linked_trips(some, CAR).differences(Nothing(), training_blocks(some, CAR), np.array([2, 0]))
+    for row, trip in zip(off, (some[2], some[0]), strict=True):
+        base = simulate_trip(CAR, planned(trip)).simulated_energy_wh
+        on_links = [simulate_trip(CAR, planned(linked(trip, m))).simulated_energy_wh for m in LENGTHS_M]
+        np.testing.assert_allclose(row, np.array(on_links) / base - 1.0, rtol=2e-3)
+    assert 0.0 < np.abs(off).max() < 0.5
+
+
+def test_links_widen_and_the_driven_trace_does_not(model, trips):
+    trip = trips[13]
+    assert model.forecast(trip).as_dict() == without_doubt(model).forecast(trip).as_dict()
+    assert model.forecast(trip).given == "the driven speed trace"
+    for length in (250.0, 1000.0):
+        plan = linked(trip, length)
+        wide, narrow = model.forecast(plan), without_doubt(model).forecast(plan)
+        assert wide.given == wide.as_dict()["given"] == "a planned route"
+        assert wide.energy_wh == narrow.energy_wh
+        share = model.route_doubt_.share(plan.context.planned_link_m)
+        extra = share * wide.energy_wh * wide.widening
+        assert share > 0.0
+        assert wide.sd_wh**2 == pytest.approx(narrow.sd_wh**2 + extra**2)
+        ratio = np.sqrt(1.0 + extra**2 / narrow.sd_wh**2)
+        half = np.diff(wide.interval(0.9)) / np.diff(narrow.interval(0.9))
+        assert half[0] == pytest.approx(ratio)
+        assert any("does not know" in flag for flag in narrow.flags)
+        assert not any("does not know" in flag for flag in wide.flags)
+
+
+def test_on_the_way_the_doubt_of_the_route_goes(model, trips):
+    plan = linked(trips[13], 1000.0)
+    before = model.forecast(plan)
+    observed = trips[13].samples[["time_s", "voltage_v", "current_a"]]
+    seconds = float(before.table.hours.sum() * 3600.0)
+    half = before.update(observed[observed["time_s"] <= 0.5 * seconds])
+    assert half.given == "a planned route"
+    assert half.sd_wh < before.sd_wh
+    assert half._cumulative_sd_wh[-1] > half._cumulative_sd_wh[0]
+
+
+def test_what_a_route_assumed_is_flagged(model):
+    track = read_route(b'{"type": "LineString", "coordinates": [[11.5, 48.1], [11.9, 48.1]]}')
+    said = model.forecast(plan_trip(track, speed_m_s=20.0)).flags
+    assert "20 m/s assumed where the track says no speed" in said
+    assert sum("flat" in flag for flag in said) == 1
+    far = model.forecast(plan_trip(route_from_links([{"length_m": 30_000.0, "speed_m_s": 25.0}])))
+    assert any("longer than those" in flag for flag in far.flags)
+
+
+def test_stored_models_keep_the_doubt_and_older_ones_have_none(model, trips, tmp_path: Path):
+    save_model(model, tmp_path / "model")
+    plan = linked(trips[12], 400.0)
+    assert load_model(tmp_path / "model").forecast(plan).as_dict() == model.forecast(plan).as_dict()
+    parts = json.loads(json.dumps({"model.json": model_parts(model)["model.json"]}))
+    del parts["model.json"]["route_doubt"]
+    older = model_of_parts({**model_parts(model), **parts})
+    assert older.route_doubt_ is None
+    assert older.forecast(trips[12]).as_dict() == model.forecast(trips[12]).as_dict()
+
+
+def test_parked_logs_and_large_fleets(trips, monkeypatch):
+    parked = dataclasses.replace(trips[0], samples=trips[0].samples.assign(speed_m_s=0.0))
+    found = linked_trips([*trips[:2], parked], CAR)
+    assert [len(tables) for tables in found.tables] == [3, 3, 0]
+    assert found.take([2, 0]).tables[0] == ()
+    assert MOST_TRIPS >= 100
+    monkeypatch.setattr("tripwatt.forecast.planned.MOST_TRIPS", 2)
+    assert [len(tables) for tables in linked_trips(trips[:5], CAR).tables] == [3, 0, 0, 0, 3]
+
+
+def test_departure_of_a_route_is_checked_and_wins(trips):
+    plan = plan_trip(route_from_links([{"length_m": 2000.0, "speed_m_s": 12.0}]))
+    trip = planned_to_come(plan, ambient_temperature_degc=-4.0)
+    assert trip.array("ambient_temperature_degc")[0] == -4.0
+    assert trip.context == plan.context
+    with pytest.raises(InvalidInput) as caught:
+        planned_to_come(plan, ambient_temperature_degc=400.0, displayed_soc=7.0)
+    assert len(caught.value.faults) == 2
+
+
+def late(plan, factor, waits_s, power_w):
+    """The plan's own speeds driven slower by a factor after a wait, at a constant power."""
+    time = np.arange(0.0, plan.duration_s * factor + waits_s)
+    speed = (
+        np.interp((time - waits_s) / factor, plan.array("time_s"), plan.array("speed_m_s"), left=0.0) / factor
+    )
+    return pd.DataFrame({"time_s": time, "speed_m_s": speed, "observed_energy_wh": power_w * time / 3600.0})
+
+
+@pytest.mark.parametrize(("factor", "waits_s"), [(1.0, 0.0), (1.3, 0.0), (0.8, 40.0), (1.0, 120.0)])
+def test_a_late_car_has_the_rest_of_the_route_before_it(model, factor, waits_s):
+    links = [{"length_m": 500.0, "speed_m_s": 6.0 + 8.0 * (k % 2)} for k in range(30)]
+    plan = plan_trip(route_from_links(links))
+    nothing = Gain(**{channel: np.zeros(len(FRACTIONS)) for channel in CHANNELS})
+    before = dataclasses.replace(model.forecast(plan), gain=nothing)
+    observed = late(plan, factor, waits_s, 4000.0)
+    driven = np.concatenate(([0.0], np.cumsum(observed["speed_m_s"].to_numpy()[1:])))
+    observed = observed[driven <= 7500.0]  # half of the way
+    after = before.update(observed)
+    series = before.series()
+    half_s = float(np.interp(7500.0, series["distance_m"], series["time_s"]))
+    assert after.measured_until_s == pytest.approx(half_s, abs=40.0)
+    rest = before.energy_wh - float(np.interp(7500.0, series["distance_m"], series["energy_wh"]))
+    measured = float(observed["observed_energy_wh"].iloc[-1])
+    # all that was measured counts, nothing twice; what is left is the plan's rest
+    left = after.energy_wh - after.measured_wh.sum()
+    assert after.measured_wh.sum() == pytest.approx(measured, rel=0.01)
+    assert left == pytest.approx(rest, rel=0.03)
+    assert float((after.open_hours * 3600.0).sum()) == pytest.approx(
+        plan.duration_s - after.measured_until_s, abs=25.0
+    )
+
+
+def test_a_wait_that_the_car_did_not_have_is_no_gap(model):
+    """Planned stops of a minute; the car drives through."""
+    plan = plan_trip(route_from_links([{"length_m": 1000.0, "travel_time_s": 140.0, "stop_s": 60.0}] * 8))
+    time = np.arange(0.0, 500.0)
+    observed = pd.DataFrame({"time_s": time, "speed_m_s": 12.0, "observed_energy_wh": time})
+    on_plan = along_the_plan(observed, plan)
+    assert on_plan["time_s"].diff().max() <= 5.0 + 1e-9
+    assert (on_plan["time_s"].diff().dropna() > 0).all()
+    assert on_plan["observed_energy_wh"].iloc[-1] == time[-1]
+    gap = observed[(time < 100.0) | (time > 250.0)]
+    assert along_the_plan(gap, plan)["time_s"].diff().max() > 100.0
+    assert along_the_plan(observed, dataclasses.replace(plan, context=Context())) is observed
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.1, 90.0), st.floats(0.0, 40.0)), min_size=2, max_size=40),
+    st.floats(0.0, 300.0),
+)
+def test_any_drive_has_a_clock_that_goes_on(steps, start):
+    plan = plan_trip(
+        route_from_links([{"length_m": 900.0, "speed_m_s": 9.0}, {"length_m": 80.0, "speed_m_s": 3.0}])
+    )
+    time = start + np.cumsum([step for step, _ in steps])
+    observed = pd.DataFrame(
+        {"time_s": time, "speed_m_s": [v for _, v in steps], "soc": 0.5, "observed_energy_wh": time}
+    )
+    found = along_the_plan(observed, plan)
+    assert (np.diff(found["time_s"]) > 0.0).all()
+    assert found["time_s"].between(0.0, plan.duration_s + 1e-2).all()
+    assert found["observed_energy_wh"].iloc[[0, -1]].tolist() == pytest.approx([0.0, time[-1] - time[0]])

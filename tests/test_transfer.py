@@ -1,0 +1,314 @@
+"""From one car to another: laws of the shrinkage, recovery of a known difference, and nothing that looks ahead."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tripwatt.errors import InvalidInput
+from tripwatt.evaluation.transfer import evaluate_transfer
+from tripwatt.evaluation.transfer_scores import paired_energy_error, resamples, scored
+from tripwatt.forecast import ForecastModel, load_metadata, load_model, save_model, training_blocks
+from tripwatt.forecast.adapting import adapt, adapted
+from tripwatt.forecast.elsewhere import Elsewhere, unknown_signals, without_signals
+from tripwatt.forecast.training import trained
+from tripwatt.hybrid import BlockTable, block_table, planned, power_corrector
+from tripwatt.hybrid.channels import ChannelCorrector
+from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
+from tripwatt.hybrid.transfer import CarTransfer, Evidence, Members, grid, part_scales
+from tripwatt.hybrid.transferred import TransferredCorrector
+from tripwatt.physics import simulate_trip
+from tripwatt.synthetic import synthetic_fleet
+from tripwatt.trips import Fleet, Trip
+from tripwatt.vehicles import Vehicle, load_vehicle
+
+TRUTH = {"mass": 0.08, "base_load": 0.6}
+"""What the second car's book has wrong."""
+
+
+def driven_by(trip: Trip, car: Vehicle, extra_w: float = 0.0) -> Trip:
+    """The trip as another car would have logged it: its physics, and a constant load that no book knows."""
+    road = trip.samples[["time_s", "speed_m_s", "elevation_m", "ambient_temperature_degc"]]
+    bare = Trip.from_samples(trip.trip_id, road, replace(trip.context, cabin_setpoint_degc=None))
+    run = simulate_trip(car, planned(bare))
+    power = np.interp(road["time_s"] - road["time_s"].iloc[0], run.time_s, run.battery_power_w) + extra_w
+    samples = road.assign(voltage_v=360.0, current_a=power / 360.0)
+    return Trip.from_samples(trip.trip_id, samples, bare.context)
+
+
+@pytest.fixture(scope="module")
+def roads() -> tuple[Trip, ...]:
+    return synthetic_fleet(30, seed=3).trips
+
+
+@pytest.fixture(scope="module")
+def i3() -> Vehicle:
+    return load_vehicle("bmw_i3_60ah")
+
+
+@pytest.fixture(scope="module")
+def leaf() -> Vehicle:
+    return load_vehicle("nissan_leaf_24")
+
+
+@pytest.fixture(scope="module")
+def first_car(roads, i3) -> Fleet:
+    return Fleet("i3", tuple(driven_by(t, i3, 150.0) for t in roads[:14]))
+
+
+@pytest.fixture(scope="module")
+def second_car(roads, leaf) -> Fleet:
+    rest = sorted(roads[14:], key=lambda trip: str(trip.context.started_at))
+    return Fleet("leaf", tuple(driven_by(t, changed(leaf, TRUTH), 150.0) for t in rest))
+
+
+@pytest.fixture(scope="module")
+def origin(first_car, i3) -> Elsewhere:
+    return Elsewhere.learned(first_car.trips, i3)
+
+
+@pytest.fixture(scope="module")
+def blocks(second_car, leaf) -> tuple[list[Trip], BlockTable]:
+    plans = [planned(t) for t in second_car.trips]
+    pairs = zip(plans, second_car.trips, strict=True)
+    return plans, BlockTable.join([block_table(p, simulate_trip(leaf, p), t) for p, t in pairs])
+
+
+@pytest.fixture(scope="module")
+def evidence(origin, blocks, i3, leaf) -> tuple[CarTransfer, Evidence]:
+    plans, table = blocks
+    transfer = CarTransfer(origin.members, part_scales(origin.members, i3, leaf))
+    return transfer, transfer.evidence(table, sensitivities(plans, leaf, table), origin.variances_wh2(table))
+
+
+NOBODY = np.empty((1, 0), dtype=np.int64)
+
+
+def test_no_trip_is_half_of_the_correction(evidence) -> None:
+    transfer, of_trips = evidence
+    everyone = np.arange(len(of_trips.noise_wh2))
+    found = transfer.predict_draws(of_trips, NOBODY, everyone)
+    assert found.mean_wh[0] == pytest.approx(0.5 * of_trips.world @ transfer.members.weights)
+    assert found.share == pytest.approx([0.5])
+    none = transfer.posterior(of_trips.take(NOBODY[0]))
+    assert none.share == pytest.approx(0.5)
+    x = np.hstack([of_trips.world, of_trips.own, of_trips.lost, of_trips.physical])
+    assert x @ none.mean == pytest.approx(found.mean_wh[0])
+
+
+def test_draws_and_posterior_are_one_model(evidence) -> None:
+    transfer, of_trips = evidence
+    known, asked = np.array([0, 3, 5, 8]), np.array([1, 11])
+    draws = transfer.predict_draws(of_trips, known[None, :], asked)
+    told = transfer.posterior(of_trips.take(known))
+    x = np.hstack([of_trips.world, of_trips.own, of_trips.lost, of_trips.physical])[asked]
+    assert x @ told.mean == pytest.approx(draws.mean_wh[0], rel=1e-3, abs=0.5)
+    variance = np.diag(x @ told.covariance @ x.T) + told.noise_scale * of_trips.noise_wh2[asked]
+    assert np.sqrt(variance) == pytest.approx(draws.sd_wh[0], rel=1e-2)
+
+
+def test_far_from_the_known_nothing_is_corrected_and_more_is_doubted(origin, blocks, i3, leaf) -> None:
+    _, table = blocks
+    transfer = CarTransfer(origin.members, part_scales(origin.members, i3, leaf))
+    far = replace(table, features=table.features.assign(ambient_temperature_degc=80.0))
+    none = np.zeros((len(table.hours), len(PARAMETERS)))
+    near, away = (transfer.evidence(t, none, np.ones(len(t))) for t in (table, far))
+    everyone = np.arange(len(table))
+    close, distant = (transfer.predict_draws(e, NOBODY, everyone) for e in (near, away))
+    assert np.abs(distant.mean_wh).max() < 0.02 * np.abs(close.mean_wh).max()
+    assert (distant.sd_wh > close.sd_wh).all()
+
+
+def test_recovers_what_the_book_has_wrong(origin, roads, i3, leaf) -> None:
+    trips = [driven_by(t, changed(leaf, TRUTH)) for t in roads[14:]]  # nothing in common with the first car
+    plans = [planned(t) for t in trips]
+    pairs = zip(plans, trips, strict=True)
+    table = BlockTable.join([block_table(p, simulate_trip(leaf, p), t) for p, t in pairs])
+    free = tuple(p for p in PARAMETERS if p.name in TRUTH)
+    transfer = CarTransfer(origin.members, part_scales(origin.members, i3, leaf), free, "parameters")
+    # a log without any error of its own, so that the difference is all there is to be found
+    sure = transfer.evidence(table, sensitivities(plans, leaf, table, free), np.full(len(table), 100.0))
+    posterior = transfer.posterior(sure)
+    found = posterior.parameters([p.name for p in free])
+    assert posterior.share < 0.1
+    for name, truth in TRUTH.items():
+        assert found[name][0] == pytest.approx(truth, rel=0.2)
+        assert found[name][1] < 0.5 * next(p.width for p in free if p.name == name)
+
+
+def test_many_trips_forget_the_first_car(evidence, blocks) -> None:
+    transfer, of_trips = evidence
+    _, table = blocks
+    n = len(table)
+    observed = table.totals_wh(table.observed_power_w)
+    errors = []
+    for k in (0, 2, n - 4):
+        known = np.arange(k, dtype=np.int64)[None, :]
+        asked = np.arange(n - 4, n)
+        found = transfer.predict_draws(of_trips, known, asked).mean_wh[0]
+        errors.append(np.abs(found - of_trips.residual_wh[asked]).sum() / observed[asked].sum())
+    assert errors[2] < 0.25 * errors[0]
+    assert errors[1] < errors[0]
+
+
+def test_leaving_out_is_forgetting(evidence) -> None:
+    transfer, of_trips = evidence
+    some = of_trips.take(np.arange(5))
+    mean, variance = transfer.left_out(some)
+    for i in range(5):
+        others = np.delete(np.arange(5), i)[None, :]
+        found = transfer.predict_draws(some, others, np.array([i]))
+        assert mean[i] == pytest.approx(found.mean_wh[0, 0])
+        assert variance[i] < found.sd_wh[0, 0] ** 2  # that one has the trip's own error as well
+
+
+def test_grid_of_a_mode() -> None:
+    assert {o.own for o in grid("parameters")} == {0.0}
+    assert {o.book for o in grid("effects")} == {0.0}
+    assert np.mean([o.share for o in grid("both")]) == pytest.approx(0.5)
+
+
+def test_a_changed_car_is_another_car(leaf) -> None:
+    heavy = changed(leaf, {"mass": 0.1}, source="weighed")
+    assert heavy.body.test_mass_kg == pytest.approx(1.1 * leaf.body.test_mass_kg)
+    assert heavy.entries["body.curb_mass_kg"].source.startswith("weighed; book value")
+    assert changed(leaf, {}) == leaf
+
+
+def test_hidden_signals_are_hidden() -> None:
+    trip = synthetic_fleet(1, seed=1).trips[0]
+    assert unknown_signals([trip]) == ()
+    bare = without_signals(trip, ("battery_temperature_degc", "cabin_setpoint_degc"))
+    assert unknown_signals([bare]) == ("cabin_setpoint_degc", "battery_temperature_degc")
+    assert bare.context.weather is None
+
+
+def test_power_of_blocks_of_an_irregular_log(leaf) -> None:
+    rng = np.random.default_rng(0)
+    time = np.cumsum(rng.choice([0.3, 0.4, 1.7, 2.6], 400))
+    speed = 10.0 + 3.0 * np.sin(time / 40.0)
+    log = pd.DataFrame({"time_s": time, "speed_m_s": speed, "voltage_v": 360.0, "current_a": 5.0 + speed})
+    trip = Trip.from_samples("irregular", log)
+    plan = planned(trip)
+    table = block_table(plan, simulate_trip(leaf, plan), trip)
+    assert table.totals_wh(table.observed_power_w)[0] == pytest.approx(trip.observed_energy_wh, rel=1e-3)
+
+
+def test_the_second_half_is_not_looked_at(first_car, second_car) -> None:
+    half = len(second_car.trips) // 2
+    louder = [
+        t
+        if i < half
+        else Trip.from_samples(t.trip_id, t.samples.assign(current_a=1.7 * t.samples["current_a"]), t.context)
+        for i, t in enumerate(second_car.trips)
+    ]
+    runs = [
+        evaluate_transfer(first_car, fleet, trips=(0, 2), draws=3, min_distance_m=0.0)
+        for fleet in (second_car, replace(second_car, trips=tuple(louder)))
+    ]
+    before, after = (run.trips.set_index(["trip", "model"]) for run in runs)
+    assert before["predicted_energy_wh"].to_list() == after["predicted_energy_wh"].to_list()
+    assert not np.allclose(before["observed_energy_wh"], after["observed_energy_wh"])
+    results = runs[0].results
+    (car,) = results["cars"]
+    assert [row["k"] for row in car["curves"]["both"]] == [0, 2, half]
+    assert results["hidden"] == []  # the first car's log lacks the same signals
+    assert set(car["models"]) >= {"physics", "zero-shot", "data-only", "own-kriging", f"adapted-{half}"}
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"trips": ()}, "no such number of trips"),
+        ({"trips": (1, -1), "draws": 0}, "no such number of draws"),
+        ({"min_distance_m": 1e9}, "too few trips to score"),
+    ],
+)
+def test_what_cannot_be_scored_is_refused(first_car, second_car, options, words) -> None:
+    with pytest.raises(InvalidInput, match=words):
+        evaluate_transfer(first_car, second_car, **options)
+
+
+def test_energy_errors() -> None:
+    observed, index = np.array([1000.0, 3000.0]), resamples(2, 0, 500)
+    score = scored(observed, np.array([1100.0, 2700.0]), index)
+    assert (score["error"], score["bias"]) == (pytest.approx(0.1), pytest.approx(-0.05))
+    pair = paired_energy_error(observed, observed * 1.01, observed * 1.2, index)
+    assert pair["diff"] == pytest.approx(-0.19)
+    assert pair["significant"]
+
+
+@pytest.fixture(scope="module")
+def base(i3, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A stored model of a car that logs cabin and battery temperature."""
+    fleet = replace(synthetic_fleet(12, seed=8))
+    model, provenance, figures = trained(fleet, i3, corrector="kriging")
+    assert model.elsewhere_ is not None
+    place = tmp_path_factory.mktemp("base") / "model"
+    save_model(model, place, provenance=provenance, evaluation=figures)
+    return place
+
+
+def test_adapted_model_is_an_ordinary_one(base, second_car, leaf, tmp_path: Path) -> None:
+    about, model = load_metadata(base), load_model(base)
+    assert model.elsewhere_ is not None
+    few = replace(second_car, trips=second_car.trips[:1])
+    found, provenance, figures = adapted(few, leaf, model, about)
+    assert provenance["base"]["sha256"] == about["sha256"]
+    assert provenance["base"]["provenance"]["data"]["sha256"] == about["provenance"]["data"]["sha256"]
+    assert provenance["adapted"]["trips"] == figures["trips"] == 1
+    assert set(provenance["adapted"]["hidden"]) == set(model.elsewhere_.hidden)
+    save_model(found, tmp_path / "leaf", provenance=provenance, evaluation=figures)
+    again = load_model(tmp_path / "leaf")
+    trip = second_car.trips[-1]
+    assert again.forecast(trip).as_dict() == found.forecast(trip).as_dict()
+    assert not [flag for flag in again.forecast(trip).flags if "cabin" in flag]
+    calibrated = again.vehicle.entries["auxiliaries.base_load_w"]
+    assert calibrated.source.startswith("calibrated on 1 trip of the car; book value 250")
+    seen = trip.samples[trip.samples["time_s"] < 300.0]
+    assert np.isfinite(again.forecast(trip).update(seen).energy_wh)
+
+
+def test_more_trips_are_surer_and_nearer(base, second_car, leaf) -> None:
+    model, trip = load_model(base), second_car.trips[-1]
+    answers = [adapt(model, second_car.trips[:k], leaf).model.forecast(trip) for k in (1, 12)]
+    widths = [high - low for low, high in (a.interval(0.9) for a in answers)]
+    assert widths[1] < 0.7 * widths[0]
+    assert trip.observed_energy_wh is not None
+    misses = [abs(a.energy_wh - trip.observed_energy_wh) for a in answers]
+    assert misses[1] < misses[0]
+
+
+def test_what_cannot_be_adapted_is_refused(base, leaf, roads, i3) -> None:
+    model = load_model(base)
+    with pytest.raises(InvalidInput, match="no trips"):
+        adapt(model, [], leaf)
+    with pytest.raises(InvalidInput, match="unknown way to adapt"):
+        adapt(model, roads[:1], leaf, mode="all")
+    with pytest.raises(InvalidInput, match="not fitted"):
+        adapt(ForecastModel(i3), roads[:1], leaf)
+    trees = ForecastModel(i3, "boosting").fit(roads[:9])
+    with pytest.raises(InvalidInput, match="cannot be transferred"):
+        adapt(trees, roads[:1], leaf)
+
+
+def test_every_corrector_with_a_process_goes_to_another_car(roads, blocks, i3, leaf) -> None:
+    _, table = blocks
+    logged = training_blocks(roads[:10], i3)
+    fitted = power_corrector("channels").fit(logged)
+    assert isinstance(fitted, ChannelCorrector)
+    assert fitted.apart_
+    members = Members.of(fitted)
+    assert len(members.correctors) == 2
+    assert members.features(table) @ members.weights == pytest.approx(
+        sum(c.model.predict(table.features) for c in members.correctors)
+    )
+    transfer = CarTransfer(members, part_scales(members, i3, leaf), (), "effects")
+    evidence = transfer.evidence(table, np.empty((len(table.hours), 0)), np.full(len(table), 1e4))
+    none = TransferredCorrector.of(transfer, transfer.posterior(evidence.take([])), frozenset())
+    expected = transfer.predict_draws(evidence, NOBODY, np.arange(len(table))).mean_wh[0]
+    assert table.totals_wh(none.predict(table)) == pytest.approx(expected)
