@@ -269,7 +269,7 @@ def forecast(
     A planned route is driven by a driver model; what that costs in accuracy was measured when the model was fitted and
     widens the interval. State of charge, in and out, is the one that the driver sees.
     """
-    from tripwatt.forecast import load_model, since_departure
+    from tripwatt.forecast import answer_of, load_model, since_departure
 
     model, trip = _model_and_trip(paths)
     asked: dict[str, Any] = {
@@ -292,11 +292,9 @@ def forecast(
     found = got["model"].forecast(to_come)
     if observed is not None:
         found = found.update(since_departure(got["observed"], to_come))
-    answer = found.as_dict()
-    answer["p_arrive"][f"{reserve:g}"] = found.p_arrive(reserve)
     if plot is not None:
         _draw(found, plot)
-    print_json(answer) if as_json else _show_forecast(found, reserve)
+    print_json(answer_of(found, reserve)) if as_json else _show_forecast(found, reserve)
 
 
 def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
