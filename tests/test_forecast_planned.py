@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tripwatt.errors import InvalidInput
@@ -49,6 +49,7 @@ def without_doubt(model):
     return dataclasses.replace(model, route_doubt_=None)
 
 
+@settings(deadline=None)
 @given(st.lists(st.lists(st.floats(-0.5, 0.5), min_size=3, max_size=3), min_size=5, max_size=9))
 def test_doubt_is_the_mean_square_and_never_falls(differences):
     rows = np.array(differences)
@@ -238,6 +239,7 @@ def test_a_wait_that_the_car_did_not_have_is_no_gap(model):
     assert along_the_plan(observed, dataclasses.replace(plan, context=Context())) is observed
 
 
+@settings(deadline=None)
 @given(
     st.lists(st.tuples(st.floats(0.1, 90.0), st.floats(0.0, 40.0)), min_size=2, max_size=40),
     st.floats(0.0, 300.0),

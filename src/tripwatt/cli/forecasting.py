@@ -188,12 +188,15 @@ def _require_one_way(base: Path | None, calibrate: bool) -> None:
 def _show_fit(
     fleet: Fleet, out: Path, provenance: Mapping[str, Any], figures: dict[str, Any], as_json: bool
 ) -> None:
+    from tripwatt.forecast.adapting import PROTOCOL
+
     notes = provenance["data"]["notes"]
     if as_json:
         brief = {k: v for k, v in figures.items() if k != "by_trip"}
         print_json({"model": str(out), "data": fleet.name, "evaluation": brief, "notes": notes})
         return
-    typer.echo(f"model: {out}, fitted on {figures['trips']} trips ({fleet.name})")
+    how = "adapted to" if figures.get("protocol") == PROTOCOL else "fitted on"
+    typer.echo(f"model: {out}, {how} {figures['trips']} trips ({fleet.name})")
     typer.echo(
         f"held-out trips: mean error {figures['mape']:.1%}, RMSE {figures['rmse_wh'] / 1000.0:.3f} kWh, "
         f"{figures['given']}"

@@ -115,7 +115,11 @@ def corrector_parts(corrector: PowerCorrector, name: str = "corrector") -> Store
     if isinstance(corrector, TransferredCorrector):
         members, arrays = members_parts(corrector.base, f"{name}-base")
         about = {"kind": "transferred", "arrays": part, "base": members, "share": corrector.share}
-        own = {key: getattr(corrector, key) for key in ("scales", "mean", "factor")}
+        own: dict[str, npt.NDArray[Any]] = {
+            "scales": corrector.scales,
+            "mean": corrector.mean,
+            "factor": corrector.factor.astype(np.float32),
+        }
         return about, {**arrays, part: own}
     trees = corrector if isinstance(corrector, StoredTrees) else _trees(corrector)
     about = {
@@ -153,7 +157,8 @@ def corrector_of_parts(about: Mapping[str, Any], parts: Mapping[str, Arrays]) ->
     if kind == "transferred":
         base = members_of_parts(about["base"], parts)
         own = parts[about["arrays"]]
-        return TransferredCorrector(base, own["scales"], own["mean"], own["factor"], float(about["share"]))
+        factor = own["factor"].astype(np.float64)
+        return TransferredCorrector(base, own["scales"], own["mean"], factor, float(about["share"]))
     if kind == "trees":
         return StoredTrees(
             TreeTable.of_arrays(parts[about["arrays"]]),

@@ -12,7 +12,7 @@ from tripwatt.hybrid.power import BlockTable, less_trip_mean
 from tripwatt.hybrid.transfer import CarTransfer, Members, Posterior
 from tripwatt.trips import FloatArray
 
-_SMALLEST: Final = 1e-10
+_SMALLEST: Final = 1e-8
 """Directions of the doubt with less of the largest variance than this are dropped."""
 
 
@@ -69,6 +69,7 @@ class TransferredCorrector:
         values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
         kept = values > _SMALLEST * max(float(values[-1]), 0.0)
         factor = vectors[:, kept] * np.sqrt(values[kept])
+        factor = np.asarray(factor, dtype=np.float32).astype(np.float64)  # as it is stored: half the size
         return cls(transfer.members, transfer.scales, moved @ posterior.mean, factor, posterior.share)
 
     def fit(self, table: BlockTable) -> NoReturn:

@@ -1,0 +1,135 @@
+"""What of a correction is about the car and what about the world: zero-shot transfer with other covariates, both ways.
+
+    python benchmarks/transfer_covariates.py DATA [--out docs/results/transfer-covariates.json]
+
+DATA holds `tum` and `ved`. A process is learned on one car and corrects the other's physics, by half and in full;
+scored on the second half in time of the other car's trips of 2 km and more, as `tripwatt transfer` does. Nothing of the
+other car is learned.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from tripwatt.audit import audit
+from tripwatt.evaluation.transfer_scores import energy_error, paired_energy_error, resamples
+from tripwatt.forecast.elsewhere import unknown_signals, without_signals
+from tripwatt.forecast.model import training_blocks
+from tripwatt.hybrid import BlockTable
+from tripwatt.hybrid.power import LINES, KrigingCorrector
+from tripwatt.hybrid.transfer import Members, part_scales
+from tripwatt.sources import read_fleet
+from tripwatt.trips import FloatArray, Trip
+from tripwatt.vehicles import Vehicle, load_vehicle
+
+PARTS = KrigingCorrector().parts
+SMOOTH = tuple(part for part in PARTS if part.kind == "smooth")
+Scales = Callable[[Members, Vehicle, Vehicle], FloatArray]
+
+
+def as_watts(members: Members, source: Vehicle, target: Vehicle) -> FloatArray:
+    return np.ones(sum(members.sizes))
+
+
+def all_smooth(ratio: Callable[[Vehicle], float]) -> Scales:
+    def scales(members: Members, source: Vehicle, target: Vehicle) -> FloatArray:
+        factor = ratio(target) / ratio(source)
+        factors = [factor if part.kind == "smooth" else 1.0 for part in members.parts]
+        return np.repeat(np.array(factors), members.sizes)
+
+    return scales
+
+
+def mass(car: Vehicle) -> float:
+    return car.body.test_mass_kg
+
+
+def rated(car: Vehicle) -> float:
+    return car.drivetrain.motor_max_power_w
+
+
+VARIANTS = {
+    "car-free: causes as shares, speed per mass, climate per cabin heat": (PARTS, part_scales, True),
+    "smooth parts in watts, as they are": (PARTS, as_watts, True),
+    "smooth parts per mass": (PARTS, all_smooth(mass), True),
+    "smooth parts as a fraction of rated power": (PARTS, all_smooth(rated), True),
+    "shares of the simulated causes alone": (LINES, as_watts, True),
+    "smooth parts in watts alone": (SMOOTH, as_watts, True),
+    "car-free, but nothing hidden from the first car": (PARTS, part_scales, False),
+}
+
+
+def direction(
+    source: Sequence[Trip], target: Sequence[Trip], cars: tuple[Vehicle, Vehicle]
+) -> dict[str, object]:
+    hidden = unknown_signals(target)
+    scored = training_blocks(target[len(target) // 2 :], cars[1])
+    observed = scored.totals_wh(scored.observed_power_w)
+    simulated = scored.totals_wh(scored.simulated_w)
+    index = resamples(len(observed), 0)
+    learned = {
+        hide: training_blocks([without_signals(t, hidden if hide else ()) for t in source], cars[0])
+        for hide in (True, False)
+    }
+    rows, first = [], None
+    for name, (parts, scales, hide) in VARIANTS.items():
+        correction = _correction(KrigingCorrector(parts).fit(learned[hide]), scales, scored, cars)
+        half, full = (simulated + share * correction for share in (0.5, 1.0))
+        first = half if first is None else first
+        rows.append(
+            {
+                "covariates": name,
+                "half": energy_error(observed, half),
+                "full": energy_error(observed, full),
+                "half_minus_physics": paired_energy_error(observed, half, simulated, index),
+                "half_minus_car_free": paired_energy_error(observed, half, first, index),
+            }
+        )
+    return {
+        "from": cars[0].title,
+        "to": cars[1].title,
+        "trips_scored": len(observed),
+        "hidden": list(hidden),
+        "physics": energy_error(observed, simulated),
+        "variants": rows,
+    }
+
+
+def _correction(
+    corrector: KrigingCorrector, scales: Scales, table: BlockTable, cars: tuple[Vehicle, Vehicle]
+) -> FloatArray:
+    members = Members.of(corrector)
+    features = members.features(table) * scales(members, *cars) * members.familiarity(table)[:, None]
+    return table.totals_wh(features @ members.weights)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("data", type=Path)
+    parser.add_argument("--out", type=Path, default=Path("docs/results/transfer-covariates.json"))
+    given = parser.parse_args()
+    tum = list(read_fleet(given.data / "tum", "tum").reference_trips())
+    ved = [t for t in audit(read_fleet(given.data / "ved", "ved")).trips if t.distance_m >= 2000.0]
+    car_10 = [t for t in ved if t.context.car == "10"]
+    i3, leaf = load_vehicle("bmw_i3_60ah"), load_vehicle("nissan_leaf_24")
+    tum.sort(key=lambda trip: str(trip.context.started_at))
+    found = [direction(tum, car_10, (i3, leaf)), direction(ved, tum, (leaf, i3))]
+    for way in found:
+        print(f"{way['from']} -> {way['to']}, physics {100 * way['physics'][0]:.1f} %")
+        for row in way["variants"]:
+            pair = row["half_minus_car_free"]
+            told = f"{100 * pair['diff']:+.2f} ({100 * pair['diff_ci95'][0]:+.2f} to {100 * pair['diff_ci95'][1]:+.2f})"
+            print(
+                f"  {row['covariates']:70s} half {100 * row['half'][0]:5.1f} full {100 * row['full'][0]:5.1f}  {told}"
+            )
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    given.out.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
