@@ -24,6 +24,7 @@ import orjson
 from benchmarks.measure import Row
 from benchmarks.service_load import Load, load, request
 from benchmarks.service_process import Service, serving
+from tripwatt.routes import links_of_trip
 from tripwatt.synthetic import synthetic_fleet
 
 SECONDS: Final = 60.0
@@ -74,12 +75,15 @@ def trips(number: int) -> list[dict[str, Any]]:
     return found
 
 
-def links_request(seed: int = 0) -> dict[str, Any]:
-    """A request for a planned road of `LINKS` links."""
-    rng = np.random.default_rng(seed)
-    height = np.cumsum(np.concatenate(([500.0], rng.normal(0.0, 2.0, LINKS))))
-    rows = zip(rng.uniform(100, 400, LINKS), rng.uniform(7, 25, LINKS), height, height[1:], strict=False)
-    names = ("length_m", "speed_m_s", "start_elevation_m", "end_elevation_m")
+def links_request(number: int = LINKS) -> dict[str, Any]:
+    """A request for a planned road of so many links: a synthetic drive as a router would see it."""
+    trip = max(synthetic_fleet(20).trips, key=lambda t: t.distance_m)
+    route = links_of_trip(trip, trip.distance_m / number)
+    height = route.elevation_at(np.concatenate(([0.0], np.cumsum(route.length_m))))
+    assert height is not None
+    assert len(route) == number
+    rows = zip(route.length_m, route.travel_time_s, height, height[1:], strict=False)
+    names = ("length_m", "travel_time_s", "start_elevation_m", "end_elevation_m")
     links = [dict(zip(names, map(float, row), strict=True)) for row in rows]
     return {"links": links, "displayed_soc": 0.8, "ambient_temperature_degc": 5.0}
 
