@@ -6,7 +6,6 @@ import difflib
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from types import NoneType
 from typing import Final
 
@@ -72,13 +71,18 @@ def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
         time = np.where(
             np.isnan(columns["travel_time_s"]), length / columns["speed_m_s"], columns["travel_time_s"]
         )
-    flat = LinkRoute(length, time, columns["stop_s"], columns["moving_speed_m_s"])
     position, height, note = _elevation(columns)
-    notes = (note,) if note else ()
     limit = columns["speed_limit_m_s"]
-    if np.isfinite(limit).any():
-        flat = replace(flat, speed_limit_m_s=limit)
-    return replace(flat, elevation_position_m=position, elevation_m=height, notes=notes)
+    return LinkRoute(
+        length,
+        time,
+        columns["stop_s"],
+        columns["moving_speed_m_s"],
+        position,
+        height,
+        (note,) if note else (),
+        limit if np.isfinite(limit).any() else None,
+    )
 
 
 def _sound_columns(links: Sequence[object]) -> dict[str, FloatArray] | None:
