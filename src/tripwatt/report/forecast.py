@@ -245,6 +245,7 @@ def _updates(view: View) -> Panel:
     title, update = "Does a re-forecast get better on the way?", _hybrid(view).get("update")
     if not update:
         return Panel("updates", title, NO_HYBRID)
+    told = all("coverage" in row for row in update.values())
     rows = tuple(
         (
             f"{100 * float(key):g} %",
@@ -255,10 +256,11 @@ def _updates(view: View) -> Panel:
             span(row["diff_ci95"], 2),
             number(row["soc_only"], 100, 1),
             number(row["naive_gauge"], 100, 1),
+            *((number(row["coverage"], 100, 1), number(row["interval_width_wh"], 1e-3)) if told else ()),
         )
         for key, row in update.items()
     )
-    columns = (
+    columns: tuple[str, ...] = (
         "Part driven",
         "Re-forecast [%]",
         "95 % interval",
@@ -267,6 +269,7 @@ def _updates(view: View) -> Panel:
         "Its 95 % interval",
         "SoC alone [%]",
         "Gauge [%]",
+        *(("Inside 90 % [%]", "Its width [kWh]") if told else ()),
     )
     return Panel(
         "updates",
