@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks import acceptance, argonne, gam, physics_trips, pipeline, planned, ved_trips
+from benchmarks import acceptance, argonne, gam, physics_trips, pipeline, planned, service, ved_trips
 from benchmarks.measure import ROOT, RUNS, Row, tum_folder
 
 NOT_AT_HAND = "not at hand"
@@ -188,6 +188,20 @@ GAM_SPEED: Mapping[str, tuple[Made, ...]] = {
 """Row of `benchmarks.gam` -> its bars."""
 
 
+SERVICE: Mapping[str, tuple[Made, ...]] = {
+    service.P50_SAMPLES: (value_at_most(15.0),),
+    service.P99_SAMPLES: (value_at_most(60.0),),
+    service.ERRORS: (value_at_most(0.0),),
+    service.MEMORY: (value_at_most(0.10),),
+    service.P50_LINKS: (value_at_most(8.0),),
+    service.BATCH_RATE: (value_at_least(200.0),),
+    service.KILLED: (value_at_most(0.0),),
+    service.SCHEMA: (value_at_most(0.0),),
+    service.FUZZ: (value_at_most(0.0),),
+}
+"""Row of `benchmarks.service` -> its bars."""
+
+
 def speed(
     rows: Iterator[Row], bars: Mapping[str, tuple[Made, ...]], measure: str, why: str = ""
 ) -> Iterator[Bar]:
@@ -314,6 +328,7 @@ def bars(results: Path | None, runs: int, links: Path | None = None) -> Iterator
         "" if results is None else "--results was given",
     )
     yield from speed(iter(gam.run()), GAM_SPEED, "OMP_NUM_THREADS=1 python -m benchmarks.gam")
+    yield from speed(service.run(), SERVICE, "python -m benchmarks.service")
     yield from gam_tests()
     yield from certified()
 

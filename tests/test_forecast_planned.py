@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tripwatt.errors import InvalidInput
@@ -49,6 +49,7 @@ def without_doubt(model):
     return dataclasses.replace(model, route_doubt_=None)
 
 
+@settings(deadline=None)
 @given(st.lists(st.lists(st.floats(-0.5, 0.5), min_size=3, max_size=3), min_size=5, max_size=9))
 def test_doubt_is_the_mean_square_and_never_falls(differences):
     rows = np.array(differences)
@@ -204,7 +205,8 @@ def late(plan, factor, waits_s, power_w):
 def test_a_late_car_has_the_rest_of_the_route_before_it(model, factor, waits_s):
     links = [{"length_m": 500.0, "speed_m_s": 6.0 + 8.0 * (k % 2)} for k in range(30)]
     plan = plan_trip(route_from_links(links))
-    nothing = Gain(**{channel: np.zeros(len(FRACTIONS)) for channel in CHANNELS})
+    same = np.ones(len(FRACTIONS))
+    nothing = Gain(**dict.fromkeys(CHANNELS, 0.0 * same), apart_spread=same, whole_spread=same)
     before = dataclasses.replace(model.forecast(plan), gain=nothing)
     observed = late(plan, factor, waits_s, 4000.0)
     driven = np.concatenate(([0.0], np.cumsum(observed["speed_m_s"].to_numpy()[1:])))
@@ -238,6 +240,7 @@ def test_a_wait_that_the_car_did_not_have_is_no_gap(model):
     assert along_the_plan(observed, dataclasses.replace(plan, context=Context())) is observed
 
 
+@settings(deadline=None)
 @given(
     st.lists(st.tuples(st.floats(0.1, 90.0), st.floats(0.0, 40.0)), min_size=2, max_size=40),
     st.floats(0.0, 300.0),

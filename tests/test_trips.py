@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tripwatt.errors import InvalidInput
-from tripwatt.trips import Fleet, Trip, observed_energy, resample
+from tripwatt.trips import Fleet, Trip, is_sound, observed_energy, resample, validate_samples
 
 
 def log(time: np.ndarray, seed: int = 0) -> pd.DataFrame:
@@ -99,3 +99,27 @@ def test_energy_is_the_trapezoid_of_voltage_times_current():
     )
     by_hand = (0.5 * (0 + 7600) * 10 + 0.5 * (7600 - 3600) * 30) / 3600
     assert observed_energy(samples) == pytest.approx(by_hand, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("column", "row", "value"),
+    [
+        ("speed_m_s", 1, -0.1),
+        ("speed_m_s", 2, np.nan),
+        ("speed_m_s", 0, np.inf),
+        ("time_s", 1, 0.0),
+        ("time_s", 3, np.nan),
+        ("elevation_m", 2, 9000.1),
+        ("elevation_m", 2, -np.inf),
+    ],
+)
+def test_a_quick_look_sees_every_fault(column: str, row: int, value: float) -> None:
+    sound = pd.DataFrame(
+        {"time_s": np.arange(4.0), "speed_m_s": np.ones(4), "elevation_m": [1.0, np.nan, 3.0, 4.0]}
+    )
+    assert is_sound(sound)
+    wrong = sound.copy()
+    wrong.loc[row, column] = value
+    assert not is_sound(wrong)
+    with pytest.raises(InvalidInput):
+        validate_samples(wrong, "t")

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.physics.drivetrain import motor_loss
+from tripwatt.physics.road_load import aero_drag_force, rolling_resistance_force
 from tripwatt.vehicles import (
     ALIASES,
     describe_vehicle,
@@ -133,6 +134,28 @@ def test_wrong_inheritance_is_named(change: dict[str, object], words: tuple[str,
     with pytest.raises(InvalidInput) as error:
         vehicle_from_document({**raw("vw_id3"), **change}, "car", "car.toml")
     assert all(word in faults_of(error) for word in words)
+
+
+def test_coastdown_coefficients_take_the_place_of_drag_and_rolling_resistance() -> None:
+    def entry(value: object, unit: str) -> dict[str, object]:
+        return {"value": value, "unit": unit, "source": "EPA test car list"}
+
+    document = raw("nissan_leaf_24")
+    document["road_load"] = {
+        "coastdown_a_n": entry(150.0, "N"),
+        "coastdown_b_n_s_m": entry(0.6, "N s/m"),
+        "coastdown_c_n_s2_m2": entry(0.5, "N s2/m2"),
+    }
+    with pytest.raises(InvalidInput) as error:
+        vehicle_from_document(document, "car", "car.toml")
+    assert "coastdown_mass_kg" in faults_of(error)
+    document["road_load"]["coastdown_mass_kg"] = entry(1644.0, "kg")  # type: ignore[index]
+    car = vehicle_from_document(document, "car", "car.toml")
+    speed = np.array([5.0, 15.0, 25.0])
+    force = rolling_resistance_force(speed, 1644.0, car.road_load.rolling_coefficients) + aero_drag_force(
+        speed, car.road_load.drag_area_m2, 1.167
+    )
+    assert force == pytest.approx(150.0 + 0.6 * speed + 0.5 * speed**2)
 
 
 def test_missing_and_impossible_values_say_key_found_and_allowed() -> None:

@@ -15,7 +15,6 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.physics import Simulation, simulate_trip
@@ -206,9 +205,9 @@ class _Driver:
         ), power
 
     def trip(self, speed_m_s: FloatArray, grade: float = 0.0) -> Trip:
-        samples = pd.DataFrame({"time_s": np.arange(float(len(speed_m_s))), "speed_m_s": speed_m_s})
+        samples = {"time_s": np.arange(float(len(speed_m_s))), "speed_m_s": speed_m_s}
         if grade:
-            samples["grade"] = grade
+            samples["grade"] = np.full(len(speed_m_s), grade)
         return planned_trip("export", samples, self.departure, ())
 
     def driving_wh(self, trip: Trip) -> tuple[float, Simulation]:

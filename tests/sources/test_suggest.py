@@ -137,13 +137,14 @@ def test_a_unit_in_the_name_that_physics_denies_is_doubted(tmp_path) -> None:
     assert (speed.unit, "CHECK" in speed.why, "km/h" in speed.why) == ("m/s", True, True)
 
 
-def test_a_folder_stands_for_its_first_file_and_an_empty_one_is_refused(tmp_path) -> None:
+def test_a_folder_stands_for_its_largest_file_and_an_empty_one_is_refused(tmp_path) -> None:
     with pytest.raises(InvalidInput, match="no table"):
         suggest_mapping(tmp_path)
     d = drive()
     pd.DataFrame({"time_s": d.t, "speed_m_s": d.v, "voltage_v": d.u, "current_a": d.i, "fahrt_nr": 3}).to_csv(
         tmp_path / "a.csv", index=False
     )
+    (tmp_path / "0.csv").write_text("a,b\n1,2\n")
     suggestion = suggest_mapping(tmp_path)
     assert 'column = "fahrt_nr"' in suggestion.toml
     assert "Proposed for a.csv" in suggestion.toml

@@ -68,6 +68,8 @@ def test_csv_and_parquet_files_become_trips_in_our_units(tmp_path, mapping):
     driven().to_csv(folder / "monday.csv", index=False)
     driven(seed=1).to_parquet(folder / "tuesday.parquet")
     driven(seed=2).to_csv(folder / "wednesday.csv", index=False, sep=";", decimal=".")
+    (folder / "readme.txt").write_text("Three drives of last week.\n")
+    (folder / "._monday.csv").write_bytes(b"\0\5")
     fleet = read_fleet(folder, "table", mapping)
     assert [t.trip_id for t in fleet.trips] == ["monday", "tuesday", "wednesday"]
     row = fleet.trips[0].samples.iloc[0].to_dict()

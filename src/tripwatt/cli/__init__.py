@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 import tripwatt
-from tripwatt.cli import cars, evaluating, exporting, forecasting, logs, transferring
+from tripwatt.cli import cars, evaluating, exporting, forecasting, logs, serving, transferring
 from tripwatt.errors import TripwattError
 
 __all__ = ["app", "main"]
@@ -47,6 +47,7 @@ transferring.add_commands(app)
 logs.add_commands(app)
 cars.add_commands(app)
 exporting.add_commands(app)
+serving.add_commands(app)
 
 
 def main() -> None:

@@ -176,8 +176,10 @@ def _show(run: EvaluationRun, out: Path, as_json: bool) -> None:
     if as_json:
         print_json(run.results)
         return
-    from tripwatt.report import render_table
+    from tripwatt.report import forecast_sentences, render_table
 
     console(sys.stdout).print(render_table(run.results))
+    for sentence in forecast_sentences(run.results):
+        console(sys.stdout).print(sentence)
     print_notes(run.results["notes"])
     console().print(f"report: {out / 'report.html'}")

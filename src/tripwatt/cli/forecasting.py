@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -92,8 +92,16 @@ def fit(
     vehicle: VehicleOption = None,
     overrides: SetOption = None,
     corrector: Annotated[
-        str, typer.Option(metavar="NAME", help="linear, kriging, boosting, forest or ensemble.")
-    ] = "ensemble",
+        str, typer.Option(metavar="NAME", help="linear, kriging, boosting, forest, ensemble or channels.")
+    ] = "channels",
+    calibrate: Annotated[
+        bool,
+        typer.Option(
+            "--calibrate",
+            help="First calibrate mass, rolling and air drag and base load of the car on the trips, shrunk to its book "
+            "values; the drag of a tuned or loaded car is then the car's own.",
+        ),
+    ] = False,
     base: Annotated[
         Path | None,
         typer.Option(
@@ -127,6 +135,7 @@ def fit(
     gather(
         lambda: None if base is None else bases.append(_stored(base)),
         lambda: _require_storable(corrector),
+        lambda: _require_one_way(base, calibrate),
         lambda: cars.append(load_vehicle(car, overrides=parse_overrides(overrides or []))),
         lambda: require_place(out),
         read,
@@ -144,10 +153,15 @@ def fit(
     else:
         with progress(shown) as advance:
             model, provenance, figures = trained(
-                fleet, cars[0], corrector=corrector, seed=seed, progress=advance
+                fleet,
+                cars[0],
+                corrector=corrector,
+                seed=seed,
+                calibrated=calibrate,
+                progress=advance,
             )
     save_model(model, out, provenance=provenance, evaluation=figures)
-    _show_fit(fleet, out, figures, as_json)
+    _show_fit(fleet, out, provenance, figures, as_json)
 
 
 def _stored(folder: Path) -> tuple[ForecastModel, dict[str, Any]]:
@@ -165,12 +179,21 @@ def _require_storable(corrector: str) -> None:
         raise InvalidInput(Fault("unknown corrector", "--corrector", corrector, ", ".join(storable)))
 
 
-def _show_fit(fleet: Fleet, out: Path, figures: dict[str, Any], as_json: bool) -> None:
+def _require_one_way(base: Path | None, calibrate: bool) -> None:
+    if base is not None and calibrate:
+        fix = "leave out --calibrate: --base calibrates the car by itself"
+        raise InvalidInput(Fault("two ways to adapt a car", "--calibrate", "with --base", "one of them", fix))
+
+
+def _show_fit(
+    fleet: Fleet, out: Path, provenance: Mapping[str, Any], figures: dict[str, Any], as_json: bool
+) -> None:
     from tripwatt.forecast.adapting import PROTOCOL
 
+    notes = provenance["data"]["notes"]
     if as_json:
         brief = {k: v for k, v in figures.items() if k != "by_trip"}
-        print_json({"model": str(out), "data": fleet.name, "evaluation": brief, "notes": list(fleet.notes)})
+        print_json({"model": str(out), "data": fleet.name, "evaluation": brief, "notes": notes})
         return
     how = "adapted to" if figures.get("protocol") == PROTOCOL else "fitted on"
     typer.echo(f"model: {out}, {how} {figures['trips']} trips ({fleet.name})")
@@ -178,7 +201,7 @@ def _show_fit(fleet: Fleet, out: Path, figures: dict[str, Any], as_json: bool) -
         f"held-out trips: mean error {figures['mape']:.1%}, RMSE {figures['rmse_wh'] / 1000.0:.3f} kWh, "
         f"{figures['given']}"
     )
-    print_notes(fleet.notes)
+    print_notes(notes)
 
 
 def forecast(
@@ -246,7 +269,7 @@ def forecast(
     A planned route is driven by a driver model; what that costs in accuracy was measured when the model was fitted and
     widens the interval. State of charge, in and out, is the one that the driver sees.
     """
-    from tripwatt.forecast import load_model, since_departure
+    from tripwatt.forecast import answer_of, load_model, since_departure
 
     model, trip = _model_and_trip(paths)
     asked: dict[str, Any] = {
@@ -269,11 +292,9 @@ def forecast(
     found = got["model"].forecast(to_come)
     if observed is not None:
         found = found.update(since_departure(got["observed"], to_come))
-    answer = found.as_dict()
-    answer["p_arrive"][f"{reserve:g}"] = found.p_arrive(reserve)
     if plot is not None:
         _draw(found, plot)
-    print_json(answer) if as_json else _show_forecast(found, reserve)
+    print_json(answer_of(found, reserve)) if as_json else _show_forecast(found, reserve)
 
 
 def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:

@@ -149,7 +149,7 @@ def suggest(
         Path,
         typer.Argument(
             metavar="FILE",
-            help="A CSV or Parquet file of your trips, or a folder of them: its first file counts.",
+            help="A CSV or Parquet file of your trips, or a folder of them: its largest file counts.",
         ),
     ],
     out: Annotated[

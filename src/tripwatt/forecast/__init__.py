@@ -3,7 +3,7 @@
 from tripwatt.forecast.forecast import Forecast
 from tripwatt.forecast.model import DEFAULT_CORRECTOR, ForecastModel, training_blocks
 from tripwatt.forecast.planned import LinkedTrips, RouteDoubt, linked, linked_trips, planned_to_come
-from tripwatt.forecast.request import since_departure, trip_to_come
+from tripwatt.forecast.request import answer_of, since_departure, trip_to_come
 from tripwatt.forecast.storage import GIVEN, load_metadata, load_model, save_model
 
 __all__ = [
@@ -13,6 +13,7 @@ __all__ = [
     "ForecastModel",
     "LinkedTrips",
     "RouteDoubt",
+    "answer_of",
     "linked",
     "linked_trips",
     "load_metadata",

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.trips import COLUMNS, Context, Trip
+from tripwatt.trips import COLUMNS, Context, Trip, is_sound, raise_faults, structure_faults, table_of
+
+if TYPE_CHECKING:
+    from tripwatt.forecast.forecast import Forecast
 
 MOST_PAYLOAD_KG: Final = 60_000.0
 """As the simulation allows."""
@@ -77,8 +81,12 @@ def trip_to_come(
         raise InvalidInput(faults)
     payload = known.pop("payload_mass_kg", 0.0)
     # the reading of the battery management would win over what the driver says
-    kept = samples.drop(columns="soc", errors="ignore") if displayed_soc is not None else samples
-    return Trip.from_samples(trip_id, kept.assign(**known), Context(payload_mass_kg=payload))
+    left_out = {"soc"} if displayed_soc is not None else set()
+    if not is_sound(samples):
+        raise_faults(structure_faults(samples, trip_id))
+    columns = {n: samples[n].to_numpy(dtype=np.float64) for n in samples.columns if n not in left_out}
+    columns |= {name: np.full(len(samples), value) for name, value in known.items()}
+    return Trip.from_samples(trip_id, table_of(columns), Context(payload_mass_kg=payload))
 
 
 def since_departure(observed: pd.DataFrame, trip: Trip) -> pd.DataFrame:
@@ -102,3 +110,17 @@ def since_departure(observed: pd.DataFrame, trip: Trip) -> pd.DataFrame:
         got, allowed = f"{float(observed['time_s'].iloc[0]):g} s", f"{start:g} s or later, as the trip"
         raise InvalidInput(Fault("measured before departure", "observed samples, time_s", got, allowed))
     return observed.assign(time_s=times)
+
+
+def answer_of(found: Forecast, reserve: float) -> dict[str, Any]:
+    """What the command line and the service answer: the forecast, and the chance to arrive with the reserve.
+
+    Parameters
+    ----------
+    found : Forecast
+    reserve : float
+        Displayed state of charge to arrive with, 0 to 1.
+    """
+    answer = found.as_dict()
+    answer["p_arrive"][f"{reserve:g}"] = found.p_arrive(reserve)
+    return answer

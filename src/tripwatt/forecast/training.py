@@ -13,6 +13,7 @@ import numpy as np
 from tripwatt.audit import audit
 from tripwatt.forecast.elsewhere import elsewhere_of
 from tripwatt.forecast.model import DEFAULT_CORRECTOR, ForecastModel, HeldOut
+from tripwatt.hybrid.calibrate import calibrate
 from tripwatt.trips import COLUMNS, Fleet, Trip
 from tripwatt.vehicles import Vehicle
 
@@ -25,6 +26,7 @@ def trained(
     *,
     corrector: str = DEFAULT_CORRECTOR,
     seed: int = 0,
+    calibrated: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[ForecastModel, dict[str, Any], dict[str, Any]]:
     """Audit logs, fit on the sound trips, and keep what a stored model says of itself.
@@ -35,6 +37,8 @@ def trained(
     vehicle : Vehicle
     corrector : str
     seed : int
+    calibrated : bool
+        Whether a few uncertain values of the car are calibrated on the trips first (`hybrid.calibrate`).
     progress : callable, optional
         Called with (finished fits, all fits).
 
@@ -42,7 +46,8 @@ def trained(
     -------
     model : ForecastModel
     provenance : dict
-        Data set with citation and digest, trips, audit findings, versions.
+        Data set with citation and digest, trips, audit findings, calibrated values (relative change and its standard
+        deviation), versions.
     evaluation : dict
         Errors on training trips while each was held out of the fit.
 
@@ -60,18 +65,23 @@ def trained(
     ('synthetic', 9)
     """
     found = audit(fleet)
-    model = ForecastModel(vehicle, corrector, seed).fit(found.trips, progress=progress)
+    found_values = calibrate(found.trips, vehicle) if calibrated else None
+    car = vehicle if found_values is None else found_values.applied(vehicle)
+    model = ForecastModel(car, corrector, seed).fit(found.trips, progress=progress)
     model.elsewhere_ = elsewhere_of(model, found.trips)
     provenance = {
         "data": {
             "name": fleet.name,
             "citation": fleet.citation,
-            "notes": list(fleet.notes),
+            "notes": [*fleet.notes, *([] if found_values is None else [str(found_values)])],
             "logs": len(fleet.trips),
             "sha256": data_digest(found.trips),
         },
         "trips_used": list(model.trip_ids_),
         "audit": [str(finding) for finding in found.findings],
+        "calibration": None
+        if found_values is None
+        else {name: [change, found_values.sd[name]] for name, change in found_values.changes.items()},
         "seed": seed,
         **versions(),
     }

@@ -79,7 +79,7 @@ def _frame(columns: Mapping[str, FloatArray]) -> pd.DataFrame:
 
 @lru_cache(maxsize=64)
 def _names(columns: tuple[str, ...]) -> pd.Index:
-    return pd.Index(columns)
+    return pd.Index(columns, dtype=object)  # looked up many times, which a string index is slow at
 
 
 @dataclass(frozen=True, eq=False)

@@ -62,7 +62,8 @@ class StoredTrees:
 
     def predict(self, table: BlockTable) -> FloatArray:
         """Residual power [W]."""
-        X = np.array([np.asarray(table.features[c], dtype=np.float64) for c in self.columns]).T
+        values, names = table.features.to_numpy(dtype=np.float64), table.features.columns.tolist()
+        X = values[:, [names.index(c) for c in self.columns]]
         total = self.trees.sum(X)
         if self.divisor is None:
             return np.asarray(self.start + total + self.rest)

@@ -90,10 +90,25 @@ def on_forecast_table(view: View) -> str:
     return f"{text}. Paired with {listed(told)}." if told else f"{text}."
 
 
-def _coverage(view: View) -> Panel:
-    title, score = "Do the intervals hold what they promise?", _hybrid(view)
-    if "coverage" not in score:
-        return Panel("coverage", title, NO_HYBRID)
+def forecast_sentences(results: Record) -> list[str]:
+    """What the forecast protocol found, in sentences for the terminal; none for another protocol.
+
+    Parameters
+    ----------
+    results : mapping
+        The contract of `results.json`.
+    """
+    view = View(results)
+    if not view.is_forecast or "coverage" not in _hybrid(view):
+        return []
+    widths = _hybrid(view)["interval_width_wh"]
+    width = f"Mean width at 90 %: {number(widths['0.9'], 1e-3)} kWh. " if "0.9" in widths else ""
+    return [on_forecast_table(view), f"Intervals: {on_coverage(view)} {width}", on_updates(view)]
+
+
+def on_coverage(view: View) -> str:
+    """How many held-out trips lie in their intervals."""
+    score = _hybrid(view)
     outside = [
         f"{100 * float(key):g} %"
         for key, (low, high) in score["coverage_ci95"].items()
@@ -110,6 +125,13 @@ def _coverage(view: View) -> Panel:
         if outside
         else "every Clopper-Pearson interval holds its nominal level"
     )
+    return f"{said}; {verdict}, {GIVEN} ({of_evaluation(view.main)})."
+
+
+def _coverage(view: View) -> Panel:
+    title, score = "Do the intervals hold what they promise?", _hybrid(view)
+    if "coverage" not in score:
+        return Panel("coverage", title, NO_HYBRID)
     rows = tuple(
         (
             f"{100 * float(key):g} %",
@@ -124,7 +146,7 @@ def _coverage(view: View) -> Panel:
     return Panel(
         "coverage",
         title,
-        f"{said}; {verdict}, {GIVEN} ({of_evaluation(view.main)}).",
+        on_coverage(view),
         figures.plot_coverage(score, note=of_evaluation(view.main), synthetic=view.synthetic),
         tables=(Table(_caption(view, "Intervals of held-out trips"), columns, rows),),
     )
@@ -197,10 +219,9 @@ def _crps(view: View) -> Panel:
     )
 
 
-def _updates(view: View) -> Panel:
-    title, update = "Does a re-forecast get better on the way?", _hybrid(view).get("update")
-    if not update:
-        return Panel("updates", title, NO_HYBRID)
+def on_updates(view: View) -> str:
+    """How the error of the total falls on the way, beside the baselines."""
+    update = _hybrid(view)["update"]
     parts = [f"{percent(row['mape'])} after {100 * float(key):g} %" for key, row in update.items()]
     better = [f"{100 * float(k):g} %" for k, r in update.items() if r["significant"] and r["diff"] < 0]
     worse = [
@@ -217,6 +238,13 @@ def _updates(view: View) -> Panel:
     said += (
         f"Above a baseline's mean at {listed(worse)}." if worse else "At no fraction above a baseline's mean."
     )
+    return said
+
+
+def _updates(view: View) -> Panel:
+    title, update = "Does a re-forecast get better on the way?", _hybrid(view).get("update")
+    if not update:
+        return Panel("updates", title, NO_HYBRID)
     rows = tuple(
         (
             f"{100 * float(key):g} %",
@@ -243,7 +271,7 @@ def _updates(view: View) -> Panel:
     return Panel(
         "updates",
         title,
-        said,
+        on_updates(view),
         figures.plot_updates(update, note=of_evaluation(view.main), synthetic=view.synthetic),
         tables=(Table(_caption(view, "Mean error of the re-forecast total"), columns, rows),),
         wide=True,

@@ -316,6 +316,7 @@ def render_table(results: Mapping[str, Any]) -> rich.table.Table:
     from rich.text import Text
 
     view = View(results)
+    preset, base = ("default", "physics") if view.is_forecast else ("paper", "physics-paper")
     wanted = {
         "Mean error [%]": "Mean\n%",
         "95 % interval": "95 %",
@@ -324,11 +325,11 @@ def render_table(results: Mapping[str, Any]) -> rich.table.Table:
         "Max [%]": "Max\n%",
         "Bias [%]": "Bias\n%",
         "RMSE [kWh]": "RMSE\nkWh",
-        "Beats paper preset [% of trips]": "Better\n%",
+        f"Beats {preset} preset [% of trips]": "Better\n%",
     }
     table = rich.table.Table(
         title=Text(_labelled(view, "Error of the energy of a trip")),
-        caption="one trip left out at a time, or one day; 95 %: bootstrap over trips; better: than physics-paper",
+        caption=f"one trip left out at a time, or one day; 95 %: bootstrap over trips; better: than {base}",
         title_justify="left",
         caption_justify="left",
         box=rich.box.SIMPLE,

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
-import pandas as pd
 
 from tripwatt.errors import Fault
-from tripwatt.trips import COLUMNS, Context, Trip, raise_faults
+from tripwatt.trips import COLUMNS, Context, FloatArray, Trip, raise_faults, table_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +54,7 @@ def departure_of(trip: Trip) -> Departure:
 
     Examples
     --------
+    >>> import pandas as pd
     >>> log = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 1.0], "soc": [0.7, 0.6]})
     >>> departure_of(Trip.from_samples("t", log)).soc
     0.7
@@ -67,13 +67,16 @@ def departure_of(trip: Trip) -> Departure:
     return Departure(**values, context=trip.context)
 
 
-def planned_trip(trip_id: str, samples: pd.DataFrame, departure: Departure, notes: Iterable[str]) -> Trip:
+def planned_trip(
+    trip_id: str, profile: Mapping[str, FloatArray], departure: Departure, notes: Iterable[str]
+) -> Trip:
     """A trip without measurements: a profile, what is known at departure, and in its context what was assumed."""
+    columns = dict(profile)
     for name in (*_STAYS, *_AT_DEPARTURE):
         value = getattr(departure, name)
         if value is not None:
-            samples[name] = np.full(len(samples), value)
+            columns[name] = np.full(len(columns["time_s"]), float(value))
             if name in _AT_DEPARTURE:
-                samples.loc[samples.index[1:], name] = np.nan  # nobody measures it on the way
+                columns[name][1:] = np.nan  # nobody measures it on the way
     said = "; ".join(dict.fromkeys((*filter(None, (departure.context.notes,)), *notes)))
-    return Trip.from_samples(trip_id, samples, replace(departure.context, notes=said))
+    return Trip.from_samples(trip_id, table_of(columns), replace(departure.context, notes=said))

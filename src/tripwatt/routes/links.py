@@ -9,7 +9,6 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes.departure import Departure, planned_trip
@@ -190,6 +189,7 @@ def links_of_trip(trip: Trip, length_m: float = 250.0) -> LinkRoute:
 
     Examples
     --------
+    >>> import pandas as pd
     >>> log = pd.DataFrame({"time_s": np.arange(61.0), "speed_m_s": np.full(61, 10.0)})
     >>> links_of_trip(Trip.from_samples("t", log), 250.0).travel_time_s
     array([25., 35.])
@@ -284,7 +284,7 @@ def trip_from_links(
     if height is not None:
         columns["elevation_m"] = height
     context = replace(departure.context, planned_link_m=float(length @ length / length.sum()))
-    return planned_trip(trip_id, pd.DataFrame(columns), replace(departure, context=context), route.notes)
+    return planned_trip(trip_id, columns, replace(departure, context=context), route.notes)
 
 
 def _stretches(route: LinkRoute) -> npt.NDArray[np.int64]:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes.departure import Departure, planned_trip
@@ -302,4 +301,4 @@ def trip_from_track(
     if position is not None and height is not None:
         columns["elevation_m"] = np.interp(np.interp(time, known_s, driven), position, height)
     departure = replace(departure, context=replace(departure.context, planned_link_m=None))
-    return planned_trip(trip_id, pd.DataFrame(columns), departure, (*track.notes, *notes))
+    return planned_trip(trip_id, columns, departure, (*track.notes, *notes))

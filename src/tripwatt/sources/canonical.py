@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -11,8 +11,18 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.sources.columnar import open_table
-from tripwatt.trips import COLUMNS, raise_faults, structure_faults, value_faults
+from tripwatt.sources.columnar import CsvTable, Table, open_table
+from tripwatt.sources.delimited import open_delimited
+from tripwatt.trips import (
+    COLUMNS,
+    REQUIRED_COLUMNS,
+    FloatArray,
+    is_sound,
+    raise_faults,
+    structure_faults,
+    table_of,
+    value_faults,
+)
 
 LEAST_SAMPLES: Final = 3
 """Two samples are no drive."""
@@ -22,7 +32,7 @@ ALSO_KNOWN: Final = ("observed_energy_wh",)
 
 
 def read_canonical(
-    path: Path | str, *, required: Sequence[str] = ("time_s", "speed_m_s"), least: int = LEAST_SAMPLES
+    path: Path | str, *, required: Sequence[str] = REQUIRED_COLUMNS, least: int = LEAST_SAMPLES
 ) -> pd.DataFrame:
     """Samples of one trip from a CSV or Parquet file with the columns of `tripwatt.trips.COLUMNS`.
 
@@ -56,13 +66,84 @@ def read_canonical(
     if not path.is_file():
         got = "a folder" if path.is_dir() else "nothing"
         raise InvalidInput(Fault("cannot read the file", f"{path}", got, "a CSV or Parquet file of samples"))
-    table = open_table(path)
+    return _samples_of(open_table(path), f"{path}", required, least)
+
+
+def canonical_of_text(content: bytes, where: str = "table") -> pd.DataFrame:
+    r"""Samples of one trip from the content of a CSV file, as `read_canonical`; no file is read.
+
+    Examples
+    --------
+    >>> canonical_of_text(b"time_s,speed_m_s\n0,0\n1,2.5\n2,4")["speed_m_s"].tolist()
+    [0.0, 2.5, 4.0]
+    """
+    table = CsvTable(Path(where), open_delimited(Path(where), content), ".")
+    return _samples_of(table, where, REQUIRED_COLUMNS, LEAST_SAMPLES)
+
+
+def canonical_samples(
+    columns: Mapping[str, FloatArray],
+    where: str = "samples",
+    *,
+    required: Sequence[str] = REQUIRED_COLUMNS,
+    least: int = LEAST_SAMPLES,
+) -> pd.DataFrame:
+    """Samples of one trip from columns that are at hand, under the rules of `read_canonical`. O(samples x columns).
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray, shape (samples,)
+        NaN where a value is missing.
+    where : str
+        Name for messages.
+    required : sequence of str
+        Columns that have to be there.
+    least : int
+        Fewest samples.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault: a name that is not ours, a column that is missing or shorter than another, and as
+        `read_canonical`.
+
+    Examples
+    --------
+    >>> canonical_samples({"time_s": np.arange(3.0), "speed_m_s": np.ones(3)})["speed_m_s"].sum()
+    np.float64(3.0)
+    """
+    faults = [*_name_faults(list(columns), where), *_missing(list(columns), required, where)]
+    known = {name: values for name, values in columns.items() if name in COLUMNS}
+    lengths = {name: len(values) for name, values in known.items()}
+    if len(set(lengths.values())) > 1:
+        got = ", ".join(f"{name} has {n}" for name, n in lengths.items())
+        faults.append(Fault("columns of different lengths", where, got[:300], "one value a sample in each"))
+        raise InvalidInput(faults)
+    samples = table_of(known)
+    faults += _sample_faults(samples, where, least)
+    raise_faults(faults)
+    return samples
+
+
+def _samples_of(table: Table, where: str, required: Sequence[str], least: int) -> pd.DataFrame:
     names = [name for name in table.names if name]
-    faults = [*_name_faults(names, f"{path}")]
-    faults += [
+    faults = [*_name_faults(names, where), *_missing(names, required, where)]
+    known = [name for name in dict.fromkeys(names) if name in COLUMNS]
+    try:
+        values = table.numbers(known)
+    except InvalidInput as error:
+        raise InvalidInput([*faults, *error.faults]) from error
+    samples = pd.DataFrame(dict(zip(known, values, strict=True)))
+    faults += _sample_faults(samples, where, least)
+    raise_faults(faults)
+    return samples
+
+
+def _missing(names: Sequence[str], required: Sequence[str], where: str) -> list[Fault]:
+    return [
         Fault(
             "missing column",
-            f"{path}",
+            where,
             f"columns {', '.join(names[:12])}",
             f"a column {name!r}",
             "`tripwatt mapping apply` writes a log under our names",
@@ -70,15 +151,6 @@ def read_canonical(
         for name in required
         if name not in names
     ]
-    known = [name for name in dict.fromkeys(names) if name in COLUMNS]
-    try:
-        values = table.numbers(known)
-    except InvalidInput as error:
-        raise InvalidInput([*faults, *error.faults]) from error
-    samples = pd.DataFrame(dict(zip(known, values, strict=True)))
-    faults += _sample_faults(samples, f"{path}", least)
-    raise_faults(faults)
-    return samples
 
 
 def _name_faults(names: Sequence[str], where: str) -> Iterator[Fault]:
@@ -117,11 +189,12 @@ def _sample_faults(samples: pd.DataFrame, where: str, least: int) -> Iterator[Fa
         return
     if "time_s" not in samples or len(samples) < 2:
         return
-    structural = [f for f in structure_faults(samples, where) if "'speed_m_s'" not in f.allowed]
-    yield from structural
-    if structural:
-        return
-    yield from value_faults(samples, where)
+    if not is_sound(samples):
+        structural = [f for f in structure_faults(samples, where) if "'speed_m_s'" not in f.allowed]
+        yield from structural
+        if structural:
+            return
+        yield from value_faults(samples, where)
     time = samples["time_s"].to_numpy()
     negative = np.flatnonzero(time < 0)
     if len(negative):

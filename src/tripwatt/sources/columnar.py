@@ -18,6 +18,8 @@ from tripwatt.trips import raise_faults
 FloatArray = npt.NDArray[np.float64]
 
 SUFFIXES: Final = (".csv", ".tsv", ".txt", ".parquet")
+PROSE: Final = ".txt"
+"""In a folder with other tables a file of this suffix is a note about them."""
 
 
 class Table(Protocol):
@@ -133,7 +135,7 @@ def open_table(path: Path, decimal: str = ".") -> Table:
 
 
 def table_files(path: Path) -> list[Path]:
-    """A table itself, or the tables of a folder by name.
+    """A table itself, or the tables of a folder by name; hidden files, and notes beside tables, are none.
 
     Raises
     ------
@@ -145,7 +147,9 @@ def table_files(path: Path) -> list[Path]:
         raise InvalidInput(Fault("no such file or folder", f"{path}", "", allowed))
     if path.is_file():
         return [path]
-    files = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file())
+    visible = (p for p in path.iterdir() if p.is_file() and not p.name.startswith("."))
+    files = sorted(p for p in visible if p.suffix.lower() in SUFFIXES)
+    files = [p for p in files if p.suffix.lower() != PROSE] or files
     if not files:
         raise InvalidInput(Fault("no trips", f"{path}", "no table", allowed))
     return files

@@ -79,15 +79,21 @@ def column_key(name: str) -> str:
     return opened.replace("[ ", "[")
 
 
-def open_delimited(path: Path) -> Delimited:
+def open_delimited(path: Path, content: bytes | None = None) -> Delimited:
     """Read a file and understand its header.
+
+    Parameters
+    ----------
+    path : path
+    content : bytes, optional
+        What is in the file; `path` is then only its name for messages, and no file is read.
 
     Raises
     ------
     InvalidInput
         When there is no such file, or it is empty, not text, or has no rows below its header.
     """
-    data = _read_text_bytes(path)
+    data = _text_bytes(path, _file_bytes(path) if content is None else content)
     offset, line = 0, 1
     while data[offset : offset + 1] in (b"\r", b"\n"):  # blank lines above the header
         line += data[offset : offset + 1] == b"\n"
@@ -113,13 +119,16 @@ def _without_headers(body: bytes, header: bytes, delimiter: str) -> bytes:
     return b"\n".join(empty if row.strip(b"\r") == header else row for row in body.split(b"\n"))
 
 
-def _read_text_bytes(path: Path) -> bytes:
+def _file_bytes(path: Path) -> bytes:
     try:
-        data = path.read_bytes()
+        return path.read_bytes()
     except OSError as error:
         raise InvalidInput(
             Fault("cannot read the file", f"{path}", error.strerror or str(error), "a readable file")
         ) from error
+
+
+def _text_bytes(path: Path, data: bytes) -> bytes:
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         try:
             data = data.decode("utf-16").encode()

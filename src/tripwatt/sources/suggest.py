@@ -101,14 +101,14 @@ class Suggestion:
 
 
 def suggest_mapping(path: Path | str) -> Suggestion:
-    """Propose a mapping for a CSV or Parquet file, or for the first one of a folder.
+    """Propose a mapping for a CSV or Parquet file, or for the largest one of a folder.
 
     Raises
     ------
     InvalidInput
         When there is none or it cannot be read as a table.
     """
-    path = table_files(Path(path))[0]
+    path = max(table_files(Path(path)), key=lambda file: file.stat().st_size)
     table, columns, decimal = _readable(path)
     long = _long(path, table)
     if long is not None:

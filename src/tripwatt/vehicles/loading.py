@@ -412,7 +412,8 @@ def _with_method(road_load: RoadLoad, where: str, faults: list[Fault]) -> RoadLo
     place = f"{where}, [road_load]"
     if road_load.method and road_load.method not in complete:
         lacking = [k for k in names[road_load.method] if getattr(road_load, k) is None]
-        faults.append(Fault("missing entry", place, "nothing", f"entries {', '.join(lacking)}"))
+        fix = "; ".join(_entry_line("road_load", key) for key in lacking)
+        faults.append(Fault("missing entry", place, "nothing", f"entries {', '.join(lacking)}", fix))
     elif not road_load.method and len(complete) != 1:
         allowed = "either all of " + " or all of ".join(", ".join(keys) for keys in names.values())
         got = "both descriptions and no method" if complete else "no complete description"

@@ -1,0 +1,29 @@
+# syntax=docker/dockerfile:1
+# The service in a container: docs/service.md says how to run it.
+
+FROM python:3.12-slim AS build
+WORKDIR /build
+COPY pyproject.toml README.md LICENSE ./
+COPY src ./src
+RUN python -m venv /opt/tripwatt \
+    && /opt/tripwatt/bin/pip install --no-cache-dir --disable-pip-version-check ".[service]" \
+    && /opt/tripwatt/bin/python -m compileall -q /opt/tripwatt/lib
+
+FROM python:3.12-slim
+# LightGBM's runtime
+RUN apt-get update \
+    && apt-get install --yes --no-install-recommends libgomp1 \
+    && rm -rf /var/lib/apt/lists/* \
+    && useradd --system --uid 10001 --no-create-home --shell /usr/sbin/nologin tripwatt
+COPY --from=build /opt/tripwatt /opt/tripwatt
+ENV PATH=/opt/tripwatt/bin:$PATH \
+    PYTHONDONTWRITEBYTECODE=1 \
+    MPLCONFIGDIR=/tmp
+USER 10001
+EXPOSE 8000
+STOPSIGNAL SIGTERM
+HEALTHCHECK --interval=10s --timeout=3s --start-period=30s --retries=3 \
+    CMD ["python", "-c", "import urllib.request as u; u.urlopen('http://127.0.0.1:8000/readyz', timeout=2)"]
+# other machines reach a container: it does not start without TRIPWATT_TOKEN
+ENTRYPOINT ["tripwatt", "serve", "--host", "0.0.0.0", "--port", "8000"]
+CMD ["--workers", "2"]

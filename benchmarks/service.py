@@ -1,0 +1,243 @@
+"""The service under load, on loopback: `python -m benchmarks.service [--seconds S] [--examples N] [--mutants N]`.
+
+The generator shares the cores with what it measures. Beside the times stands what a request costs in processor time,
+which a busy machine hardly changes, and the share of the machine that went to others while it was measured.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import os
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import orjson
+
+from benchmarks.measure import Row
+from benchmarks.service_load import Load, load, request
+from benchmarks.service_process import Service, serving
+from tripwatt.synthetic import synthetic_fleet
+
+SECONDS: Final = 60.0
+SAMPLES: Final = 1300
+LINKS: Final = 100
+BATCH: Final = 1500
+FLAT_FROM_S: Final = 10.0
+
+P50_SAMPLES: Final = "forecast of 1,300 samples, 4 at a time, 2 workers: p50"
+P99_SAMPLES: Final = "forecast of 1,300 samples, 4 at a time, 2 workers: p99"
+ERRORS: Final = "requests of the load that were not answered, or wrong"
+MEMORY: Final = "memory from the 10th second of the load on: largest over smallest, less 1"
+P50_LINKS: Final = "forecast of 100 links, one at a time: p50"
+BATCH_RATE: Final = "batch of trips of 1,300 samples"
+KILLED: Final = "requests without a right answer while a worker is killed under load"
+SCHEMA: Final = "schemathesis, all checks: findings"
+FUZZ: Final = "damaged uploads: answers that are no problem document"
+
+
+@dataclass(frozen=True)
+class Machine:
+    """Time that all processors spent, and that they were idle [s]."""
+
+    total: float
+    idle: float
+
+    @classmethod
+    def now(cls) -> Machine:
+        """From the kernel."""
+        fields = [float(x) for x in Path("/proc/stat").read_text().split("\n")[0].split()[1:9]]
+        tick = os.sysconf("SC_CLK_TCK")
+        return cls(sum(fields) / tick, (fields[3] + fields[4]) / tick)
+
+
+def trips(number: int) -> list[dict[str, Any]]:
+    """Requests for driven trips of `SAMPLES` samples at 1 Hz, each with a departure of its own."""
+    long = [t for t in synthetic_fleet(20).trips if len(t) >= SAMPLES]
+    found = []
+    for k in range(number):
+        table = long[k % len(long)].samples.iloc[:SAMPLES]
+        columns = {c: table[c].tolist() for c in ("time_s", "speed_m_s", "elevation_m")}
+        at_door = {
+            "displayed_soc": 0.8,
+            "ambient_temperature_degc": -10.0 + k % 40,
+            "cabin_setpoint_degc": 20.0,
+        }
+        found.append({"samples": columns, **at_door, "payload_mass_kg": float(k % 7) * 50.0})
+    return found
+
+
+def links_request(seed: int = 0) -> dict[str, Any]:
+    """A request for a planned road of `LINKS` links."""
+    rng = np.random.default_rng(seed)
+    height = np.cumsum(np.concatenate(([500.0], rng.normal(0.0, 2.0, LINKS))))
+    rows = zip(rng.uniform(100, 400, LINKS), rng.uniform(7, 25, LINKS), height, height[1:], strict=False)
+    names = ("length_m", "speed_m_s", "start_elevation_m", "end_elevation_m")
+    links = [dict(zip(names, map(float, row), strict=True)) for row in rows]
+    return {"links": links, "displayed_soc": 0.8, "ambient_temperature_degc": 5.0}
+
+
+def answers_of(service: Service, asked: list[dict[str, Any]]) -> list[bytes]:
+    """What each request is answered with when nothing else goes on."""
+    return [service.client.post("/v1/forecast", json=one).content for one in asked]
+
+
+def cpu_s(service: Service) -> float:
+    """Processor time of the service and its workers so far [s]."""
+    tick = os.sysconf("SC_CLK_TCK")
+    spent = 0.0
+    for pid in (service.process.pid, *service.workers()):
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        spent += (int(fields[11]) + int(fields[12])) / tick
+    return spent
+
+
+def under_load(
+    service: Service, asked: list[dict[str, Any]], seconds: float, concurrency: int
+) -> tuple[Load, list[int]]:
+    """Load with memory measured twice a second."""
+    right = answers_of(service, asked)
+    bodies = [request("/v1/forecast", orjson.dumps(one)) for one in asked]
+    sizes: list[int] = []
+
+    async def run() -> Load:
+        async def watch() -> None:
+            while True:
+                await asyncio.sleep(0.5)
+                sizes.append(service.resident_bytes())
+
+        watching = asyncio.ensure_future(watch())
+        try:
+            return await load(
+                service.port,
+                bodies,
+                seconds=seconds,
+                concurrency=concurrency,
+                check=lambda k, body: body == right[k],
+            )
+        finally:
+            watching.cancel()
+
+    return asyncio.run(run()), sizes
+
+
+def spread(sizes: list[int], seconds: float) -> float:
+    """Largest over smallest memory, less 1, from the 10th second on; of a short run from its sixth part on."""
+    first = int(2 * min(FLAT_FROM_S, seconds / 6))
+    later = sizes[first:] or sizes
+    return max(later) / min(later) - 1.0
+
+
+def times(seconds: float) -> Iterator[Row]:
+    """Load of driven trips, of planned roads, and a batch."""
+    with tempfile.TemporaryDirectory() as folder, serving(Path(folder), "--workers", "2") as service:
+        asked = trips(20)
+        before, spent, mine = Machine.now(), cpu_s(service), time.process_time()
+        found, sizes = under_load(service, asked, seconds, 4)
+        after, spent = Machine.now(), cpu_s(service) - spent
+        own = spent + time.process_time() - mine
+        total = after.total - before.total
+        yield Row(P50_SAMPLES, found.quantile_ms(0.5), "ms")
+        yield Row(P99_SAMPLES, found.quantile_ms(0.99), "ms")
+        yield Row(ERRORS, float(len(found.errors) + found.wrong), "requests")
+        yield Row(MEMORY, spread(sizes, seconds), "")
+        yield Row("forecasts a second of this load", len(found.seconds) / seconds, "1/s")
+        yield Row("processor time of the service for each of them", 1000.0 * spent / len(found.seconds), "ms")
+        others = max(0.0, (total - (after.idle - before.idle) - own) / total)
+        yield Row("share of the machine that went to others meanwhile", others, "")
+        road = [links_request()]
+        alone, _ = under_load(service, road, min(seconds, 15.0), 1)
+        yield Row(P50_LINKS, alone.quantile_ms(0.5), "ms")
+        together, _ = under_load(service, road, min(seconds, 15.0), 4)
+        yield Row("forecast of 100 links, 4 at a time: p50", together.quantile_ms(0.5), "ms")
+        yield Row(BATCH_RATE, batch_rate(service, trips(BATCH)), "trips/s")
+
+
+def batch_rate(service: Service, asked: list[dict[str, Any]]) -> float:
+    """Trips a second of one batch, each of them answered with a forecast."""
+    body = b"\n".join(orjson.dumps(one) for one in asked)
+    started = time.perf_counter()
+    answer = service.client.post(
+        "/v1/forecast/batch",
+        content=body,
+        headers={"Content-Type": "application/x-ndjson", "Accept-Encoding": "identity"},
+        timeout=600.0,
+    )
+    elapsed = time.perf_counter() - started
+    lines = answer.content.splitlines()
+    assert len(lines) == len(asked)
+    assert all(b'"energy_wh"' in line for line in lines)
+    return len(lines) / elapsed
+
+
+def killed(seconds: float) -> Iterator[Row]:
+    """Load while first one and then the other worker is killed."""
+    with tempfile.TemporaryDirectory() as folder, serving(Path(folder), "--workers", "2") as service:
+        asked = trips(8)
+        right = answers_of(service, asked)
+        bodies = [request("/v1/forecast", orjson.dumps(one)) for one in asked]
+
+        async def run() -> Load:
+            running = asyncio.ensure_future(
+                load(
+                    service.port,
+                    bodies,
+                    seconds=seconds,
+                    concurrency=4,
+                    check=lambda k, body: body == right[k],
+                )
+            )
+            for pid in service.workers():
+                await asyncio.sleep(seconds / 3.0)
+                os.kill(pid, signal.SIGKILL)
+            return await running
+
+        found = asyncio.run(run())
+        lost = sum(r["event"] == "worker lost" for r in service.records())
+        assert lost == 2
+        yield Row(KILLED, float(len(found.errors) + found.wrong), f"of {len(found.seconds)}")
+
+
+def robustness(examples: int, mutants: int) -> Iterator[Row]:
+    """Schemathesis and damaged uploads."""
+    from benchmarks.service_fuzz import fuzz
+    from benchmarks.service_schema import conformance
+
+    with tempfile.TemporaryDirectory() as folder, serving(Path(folder), "--workers", "2") as service:
+        said = conformance(service.url, examples)
+        if not said.clean:
+            print(said.text, file=sys.stderr)
+        failures = said.failures if said.clean else max(said.failures, 1)
+        yield Row(SCHEMA, float(failures), f"of {said.cases} cases, {examples} an operation")
+        sent = fuzz(service.url, mutants)
+        for one in sent.wrong[:5]:
+            print(one, file=sys.stderr)
+        yield Row(FUZZ, float(len(sent.wrong)), f"of {sent.mutants}, {mutants} of GPX, CSV and JSON each")
+
+
+def run(seconds: float = SECONDS, examples: int = 500, mutants: int = 2000) -> Iterator[Row]:
+    """All rows, as they are measured."""
+    yield from times(seconds)
+    yield from killed(min(seconds, 12.0))
+    yield from robustness(examples, mutants)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=SECONDS, help="how long the load lasts")
+    parser.add_argument("--examples", type=int, default=500, help="of schemathesis, an operation")
+    parser.add_argument("--mutants", type=int, default=2000, help="of each kind of upload")
+    arguments = parser.parse_args()
+    for row in run(arguments.seconds, arguments.examples, arguments.mutants):
+        print(f"{row.name}: {row.value:.4g} {row.unit}".rstrip(), flush=True)
+
+
+if __name__ == "__main__":
+    main()

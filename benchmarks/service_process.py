@@ -1,0 +1,70 @@
+"""A real service in a process of its own, as `tripwatt serve` starts it: for its tests and its bars."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+import orjson
+
+TOKEN = "a-token-for-tests-only"
+
+
+class Service:
+    """A running `tripwatt serve`."""
+
+    def __init__(self, process: subprocess.Popen[str], url: str, log: Path) -> None:
+        self.process, self.url, self.log = process, url, log
+        self.client = httpx.Client(base_url=url, timeout=30.0)
+
+    @property
+    def port(self) -> int:
+        return int(self.url.rpartition(":")[2])
+
+    def records(self) -> list[dict[str, Any]]:
+        """Everything that it logged so far."""
+        return [orjson.loads(line) for line in self.log.read_bytes().splitlines()]
+
+    def workers(self) -> list[int]:
+        """Process ids of its workers."""
+        listed = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text()
+        return [int(pid) for pid in listed.split()]
+
+    def resident_bytes(self) -> int:
+        """Memory of the service and its workers."""
+        page = os.sysconf("SC_PAGE_SIZE")
+        pids = [self.process.pid, *self.workers()]
+        return sum(int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * page for pid in pids)
+
+    def forecast(self, request: Mapping[str, Any]) -> httpx.Response:
+        return self.client.post("/v1/forecast", json=request)
+
+
+@contextmanager
+def serving(folder: Path, *arguments: str, token: str = "") -> Iterator[Service]:
+    """`tripwatt serve` on a free port, ended when the block is left."""
+    log = folder / f"log-{len(list(folder.iterdir()))}"
+    environment = {k: v for k, v in os.environ.items() if k != "TRIPWATT_TOKEN"}
+    environment |= {"TRIPWATT_TOKEN": token} if token else {}
+    command = [sys.executable, "-m", "tripwatt.cli", "serve", "--port", "0", *arguments]
+    with log.open("wb") as error:
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=error, text=True, env=environment)
+        try:
+            assert process.stdout is not None
+            first = process.stdout.readline()
+            assert first.startswith("tripwatt: http"), log.read_text()
+            service = Service(process, first.split()[1].replace("0.0.0.0", "127.0.0.1"), log)
+            yield service
+            service.client.close()
+        finally:
+            if process.poll() is None:
+                process.terminate()
+            process.wait(60)
+            if process.stdout is not None:
+                process.stdout.close()

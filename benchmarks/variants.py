@@ -1,0 +1,181 @@
+"""Every corrector that was tried for the forecast, leave-one-trip-out: `python -m benchmarks.variants [--write]`.
+
+The 58 reference trips, point forecasts only. What the evaluation reports as models of its own is not repeated. With
+`--write` the table of docs/evaluation.md is renewed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from benchmarks.measure import ROOT, tum_folder
+from tripwatt.hybrid import BlockTable, block_table, planned, power_corrector
+from tripwatt.hybrid.calibrate import calibrate
+from tripwatt.hybrid.channels import (
+    CLIMATE_PARTS,
+    DRIVE_PARTS,
+    DRIVE_TREE_FEATURES,
+    ChannelCorrector,
+)
+from tripwatt.hybrid.power import (
+    TREE_FEATURES,
+    EnsembleCorrector,
+    KrigingCorrector,
+    PowerCorrector,
+    boosting_corrector,
+)
+from tripwatt.physics import simulate_trip
+from tripwatt.sources import read_fleet
+from tripwatt.trips import Trip
+from tripwatt.vehicles import load_vehicle
+
+TABLE = re.compile(r"(<!-- variants -->\n).*?(<!-- end of variants -->)", re.S)
+FRACTIONS = (0.25, 0.5, 0.75)
+BEFORE = ("before_w", "before_acceleration_w")
+
+
+def channels(climate: PowerCorrector, drive: PowerCorrector) -> ChannelCorrector:
+    return ChannelCorrector(climate, drive, drive, True)
+
+
+def both(features: tuple[str, ...]) -> EnsembleCorrector:
+    return EnsembleCorrector([KrigingCorrector(DRIVE_PARTS), boosting_corrector(0, features)])
+
+
+def climate() -> KrigingCorrector:
+    return KrigingCorrector(CLIMATE_PARTS, share_column="hvac_w")
+
+
+CLIMATE_TREE = (
+    "hvac_w",
+    "simulated_w",
+    "speed_m_s",
+    "time_s",
+    *(c for c in TREE_FEATURES if "temperature" in c),
+)
+VARIANTS: Mapping[str, tuple[str, Callable[[], PowerCorrector]]] = {
+    "channels": ("climate and driving apart: the default", lambda: power_corrector("channels")),
+    "channels, driving by process": (
+        "both channels by Gaussian processes",
+        lambda: channels(climate(), KrigingCorrector(DRIVE_PARTS)),
+    ),
+    "channels, driving by boosting": (
+        "climate by process, driving by boosting",
+        lambda: channels(climate(), boosting_corrector(0, DRIVE_TREE_FEATURES)),
+    ),
+    "channels, climate by boosting": (
+        "climate by boosting, driving as in the default",
+        lambda: channels(boosting_corrector(0, CLIMATE_TREE), both(DRIVE_TREE_FEATURES)),
+    ),
+    "channels, block before": (
+        "the trees also see the simulated power of the block before",
+        lambda: channels(climate(), both((*DRIVE_TREE_FEATURES, *BEFORE))),
+    ),
+    "channels, time to the end": (
+        "the trees also see the time to the end of the trip",
+        lambda: channels(climate(), both((*DRIVE_TREE_FEATURES, "to_end_s"))),
+    ),
+    "channels, trip's speed": (
+        "the trees also see the trip's mean speed",
+        lambda: channels(climate(), both((*DRIVE_TREE_FEATURES, "trip_speed_m_s"))),
+    ),
+}
+CALIBRATED = "channels on a calibrated car"
+
+
+def with_neighbours(table: BlockTable) -> BlockTable:
+    """The table with the features that only variants look at."""
+    first = np.zeros(len(table.hours), dtype=bool)
+    first[table.offsets[:-1]] = True
+    features = table.features
+    extra = {
+        name: np.where(first, 0.0, np.roll(features[of].to_numpy(), 1))
+        for name, of in zip(BEFORE, ("simulated_w", "acceleration_w"), strict=True)
+    }
+    duration = np.repeat(np.add.reduceat(table.hours, table.offsets[:-1]) * 3600.0, np.diff(table.offsets))
+    extra["to_end_s"] = duration - features["time_s"].to_numpy()
+    return replace(table, features=features.assign(**extra))
+
+
+def tabulated(trips: list[Trip], car: Any) -> BlockTable:
+    plans = [planned(trip) for trip in trips]
+    runs = [block_table(p, simulate_trip(car, p), t) for p, t in zip(plans, trips, strict=True)]
+    return with_neighbours(BlockTable.join(runs))
+
+
+def left_out(table: BlockTable, name: str, i: int) -> np.ndarray:
+    """Residual power that is left of trip i by a corrector of all others [W]."""
+    train = np.delete(np.arange(len(table)), i)
+    found = table.take([i])
+    return found.residual_w - VARIANTS[name][1]().fit(table.take(train)).predict(found)
+
+
+def left_out_calibrated(trips: list[Trip], i: int) -> np.ndarray:
+    car = load_vehicle("bmw_i3_60ah")
+    others = [trip for j, trip in enumerate(trips) if j != i]
+    own = calibrate(others, car).applied(car)
+    return left_out(tabulated([*others, trips[i]], own), "channels", len(others))
+
+
+def figures(table: BlockTable, left: list[np.ndarray]) -> list[float]:
+    """Mean APE and RMSE [kWh] of the total, then mean APE of the total with no update after each of `FRACTIONS`."""
+    energy = table.totals_wh(table.observed_power_w)
+    hours = [table.hours[a:b] for a, b in zip(table.offsets[:-1], table.offsets[1:], strict=True)]
+    errors = np.array([h @ r for h, r in zip(hours, left, strict=True)])
+    found = [float(np.mean(np.abs(errors) / energy)), float(np.sqrt(np.mean(errors**2))) / 1000.0]
+    for fraction in FRACTIONS:
+        rest = [
+            h[np.cumsum(h) > fraction * h.sum() + 1e-12] @ r[np.cumsum(h) > fraction * h.sum() + 1e-12]
+            for h, r in zip(hours, left, strict=True)
+        ]
+        found.append(float(np.mean(np.abs(rest) / energy)))
+    return found
+
+
+def rows() -> dict[str, list[float]]:
+    folder = tum_folder()
+    if folder is None:
+        raise SystemExit("no TUM trips at hand")
+    trips = list(read_fleet(folder).reference_trips())
+    table = tabulated(trips, load_vehicle("bmw_i3_60ah"))
+    found = {}
+    for name in VARIANTS:
+        left = Parallel(-1)(delayed(left_out)(table, name, i) for i in range(len(table)))
+        found[name] = figures(table, left)
+    left = Parallel(-1)(delayed(left_out_calibrated)(trips, i) for i in range(len(table)))
+    found[CALIBRATED] = figures(table, left)
+    return found
+
+
+def as_markdown(found: Mapping[str, list[float]]) -> str:
+    about = {name: text for name, (text, _) in VARIANTS.items()}
+    about[CALIBRATED] = "the default, after mass, drags and base load are calibrated in the fold"
+    head = "| variant | mean APE | RMSE | no update at 25 % | 50 % | 75 % |\n|---|---|---|---|---|---|"
+    lines = [
+        f"| {about[name]} | {ape:.4f} | {rmse:.3f} kWh | {' | '.join(f'{r:.4f}' for r in rest)} |"
+        for name, (ape, rmse, *rest) in found.items()
+    ]
+    return "\n".join([head, *lines])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--write", action="store_true", help="renew the table of docs/evaluation.md")
+    given = parser.parse_args()
+    text = as_markdown(rows())
+    print(text)
+    if given.write:
+        page = ROOT / "docs" / "evaluation.md"
+        old = page.read_text(encoding="utf-8")
+        page.write_text(TABLE.sub(lambda m: m[1] + text + "\n" + m[2], old), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

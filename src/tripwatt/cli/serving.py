@@ -1,0 +1,107 @@
+"""`tripwatt serve`: the service and the page."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tripwatt.cli.options import examples, gather
+from tripwatt.errors import Fault, InvalidInput
+
+
+def add_commands(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command(
+        epilog=examples(
+            ("tripwatt serve", "the page on http://127.0.0.1:8000, with the model of the package"),
+            ("tripwatt serve my-i3 my-id3 --workers 4", "with your models, the first one being the default"),
+            ("TRIPWATT_TOKEN=... tripwatt serve --host 0.0.0.0", "for other machines, which need the token"),
+        )
+    )(serve)
+
+
+def serve(
+    model: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="[MODEL ...]",
+            help="Folders of models, by their own names. Left out: the one that comes with the package.",
+            show_default=False,
+        ),
+    ] = None,
+    models: Annotated[
+        Path | None,
+        typer.Option(
+            "--models", metavar="DIR", help="Every model in this folder, besides.", show_default=False
+        ),
+    ] = None,
+    host: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Address to listen on; other than loopback needs a token.")
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, metavar="PORT", help="0 for one that is free.")
+    ] = 8000,
+    workers: Annotated[int, typer.Option(min=1, metavar="N", help="Processes that compute.")] = 2,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--limit",
+            metavar="KEY=VALUE",
+            help="Another limit, e.g. timeout_s=5; may be repeated. docs/service.md lists them.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Serve forecasts over HTTP, and the page, until interrupted.
+
+    Needs the extra `tripwatt[service]`. A token for other machines is read from TRIPWATT_TOKEN. Each request is one line
+    of JSON on standard error.
+    """
+    try:
+        import fastapi  # noqa: F401
+        import uvicorn  # noqa: F401
+    except ImportError as error:
+        raise InvalidInput(
+            Fault("not installed", "tripwatt serve", str(error), "the extra: pip install 'tripwatt[service]'")
+        ) from error
+    from tripwatt.service.serving import require_safe
+    from tripwatt.service.serving import serve as run
+    from tripwatt.service.settings import TOKEN_VARIABLE, Limits, Settings, parse_limits
+
+    folders: dict[str, Path] = {}
+    limits = [Limits()]
+    gather(
+        lambda: folders.update(models_of(model or [], models)),
+        lambda: limits.append(parse_limits(limit or [])),
+    )
+    token = os.environ.get(TOKEN_VARIABLE, "")
+    settings = Settings(folders, host, port, workers, token, limits[-1])
+    require_safe(settings)
+    run(settings, lambda address: typer.echo(f"tripwatt: {address}"))
+
+
+def models_of(given: list[Path], folder: Path | None) -> dict[str, Path]:
+    """Models by the names of their folders, those that are named first.
+
+    Raises
+    ------
+    InvalidInput
+        When the folder holds none, or two have one name.
+    """
+    found = list(given)
+    faults = []
+    if folder is not None:
+        inside = sorted(p.parent for p in folder.glob("*/metadata.json")) if folder.is_dir() else []
+        if not inside:
+            faults.append(Fault("no models", "--models", str(folder), "a folder with models in it"))
+        found += inside
+    names = [place.resolve().name for place in found]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        faults.append(Fault("two models of one name", "MODEL", ", ".join(twice), "each name once"))
+    if faults:
+        raise InvalidInput(faults)
+    return {name: place.resolve() for name, place in zip(names, found, strict=True)}

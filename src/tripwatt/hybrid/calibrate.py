@@ -1,0 +1,115 @@
+"""Calibrate a few uncertain values of a car on its own logged trips, shrunk to what its book says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
+from tripwatt.hybrid.power import BlockTable, block_table, planned
+from tripwatt.physics import simulate_trip
+from tripwatt.trips import FloatArray, Trip
+from tripwatt.vehicles import Vehicle
+
+TAIL_DF: Final = 4.0
+"""Degrees of freedom of the trips' t errors, as Lange, Little and Taylor (1989) advise for few data."""
+LEAST_TRIPS: Final = 3
+_PASSES: Final = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Relative changes of a car's values, as trips show them.
+
+    Attributes
+    ----------
+    changes : dict of str to float
+        By name of `PARAMETERS`.
+    sd : dict of str to float
+        How sure each is; its prior width where the trips say nothing.
+    trips : int
+    """
+
+    changes: Mapping[str, float]
+    sd: Mapping[str, float]
+    trips: int
+
+    def __str__(self) -> str:
+        """One line for people."""
+        said = [f"{name} {change:+.0%} (± {self.sd[name]:.0%})" for name, change in self.changes.items()]
+        return f"calibrated on {self.trips} trips: {', '.join(said)}"
+
+    def applied(self, vehicle: Vehicle) -> Vehicle:
+        """The car with the changed values; what has no entry of its own is left to the corrector."""
+        return changed(vehicle, self.changes, source=f"calibrated on {self.trips} trips")
+
+
+def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
+    """Most probable changes of the car's uncertain values, from the energies of whole trips.
+
+    The residual of each trip's energy is linear in small changes; each change is normal around 0 with its published
+    width, the trips' errors follow a t distribution whose scale is estimated along. Blocks within a trip are far from
+    independent, so only totals count. O(samples) for each value and a few solutions of a small system.
+
+    Parameters
+    ----------
+    trips : sequence of Trip
+        Raw trips with measured energy.
+    vehicle : Vehicle
+
+    Raises
+    ------
+    InvalidInput
+        With fewer than `LEAST_TRIPS` trips, or a trip without measured energy.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> found = calibrate(synthetic_fleet(8).trips, load_vehicle("bmw_i3_60ah"))
+    >>> sorted(found.changes) == sorted(p.name for p in PARAMETERS)
+    True
+    """
+    silent = [t.trip_id for t in trips if t.observed_energy_wh is None]
+    faults = [Fault("no measured energy", name, "", "voltage and current") for name in silent]
+    if len(trips) < LEAST_TRIPS:
+        faults.append(
+            Fault("too few trips to calibrate a car", "training", str(len(trips)), f"at least {LEAST_TRIPS}")
+        )
+    if faults:
+        raise InvalidInput(faults)
+    plans = [planned(trip) for trip in trips]
+    table = BlockTable.join(
+        [
+            block_table(plan, simulate_trip(vehicle, plan), trip)
+            for plan, trip in zip(plans, trips, strict=True)
+        ]
+    )
+    by_change = sensitivities(plans, vehicle, table)
+    totals = np.column_stack([table.totals_wh(column) for column in by_change.T])
+    width = np.array([parameter.width for parameter in PARAMETERS])
+    mean, covariance = _most_probable(totals, table.totals_wh(table.residual_w), width)
+    names = [parameter.name for parameter in PARAMETERS]
+    sd = np.sqrt(np.diag(covariance))
+    return Calibration(
+        dict(zip(names, mean.tolist(), strict=True)), dict(zip(names, sd.tolist(), strict=True)), len(trips)
+    )
+
+
+def _most_probable(X: FloatArray, residual: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Posterior mode and covariance of a regression with t errors, by iterated weights (Lange et al. 1989)."""
+    mean: FloatArray = np.zeros(len(width))
+    weight = np.ones(len(residual))
+    covariance: FloatArray = np.diag(width**2)
+    for _ in range(_PASSES):
+        left = residual - X @ mean
+        scale2 = max(float(np.mean(weight * left**2)), 1e-12)
+        weight = (TAIL_DF + 1.0) / (TAIL_DF + left**2 / scale2)
+        precision = (X.T * weight) @ X / scale2 + np.diag(1.0 / width**2)
+        covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+        mean = covariance @ (X.T @ (weight * residual)) / scale2
+    return mean, covariance

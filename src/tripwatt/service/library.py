@@ -1,0 +1,94 @@
+"""What the service has to offer besides forecasts: cars, example trips, and routes written as requests."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.physics.battery import open_circuit_voltage
+from tripwatt.routes import LinkRoute
+from tripwatt.service.bodies import DEPARTURE
+from tripwatt.synthetic import synthetic_fleet
+from tripwatt.vehicles import load_vehicle, vehicle_names
+
+EXAMPLES: Final = 6
+EXAMPLE_CAR: Final = "bmw_i3_60ah"
+
+
+def links_of(route: LinkRoute) -> list[dict[str, float]]:
+    """A route as the links of a request, without its heights."""
+    columns = {
+        "length_m": route.length_m,
+        "travel_time_s": route.travel_time_s,
+        "stop_s": route.stop_s,
+        "moving_speed_m_s": route.moving_speed_m_s,
+    }
+    if route.speed_limit_m_s is not None:
+        columns["speed_limit_m_s"] = route.speed_limit_m_s
+    names = list(columns)
+    rows = zip(*(columns[name].tolist() for name in names), strict=True)
+    return [{n: v for n, v in zip(names, row, strict=True) if v == v} for row in rows]
+
+
+def columns_of(samples: pd.DataFrame) -> dict[str, list[float | None]]:
+    """A table as the `samples` of a request; null where a value is missing."""
+    return {
+        name: [None if v != v else v for v in np.asarray(samples[name], dtype=np.float64).tolist()]
+        for name in samples.columns
+    }
+
+
+@cache
+def vehicles() -> tuple[dict[str, Any], ...]:
+    """Cars of the library."""
+    rows = []
+    for name in vehicle_names():
+        car = load_vehicle(name)
+        window = np.linspace(car.battery.displayed_zero_soc, car.battery.displayed_full_soc, 101)
+        mean_v = float(open_circuit_voltage(window, car.battery).mean())
+        rows.append(
+            {
+                "name": name,
+                "title": car.title,
+                "test_mass_kg": car.body.test_mass_kg,
+                "usable_energy_wh": car.battery.capacity_ah * mean_v * float(window[-1] - window[0]),
+                "has_climate": car.climate is not None,
+            }
+        )
+    return tuple(rows)
+
+
+@cache
+def examples() -> dict[str, dict[str, Any]]:
+    """Synthetic trips to try the service with, by name: computed, not driven."""
+    battery = load_vehicle(EXAMPLE_CAR).battery
+    found = {}
+    for trip in synthetic_fleet(EXAMPLES).trips:
+        at_door = {
+            name: float(trip.array(name)[0])
+            for name in DEPARTURE
+            if name in trip and np.isfinite(trip.array(name)[0])
+        }
+        at_door["displayed_soc"] = float(battery.displayed_from_soc(trip.array("soc")[0]))
+        route = [c for c in ("time_s", "speed_m_s", "elevation_m") if c in trip]
+        measured = [c for c in ("time_s", "voltage_v", "current_a", "soc") if c in trip]
+        found[trip.trip_id] = {
+            "trip": trip.trip_id,
+            "title": trip.context.route or trip.trip_id,
+            "vehicle": EXAMPLE_CAR,
+            "note": "synthetic: computed, not driven",
+            "duration_s": trip.duration_s,
+            "distance_m": trip.distance_m,
+            "observed_energy_wh": trip.observed_energy_wh,
+            "request": {
+                "trip": trip.trip_id,
+                "samples": columns_of(trip.samples[route]),
+                "payload_mass_kg": trip.context.payload_mass_kg,
+                **at_door,
+            },
+            "observed": columns_of(trip.samples[measured]),
+        }
+    return found

@@ -1,0 +1,130 @@
+"""Taking in a body: never more than is allowed, never longer than it may take, and only what can be read."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+
+from starlette.requests import ClientDisconnect, Request
+
+from tripwatt.service.problems import Problem
+
+
+async def body_of(request: Request, media_types: Sequence[str], limit: int, timeout_s: float) -> bytes:
+    """The body of a request.
+
+    Parameters
+    ----------
+    request : Request
+    media_types : sequence of str
+        Types that are read.
+    limit : int
+        Most bytes; counted as they arrive, whatever the head says.
+    timeout_s : float
+
+    Raises
+    ------
+    Problem
+        `media-type`, `too-large`, `body-late`, or `bad-request` for one that ends too soon.
+    """
+    require_media_type(request, media_types)
+    said = request.headers.get("content-length", "0")
+    if not said.isascii() or not said.isdigit():
+        raise Problem("bad-request", "Content-Length is no number")
+    if int(said) > limit:
+        raise _too_large(limit)
+    parts, size = [], 0
+    try:
+        async with asyncio.timeout(timeout_s):
+            async for part in request.stream():
+                size += len(part)
+                if size > limit:
+                    raise _too_large(limit)
+                parts.append(part)
+    except TimeoutError:
+        raise Problem("body-late", f"longer than {timeout_s:g} s", headers={"Connection": "close"}) from None
+    except ClientDisconnect:
+        raise Problem("bad-request", "the body ended too soon") from None
+    return parts[0] if len(parts) == 1 else b"".join(parts)
+
+
+def _too_large(limit: int) -> Problem:
+    # what is still on its way is not read
+    return Problem("too-large", f"at most {limit} bytes", headers={"Connection": "close"})
+
+
+def require_media_type(request: Request, media_types: Sequence[str]) -> None:
+    """Refuse a body of another type, and one that is compressed: how large it is shows only when it is unpacked."""
+    given = media_type(request)
+    if given not in media_types:
+        detail = f"Content-Type is {given or 'missing'}"[:200] + f"; allowed: {', '.join(media_types)}"
+        raise Problem("media-type", detail, headers={"Accept": ", ".join(media_types)})
+    coding = request.headers.get("content-encoding", "identity").strip().lower()
+    if coding not in ("", "identity"):
+        detail = "a body with Content-Encoding is not read: send it as it is"
+        raise Problem("media-type", detail, headers={"Accept-Encoding": "identity"})
+
+
+def media_type(request: Request) -> str:
+    """Type of a body without its parameters, in lower case; empty when it is not said."""
+    return request.headers.get("content-type", "").partition(";")[0].strip().lower()
+
+
+def require_accepts(request: Request, media_type: str) -> None:
+    """Refuse a request whose Accept header excludes the type of the answer.
+
+    Raises
+    ------
+    Problem
+        `not-acceptable`.
+    """
+    given = ",".join(request.headers.getlist("accept"))
+    if given.strip() and not accepts(given, media_type):
+        raise Problem("not-acceptable", f"the answer is {media_type}")
+
+
+def accepts(given: str, media_type: str) -> bool:
+    """Whether an Accept header takes a type (RFC 9110, 12.5.1); the most specific range counts.
+
+    Examples
+    --------
+    >>> accepts("text/html, */*;q=0.1", "application/json"), accepts("text/html", "application/json")
+    (True, False)
+    >>> accepts("*/*, application/json;q=0", "application/json")
+    False
+    """
+    main = media_type.partition("/")[0]
+    ranges = {"*/*": 1, f"{main}/*": 2, media_type: 3}
+    best, quality = 0, 0.0
+    for part in given.split(","):
+        name, *parameters = (piece.strip().lower() for piece in part.split(";"))
+        rank = ranges.get(name, 0)
+        if rank >= best and rank:
+            best, quality = rank, _quality(parameters)
+    return quality > 0.0
+
+
+def _quality(parameters: Sequence[str]) -> float:
+    for parameter in parameters:
+        key, _, value = parameter.partition("=")
+        if key.strip() == "q":
+            try:
+                return float(value)
+            except ValueError:
+                return 0.0
+    return 1.0
+
+
+def accepts_coding(given: str) -> bool:
+    """Whether an Accept-Encoding header takes gzip.
+
+    Examples
+    --------
+    >>> accepts_coding("br, gzip;q=0.5"), accepts_coding("gzip;q=0"), accepts_coding("")
+    (True, False, False)
+    """
+    for part in given.split(","):
+        name, *parameters = (piece.strip().lower() for piece in part.split(";"))
+        if name in ("gzip", "x-gzip"):
+            return _quality(parameters) > 0.0
+    return False

@@ -1,0 +1,32 @@
+"""A service that the tests of this folder share, and a drive to ask it for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from benchmarks.service_process import Service, serving
+
+from tripwatt.synthetic import example_trip
+
+
+@pytest.fixture(scope="session")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    with serving(tmp_path_factory.mktemp("service"), "--workers", "1") as found:
+        yield found
+
+
+@pytest.fixture(scope="session")
+def drive() -> dict[str, Any]:
+    """A request for a short driven trip."""
+    table = example_trip().iloc[:300]
+    columns = ("time_s", "speed_m_s", "elevation_m")
+    return {
+        "samples": {name: table[name].tolist() for name in columns},
+        "displayed_soc": 0.8,
+        "ambient_temperature_degc": -5.0,
+        "cabin_setpoint_degc": 21.0,
+        "payload_mass_kg": 80.0,
+        "reserve": 0.3,
+    }

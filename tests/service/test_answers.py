@@ -1,0 +1,183 @@
+"""What the service answers: the command line's figures under the command line's names."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import orjson
+import pandas as pd
+import pytest
+from benchmarks.service_fuzz import seeds
+from benchmarks.service_process import Service
+
+LINKS = [
+    {"length_m": 800.0, "speed_m_s": 8.5, "grade": 0.01},
+    {"length_m": 12000.0, "travel_time_s": 480.0, "grade": 0.0},
+]
+
+
+def command_line(*arguments: object) -> dict[str, Any]:
+    """What `tripwatt forecast --json` prints."""
+    command = [sys.executable, "-m", "tripwatt.cli", "forecast", *map(str, arguments), "--json"]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return dict(json.loads(done.stdout))
+
+
+def test_answer_is_the_command_lines_to_the_last_digit(
+    service: Service, drive: dict[str, Any], tmp_path: Path
+) -> None:
+    pd.DataFrame(drive["samples"]).to_csv(tmp_path / "trip.csv", index=False)
+    options = ("--soc", 0.8, "--ambient", -5, "--setpoint", 21, "--payload", 80, "--reserve", 0.3)
+    assert service.forecast(drive).json() == command_line(tmp_path / "trip.csv", *options)
+
+
+def test_planned_answer_is_the_command_lines(service: Service, tmp_path: Path) -> None:
+    (tmp_path / "trip.json").write_text(json.dumps(LINKS))
+    asked = {"links": LINKS, "displayed_soc": 0.6, "ambient_temperature_degc": 3.0, "reserve": 0.2}
+    printed = command_line(tmp_path / "trip.json", "--soc", 0.6, "--ambient", 3, "--reserve", 0.2)
+    assert service.forecast(asked).json() == printed
+    assert printed["given"] == "a planned route"
+
+
+def test_update_takes_what_was_measured(service: Service, drive: dict[str, Any], tmp_path: Path) -> None:
+    time = drive["samples"]["time_s"][:150]
+    observed = {"time_s": time, "voltage_v": [360.0] * 150, "current_a": [60.0] * 150}
+    before = service.forecast(drive).json()
+    after = service.client.post("/v1/forecast/update", json=drive | {"observed": observed}).json()
+    assert after["measured_until_s"] == time[-1]
+    assert after["energy_wh"] > before["energy_wh"] + 400.0  # 21.6 kW for 149 s are 894 Wh
+    pd.DataFrame(drive["samples"]).to_csv(tmp_path / "trip.csv", index=False)
+    pd.DataFrame(observed).to_csv(tmp_path / "seen.csv", index=False)
+    options = ("--soc", 0.8, "--ambient", -5, "--setpoint", 21, "--payload", 80, "--reserve", 0.3)
+    assert after == command_line(tmp_path / "trip.csv", *options, "--observed", tmp_path / "seen.csv")
+
+
+def test_every_wrong_field_is_named_at_once(service: Service, drive: dict[str, Any]) -> None:
+    wrong = drive | {"displayed_soc": 1.5, "payload_mass_kg": "80", "colour": "red"}
+    answer = service.forecast(wrong)
+    assert answer.status_code == 422
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert {fault["where"] for fault in answer.json()["faults"]} == {
+        "displayed_soc",
+        "payload_mass_kg",
+        "colour",
+    }
+
+
+@pytest.mark.parametrize(
+    ("samples", "where"),
+    [
+        ({"time_s": [0, 1, 2], "speed_m_s": [0, "1", 2]}, "samples.speed_m_s[1]"),
+        ({"time_s": [0, 1, 2], "speed_m_s": [0, True, 2]}, "samples.speed_m_s[1]"),
+        ({"time_s": [0, 1, 1], "speed_m_s": [0, 1, 2]}, "samples, column 'time_s', row 3"),
+        ({"time_s": [0, 1, 2], "speed_m_s": [0, None, 2]}, "samples, column 'speed_m_s', row 2"),
+        ({"time_s": [0, 1, 2], "speed_m_s": [0, 1]}, "samples"),
+        ({"time_s": [0, 1, 2], "speed_km_h": [0, 1, 2]}, "samples, column 'speed_km_h'"),
+        ({"time_s": [0, 1e6, 2e6], "speed_m_s": [0, 1, 2]}, "samples"),
+        ({"time_s": [0, 1, 2], "speed_m_s": 3}, "samples.speed_m_s"),
+        ([1, 2], "samples"),
+    ],
+)
+def test_faults_of_samples_say_where(service: Service, samples: object, where: str) -> None:
+    answer = service.forecast({"samples": samples})
+    assert answer.status_code == 422
+    assert where in [fault["where"] for fault in answer.json()["faults"]]
+
+
+@pytest.mark.parametrize(
+    "request_of",
+    [
+        lambda drive: {},
+        lambda drive: drive | {"links": LINKS},
+        lambda drive: drive | {"model": "../../etc/passwd"},
+        lambda drive: drive | {"vehicle": "/etc/passwd"},
+        lambda drive: drive | {"vehicle": "no_such_car"},
+        lambda drive: {"links": [{"length_m": 10.0}]},
+        lambda drive: {"links": "x"},
+        lambda drive: {"links": LINKS, "elevation": {"position_m": [0.0, 1.0], "elevation_m": [1.0, 2.0]}},
+    ],
+)
+def test_what_cannot_be_asked_is_a_422(service: Service, drive: dict[str, Any], request_of: Any) -> None:
+    answer = service.forecast(request_of(drive))
+    assert answer.status_code == 422
+    assert answer.json()["faults"]
+
+
+@pytest.mark.parametrize(
+    "body", [b"", b"{", b'{"reserve": NaN}', b'{"reserve": 1e999}', b'"\xff"', b"[" * 5000, b"Infinity"]
+)
+def test_what_is_no_json_is_a_400(service: Service, body: bytes) -> None:
+    answer = service.client.post("/v1/forecast", content=body, headers={"Content-Type": "application/json"})
+    assert answer.status_code == 400
+    assert answer.json()["type"] == "/problems/not-json"
+
+
+def test_batch_answers_each_line_in_order(service: Service, drive: dict[str, Any]) -> None:
+    lines = [orjson.dumps(drive | {"trip": f"t{k}", "payload_mass_kg": 50.0 * k}) for k in range(5)]
+    body = b"\n".join([*lines[:3], b"nonsense", b'{"links": 3}', *lines[3:]])
+    headers = {"Content-Type": "application/x-ndjson"}
+    answer = service.client.post("/v1/forecast/batch", content=body, headers=headers)
+    found = [orjson.loads(line) for line in answer.content.splitlines()]
+    assert [line.get("trip", line.get("status")) for line in found] == [
+        *("t0", "t1", "t2"),
+        *(400, 422),
+        *("t3", "t4"),
+    ]
+    assert found[0] == service.forecast(orjson.loads(lines[0])).json()
+    energies = [line["energy_wh"] for line in found if "trip" in line]
+    assert energies == sorted(energies)
+
+
+@pytest.mark.parametrize("kind", ["application/gpx+xml", "text/csv", "application/json"])
+def test_upload_comes_back_as_a_request(service: Service, kind: str) -> None:
+    uploads = [(path, body) for path, body in seeds()[kind] if path.startswith("/v1/routes")]
+    assert uploads
+    for path, body in uploads:
+        answer = service.client.post(path, content=body, headers={"Content-Type": kind})
+        assert answer.status_code == 200, answer.text
+        found = answer.json()
+        planned = {key: found[key] for key in ("links", "elevation") if found[key] is not None}
+        forecast = service.forecast(planned or {"samples": found["samples"]}).json()
+        assert forecast["series"]["distance_m"][-1] == pytest.approx(found["distance_m"], rel=0.02, abs=5.0)
+        assert forecast["given"] == ("a planned route" if planned else "the driven speed trace")
+
+
+def test_heights_of_a_route_survive_the_way_back(service: Service) -> None:
+    """Hills between the ends of the links cost energy."""
+    points = [[11.5 + k / 500.0, 48.1, 500.0 + 30.0 * math.sin(k / 3.0)] for k in range(40)]
+    line = {
+        "type": "Feature",
+        "geometry": {"type": "LineString", "coordinates": points},
+        "properties": {"speed_m_s": 20.0},
+    }
+    headers = {"Content-Type": "application/geo+json"}
+    found = service.client.post("/v1/routes", content=orjson.dumps(line), headers=headers).json()
+    with_heights = service.forecast({"links": found["links"], "elevation": found["elevation"]}).json()
+    flat = service.forecast({"links": found["links"]}).json()
+    assert with_heights["energy_wh"] > flat["energy_wh"] + 5.0
+    assert any("flat" in flag for flag in flat["flags"])
+    assert not any("flat" in flag for flag in with_heights["flags"])
+
+
+def test_library_names_what_can_be_asked(service: Service, drive: dict[str, Any]) -> None:
+    models = service.client.get("/v1/models").json()["models"]
+    cars = {car["name"]: car for car in service.client.get("/v1/vehicles").json()["vehicles"]}
+    own = models[0]["model"]["vehicle"]
+    assert models[0]["name"] in cars[own]["models"]
+    named = drive | {"model": models[0]["name"], "vehicle": own}
+    assert service.forecast(named).json() == service.forecast(drive).json()
+
+
+def test_examples_can_be_forecast_and_replayed(service: Service) -> None:
+    for brief in service.client.get("/v1/examples").json()["examples"]:
+        found = service.client.get(f"/v1/examples/{brief['trip']}").json()
+        assert {k: found[k] for k in brief} == brief
+        assert service.forecast(found["request"]).status_code == 200
+        request = found["request"] | {"observed": found["observed"]}
+        at_the_end = service.client.post("/v1/forecast/update", json=request).json()
+        assert at_the_end["energy_wh"] == pytest.approx(brief["observed_energy_wh"], rel=1e-3)

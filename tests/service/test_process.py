@@ -1,0 +1,166 @@
+"""The service as processes: it starts, it stops without losing an answer, and it loses workers without anybody noticing."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import httpx
+import orjson
+import pytest
+from benchmarks.service_fuzz import fuzz
+from benchmarks.service_process import Service, serving
+from benchmarks.service_schema import conformance
+
+from tripwatt.cli.serving import models_of, serve
+from tripwatt.errors import InvalidInput
+from tripwatt.forecast.storage import model_folder
+from tripwatt.service.problems import TITLES
+from tripwatt.service.settings import Limits
+
+LONG = {"samples": {"time_s": [0.0, 20000.0, 40000.0], "speed_m_s": [10.0, 10.0, 10.0]}}
+"""A trip whose forecast takes a good while."""
+
+
+def refused(*arguments: str, **environment: str) -> str:
+    """What `tripwatt serve` says when it does not start."""
+    command = [sys.executable, "-m", "tripwatt.cli", "serve", "--port", "0", *arguments]
+    kept = {k: v for k, v in os.environ.items() if k != "TRIPWATT_TOKEN"} | environment
+    done = subprocess.run(command, capture_output=True, text=True, env=kept, timeout=60, check=False)
+    assert done.returncode == 2, done.stderr
+    return done.stderr
+
+
+def alive(pid: int) -> bool:
+    try:
+        return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+    except FileNotFoundError:
+        return False
+
+
+def wait_for(condition: Any, seconds: float = 20.0) -> bool:
+    until = time.monotonic() + seconds
+    while not (found := condition()) and time.monotonic() < until:
+        time.sleep(0.05)
+    return bool(found)
+
+
+def test_it_does_not_start_where_it_would_not_be_safe(tmp_path: Path) -> None:
+    assert "other machines could reach it" in refused("--host", "0.0.0.0")
+    assert "the token is too weak" in refused("--host", "0.0.0.0", TRIPWATT_TOKEN="short")
+    said = refused(str(tmp_path / "nothing"), "--limit", "colour=1", "--limit", "samples=x")
+    assert "unknown limit" in said
+    assert "limit samples" in said
+    assert "nothing" in refused(str(tmp_path / "nothing"))
+
+
+def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "fastapi", None)
+    with pytest.raises(InvalidInput, match=r"tripwatt\[service\]"):
+        serve()
+
+
+def test_models_are_those_of_the_start(tmp_path: Path) -> None:
+    (tmp_path / "one").symlink_to(model_folder())
+    (tmp_path / "two").symlink_to(model_folder())
+    assert list(models_of([tmp_path / "two"], None)) == [model_folder().name]
+    with pytest.raises(InvalidInput, match="two models of one name"):
+        models_of([tmp_path / "one", tmp_path / "two"], None)
+    with pytest.raises(InvalidInput, match="no models"):
+        models_of([], tmp_path / "nowhere")
+
+
+def test_it_finishes_what_runs_and_ends(tmp_path: Path) -> None:
+    with serving(tmp_path, "--workers", "2") as service, ThreadPoolExecutor(4) as pool:
+        workers = service.workers()
+        assert len(workers) == 2
+        sent = [
+            pool.submit(httpx.post, f"{service.url}/v1/forecast", json=LONG, timeout=30) for _ in range(4)
+        ]
+        assert wait_for(lambda: b"tripwatt_requests_running 5.0" in service.client.get("/metrics").content)
+        service.client.close()
+        service.process.send_signal(signal.SIGTERM)
+        assert [answer.result().status_code for answer in sent] == [200] * 4
+        assert service.process.wait(20) == 0
+        assert wait_for(lambda: not any(map(alive, workers)), 5.0)
+
+
+def test_workers_do_not_outlive_it(tmp_path: Path) -> None:
+    with serving(tmp_path, "--workers", "1") as service:
+        workers = service.workers()
+        service.process.kill()
+        assert wait_for(lambda: not any(map(alive, workers)))
+
+
+def test_a_killed_worker_costs_no_answer(tmp_path: Path, drive: dict[str, Any]) -> None:
+    """Two of them die under load, one after the other: every request is answered, every answer is right."""
+    with serving(tmp_path, "--workers", "2") as service, ThreadPoolExecutor(4) as pool:
+        asked = [drive | {"payload_mass_kg": 10.0 * k} for k in range(5)]
+        right = [service.forecast(request).json() for request in asked]
+
+        def ask(number: int) -> list[bool]:
+            with httpx.Client(base_url=service.url, timeout=30) as client:
+                answers = [client.post("/v1/forecast", json=asked[(number + k) % 5]) for k in range(60)]
+            return [
+                a.status_code == 200 and a.json() == right[(number + k) % 5] for k, a in enumerate(answers)
+            ]
+
+        clients = [pool.submit(ask, number) for number in range(4)]
+        time.sleep(0.2)
+        killed = service.workers()
+        for pid in killed:
+            os.kill(pid, signal.SIGKILL)
+            time.sleep(0.3)
+        assert all(all(client.result()) for client in clients)
+        assert wait_for(lambda: service.client.get("/readyz").json().get("workers") == 2)
+        assert not set(killed) & set(service.workers())
+        assert [r["pid"] for r in service.records() if r["event"] == "worker lost"] == killed
+
+
+def test_a_job_that_takes_too_long_is_given_up(tmp_path: Path, drive: dict[str, Any]) -> None:
+    with serving(tmp_path, "--workers", "1", "--limit", "timeout_s=0.5") as service:
+        (worker,) = service.workers()
+        os.kill(worker, signal.SIGSTOP)  # it hangs
+        answer = service.forecast(drive)
+        assert (answer.status_code, answer.json()["type"]) == (504, "/problems/timeout")
+        assert wait_for(lambda: service.forecast(drive).status_code == 200)
+        assert not alive(worker)
+
+
+def test_it_is_what_its_document_says(service: Service) -> None:
+    """A small sample; `make bars` asks for 500 examples an operation."""
+    found = conformance(service.url, 10, seed=3, timeout_s=120)
+    assert found.clean, found.text
+    document = service.client.get("/openapi.json").json()
+    assert document["openapi"].startswith("3.1")
+    for path in document["paths"].values():
+        for operation in path.values():
+            content = operation.get("requestBody", {}).get("content", {})
+            assert all(
+                "/octet" in kind or "nd" in kind or {"example", "examples"} & set(c)
+                for kind, c in content.items()
+            )
+
+
+def test_damaged_uploads_are_problems_not_accidents(service: Service) -> None:
+    """A small sample; `make bars` sends thousands."""
+    found = fuzz(service.url, 60, seed=5)
+    assert found.mutants == 180
+    assert not found.wrong, found.wrong[:3]
+    assert found.statuses[422] > 50
+    assert orjson.loads(service.client.get("/readyz").content)["workers"] == 1
+
+
+def test_the_page_of_the_service_lists_every_limit_and_every_problem() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "service.md").read_text(encoding="utf-8")
+    for limit in dataclasses.fields(Limits):
+        assert f"| `{limit.name}` | {limit.default:,} |" in page
+    for kind in TITLES:
+        assert f"`/problems/{kind}`" in page

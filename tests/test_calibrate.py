@@ -1,0 +1,54 @@
+"""Calibration finds a car's values on its trips and stays with the book where they say nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tripwatt.errors import InvalidInput
+from tripwatt.hybrid.calibrate import calibrate
+from tripwatt.hybrid.parameters import PARAMETERS, changed
+from tripwatt.physics import simulate_trip
+from tripwatt.synthetic import synthetic_fleet
+from tripwatt.trips import Trip
+from tripwatt.vehicles import load_vehicle
+
+
+def driven_by(car, trips: tuple[Trip, ...], noise_wh: float) -> list[Trip]:
+    """The same drives with the energy that another car takes, and an error of each trip."""
+    rng = np.random.default_rng(0)
+    made = []
+    for trip in trips:
+        run = simulate_trip(car, trip)
+        power = run.battery_power_w + rng.normal(0.0, noise_wh) * 3600.0 / trip.duration_s
+        samples = trip.samples.assign(voltage_v=360.0, current_a=power / 360.0)
+        made.append(replace(trip, samples=samples, observed_energy_wh=float(run.simulated_energy_wh)))
+    return made
+
+
+def test_known_changes_are_found_and_the_rest_stays_with_the_book():
+    book = load_vehicle("bmw_i3_60ah")
+    truth = changed(book, {"base_load": 0.6, "air": -0.15})
+    trips = driven_by(truth, synthetic_fleet(40, seed=3).trips, 5.0)
+    found = calibrate(trips, book)
+    assert found.changes["base_load"] == pytest.approx(0.6, abs=0.15)
+    assert found.changes["air"] == pytest.approx(-0.15, abs=0.05)
+    assert abs(found.changes["mass"]) < 0.03
+    for parameter in PARAMETERS:
+        assert 0.0 < found.sd[parameter.name] < parameter.width
+    car = found.applied(book)
+    errors = [
+        np.mean([abs(simulate_trip(c, t).simulated_energy_wh - t.observed_energy_wh) for t in trips])
+        for c in (book, car)
+    ]
+    assert errors[1] < 0.4 * errors[0]
+    assert "calibrated on 40 trips" in car.entries["auxiliaries.base_load_w"].source
+
+
+def test_too_few_and_silent_trips_are_named_together():
+    trips = synthetic_fleet(2).trips
+    silent = replace(trips[1], samples=trips[1].samples.drop(columns=["voltage_v"]), observed_energy_wh=None)
+    with pytest.raises(InvalidInput) as error:
+        calibrate([trips[0], silent], load_vehicle("bmw_i3_60ah"))
+    assert "too few trips" in str(error.value)
+    assert silent.trip_id in str(error.value)
