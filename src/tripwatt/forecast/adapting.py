@@ -32,6 +32,9 @@ BASE_TRIPS: Final = 10.0
 _LEVELS: Final = 40
 """Scores that an adapted model keeps."""
 
+_T_VARIANCE: Final = TAIL_DF / (TAIL_DF - 2.0)
+"""Variance of the t distribution whose scale a `TotalScale` is."""
+
 PROTOCOL: Final = "own trips, each left out of the adaptation"
 
 
@@ -214,7 +217,7 @@ def _blocks(plans: Sequence[Trip], trips: Sequence[Trip], vehicle: Vehicle) -> B
 
 def _scale(base: TotalScale, noise_scale: float) -> TotalScale:
     """The scale of an adapted model's totals: the base's error, wider by what own trips say; its own doubt in full."""
-    factor = np.sqrt(noise_scale * TAIL_DF / (TAIL_DF - 2.0))
+    factor = np.sqrt(noise_scale * _T_VARIANCE)
     return TotalScale(np.append(base.values[:3] * factor, 1.0))
 
 
@@ -232,7 +235,8 @@ def _scores(
     own = error / np.sqrt(scale * evidence.noise_wh2 + doubt)
     noise = np.array([option.noise for option in posterior.options])
     spread = np.sqrt(noise / scale)
-    values = np.concatenate([(base.values[:, None] * spread).ravel(), np.abs(own)])
+    usual = base.values / np.sqrt(_T_VARIANCE)
+    values = np.concatenate([(usual[:, None] * spread).ravel(), np.abs(own)])
     share = BASE_TRIPS / (BASE_TRIPS + len(own))
     weight = np.concatenate(
         [
