@@ -156,7 +156,7 @@ def adapted(
         "data": {
             "name": fleet.name,
             "citation": fleet.citation,
-            "notes": list(fleet.notes),
+            "notes": [*fleet.notes, *_cars(found.trips)],
             "logs": len(fleet.trips),
             "sha256": digest,
         },
@@ -182,6 +182,12 @@ def adapted(
         },
     }
     return done.model, provenance, {**held_out_figures(done.model.held_out_), "protocol": PROTOCOL}
+
+
+def _cars(trips: Sequence[Trip]) -> list[str]:
+    """What is to be said where several cars count as one."""
+    cars = sorted({trip.context.car for trip in trips if trip.context.car is not None})
+    return [f"cars {', '.join(cars)} count as one car"] if len(cars) > 1 else []
 
 
 def _require_trips(trips: Sequence[Trip]) -> None:
