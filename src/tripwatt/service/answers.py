@@ -110,6 +110,7 @@ class ExampleAnswer(Answer):
     note: str
     duration_s: float
     distance_m: float
+    ambient_temperature_degc: float | None
     observed_energy_wh: float
 
 
