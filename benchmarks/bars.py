@@ -15,6 +15,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -295,6 +296,33 @@ def planned_routes(found: Path | None) -> Iterator[Bar]:
         yield shown(f"90 % intervals from links of {name} hold", measure, figure, beside)
 
 
+def transfer() -> Iterator[Bar]:
+    """Bars on the way of a correction from the i3 to the VED's car 10, with the time that it takes."""
+    from tripwatt.evaluation.transfer import evaluate_transfer
+    from tripwatt.sources import read_fleet
+
+    text, measure = "transfer i3 to car 10", "tripwatt transfer --from DATA/tum --to DATA/ved"
+    tum, ved = tum_folder(), ved_trips.ved_folder()
+    if tum is None or ved is None:
+        yield missing(text, measure)
+        return
+    began = time.perf_counter()
+    run = evaluate_transfer(read_fleet(tum, "tum"), read_fleet(ved, "ved"))
+    took = time.perf_counter() - began
+    car = next(car for car in run.results["cars"] if car["car"] == "10")
+    pair = car["bars"]["zero_shot_better_than_physics"]
+    low, high = pair["diff_ci95"]
+    figure = f"{pair['diff']:+.4f} ({low:+.4f} to {high:+.4f})"
+    yield Bar(
+        f"{text}, no own trip: error less that of physics", measure, figure, "< 0, significant", pair["met"]
+    )
+    ratio = car["bars"]["ten_trips_within_15_percent_of_own"]["ratio"]
+    yield at_most(f"{text}, 10 own trips: error over that of the best model of its own", measure, ratio, 1.15)
+    zero, alone = car["models"]["zero-shot"]["error"], car["models"]["data-only"]["error"]
+    yield shown(f"{text}, no own trip: error", measure, f"{zero:.4f}", f"{alone:.4f} with data alone, as is")
+    yield at_most(f"{text}: running time", measure, took, 300.0, "s")
+
+
 def evaluations(results: Path | None, runs: int) -> tuple[list[Row], dict[str, Any] | None]:
     """Times of the evaluations, and the results of the real trips; None without them."""
     folder = tum_folder()
@@ -321,6 +349,7 @@ def bars(results: Path | None, runs: int, links: Path | None = None) -> Iterator
     yield from planned_routes(links)
     yield from physics()
     yield from leafs()
+    yield from transfer()
     yield from speed(
         iter([*pipeline.quick(), *rows]),
         SPEED,

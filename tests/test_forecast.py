@@ -211,7 +211,8 @@ def test_a_channel_that_explains_the_rest_is_taken_and_noise_is_not():
         blocks = some_blocks(rng, n)
         climate = np.full(n, rng.normal(0, 300))
         held_out.append(HeldOutResidual(blocks, climate + rng.normal(0, 1500, n), climate))
-    gain = Gain.of(PROCESS, held_out, np.full(n_trips, 2000.0))
+    errors = np.array([trip.error_wh for trip in held_out])
+    gain = Gain.of(PROCESS, held_out, np.full(n_trips, errors.std()))
     assert gain.at("climate", 0.5) > 0.8
     assert gain.at("drive", 0.25) < 0.5
     assert gain.at("whole", 0.0) == 0.0
@@ -222,7 +223,9 @@ def test_measured_climate_on_the_way_is_told_from_driving(fleet):
     model = ForecastModel(load_vehicle("bmw_i3_60ah")).fit(trips[:-1])
     assert model.process_ is not None
     assert model.process_.apart
-    model.gain_ = Gain(np.ones(6), np.ones(6), np.zeros(6))  # so few trips would not show that it helps
+    model.gain_ = Gain(
+        np.ones(6), np.ones(6), np.zeros(6), np.ones(6), np.ones(6)
+    )  # so few trips would not show that it helps
     before = model.forecast(trips[-1])
     half = trips[-1].samples.iloc[: len(trips[-1]) // 2]
     columns = ["time_s", "voltage_v", "current_a", "heating_power_w", "aircon_power_w"]

@@ -205,7 +205,8 @@ def late(plan, factor, waits_s, power_w):
 def test_a_late_car_has_the_rest_of_the_route_before_it(model, factor, waits_s):
     links = [{"length_m": 500.0, "speed_m_s": 6.0 + 8.0 * (k % 2)} for k in range(30)]
     plan = plan_trip(route_from_links(links))
-    nothing = Gain(**{channel: np.zeros(len(FRACTIONS)) for channel in CHANNELS})
+    same = np.ones(len(FRACTIONS))
+    nothing = Gain(**dict.fromkeys(CHANNELS, 0.0 * same), apart_spread=same, whole_spread=same)
     before = dataclasses.replace(model.forecast(plan), gain=nothing)
     observed = late(plan, factor, waits_s, 4000.0)
     driven = np.concatenate(([0.0], np.cumsum(observed["speed_m_s"].to_numpy()[1:])))

@@ -32,6 +32,9 @@ BASE_TRIPS: Final = 10.0
 _LEVELS: Final = 40
 """Scores that an adapted model keeps."""
 
+_T_VARIANCE: Final = TAIL_DF / (TAIL_DF - 2.0)
+"""Variance of the t distribution whose scale a `TotalScale` is."""
+
 PROTOCOL: Final = "own trips, each left out of the adaptation"
 
 
@@ -153,7 +156,7 @@ def adapted(
         "data": {
             "name": fleet.name,
             "citation": fleet.citation,
-            "notes": list(fleet.notes),
+            "notes": [*fleet.notes, *_cars(found.trips)],
             "logs": len(fleet.trips),
             "sha256": digest,
         },
@@ -179,6 +182,12 @@ def adapted(
         },
     }
     return done.model, provenance, {**held_out_figures(done.model.held_out_), "protocol": PROTOCOL}
+
+
+def _cars(trips: Sequence[Trip]) -> list[str]:
+    """What is to be said where several cars count as one."""
+    cars = sorted({trip.context.car for trip in trips if trip.context.car is not None})
+    return [f"cars {', '.join(cars)} count as one car"] if len(cars) > 1 else []
 
 
 def _require_trips(trips: Sequence[Trip]) -> None:
@@ -214,7 +223,7 @@ def _blocks(plans: Sequence[Trip], trips: Sequence[Trip], vehicle: Vehicle) -> B
 
 def _scale(base: TotalScale, noise_scale: float) -> TotalScale:
     """The scale of an adapted model's totals: the base's error, wider by what own trips say; its own doubt in full."""
-    factor = np.sqrt(noise_scale * TAIL_DF / (TAIL_DF - 2.0))
+    factor = np.sqrt(noise_scale * _T_VARIANCE)
     return TotalScale(np.append(base.values[:3] * factor, 1.0))
 
 
@@ -232,7 +241,8 @@ def _scores(
     own = error / np.sqrt(scale * evidence.noise_wh2 + doubt)
     noise = np.array([option.noise for option in posterior.options])
     spread = np.sqrt(noise / scale)
-    values = np.concatenate([(base.values[:, None] * spread).ravel(), np.abs(own)])
+    usual = base.values / np.sqrt(_T_VARIANCE)
+    values = np.concatenate([(usual[:, None] * spread).ravel(), np.abs(own)])
     share = BASE_TRIPS / (BASE_TRIPS + len(own))
     weight = np.concatenate(
         [

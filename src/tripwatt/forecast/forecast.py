@@ -62,6 +62,8 @@ class Forecast:
         Of the residual power that remains: mean 0 before departure.
     spread : float
         Standard deviation of the trip's energy over that of the process: the scale that held-out trips showed.
+    rest_spread : float
+        The same factor for what is left on the way; 1 before departure.
     widening : float
         Factor of the standard deviation for what training never saw.
     route_doubt_wh : float
@@ -84,6 +86,7 @@ class Forecast:
     scores: Scores
     gain: Gain
     spread: float = 1.0
+    rest_spread: float = 1.0
     widening: float = 1.0
     route_doubt_wh: float = 0.0
     flags: tuple[str, ...] = ()
@@ -289,7 +292,7 @@ class Forecast:
             raise InvalidInput(
                 Fault("nothing measured", "observed samples", where, "voltage_v and current_a, or soc")
             )
-        belief = self._updated(samples, weights, power, variance)
+        belief, rest_spread = self._updated(samples, weights, power, variance)
         anchor = None
         if soc is not None and np.isfinite(soc).any():
             last = int(np.flatnonzero(np.isfinite(soc))[-1])
@@ -297,6 +300,7 @@ class Forecast:
         return replace(
             self,
             belief=belief,
+            rest_spread=rest_spread,
             measured_until_s=float(time[-1]),
             measured_wh=measured_wh,
             measured_hours=measured_hours,
@@ -305,8 +309,8 @@ class Forecast:
 
     def _updated(
         self, samples: pd.DataFrame, weights: FloatArray, power: FloatArray, variance: FloatArray
-    ) -> Belief:
-        """Belief after powers were observed; climate control apart where the samples tell it."""
+    ) -> tuple[Belief, float]:
+        """Belief after powers were observed and its `rest_spread`; climate control apart where the samples tell it."""
         time = np.asarray(samples["time_s"], dtype=np.float64)
         edges = np.concatenate(([0.0], np.cumsum(self.blocks.step_s)))
         ahead = edges[1:] > time[-1] + 1e-9
@@ -316,16 +320,16 @@ class Forecast:
         needed = (weights > 0.0).any(axis=0)
         if climate is None or not np.isfinite(climate[needed]).all():
             whole = Belief.of(self.process.covariance(self.blocks)).given(weights, residual, variance)
-            return self.gain.applied("whole", whole, ahead, fraction)
+            return self.gain.applied("whole", whole, ahead, fraction), self.gain.spread(False, fraction)
         seen = weights @ np.nan_to_num(climate)
         exact = np.full(len(seen), EXACT_W2)
         own = Belief.of(self.process.climate_covariance(self.blocks))
         own = own.given(weights, self.process.limited(seen), exact)
         drive = Belief.of(self.process.drive_covariance(self.blocks))
         drive = drive.given(weights, residual - seen, variance)
-        return self.gain.applied("climate", own, ahead, fraction) + self.gain.applied(
-            "drive", drive, ahead, fraction
-        )
+        belief = self.gain.applied("climate", own, ahead, fraction)
+        belief += self.gain.applied("drive", drive, ahead, fraction)
+        return belief, self.gain.spread(True, fraction)
 
     def _climate_residual(self, samples: pd.DataFrame, edges_s: FloatArray) -> FloatArray | None:
         """Measured less expected power of climate control [W]; NaN in blocks that were not measured."""
@@ -352,7 +356,7 @@ class Forecast:
 
     @cached_property
     def _cumulative_sd_wh(self) -> FloatArray:
-        own = self.spread * self.belief.energy_wh(self.open_hours)[1]
+        own = self.spread * self.rest_spread * self.belief.energy_wh(self.open_hours)[1]
         return self.widening * np.asarray(np.hypot(own, route_sd_wh(self)))
 
     def _energy_at(self, time_s: float) -> float:

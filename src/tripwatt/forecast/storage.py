@@ -17,13 +17,13 @@ import numpy as np
 import tripwatt
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecast.elsewhere import Elsewhere
-from tripwatt.forecast.gain import CHANNELS, Gain
+from tripwatt.forecast.gain import Gain
 from tripwatt.forecast.model import ForecastModel, Range
 from tripwatt.forecast.planned import RouteDoubt
 from tripwatt.forecast.process import Channel, ResidualProcess
 from tripwatt.forecast.scale import TotalScale
 from tripwatt.forecast.scores import Scores
-from tripwatt.hybrid.power import BLOCK_S, DEPARTURE_COLUMNS, ROUTE_COLUMNS
+from tripwatt.hybrid.blocks import BLOCK_S, DEPARTURE_COLUMNS, ROUTE_COLUMNS
 from tripwatt.hybrid.stored import (
     Stored,
     corrector_of_parts,
@@ -64,7 +64,7 @@ def model_parts(model: ForecastModel) -> dict[str, Part]:
         "process": asdict(process) | {"climate_limit_w": _finite(process.climate_limit_w)},
         "scale": scale.values.tolist(),
         "scores": scores.values.tolist(),
-        "gain": {name: getattr(gain, name).tolist() for name in CHANNELS},
+        "gain": {field.name: getattr(gain, field.name).tolist() for field in fields(gain)},
         "route_doubt": _doubt_part(model.route_doubt_),
         "ranges": {n: [_finite(r.low), _finite(r.high), r.sd] for n, r in model.ranges_.items()},
         "trip_ids": list(model.trip_ids_),
@@ -108,7 +108,7 @@ def model_of_parts(parts: Mapping[str, Part]) -> ForecastModel:
             ),
             scale_=TotalScale(np.array(values["scale"], dtype=np.float64)),
             scores_=Scores(np.array(values["scores"], dtype=np.float64)),
-            gain_=Gain(**{name: np.array(values["gain"][name], dtype=np.float64) for name in CHANNELS}),
+            gain_=Gain(**{name: np.array(v, dtype=np.float64) for name, v in values["gain"].items()}),
             route_doubt_=_doubt_of_part(values.get("route_doubt")),
             ranges_=ranges,
             trip_ids_=tuple(values["trip_ids"]),

@@ -23,15 +23,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.hybrid.blocks import BlockTable
 from tripwatt.hybrid.channels import ChannelCorrector
 from tripwatt.hybrid.cumulative import IntArray
 from tripwatt.hybrid.parameters import PARAMETERS, Parameter
-from tripwatt.hybrid.power import BlockTable, EnsembleCorrector, KrigingCorrector, PowerCorrector
+from tripwatt.hybrid.power import EnsembleCorrector, KrigingCorrector, PowerCorrector
 from tripwatt.kriging import Part
 from tripwatt.trips import FloatArray
 from tripwatt.vehicles import Vehicle
@@ -266,20 +267,31 @@ class CarTransfer:
         return features * trust, features, features * np.sqrt(1.0 - trust**2)
 
     def posterior(self, evidence: Evidence) -> Posterior:
-        """What is believed of the second car's weights after its trips, the grid integrated. O(options x features^2)."""
+        """What is believed of the second car's weights after its trips, the grid integrated.
+
+        O(options x trips x features + trips x features^2 x options that count).
+        """
         prior = grid(self.mode)
         weights = self._weights(evidence, prior)
         total = sum(o.noise * w for o, w in zip(prior, weights, strict=True))
-        mean: Any = 0.0
-        second: Any = 0.0
-        for option, weight in zip(prior, weights, strict=True):
-            if weight < _NEGLIGIBLE:
-                continue
-            m, covariance = self._conditioned(evidence, option)
-            mean, second = mean + weight * m, second + weight * (covariance + np.outer(m, m))
-        kept = weights[weights >= _NEGLIGIBLE].sum()
-        mean, second = mean / kept, second / kept
-        return Posterior(mean, second - np.outer(mean, mean), prior, weights, float(total))
+        counting = [(o, w) for o, w in zip(prior, weights, strict=True) if w >= _NEGLIGIBLE]
+        kept = sum(w for _, w in counting)
+        features, common, diagonal = self._stacked(evidence), 0.0, np.zeros(0)
+        means, gains = [], []
+        for option, weight in counting:
+            share = np.sqrt(weight / kept)
+            mean, gain, own = self._conditioned(evidence, features, option)
+            means.append(share * mean)
+            gains.append(share * gain)
+            common += weight / kept * option.share**2
+            diagonal = own * weight / kept + (diagonal if len(diagonal) else 0.0)
+        stacked, known = np.array(means), np.hstack(gains)
+        centre = np.sqrt([w / kept for _, w in counting]) @ stacked
+        covariance = stacked.T @ stacked - np.outer(centre, centre) - known @ known.T
+        n = len(self.scales)
+        covariance[:n, :n] += common * self.members.covariance
+        covariance[np.diag_indices(len(centre))] += diagonal
+        return Posterior(centre, covariance, prior, weights, float(total))
 
     def left_out(self, evidence: Evidence) -> tuple[FloatArray, FloatArray]:
         """Mean and variance [Wh, Wh²] of each trip's residual energy given all others, without its own error.
@@ -354,23 +366,37 @@ class CarTransfer:
         weights = np.exp(logs - logs.max())
         return np.asarray(weights / weights.sum())
 
-    def _conditioned(self, evidence: Evidence, option: Option) -> tuple[FloatArray, FloatArray]:
-        """Mean and covariance of (common, own, lost, parameters) under one option."""
-        before, posterior = self.members.variances, self.members.covariance
-        n = len(before)
-        mean = np.concatenate([option.share * self.members.weights, np.zeros(2 * n + len(self.parameters))])
+    def _stacked(self, evidence: Evidence) -> FloatArray:
+        return np.hstack([evidence.world, evidence.own, evidence.lost, evidence.physical])
+
+    def _conditioned(
+        self, evidence: Evidence, features: FloatArray, option: Option
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Mean of (common, own, lost, parameters) under one option, and two parts of their covariance.
+
+        `L` with ``L @ L.T`` what the trips took of it, and its diagonal before them beside what is in common.
+        """
+        before, n = self.members.variances, len(self.scales)
+        mean = np.concatenate([option.share * self.members.weights, np.zeros(features.shape[1] - n)])
         own = option.own**2 * (1.0 - option.share**2) * before
-        rest = np.concatenate([own, option.share**2 * before, option.book**2 * self._widths()])
-        covariance = np.zeros((len(mean), len(mean)))
-        covariance[:n, :n] = option.share**2 * posterior
-        covariance[range(n, len(mean)), range(n, len(mean))] = rest
-        if not len(evidence.residual_wh):
-            return mean, covariance
-        X = np.hstack([evidence.world, evidence.own, evidence.lost, evidence.physical])
-        cross = X @ covariance
-        total = cross @ X.T + np.diag(option.noise * evidence.noise_wh2)
-        gain = np.linalg.solve(total, cross).T
-        return mean + gain @ (evidence.residual_wh - X @ mean), covariance - gain @ cross
+        diagonal = np.concatenate(
+            [np.zeros(n), own, option.share**2 * before, option.book**2 * self._widths()]
+        )
+        cross = diagonal[:, None] * features.T
+        cross[:n] += option.share**2 * self._common_cross(evidence)
+        total = features @ cross + np.diag(option.noise * evidence.noise_wh2)
+        factor = np.linalg.inv(np.linalg.cholesky(total)).T  # inverse of the total is factor @ factor.T
+        gain = cross @ factor
+        return mean + gain @ (factor.T @ (evidence.residual_wh - features @ mean)), gain, diagonal
+
+    def _common_cross(self, evidence: Evidence) -> FloatArray:
+        blocks, start, products = self.members.correctors, 0, []
+        for corrector in blocks:
+            factor = corrector.model.factor_
+            part = evidence.world[:, start : start + len(factor)]
+            products.append(factor @ (factor.T @ part.T))
+            start += len(factor)
+        return np.vstack(products)
 
     def _widths(self) -> FloatArray:
         return np.array([p.width**2 for p in self.parameters])

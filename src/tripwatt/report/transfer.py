@@ -15,6 +15,7 @@ from tripwatt.report.tables import Table, number, span
 from tripwatt.report.transfer_figures import (
     GIVEN,
     MODE_LABELS,
+    best_own,
     model_name,
     plot_curve,
     plot_models,
@@ -149,10 +150,9 @@ def said_of_curve(car: Mapping[str, Any]) -> str:
         + listed([f"{percent(row['error'])} with {row['k']}" for row in rows])
         + f" own trips, {GIVEN}."
     )
-    own = [name for name in car["models"] if name.startswith("own-") and name != "own-data-only"]
-    if own:
-        best = min(own, key=lambda name: float(car["models"][name]["error"]))
-        text += f" A model trained on the whole first half alone ({model_name(best)}): {percent(car['models'][best]['error'])}."
+    best = best_own(car)
+    if best:
+        text += f" The best model trained on the whole first half alone ({model_name(best)}): {percent(car['models'][best]['error'])}."
     bar = car["bars"].get("ten_trips_within_15_percent_of_own")
     if bar:
         text += f" With 10 trips the transfer errs {number(bar['ratio'])} times as much as that."

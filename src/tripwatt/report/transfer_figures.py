@@ -58,6 +58,12 @@ def model_name(model: str) -> str:
     return LABELS.get(model, (model, "own"))[0]
 
 
+def best_own(car: Mapping[str, Any]) -> str | None:
+    """The model of the car's own, with physics, that errs least; None when none could be trained."""
+    own = [m for m in car["models"] if m.startswith("own-") and m != "own-data-only"]
+    return min(own, key=lambda m: float(car["models"][m]["error"]), default=None)
+
+
 @styled
 def plot_curve(car: Mapping[str, Any], *, note: str = "") -> Figure:
     """Error against the number of own trips, with what needs none or all of them as lines."""
@@ -88,12 +94,7 @@ def plot_curve(car: Mapping[str, Any], *, note: str = "") -> Figure:
             label=f"transfer: {MODE_LABELS[mode]}",
             gid=f"curve-{mode}",
         )
-    for model, line in (
-        ("physics", "-"),
-        ("own-channels", "-"),
-        ("own-kriging", "--"),
-        ("data-only", "-"),
-    ):
+    for model, line in (("physics", "-"), (best_own(car) or "", "--"), ("data-only", "-")):
         if model in car["models"]:
             axes.axhline(
                 100.0 * car["models"][model]["error"],
@@ -144,7 +145,7 @@ def plot_models(car: Mapping[str, Any], *, note: str = "") -> Figure:
 @styled
 def plot_trips(trips: pd.DataFrame, models: Sequence[str], *, note: str = "") -> Figure:
     """Forecast against measured energy, one panel a model."""
-    figure = new_figure(3.4, "Trip by trip", f"{note}\n{GIVEN}", False)
+    figure = new_figure(3.0, "Trip by trip", f"{note}\n{GIVEN}", False)
     panels = figure.subplots(1, len(models), sharex=True, sharey=True, squeeze=False)[0]
     most = 1.05 * float(trips[["observed_energy_wh", "predicted_energy_wh"]].max().max()) / 1e3
     for axes, model in zip(panels, models, strict=True):
