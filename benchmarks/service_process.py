@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,14 @@ class Service:
 
     def forecast(self, request: Mapping[str, Any]) -> httpx.Response:
         return self.client.post("/v1/forecast", json=request)
+
+
+def wait_for(condition: Callable[[], Any], seconds: float = 20.0) -> bool:
+    """Whether something becomes true in time."""
+    until = time.monotonic() + seconds
+    while not (found := condition()) and time.monotonic() < until:
+        time.sleep(0.05)
+    return bool(found)
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 """Publish an evaluation: ``python docs/publish_results.py [OUT]``, or ``make readme``.
 
-Copies OUT/results.json (scores and findings, no trip data) to docs/results/, as `paper.json` for the protocol
-`paper`, and renews the table of the README from it. OUT is `out` by default; a
+Copies OUT/results.json (scores and findings, no trip data) to docs/results/, as `paper.json` or `forecast.json` by its
+protocol, and renews the table of the README from it. OUT is `out` by default; a
 JSON file, such as the published one itself, or what `python -m benchmarks.planned --json FILE` writes, serves as well.
 """
 

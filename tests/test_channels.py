@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from tripwatt.hybrid import BlockTable, power_corrector
+from tripwatt.hybrid.blocks import DEPARTURE_COLUMNS, LINE_CAUSES
 from tripwatt.hybrid.channels import climate_logged
 from tripwatt.hybrid.climate_log import logged_climate
 
@@ -47,8 +48,6 @@ def table() -> BlockTable:
     trips, blocks = 40, 20
     rows = trips * blocks
     ambient = np.repeat(rng.uniform(-10, 30, trips), blocks)
-    from tripwatt.hybrid.power import DEPARTURE_COLUMNS, LINE_CAUSES
-
     features = {name: rng.uniform(0, 2000, rows) for name in (f"{c}_w" for c in LINE_CAUSES)}
     features |= {name: np.repeat(rng.uniform(0, 30, trips), blocks) for name in DEPARTURE_COLUMNS[:5]}
     features[DEPARTURE_COLUMNS[0]] = ambient

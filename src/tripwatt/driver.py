@@ -265,18 +265,36 @@ def reachable_speed(
     # a(v) = a0 / (1 + v²/h²) gives a0 u = v²/2 + v⁴/(4 h²), which inverts in closed form
     room = position_m
     if effort is not None:
-        room = np.concatenate(([0.0], np.cumsum(effort * np.diff(position_m))))
+        room = np.zeros(len(position_m))
+        np.cumsum(effort * (position_m[1:] - position_m[:-1]), out=room[1:])
     half_squared = style.half_acceleration_speed_m_s**2
     squared = aimed_m_s**2
-    uphill = (squared / 2.0 + squared**2 / (4.0 * half_squared)) / style.acceleration_m_s2
-    uphill = room + np.minimum.accumulate(uphill - room)
+    uphill = squared**2
+    uphill /= 4.0 * half_squared
+    uphill += squared / 2.0
+    uphill /= style.acceleration_m_s2
+    uphill -= room
+    np.minimum.accumulate(uphill, out=uphill)
+    uphill += room
     # the rationalised root of the quadratic, exact also where v << h
-    scaled = 2.0 * style.acceleration_m_s2 * np.maximum(uphill, 0.0)
-    squared = np.minimum(squared, 2.0 * scaled / (1.0 + np.sqrt(1.0 + 2.0 * scaled / half_squared)))
+    scaled = np.maximum(uphill, 0.0, out=uphill)
+    scaled *= 2.0 * style.acceleration_m_s2
+    divisor = 2.0 * scaled
+    divisor /= half_squared
+    divisor += 1.0
+    np.sqrt(divisor, out=divisor)
+    divisor += 1.0
+    scaled *= 2.0
+    scaled /= divisor
+    np.minimum(squared, scaled, out=squared)
     downhill = squared / (2.0 * style.deceleration_m_s2)
-    downhill = np.minimum.accumulate((downhill + room)[::-1])[::-1] - room
-    squared = np.minimum(squared, 2.0 * style.deceleration_m_s2 * np.maximum(downhill, 0.0))
-    return np.asarray(np.sqrt(squared), dtype=np.float64)
+    downhill += room
+    downhill = np.minimum.accumulate(downhill[::-1])[::-1]
+    downhill -= room
+    np.maximum(downhill, 0.0, out=downhill)
+    downhill *= 2.0 * style.deceleration_m_s2
+    np.minimum(squared, downhill, out=squared)
+    return np.sqrt(squared, out=squared)
 
 
 def _route_faults(length: FloatArray, speed: FloatArray, dwell: FloatArray, step_s: float) -> Iterator[Fault]:

@@ -173,6 +173,20 @@ def test_library_names_what_can_be_asked(service: Service, drive: dict[str, Any]
     assert service.forecast(named).json() == service.forecast(drive).json()
 
 
+def test_another_car_is_forecast_with_its_own_physics_and_more_doubt(
+    service: Service, drive: dict[str, Any]
+) -> None:
+    own = service.forecast(drive).json()
+    heavy = service.forecast(drive | {"vehicle": "tesla_model_3_lr"}).json()
+    kinetic = [a["by_cause_wh"]["acceleration"] for a in (heavy, own)]  # the drive ends while the car moves
+    assert kinetic[0] > 1.2 * kinetic[1] > 0.0
+    assert heavy["soc_arrival"] > own["soc_arrival"]  # a larger battery
+    widths = [a["quantiles_wh"]["0.95"] - a["quantiles_wh"]["0.05"] for a in (heavy, own)]
+    assert widths[0] > 1.5 * widths[1]
+    assert "no trip of this car was measured" in heavy["flags"][0]
+    assert not any("no trip of this car" in flag for flag in own["flags"])
+
+
 def test_examples_can_be_forecast_and_replayed(service: Service) -> None:
     for brief in service.client.get("/v1/examples").json()["examples"]:
         found = service.client.get(f"/v1/examples/{brief['trip']}").json()

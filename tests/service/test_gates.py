@@ -6,11 +6,18 @@ import asyncio
 import gzip
 import socket
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
+import httpx
 import orjson
 import pytest
-from benchmarks.service_process import TOKEN, Service, serving
+from benchmarks.service_process import TOKEN, Service, serving, wait_for
+
+from tripwatt.service import worker
+from tripwatt.service.problems import Problem
+from tripwatt.service.settings import Limits
+from tripwatt.service.work import Work
 
 JSON = {"Content-Type": "application/json"}
 
@@ -191,3 +198,35 @@ def test_too_many_at_once_are_turned_away_at_once(strict: Service) -> None:
     assert set(statuses) == {200, 503}
     assert statuses.count(200) >= 2
     assert len({body for status, body in answers if status == 200}) == 1
+
+
+def test_who_leaves_a_batch_leaves_no_work(tmp_path: Path, drive: dict[str, Any]) -> None:
+    """The slots of batches are free again, and the workers too."""
+    body = b"\n".join([orjson.dumps(drive)] * 400)
+    headers = {"Content-Type": "application/x-ndjson"}
+    with serving(tmp_path, "--workers", "1", "--limit", "batches=1") as found:
+
+        def short() -> httpx.Response:
+            return found.client.post("/v1/forecast/batch", content=b"{}", headers=headers)
+
+        for _ in range(3):
+            assert wait_for(lambda: short().status_code == 200)
+            with found.client.stream("POST", "/v1/forecast/batch", content=body, headers=headers) as answer:
+                assert answer.status_code == 200
+                assert orjson.loads(next(answer.iter_lines()))["energy_wh"] > 0.0
+                busy = found.client.post("/v1/forecast/batch", content=body, headers=headers)
+                assert (busy.status_code, busy.headers["retry-after"]) == (503, "5")
+            assert found.forecast(drive).status_code == 200
+            lines = [
+                line for line in found.client.get("/metrics").text.splitlines() if "jobs_waiting " in line
+            ]
+            assert lines[-1].endswith(" 0.0")
+
+
+def test_a_bug_is_a_500_that_tells_nothing_but_the_log() -> None:
+    said: list[dict[str, Any]] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(worker, "json_log", lambda **record: said.append(record))
+        status, document = worker.answer(Work({}, Limits()), {"kind": "no such job"}, b"")
+    assert (status, orjson.loads(document)) == (500, Problem("internal").document())
+    assert "KeyError" in said[0]["traceback"]

@@ -16,7 +16,7 @@ import httpx
 import orjson
 import pytest
 from benchmarks.service_fuzz import fuzz
-from benchmarks.service_process import Service, serving
+from benchmarks.service_process import Service, serving, wait_for
 from benchmarks.service_schema import conformance
 
 from tripwatt.cli.serving import models_of, serve
@@ -43,13 +43,6 @@ def alive(pid: int) -> bool:
         return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
     except FileNotFoundError:
         return False
-
-
-def wait_for(condition: Any, seconds: float = 20.0) -> bool:
-    until = time.monotonic() + seconds
-    while not (found := condition()) and time.monotonic() < until:
-        time.sleep(0.05)
-    return bool(found)
 
 
 def test_it_does_not_start_where_it_would_not_be_safe(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from tripwatt.evaluation.forecast_scores import FRACTIONS, LEVELS, UPDATES
+from tripwatt.evaluation.forecast_scores import FRACTIONS, LEVELS, UPDATE_LEVEL, UPDATES
 from tripwatt.evaluation.forecast_sets import CHARGE_COLUMNS, TRAINING_ONLY, ForecastSet
 from tripwatt.evaluation.protocols import ModelSpec
 from tripwatt.evaluation.results import Evaluation, FoldResult
@@ -326,19 +326,23 @@ def reforecast(forecast: Forecast, log: pd.DataFrame, fraction: float) -> list[f
     cut = fraction * float(planned_series["time_s"].iloc[-1])
     so_far = log[log["time_s"] <= cut]
     if len(so_far) < 2:
-        return [forecast.energy_wh, float("nan"), forecast.energy_wh, forecast.energy_wh]
+        same = forecast.energy_wh
+        return [same, float("nan"), same, same, *forecast.interval(UPDATE_LEVEL)]
     last = so_far.iloc[-1]
     measured = ["time_s", "observed_energy_wh", *(c for c in TOLD_BY if c in so_far)]
-    by_energy = forecast.update(so_far[measured]).energy_wh
+    updated = forecast.update(so_far[measured])
+    low, high = updated.interval(UPDATE_LEVEL)
     charge = [c for c in CHARGE_COLUMNS if c in so_far and so_far[c].notna().any()]
     by_charge = forecast.update(so_far[["time_s", *charge]]).energy_wh if charge else float("nan")
     then = float(np.interp(last["time_s"], planned_series["time_s"], planned_series["energy_wh"]))
     metres, whole = float(last["distance_m"]), float(planned_series["distance_m"].iloc[-1])
     gauge = float(last["observed_energy_wh"]) * whole / metres if metres > 0.0 else forecast.energy_wh
     found = {
-        "update": by_energy,
+        "update": updated.energy_wh,
         "soc_only": by_charge,
         "no_update": float(last["observed_energy_wh"]) + forecast.energy_wh - then,
         "naive_gauge": gauge,
+        "update_low": low,
+        "update_high": high,
     }
     return [found[name] for name in UPDATES]

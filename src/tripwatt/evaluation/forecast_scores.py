@@ -16,8 +16,11 @@ from tripwatt.trips import FloatArray
 
 LEVELS: Final = (0.5, 0.8, 0.9, 0.95)
 FRACTIONS: Final = (0.1, 0.25, 0.5, 0.75)
-UPDATES: Final = ("update", "soc_only", "no_update", "naive_gauge")
+TOTALS: Final = ("update", "soc_only", "no_update", "naive_gauge")
 """Energies of the whole trip after a part of it: re-forecast, the same from the state of charge alone, two baselines."""
+UPDATE_LEVEL: Final = 0.9
+UPDATES: Final = (*TOTALS, "update_low", "update_high")
+"""These, and the bounds of the re-forecast at `UPDATE_LEVEL`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,14 +165,16 @@ def update_scores(observed_wh: FloatArray, energies_wh: FloatArray, seed: int) -
     -------
     dict
         Fraction -> `mape, mape_ci95, no_update, naive_gauge, soc_only` (None without a state of charge),
-        `diff, diff_ci95, significant` against no update, `diff_gauge, diff_gauge_ci95` against the gauge.
+        `diff, diff_ci95, significant` against no update, `diff_gauge, diff_gauge_ci95` against the gauge; `coverage`
+        and mean `interval_width_wh` of the re-forecast's interval of `UPDATE_LEVEL`.
     """
     scores = {}
     for j, fraction in enumerate(FRACTIONS):
         ape = {
             name: absolute_percentage_error(observed_wh, energies_wh[:, j, k])
-            for k, name in enumerate(UPDATES)
+            for k, name in enumerate(TOTALS)
         }
+        low, high = (energies_wh[:, j, UPDATES.index(name)] for name in ("update_low", "update_high"))
         beside = paired_difference(ape["update"], ape["no_update"], seed)
         gauge = paired_difference(ape["update"], ape["naive_gauge"], seed)
         soc = ape["soc_only"][np.isfinite(ape["soc_only"])]
@@ -184,6 +189,8 @@ def update_scores(observed_wh: FloatArray, energies_wh: FloatArray, seed: int) -
             "significant": beside.significant,
             "diff_gauge": gauge.diff,
             "diff_gauge_ci95": gauge.ci95,
+            "coverage": float(np.mean((low <= observed_wh) & (observed_wh <= high))),
+            "interval_width_wh": float(np.mean(high - low)),
         }
     return scores
 

@@ -17,8 +17,8 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.evaluation.results import Evaluation
 from tripwatt.forecast.model import MIN_TRIPS
 from tripwatt.hybrid import BlockTable, IntArray, TripTable, block_table, build_table, planned
+from tripwatt.hybrid.blocks import BLOCK_S, DEPARTURE_COLUMNS, ROUTE_COLUMNS
 from tripwatt.hybrid.climate_log import TOLD_BY
-from tripwatt.hybrid.power import BLOCK_S, DEPARTURE_COLUMNS, ROUTE_COLUMNS
 from tripwatt.physics import simulate_trip
 from tripwatt.trips import Fleet, FloatArray, Trip, observed_cumulative_energy
 from tripwatt.vehicles import Vehicle

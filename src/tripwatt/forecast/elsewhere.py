@@ -18,7 +18,7 @@ from tripwatt.forecast.model import ForecastModel, process_blocks, training_bloc
 from tripwatt.forecast.scale import TAIL_DF, TotalScale
 from tripwatt.forecast.scores import Scores
 from tripwatt.hybrid import BlockTable
-from tripwatt.hybrid.power import DEPARTURE_COLUMNS
+from tripwatt.hybrid.blocks import DEPARTURE_COLUMNS
 from tripwatt.hybrid.transfer import Members
 from tripwatt.trips import FloatArray, Trip
 from tripwatt.vehicles import Vehicle

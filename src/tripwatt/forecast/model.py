@@ -21,7 +21,7 @@ from tripwatt.forecast.process import Blocks, HeldOutResidual, ResidualProcess, 
 from tripwatt.forecast.scale import TotalScale
 from tripwatt.forecast.scores import Scores
 from tripwatt.hybrid import BlockTable, PowerCorrector, block_table, planned, power_corrector
-from tripwatt.hybrid.power import DEPARTURE_COLUMNS
+from tripwatt.hybrid.blocks import DEPARTURE_COLUMNS
 from tripwatt.physics import simulate_trip
 from tripwatt.trips import FloatArray, Trip
 from tripwatt.vehicles import Vehicle

@@ -23,7 +23,7 @@ from tripwatt.forecast.planned import RouteDoubt
 from tripwatt.forecast.process import Channel, ResidualProcess
 from tripwatt.forecast.scale import TotalScale
 from tripwatt.forecast.scores import Scores
-from tripwatt.hybrid.power import BLOCK_S, DEPARTURE_COLUMNS, ROUTE_COLUMNS
+from tripwatt.hybrid.blocks import BLOCK_S, DEPARTURE_COLUMNS, ROUTE_COLUMNS
 from tripwatt.hybrid.stored import (
     Stored,
     corrector_of_parts,

@@ -4,6 +4,7 @@
 is known before departure. In both ``residual = observed - simulated`` and ``predicted = simulated + correction``.
 """
 
+from tripwatt.hybrid.blocks import BLOCK_S, BlockTable, block_table, planned
 from tripwatt.hybrid.correctors import POWER_CORRECTORS, power_corrector
 from tripwatt.hybrid.cumulative import (
     COVARIATES,
@@ -19,13 +20,7 @@ from tripwatt.hybrid.cumulative import (
     TripTable,
     build_table,
 )
-from tripwatt.hybrid.power import (
-    BLOCK_S,
-    BlockTable,
-    PowerCorrector,
-    block_table,
-    planned,
-)
+from tripwatt.hybrid.power import PowerCorrector
 
 __all__ = [
     "BLOCK_S",

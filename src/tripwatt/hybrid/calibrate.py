@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.hybrid.blocks import BlockTable, block_table, planned
 from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
-from tripwatt.hybrid.power import BlockTable, block_table, planned
 from tripwatt.physics import simulate_trip
 from tripwatt.trips import FloatArray, Trip
 from tripwatt.vehicles import Vehicle

@@ -12,11 +12,9 @@ from typing import Final, Self
 
 import numpy as np
 
+from tripwatt.hybrid.blocks import DEPARTURE_COLUMNS, LINE_CAUSES, BlockTable
 from tripwatt.hybrid.power import (
-    DEPARTURE_COLUMNS,
-    LINE_CAUSES,
     TREE_FEATURES,
-    BlockTable,
     EnsembleCorrector,
     KrigingCorrector,
     PowerCorrector,

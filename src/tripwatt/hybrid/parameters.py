@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.hybrid.power import BlockTable, block_table
+from tripwatt.hybrid.blocks import BlockTable, block_table
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.trips import FloatArray, Trip
 from tripwatt.vehicles import Vehicle

@@ -10,14 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.hybrid.blocks import BlockTable
 from tripwatt.hybrid.channels import ChannelCorrector
-from tripwatt.hybrid.power import (
-    BlockTable,
-    EnsembleCorrector,
-    KrigingCorrector,
-    LearnerCorrector,
-    PowerCorrector,
-)
+from tripwatt.hybrid.power import EnsembleCorrector, KrigingCorrector, LearnerCorrector, PowerCorrector
 from tripwatt.hybrid.transfer import Members
 from tripwatt.hybrid.transferred import TransferredCorrector
 from tripwatt.kriging import Part

@@ -28,10 +28,11 @@ from typing import Final
 import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.hybrid.blocks import BlockTable
 from tripwatt.hybrid.channels import ChannelCorrector
 from tripwatt.hybrid.cumulative import IntArray
 from tripwatt.hybrid.parameters import PARAMETERS, Parameter
-from tripwatt.hybrid.power import BlockTable, EnsembleCorrector, KrigingCorrector, PowerCorrector
+from tripwatt.hybrid.power import EnsembleCorrector, KrigingCorrector, PowerCorrector
 from tripwatt.kriging import Part
 from tripwatt.trips import FloatArray
 from tripwatt.vehicles import Vehicle

@@ -8,7 +8,8 @@ from typing import Final, NoReturn
 import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.hybrid.power import BlockTable, less_trip_mean
+from tripwatt.hybrid.blocks import BlockTable
+from tripwatt.hybrid.power import less_trip_mean
 from tripwatt.hybrid.transfer import CarTransfer, Members, Posterior
 from tripwatt.trips import FloatArray
 

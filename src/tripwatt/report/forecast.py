@@ -99,11 +99,16 @@ def forecast_sentences(results: Record) -> list[str]:
         The contract of `results.json`.
     """
     view = View(results)
-    if not view.is_forecast or "coverage" not in _hybrid(view):
+    if not has_forecast(view):
         return []
     widths = _hybrid(view)["interval_width_wh"]
     width = f"Mean width at 90 %: {number(widths['0.9'], 1e-3)} kWh. " if "0.9" in widths else ""
     return [on_forecast_table(view), f"Intervals: {on_coverage(view)} {width}", on_updates(view)]
+
+
+def has_forecast(view: View) -> bool:
+    """Whether these are results of the forecast protocol with the hybrid among the models."""
+    return view.is_forecast and "coverage" in _hybrid(view)
 
 
 def on_coverage(view: View) -> str:
@@ -241,10 +246,10 @@ def on_updates(view: View) -> str:
     return said
 
 
-def _updates(view: View) -> Panel:
-    title, update = "Does a re-forecast get better on the way?", _hybrid(view).get("update")
-    if not update:
-        return Panel("updates", title, NO_HYBRID)
+def updates_table(view: View) -> Table:
+    """Errors and intervals of the re-forecast by the part that was driven, beside the baselines."""
+    update = _hybrid(view)["update"]
+    told = all("coverage" in row for row in update.values())
     rows = tuple(
         (
             f"{100 * float(key):g} %",
@@ -255,10 +260,11 @@ def _updates(view: View) -> Panel:
             span(row["diff_ci95"], 2),
             number(row["soc_only"], 100, 1),
             number(row["naive_gauge"], 100, 1),
+            *((number(row["coverage"], 100, 1), number(row["interval_width_wh"], 1e-3)) if told else ()),
         )
         for key, row in update.items()
     )
-    columns = (
+    columns: tuple[str, ...] = (
         "Part driven",
         "Re-forecast [%]",
         "95 % interval",
@@ -267,13 +273,21 @@ def _updates(view: View) -> Panel:
         "Its 95 % interval",
         "SoC alone [%]",
         "Gauge [%]",
+        *(("Inside 90 % [%]", "Its width [kWh]") if told else ()),
     )
+    return Table(_caption(view, "Mean error of the re-forecast total"), columns, rows)
+
+
+def _updates(view: View) -> Panel:
+    title, update = "Does a re-forecast get better on the way?", _hybrid(view).get("update")
+    if not update:
+        return Panel("updates", title, NO_HYBRID)
     return Panel(
         "updates",
         title,
         on_updates(view),
         figures.plot_updates(update, note=of_evaluation(view.main), synthetic=view.synthetic),
-        tables=(Table(_caption(view, "Mean error of the re-forecast total"), columns, rows),),
+        tables=(updates_table(view),),
         wide=True,
     )
 

@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.report import planned, sentences
+from tripwatt.report import forecast, planned, sentences
 from tripwatt.report.tables import markdown, results_table, sets_table
 from tripwatt.report.view import View
 
 BEGIN: Final = "<!-- results:begin -->"
 END: Final = "<!-- results:end -->"
+FORECAST_BEGIN: Final = "<!-- forecast:begin -->"
+FORECAST_END: Final = "<!-- forecast:end -->"
 
 
 def render_readme_results(results: Mapping[str, Any]) -> str:
@@ -43,6 +45,26 @@ def render_readme_results(results: Mapping[str, Any]) -> str:
     return "\n\n".join(parts)
 
 
+def render_readme_forecast(results: Mapping[str, Any]) -> str:
+    """The forecast's figures as Markdown: what is said of them, every model, the other scheme, and the way there.
+
+    Parameters
+    ----------
+    results : mapping
+        The contract of `results.json`, protocol `forecast`.
+    """
+    view = View(results)
+    parts = [" ".join(forecast.forecast_sentences(results)), markdown(results_table(view, view.main))]
+    if forecast.has_forecast(view):
+        parts.append(markdown(forecast.updates_table(view)))
+    parts.append(markdown(sets_table(view)))
+    parts.append(
+        f"Protocol `forecast`, seed {results.get('seed', '?')}; "
+        "written from `results.json` by `tripwatt.report.update_readme`."
+    )
+    return "\n\n".join(parts)
+
+
 def update_readme(results: Mapping[str, Any], readme_path: Path) -> None:
     """Replace what stands between the markers of a README by the results. The rest stays as it is.
 
@@ -51,15 +73,17 @@ def update_readme(results: Mapping[str, Any], readme_path: Path) -> None:
     results : mapping
         The contract of `results.json`, or what `benchmarks.planned` writes.
     readme_path : Path
-        A file that holds `<!-- results:begin -->` and `<!-- results:end -->`, once each and in this order; for planned
-        routes `<!-- links:begin -->` and `<!-- links:end -->`.
+        A file that holds `<!-- results:begin -->` and `<!-- results:end -->`, once each and in this order; for the
+        protocol `forecast` the same with `forecast`, for planned routes with `links`.
 
     Raises
     ------
     InvalidInput
         When the markers are not there.
     """
-    if results.get("protocol") == "links":
+    if results.get("protocol") == "forecast":
+        opening, closing, shown = FORECAST_BEGIN, FORECAST_END, render_readme_forecast(results)
+    elif results.get("protocol") == "links":
         opening, closing, shown = planned.BEGIN, planned.END, planned.render_links(results)
     else:
         opening, closing, shown = BEGIN, END, render_readme_results(results)

@@ -396,6 +396,8 @@ class _Course:
 
     def _keep_to_limits(self, aim: FloatArray) -> None:
         """Lower speeds at nodes [m/s] to the limits of the links that they lie on."""
+        if not np.isfinite(self.limit).any():
+            return
         cell = self.limit[self.link]
         np.minimum(aim[1:], cell, out=aim[1:])
         np.minimum(aim[:-1], cell, out=aim[:-1])

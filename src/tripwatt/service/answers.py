@@ -74,7 +74,9 @@ class VehicleAnswer(Answer):
     test_mass_kg: float
     usable_energy_wh: float = Field(description="between 0 and 1 of the displayed state of charge [Wh]")
     has_climate: bool = Field(description="whether its heating and cooling are simulated")
-    models: list[str] = Field(description="models that forecast it")
+    models: list[str] = Field(
+        description="models that were fitted on it; others forecast it with much wider bands"
+    )
 
 
 class VehiclesAnswer(Answer):
@@ -108,6 +110,7 @@ class ExampleAnswer(Answer):
     note: str
     duration_s: float
     distance_m: float
+    ambient_temperature_degc: float | None
     observed_energy_wh: float
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -28,7 +28,7 @@ from tripwatt.service.crew import Crew
 from tripwatt.service.gates import Gate
 from tripwatt.service.metrics import Metrics
 from tripwatt.service.packing import Packing
-from tripwatt.service.problems import Problem, invalid
+from tripwatt.service.problems import MEDIA_TYPE, Problem, invalid
 from tripwatt.service.receiving import body_of, require_accepts
 from tripwatt.service.settings import Settings
 
@@ -51,6 +51,11 @@ class Page(StaticFiles):
         lasting = "/assets/" in scope["path"]
         response.headers["Cache-Control"] = "public, max-age=31536000, immutable" if lasting else "no-cache"
         return response
+
+
+def request_id(request: Request) -> str:
+    """The id that the gate gave to a request."""
+    return str(request.scope.get("state", {}).get("request_id", ""))
 
 
 class Stream(StreamingResponse):
@@ -95,7 +100,7 @@ class Api:
         self.metrics = Metrics()
         self.crew = Crew(settings, lambda event, **more: log(event=event, **more))
         self.metrics.follow(lambda: self.crew.waiting, lambda: self.crew.ready, lambda: self.crew.lost)
-        self.batches = 0
+        self.batches = self.bodies = 0
         self.kept: dict[str, bytes] = {}
         places: dict[str, Path | None] = {**settings.models} or {DEFAULT_MODEL: None}
         models = [{"name": name, **load_metadata(folder)} for name, folder in places.items()]
@@ -122,9 +127,6 @@ class Api:
         await self.crew.stop()
 
     def _add_handlers(self) -> None:
-        def request_id(request: Request) -> str:
-            return str(request.scope.get("state", {}).get("request_id", ""))
-
         async def on_problem(request: Request, error: Exception) -> Response:
             assert isinstance(error, Problem)
             return error.response(request_id(request))
@@ -165,11 +167,11 @@ class Api:
 
     async def forecast(self, request: Request) -> Response:
         """Forecast a trip from its speed trace or from a planned road."""
-        return await self._job({"kind": "forecast"}, await self._json(request))
+        return await self._job(request, {"kind": "forecast"}, await self._body(request, (JSON,)))
 
     async def update(self, request: Request) -> Response:
         """Forecast the same trip again from what was measured so far."""
-        return await self._job({"kind": "update"}, await self._json(request))
+        return await self._job(request, {"kind": "update"}, await self._body(request, (JSON,)))
 
     async def batch(self, request: Request) -> Response:
         """Forecast many trips: a request a line in, an answer or a problem a line out, in order."""
@@ -199,11 +201,9 @@ class Api:
         ] = None,
     ) -> Response:
         """Read a route or a trip: GPX, GeoJSON, a router's answer, links, or CSV of samples."""
-        require_accepts(request, JSON)
-        limits = self.settings.limits
-        body = await body_of(request, tuple(openapi.UPLOADS), limits.body_bytes, limits.body_timeout_s)
+        body = await self._body(request, tuple(openapi.UPLOADS))
         speed = speed_m_s if speed_m_s is not None and math.isfinite(speed_m_s) else None
-        return await self._job({"kind": "route", "speed_m_s": speed}, body)
+        return await self._job(request, {"kind": "route", "speed_m_s": speed}, body)
 
     async def get_models(self, request: Request) -> Response:
         """Models that a request may name: what each takes in, where it comes from, how good it was."""
@@ -246,16 +246,25 @@ class Api:
         """Counts for Prometheus."""
         return Response(self.metrics.render(), media_type=CONTENT_TYPE_LATEST)
 
-    async def _json(self, request: Request) -> bytes:
-        require_accepts(request, JSON)
+    async def _body(self, request: Request, media_types: Sequence[str]) -> bytes:
+        """The body of a request for a job, unless there is too much to do anyway."""
         limits = self.settings.limits
-        return await body_of(request, (JSON,), limits.body_bytes, limits.body_timeout_s)
+        require_accepts(request, JSON)
+        if self.crew.waiting >= limits.waiting or self.bodies >= limits.bodies:
+            raise Problem("busy", "try again soon", headers={"Retry-After": "1"})
+        self.bodies += 1
+        try:
+            return await body_of(request, media_types, limits.body_bytes, limits.body_timeout_s)
+        finally:
+            self.bodies -= 1
 
-    async def _job(self, job: dict[str, Any], body: bytes) -> Response:
+    async def _job(self, request: Request, job: dict[str, Any], body: bytes) -> Response:
         reply = await self.crew.run(job, body)
         self.metrics.work.labels(job["kind"]).observe(reply.seconds)
-        media_type = JSON if reply.status == 200 else "application/problem+json"
-        return Response(reply.content, reply.status, media_type=media_type)
+        if reply.status == 200:
+            return Response(reply.content, media_type=JSON)
+        document = {**orjson.loads(reply.content), "instance": request_id(request)}
+        return Response(orjson.dumps(document), reply.status, media_type=MEDIA_TYPE)
 
     async def _kept(self, kind: str) -> bytes:
         """A document that never changes, computed once."""

@@ -82,6 +82,7 @@ def examples() -> dict[str, dict[str, Any]]:
             "note": "synthetic: computed, not driven",
             "duration_s": trip.duration_s,
             "distance_m": trip.distance_m,
+            "ambient_temperature_degc": at_door.get("ambient_temperature_degc"),
             "observed_energy_wh": trip.observed_energy_wh,
             "request": {
                 "trip": trip.trip_id,

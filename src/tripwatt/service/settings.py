@@ -38,6 +38,8 @@ class Limits:
         Most trips of a batch.
     waiting : int
         Most requests that wait for a worker; more are turned away.
+    bodies : int
+        Most bodies that are received at a time, besides batches; more are turned away.
     batches : int
         Most batches at a time; more are turned away.
     timeout_s : float
@@ -57,6 +59,7 @@ class Limits:
     duration_s: float = 12 * 3600.0
     batch: int = 5_000
     waiting: int = 64
+    bodies: int = 128
     batches: int = 2
     timeout_s: float = 20.0
     body_timeout_s: float = 20.0

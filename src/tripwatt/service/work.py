@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -22,6 +22,7 @@ from tripwatt.forecast import (
     trip_to_come,
 )
 from tripwatt.forecast.storage import DEFAULT_MODEL
+from tripwatt.forecast.unmeasured import unmeasured
 from tripwatt.routes import (
     Track,
     is_links_table,
@@ -44,6 +45,7 @@ from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import canonical_of_text
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import Trip
+from tripwatt.vehicles import load_vehicle, vehicle_names
 
 ROUTE_STARTS: Final = (b"<", b"{", b"[", b"\xff", b"\xfe")
 """First bytes of XML, of JSON, and of UTF-16."""
@@ -55,6 +57,8 @@ class Work:
 
     models: Mapping[str, ForecastModel]
     limits: Limits
+    elsewhere: dict[tuple[str, str], ForecastModel] = field(default_factory=dict)
+    """Models on other cars of the library than their own, made when they are first asked for."""
 
     @classmethod
     def of(cls, folders: Mapping[str, Path], limits: Limits) -> Work:
@@ -97,19 +101,27 @@ class Work:
         return _sound(answer_of(found.update(since_departure(observed, trip)), asked.reserve))
 
     def _forecast(self, asked: ForecastRequest) -> tuple[Forecast, Trip]:
-        model = self._model(asked)
+        model, notes = self._model(asked)
         trip = self._trip(asked)
-        return model.forecast(trip), trip
+        found = model.forecast(trip)
+        return replace(found, flags=(*notes, *found.flags)), trip
 
-    def _model(self, asked: ForecastRequest) -> ForecastModel:
+    def _model(self, asked: ForecastRequest) -> tuple[ForecastModel, tuple[str, ...]]:
+        """The model that is asked for, on the car that is asked for, and what has to be said of that."""
         name = next(iter(self.models)) if asked.model is None else asked.model
         if name not in self.models:
             raise InvalidInput(Fault("no such model", "model", repr(name), ", ".join(self.models)))
         model = self.models[name]
-        if asked.vehicle not in (None, model.vehicle.name):
-            got, allowed = repr(asked.vehicle), f"{model.vehicle.name}, which the model was fitted on"
-            raise InvalidInput(Fault("the model is of another car", "vehicle", got, allowed))
-        return model
+        if asked.vehicle in (None, model.vehicle.name):
+            return model, ()
+        if asked.vehicle not in vehicle_names():  # a name of the library and nothing else, never a file
+            raise InvalidInput(
+                Fault("no such car", "vehicle", repr(asked.vehicle), ", ".join(vehicle_names()))
+            )
+        if (name, asked.vehicle) not in self.elsewhere:
+            self.elsewhere[name, asked.vehicle] = unmeasured(model, load_vehicle(asked.vehicle))
+        said = f"no trip of this car was measured: its book values, and what was learned on a {model.vehicle.title}"
+        return self.elsewhere[name, asked.vehicle], (said,)
 
     def _trip(self, asked: ForecastRequest) -> Trip:
         known = {name: getattr(asked, name) for name in DEPARTURE}

@@ -10,6 +10,7 @@ import os
 import signal
 import sys
 import time
+import traceback
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.service.bodies import NotJson
 from tripwatt.service.frames import packed, read_frame
 from tripwatt.service.problems import Problem, invalid
+from tripwatt.service.serving import json_log
 from tripwatt.service.settings import Limits
 from tripwatt.service.work import Work
 
@@ -37,8 +39,8 @@ def answer(work: Work, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
         problem = Problem("not-json", str(error))
     except InvalidInput as error:
         problem = invalid(error.faults)
-    except Exception as error:  # the caller gets no traceback, the log does
-        sys.excepthook(type(error), error, error.__traceback__)
+    except Exception as error:  # who asks gets no traceback, the log does
+        json_log(event="bug", kind=job["kind"], traceback="".join(traceback.format_exception(error)))
         problem = Problem("internal")
     return problem.status, orjson.dumps(problem.document())
 

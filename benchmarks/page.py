@@ -1,0 +1,130 @@
+"""The page in a real browser: how fast the picture follows a slider, its size, and what axe says.
+
+`python -m benchmarks.page` prints the figures as JSON. It needs chromium.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+import tripwatt.service
+from benchmarks.service_process import serving
+
+CHROMIUM: Final = ("chromium", "chromium-browser", "google-chrome")
+SIZES: Final = {"desktop": (1440, 900), "phone": (390, 844)}
+SCHEMES: Final = ("light", "dark")
+MODES: Final = ("Plan", "Compare", "Drive")
+SHOWN: Final = ".result .plot canvas"
+MOVES: Final = 60
+REST_MS: Final = 60
+
+FOLLOW: Final = """
+([label, by]) => new Promise((resolve, reject) => {
+  const slider = [...document.querySelectorAll("input[type=range]")]
+    .find((input) => input.labels[0].textContent === label);
+  const canvas = document.querySelector(".result .plot canvas");
+  const brush = canvas.getContext("2d");
+  const pixels = () => {
+    let sum = 7;
+    const data = new Uint32Array(brush.getImageData(0, 0, canvas.width, canvas.height).data.buffer);
+    for (let k = 0; k < data.length; k += 3) sum = (Math.imul(sum, 31) + data[k]) | 0;
+    return sum;
+  };
+  const before = pixels();
+  const start = performance.now();
+  slider.valueAsNumber += by;
+  slider.dispatchEvent(new Event("input", { bubbles: true }));
+  const look = () => {
+    if (pixels() !== before) resolve(performance.now() - start);
+    else if (performance.now() - start > 5000) reject(new Error("the picture does not follow"));
+    else requestAnimationFrame(look);
+  };
+  requestAnimationFrame(look);
+})
+"""
+"""Moves a slider and tells after how many milliseconds the pixels of the battery chart are others."""
+
+
+def chromium() -> str | None:
+    """Where the browser is."""
+    return next(filter(None, map(shutil.which, CHROMIUM)), None)
+
+
+@contextmanager
+def browsing() -> Iterator[Any]:
+    """A browser. While it lives, this thread has a running event loop."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        # without a user of its own, chromium's sandbox refuses to start
+        found = playwright.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
+        yield found
+        found.close()
+
+
+def context_of(browser: Any, size: str, scheme: str) -> Any:
+    """A fresh reader with nothing remembered."""
+    width, height = SIZES[size]
+    phone = size == "phone"
+    return browser.new_context(
+        viewport={"width": width, "height": height},
+        color_scheme=scheme,
+        locale="de-DE",
+        is_mobile=phone,
+        has_touch=phone,
+        reduced_motion="reduce",
+    )
+
+
+def follow_times(page: Any, moves: int) -> list[float]:
+    """How long the picture takes to follow, a value a move [ms]."""
+    times = []
+    for k in range(moves):
+        times.append(float(page.evaluate(FOLLOW, ["Outside", -2 if k % 2 else 2])))
+        page.wait_for_timeout(REST_MS)
+    return times
+
+
+def violations(page: Any) -> list[tuple[str, str]]:
+    """What axe-core finds on the page as it is: impact and rule."""
+    from axe_playwright_python.sync_playwright import Axe
+
+    return [(v["impact"], v["id"]) for v in Axe().run(page).response["violations"]]
+
+
+def measure() -> dict[str, Any]:
+    """All figures."""
+    folder = Path(tripwatt.service.__file__).with_name("page")
+    files = {f.relative_to(folder).as_posix(): f.stat().st_size for f in folder.rglob("*") if f.is_file()}
+    found: dict[str, Any] = {"bundle_bytes": files, "bundle_total_bytes": sum(files.values())}
+    with tempfile.TemporaryDirectory() as logs, serving(Path(logs)) as service, browsing() as browser:
+        for size in SIZES:
+            for scheme in SCHEMES:
+                page = context_of(browser, size, scheme).new_page()
+                page.goto(service.url)
+                page.wait_for_selector(SHOWN)
+                for mode in MODES:
+                    page.get_by_role("radio", name=mode).check()
+                    page.wait_for_timeout(300)
+                    at = f"{size} {scheme} {mode.lower()}"
+                    found.setdefault("axe", {})[at] = violations(page)
+                    if mode != "Drive" and scheme == "light":
+                        times = np.array(follow_times(page, MOVES))
+                        quantiles = {
+                            f"p{q}_ms": round(float(np.percentile(times, q)), 1) for q in (50, 95, 100)
+                        }
+                        found.setdefault("slider", {})[at] = quantiles
+                page.context.close()
+    return found
+
+
+if __name__ == "__main__":
+    print(json.dumps(measure(), indent=2))

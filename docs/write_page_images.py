@@ -1,0 +1,81 @@
+"""Pictures of the page for the docs: `python docs/write_page_images.py`. Needs chromium and the extra `dev`."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+ROOT: Final = Path(__file__).resolve().parent.parent
+IMAGES: Final = ROOT / "docs" / "images"
+sys.path.insert(0, str(ROOT))
+
+from benchmarks.page import SHOWN, browsing, context_of  # noqa: E402
+from benchmarks.service_process import serving  # noqa: E402
+
+SETTLE_MS: Final = 700
+MOMENTS: Final = 40
+HEIGHTS: Final = {"desktop": 1000, "phone": 1180}
+WIDTHS: Final = {"desktop": 1360, "phone": 390}
+
+
+def _check(page: Any, name: str) -> None:
+    page.get_by_role("radio", name=name).check()
+
+
+def _plan(page: Any) -> None:
+    page.get_by_role("slider", name="Battery at departure", exact=True).fill("55")
+
+
+def _compare(page: Any) -> None:
+    _check(page, "Compare")
+    page.get_by_role("button", name="Cabin").click()
+
+
+def _motorway(page: Any) -> None:
+    _check(page, "Links")
+    page.get_by_role("button", name="Try with an example").click()
+    page.get_by_text("73 links").wait_for()
+    _check(page, "Compare")
+    page.get_by_role("button", name="Motorway speed").click()
+
+
+def _drive(page: Any, share: float) -> None:
+    _check(page, "Drive")
+    car = page.get_by_role("slider", name="The car along the trip")
+    for k in range(1, int(MOMENTS * share) + 1):
+        with page.expect_response(lambda answer: answer.url.endswith("/update")):
+            car.fill(str(round(200 * k / MOMENTS)))
+
+
+PICTURES: Final[dict[str, tuple[str, str, bool, Callable[[Any], None]]]] = {
+    "page-plan-desktop-light": ("desktop", "light", False, _plan),
+    "page-plan-desktop-dark": ("desktop", "dark", False, _plan),
+    "page-compare-desktop-light": ("desktop", "light", True, _motorway),
+    "page-drive-desktop-dark": ("desktop", "dark", True, lambda page: _drive(page, 0.6)),
+    "page-plan-phone-light": ("phone", "light", False, _plan),
+    "page-compare-phone-dark": ("phone", "dark", False, _compare),
+    "page-drive-phone-dark": ("phone", "dark", False, lambda page: _drive(page, 1.0)),
+}
+
+
+def main() -> None:
+    """Write all pictures."""
+    with tempfile.TemporaryDirectory() as logs, serving(Path(logs)) as service, browsing() as browser:
+        for name, (size, scheme, whole, act) in PICTURES.items():
+            page = context_of(browser, size, scheme).new_page()
+            page.set_viewport_size({"width": WIDTHS[size], "height": HEIGHTS[size]})
+            page.goto(service.url)
+            page.wait_for_selector(SHOWN)
+            act(page)
+            page.wait_for_timeout(SETTLE_MS)
+            page.evaluate("() => { document.activeElement.blur(); scrollTo(0, 0); }")
+            page.wait_for_timeout(SETTLE_MS)
+            page.screenshot(path=IMAGES / f"{name}.png", full_page=whole)
+            page.context.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,254 @@
+"""A trip as a departure knows it, cut into short blocks: the rows on which residual power is learned.
+
+`planned` reduces a logged trip to what a driver knows at the door: the speed trace and road of the trip to come, and
+every other signal as its first raw sample says. Everything after that (simulation, features, forecast) sees nothing
+else, so nothing measured on the way can leak into a departure forecast.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.hybrid.climate_log import logged_climate
+from tripwatt.hybrid.cumulative import IntArray
+from tripwatt.physics import Simulation, simulate_trip
+from tripwatt.trips import FloatArray, Trip, block_means, resample
+from tripwatt.units import SECONDS_PER_HOUR
+from tripwatt.vehicles import Vehicle
+
+BLOCK_S: Final = 30.0
+"""Length of the blocks: a few changes of speed, so that the residual is about the car and not about its timing."""
+
+ROUTE_COLUMNS: Final = ("time_s", "speed_m_s", "elevation_m", "grade")
+DEPARTURE_COLUMNS: Final = (
+    "ambient_temperature_degc",
+    "cabin_temperature_degc",
+    "cabin_setpoint_degc",
+    "battery_temperature_degc",
+    "soc",
+    "displayed_soc",
+)
+LINE_CAUSES: Final = (
+    "air",
+    "rolling",
+    "climb",
+    "acceleration",
+    "friction_brakes",
+    "drivetrain",
+    "base_load",
+    "hvac",
+)
+"""Causes whose simulated power the correctors may scale; `shortfall` is no property of the car."""
+
+
+def planned(trip: Trip, *, step_s: float = 1.0) -> Trip:
+    """What is known of a trip at departure: its speed trace and road, and the first raw sample of the rest.
+
+    Parameters
+    ----------
+    trip : Trip
+        Raw samples. Measured columns other than those of `DEPARTURE_COLUMNS` are dropped.
+    step_s : float
+        Block means of the speed trace [s].
+
+    Returns
+    -------
+    Trip
+        Columns of `ROUTE_COLUMNS` as block means, of `DEPARTURE_COLUMNS` as constants; no measured energy.
+    """
+    route = {c: trip.array(c) for c in ROUTE_COLUMNS if c in trip}
+    n_blocks, columns = block_means(route["time_s"] - route["time_s"][0], route, step_s)
+    for name in DEPARTURE_COLUMNS:
+        if name in trip:
+            columns[name] = np.full(n_blocks, trip.array(name)[0])
+    return Trip(trip.trip_id, _frame(columns), trip.context, step_s=step_s)
+
+
+def _frame(columns: Mapping[str, FloatArray]) -> pd.DataFrame:
+    """A table of numbers, each column contiguous; much faster than column by column."""
+    return pd.DataFrame(np.array(list(columns.values())).T, columns=_names(tuple(columns)))
+
+
+@lru_cache(maxsize=64)
+def _names(columns: tuple[str, ...]) -> pd.Index:
+    return pd.Index(columns, dtype=object)  # looked up many times, which a string index is slow at
+
+
+@dataclass(frozen=True, eq=False)
+class BlockTable:
+    """Blocks of trips as one flat table: rows of trip i are ``offsets[i]:offsets[i + 1]``.
+
+    Attributes
+    ----------
+    trip_ids : tuple of str
+    offsets : ndarray of int, shape (trips + 1,)
+    features : DataFrame, (rows, features)
+        Known before departure; NaN where unknown.
+    hours : ndarray, shape (rows,)
+        Length of each block [h].
+    simulated_w : ndarray, shape (rows,)
+    observed_w : ndarray or None, shape (rows,)
+        Measured power at the battery terminals.
+    observed_hvac_w : ndarray or None, shape (rows,)
+        Measured power of climate control; NaN where it was not logged.
+    """
+
+    trip_ids: tuple[str, ...]
+    offsets: IntArray
+    features: pd.DataFrame
+    hours: FloatArray
+    simulated_w: FloatArray
+    observed_w: FloatArray | None = None
+    observed_hvac_w: FloatArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.trip_ids)
+
+    @property
+    def groups(self) -> IntArray:
+        """Index of the trip that each row belongs to, shape (rows,)."""
+        return np.repeat(np.arange(len(self), dtype=np.int64), np.diff(self.offsets))
+
+    @property
+    def observed_power_w(self) -> FloatArray:
+        """Measured power [W], shape (rows,); refuses a table without it."""
+        if self.observed_w is None:
+            raise InvalidInput(
+                Fault("no measured energy", "trips", "none", "voltage and current of each trip")
+            )
+        return self.observed_w
+
+    @property
+    def residual_w(self) -> FloatArray:
+        """Observed minus simulated power [W], shape (rows,)."""
+        return self.observed_power_w - self.simulated_w
+
+    @property
+    def climate_residual_w(self) -> FloatArray:
+        """Observed minus simulated power of climate control [W], shape (rows,); NaN where it was not logged."""
+        if self.observed_hvac_w is None:
+            return np.full(len(self.hours), np.nan)
+        return np.asarray(self.observed_hvac_w - self.features["hvac_w"].to_numpy())
+
+    def take(self, members: Sequence[int] | IntArray) -> BlockTable:
+        """The table of some of the trips. O(their rows)."""
+        index = np.asarray(members, dtype=np.int64)
+        rows = np.concatenate([np.arange(self.offsets[i], self.offsets[i + 1]) for i in index])
+        return BlockTable(
+            trip_ids=tuple(self.trip_ids[i] for i in index),
+            offsets=np.concatenate(([0], np.cumsum(np.diff(self.offsets)[index]))),
+            features=self.features.iloc[rows].reset_index(drop=True),
+            hours=self.hours[rows],
+            simulated_w=self.simulated_w[rows],
+            observed_w=None if self.observed_w is None else self.observed_w[rows],
+            observed_hvac_w=None if self.observed_hvac_w is None else self.observed_hvac_w[rows],
+        )
+
+    def totals_wh(self, power_w: FloatArray) -> FloatArray:
+        """Energy of each trip [Wh] of a power at each row, shape (trips,)."""
+        return np.add.reduceat(power_w * self.hours, self.offsets[:-1])
+
+    @classmethod
+    def join(cls, tables: Sequence[BlockTable]) -> BlockTable:
+        """One table of several."""
+        observed = [t.observed_w for t in tables]
+        climate = [
+            np.full(len(t.hours), np.nan) if t.observed_hvac_w is None else t.observed_hvac_w for t in tables
+        ]
+        return cls(
+            trip_ids=tuple(i for t in tables for i in t.trip_ids),
+            offsets=np.concatenate(([0], np.cumsum([len(t.hours) for t in tables]))).astype(np.int64),
+            features=pd.concat([t.features for t in tables], ignore_index=True),
+            hours=np.concatenate([t.hours for t in tables]),
+            simulated_w=np.concatenate([t.simulated_w for t in tables]),
+            observed_w=None
+            if any(o is None for o in observed)
+            else np.concatenate([o for o in observed if o is not None]),
+            observed_hvac_w=None
+            if all(t.observed_hvac_w is None for t in tables)
+            else np.concatenate(climate),
+        )
+
+
+def block_table(
+    plan: Trip, simulation: Simulation, measured: Trip | None = None, *, block_s: float = BLOCK_S
+) -> BlockTable:
+    """Blocks of one trip, from its plan and simulation; with the measured power where there is a measured trip.
+
+    Parameters
+    ----------
+    plan : Trip
+        From `planned`.
+    simulation : Simulation
+        Of the plan.
+    measured : Trip, optional
+        The raw trip; its cumulative energy is read at the ends of the blocks.
+    """
+    time = plan.array("time_s")
+    step = np.diff(time, prepend=time[0] - np.median(np.diff(time)))
+    block = np.minimum(
+        np.floor((time - time[0]) / block_s).astype(np.int64),
+        max(int((time[-1] - time[0]) // block_s - 0.5), 0),
+    )
+    n = int(block[-1]) + 1
+    seconds = np.asarray(np.bincount(block, step, n), dtype=np.float64)
+
+    def mean(values: FloatArray) -> FloatArray:
+        return np.bincount(block, values * step, n) / seconds
+
+    speed = plan.array("speed_m_s")
+    features: dict[str, Any] = {
+        "simulated_w": mean(simulation.battery_power_w),
+        **{f"{cause}_w": mean(simulation.power_by_cause_w[cause]) for cause in LINE_CAUSES},
+        "moved_w": mean(np.abs(simulation.wheel_power_w)),
+        "speed_m_s": mean(speed),
+        "speed_change_m_s2": mean(np.abs(np.diff(speed, prepend=speed[0])) / np.maximum(step, 1e-9)),
+        "time_s": mean(time - time[0]),
+        "trip_speed_m_s": float((speed * step).sum() / step.sum()),
+        "payload_mass_kg": plan.context.payload_mass_kg,
+    }
+    for name in DEPARTURE_COLUMNS[:5]:
+        features[name] = float(plan.array(name)[0]) if name in plan else np.nan
+    if not np.isfinite(features["cabin_setpoint_degc"]):
+        setpoint = plan.context.cabin_setpoint_degc
+        features["cabin_setpoint_degc"] = np.nan if setpoint is None else setpoint
+    features["winter"] = {"winter": 1.0, "summer": 0.0}.get(plan.context.season or "", np.nan)
+    return BlockTable(
+        trip_ids=(plan.trip_id,),
+        offsets=np.array([0, n]),
+        features=_frame({name: np.broadcast_to(values, n) for name, values in features.items()}),
+        hours=seconds / SECONDS_PER_HOUR,
+        simulated_w=np.asarray(features["simulated_w"]),
+        observed_w=None if measured is None else _measured_power(measured, block, plan, seconds),
+        observed_hvac_w=None if measured is None else _measured_climate(measured, seconds),
+    )
+
+
+def _measured_power(measured: Trip, block: IntArray, plan: Trip, seconds: FloatArray) -> FloatArray | None:
+    """Mean measured power of each block [W]; the blocks' energies add up to the trip's energy."""
+    step_s = plan.step_s or float(np.median(np.diff(plan.array("time_s"))))
+    raw = measured if measured.step_s is not None else resample(measured, step_s)
+    if "observed_energy_wh" not in raw:
+        return None
+    cumulative = raw.array("observed_energy_wh")
+    ends = np.append(np.flatnonzero(np.diff(block)), len(block) - 1)
+    return np.asarray(np.diff(cumulative[ends], prepend=0.0) / (seconds / SECONDS_PER_HOUR))
+
+
+def _measured_climate(measured: Trip, seconds: FloatArray) -> FloatArray | None:
+    """Mean measured power of climate control in each block [W]; None when it was not logged."""
+    start = float(measured.array("time_s")[0])
+    return logged_climate(measured.samples, start + np.concatenate(([0.0], np.cumsum(seconds))))
+
+
+def trip_blocks(trip: Trip, vehicle: Vehicle, *, with_energy: bool = True) -> BlockTable:
+    """Blocks of a logged trip: plan, simulate, cut."""
+    plan = planned(trip)
+    return block_table(plan, simulate_trip(vehicle, plan), trip if with_energy else None)

@@ -1,0 +1,66 @@
+"""A real browser that looks at the page of a real service."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from benchmarks.page import SHOWN, browsing, chromium, context_of
+from benchmarks.service_process import TOKEN, Service, serving
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    with serving(tmp_path_factory.mktemp("page"), "--workers", "1", token=TOKEN) as found:
+        found.client.headers["Authorization"] = f"Bearer {TOKEN}"
+        yield found
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """For a module, not for the session: while it lives, this thread has a running event loop."""
+    if chromium() is None:
+        pytest.skip("no chromium: install Debian's package of that name (as root, `make browser` does)")
+    pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with browsing() as found:
+        yield found
+
+
+@pytest.fixture
+def look(browser: Any, service: Service) -> Iterator[Callable[..., Any]]:
+    """Opens the page. At the end: it said nothing on the console, and spoke to nobody but its service."""
+    contexts, said, strangers = [], [], []
+    allowed: list[str] = []
+
+    def open_page(
+        size: str = "desktop",
+        scheme: str = "light",
+        expect: str = "",
+        stranger: bool = False,
+    ) -> Any:
+        context = context_of(browser, size, scheme)
+        contexts.append(context)
+        context.set_default_timeout(10_000)
+        if not stranger:
+            context.add_init_script(f"sessionStorage.setItem('tripwatt.token', '{TOKEN}')")
+        page = context.new_page()
+        if expect:
+            allowed.append(expect)
+        page.on("console", lambda message: said.append(f"{message.type}: {message.text}"))
+        page.on("pageerror", lambda error: said.append(f"error: {error}"))
+        page.on(
+            "request",
+            lambda request: (
+                strangers.append(request.url) if not request.url.startswith(service.url) else None
+            ),
+        )
+        page.goto(service.url)
+        page.wait_for_selector("dialog[open]" if stranger else SHOWN)
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+    assert [text for text in said if not any(part in text for part in allowed)] == []
+    assert strangers == []

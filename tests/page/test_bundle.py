@@ -1,0 +1,58 @@
+"""The bundle in the package is what the sources in web/ build, and nothing of it comes from elsewhere."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+import tripwatt.service
+
+WEB = Path(__file__).resolve().parents[2] / "web"
+PAGE = Path(tripwatt.service.__file__).with_name("page")
+SOURCES = ("build.mjs", "icon.svg", "index.html", "package-lock.json", "package.json", "src", "tsconfig.json")
+LARGEST_BYTES = 400_000
+
+
+@pytest.fixture(scope="module")
+def manifest() -> dict:
+    return json.loads((PAGE / "manifest.json").read_text())
+
+
+def test_built_from_the_sources_that_are_here(manifest: dict) -> None:
+    files = [f for name in SOURCES for f in [WEB / name, *(WEB / name).rglob("*")] if f.is_file()]
+    digest = hashlib.sha256()
+    for name, file in sorted((file.relative_to(WEB).as_posix(), file) for file in files):
+        content = file.read_bytes()
+        digest.update(f"{name}\n{len(content)}\n".encode() + content)
+    assert manifest["sources_sha256"] == digest.hexdigest(), "web/ has changed: run `make page`"
+
+
+def test_files_are_those_that_were_built(manifest: dict) -> None:
+    found = {file.relative_to(PAGE).as_posix(): file for file in PAGE.rglob("*") if file.is_file()}
+    del found["manifest.json"]
+    assert found.keys() == manifest["files"].keys()
+    for name, file in found.items():
+        assert manifest["files"][name]["sha256"] == hashlib.sha256(file.read_bytes()).hexdigest(), name
+    assert sum(file.stat().st_size for file in found.values()) < LARGEST_BYTES
+
+
+def test_nothing_inline_and_nobody_else() -> None:
+    index = (PAGE / "index.html").read_text()
+    assert re.findall(r"<script(?![^>]*\bsrc=)", index) == []
+    assert "<style" not in index
+    assert re.findall(r"\s(?:style|on\w+)=", index) == []
+    for file in [PAGE / "index.html", *PAGE.glob("assets/*.[cj]s*")]:
+        hosts = set(re.findall(r"https?://([\w.-]+)", file.read_text()))
+        assert hosts <= {"www.w3.org"}, file.name  # names of XML, not addresses
+        assert "sourceMappingURL" not in file.read_text()
+
+
+def test_everything_shipped_has_its_licence() -> None:
+    shipped = json.loads((WEB / "package.json").read_text())["dependencies"]
+    licences = (PAGE / "licences.txt").read_text()
+    for name, version in shipped.items():
+        assert f"{name} {version} (" in licences

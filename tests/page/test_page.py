@@ -1,0 +1,274 @@
+"""The page in a real browser."""
+
+from __future__ import annotations
+
+import re
+import statistics
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from benchmarks.page import follow_times
+from benchmarks.service_process import TOKEN, Service
+
+from tripwatt.synthetic import example_trip
+
+Look = Callable[..., Any]
+
+FOLLOWS_WITHIN_MS = 200.0
+MOVES = 9
+
+
+def headline(page: Any) -> int:
+    return int(re.sub(r"\D", "", page.locator(".arrival .number").inner_text()))
+
+
+def slider(page: Any, name: str) -> Any:
+    return page.get_by_role("slider", name=name, exact=True)
+
+
+def mode(page: Any, name: str) -> None:
+    page.get_by_role("radio", name=name).check()
+
+
+def asked(page: Any, path: str, act: Callable[[], Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What the page sent to `path` when it was acted on, and what it got."""
+    with page.expect_response(lambda answer: answer.url.endswith(path) and answer.ok) as found:
+        act()
+    return found.value.request.post_data_json, found.value.json()
+
+
+def gpx(step_s: float = 1.0) -> bytes:
+    """Ten minutes at 15 m/s to the north, over a hill."""
+    points = []
+    for time in np.arange(0.0, 600.0 + step_s, step_s):
+        latitude, height = 48.0 + time * 15.0 / 111_195.0, 500.0 + 30.0 * np.sin(time / 100.0)
+        stamp = f"2024-01-01T10:{int(time // 60):02d}:{time % 60:06.3f}Z"
+        points.append(
+            f'<trkpt lat="{latitude:.7f}" lon="11"><ele>{height:.1f}</ele><time>{stamp}</time></trkpt>'
+        )
+    head = '<gpx version="1.1" creator="test" xmlns="http://www.topografix.com/GPX/1/1"><trk><trkseg>'
+    return f"{head}{''.join(points)}</trkseg></trk></gpx>".encode()
+
+
+def upload(page: Any, name: str, content: bytes) -> None:
+    mode(page, "Upload")
+    page.locator("input[type=file]").set_input_files(
+        {"name": name, "mimeType": "application/octet-stream", "buffer": content}
+    )
+
+
+@pytest.mark.parametrize("size", ["desktop", "phone"])
+def test_loads_and_says_what_the_service_said(look: Look, service: Service, size: str) -> None:
+    page = look(size)
+    sent, answer = asked(page, "/v1/forecast", lambda: slider(page, "Outside").press("ArrowLeft"))
+    page.wait_for_timeout(100)
+    assert headline(page) == round(100 * answer["soc_arrival"])
+    assert page.locator(".mark-arrival").inner_text() == f"{answer['soc_arrival'] * 100:.0f} %"
+    assert answer["given"] in page.locator(".given").inner_text()
+    energy = page.locator(".stats dd").first.inner_text()
+    assert energy.startswith(f"{answer['energy_wh'] / 1000:.2f}")
+    assert service.forecast(sent).json() == answer
+    overflow = page.evaluate("document.documentElement.scrollWidth - innerWidth")
+    assert overflow <= 0
+
+
+@pytest.mark.parametrize("when", ["Plan", "Compare"])
+def test_picture_follows_the_slider(look: Look, when: str) -> None:
+    page = look(expect="Canvas2D: Multiple readback")  # the test's own doing
+    mode(page, when)
+    page.wait_for_timeout(300)
+    times = follow_times(page, MOVES)
+    assert statistics.median(times) <= FOLLOWS_WITHIN_MS, times
+
+
+def test_colder_takes_more_and_the_chance_is_said(look: Look) -> None:
+    page = look()
+    before = headline(page)
+    _, answer = asked(page, "/v1/forecast", lambda: slider(page, "Outside").fill("-15"))
+    assert page.get_by_role("list", name="Warnings").inner_text().count("beyond the trips") == 1
+    assert headline(page) < before
+    _, answer = asked(page, "/v1/forecast", lambda: slider(page, "Reserve to keep").fill("47"))
+    chance = answer["p_arrive"]["0.47"]
+    said = page.locator(".chance").inner_text()
+    assert "47" in said
+    assert ("more than 99" in said) or ("fewer than 1" in said) or f"{round(chance * 100)} in 100" in said
+    page.wait_for_function("() => document.querySelector('[role=status]').innerText.includes('on arrival')")
+
+
+def test_causes_add_up(look: Look) -> None:
+    page = look()
+    cells = page.locator(".causes tbody .value").all_inner_texts()
+    parts = [float(text.replace("−", "-")) for text in cells]
+    total = float(page.locator(".causes tfoot .value").inner_text())
+    assert sum(parts) == pytest.approx(total, abs=0.01 * len(parts))
+    boxes = [row.bounding_box() for row in page.locator(".causes tbody .picture span").all()]
+    for (above, part), (below, _) in pairwise(zip(boxes, parts, strict=True)):
+        end = above["x"] + above["width"] if part > 0 else above["x"]
+        assert min(abs(below["x"] - end), abs(below["x"] + below["width"] - end)) < 4.0
+
+
+@pytest.mark.parametrize(("step_s", "given"), [(1.0, "the driven speed trace"), (60.0, "a planned route")])
+def test_uploads_a_gpx(look: Look, step_s: float, given: str) -> None:
+    page = look()
+    sent, answer = asked(page, "/v1/forecast", lambda: upload(page, "morning.gpx", gpx(step_s)))
+    assert answer["given"] == given
+    assert ("links" in sent) == (step_s > 5)
+    page.get_by_text("morning.gpx").wait_for()
+    assert answer["series"]["distance_m"][-1] == pytest.approx(9000.0, rel=0.02)
+    assert "9.0" in page.locator(".stats").last.inner_text()
+    assert page.get_by_role("radio", name="Drive").is_disabled()
+
+
+def test_uploads_a_log_and_drives_it(look: Look) -> None:
+    page = look()
+    table = example_trip().iloc[:400].to_csv(index=False).encode()
+    sent, answer = asked(page, "/v1/forecast", lambda: upload(page, "log.csv", table))
+    assert answer["given"] == "the driven speed trace"
+    assert len(sent["samples"]["time_s"]) == 400
+    mode(page, "Drive")
+    _, answer = asked(page, "/update", lambda: slider(page, "The car along the trip").press("End"))
+    assert answer["measured_until_s"] == pytest.approx(sent["samples"]["time_s"][-1])
+
+
+def test_a_wrong_upload_is_said_where_it_was_made(look: Look) -> None:
+    page = look(expect="422")
+    upload(page, "wrong.gpx", b"<!DOCTYPE gpx [<!ENTITY a 'b'>]><gpx>&a;</gpx>")
+    fault = page.locator(".trip .faults")
+    fault.wait_for()
+    assert "document type" in fault.inner_text().lower() or "doctype" in fault.inner_text().lower()
+    assert page.get_by_role("alert").is_visible()
+    page.get_by_role("button", name="Close").click()
+    page.get_by_role("alert").wait_for(state="detached")
+    assert headline(page) > 0
+
+
+def test_a_wrong_link_is_named(look: Look) -> None:
+    page = look(expect="422")
+    mode(page, "Links")
+    page.get_by_role("textbox").fill('[{"length_m": -5, "speed_m_s": 10}, {"length_m": 500}]')
+    page.get_by_role("button", name="Use these links").click()
+    page.locator(".trip .faults li").nth(1).wait_for()
+    faults = page.locator(".trip .faults li").all_inner_texts()
+    assert "length_m" in faults[0]
+    assert "travel_time_s" in faults[1]
+
+
+def test_compares_two_speeds_on_the_motorway(look: Look) -> None:
+    page = look()
+    mode(page, "Links")
+    page.get_by_role("button", name="Try with an example").click()
+    page.get_by_text(re.compile(r"\d+ links")).wait_for()
+    mode(page, "Compare")
+    page.get_by_role("button", name=re.compile("Motorway speed")).click()
+    page.get_by_role("heading", name="Motorway speed 110 km/h").wait_for()
+    page.get_by_role("heading", name="Motorway speed 130 km/h").wait_for()
+    page.wait_for_function("() => document.querySelector('.difference')?.innerText.startsWith('110')")
+    first, second = (int(re.sub(r"\D", "", t)) for t in page.locator(".side .number").all_inner_texts())
+    assert second > first + 3
+    assert "longer" in page.locator(".difference").inner_text()
+    change = page.locator(".causes tbody tr", has_text="Air drag").locator(".change").inner_text()
+    assert change.startswith("−")
+
+
+def test_drives_a_measured_trip(look: Look, service: Service) -> None:
+    page = look()
+    mode(page, "Drive")
+    mode(page, "120×")
+    page.get_by_role("button", name="Start").click()
+    page.wait_for_function("() => document.querySelector('.drive-line .is-other')?.innerText.includes('%')")
+    page.locator(".promise canvas").wait_for()
+    page.get_by_role("button", name="Pause").click()
+    assert page.locator(".mark-car").count() == 1
+    page.wait_for_timeout(500)  # the last update of the drive
+    sent, answer = asked(page, "/update", lambda: slider(page, "The car along the trip").press("End"))
+    assert service.client.post("/v1/forecast/update", json=sent).json() == answer
+    page.get_by_text("Arrived with").wait_for()
+    observed = {name: np.array(column, dtype=float) for name, column in sent["observed"].items()}
+    power = observed["voltage_v"] * observed["current_a"]
+    measured_wh = np.trapezoid(power, observed["time_s"]) / 3600.0
+    assert answer["energy_wh"] == pytest.approx(measured_wh, rel=0.01)
+    gauges = [float(t.split()[0]) for t in page.locator(".drive-line dd").all_inner_texts()[1:]]
+    assert gauges[0] == pytest.approx(gauges[1], abs=0.3)  # on arrival nothing is left to extrapolate
+
+
+def test_another_car_is_forecast_by_its_book_values(look: Look, service: Service) -> None:
+    page = look()
+    own = headline(page)
+    cars = service.client.get("/v1/vehicles").json()["vehicles"]
+    largest = max(cars, key=lambda car: car["usable_energy_wh"])
+    sent, answer = asked(
+        page, "/v1/forecast", lambda: page.get_by_role("combobox", name="Car").select_option(largest["name"])
+    )
+    assert sent["vehicle"] == largest["name"]
+    assert service.forecast(sent).json() == answer
+    page.get_by_text("No trip of this car was measured").wait_for()
+    assert headline(page) > own
+    assert page.get_by_role("radio", name="Drive").is_disabled()
+
+
+def test_remembers_and_speaks_miles(look: Look) -> None:
+    page = look()
+    mode(page, "mi")
+    page.get_by_role("button", name=re.compile("Theme")).click()
+    slider(page, "Outside").fill("50")
+    page.wait_for_timeout(300)
+    page.reload()
+    page.wait_for_selector(".result .plot canvas")
+    assert slider(page, "Outside").get_attribute("aria-valuetext").replace("\u00a0", " ") == "50 °F"
+    assert "mi" in page.locator(".stats").last.inner_text()
+    assert page.get_by_role("button", name="Theme: light").is_visible()
+
+
+def test_asks_for_the_token(look: Look) -> None:
+    page = look(expect="401", stranger=True)
+    page.get_by_role("textbox", name="Token").fill("a wrong one, by mistake")
+    page.get_by_role("button", name="Continue").click()
+    page.get_by_text("was not accepted").wait_for()
+    page.get_by_role("textbox", name="Token").fill(TOKEN)
+    page.get_by_role("button", name="Continue").click()
+    page.wait_for_selector(".result .plot canvas")
+    assert headline(page) > 0
+
+
+def test_keys_alone_are_enough(look: Look) -> None:
+    page = look()
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.className") == "skip"
+    slider(page, "Place along the way").focus()
+    page.keyboard.press("PageUp")
+    page.wait_for_function("() => document.querySelector('.readout').innerText.includes('battery')")
+    page.get_by_text("Along the way as a table").press("Enter")
+    rows = page.locator(".result .as-table tbody tr")
+    assert rows.count() > 8
+    assert rows.last.is_visible()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("size", ["desktop", "phone"])
+def test_axe_finds_nothing_serious(look: Look, size: str, scheme: str) -> None:
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed").Axe()
+    page = look(size, scheme)
+    found = []
+    for name in ("Plan", "Compare", "Drive"):
+        mode(page, name)
+        page.wait_for_timeout(150)
+        found += [
+            (name, violation["id"], [node["html"][:120] for node in violation["nodes"]])
+            for violation in axe.run(page).response["violations"]
+            if violation["impact"] in ("serious", "critical")
+        ]
+    assert found == []
+
+
+def test_a_service_that_is_gone_is_said_and_asked_again(look: Look) -> None:
+    page = look(expect="ERR_FAILED")
+    page.route("**/v1/**", lambda route: route.abort())
+    page.reload()
+    page.get_by_text("The service does not answer").wait_for()
+    page.unroute("**/v1/**")
+    page.get_by_role("button", name="Try again").click()
+    page.wait_for_selector(".result .plot canvas")
+    assert page.get_by_role("alert").count() == 0

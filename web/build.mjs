@@ -1,0 +1,97 @@
+/** Builds the page into the Python package, with a record of what it was built from. */
+
+import { createHash } from "node:crypto";
+import { cp, mkdir, readdir, readFile, rm, writeFile } from "node:fs/promises";
+import { basename, dirname, join, relative, sep } from "node:path";
+import { fileURLToPath } from "node:url";
+import { build } from "esbuild";
+
+const HERE = dirname(fileURLToPath(import.meta.url));
+const OUT = join(HERE, "..", "src", "tripwatt", "service", "page");
+const SOURCES = [
+  "build.mjs",
+  "icon.svg",
+  "index.html",
+  "package-lock.json",
+  "package.json",
+  "src",
+  "tsconfig.json",
+];
+const SHIPPED = ["preact", "@preact/signals", "@preact/signals-core", "uplot", "@fontsource-variable/inter"];
+
+async function filesOf(path) {
+  const entries = await readdir(path, { withFileTypes: true }).catch(() => null);
+  if (entries === null) return [path];
+  const found = await Promise.all(entries.map((entry) => filesOf(join(path, entry.name))));
+  return found.flat();
+}
+
+/** SHA-256 over name and bytes of every source, in the order of names; tests/page computes the same. */
+async function digestOfSources() {
+  const files = (await Promise.all(SOURCES.map((name) => filesOf(join(HERE, name))))).flat();
+  const named = files.map((path) => [relative(HERE, path).split(sep).join("/"), path]);
+  named.sort(([a], [b]) => (a < b ? -1 : 1));
+  const hash = createHash("sha256");
+  for (const [name, path] of named) {
+    const bytes = await readFile(path);
+    hash.update(`${name}\n${bytes.length}\n`).update(bytes);
+  }
+  return hash.digest("hex");
+}
+
+/** The page with the names of what was built. */
+async function pageOf(built) {
+  let page = await readFile(join(HERE, "index.html"), "utf8");
+  for (const ending of ["css", "js"]) {
+    const name = built.find((file) => file.startsWith("page-") && file.endsWith(`.${ending}`));
+    page = page.replace(`"page.${ending}"`, `"assets/${name}"`);
+  }
+  return page;
+}
+
+async function licences() {
+  const texts = [];
+  for (const name of SHIPPED) {
+    const folder = join(HERE, "node_modules", name);
+    const { version, license } = JSON.parse(await readFile(join(folder, "package.json"), "utf8"));
+    const file = (await readdir(folder)).find((entry) => /^licen[cs]e/i.test(entry));
+    const text = await readFile(join(folder, file), "utf8");
+    texts.push(`${name} ${version} (${license})\n\n${text.trim()}\n`);
+  }
+  return texts.join(`\n${"-".repeat(80)}\n\n`);
+}
+
+await rm(OUT, { recursive: true, force: true });
+await mkdir(OUT, { recursive: true });
+const { metafile } = await build({
+  absWorkingDir: HERE,
+  entryPoints: { page: "src/main.tsx" },
+  entryNames: "assets/[name]-[hash]",
+  outdir: OUT,
+  bundle: true,
+  minify: true,
+  format: "esm",
+  target: ["es2022", "chrome111", "firefox113", "safari16.4"],
+  jsx: "automatic",
+  jsxImportSource: "preact",
+  loader: { ".woff2": "file" },
+  assetNames: "assets/[name]-[hash]",
+  metafile: true,
+  legalComments: "none",
+});
+await cp(join(HERE, "icon.svg"), join(OUT, "icon.svg"));
+await writeFile(
+  join(OUT, "index.html"),
+  await pageOf(Object.keys(metafile.outputs).map((path) => basename(path))),
+);
+await writeFile(join(OUT, "licences.txt"), await licences());
+const files = {};
+for (const path of (await filesOf(OUT)).sort()) {
+  const bytes = await readFile(path);
+  files[relative(OUT, path).split(sep).join("/")] = {
+    bytes: bytes.length,
+    sha256: createHash("sha256").update(bytes).digest("hex"),
+  };
+}
+const manifest = { sources_sha256: await digestOfSources(), files };
+await writeFile(join(OUT, "manifest.json"), `${JSON.stringify(manifest, null, 2)}\n`);

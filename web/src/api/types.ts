@@ -1,0 +1,90 @@
+/** What the service takes and answers; the names are those of `docs/service.md`. */
+
+export type Column = (number | null)[];
+export type Columns = Record<string, Column>;
+
+export interface Link {
+  length_m: number;
+  speed_m_s?: number;
+  travel_time_s?: number;
+  stop_s?: number;
+  moving_speed_m_s?: number;
+  [more: string]: number | undefined;
+}
+
+export interface Series {
+  time_s: number[];
+  distance_m: number[];
+  energy_wh: number[];
+  energy_low_wh: number[];
+  energy_high_wh: number[];
+  displayed_soc: number[];
+  displayed_soc_low: number[];
+  displayed_soc_high: number[];
+}
+
+export interface Answer {
+  trip: string;
+  given: string;
+  energy_wh: number;
+  quantiles_wh: Record<string, number>;
+  soc_arrival: number;
+  p_arrive: Record<string, number>;
+  series: Series;
+  by_cause_wh: Record<string, number>;
+  battery_loss_wh: number;
+  measured_until_s: number;
+  flags: string[];
+}
+
+export interface Fault {
+  what: string;
+  where: string;
+  got: string;
+  allowed: string;
+  fix: string;
+}
+
+export interface Problem {
+  title: string;
+  status: number;
+  detail: string;
+  faults?: Fault[];
+}
+
+export interface Model {
+  name: string;
+  model: { vehicle: string; vehicle_title: string; trips: number };
+}
+
+export interface Vehicle {
+  name: string;
+  title: string;
+  /** Models that were fitted on trips of this car. */
+  models: string[];
+}
+
+export interface ExampleSummary {
+  trip: string;
+  title: string;
+  vehicle: string;
+  note: string;
+  duration_s: number;
+  distance_m: number;
+  ambient_temperature_degc: number | null;
+}
+
+export interface Example extends ExampleSummary {
+  request: { samples: Columns } & Record<string, unknown>;
+  observed: Columns;
+}
+
+export interface Route {
+  samples: Columns;
+  links?: Link[] | null;
+  /** Heights along the links. */
+  elevation?: { position_m: number[]; elevation_m: number[] } | null;
+  duration_s: number;
+  distance_m: number;
+  notes: string[];
+}

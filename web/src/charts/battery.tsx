@@ -1,0 +1,176 @@
+/** The one big picture: battery along the way, with the doubt drawn in. */
+
+import { computed } from "@preact/signals";
+import type uPlot from "uplot";
+import type { Answer } from "../api/types";
+import { emptyAfterM, innerShare } from "../model/arrival";
+import { interpolate } from "../model/interpolate";
+import { figure, PERCENT, shown } from "../model/units";
+import { conditions } from "../state/conditions";
+import { answer, distanceM, driving, update } from "../state/drive";
+import { alternative, departure } from "../state/forecast";
+import { looked, place } from "../state/pointer";
+import { units, wholeBattery } from "../state/preferences";
+import { axis, plain } from "./axes";
+import { type Mark, placeMarks, pointing } from "./marks";
+import { type Look, Plot } from "./plot";
+
+const LEAST_SPAN = 20;
+const STEP = 5;
+const LOWEST = -10;
+const NEAR = 15;
+/** Height of a label, to keep two apart. */
+const LABEL_PX = 18;
+
+/** One of the series [%] of an answer at distances that need not be its own. */
+function along(of: Answer, name: Curve, xs: number[]): number[] {
+  return xs.map((x) => PERCENT.from(interpolate(x, of.series.distance_m, of.series[name])));
+}
+
+type Curve = "displayed_soc" | "displayed_soc_low" | "displayed_soc_high";
+
+/** Distances of the answer, and that of the car among them. */
+function places({ series }: Answer, carM: number | null): number[] {
+  if (carM === null) return series.distance_m;
+  return [...series.distance_m, carM].sort((a, b) => a - b);
+}
+
+const columns = computed<uPlot.AlignedData>(() => {
+  const now = answer.value;
+  if (!now) return [[], [], [], [], [], [], [], [], [], [], []];
+  const carM = driving.value && update.value ? distanceM.value : null;
+  const xs = places(now, carM);
+  const middle = along(now, "displayed_soc", xs);
+  const share = innerShare(now);
+  const core = (name: Curve) =>
+    along(now, name, xs).map((edge, k) => {
+      const y = middle[k] as number;
+      return y + (edge - y) * share;
+    });
+  const none = xs.map(() => null);
+  const other = (name: Curve) => (alternative.value ? along(alternative.value, name, xs) : none);
+  return [
+    xs.map(units.value.distance.from),
+    along(now, "displayed_soc_high", xs),
+    along(now, "displayed_soc_low", xs),
+    core("displayed_soc_high"),
+    core("displayed_soc_low"),
+    other("displayed_soc_high"),
+    other("displayed_soc_low"),
+    driving.value && departure.value ? along(departure.value, "displayed_soc", xs) : none,
+    other("displayed_soc"),
+    middle.map((y, k) => ((xs[k] as number) >= (carM ?? 0) ? y : null)),
+    middle.map((y, k) => ((xs[k] as number) <= (carM ?? -1) ? y : null)),
+  ];
+});
+
+/** Charge that the picture spans [%]: all of the bands, and the reserve when it is near. */
+const span = computed<[number, number]>(() => {
+  if (wholeBattery.value) return [0, 100];
+  const values = columns.value.slice(1).flatMap((column) => Array.from(column)) as (number | null)[];
+  const known = values.filter((value): value is number => value !== null);
+  const reserve = PERCENT.from(conditions.value.reserve);
+  let low = Math.min(...known);
+  const high = Math.min(Math.ceil((Math.max(...known) + 1) / STEP) * STEP, 100);
+  if (low - reserve < NEAR) low = Math.min(low, reserve - 2);
+  low = Math.max(Math.floor((low - 1) / STEP) * STEP, LOWEST);
+  return [Math.min(low, high - LEAST_SPAN), high];
+});
+
+/** New whenever the picture is another one, be it for its span alone. */
+const data = computed<uPlot.AlignedData>(() => (span.value ? [...columns.value] : [[]]));
+
+function options({ palette, width, height }: Look): uPlot.Options {
+  const line = (stroke: string, more: Partial<uPlot.Series> = {}): uPlot.Series => ({
+    stroke,
+    width: 2.5,
+    points: { show: false },
+    ...more,
+  });
+  const edge: uPlot.Series = { stroke: "transparent", width: 0, points: { show: false } };
+  return {
+    width,
+    height,
+    padding: [12, 46, 0, 0],
+    legend: { show: false },
+    cursor: pointing((x) => {
+      looked.value = x === null ? null : units.value.distance.to(x);
+    }),
+    scales: { x: { time: false }, y: { range: () => span.value } },
+    axes: [
+      { ...axis({ palette, scale: "x", grid: false, text: () => "" }), size: 10 },
+      axis({ palette, scale: "y", text: (y) => (y < 0 ? "" : `${plain(y)} %`) }),
+    ],
+    bands: [
+      { series: [1, 2], fill: palette.mainBand },
+      { series: [3, 4], fill: palette.mainCore },
+      { series: [5, 6], fill: palette.otherBand },
+    ],
+    series: [
+      {},
+      edge,
+      edge,
+      edge,
+      edge,
+      edge,
+      edge,
+      line(palette.muted, { width: 1.5, dash: [2, 4] }),
+      line(palette.other, { dash: [8, 5] }),
+      line(palette.main),
+      line(palette.driven, { width: 3.5 }),
+    ],
+  };
+}
+
+/** Where a forecast ends: on arrival with a charge, or on the way with none. */
+function endMark(kind: string, of: Answer): Mark & { y: number } {
+  const distance = units.value.distance;
+  const emptyM = emptyAfterM(of);
+  if (emptyM !== null) return { kind, text: shown(emptyM, distance, 0), x: distance.from(emptyM), y: 0 };
+  const end = distance.from(of.series.distance_m.at(-1) as number);
+  const soc = PERCENT.from(of.soc_arrival);
+  return { kind, text: `${figure(soc, 0)} %`, x: end, y: soc, at: "right" };
+}
+
+function marks(now: Answer, heightPx: number): Mark[] {
+  const reserve = PERCENT.from(conditions.value.reserve);
+  const [low, high] = span.value;
+  const found: Mark[] = [];
+  if (reserve >= low && reserve > 0) {
+    found.push({ kind: "reserve", text: `Reserve ${figure(reserve, 0)} %`, y: reserve });
+  }
+  if (low < 0) found.push({ kind: "empty", text: "Empty", y: 0, at: "below" });
+  const own = endMark("arrival", now);
+  found.push(own);
+  if (alternative.value) {
+    const theirs = endMark("other", alternative.value);
+    const apart = ((high - low) / heightPx) * LABEL_PX;
+    if (own.x === theirs.x && Math.abs(theirs.y - own.y) < apart) {
+      theirs.y = own.y + (theirs.y >= own.y ? apart : -apart);
+    }
+    found.push(theirs);
+  }
+  if (driving.value) {
+    const y = interpolate(distanceM.value, now.series.distance_m, now.series.displayed_soc);
+    const x = units.value.distance.from(distanceM.value);
+    found.push({ kind: "car", text: "", x, y: PERCENT.from(y) });
+  }
+  return found;
+}
+
+export function BatteryChart({ height, label }: { height: number; label: string }) {
+  const now = answer.value as Answer;
+  const placed = place.value;
+  // Read here, so that the car moves between two answers.
+  distanceM.value;
+  return (
+    <Plot
+      label={label}
+      data={data.value}
+      height={height}
+      options={options}
+      pointer={placed === null ? null : units.value.distance.from(placed)}
+      drawn={(plot) => placeMarks(plot, marks(now, plot.over.clientHeight))}
+    />
+  );
+}

@@ -1,0 +1,80 @@
+/** Speed and height along the way. */
+
+import { computed } from "@preact/signals";
+import type uPlot from "uplot";
+import { road } from "../state/drive";
+import { looked, place } from "../state/pointer";
+import { units } from "../state/preferences";
+import { axis, plain } from "./axes";
+import { pointing } from "./marks";
+import { type Look, Plot } from "./plot";
+
+const LEAST_HEIGHTS_M = 60;
+
+const data = computed<uPlot.AlignedData>(() => {
+  const now = road.value;
+  if (!now) return [[], [], []];
+  const { distance, speed, height } = units.value;
+  return [
+    now.distanceM.map(distance.from),
+    now.speedMS.map(speed.from),
+    now.elevationM ? now.elevationM.map(height.from) : Array.from(now.distanceM, () => null),
+  ];
+});
+
+/** Flat country should not look like the Alps. */
+function heights(_plot: uPlot, low: number | null, high: number | null): [number, number] {
+  if (low === null || high === null) return [0, 1];
+  const least = units.value.height.from(LEAST_HEIGHTS_M);
+  const room = Math.max(high - low, least);
+  const bottom = low - room * 0.15;
+  return [bottom, bottom + room * 2.2];
+}
+
+function optionsFor(hilly: boolean) {
+  return ({ palette, width, height }: Look): uPlot.Options => ({
+    width,
+    height,
+    padding: [10, hilly ? 0 : 46, 0, 0],
+    legend: { show: false },
+    cursor: pointing((x) => {
+      looked.value = x === null ? null : units.value.distance.to(x);
+    }),
+    scales: {
+      x: { time: false },
+      speed: { range: (_plot, _low, high) => [0, Math.max(high ?? 0, 10) * 1.1] },
+      height: { range: heights },
+    },
+    axes: [
+      axis({ palette, scale: "x", grid: false, text: (x) => `${plain(x)} ${units.value.distance.unit}` }),
+      axis({ palette, scale: "speed", text: plain, space: 30 }),
+      { ...axis({ palette, scale: "height", side: 1, grid: false, text: plain, space: 30 }), show: hilly },
+    ],
+    series: [
+      {},
+      { scale: "speed", stroke: palette.speed, width: 1.25, points: { show: false } },
+      {
+        scale: "height",
+        stroke: palette.groundLine,
+        fill: palette.ground,
+        width: 1.25,
+        points: { show: false },
+      },
+    ],
+  });
+}
+
+export function RoadChart({ height, label }: { height: number; label: string }) {
+  const hilly = road.value?.elevationM != null;
+  const placed = place.value;
+  return (
+    <Plot
+      label={label}
+      data={data.value}
+      height={height}
+      variant={hilly ? "hilly" : "flat"}
+      options={optionsFor(hilly)}
+      pointer={placed === null ? null : units.value.distance.from(placed)}
+    />
+  );
+}

@@ -1,0 +1,36 @@
+/** Speed and height along the way. */
+
+import type { Columns } from "../api/types";
+import { interpolate } from "./interpolate";
+
+export interface Profile {
+  timeS: Float64Array;
+  distanceM: Float64Array;
+  speedMS: Float64Array;
+  /** Null when the road has no heights. */
+  elevationM: Float64Array | null;
+}
+
+function numbers(column: (number | null)[]): Float64Array {
+  return Float64Array.from(column, (value) => value ?? Number.NaN);
+}
+
+export function profileOf(samples: Columns): Profile {
+  const timeS = numbers(samples.time_s ?? []);
+  const speedMS = numbers(samples.speed_m_s ?? []);
+  const distanceM = new Float64Array(timeS.length);
+  for (let k = 1; k < timeS.length; k++) {
+    const step = (timeS[k] as number) - (timeS[k - 1] as number);
+    const mean = ((speedMS[k] as number) + (speedMS[k - 1] as number)) / 2;
+    distanceM[k] = (distanceM[k - 1] as number) + (Number.isFinite(mean) ? mean * step : 0);
+  }
+  const heights = samples.elevation_m;
+  const known = heights?.some((value) => value !== null);
+  return { timeS, distanceM, speedMS, elevationM: heights && known ? numbers(heights) : null };
+}
+
+/** A profile of the same road driven at another speed, with the heights of the first. */
+export function withHeightsOf({ distanceM, elevationM }: Profile, driven: Profile): Profile {
+  if (!elevationM) return driven;
+  return { ...driven, elevationM: driven.distanceM.map((x) => interpolate(x, distanceM, elevationM)) };
+}

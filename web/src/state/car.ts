@@ -1,0 +1,44 @@
+/** The car that is forecast, and the model that does it. */
+
+import { computed, signal } from "@preact/signals";
+import type { Model, Vehicle } from "../api/types";
+
+export interface Car {
+  vehicle: string;
+  model: string;
+}
+
+export const models = signal<Model[]>([]);
+export const vehicles = signal<Vehicle[]>([]);
+export const car = signal<Car | null>(null);
+
+export const vehicle = computed(() => vehicles.value.find(({ name }) => name === car.value?.vehicle) ?? null);
+export const model = computed(() => models.value.find(({ name }) => name === car.value?.model) ?? null);
+
+/** Models for the car: those of its own trips where there are some, else all. */
+export const choices = computed(() => {
+  const own = vehicle.value?.models ?? [];
+  return models.value.filter(({ name }) => own.length === 0 || own.includes(name));
+});
+
+/** Whether the model learned from trips of this very car. */
+export const isMeasured = computed(() => model.value?.model.vehicle === car.value?.vehicle);
+
+export function chooseVehicle(name: string): void {
+  const [own] = vehicles.value.find((row) => row.name === name)?.models ?? [];
+  const any = car.value?.model ?? models.value[0]?.name;
+  const next = own ?? any;
+  if (next) car.value = { vehicle: name, model: next };
+}
+
+export function chooseModel(name: string): void {
+  if (car.value) car.value = { ...car.value, model: name };
+}
+
+/** Begin with what was chosen last time, where the service still has it. */
+export function chooseFirst(last: Partial<Car> | undefined): void {
+  const known = models.value.find(({ name }) => name === last?.model) ?? models.value[0];
+  if (!known) return;
+  const same = vehicles.value.some(({ name }) => name === last?.vehicle);
+  car.value = { model: known.name, vehicle: same ? (last?.vehicle as string) : known.model.vehicle };
+}

@@ -1,0 +1,78 @@
+import type { Answer } from "../api/types";
+import { waterfall } from "../model/causes";
+import { ENERGY, figure, shown, signed } from "../model/units";
+import { isMeasured, model } from "../state/car";
+
+/** Least digits of a kilowatt-hour that tell the parts apart. */
+const DIGITS = 2;
+
+/** Energy by cause: a table whose bars add up, each from where the last one ended. */
+export function Causes({ of, other }: { of: Answer; other: Answer | null }) {
+  const steps = waterfall(of.by_cause_wh, new Set(["learned_correction", "hvac"]));
+  const ends = steps.flatMap((step) => [step.startWh, step.startWh + step.energyWh]);
+  const low = Math.min(0, ...ends);
+  const high = Math.max(of.energy_wh, ...ends);
+  const place = (wh: number) => `${(((wh - low) / (high - low)) * 100).toFixed(2)}%`;
+  const bar = (from: number, to: number) => ({
+    left: place(Math.min(from, to)),
+    width: `${((Math.abs(to - from) / (high - low)) * 100).toFixed(2)}%`,
+  });
+  return (
+    <section class="card causes" aria-labelledby="causes-title">
+      <h2 id="causes-title">What the energy goes into</h2>
+      <table>
+        <caption class="unseen">Energy by cause; the parts add up to the total</caption>
+        <thead class={other ? "" : "unseen"}>
+          <tr>
+            <th scope="col">
+              <span class="unseen">Cause</span>
+            </th>
+            <td aria-hidden="true" />
+            <th scope="col" class="value">
+              {other ? "First" : `Energy, ${ENERGY.unit}`}
+            </th>
+            {other && (
+              <th scope="col" class="value">
+                Change
+              </th>
+            )}
+          </tr>
+        </thead>
+        <tbody>
+          {steps.map(({ key, label, group, energyWh, startWh }) => (
+            <tr key={key} class={`group-${group}`}>
+              <th scope="row">{label}</th>
+              <td class="picture" aria-hidden="true">
+                <span class={energyWh < 0 ? "back" : ""} style={bar(startWh, startWh + energyWh)} />
+              </td>
+              <td class="value">{figure(ENERGY.from(energyWh), DIGITS)}</td>
+              {other && (
+                <td class="value change">
+                  {signed(ENERGY.from((other.by_cause_wh[key] ?? 0) - energyWh), DIGITS)}
+                </td>
+              )}
+            </tr>
+          ))}
+        </tbody>
+        <tfoot>
+          <tr>
+            <th scope="row">Total</th>
+            <td class="picture" aria-hidden="true">
+              <span style={bar(0, of.energy_wh)} />
+            </td>
+            <td class="value">{figure(ENERGY.from(of.energy_wh), DIGITS)}</td>
+            {other && (
+              <td class="value change">{signed(ENERGY.from(other.energy_wh - of.energy_wh), DIGITS)}</td>
+            )}
+          </tr>
+        </tfoot>
+      </table>
+      <p class="note">
+        In {ENERGY.unit} at the battery's terminals; {shown(of.battery_loss_wh, ENERGY)} more warms the
+        battery itself. The learned part is what{" "}
+        {isMeasured.value ? "trips of this car" : `trips of a ${model.value?.model.vehicle_title}`} took
+        beyond the physics.
+      </p>
+    </section>
+  );
+}

@@ -1,0 +1,41 @@
+import type { ComponentChildren } from "preact";
+import { useId } from "preact/hooks";
+
+interface Props<T extends string> {
+  label: string;
+  value: T;
+  options: readonly (readonly [T, ComponentChildren])[];
+  onChoose: (value: T) => void;
+  class?: string;
+  disabled?: readonly T[];
+}
+
+/** A few exclusive choices side by side: radio buttons, so that arrow keys work. */
+export function Choice<T extends string>({
+  label,
+  value,
+  options,
+  onChoose,
+  class: kind = "",
+  disabled = [],
+}: Props<T>) {
+  const name = useId();
+  return (
+    <fieldset class={`choice ${kind}`}>
+      <legend class="unseen">{label}</legend>
+      {options.map(([option, text]) => (
+        <label key={option}>
+          <input
+            type="radio"
+            name={name}
+            value={option}
+            checked={option === value}
+            disabled={disabled.includes(option)}
+            onChange={() => onChoose(option)}
+          />
+          <span>{text}</span>
+        </label>
+      ))}
+    </fieldset>
+  );
+}

@@ -1,0 +1,63 @@
+import type { Answer } from "../api/types";
+import { ArrivalChart } from "../charts/arrival";
+import { chanceInFigures, chanceOf, DOTS, equallyLikely } from "../model/arrival";
+import { PERCENT, shown } from "../model/units";
+import { answer, arrived, driving } from "../state/drive";
+import { alternative, asked, mode } from "../state/forecast";
+import { Causes } from "./causes";
+import { DriveCard } from "./drive";
+import { ArrivalTable } from "./tables";
+
+function ArrivalDots({ of, shared, name }: { of: Answer; shared: Answer[]; name: string }) {
+  const { reserve } = asked.value.at;
+  const kept = equallyLikely(of).filter((soc) => soc >= reserve).length;
+  const chance = chanceOf(of, reserve);
+  const said = `${kept} of ${DOTS} equally likely arrivals keep the reserve of ${shown(reserve, PERCENT)}`;
+  const isOther = of !== shared[0];
+  return (
+    <>
+      {name && <h3 class={isOther ? "is-other" : ""}>{name}</h3>}
+      <ArrivalChart
+        answer={of}
+        shared={shared}
+        isOther={isOther}
+        reserve={reserve}
+        height={shared.length > 1 ? 150 : 190}
+        label={said}
+      />
+      <p class="said">
+        {said}
+        {chance !== null && `; computed exactly, ${chanceInFigures(chance)}`}.
+      </p>
+    </>
+  );
+}
+
+function Arrival({ of, other }: { of: Answer; other: Answer | null }) {
+  const shared = other ? [of, other] : [of];
+  return (
+    <section class="card arrival-card" aria-labelledby="arrival-title">
+      <h2 id="arrival-title">Battery on arrival</h2>
+      <p class="note">Each dot is one of {DOTS} equally likely trips.</p>
+      {shared.map((one, k) => (
+        <ArrivalDots key={k} of={one} shared={shared} name={other ? (SIDES[k] as string) : ""} />
+      ))}
+      <ArrivalTable of={of} />
+    </section>
+  );
+}
+
+const SIDES = ["First side", "Second side"];
+
+export function Details() {
+  const now = answer.value;
+  if (!now) return null;
+  const other = mode.value === "compare" ? alternative.value : null;
+  return (
+    <div class="details">
+      {driving.value && <DriveCard />}
+      <Causes of={now} other={other} />
+      {!(driving.value && arrived.value) && <Arrival of={now} other={other} />}
+    </div>
+  );
+}

@@ -1,0 +1,26 @@
+/** Icons of one stroke; what they mean is always said in words beside them. */
+
+const PATHS = {
+  play: "M7 4.5v15l12-7.5z",
+  pause: "M8 5v14M16 5v14",
+  replay: "M4 12a8 8 0 1 0 2.6-5.9M4 4v4.5h4.5",
+  upload: "M12 16V4M7 9l5-5 5 5M4 16v4h16v-4",
+  road: "M8 20 10 4M16 20 14 4M12 6v2M12 11v2M12 16v2",
+  list: "M9 6h11M9 12h11M9 18h11M4.5 6h.01M4.5 12h.01M4.5 18h.01",
+  warning: "M12 4 2.5 20h19zM12 10v4.5M12 17.2v.1",
+  info: "M12 3a9 9 0 1 0 0 18 9 9 0 0 0 0-18zM12 11v5.5M12 7.7v.1",
+  sun: "M12 8a4 4 0 1 0 0 8 4 4 0 0 0 0-8zM12 2.5v2M12 19.5v2M2.5 12h2M19.5 12h2M5.3 5.3l1.4 1.4M17.3 17.3l1.4 1.4M18.7 5.3l-1.4 1.4M6.7 17.3l-1.4 1.4",
+  moon: "M20 14.5A8.5 8.5 0 0 1 9.5 4a8.5 8.5 0 1 0 10.5 10.5z",
+  system: "M3.5 5h17v11h-17zM9 20h6M12 16v4",
+  check: "M5 12.5l4.5 4.5L19 7.5",
+};
+
+export type IconName = keyof typeof PATHS;
+
+export function Icon({ name }: { name: IconName }) {
+  return (
+    <svg class={`icon icon-${name}`} viewBox="0 0 24 24" aria-hidden="true" focusable="false">
+      <path d={PATHS[name]} />
+    </svg>
+  );
+}

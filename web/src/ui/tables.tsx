@@ -1,0 +1,104 @@
+/** The charts again, as tables. */
+
+import type { ComponentChildren } from "preact";
+import type { Answer } from "../api/types";
+import { socFromEnergy } from "../model/arrival";
+import { interpolate } from "../model/interpolate";
+import { duration, figure, PERCENT, shown } from "../model/units";
+import { history, road } from "../state/drive";
+import { units } from "../state/preferences";
+
+const ROWS = 16;
+
+function Table({ title, head, rows }: { title: string; head: string[]; rows: ComponentChildren[][] }) {
+  return (
+    <details class="as-table">
+      <summary>{title}</summary>
+      {/* biome-ignore lint/a11y/noNoninteractiveTabindex: what scrolls has to be reached by keys */}
+      <section class="scroll" tabIndex={0} aria-label={title}>
+        <table>
+          <thead>
+            <tr>
+              {head.map((text) => (
+                <th key={text} scope="col">
+                  {text}
+                </th>
+              ))}
+            </tr>
+          </thead>
+          <tbody>
+            {rows.map((row) => (
+              <tr key={String(row[0])}>
+                {row.map((cell, k) => (
+                  <td key={head[k]}>{cell}</td>
+                ))}
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      </section>
+    </details>
+  );
+}
+
+/** About `ROWS` of the indices below `count`, the first and the last among them. */
+function some(count: number): number[] {
+  const rows = Math.min(count, ROWS);
+  const picked = Array.from({ length: rows }, (_, k) =>
+    Math.round((k * (count - 1)) / Math.max(rows - 1, 1)),
+  );
+  return [...new Set(picked)];
+}
+
+export function RouteTable({ of }: { of: Answer }) {
+  const { distance, speed, height } = units.value;
+  const { series } = of;
+  const along = road.value;
+  const rows = some(series.distance_m.length).map((k) => {
+    const at = series.distance_m[k] as number;
+    const cell = (column: number[]) => figure(PERCENT.from(column[k] as number), 1);
+    return [
+      figure(distance.from(at), 2),
+      duration(series.time_s[k] as number),
+      cell(series.displayed_soc),
+      `${cell(series.displayed_soc_low)} to ${cell(series.displayed_soc_high)}`,
+      along ? figure(speed.from(interpolate(at, along.distanceM, along.speedMS)), 0) : "",
+      along?.elevationM ? figure(height.from(interpolate(at, along.distanceM, along.elevationM)), 0) : "–",
+    ];
+  });
+  const head = [
+    `Distance, ${distance.unit}`,
+    "Time",
+    "Battery, %",
+    "9 of 10 trips, %",
+    `Speed, ${speed.unit}`,
+    `Elevation, ${height.unit}`,
+  ];
+  return <Table title="Along the way as a table" head={head} rows={rows} />;
+}
+
+export function ArrivalTable({ of }: { of: Answer }) {
+  const rows = Object.entries(of.quantiles_wh)
+    .map(([p, wh]): [number, number] => [1 - Number(p), socFromEnergy(of, wh)])
+    .sort(([a], [b]) => a - b)
+    .map(([p, soc]) => [`${figure(p * 100, 1)} %`, shown(soc, PERCENT, 1)]);
+  return <Table title="As a table" head={["Of all such trips", "arrive with at most"]} rows={rows} />;
+}
+
+export function PromiseTable() {
+  const said = history.value;
+  const { distance } = units.value;
+  if (said.length < 2) return null;
+  const rows = some(said.length).map((k) => {
+    const { distanceM, soc, low, high, naive } = said[k] as (typeof said)[number];
+    const percent = (value: number) => figure(PERCENT.from(value), 1);
+    return [
+      figure(distance.from(distanceM), 2),
+      percent(soc),
+      `${percent(low)} to ${percent(high)}`,
+      naive === null ? "–" : percent(naive),
+    ];
+  });
+  const head = [`At, ${distance.unit}`, "Forecast, %", "9 of 10, %", "Naive gauge, %"];
+  return <Table title="As a table" head={head} rows={rows} />;
+}
