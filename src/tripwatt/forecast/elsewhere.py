@@ -77,9 +77,10 @@ class Elsewhere:
         none = [np.zeros((len(trip.hours), 1)) for trip in trips]
         sd = [self.scale.sd_wh(process_blocks(t, zero)) for t, zero in zip(trips, none, strict=True)]
         own = np.array([trip.observed_energy_std_wh or 0.0 for trip in measured] or [0.0])
-        return (
-            np.square(sd) * TAIL_DF / (TAIL_DF - 2.0) + own**2
-        )  # the variance of the scale's t distribution
+        variance = (
+            np.square(sd) * TAIL_DF / (TAIL_DF - 2.0)
+        )  # of the t distribution that the scale belongs to
+        return np.asarray(variance + own**2)
 
 
 def elsewhere_of(model: ForecastModel, trips: Sequence[Trip]) -> Elsewhere | None:
