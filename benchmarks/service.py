@@ -24,11 +24,13 @@ import orjson
 from benchmarks.measure import Row
 from benchmarks.service_load import Load, load, request
 from benchmarks.service_process import Service, serving
+from tripwatt.routes import links_of_trip
 from tripwatt.synthetic import synthetic_fleet
 
 SECONDS: Final = 60.0
 SAMPLES: Final = 1300
 LINKS: Final = 100
+LINK_M: Final = 250.0
 BATCH: Final = 1500
 FLAT_FROM_S: Final = 10.0
 
@@ -36,7 +38,7 @@ P50_SAMPLES: Final = "forecast of 1,300 samples, 4 at a time, 2 workers: p50"
 P99_SAMPLES: Final = "forecast of 1,300 samples, 4 at a time, 2 workers: p99"
 ERRORS: Final = "requests of the load that were not answered, or wrong"
 MEMORY: Final = "memory from the 10th second of the load on: largest over smallest, less 1"
-P50_LINKS: Final = "forecast of 100 links, one at a time: p50"
+P50_LINKS: Final = "forecast of 100 links of 250 m, one at a time: p50"
 BATCH_RATE: Final = "batch of trips of 1,300 samples"
 KILLED: Final = "requests without a right answer while a worker is killed under load"
 SCHEMA: Final = "schemathesis, all checks: findings"
@@ -74,13 +76,16 @@ def trips(number: int) -> list[dict[str, Any]]:
     return found
 
 
-def links_request(seed: int = 0) -> dict[str, Any]:
-    """A request for a planned road of `LINKS` links."""
-    rng = np.random.default_rng(seed)
-    height = np.cumsum(np.concatenate(([500.0], rng.normal(0.0, 2.0, LINKS))))
-    rows = zip(rng.uniform(100, 400, LINKS), rng.uniform(7, 25, LINKS), height, height[1:], strict=False)
-    names = ("length_m", "speed_m_s", "start_elevation_m", "end_elevation_m")
-    links = [dict(zip(names, map(float, row), strict=True)) for row in rows]
+def links_request() -> dict[str, Any]:
+    """A request for a planned road: the first links of a synthetic drive, as a router with links of 250 m sees it."""
+    trip = max(synthetic_fleet(20).trips, key=lambda t: t.distance_m)
+    route = links_of_trip(trip, LINK_M)
+    height = route.elevation_at(np.concatenate(([0.0], np.cumsum(route.length_m))))
+    assert height is not None
+    rows = zip(route.length_m, route.travel_time_s, height, height[1:], strict=False)
+    names = ("length_m", "travel_time_s", "start_elevation_m", "end_elevation_m")
+    links = [dict(zip(names, map(float, row), strict=True)) for row in rows][:LINKS]
+    assert len(links) == LINKS
     return {"links": links, "displayed_soc": 0.8, "ambient_temperature_degc": 5.0}
 
 
@@ -156,7 +161,7 @@ def times(seconds: float) -> Iterator[Row]:
         alone, _ = under_load(service, road, min(seconds, 15.0), 1)
         yield Row(P50_LINKS, alone.quantile_ms(0.5), "ms")
         together, _ = under_load(service, road, min(seconds, 15.0), 4)
-        yield Row("forecast of 100 links, 4 at a time: p50", together.quantile_ms(0.5), "ms")
+        yield Row("forecast of 100 links of 250 m, 4 at a time: p50", together.quantile_ms(0.5), "ms")
         yield Row(BATCH_RATE, batch_rate(service, trips(BATCH)), "trips/s")
 
 

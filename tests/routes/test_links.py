@@ -1,6 +1,8 @@
 """Links as users write them, links of driven trips, and the trips that are made of them."""
 
 import json
+import math
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -24,6 +26,7 @@ from tripwatt.routes import (
     route_from_links,
     trip_from_links,
 )
+from tripwatt.routes.listed import LINK_KEYS, _columns_with_faults, _sound_columns
 from tripwatt.sources import read_fleet
 from tripwatt.trips import Context, Trip, resample
 from tripwatt.vehicles import load_vehicle
@@ -302,3 +305,27 @@ def test_every_fault_of_a_table_at_once():
         read_route(b"length_m,speed_m_s\n" + b"0,0\n" * 20_000)
     assert len(caught.value.faults) <= 60
     assert "more" in str(caught.value.faults[-1])
+
+
+@given(
+    st.lists(
+        st.dictionaries(
+            st.sampled_from(sorted(LINK_KEYS)),
+            st.sampled_from(
+                [None, -1.0, 0, 0.0, 0.3, 0.5, 5, 9.5, 50.0, 1e400, 10**400, math.nan, True, "5"]
+            ),
+            max_size=6,
+        ),
+        max_size=4,
+    )
+)
+def test_columns_of_links_are_those_of_the_links_one_by_one(links: list[dict[str, Any]]) -> None:
+    """A look at all links at once takes what a look at each takes, to the same values, and nothing else."""
+    at_once = _sound_columns(links)
+    try:
+        one_by_one = _columns_with_faults(links)
+    except InvalidInput:
+        assert at_once is None
+        return
+    assert at_once is not None
+    assert {n: v.tobytes() for n, v in at_once.items()} == {n: v.tobytes() for n, v in one_by_one.items()}

@@ -15,6 +15,9 @@ import pytest
 from benchmarks.service_fuzz import seeds
 from benchmarks.service_process import Service
 
+from tripwatt.errors import InvalidInput
+from tripwatt.service.work import _sound
+
 LINKS = [
     {"length_m": 800.0, "speed_m_s": 8.5, "grade": 0.01},
     {"length_m": 12000.0, "travel_time_s": 480.0, "grade": 0.0},
@@ -195,3 +198,21 @@ def test_examples_can_be_forecast_and_replayed(service: Service) -> None:
         request = found["request"] | {"observed": found["observed"]}
         at_the_end = service.client.post("/v1/forecast/update", json=request).json()
         assert at_the_end["energy_wh"] == pytest.approx(brief["observed_energy_wh"], rel=1e-3)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("place", ["energy_wh", "quantiles_wh", "series"])
+def test_no_answer_holds_what_is_no_number(place: str, wrong: float) -> None:
+    """JSON would say null."""
+    answer: dict[str, Any] = {
+        "energy_wh": 1.0,
+        "soc_arrival": 0.5,
+        "battery_loss_wh": 1.0,
+        "quantiles_wh": {"0.5": 1.0},
+        "p_arrive": {"0": 1.0},
+        "series": {"time_s": [0.0, 1.0]},
+    }
+    assert _sound(answer) is answer
+    spoiled = {"energy_wh": wrong, "quantiles_wh": {"0.5": wrong}, "series": {"time_s": [0.0, wrong, 1.0]}}
+    with pytest.raises(InvalidInput, match="no forecast"):
+        _sound(answer | {place: spoiled[place]})

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import difflib
+import itertools
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
+from types import NoneType
 from typing import Final
 
 import numpy as np
@@ -61,31 +62,70 @@ def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
     >>> route.duration_s, route.elevation_at([500.0, 1500.0]), route.notes
     (110.0, array([10.,  0.]), ('elevation counted from the departure, which is set to 0 m',))
     """
-    rows: list[dict[str, float]] = []
-    faults: list[Fault] = []
-    for number, link in enumerate(links, start=1):
-        if number > MOST_LINKS:
-            faults.append(
-                Fault("too many links", "links", f"more than {MOST_LINKS}", f"at most {MOST_LINKS}")
-            )
-            break
-        rows.append(_row(link, f"link {number}", faults))
-    raise_faults(_some(faults))
-    if not rows:
-        raise InvalidInput(Fault("no links", "links", "0", "at least one link"))
-    columns = {name: np.array([row.get(name, np.nan) for row in rows]) for name in LINK_KEYS}
+    given = list(itertools.islice(links, MOST_LINKS + 1))
+    columns = _sound_columns(given)
+    if columns is None:
+        columns = _columns_with_faults(given)
     length = columns["length_m"]
     with np.errstate(over="ignore"):  # what is beyond all bounds is named below
         time = np.where(
             np.isnan(columns["travel_time_s"]), length / columns["speed_m_s"], columns["travel_time_s"]
         )
-    flat = LinkRoute(length, time, columns["stop_s"], columns["moving_speed_m_s"])
     position, height, note = _elevation(columns)
-    notes = (note,) if note else ()
     limit = columns["speed_limit_m_s"]
-    if np.isfinite(limit).any():
-        flat = replace(flat, speed_limit_m_s=limit)
-    return replace(flat, elevation_position_m=position, elevation_m=height, notes=notes)
+    return LinkRoute(
+        length,
+        time,
+        columns["stop_s"],
+        columns["moving_speed_m_s"],
+        position,
+        height,
+        (note,) if note else (),
+        limit if np.isfinite(limit).any() else None,
+    )
+
+
+def _sound_columns(links: Sequence[object]) -> dict[str, FloatArray] | None:
+    """Columns of links without any fault of their own, NaN where not given; None where one has to be looked at alone."""
+    if not 0 < len(links) <= MOST_LINKS:
+        return None
+    rows = [link for link in links if type(link) is dict and link.keys() <= LINK_KEYS]
+    if len(rows) < len(links):
+        return None
+    lists = {name: [row.get(name) for row in rows] for name in LINK_KEYS}
+    if not all(set(map(type, values)) <= {float, int, NoneType} for values in lists.values()):
+        return None
+    try:
+        columns = {name: np.array(values, dtype=np.float64) for name, values in lists.items()}
+    except OverflowError:
+        return None
+    there = {name: ~np.isnan(values) for name, values in columns.items()}
+    heights = there["end_elevation_m"]
+    with np.errstate(invalid="ignore"):
+        sound = (
+            there["length_m"].all()
+            and (there["speed_m_s"] != there["travel_time_s"]).all()
+            and (there["start_elevation_m"] == heights).all()
+            and not (there["grade"] & heights).any()
+            and not any((columns[name] <= 0).any() for name in ("length_m", "speed_m_s", "travel_time_s"))
+            and not (np.abs(columns["grade"]) > STEEPEST_LINK).any()
+            and not any(np.isinf(values).any() for values in columns.values())
+            # a NaN that was given is a fault, unlike one that stands for nothing
+            and all(there[name].sum() == len(rows) - lists[name].count(None) for name in LINK_KEYS)
+        )
+    return columns if sound else None
+
+
+def _columns_with_faults(links: Sequence[Mapping[str, float | None]]) -> dict[str, FloatArray]:
+    """Columns of links, NaN where not given, or every fault of theirs."""
+    faults: list[Fault] = []
+    rows = [_row(link, f"link {k}", faults) for k, link in enumerate(links[:MOST_LINKS], start=1)]
+    if len(links) > MOST_LINKS:
+        faults.append(Fault("too many links", "links", f"more than {MOST_LINKS}", f"at most {MOST_LINKS}"))
+    raise_faults(_some(faults))
+    if not rows:
+        raise InvalidInput(Fault("no links", "links", "0", "at least one link"))
+    return {name: np.array([row.get(name, np.nan) for row in rows]) for name in LINK_KEYS}
 
 
 ALLOWED_KEYS: Final = ", ".join(sorted(LINK_KEYS))

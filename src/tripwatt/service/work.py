@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -104,7 +105,7 @@ class Work:
         model, notes = self._model(asked)
         trip = self._trip(asked)
         found = model.forecast(trip)
-        return replace(found, flags=(*notes, *found.flags)), trip
+        return (replace(found, flags=(*notes, *found.flags)) if notes else found), trip
 
     def _model(self, asked: ForecastRequest) -> tuple[ForecastModel, tuple[str, ...]]:
         """The model that is asked for, on the car that is asked for, and what has to be said of that."""
@@ -203,10 +204,14 @@ JOBS: Final[Mapping[str, Callable[[Work, Mapping[str, Any], bytes], dict[str, An
 
 def _sound(answer: dict[str, Any]) -> dict[str, Any]:
     """An answer of numbers; a trip that drives the physics out of its mind is the trip's fault."""
-    lists = (v for v in answer["series"].values())
     scalars = [answer["energy_wh"], answer["soc_arrival"], answer["battery_loss_wh"]]
-    scalars += [*answer["quantiles_wh"].values(), *answer["p_arrive"].values()]
-    if not (np.isfinite(scalars).all() and all(np.isfinite(values).all() for values in lists)):
+    lists = [
+        scalars,
+        answer["quantiles_wh"].values(),
+        answer["p_arrive"].values(),
+        *answer["series"].values(),
+    ]
+    if not all(math.isfinite(sum(values)) for values in lists):  # one that is not spoils the sum
         raise InvalidInput(
             Fault("no forecast", "trip", "values that no car has", "a trip that can be driven")
         )
