@@ -19,7 +19,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 import tripwatt
 from tripwatt.errors import Fault
-from tripwatt.forecast import load_metadata
+from tripwatt.forecast import load_metadata, load_model
 from tripwatt.forecast.storage import DEFAULT_MODEL
 from tripwatt.service import answers, openapi
 from tripwatt.service.batching import answers as batch_answers
@@ -103,6 +103,8 @@ class Api:
         self.batches = self.bodies = 0
         self.kept: dict[str, bytes] = {}
         places: dict[str, Path | None] = {**settings.models} or {DEFAULT_MODEL: None}
+        for folder in places.values():
+            load_model(folder)  # a model that cannot be used is told now, not by workers that do not start
         models = [{"name": name, **load_metadata(folder)} for name, folder in places.items()]
         self.models = orjson.dumps({"models": models})
         self.app = FastAPI(
