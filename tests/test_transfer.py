@@ -283,6 +283,14 @@ def test_more_trips_are_surer_and_nearer(base, second_car, leaf) -> None:
     assert misses[1] < misses[0]
 
 
+def test_an_energy_from_the_state_of_charge_counts_less(base, second_car, leaf) -> None:
+    model, trip = load_model(base), second_car.trips[0]
+    assert trip.observed_energy_wh is not None
+    vague = replace(trip, observed_energy_std_wh=0.5 * trip.observed_energy_wh)
+    loads = [adapt(model, [t], leaf).parameters["base_load"][0] for t in (trip, vague)]
+    assert abs(loads[1]) < 0.5 * abs(loads[0])
+
+
 def test_what_cannot_be_adapted_is_refused(base, leaf, roads, i3) -> None:
     model = load_model(base)
     with pytest.raises(InvalidInput, match="no trips"):

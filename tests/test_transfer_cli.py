@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from tripwatt.cli import main
-from tripwatt.forecast import load_metadata, load_model
+from tripwatt.forecast import load_metadata, load_model, save_model
+from tripwatt.forecast.training import trained
 from tripwatt.hybrid import planned
 from tripwatt.physics import simulate_trip
 from tripwatt.synthetic import synthetic_fleet
@@ -65,15 +66,18 @@ def run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
 def test_fit_on_a_base_with_one_trip_of_a_table(
     logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from tripwatt.forecast.storage import model_folder
-
+    base = tmp_path / "base"
+    model, provenance, figures = trained(
+        synthetic_fleet(9, seed=12), load_vehicle("bmw_i3_60ah"), corrector="linear"
+    )
+    save_model(model, base, provenance=provenance, evaluation=figures)
     one = sorted(logs.glob("*.csv"))[0]
     table = ("--dataset", "table", "--mapping", logs.parent / "my.toml", "--vehicle", "nissan_leaf_24")
     out = tmp_path / "leaf"
-    assert run(monkeypatch, "fit", one, *table, "--base", model_folder(), "--out", out) == 0
+    assert run(monkeypatch, "fit", one, *table, "--base", base, "--out", out) == 0
     assert "adapted to 1 trips" in capsys.readouterr().out
     about = load_metadata(out)
-    assert about["provenance"]["base"]["sha256"] == load_metadata()["sha256"]
+    assert about["provenance"]["base"]["sha256"] == load_metadata(base)["sha256"]
     assert about["provenance"]["adapted"]["trips"] == 1
     assert run(monkeypatch, "inspect", out) == 0
     said = capsys.readouterr().out

@@ -319,7 +319,7 @@ def _transfer(source: _Source, vehicle: Vehicle, mode: str) -> CarTransfer:
 def _evidence(transfer: CarTransfer, car: _Car, source: _Source) -> Evidence:
     """Of all trips of a car; what a draw may learn from is chosen by `_forecasts`."""
     blocks = car.prepared.blocks
-    return transfer.evidence(blocks, car.physical_w, source.elsewhere.variances_wh2(blocks))
+    return transfer.evidence(blocks, car.physical_w, source.elsewhere.variances_wh2(blocks, car.trips))
 
 
 def _forecasts(

@@ -99,7 +99,9 @@ def adapt(base: ForecastModel, trips: Sequence[Trip], vehicle: Vehicle, *, mode:
     table = _blocks(plans, trips, vehicle)
     scales = part_scales(origin.members, base.vehicle, vehicle)
     transfer = CarTransfer(origin.members, scales, PARAMETERS, mode)
-    evidence = transfer.evidence(table, sensitivities(plans, vehicle, table), origin.variances_wh2(table))
+    evidence = transfer.evidence(
+        table, sensitivities(plans, vehicle, table), origin.variances_wh2(table, trips)
+    )
     posterior = transfer.posterior(evidence)
     found = posterior.parameters([p.name for p in PARAMETERS])
     calibrated = {p.name: found[p.name][0] for p in PARAMETERS if p.keys}

@@ -68,12 +68,19 @@ class Elsewhere:
         model = ForecastModel(vehicle, "kriging", seed).fit_blocks(training_blocks(seen, vehicle))
         return replace(cls.of(model), hidden=tuple(hidden))
 
-    def variances_wh2(self, table: BlockTable) -> FloatArray:
-        """Variance of each trip's energy [Wh²] apart from what the mean does not know, shape (trips,)."""
+    def variances_wh2(self, table: BlockTable, measured: Sequence[Trip] = ()) -> FloatArray:
+        """Variance of each trip's energy [Wh²] apart from what the mean does not know, shape (trips,).
+
+        With the trips themselves it holds the error of an energy that was taken from the state of charge.
+        """
         trips = [table.take([i]) for i in range(len(table))]
         none = [np.zeros((len(trip.hours), 1)) for trip in trips]
         sd = [self.scale.sd_wh(process_blocks(t, zero)) for t, zero in zip(trips, none, strict=True)]
-        return np.square(sd) * TAIL_DF / (TAIL_DF - 2.0)  # of the t distribution that the scale belongs to
+        own = np.array([trip.observed_energy_std_wh or 0.0 for trip in measured] or [0.0])
+        variance = (
+            np.square(sd) * TAIL_DF / (TAIL_DF - 2.0)
+        )  # of the t distribution that the scale belongs to
+        return np.asarray(variance + own**2)
 
 
 def elsewhere_of(model: ForecastModel, trips: Sequence[Trip]) -> Elsewhere | None:

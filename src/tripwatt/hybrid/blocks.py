@@ -19,6 +19,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.hybrid.climate_log import logged_climate
 from tripwatt.hybrid.cumulative import IntArray
 from tripwatt.physics import Simulation, simulate_trip
+from tripwatt.physics.simulate import CAUSES
 from tripwatt.trips import FloatArray, Trip, block_means, resample
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
@@ -35,16 +36,7 @@ DEPARTURE_COLUMNS: Final = (
     "soc",
     "displayed_soc",
 )
-LINE_CAUSES: Final = (
-    "air",
-    "rolling",
-    "climb",
-    "acceleration",
-    "friction_brakes",
-    "drivetrain",
-    "base_load",
-    "hvac",
-)
+LINE_CAUSES: Final = tuple(cause for cause in CAUSES if cause != "shortfall")
 """Causes whose simulated power the correctors may scale; `shortfall` is no property of the car."""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -119,8 +119,25 @@ class Api:
         self._add_handlers()
         self._add_routes()
         openapi.complete(self.app, bool(settings.token))
-        if PAGE.is_dir():
-            self.app.mount("/", Page(directory=PAGE, html=True), name="page")
+        self._add_page()
+
+    def _add_page(self) -> None:
+        """The page's files, each under its own path: a mount at the root would turn 405 of the API into 404."""
+        if not PAGE.is_dir():
+            return
+        page = Page(directory=PAGE)
+
+        def serving(name: str) -> Callable[[Request], Awaitable[Response]]:
+            async def respond(request: Request) -> Response:
+                return await page.get_response(name, request.scope)
+
+            return respond
+
+        for file in PAGE.iterdir():
+            if file.is_file():
+                path = "/" if file.name == "index.html" else f"/{file.name}"
+                self.app.add_route(path, serving(file.name), include_in_schema=False)
+        self.app.mount("/assets", Page(directory=PAGE / "assets"), name="assets")
 
     @asynccontextmanager
     async def _lifespan(self, _: FastAPI) -> AsyncIterator[None]:
