@@ -69,8 +69,8 @@ def serving(folder: Path, *arguments: str, token: str = "") -> Iterator[Service]
             first = process.stdout.readline()
             assert first.startswith("tripwatt: http"), log.read_text()
             service = Service(process, first.split()[1].replace("0.0.0.0", "127.0.0.1"), log)
-            yield service
-            service.client.close()
+            with service.client:
+                yield service
         finally:
             if process.poll() is None:
                 process.terminate()

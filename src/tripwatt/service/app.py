@@ -19,7 +19,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 import tripwatt
 from tripwatt.errors import Fault
-from tripwatt.forecast import load_metadata
+from tripwatt.forecast import load_metadata, load_model
 from tripwatt.forecast.storage import DEFAULT_MODEL
 from tripwatt.service import answers, openapi
 from tripwatt.service.batching import answers as batch_answers
@@ -59,18 +59,28 @@ def request_id(request: Request) -> str:
 
 
 class Stream(StreamingResponse):
-    """Lines, and what to do when they end, also where nobody waits for them any longer."""
+    """Lines, and what to do once when they end, also where nobody waits for them any longer."""
 
     def __init__(self, lines: AsyncIterator[bytes], done: Callable[[], None]) -> None:
-        super().__init__(lines, media_type=NDJSON)
-        self.done = done
+        super().__init__(self._until_end(lines), media_type=NDJSON)
+        self.done: Callable[[], None] | None = done
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer."""
         try:
             await super().__call__(scope, receive, send)
         finally:
+            self._end()
+
+    async def _until_end(self, lines: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
+        async for line in lines:
+            yield line
+        self._end()  # before the client hears that it was the last line, so that its next batch finds room
+
+    def _end(self) -> None:
+        if self.done is not None:
             self.done()
+            self.done = None
 
 
 def create_app(settings: Settings | None = None, log: Log = lambda **record: None) -> ASGIApp:
@@ -103,6 +113,8 @@ class Api:
         self.batches = self.bodies = 0
         self.kept: dict[str, bytes] = {}
         places: dict[str, Path | None] = {**settings.models} or {DEFAULT_MODEL: None}
+        for folder in places.values():
+            load_model(folder)  # a model that cannot be used is told now, not by workers that do not start
         models = [{"name": name, **load_metadata(folder)} for name, folder in places.items()]
         self.models = orjson.dumps({"models": models})
         self.app = FastAPI(
