@@ -32,6 +32,9 @@ IntArray = npt.NDArray[np.int64]
 REFERENCE_LENGTH_M: Final = 250.0
 """Length of a link to which `LinkStyle.street_speed_m_s` refers [m]."""
 
+LONGEST_STREET_M: Final = 2000.0
+"""The growth of the street speed with the link's length ends here: twice the longest links that it was found on [m]."""
+
 SPACING_M: Final = 4.0
 """Longest cell of the distance grid [m]."""
 
@@ -130,7 +133,8 @@ class LinkStyle:
         >>> LinkStyle(street_speed_m_s=10.0, sharpness=2.0).free_speed(np.array([250.0]), np.array([10.0])).round(2)
         array([14.14])
         """
-        street = self.street_speed_m_s * (length_m / REFERENCE_LENGTH_M) ** self.length_exponent
+        reach = np.minimum(length_m, LONGEST_STREET_M) / REFERENCE_LENGTH_M
+        street = self.street_speed_m_s * reach**self.length_exponent
         large = np.maximum(street, speed_m_s)
         ratio = np.minimum(street, speed_m_s) / large
         return np.asarray(large * (1.0 + ratio**self.sharpness) ** (1.0 / self.sharpness), dtype=np.float64)

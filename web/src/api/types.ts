@@ -9,6 +9,7 @@ export interface Link {
   travel_time_s?: number;
   stop_s?: number;
   moving_speed_m_s?: number;
+  speed_limit_m_s?: number;
   [more: string]: number | undefined;
 }
 

@@ -132,7 +132,7 @@ function endMark(kind: string, of: Answer): Mark & { y: number } {
   return { kind, text: `${figure(soc, 0)} %`, x: end, y: soc, at: "right" };
 }
 
-function marks(now: Answer, heightPx: number): Mark[] {
+function marks(now: Answer, carM: number | null, heightPx: number): Mark[] {
   const reserve = PERCENT.from(conditions.value.reserve);
   const [low, high] = span.value;
   const found: Mark[] = [];
@@ -150,9 +150,9 @@ function marks(now: Answer, heightPx: number): Mark[] {
     }
     found.push(theirs);
   }
-  if (driving.value) {
-    const y = interpolate(distanceM.value, now.series.distance_m, now.series.displayed_soc);
-    const x = units.value.distance.from(distanceM.value);
+  if (carM !== null) {
+    const y = interpolate(carM, now.series.distance_m, now.series.displayed_soc);
+    const x = units.value.distance.from(carM);
     found.push({ kind: "car", text: "", x, y: PERCENT.from(y) });
   }
   return found;
@@ -161,8 +161,7 @@ function marks(now: Answer, heightPx: number): Mark[] {
 export function BatteryChart({ height, label }: { height: number; label: string }) {
   const now = answer.value as Answer;
   const placed = place.value;
-  // Read here, so that the car moves between two answers.
-  distanceM.value;
+  const carM = driving.value ? distanceM.value : null;
   return (
     <Plot
       label={label}
@@ -170,7 +169,7 @@ export function BatteryChart({ height, label }: { height: number; label: string 
       height={height}
       options={options}
       pointer={placed === null ? null : units.value.distance.from(placed)}
-      drawn={(plot) => placeMarks(plot, marks(now, plot.over.clientHeight))}
+      drawn={(plot) => placeMarks(plot, marks(now, carM, plot.over.clientHeight))}
     />
   );
 }

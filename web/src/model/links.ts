@@ -18,19 +18,15 @@ export function atMotorwaySpeed(links: Link[], speedMS: number | null): Link[] {
   if (speedMS === null) return links;
   return links.map((link) => {
     if (speedOf(link) <= MOTORWAY_M_S) return link;
-    const {
-      speed_m_s: _speed,
-      travel_time_s: _time,
-      moving_speed_m_s: _moving,
-      speed_limit_m_s: _limit,
-      ...rest
-    } = link;
     const stop = link.stop_s ?? 0;
-    return {
-      ...rest,
+    const faster: Link = {
+      ...link,
       travel_time_s: link.length_m / speedMS + stop,
       stop_s: stop,
       moving_speed_m_s: speedMS,
     };
+    delete faster.speed_m_s;
+    delete faster.speed_limit_m_s;
+    return faster;
   });
 }

@@ -14,7 +14,6 @@ function Table({ title, head, rows }: { title: string; head: string[]; rows: Com
   return (
     <details class="as-table">
       <summary>{title}</summary>
-      {/* biome-ignore lint/a11y/noNoninteractiveTabindex: what scrolls has to be reached by keys */}
       <section class="scroll" tabIndex={0} aria-label={title}>
         <table>
           <thead>

@@ -59,7 +59,6 @@ function Upload() {
     if (!tooLarge) await chooseRoute(await file.text(), file.name, "upload", speedMS);
   };
   return (
-    // biome-ignore lint/a11y/noStaticElementInteractions: dropping a file is a short cut; the button inside does the same
     <div
       class={`drop${over ? " over" : ""}`}
       onDragOver={(event) => {
