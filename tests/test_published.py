@@ -27,18 +27,20 @@ def write_cli() -> ModuleType:
     return script("write_cli")
 
 
-def test_readme_shows_the_published_results(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("protocol", "model"), [("paper", "boosting"), ("forecast", "hybrid")])
+def test_readme_shows_the_published_results(protocol: str, model: str, tmp_path: Path) -> None:
     readme = tmp_path / "README.md"
     shutil.copy(ROOT / "README.md", readme)
     publish = script("publish_results").publish
-    copy = publish(DOCS / "results" / "paper.json", tmp_path / "results", readme)
+    source = DOCS / "results" / f"{protocol}.json"
+    copy = publish(source, tmp_path / "results", readme)
     assert readme.read_text(encoding="utf-8") == (ROOT / "README.md").read_text(encoding="utf-8"), (
         "make readme"
     )
-    published = (DOCS / "results" / "paper.json").read_text(encoding="utf-8")
+    published = source.read_text(encoding="utf-8")
     assert copy.read_text(encoding="utf-8") == published
     changed = json.loads(published)
-    changed["evaluations"][0]["models"]["boosting"]["mape"] = 0.777
+    changed["evaluations"][0]["models"][model]["mape"] = 0.777
     (tmp_path / "results.json").write_text(json.dumps(changed), encoding="utf-8")
     publish(tmp_path, tmp_path / "results", readme)
     assert "77.7" in readme.read_text(encoding="utf-8")
@@ -69,11 +71,13 @@ def test_readme_shows_the_published_figures_of_planned_routes(tmp_path: Path) ->
     assert mape == pytest.approx(changed["known"]["driven trace"]["mape"])
 
 
-def test_published_results_are_of_real_trips_and_hold_no_samples() -> None:
-    results = json.loads((DOCS / "results" / "paper.json").read_text(encoding="utf-8"))
+@pytest.mark.parametrize("protocol", ["paper", "forecast"])
+def test_published_results_are_of_real_trips_and_hold_no_samples(protocol: str) -> None:
+    published = DOCS / "results" / f"{protocol}.json"
+    results = json.loads(published.read_text(encoding="utf-8"))
     assert results["synthetic"] is False
     assert results["evaluations"][0]["n_trips"] == 58
-    assert (DOCS / "results" / "paper.json").stat().st_size < 200_000
+    assert published.stat().st_size < 200_000
 
 
 def test_page_of_the_command_line_is_complete_and_up_to_date(write_cli: ModuleType) -> None:
