@@ -17,7 +17,7 @@ from tripwatt.forecast.planned import along_the_plan, given_of, route_sd_wh
 from tripwatt.forecast.process import EXACT_W2, Belief, Blocks, ResidualProcess
 from tripwatt.forecast.scale import TotalScale
 from tripwatt.forecast.scores import Scores
-from tripwatt.hybrid import BlockTable
+from tripwatt.hybrid import BlockTable, PowerCorrector
 from tripwatt.hybrid.climate_log import logged_climate
 from tripwatt.physics import Simulation
 from tripwatt.trips import (
@@ -56,8 +56,8 @@ class Forecast:
     table : BlockTable
     correction_w : ndarray, shape (blocks,)
         Learned correction of the power before departure [W].
-    climate_w : ndarray or None, shape (blocks,)
-        Its part of climate control; None where the model does not tell it apart.
+    corrector : PowerCorrector
+        Where it comes from; an update asks it for the part of climate control.
     belief : Belief
         Of the residual power that remains: mean 0 before departure.
     spread : float
@@ -79,7 +79,7 @@ class Forecast:
     simulation: Simulation
     table: BlockTable
     correction_w: FloatArray
-    climate_w: FloatArray | None
+    corrector: PowerCorrector
     blocks: Blocks
     process: ResidualProcess
     belief: Belief
@@ -105,7 +105,7 @@ class Forecast:
         simulation: Simulation,
         table: BlockTable,
         correction_w: FloatArray,
-        climate_w: FloatArray | None,
+        corrector: PowerCorrector,
         blocks: Blocks,
         process: ResidualProcess,
         scale: TotalScale,
@@ -131,7 +131,7 @@ class Forecast:
             simulation=simulation,
             table=table,
             correction_w=correction_w,
-            climate_w=climate_w,
+            corrector=corrector,
             blocks=blocks,
             process=process,
             belief=belief,
@@ -334,9 +334,10 @@ class Forecast:
     def _climate_residual(self, samples: pd.DataFrame, edges_s: FloatArray) -> FloatArray | None:
         """Measured less expected power of climate control [W]; NaN in blocks that were not measured."""
         logged = logged_climate(samples, edges_s)
-        if logged is None or self.climate_w is None:
+        expected = None if logged is None else self.corrector.predict_climate(self.table)
+        if logged is None or expected is None:
             return None
-        return np.asarray(logged - self.blocks.hvac_w - self.climate_w)
+        return np.asarray(logged - self.blocks.hvac_w - expected)
 
     def as_dict(self) -> dict[str, Any]:
         """What the command line and the service answer, plain values."""

@@ -203,7 +203,7 @@ class ForecastModel:
             simulation=simulation,
             table=table,
             correction_w=correction,
-            climate_w=self.fitted_.predict_climate(table),
+            corrector=self.fitted_,
             blocks=process_blocks(table, doubt),
             process=self.process_,
             scale=self.scale_,
