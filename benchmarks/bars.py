@@ -1,4 +1,4 @@
-"""The project's own bars, each with its figure: `python -m benchmarks.bars [--results DIR] [--links FILE] [--runs N]`.
+"""The project's own bars, each with its figure: `python -m benchmarks.bars [--results DIR] [--forecast DIR] [--links FILE]`.
 
 Prints a table and ends with code 1 when a bar is missed. A bar whose data or extra is not at hand is listed as not
 measured. Accuracy comes from the `results.json` of an evaluation of the TUM trips: one that is run here, or with
@@ -21,7 +21,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks import acceptance, argonne, gam, physics_trips, pipeline, planned, service, ved_trips
+from benchmarks import (
+    acceptance,
+    argonne,
+    coverage,
+    gam,
+    physics_trips,
+    pipeline,
+    planned,
+    service,
+    ved_trips,
+)
+from benchmarks import forecast as forecast_speed
 from benchmarks.measure import ROOT, RUNS, Row, tum_folder
 
 NOT_AT_HAND = "not at hand"
@@ -99,6 +110,74 @@ def _clearly_worse(results: Mapping[str, Any]) -> Bar:
     low = min(sign * bound for bound in pair["ci95"])
     text = "boosting without physics is worse: mean APE more, lower end of the 95 % interval"
     return Bar(text, EVALUATE, f"{sign * pair['diff']:+.3f}, {low:+.3f}", "> 0", low > 0)
+
+
+FORECAST = "tripwatt evaluate DATA/tum --protocol forecast"
+UPDATE_BARS = {"0.25": 0.055, "0.5": 0.036, "0.75": 0.020}
+"""Fraction of the trip's time -> largest mean APE of the re-forecast total."""
+
+
+def forecast_accuracy(results: Path | None) -> Iterator[Bar]:
+    """Bars on the forecast before departure and on the way, from a `results.json` of its protocol."""
+    text = "the forecast on the 58 reference trips"
+    folder = tum_folder()
+    if results is None and folder is None:
+        yield missing(text, FORECAST)
+        return
+    with tempfile.TemporaryDirectory() as scratch:
+        if results is None:
+            out = Path(scratch) / "forecast"
+            seconds = pipeline.evaluating(str(folder), "--protocol", "forecast", out=out, runs=1)
+            yield at_most("the whole evaluation of the forecast", FORECAST, seconds / 60.0, 10.0, "min")
+            results = out
+        path = results / "results.json" if results.is_dir() else results
+        found = json.loads(path.read_text(encoding="utf-8"))
+    main, by_day = (
+        next(e for e in found["evaluations"] if (e["scheme"], e["trips"]) == (scheme, "reference"))
+        for scheme in ("leave_one_trip_out", "leave_one_day_out")
+    )
+    score = main["models"]["hybrid"]
+    yield at_most(f"{text}: mean APE", FORECAST, score["mape"], 0.062)
+    yield shown(f"{text}: mean APE beside the aim", FORECAST, f"{score['mape']:.4f}", "aim 0.055")
+    yield at_most(f"{text}: RMSE", FORECAST, score["rmse_wh"] / 1000.0, 0.18, "kWh")
+    yield shown(f"{text}, leave one day out", FORECAST, f"{by_day['models']['hybrid']['mape']:.4f}", "")
+    yield from _paired_forecast(found)
+    for level, (low, high) in score["coverage_ci95"].items():
+        figure = f"{score['coverage'][level]:.3f}, {low:.3f} to {high:.3f}"
+        name = f"{text}: coverage, its Clopper-Pearson interval holds {level}"
+        yield Bar(name, FORECAST, figure, level, low <= float(level) <= high)
+    width = score["interval_width_wh"]["0.9"] / 1000.0
+    yield at_most(f"{text}: mean width of the 90 % interval", FORECAST, width, 0.60, "kWh")
+    same = score["crps_same_width_wh"]
+    yield at_most(f"{text}: CRPS against one width for all", FORECAST, score["crps_wh"], same, "Wh")
+    for fraction, row in score["update"].items():
+        name = f"re-forecast after {float(fraction):.0%} of the time"
+        if fraction in UPDATE_BARS:
+            yield at_most(f"{name}: mean APE", FORECAST, row["mape"], UPDATE_BARS[fraction])
+        for other in ("no_update", "naive_gauge"):
+            yield at_most(f"{name}: mean APE beside {other}", FORECAST, row["mape"], row[other])
+    half = score["update"]["0.5"]
+    figure = f"{half['diff']:+.4f}, {half['diff_ci95'][0]:+.4f} to {half['diff_ci95'][1]:+.4f}"
+    met = half["significant"] and half["diff"] < 0
+    yield Bar("re-forecast after half: better than no update", FORECAST, figure, "significant", met)
+
+
+def _paired_forecast(found: Mapping[str, Any]) -> Iterator[Bar]:
+    pairs = {frozenset((p["a"], p["b"])): p for p in found["paired"]}
+    for other in ("physics4", "linear6"):
+        pair = pairs[frozenset(("hybrid", other))]
+        sign = 1.0 if pair["a"] == "hybrid" else -1.0
+        figure, met = f"{sign * pair['diff']:+.4f}", pair["significant"] and sign * pair["diff"] < 0
+        yield Bar(f"the forecast against {other}, paired", FORECAST, figure, "significant, below 0", met)
+
+
+def synthetic_coverage() -> Iterator[Bar]:
+    """The 90 % interval on many synthetic trips."""
+    found = coverage.synthetic_coverage()
+    share = found.share[coverage.LEVELS.index(0.9)]
+    text = f"90 % interval on {found.trips} synthetic trips covers"
+    measure = "python -m benchmarks.coverage"
+    yield Bar(text, measure, f"{share:.3f}", "0.88 to 0.92", 0.88 <= share <= 0.92)
 
 
 def physics() -> Iterator[Bar]:
@@ -187,6 +266,14 @@ GAM_SPEED: Mapping[str, tuple[Made, ...]] = {
     "peak memory of all of these": (value_at_most(700.0),),
 }
 """Row of `benchmarks.gam` -> its bars."""
+
+
+FORECAST_SPEED: Mapping[str, tuple[Made, ...]] = {
+    forecast_speed.ONE: (value_at_most(5.0),),
+    forecast_speed.COMMAND: (value_at_most(1.5),),
+    forecast_speed.FIT_TUM: (value_at_most(60.0),),
+}
+"""Row of `benchmarks.forecast` -> its bars."""
 
 
 SERVICE: Mapping[str, tuple[Made, ...]] = {
@@ -339,13 +426,17 @@ def evaluations(results: Path | None, runs: int) -> tuple[list[Row], dict[str, A
     return rows, found
 
 
-def bars(results: Path | None, runs: int, links: Path | None = None) -> Iterator[Bar]:
+def bars(
+    results: Path | None, runs: int, links: Path | None = None, forecast: Path | None = None
+) -> Iterator[Bar]:
     """All bars, as they are measured."""
     rows, found = evaluations(results, runs)
     if found is None:
         yield missing("mean errors on the 58 reference trips", EVALUATE)
     else:
         yield from accuracy(found)
+    yield from forecast_accuracy(forecast)
+    yield from synthetic_coverage()
     yield from planned_routes(links)
     yield from physics()
     yield from leafs()
@@ -357,6 +448,7 @@ def bars(results: Path | None, runs: int, links: Path | None = None) -> Iterator
         "" if results is None else "--results was given",
     )
     yield from speed(iter(gam.run()), GAM_SPEED, "OMP_NUM_THREADS=1 python -m benchmarks.gam")
+    yield from speed(forecast_speed.run(), FORECAST_SPEED, "python -m benchmarks.forecast")
     yield from speed(service.run(), SERVICE, "python -m benchmarks.service")
     yield from gam_tests()
     yield from certified()
@@ -380,9 +472,12 @@ def main() -> int:
         "--runs", type=int, default=RUNS, help="how often each evaluation is run; times are medians"
     )
     parser.add_argument("--links", type=Path, help="results of `benchmarks.planned` that was run before")
+    parser.add_argument(
+        "--forecast", type=Path, help="results.json, or its folder, of an evaluation of the forecast"
+    )
     arguments = parser.parse_args()
     measured = []
-    for bar in bars(arguments.results, arguments.runs, arguments.links):
+    for bar in bars(arguments.results, arguments.runs, arguments.links, arguments.forecast):
         measured.append(bar)
         print(f"{bar.verdict:>12}  {bar.text}: {bar.figure} ({bar.required})", file=sys.stderr, flush=True)
     print(render(measured))

@@ -16,6 +16,8 @@ from tripwatt.trips import Trip
 
 TRIP_S = 1300.0
 RUNS = 101
+ONE = "one forecast of 1,300 s at 1 Hz, in process"
+COMMAND = "tripwatt forecast, the whole command"
 FIT_TUM = "fit on the TUM trips, one process"
 
 
@@ -27,7 +29,7 @@ def run() -> Iterator[Row]:
     seen = trip.samples[trip.samples["time_s"] <= 0.5 * TRIP_S]
     before = model.forecast(trip)
     jobs: dict[str, Callable[[], object]] = {
-        "one forecast of 1,300 s at 1 Hz, in process": lambda: model.forecast(trip),
+        ONE: lambda: model.forecast(trip),
         "one forecast with all that is answered": lambda: model.forecast(trip).as_dict(),
         "one update after half of the trip, with all that is answered": lambda: before.update(seen).as_dict(),
         "load the model of the package": load_model,
@@ -38,7 +40,7 @@ def run() -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as scratch:
         table = Path(scratch) / "trip.csv"
         trip.samples.to_csv(table, index=False)
-        yield Row("tripwatt forecast, the whole command", commanding("forecast", str(table)), "s")
+        yield Row(COMMAND, commanding("forecast", str(table)), "s")
         folder = tum_folder()
         if folder is None:
             print("no TUM trips at hand: fitting is not measured", file=sys.stderr)
@@ -65,3 +67,8 @@ def commanding(*arguments: str, runs: int = 5) -> float:
     """Median wall time of a command [s], the start of the interpreter included."""
     command = [sys.executable, "-m", "tripwatt.cli", *arguments]
     return median_seconds(lambda: subprocess.run(command, check=True, capture_output=True), runs=runs)
+
+
+if __name__ == "__main__":
+    for row in run():
+        print(f"{row.name}: {row.value:.4g} {row.unit}")
