@@ -52,3 +52,10 @@ def test_too_few_and_silent_trips_are_named_together():
         calibrate([trips[0], silent], load_vehicle("bmw_i3_60ah"))
     assert "too few trips" in str(error.value)
     assert silent.trip_id in str(error.value)
+
+
+def test_a_few_trips_cannot_be_sure_of_six_values():
+    book = load_vehicle("bmw_i3_60ah")
+    found = calibrate(synthetic_fleet(3).trips, book)
+    for parameter in PARAMETERS:
+        assert found.sd[parameter.name] > 0.2 * parameter.width

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.forecast import ForecastModel
+from tripwatt.forecast import ForecastModel, since_departure
 from tripwatt.forecast.gain import Gain
 from tripwatt.forecast.process import (
     Belief,
@@ -240,6 +240,38 @@ def test_measured_climate_on_the_way_is_told_from_driving(fleet):
     # one column alone says nothing of the sum: the forecast is that of the undivided power
     alone = before.update(half[columns[:4]])
     assert alone.energy_wh == before.update(half[columns[:3]]).energy_wh
+
+
+@pytest.fixture(scope="module")
+def driven(fleet, model):
+    """A trip, its forecast, and what was measured in its first half."""
+    trip = fleet.trips[-1]
+    half = trip.samples.iloc[: len(trip) // 2][["time_s", "voltage_v", "current_a"]].reset_index(drop=True)
+    return model.forecast(trip), since_departure(half, trip)
+
+
+def test_missing_current_is_a_gap_and_no_measurement(driven):
+    before, half = driven
+    hole = half["time_s"].between(100.0, 300.0)
+    blank = half.assign(current_a=half["current_a"].mask(hole))
+    assert before.update(blank).energy_wh == pytest.approx(before.update(half[~hole]).energy_wh, rel=0.01)
+    stopped = half.assign(current_a=half["current_a"].mask(half["time_s"] > 100.0))
+    until = before.update(half[half["time_s"] <= 100.0])
+    assert before.update(stopped).energy_wh == pytest.approx(until.energy_wh, rel=0.02)
+
+
+def test_samples_that_cannot_be_of_this_trip_are_refused(fleet, driven):
+    trip, (_, half) = fleet.trips[-1], driven
+    with pytest.raises(InvalidInput, match="wrong sign"):
+        since_departure(half.assign(current_a=-half["current_a"]), trip)
+    with pytest.raises(InvalidInput, match="trip's clock"):
+        since_departure(half.assign(time_s=half["time_s"] + 50_000.0), trip)
+
+
+def test_samples_without_news_leave_the_forecast(driven):
+    before, half = driven
+    same = before.update(half[["time_s"]].assign(displayed_soc=0.8))
+    assert (same.energy_wh, same.sd_wh) == (before.energy_wh, before.sd_wh)
 
 
 def test_conformal_factor_covers_exchangeable_errors():

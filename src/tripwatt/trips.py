@@ -218,7 +218,7 @@ def observed_cumulative_energy(samples: pd.DataFrame) -> FloatArray | None:
         if "observed_energy_wh" not in samples.columns or not len(samples):
             return None
         counted = np.asarray(samples["observed_energy_wh"], dtype=np.float64)
-        return np.asarray(counted - counted[0], dtype=np.float64)
+        return np.asarray(counted - counted[np.argmax(np.isfinite(counted))], dtype=np.float64)
     time = np.asarray(samples["time_s"], dtype=np.float64)
     with np.errstate(invalid="ignore", over="ignore"):
         power = np.asarray(samples["voltage_v"], dtype=np.float64) * np.asarray(

@@ -37,6 +37,8 @@ OPTION_OF: Final = {
     "battery_temperature_degc": "--battery-temperature",
     "payload_mass_kg": "--payload",
 }
+FAR_K: Final = 10.0
+"""A cabin or battery so far from the air outside is worth a word when the air was chosen."""
 PLOT_SUFFIXES: Final = (".png", ".svg", ".pdf")
 
 
@@ -61,7 +63,10 @@ def add_commands(app: typer.Typer) -> None:
                 "with the model that comes with the package",
             ),
             ("tripwatt forecast my-model trip.csv --reserve 0.1 --plot forecast.png", "with your model"),
-            ("tripwatt forecast trip.csv --observed so-far.csv --json", "again, during the trip"),
+            (
+                "tripwatt forecast trip.csv --observed so-far.csv --json",
+                "again, during the trip: so-far.csv holds what was measured, e.g. `head -601 trip.csv`",
+            ),
             (
                 "tripwatt forecast answer.json --soc 0.8 --ambient 5",
                 "a planned route: a router's saved answer",
@@ -290,11 +295,25 @@ def forecast(
     )
     to_come = got["trip"](asked)
     found = got["model"].forecast(to_come)
+    found = replace(found, flags=(*found.flags, *_still_warm(to_come, asked)))
     if observed is not None:
         found = found.update(since_departure(got["observed"], to_come))
     if plot is not None:
         _draw(found, plot)
     print_json(answer_of(found, reserve)) if as_json else _show_forecast(found, reserve)
+
+
+def _still_warm(trip: Trip, asked: Mapping[str, Any]) -> list[str]:
+    """What a table says of cabin and battery although another temperature outside was asked for."""
+    ambient = asked["ambient_temperature_degc"]
+    flags = []
+    for name in ("cabin_temperature_degc", "battery_temperature_degc"):
+        if ambient is None or asked[name] is not None or name not in trip:
+            continue
+        start = float(trip.array(name)[0])
+        if abs(start - ambient) > FAR_K:
+            flags.append(f"{name} at departure is the table's {start:.0f} °C; {OPTION_OF[name]} changes it")
+    return flags
 
 
 def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:

@@ -13,7 +13,7 @@ import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecast.gain import Gain
-from tripwatt.forecast.planned import along_the_plan, given_of, route_sd_wh
+from tripwatt.forecast.planned import DRIVEN_S, along_the_plan, given_of, measured_energy, route_sd_wh
 from tripwatt.forecast.process import EXACT_W2, Belief, Blocks, ResidualProcess
 from tripwatt.forecast.scale import TotalScale
 from tripwatt.forecast.scores import Scores
@@ -23,7 +23,6 @@ from tripwatt.physics import Simulation
 from tripwatt.trips import (
     FloatArray,
     Trip,
-    observed_cumulative_energy,
     raise_faults,
     structure_faults,
     value_faults,
@@ -40,6 +39,8 @@ SOC_STEP: Final = 0.005
 """Smallest step that a logged state of charge is trusted to."""
 CAPACITY_SD: Final = 0.03
 """Relative doubt of the energy behind a unit of state of charge: ageing and temperature."""
+MOST_STRETCH: Final = 1.5
+"""On a planned route, a block that took more than so many times as long as planned tells no power."""
 MIN_COVER: Final = 0.8
 """Share of a block that has to be measured before it counts as observed: within a block, power changes with every
 change of speed, so a part of it says little of the rest."""
@@ -122,7 +123,7 @@ class Forecast:
         if not plan.has("soc") and not plan.has("displayed_soc"):
             start = vehicle.battery.displayed_from_soc(float(simulation.soc[0]))
             flags.append(f"state of charge is unknown: {start:.0%} displayed at departure is assumed")
-        if "elevation_m" not in plan and "grade" not in plan:
+        if not plan.has("elevation_m") and not plan.has("grade"):
             flags.append("no elevation: the road counts as flat")
         belief = Belief.of(process.covariance(blocks))
         return cls(
@@ -258,7 +259,7 @@ class Forecast:
         Parameters
         ----------
         observed : DataFrame
-            Samples since departure, `time_s` on the clock of the trip's own samples. With `voltage_v` and
+            Samples, `time_s` in seconds since departure (`since_departure` makes it so of a trip's own clock). With `voltage_v` and
             `current_a`, or with `observed_energy_wh` in their place, each block that was measured counts, gaps stay
             unmeasured; `heating_power_w` and `aircon_power_w` beside them tell climate control from driving. Without
             them `soc` or `displayed_soc` count. On a planned route `speed_m_s` tells how far the car is; without it,
@@ -281,10 +282,13 @@ class Forecast:
         time = np.asarray(samples["time_s"], dtype=np.float64)
         soc = self._measured_soc(samples)
         measured_wh = measured_hours = None
-        cumulative = observed_cumulative_energy(samples)
+        until = float(time[-1])
+        cumulative = measured_energy(samples)
         if cumulative is not None:
+            until = float(time[np.flatnonzero(np.isfinite(cumulative))[-1]])
             measured_wh, measured_hours = self._measured(cumulative, time)
-            weights, power, variance = self._observed_power(measured_wh, measured_hours)
+            real_s = np.interp(self._edges(), time, samples[DRIVEN_S]) if DRIVEN_S in samples else None
+            weights, power, variance = self._observed_power(measured_wh, measured_hours, real_s)
         elif soc is not None:
             weights, power, variance = self._observed_soc(time, soc)
         else:
@@ -292,7 +296,7 @@ class Forecast:
             raise InvalidInput(
                 Fault("nothing measured", "observed samples", where, "voltage_v and current_a, or soc")
             )
-        belief, rest_spread = self._updated(samples, weights, power, variance)
+        belief, rest_spread = self._updated(samples, until, weights, power, variance)
         anchor = None
         if soc is not None and np.isfinite(soc).any():
             last = int(np.flatnonzero(np.isfinite(soc))[-1])
@@ -301,20 +305,26 @@ class Forecast:
             self,
             belief=belief,
             rest_spread=rest_spread,
-            measured_until_s=float(time[-1]),
+            measured_until_s=until,
             measured_wh=measured_wh,
             measured_hours=measured_hours,
             anchor=anchor,
         )
 
     def _updated(
-        self, samples: pd.DataFrame, weights: FloatArray, power: FloatArray, variance: FloatArray
+        self,
+        samples: pd.DataFrame,
+        until_s: float,
+        weights: FloatArray,
+        power: FloatArray,
+        variance: FloatArray,
     ) -> tuple[Belief, float]:
         """Belief after powers were observed and its `rest_spread`; climate control apart where the samples tell it."""
-        time = np.asarray(samples["time_s"], dtype=np.float64)
-        edges = np.concatenate(([0.0], np.cumsum(self.blocks.step_s)))
-        ahead = edges[1:] > time[-1] + 1e-9
-        fraction = float(min(time[-1] / edges[-1], 1.0))
+        if not len(power):  # nothing that was measured tells a power: the departure forecast stands
+            return Belief.of(self.process.covariance(self.blocks)), 1.0
+        edges = self._edges()
+        ahead = edges[1:] > until_s + 1e-9
+        fraction = min(until_s / float(edges[-1]), 1.0)
         residual = power - weights @ (self.table.simulated_w + self.correction_w)
         climate = self._climate_residual(samples, edges) if self.process.apart else None
         needed = (weights > 0.0).any(axis=0)
@@ -384,21 +394,34 @@ class Forecast:
 
     def _measured(self, cumulative: FloatArray, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Energy [Wh] and time [h] of each block that the samples cover; long gaps cover nothing."""
+        known = np.isfinite(cumulative)
+        cumulative, time = cumulative[known], time[known]
         step = np.diff(time)
         sound = step <= GAP_S
-        edges = np.concatenate(([0.0], np.cumsum(self.blocks.step_s)))
+        edges = self._edges()
         edges[-1] = max(edges[-1], time[-1])
         seconds = np.concatenate(([0.0], np.cumsum(np.where(sound, step, 0.0))))
         gained = np.concatenate(([0.0], np.cumsum(np.where(sound, np.diff(cumulative), 0.0))))
         covered = np.diff(np.interp(edges, time, seconds))
         return np.diff(np.interp(edges, time, gained)), covered / SECONDS_PER_HOUR
 
+    def _edges(self) -> FloatArray:
+        """Time at the edges of the blocks [s], shape (blocks + 1,)."""
+        return np.concatenate(([0.0], np.cumsum(self.blocks.step_s)))
+
     def _observed_power(
-        self, measured_wh: FloatArray, measured_hours: FloatArray
+        self, measured_wh: FloatArray, measured_hours: FloatArray, real_s: FloatArray | None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Mean measured power of each block that was measured for long enough, as weights, values, variances."""
+        """Mean measured power of each block that was measured for long enough, as weights, values, variances.
+
+        `real_s` is the car's own clock at the edges, None where it is the plan's: energy of a block that took much longer
+        than planned is no power of the block.
+        """
         share = np.minimum(measured_hours / self.table.hours, 1.0)
-        seen = np.flatnonzero(share >= MIN_COVER)
+        counts = share >= MIN_COVER
+        if real_s is not None:
+            counts &= np.diff(real_s) <= MOST_STRETCH * self.blocks.step_s
+        seen = np.flatnonzero(counts)
         noise = (self.process.drive.noise * self.blocks.drive_noise_w[seen]) ** 2
         variance = (1.0 - share[seen]) * noise + EXACT_W2
         return np.eye(len(self.blocks))[seen], measured_wh[seen] / measured_hours[seen], variance
@@ -418,7 +441,8 @@ class Forecast:
         if len(marks) < 2:
             empty = np.empty(0)
             return np.empty((0, len(self.blocks))), empty, empty
-        edges = np.concatenate(([0.0], np.cumsum(self.blocks.step_s)))
+        edges = self._edges()
+        edges[-1] = max(edges[-1], time[-1])
         weights, power, variance = [], [], []
         for a, b in itertools.pairwise(marks):
             inside = np.clip(np.minimum(edges[1:], time[b]) - np.maximum(edges[:-1], time[a]), 0.0, None)

@@ -33,6 +33,9 @@ from tripwatt.vehicles import Vehicle
 if TYPE_CHECKING:
     from tripwatt.forecast.forecast import Forecast
 
+DRIVEN_S: Final = "driven_s"
+"""Column of the car's own clock beside that of its plan."""
+
 LENGTHS_M: Final = (250.0, 1000.0, 4000.0)
 """Lengths of links whose cost is measured."""
 
@@ -242,7 +245,7 @@ def along_the_plan(samples: pd.DataFrame, plan: Trip) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        `time_s`, and what was measured of `observed_energy_wh`, `soc`, `displayed_soc` and the powers of climate control.
+        `time_s`, `driven_s` by the car's own clock, and what was measured of `observed_energy_wh`, `soc`, `displayed_soc` and the powers of climate control.
     """
     if plan.context.planned_link_m is None:
         return samples
@@ -254,7 +257,7 @@ def along_the_plan(samples: pd.DataFrame, plan: Trip) -> pd.DataFrame:
     states = {n: samples[n].to_numpy(dtype=np.float64) for n in ("soc", "displayed_soc") if n in samples}
     sound = blank_stuck_heater(samples, "")[0]  # told by the log's own clock
     powers = {n: sound[n].to_numpy(dtype=np.float64) for n in CLIMATE_COLUMNS if n in sound}
-    energy = observed_cumulative_energy(samples)
+    energy = measured_energy(samples)
     # of a standstill the last sample counts, and the first of all, from which energy is counted
     last = np.append(np.diff(clock) > 0.0, True)
     kept = np.flatnonzero(last)
@@ -271,7 +274,7 @@ def along_the_plan(samples: pd.DataFrame, plan: Trip) -> pd.DataFrame:
         len(parts),
     )
     order = np.arange(len(kept))
-    found = {"time_s": np.interp(place, order, clock[kept])}
+    found = {"time_s": np.interp(place, order, clock[kept]), DRIVEN_S: np.interp(place, order, time[kept])}
     if energy is not None:
         found["observed_energy_wh"] = np.interp(place, order, energy[kept])
     found |= {name: np.interp(place, order, values[kept]) for name, values in powers.items()}
@@ -279,6 +282,24 @@ def along_the_plan(samples: pd.DataFrame, plan: Trip) -> pd.DataFrame:
     for name, values in states.items():
         found[name] = np.where(whole, values[kept][place.astype(np.int64)], np.nan)
     return pd.DataFrame(found)
+
+
+def measured_energy(samples: pd.DataFrame) -> FloatArray | None:
+    """As `observed_cumulative_energy`, but NaN where voltage or current are missing for longer than `GAP_S`."""
+    energy = observed_cumulative_energy(samples)
+    if energy is None:
+        return None
+    pair = {"voltage_v", "current_a"} <= set(samples.columns)
+    names = ["voltage_v", "current_a"] if pair else ["observed_energy_wh"]
+    known = np.isfinite(samples[names].to_numpy(dtype=np.float64)).all(axis=1)
+    time, at = samples["time_s"].to_numpy(dtype=np.float64), np.flatnonzero(known)
+    if not len(at):
+        return None
+    after = np.searchsorted(at, np.arange(len(time)))
+    inside = (after > 0) & (after < len(at))
+    before, after = at[np.maximum(after - 1, 0)], at[np.minimum(after, len(at) - 1)]
+    bridged = inside & (time[after] - time[before] <= GAP_S)
+    return np.where(known | (bridged & pair), energy, np.nan)
 
 
 def _distance(time: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -291,7 +312,13 @@ def route_sd_wh(forecast: Forecast) -> FloatArray:
 
     One doubt for the whole route, as if all links erred together: along the way it grows like the band's other parts.
     """
-    return np.asarray(forecast.route_doubt_wh * np.cumsum(forecast.open_hours) / forecast.table.hours.sum())
+    ahead = forecast.open_hours
+    if (
+        forecast.measured_hours is None and forecast.anchor is not None
+    ):  # a state of charge tells what is behind
+        ends = np.cumsum(forecast.blocks.step_s)
+        ahead = ahead * np.clip((ends - forecast.anchor[0]) / forecast.blocks.step_s, 0.0, 1.0)
+    return np.asarray(forecast.route_doubt_wh * np.cumsum(ahead) / forecast.table.hours.sum())
 
 
 def _said(notes: str) -> Iterable[str]:

@@ -9,11 +9,14 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.inertia import apparent_mass
 from tripwatt.trips import COLUMNS, Context, Trip, is_sound, raise_faults, structure_faults, table_of
 
 if TYPE_CHECKING:
     from tripwatt.forecast.forecast import Forecast
 
+WRONG_SIGN: Final = -0.5
+"""Correlation of power and acceleration below which the current has the wrong sign."""
 MOST_PAYLOAD_KG: Final = 60_000.0
 """As the simulation allows."""
 
@@ -95,7 +98,7 @@ def since_departure(observed: pd.DataFrame, trip: Trip) -> pd.DataFrame:
     Raises
     ------
     InvalidInput
-        When they begin before the trip.
+        When they begin before the trip or after it, or their current has the wrong sign.
 
     Examples
     --------
@@ -109,7 +112,35 @@ def since_departure(observed: pd.DataFrame, trip: Trip) -> pd.DataFrame:
     if len(times) and float(times.iloc[0]) < 0.0:
         got, allowed = f"{float(observed['time_s'].iloc[0]):g} s", f"{start:g} s or later, as the trip"
         raise InvalidInput(Fault("measured before departure", "observed samples, time_s", got, allowed))
+    if len(times) and trip.context.planned_link_m is None and float(times.iloc[0]) > trip.duration_s:
+        first, last = (float(observed["time_s"].iloc[i]) for i in (0, -1))
+        got, allowed = f"{first:g} to {last:g} s", f"{start:g} to {start + trip.duration_s:g} s, as the trip"
+        fix = "put them on the trip's clock"
+        raise InvalidInput(Fault("measured after the trip", "observed samples, time_s", got, allowed, fix))
+    _require_sign(observed, trip)
     return observed.assign(time_s=times)
+
+
+def _require_sign(observed: pd.DataFrame, trip: Trip) -> None:
+    """Refuse a current with which the battery would charge while the car accelerates."""
+    if not {"voltage_v", "current_a"} <= set(observed.columns):
+        return
+    time = observed["time_s"].to_numpy(dtype=np.float64)
+    own = "speed_m_s" in observed
+    if not own and trip.context.planned_link_m is not None:
+        return  # nobody knows how fast the car was
+    speed = (
+        observed["speed_m_s"].to_numpy(dtype=np.float64)
+        if own
+        else np.interp(time, trip.array("time_s"), trip.array("speed_m_s"))
+    )
+    power = (observed["voltage_v"] * observed["current_a"]).to_numpy(dtype=np.float64)
+    found = apparent_mass(time, speed, power)
+    if found is not None and found[1] < WRONG_SIGN:
+        got, allowed = "the battery would charge while the car accelerates", "+ where it discharges"
+        raise InvalidInput(
+            Fault("the current has the wrong sign", "observed samples, current_a", got, allowed, "negate it")
+        )
 
 
 def answer_of(found: Forecast, reserve: float) -> dict[str, Any]:

@@ -206,8 +206,11 @@ def load_metadata(folder: Path | str | None = None, *, check_parts: bool = True)
 
 
 def model_folder(folder: Path | str | None = None) -> Path:
-    """The folder itself, or that of the model that comes with the package."""
-    return Path(tripwatt.__file__).parent / "models" / DEFAULT_MODEL if folder is None else Path(folder)
+    """The folder itself, or that of the model that comes with the package: without a folder, or by its name."""
+    packaged = Path(tripwatt.__file__).parent / "models" / DEFAULT_MODEL
+    if folder is None or (str(folder) == DEFAULT_MODEL and not Path(folder).exists()):
+        return packaged
+    return Path(folder)
 
 
 def contract(model: ForecastModel) -> dict[str, Any]:

@@ -114,8 +114,8 @@ def held_out_figures(trips: Sequence[HeldOut]) -> dict[str, Any]:
     observed = np.array([trip.observed_wh for trip in trips])
     error = np.array([trip.predicted_wh for trip in trips]) - observed
     return {
-        "protocol": "training trips, each while its fold (one of 10) was held out of the fit; "
-        "settings were chosen with all of them",
+        "protocol": "training trips, each while its fold (at most 10) was held out of the fit; "
+        "settings, and calibrated values of the car where there are any, come from all of them",
         "given": "given the driven speed trace",
         "trips": len(trips),
         "mape": float(np.mean(np.abs(error) / np.abs(observed))),

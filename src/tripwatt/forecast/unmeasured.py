@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tripwatt.forecast.adapting import TRANSFERRED, _quantiles, _scale
+from tripwatt.forecast.adapting import _T_VARIANCE, TRANSFERRED, _quantiles, _scale
 from tripwatt.forecast.elsewhere import Elsewhere
 from tripwatt.forecast.model import ForecastModel
 from tripwatt.forecast.scores import Scores
@@ -56,7 +56,7 @@ def unmeasured(base: ForecastModel, vehicle: Vehicle) -> ForecastModel:
     evidence = Evidence(features, features, features, np.empty((0, len(PARAMETERS))), nothing, nothing)
     posterior = transfer.posterior(evidence)
     spread = np.sqrt([option.noise / posterior.noise_scale for option in posterior.options])
-    values = (origin.scores.values[:, None] * spread).ravel()
+    values = (origin.scores.values[:, None] / np.sqrt(_T_VARIANCE) * spread).ravel()  # as `_scale` counts it
     weight = np.tile(posterior.weights / len(origin.scores.values), len(origin.scores.values))
     return ForecastModel(
         vehicle=vehicle,

@@ -18,11 +18,10 @@ import pandas as pd
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.hybrid.climate_log import logged_climate
 from tripwatt.hybrid.cumulative import IntArray
-from tripwatt.physics import Simulation, simulate_trip
+from tripwatt.physics import Simulation
 from tripwatt.physics.simulate import CAUSES
 from tripwatt.trips import FloatArray, Trip, block_means, resample
 from tripwatt.units import SECONDS_PER_HOUR
-from tripwatt.vehicles import Vehicle
 
 BLOCK_S: Final = 30.0
 """Length of the blocks: a few changes of speed, so that the residual is about the car and not about its timing."""
@@ -226,6 +225,9 @@ def block_table(
 def _measured_power(measured: Trip, block: IntArray, plan: Trip, seconds: FloatArray) -> FloatArray | None:
     """Mean measured power of each block [W]; the blocks' energies add up to the trip's energy."""
     step_s = plan.step_s or float(np.median(np.diff(plan.array("time_s"))))
+    if measured.step_s not in (None, step_s):
+        got, allowed = f"blocks of {measured.step_s:g} s", f"raw samples, or blocks of {step_s:g} s"
+        raise InvalidInput(Fault("trip of other blocks", measured.trip_id, got, allowed))
     raw = measured if measured.step_s is not None else resample(measured, step_s)
     if "observed_energy_wh" not in raw:
         return None
@@ -238,9 +240,3 @@ def _measured_climate(measured: Trip, seconds: FloatArray) -> FloatArray | None:
     """Mean measured power of climate control in each block [W]; None when it was not logged."""
     start = float(measured.array("time_s")[0])
     return logged_climate(measured.samples, start + np.concatenate(([0.0], np.cumsum(seconds))))
-
-
-def trip_blocks(trip: Trip, vehicle: Vehicle, *, with_energy: bool = True) -> BlockTable:
-    """Blocks of a logged trip: plan, simulate, cut."""
-    plan = planned(trip)
-    return block_table(plan, simulate_trip(vehicle, plan), trip if with_energy else None)

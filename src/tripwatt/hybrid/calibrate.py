@@ -17,6 +17,9 @@ from tripwatt.vehicles import Vehicle
 
 TAIL_DF: Final = 4.0
 """Degrees of freedom of the trips' t errors, as Lange, Little and Taylor (1989) advise for few data."""
+USUAL_ERROR: Final = 0.05
+"""Error of a trip's energy with the right values, as a share of it: wind, traffic, and what the log does not hold."""
+USUAL_DF: Final = 4.0
 LEAST_TRIPS: Final = 3
 _PASSES: Final = 20
 
@@ -92,7 +95,8 @@ def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
     by_change = sensitivities(plans, vehicle, table)
     totals = np.column_stack([table.totals_wh(column) for column in by_change.T])
     width = np.array([parameter.width for parameter in PARAMETERS])
-    mean, covariance = _most_probable(totals, table.totals_wh(table.residual_w), width)
+    usual_wh = USUAL_ERROR * float(np.median(np.abs(table.totals_wh(table.simulated_w))))
+    mean, covariance = _most_probable(totals, table.totals_wh(table.residual_w), width, usual_wh)
     names = [parameter.name for parameter in PARAMETERS]
     sd = np.sqrt(np.diag(covariance))
     return Calibration(
@@ -100,14 +104,21 @@ def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
     )
 
 
-def _most_probable(X: FloatArray, residual: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Posterior mode and covariance of a regression with t errors, by iterated weights (Lange et al. 1989)."""
+def _most_probable(
+    X: FloatArray, residual: FloatArray, width: FloatArray, usual_wh: float
+) -> tuple[FloatArray, FloatArray]:
+    """Posterior mode and covariance of a regression with t errors, by iterated weights (Lange et al. 1989).
+
+    The errors' scale is known beforehand to be about `usual_wh`, as if from `USUAL_DF` trips: a few trips could be met
+    exactly by so many values, and the scale would vanish.
+    """
     mean: FloatArray = np.zeros(len(width))
     weight = np.ones(len(residual))
     covariance: FloatArray = np.diag(width**2)
     for _ in range(_PASSES):
         left = residual - X @ mean
-        scale2 = max(float(np.mean(weight * left**2)), 1e-12)
+        known = float(np.sum(weight * left**2)) + USUAL_DF * usual_wh**2
+        scale2 = max(known / (len(left) + USUAL_DF), 1e-12)
         weight = (TAIL_DF + 1.0) / (TAIL_DF + left**2 / scale2)
         precision = (X.T * weight) @ X / scale2 + np.diag(1.0 / width**2)
         covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
