@@ -299,8 +299,9 @@ def value_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
             yield Fault("missing value", f"{place}{missing[0] + 1}", got, "a finite number")
         outside = np.flatnonzero((values < column.minimum) | (values > column.maximum))
         if len(outside):
-            allowed = f"{column.minimum:g} to {column.maximum:g} {column.unit}"
-            got = f"{values[outside[0]]:g} {column.unit}{_and_more(outside)}"
+            unit = "" if column.unit == "1" else f" {column.unit}"
+            allowed = f"{column.minimum:g} to {column.maximum:g}{unit}"
+            got = f"{values[outside[0]]:g}{unit}{_and_more(outside)}"
             yield Fault("value out of range", f"{place}{outside[0] + 1}", got, allowed)
     time = np.asarray(samples["time_s"], dtype=np.float64)
     back = np.flatnonzero(np.diff(time) <= 0)

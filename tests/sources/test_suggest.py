@@ -1,6 +1,7 @@
 """Proposals for tables with all kinds of headers: what is proposed reads the same drive, or says what to check."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,6 +11,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.sources.mapping import parse_mapping
 from tripwatt.sources.suggest import suggest_mapping
 from tripwatt.sources.table import read_table
+from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Trip
 
 AMBIENT_DEGC, HEIGHT_M = 11.0, 320.0
@@ -210,3 +212,22 @@ def test_headers_that_a_logger_repeats_and_rows_without_a_time_are_left_out(tmp_
     fleet = read_table(tmp_path / "x.csv", parse_mapping(suggest_mapping(tmp_path / "x.csv").toml, "m"))
     assert len(fleet.trips[0]) == len(d) - 1
     assert any("2 rows without a time" in note for note in fleet.notes)
+
+
+def test_time_of_day_and_elapsed_milliseconds_win_over_a_temperature(tmp_path: Path) -> None:
+    drive = synthetic_fleet(2).trips[1].samples.iloc[::10].reset_index(drop=True)
+    seconds = pd.Series(range(len(drive)))
+    clock = pd.Timestamp("2025-01-01 08:00:00") + pd.to_timedelta(seconds, unit="s")
+    signals = {
+        "v Fzg [km/h]": (3.6 * drive["speed_m_s"]).round(1),
+        "HV-Spg (V)": drive["voltage_v"].round(1),
+        "HV Strom/A": drive["current_a"].round(1),
+        "T aussen": drive["ambient_temperature_degc"].round(1),
+    }
+    times = {"Uhrzeit": clock.dt.strftime("%d.%m.%Y %H:%M:%S"), "ElapsedMs": 1000 * seconds}
+    for name, values in times.items():
+        file = tmp_path / f"{name}.csv"
+        pd.DataFrame({name: values, **signals}).to_csv(file, sep=";", index=False)
+        found = {guess.ours: guess.column for guess in suggest_mapping(file).guesses}
+        assert found["time_s"] == name
+        assert found["ambient_temperature_degc"] == "T aussen"

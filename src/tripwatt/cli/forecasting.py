@@ -407,7 +407,7 @@ def _show_forecast(found: Forecast, reserve: float) -> None:
     ]
     print_table(f"{found.plan.trip_id}, {when}, given {found.given}", ("forecast", ""), rows, numbers=("",))
     causes = [
-        (cause.replace("_", " "), f"{energy / 1000.0:+.3f} kWh")
+        (cause.replace("_", " "), f"{round(energy / 1000.0, 3) + 0.0:+.3f} kWh")
         for cause, energy in found.by_cause_wh.items()
         if cause != "shortfall" or energy
     ]

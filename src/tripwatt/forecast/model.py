@@ -132,7 +132,10 @@ class ForecastModel:
             With fewer than `MIN_TRIPS` trips.
         """
         if len(table) < MIN_TRIPS:
-            raise InvalidInput(Fault("too few trips", "training", str(len(table)), f"at least {MIN_TRIPS}"))
+            fix = "a model of another car can be adapted to fewer: tripwatt fit --base MODEL"
+            raise InvalidInput(
+                Fault("too few trips", "training", str(len(table)), f"at least {MIN_TRIPS}", fix)
+            )
         self.fitted_ = power_corrector(self.corrector, self.seed).fit(table)
         self.trip_ids_ = table.trip_ids
         self.ranges_ = training_ranges(table)

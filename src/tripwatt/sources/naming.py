@@ -17,7 +17,7 @@ NAMES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "time_s": (
             r"^(unix )?(time ?stamp|date ?time|zeitstempel|epoch|utc)\b",
             r"^(elapsed |unix |gps |device |local |log )?(time|zeit|temps|tiempo|tijd)\b",
-            r"\b(time|timestamp|zeit|date|datum)\b",
+            r"\b(time|timestamp|zeit|uhrzeit|date|datum)\b|^elapsed",
             r"^(t|ts|sec|secs|seconds|sekunden|date|clock)$",
         ),
         "speed_m_s": (

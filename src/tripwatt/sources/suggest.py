@@ -40,6 +40,8 @@ HOLD_S: Final = 10
 
 RISING_SHARE: Final = 0.9
 """Time goes on from row to row, but for the starts of other trips."""
+LEAST_TIMES: Final = 0.08
+"""Share of the samples that have a time of their own: a logger of 10 Hz may write whole seconds."""
 FURTHEST_KG: Final = (300.0, 9000.0)
 """A stated unit of speed is doubted when the car's mass is outside: grades and heaters blur it."""
 
@@ -253,9 +255,9 @@ def _rising(table: Table, columns: Mapping[str, FloatArray], taken: set[str]) ->
 def _possible(ours: str, unit: str, known: FloatArray) -> bool:
     """Whether the middle of the values is one of ours."""
     if ours == "time_s":
-        return (
-            len(known) > 1 and float(np.mean(np.diff(known) >= 0.0)) > RISING_SHARE and known[-1] != known[0]
-        )
+        rises = len(known) > 1 and float(np.mean(np.diff(known) >= 0.0)) > RISING_SHARE
+        # a temperature that hardly moves rises as well
+        return rises and len(np.unique(known)) >= max(2, LEAST_TIMES * len(known))
     if ours not in COLUMNS:
         return True
     factor, offset = UNITS[ours][unit]
