@@ -82,6 +82,9 @@ def test_each_channel_learns_its_own_and_the_parts_add_up(table: BlockTable):
     truth = 20.0 * (20.0 - test.features["ambient_temperature_degc"].to_numpy())
     assert np.corrcoef(climate, truth)[0, 1] > 0.95
     assert np.mean(np.abs(climate - truth)) < 0.35 * np.mean(np.abs(truth))
+    driving = corrector.predict(test) - climate
+    assert abs(np.corrcoef(driving, truth)[0, 1]) < 0.5  # driving has not learned the climate once more
+    assert np.mean(np.abs(driving + 0.15 * test.features["air_w"].to_numpy())) < 0.2 * np.mean(np.abs(truth))
     mean, doubt = corrector.predict_with_doubt(test)
     np.testing.assert_allclose(mean, corrector.predict(test))
     np.testing.assert_allclose(doubt @ doubt.T, (lambda L: L @ L.T)(corrector.uncertainty_factor(test)))

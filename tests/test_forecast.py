@@ -218,6 +218,23 @@ def test_a_channel_that_explains_the_rest_is_taken_and_noise_is_not():
     assert gain.at("whole", 0.0) == 0.0
 
 
+def test_intervals_on_the_way_are_as_wide_as_what_held_out_trips_leave():
+    rng = np.random.default_rng(6)
+    held_out = []
+    for _ in range(80):
+        blocks = some_blocks(rng, 30)
+        size = np.where(np.arange(30) < 15, 1.0, 3.0)  # the second half errs more than the process believes
+        errors = np.linalg.cholesky(PROCESS.covariance(blocks)) @ rng.standard_normal(30) * size
+        held_out.append(HeldOutResidual(blocks, errors))
+    own = np.array([PROCESS.sd_wh(trip.blocks) for trip in held_out])
+    gain = Gain.of(PROCESS, held_out, own)
+    rest = [trip.blocks.hours[15:] @ trip.residual_w[15:] for trip in held_out]
+    total = [trip.error_wh for trip in held_out]
+    assert np.std(rest) > 0.5 * np.std(total)
+    assert gain.spread(False, 0.5) > 1.15
+    assert gain.spread(False, 0.0) == 1.0
+
+
 def test_measured_climate_on_the_way_is_told_from_driving(fleet):
     trips = [t for t in fleet.trips if t.has("heating_power_w") and t.has("aircon_power_w")]
     model = ForecastModel(load_vehicle("bmw_i3_60ah")).fit(trips[:-1])
