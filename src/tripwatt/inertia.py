@@ -13,6 +13,8 @@ BLOCK_S: Final = 1.0
 SHORTEST_MOVING_S: Final = 120.0
 MOVING_M_S: Final = 1.0
 LONGEST_SPAN_S: Final = 10.0
+WRONG_SIGN: Final = -0.3
+"""Correlation of power with speed times acceleration below which the current has the wrong sign."""
 
 
 def apparent_mass(time: FloatArray, speed: FloatArray, power: FloatArray) -> tuple[float, float] | None:

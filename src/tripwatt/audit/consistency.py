@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.audit.findings import BoolArray, Finding, FloatArray, array, has, whole
-from tripwatt.inertia import apparent_mass
+from tripwatt.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.trips import Trip
 from tripwatt.units import SECONDS_PER_HOUR
 
@@ -48,7 +48,6 @@ POSSIBLE_CAPACITY_AH: Final = (10.0, 1500.0)
 POSSIBLE_MASS_KG: Final = (450.0, 8000.0)
 """Slope of battery power over speed times acceleration: a car's mass over its driveline efficiency."""
 
-WRONG_SIGN: Final = -0.3
 CLEAR_CORRELATION: Final = 0.5
 
 LONG_MISSING_SOC_S: Final = 10.0

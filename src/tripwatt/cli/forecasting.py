@@ -104,7 +104,7 @@ def fit(
         typer.Option(
             "--calibrate",
             help="First calibrate mass, rolling and air drag and base load of the car on the trips, shrunk to its book "
-            "values; the drag of a tuned or loaded car is then the car's own.",
+            "values.",
         ),
     ] = False,
     base: Annotated[

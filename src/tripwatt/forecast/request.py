@@ -9,14 +9,12 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.inertia import apparent_mass
+from tripwatt.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.trips import COLUMNS, Context, Trip, is_sound, raise_faults, structure_faults, table_of
 
 if TYPE_CHECKING:
     from tripwatt.forecast.forecast import Forecast
 
-WRONG_SIGN: Final = -0.5
-"""Correlation of power and acceleration below which the current has the wrong sign."""
 MOST_PAYLOAD_KG: Final = 60_000.0
 """As the simulation allows."""
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.inertia import apparent_mass
+from tripwatt.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.sources.columnar import Table, open_table, table_files
 from tripwatt.sources.delimited import column_key
 from tripwatt.sources.mapping import (
@@ -41,7 +41,6 @@ SHOWN_ALIKE: Final = 2
 """Faults named of one kind in one column; the others are counted."""
 
 GAP_S: Final = 60.0
-WRONG_SIGN: Final = -0.3
 REVERSING_M_S: Final = -10.0
 WH_PER_KWH: Final = 1000.0
 SECONDS_PER_DAY: Final = 86_400.0
