@@ -12,7 +12,7 @@ import numpy as np
 
 from tripwatt.evaluation.forecast_scores import LEVELS
 from tripwatt.evaluation.forecast_sets import ForecastSet
-from tripwatt.forecast import ForecastModel
+from tripwatt.forecasting import ForecastModel
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.vehicles import load_vehicle
 

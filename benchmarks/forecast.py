@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from benchmarks.measure import Row, median_seconds, reference_loop, tum_folder
-from tripwatt.forecast import load_model, trip_to_come
+from tripwatt.forecasting import load_model, trip_to_come
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Trip
 

@@ -24,7 +24,7 @@ import pandas as pd
 from benchmarks.measure import tum_folder
 from tripwatt.evaluation.forecast_scores import LEVELS, coverage_scores
 from tripwatt.evaluation.metrics import absolute_percentage_error, bootstrap_interval, summarise_errors
-from tripwatt.forecast import Forecast, ForecastModel, linked, linked_trips, training_blocks
+from tripwatt.forecasting import Forecast, ForecastModel, linked, linked_trips, training_blocks
 from tripwatt.sources import read_fleet
 from tripwatt.trips import FloatArray, Trip
 from tripwatt.vehicles import load_vehicle

@@ -16,10 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tripwatt.audit import audit
+from tripwatt.auditing import audit
 from tripwatt.evaluation.transfer_scores import energy_error, paired_energy_error, resamples
-from tripwatt.forecast.elsewhere import unknown_signals, without_signals
-from tripwatt.forecast.model import training_blocks
+from tripwatt.forecasting.elsewhere import unknown_signals, without_signals
+from tripwatt.forecasting.model import training_blocks
 from tripwatt.hybrid import BlockTable
 from tripwatt.hybrid.power import LINES, KrigingCorrector
 from tripwatt.hybrid.transfer import Members, part_scales

@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.audit import audit
+from tripwatt.auditing import audit
 from tripwatt.physics import simulate_trip
 from tripwatt.physics.departure import at_departure
 from tripwatt.sources import read_fleet

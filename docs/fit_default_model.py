@@ -11,9 +11,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from tripwatt.forecast import save_model
-from tripwatt.forecast.storage import model_folder
-from tripwatt.forecast.training import trained
+from tripwatt.forecasting import save_model
+from tripwatt.forecasting.storage import model_folder
+from tripwatt.forecasting.training import trained
 from tripwatt.sources import read_fleet
 from tripwatt.vehicles import load_vehicle
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tripwatt.audit import audit
+from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
 from tripwatt.sources.tum import read_tum
 from tripwatt.trips import Context, Trip, validate_samples

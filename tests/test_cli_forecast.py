@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from tripwatt.cli import main
-from tripwatt.forecast.storage import model_folder
+from tripwatt.forecasting.storage import model_folder
 from tripwatt.synthetic import example_trip
 
 

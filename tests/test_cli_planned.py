@@ -12,7 +12,7 @@ import pytest
 
 from tripwatt.cli import main
 from tripwatt.export import EXPORTS, consumption_curve
-from tripwatt.forecast import load_model, save_model
+from tripwatt.forecasting import load_model, save_model
 from tripwatt.routes import plan_trip, read_route, route_from_links
 from tripwatt.vehicles import load_vehicle
 
@@ -187,7 +187,7 @@ def test_export_of_a_model_is_what_the_model_forecasts(run: Run) -> None:
     steady = drive.samples.assign(
         speed_m_s=60.0 / 3.6, displayed_soc=0.8, ambient_temperature_degc=5.0, cabin_setpoint_degc=21.0
     )
-    from tripwatt.forecast import trip_to_come
+    from tripwatt.forecasting import trip_to_come
 
     forecast = model.forecast(trip_to_come(steady, payload_mass_kg=75.0))
     exported = dict(table.tolist())[60.0] * 20_000.0 + float(said["ev[auxiliaryConsumption]"]) * seconds

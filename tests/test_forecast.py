@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.forecast import ForecastModel, since_departure
-from tripwatt.forecast.gain import Gain
-from tripwatt.forecast.process import (
+from tripwatt.forecasting import ForecastModel, since_departure
+from tripwatt.forecasting.gain import Gain
+from tripwatt.forecasting.process import (
     Belief,
     Blocks,
     Channel,
@@ -16,8 +16,8 @@ from tripwatt.forecast.process import (
     ResidualProcess,
     _Batch,
 )
-from tripwatt.forecast.scale import TotalScale
-from tripwatt.forecast.scores import Scores
+from tripwatt.forecasting.scale import TotalScale
+from tripwatt.forecasting.scores import Scores
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Trip
 from tripwatt.vehicles import load_vehicle

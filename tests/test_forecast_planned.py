@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tripwatt.errors import InvalidInput
-from tripwatt.forecast import (
+from tripwatt.forecasting import (
     ForecastModel,
     RouteDoubt,
     linked,
@@ -21,10 +21,10 @@ from tripwatt.forecast import (
     save_model,
     training_blocks,
 )
-from tripwatt.forecast import model as model_module
-from tripwatt.forecast.gain import CHANNELS, FRACTIONS, Gain
-from tripwatt.forecast.planned import LENGTHS_M, MOST_TRIPS, along_the_plan
-from tripwatt.forecast.storage import model_of_parts, model_parts
+from tripwatt.forecasting import model as model_module
+from tripwatt.forecasting.gain import CHANNELS, FRACTIONS, Gain
+from tripwatt.forecasting.planned import LENGTHS_M, MOST_TRIPS, along_the_plan
+from tripwatt.forecasting.storage import model_of_parts, model_parts
 from tripwatt.hybrid import planned, power_corrector
 from tripwatt.physics import simulate_trip
 from tripwatt.routes import plan_trip, read_route, route_from_links
@@ -178,7 +178,7 @@ def test_parked_logs_and_large_fleets(trips, monkeypatch):
     assert [len(tables) for tables in found.tables] == [3, 3, 0]
     assert found.take([2, 0]).tables[0] == ()
     assert MOST_TRIPS >= 100
-    monkeypatch.setattr("tripwatt.forecast.planned.MOST_TRIPS", 2)
+    monkeypatch.setattr("tripwatt.forecasting.planned.MOST_TRIPS", 2)
     assert [len(tables) for tables in linked_trips(trips[:5], CAR).tables] == [3, 0, 0, 0, 3]
 
 

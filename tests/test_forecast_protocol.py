@@ -24,7 +24,7 @@ from tripwatt.evaluation.forecast_scores import (
 )
 from tripwatt.evaluation.forecast_sets import DATA_FEATURES, ForecastSet, measured_log
 from tripwatt.evaluation.protocols import protocol_models
-from tripwatt.forecast import ForecastModel
+from tripwatt.forecasting import ForecastModel
 from tripwatt.hybrid import planned
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Trip

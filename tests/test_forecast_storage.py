@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.forecast import ForecastModel, load_metadata, load_model, save_model, training_blocks
-from tripwatt.forecast.storage import model_folder, vehicle_of_part, vehicle_part
-from tripwatt.forecast.training import data_digest, trained
+from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model, training_blocks
+from tripwatt.forecasting.storage import model_folder, vehicle_of_part, vehicle_part
+from tripwatt.forecasting.training import data_digest, trained
 from tripwatt.modelfile import read_model
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Fleet
@@ -90,7 +90,7 @@ def test_a_car_changed_after_loading_comes_back_as_changed(car) -> None:
 def test_a_model_with_other_blocks_says_why_it_is_refused(
     car, table, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tripwatt.forecast.storage.BLOCK_S", 10.0)
+    monkeypatch.setattr("tripwatt.forecasting.storage.BLOCK_S", 10.0)
     save_model(ForecastModel(car, "linear").fit_blocks(table), tmp_path / "model")
     monkeypatch.undo()
     with pytest.raises(InvalidInput, match="block_s"):
@@ -147,7 +147,7 @@ def test_car_of_the_package_model_is_the_library_s() -> None:
 
 def test_forecasting_imports_no_learner() -> None:
     code = (
-        "import sys; from tripwatt.forecast import load_model, trip_to_come; import pandas as pd;"
+        "import sys; from tripwatt.forecasting import load_model, trip_to_come; import pandas as pd;"
         "t = pd.DataFrame({'time_s': [0.0, 50.0, 100.0], 'speed_m_s': [0.0, 9.0, 9.0]});"
         "load_model().forecast(trip_to_come(t)).as_dict();"
         "print([m for m in ('sklearn', 'lightgbm', 'matplotlib', 'joblib', 'scipy.stats') if m in sys.modules])"

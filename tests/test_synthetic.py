@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 import tripwatt.synthetic as synthetic
-from tripwatt.audit import audit
+from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
 from tripwatt.physics import Simulation, simulate
 from tripwatt.synthetic import example_trip, synthetic_fleet, synthetic_truth, synthetic_world

@@ -12,10 +12,10 @@ import pytest
 from tripwatt.errors import InvalidInput
 from tripwatt.evaluation.transfer import evaluate_transfer
 from tripwatt.evaluation.transfer_scores import paired_energy_error, resamples, scored
-from tripwatt.forecast import ForecastModel, load_metadata, load_model, save_model, training_blocks
-from tripwatt.forecast.adapting import adapt, adapted
-from tripwatt.forecast.elsewhere import Elsewhere, unknown_signals, without_signals
-from tripwatt.forecast.training import trained
+from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model, training_blocks
+from tripwatt.forecasting.adapting import adapt, adapted
+from tripwatt.forecasting.elsewhere import Elsewhere, unknown_signals, without_signals
+from tripwatt.forecasting.training import trained
 from tripwatt.hybrid import BlockTable, block_table, planned, power_corrector
 from tripwatt.hybrid.channels import ChannelCorrector
 from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities

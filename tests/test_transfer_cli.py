@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from tripwatt.cli import main
-from tripwatt.forecast import load_metadata, load_model, save_model
-from tripwatt.forecast.training import trained
+from tripwatt.forecasting import load_metadata, load_model, save_model
+from tripwatt.forecasting.training import trained
 from tripwatt.hybrid import planned
 from tripwatt.physics import simulate_trip
 from tripwatt.synthetic import synthetic_fleet

@@ -21,7 +21,7 @@ from benchmarks.service_schema import conformance
 
 from tripwatt.cli.serving import models_of, serve
 from tripwatt.errors import InvalidInput
-from tripwatt.forecast.storage import model_folder
+from tripwatt.forecasting.storage import model_folder
 from tripwatt.service.problems import TITLES
 from tripwatt.service.settings import Limits
 

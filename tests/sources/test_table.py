@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tripwatt.audit import audit
+from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
 from tripwatt.sources import read_fleet
 from tripwatt.sources.mapping import load_mapping, parse_mapping, shipped_mappings

@@ -160,7 +160,7 @@ def _car(
     if overrides:
         fix = "a model was fitted on its car as it is: say --vehicle, or fit again"
         raise InvalidInput(Fault("without effect", "--set", " ".join(overrides), "with --vehicle", fix))
-    from tripwatt.forecast import load_model
+    from tripwatt.forecasting import load_model
 
     fitted = load_model(model)
     notes = [f"{fitted.vehicle.title}: with what the model has learned"]

@@ -26,7 +26,7 @@ from tripwatt.cli.printing import console, print_json, print_notes, print_table,
 from tripwatt.errors import Fault, InvalidInput
 
 if TYPE_CHECKING:
-    from tripwatt.forecast import Forecast, ForecastModel
+    from tripwatt.forecasting import Forecast, ForecastModel
     from tripwatt.trips import Fleet, Trip
 
 OPTION_OF: Final = {
@@ -147,11 +147,11 @@ def fit(
     )
     fleet = replace(fleets[0], notes=(*fleets[0].notes, *([note] if note else [])))
     shown.print(f"{len(fleet.trips)} trips read ({fleet.name})")
-    from tripwatt.forecast.storage import save_model
-    from tripwatt.forecast.training import trained
+    from tripwatt.forecasting.storage import save_model
+    from tripwatt.forecasting.training import trained
 
     if bases:
-        from tripwatt.forecast.adapting import adapted
+        from tripwatt.forecasting.adapting import adapted
 
         with shown.status("adapting the base"):
             model, provenance, figures = adapted(fleet, cars[0], *bases[0])
@@ -171,7 +171,7 @@ def fit(
 
 def _stored(folder: Path) -> tuple[ForecastModel, dict[str, Any]]:
     """A stored model and what it says of itself."""
-    from tripwatt.forecast import load_metadata, load_model
+    from tripwatt.forecasting import load_metadata, load_model
 
     return load_model(folder), load_metadata(folder, check_parts=False)
 
@@ -193,7 +193,7 @@ def _require_one_way(base: Path | None, calibrate: bool) -> None:
 def _show_fit(
     fleet: Fleet, out: Path, provenance: Mapping[str, Any], figures: dict[str, Any], as_json: bool
 ) -> None:
-    from tripwatt.forecast.adapting import PROTOCOL
+    from tripwatt.forecasting.adapting import PROTOCOL
 
     notes = provenance["data"]["notes"]
     if as_json:
@@ -274,7 +274,7 @@ def forecast(
     A planned route is driven by a driver model; what that costs in accuracy was measured when the model was fitted and
     widens the interval. State of charge, in and out, is the one that the driver sees.
     """
-    from tripwatt.forecast import answer_of, load_model, since_departure
+    from tripwatt.forecasting import answer_of, load_model, since_departure
 
     model, trip = _model_and_trip(paths)
     asked: dict[str, Any] = {
@@ -327,7 +327,7 @@ def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
 
 def _read_trip(path: Path, speed_km_h: float | None) -> Callable[[dict[str, Any]], Trip]:
     """What makes the trip to come of the options: from samples, or from a planned route, whatever the file holds."""
-    from tripwatt.forecast import planned_to_come, trip_to_come
+    from tripwatt.forecasting import planned_to_come, trip_to_come
     from tripwatt.routes import is_route, needs_speed, plan_trip, read_route
     from tripwatt.sources.canonical import read_canonical
     from tripwatt.units import M_S_PER_KM_H
@@ -369,7 +369,7 @@ def check_departure(asked: dict[str, Any]) -> None:
     """
     import pandas as pd
 
-    from tripwatt.forecast import trip_to_come
+    from tripwatt.forecasting import trip_to_come
 
     parked = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 0.0]})
     try:
@@ -386,7 +386,7 @@ def _measured(path: Path) -> Any:
 
 
 def _draw(found: Forecast, plot: Path) -> None:
-    from tripwatt.forecast.plot import plot_forecast
+    from tripwatt.forecasting.plot import plot_forecast
 
     try:
         plot_forecast(found).savefig(plot, dpi=150)
@@ -427,7 +427,7 @@ def inspect(
     as_json: JsonOption = False,
 ) -> None:
     """Say what a model takes in, where it comes from and how good it was. Every part is checked."""
-    from tripwatt.forecast import load_metadata
+    from tripwatt.forecasting import load_metadata
 
     about = load_metadata(model)
     if as_json:

@@ -76,7 +76,7 @@ def audit(
     Nothing is changed on disk. Each finding names the trip, from when to when, what was found, and the consequence:
     trimmed, split, set aside or noted.
     """
-    from tripwatt.audit import audit as run_audit
+    from tripwatt.auditing import audit as run_audit
 
     fleet = read_logs(data, dataset, mapping)
     found = run_audit(fleet)
@@ -208,7 +208,7 @@ def apply(
 
     What the audit did is listed. Time starts at 0.
     """
-    from tripwatt.audit import audit as run_audit
+    from tripwatt.auditing import audit as run_audit
     from tripwatt.errors import Fault, InvalidInput
     from tripwatt.trips import COLUMNS
 

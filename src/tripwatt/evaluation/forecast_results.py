@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.audit import Audit
+from tripwatt.auditing import Audit
 from tripwatt.evaluation.forecast_run import CURVE_DRAWS, CURVE_MODELS
 from tripwatt.evaluation.forecast_scores import (
     FRACTIONS,

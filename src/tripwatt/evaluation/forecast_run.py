@@ -20,7 +20,7 @@ from tripwatt.evaluation.forecast_scores import FRACTIONS, LEVELS, UPDATE_LEVEL,
 from tripwatt.evaluation.forecast_sets import CHARGE_COLUMNS, TRAINING_ONLY, ForecastSet
 from tripwatt.evaluation.protocols import ModelSpec
 from tripwatt.evaluation.results import Evaluation, FoldResult
-from tripwatt.forecast import DEFAULT_CORRECTOR, Forecast, ForecastModel
+from tripwatt.forecasting import DEFAULT_CORRECTOR, Forecast, ForecastModel
 from tripwatt.hybrid import BlockTable, IntArray, TripTable, power_corrector
 from tripwatt.hybrid.climate_log import TOLD_BY
 from tripwatt.hybrid.power import LearnerCorrector

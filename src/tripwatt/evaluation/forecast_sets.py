@@ -12,10 +12,10 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.audit import Audit
+from tripwatt.auditing import Audit
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.evaluation.results import Evaluation
-from tripwatt.forecast.model import MIN_TRIPS
+from tripwatt.forecasting.model import MIN_TRIPS
 from tripwatt.hybrid import BlockTable, IntArray, TripTable, block_table, build_table, planned
 from tripwatt.hybrid.blocks import BLOCK_S, DEPARTURE_COLUMNS, ROUTE_COLUMNS
 from tripwatt.hybrid.climate_log import TOLD_BY

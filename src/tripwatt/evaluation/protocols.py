@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.forecast import DEFAULT_CORRECTOR
+from tripwatt.forecasting import DEFAULT_CORRECTOR
 from tripwatt.hybrid import (
     POWER_CORRECTORS,
     DataOnly,

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from tripwatt.audit import Audit
+from tripwatt.auditing import Audit
 from tripwatt.evaluation.forecast_scores import ForecastInsight
 from tripwatt.evaluation.insight import GammInsight, insight
 from tripwatt.evaluation.metrics import absolute_percentage_error, paired_difference, summarise_errors

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 import tripwatt
-from tripwatt.audit import Audit, audit
+from tripwatt.auditing import Audit, audit
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.evaluation.protocols import PHYSICS_PRESETS, ModelSpec, protocol_models
 from tripwatt.evaluation.results import Evaluation, EvaluationRun, FoldResult, assemble

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.audit import audit
+from tripwatt.auditing import audit
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.evaluation.forecast_sets import ForecastSet
 from tripwatt.evaluation.transfer_scores import (
@@ -23,9 +23,9 @@ from tripwatt.evaluation.transfer_scores import (
     resamples,
     scored,
 )
-from tripwatt.forecast.elsewhere import Elsewhere, unknown_signals, without_signals
-from tripwatt.forecast.model import MIN_TRIPS
-from tripwatt.forecast.training import versions
+from tripwatt.forecasting.elsewhere import Elsewhere, unknown_signals, without_signals
+from tripwatt.forecasting.model import MIN_TRIPS
+from tripwatt.forecasting.training import versions
 from tripwatt.hybrid import IntArray, power_corrector
 from tripwatt.hybrid.parameters import PARAMETERS, sensitivities
 from tripwatt.hybrid.power import LearnerCorrector

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.audit.signals import blank_stuck_heater
+from tripwatt.auditing.signals import blank_stuck_heater
 from tripwatt.trips import FloatArray
 
 CLIMATE_COLUMNS: Final = ("heating_power_w", "aircon_power_w")

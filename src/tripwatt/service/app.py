@@ -19,8 +19,8 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 import tripwatt
 from tripwatt.errors import Fault
-from tripwatt.forecast import load_metadata, load_model
-from tripwatt.forecast.storage import DEFAULT_MODEL
+from tripwatt.forecasting import load_metadata, load_model
+from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.service import answers, openapi
 from tripwatt.service.batching import answers as batch_answers
 from tripwatt.service.batching import lines_of

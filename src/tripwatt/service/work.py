@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.forecast import (
+from tripwatt.forecasting import (
     Forecast,
     ForecastModel,
     answer_of,
@@ -22,8 +22,8 @@ from tripwatt.forecast import (
     since_departure,
     trip_to_come,
 )
-from tripwatt.forecast.storage import DEFAULT_MODEL
-from tripwatt.forecast.unmeasured import unmeasured
+from tripwatt.forecasting.storage import DEFAULT_MODEL
+from tripwatt.forecasting.unmeasured import unmeasured
 from tripwatt.routes import (
     Track,
     is_links_table,

@@ -14,9 +14,9 @@ from typing import Final
 import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.forecast.model import ForecastModel, process_blocks, training_blocks
-from tripwatt.forecast.scale import TAIL_DF, TotalScale
-from tripwatt.forecast.scores import Scores
+from tripwatt.forecasting.model import ForecastModel, process_blocks, training_blocks
+from tripwatt.forecasting.scale import TAIL_DF, TotalScale
+from tripwatt.forecasting.scores import Scores
 from tripwatt.hybrid import BlockTable
 from tripwatt.hybrid.blocks import DEPARTURE_COLUMNS
 from tripwatt.hybrid.transfer import Members

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.forecast.process import Blocks
+from tripwatt.forecasting.process import Blocks
 from tripwatt.trips import FloatArray
 
 TAIL_DF: Final = 4.0

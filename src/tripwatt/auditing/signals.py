@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.audit.findings import (
+from tripwatt.auditing.findings import (
     MEASURED,
     BoolArray,
     Cut,

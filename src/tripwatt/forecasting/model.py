@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.forecast.forecast import Forecast
-from tripwatt.forecast.gain import Gain
-from tripwatt.forecast.planned import LinkedTrips, RouteDoubt, as_planned, linked_trips
-from tripwatt.forecast.process import Blocks, HeldOutResidual, ResidualProcess, fit_process
-from tripwatt.forecast.scale import TotalScale
-from tripwatt.forecast.scores import Scores
+from tripwatt.forecasting.forecast import Forecast
+from tripwatt.forecasting.gain import Gain
+from tripwatt.forecasting.planned import LinkedTrips, RouteDoubt, as_planned, linked_trips
+from tripwatt.forecasting.process import Blocks, HeldOutResidual, ResidualProcess, fit_process
+from tripwatt.forecasting.scale import TotalScale
+from tripwatt.forecasting.scores import Scores
 from tripwatt.hybrid import BlockTable, PowerCorrector, block_table, planned, power_corrector
 from tripwatt.hybrid.blocks import DEPARTURE_COLUMNS
 from tripwatt.physics import simulate_trip
@@ -27,7 +27,7 @@ from tripwatt.trips import FloatArray, Trip
 from tripwatt.vehicles import Vehicle
 
 if TYPE_CHECKING:
-    from tripwatt.forecast.elsewhere import Elsewhere
+    from tripwatt.forecasting.elsewhere import Elsewhere
 
 DEFAULT_CORRECTOR: Final = "channels"
 INNER_FOLDS: Final = 10

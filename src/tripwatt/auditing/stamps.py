@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from tripwatt.audit.findings import Cut, Finding, FloatArray, array, whole
+from tripwatt.auditing.findings import Cut, Finding, FloatArray, array, whole
 
 STRAY_SHARE: Final = 0.01
 """Up to this share of samples with a falling stamp are strays and go; more means that the clock was set back."""

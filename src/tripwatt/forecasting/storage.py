@@ -16,13 +16,13 @@ import numpy as np
 
 import tripwatt
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.forecast.elsewhere import Elsewhere
-from tripwatt.forecast.gain import Gain
-from tripwatt.forecast.model import ForecastModel, Range
-from tripwatt.forecast.planned import RouteDoubt
-from tripwatt.forecast.process import Channel, ResidualProcess
-from tripwatt.forecast.scale import TotalScale
-from tripwatt.forecast.scores import Scores
+from tripwatt.forecasting.elsewhere import Elsewhere
+from tripwatt.forecasting.gain import Gain
+from tripwatt.forecasting.model import ForecastModel, Range
+from tripwatt.forecasting.planned import RouteDoubt
+from tripwatt.forecasting.process import Channel, ResidualProcess
+from tripwatt.forecasting.scale import TotalScale
+from tripwatt.forecasting.scores import Scores
 from tripwatt.hybrid.blocks import BLOCK_S, DEPARTURE_COLUMNS, ROUTE_COLUMNS
 from tripwatt.hybrid.stored import (
     Stored,

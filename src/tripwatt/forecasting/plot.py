@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from tripwatt.forecast.forecast import Forecast
+    from tripwatt.forecasting.forecast import Forecast
 
 CAUSE_NAMES: Final = {
     "air": "air drag",

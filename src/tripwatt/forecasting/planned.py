@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.audit.signals import blank_stuck_heater
+from tripwatt.auditing.signals import blank_stuck_heater
 from tripwatt.errors import InvalidInput
-from tripwatt.forecast.request import trip_to_come
+from tripwatt.forecasting.request import trip_to_come
 from tripwatt.hybrid import BlockTable, IntArray, PowerCorrector, block_table, planned
 from tripwatt.hybrid.climate_log import CLIMATE_COLUMNS
 from tripwatt.physics import simulate_trip
@@ -31,7 +31,7 @@ from tripwatt.trips import FloatArray, Trip, observed_cumulative_energy
 from tripwatt.vehicles import Vehicle
 
 if TYPE_CHECKING:
-    from tripwatt.forecast.forecast import Forecast
+    from tripwatt.forecasting.forecast import Forecast
 
 DRIVEN_S: Final = "driven_s"
 """Column of the car's own clock beside that of its plan."""

@@ -8,7 +8,16 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.audit.findings import MEASURED, BoolArray, Consequence, Finding, FloatArray, array, has, whole
+from tripwatt.auditing.findings import (
+    MEASURED,
+    BoolArray,
+    Consequence,
+    Finding,
+    FloatArray,
+    array,
+    has,
+    whole,
+)
 from tripwatt.trips import COLUMNS
 
 STRAY_SHARE: Final = 0.01

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.audit.findings import BoolArray, Finding, FloatArray, array, has, whole
+from tripwatt.auditing.findings import BoolArray, Finding, FloatArray, array, has, whole
 from tripwatt.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.trips import Trip
 from tripwatt.units import SECONDS_PER_HOUR

@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.forecast.process import EXACT_W2, Belief, HeldOutResidual, ResidualProcess
-from tripwatt.forecast.scores import Scores
+from tripwatt.forecasting.process import EXACT_W2, Belief, HeldOutResidual, ResidualProcess
+from tripwatt.forecasting.scores import Scores
 from tripwatt.trips import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]

@@ -12,11 +12,11 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.forecast.gain import Gain
-from tripwatt.forecast.planned import DRIVEN_S, along_the_plan, given_of, measured_energy, route_sd_wh
-from tripwatt.forecast.process import EXACT_W2, Belief, Blocks, ResidualProcess
-from tripwatt.forecast.scale import TotalScale
-from tripwatt.forecast.scores import Scores
+from tripwatt.forecasting.gain import Gain
+from tripwatt.forecasting.planned import DRIVEN_S, along_the_plan, given_of, measured_energy, route_sd_wh
+from tripwatt.forecasting.process import EXACT_W2, Belief, Blocks, ResidualProcess
+from tripwatt.forecasting.scale import TotalScale
+from tripwatt.forecasting.scores import Scores
 from tripwatt.hybrid import BlockTable, PowerCorrector
 from tripwatt.hybrid.climate_log import logged_climate
 from tripwatt.physics import Simulation

@@ -8,13 +8,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.audit import audit
+from tripwatt.auditing import audit
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.forecast.elsewhere import Elsewhere, unknown_signals
-from tripwatt.forecast.model import ForecastModel, HeldOut, Range, training_ranges
-from tripwatt.forecast.scale import TAIL_DF, TotalScale
-from tripwatt.forecast.scores import Scores
-from tripwatt.forecast.training import data_digest, held_out_figures, versions
+from tripwatt.forecasting.elsewhere import Elsewhere, unknown_signals
+from tripwatt.forecasting.model import ForecastModel, HeldOut, Range, training_ranges
+from tripwatt.forecasting.scale import TAIL_DF, TotalScale
+from tripwatt.forecasting.scores import Scores
+from tripwatt.forecasting.training import data_digest, held_out_figures, versions
 from tripwatt.hybrid import BlockTable, block_table, planned
 from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
 from tripwatt.hybrid.transfer import CarTransfer, Evidence, Posterior, part_scales, require_mode

@@ -10,9 +10,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.audit import audit
-from tripwatt.forecast.elsewhere import elsewhere_of
-from tripwatt.forecast.model import DEFAULT_CORRECTOR, ForecastModel, HeldOut
+from tripwatt.auditing import audit
+from tripwatt.forecasting.elsewhere import elsewhere_of
+from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel, HeldOut
 from tripwatt.hybrid.calibrate import calibrate
 from tripwatt.trips import COLUMNS, Fleet, Trip
 from tripwatt.vehicles import Vehicle

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from tripwatt.forecast.adapting import _T_VARIANCE, TRANSFERRED, _quantiles, _scale
-from tripwatt.forecast.elsewhere import Elsewhere
-from tripwatt.forecast.model import ForecastModel
-from tripwatt.forecast.scores import Scores
+from tripwatt.forecasting.adapting import _T_VARIANCE, TRANSFERRED, _quantiles, _scale
+from tripwatt.forecasting.elsewhere import Elsewhere
+from tripwatt.forecasting.model import ForecastModel
+from tripwatt.forecasting.scores import Scores
 from tripwatt.hybrid.parameters import PARAMETERS
 from tripwatt.hybrid.transfer import CarTransfer, Evidence, part_scales
 from tripwatt.hybrid.transferred import TransferredCorrector

@@ -13,7 +13,7 @@ from tripwatt.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.trips import COLUMNS, Context, Trip, is_sound, raise_faults, structure_faults, table_of
 
 if TYPE_CHECKING:
-    from tripwatt.forecast.forecast import Forecast
+    from tripwatt.forecasting.forecast import Forecast
 
 MOST_PAYLOAD_KG: Final = 60_000.0
 """As the simulation allows."""

@@ -16,8 +16,8 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.audit import consistency, ranges, road, signals, stamps
-from tripwatt.audit.findings import Cut, Finding, array, whole
+from tripwatt.auditing import consistency, ranges, road, signals, stamps
+from tripwatt.auditing.findings import Cut, Finding, array, whole
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.trips import (
     Fleet,
