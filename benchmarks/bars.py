@@ -197,11 +197,11 @@ def physics() -> Iterator[Bar]:
     if folder is None:
         yield missing(text, measure)
         return
-    from tripwatt.sources import read_fleet
+    from tripwatt.sources import read_logs
     from tripwatt.trips import resample
     from tripwatt.vehicles import load_vehicle
 
-    trips = [resample(trip) for trip in read_fleet(folder).trips]
+    trips = [resample(trip) for trip in read_logs(folder).trips]
     for preset in ("default", "paper"):
         gap = physics_trips.worst_closure(load_vehicle("bmw_i3_60ah", preset), trips)
         yield at_most(f"{text}, preset {preset}", measure, gap, 1e-9)
@@ -209,7 +209,7 @@ def physics() -> Iterator[Bar]:
 
 def leafs() -> Iterator[Bar]:
     """Bars on the physics alone on the VED's Leafs, on which nothing is fitted."""
-    from tripwatt.sources import read_fleet
+    from tripwatt.sources import read_logs
     from tripwatt.vehicles import load_vehicle
 
     text, measure = "physics of the VED's Leafs, trips over 2 km", "python -m benchmarks.ved_trips"
@@ -217,7 +217,7 @@ def leafs() -> Iterator[Bar]:
     if folder is None:
         yield missing(text, measure)
         return
-    results = ved_trips.outcomes(read_fleet(folder, "ved").trips, load_vehicle(ved_trips.CAR))
+    results = ved_trips.outcomes(read_logs(folder, "ved").trips, load_vehicle(ved_trips.CAR))
     for row in ved_trips.scores(results):
         name = f"{text}, {row.name}, {row.n_trips} trips"
         if row.name not in ved_trips.BARS_ON:
@@ -386,7 +386,7 @@ def planned_routes(found: Path | None) -> Iterator[Bar]:
 def transfer() -> Iterator[Bar]:
     """Bars on the way of a correction from the i3 to the VED's car 10, with the time that it takes."""
     from tripwatt.evaluation.transfer import evaluate_transfer
-    from tripwatt.sources import read_fleet
+    from tripwatt.sources import read_logs
 
     text, measure = "transfer i3 to car 10", "tripwatt transfer --from DATA/tum --to DATA/ved"
     tum, ved = tum_folder(), ved_trips.ved_folder()
@@ -394,7 +394,7 @@ def transfer() -> Iterator[Bar]:
         yield missing(text, measure)
         return
     began = time.perf_counter()
-    run = evaluate_transfer(read_fleet(tum, "tum"), read_fleet(ved, "ved"))
+    run = evaluate_transfer(read_logs(tum, "tum"), read_logs(ved, "ved"))
     took = time.perf_counter() - began
     car = next(car for car in run.results["cars"] if car["car"] == "10")
     pair = car["bars"]["zero_shot_better_than_physics"]

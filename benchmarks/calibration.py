@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.measure import tum_folder
 from tripwatt.hybrid.calibrate import calibrate
 from tripwatt.physics import simulate_trip
-from tripwatt.sources import read_fleet
+from tripwatt.sources import read_logs
 from tripwatt.vehicles import load_vehicle
 
 
@@ -16,7 +16,7 @@ def main() -> None:
     if folder is None:
         print("no TUM trips at hand")
         return
-    trips = read_fleet(folder).reference_trips()
+    trips = read_logs(folder).reference_trips()
     car = load_vehicle("bmw_i3_60ah")
     observed = np.array([trip.observed_energy_wh for trip in trips], dtype=float)
     before = np.array([simulate_trip(car, trip).simulated_energy_wh for trip in trips])

@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from benchmarks.measure import Row, median_seconds, reference_loop, tum_folder
-from tripwatt.forecasting import load_model, trip_to_come
+from tripwatt.forecasting import load_model
 from tripwatt.synthetic import synthetic_fleet
-from tripwatt.trips import Trip
+from tripwatt.trips import Trip, plan_from_samples
 
 TRIP_S = 1300.0
 RUNS = 101
@@ -30,8 +30,8 @@ def run() -> Iterator[Row]:
     before = model.forecast(trip)
     jobs: dict[str, Callable[[], object]] = {
         ONE: lambda: model.forecast(trip),
-        "one forecast with all that is answered": lambda: model.forecast(trip).as_dict(),
-        "one update after half of the trip, with all that is answered": lambda: before.update(seen).as_dict(),
+        "one forecast with all that is answered": lambda: model.forecast(trip).to_dict(),
+        "one update after half of the trip, with all that is answered": lambda: before.update(seen).to_dict(),
         "load the model of the package": load_model,
     }
     for name, job in jobs.items():
@@ -51,7 +51,7 @@ def run() -> Iterator[Row]:
 def trip_of(duration_s: float) -> Trip:
     """The first samples of a synthetic trip that is long enough."""
     long = next(t for t in synthetic_fleet(8).trips if t.duration_s >= duration_s)
-    return trip_to_come(long.samples[long.samples["time_s"] <= duration_s], "bench")
+    return plan_from_samples(long.samples[long.samples["time_s"] <= duration_s], "bench")
 
 
 def processor_seconds(job: Callable[[], object], runs: int = RUNS) -> float:

@@ -27,15 +27,13 @@ from tripwatt.routes import (
     LinkRoute,
     LinkStyle,
     calibrate_style,
-    departure_of,
     link_profile,
     links_of_trip,
+    plan_from_links,
     road_work,
-    trip_from_links,
 )
-from tripwatt.routes.departure import planned_trip
-from tripwatt.sources import read_fleet
-from tripwatt.trips import Trip, resample
+from tripwatt.sources import read_logs
+from tripwatt.trips import Plan, Trip, resample
 from tripwatt.vehicles import load_vehicle
 
 LENGTHS_M = (250.0, 1000.0)
@@ -61,7 +59,7 @@ def constant(route: LinkRoute, trip: Trip) -> Trip:
     height = route.elevation_at(position)
     if height is not None:
         samples["elevation_m"] = height
-    return planned_trip(trip.trip_id, samples, departure_of(trip), ())
+    return Plan.from_samples(trip.trip_id, pd.DataFrame(samples), trip.departure)
 
 
 def true_speed(route: LinkRoute, trip: Trip) -> Trip:
@@ -72,13 +70,13 @@ def true_speed(route: LinkRoute, trip: Trip) -> Trip:
     height = route.elevation_at(position)
     if height is not None:
         samples["elevation_m"] = height
-    return planned_trip(trip.trip_id, samples, departure_of(trip), ())
+    return Plan.from_samples(trip.trip_id, pd.DataFrame(samples), trip.departure)
 
 
 def styled(style: LinkStyle | None = None, seed: int | None = None) -> Driver:
     def drive(route: LinkRoute, trip: Trip) -> Trip:
         rng = None if seed is None else np.random.default_rng(seed)
-        return trip_from_links(route, departure_of(trip), style=style, rng=rng)
+        return plan_from_links(route, trip.departure, style=style, rng=rng)
 
     return drive
 
@@ -174,14 +172,14 @@ def milliseconds(number: int, repeats: int = 30) -> float:
     taken = []
     for _ in range(repeats):
         started = time.perf_counter()
-        trip_from_links(route)
+        plan_from_links(route)
         taken.append(time.perf_counter() - started)
     return float(np.median(taken)) * 1e3
 
 
 def measure() -> dict[str, Any]:
     car = load_vehicle("bmw_i3_60ah")
-    trips = [resample(t) for t in read_fleet(data() / "tum").reference_trips()]
+    trips = [resample(t) for t in read_logs(data() / "tum").reference_trips()]
 
     def energy(trip: Trip) -> float:
         return simulate_trip(car, trip).simulated_energy_wh
@@ -251,7 +249,7 @@ def write(page: Path, result: dict[str, Any]) -> None:
 
 def defaults() -> None:
     """Calibrate on data that has nothing to do with the TUM trips and show what is found."""
-    trips = [resample(trip) for trip in read_fleet(data() / "ved", "ved").trips if well_logged(trip)]
+    trips = [resample(trip) for trip in read_logs(data() / "ved", "ved").trips if well_logged(trip)]
     logged = len(trips)
     for path in sorted((data() / "cycles").glob("*.csv")):
         schedule = pd.read_csv(path)[["cycSecs", "cycMps"]].astype(float)

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from tripwatt.physics import simulate_trip
-from tripwatt.sources import read_fleet
+from tripwatt.sources import read_logs
 from tripwatt.trips import Fleet, Trip, resample
 from tripwatt.vehicles import Vehicle, load_vehicle
 
@@ -58,7 +58,7 @@ def reference_loop() -> float:
 
 
 def main() -> None:
-    fleet: Fleet = read_fleet(Path(os.environ.get("TRIPWATT_DATA", "../shared/data")) / "tum")
+    fleet: Fleet = read_logs(Path(os.environ.get("TRIPWATT_DATA", "../shared/data")) / "tum")
     reference = [resample(trip) for trip in fleet.reference_trips()]
     everything = [resample(trip) for trip in fleet.trips]
     for preset in ("default", "paper"):

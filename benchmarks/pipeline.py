@@ -12,7 +12,7 @@ from typing import Any
 
 from benchmarks.measure import Row, median_seconds, medians_in_turn, reference_loop, tum_folder
 from tripwatt.physics import simulate_trip
-from tripwatt.sources import read_fleet
+from tripwatt.sources import read_logs
 from tripwatt.trips import Trip, resample
 from tripwatt.vehicles import load_vehicle
 
@@ -22,8 +22,8 @@ EVALUATE_SYNTHETIC = "evaluate the synthetic fleet"
 
 PEAK_MEMORY = """
 import resource, sys
-from tripwatt.sources import read_fleet
-fleet = read_fleet(sys.argv[1], "tum")
+from tripwatt.sources import read_logs
+fleet = read_logs(sys.argv[1], "tum")
 print(sum(len(t) for t in fleet.trips), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 """
 
@@ -47,12 +47,12 @@ def quick() -> Iterator[Row]:
         yield from _reading(folder)
         ved = folder.parent / "ved"
         if ved.is_dir():
-            yield Row(READ_VED, median_seconds(lambda: read_fleet(ved, "ved")), "s")
-        yield from _simulating([resample(t, 1.0) for t in read_fleet(folder, "tum").trips])
+            yield Row(READ_VED, median_seconds(lambda: read_logs(ved, "ved")), "s")
+        yield from _simulating([resample(t, 1.0) for t in read_logs(folder, "tum").trips])
 
 
 def _reading(folder: Path) -> Iterator[Row]:
-    yield Row("read the TUM trips", median_seconds(lambda: read_fleet(folder, "tum")), "s")
+    yield Row("read the TUM trips", median_seconds(lambda: read_logs(folder, "tum")), "s")
     answer = subprocess.run(
         [sys.executable, "-c", PEAK_MEMORY, str(folder)], check=True, capture_output=True, text=True
     )

@@ -24,8 +24,8 @@ import pandas as pd
 from benchmarks.measure import tum_folder
 from tripwatt.evaluation.forecast_scores import LEVELS, coverage_scores
 from tripwatt.evaluation.metrics import absolute_percentage_error, bootstrap_interval, summarise_errors
-from tripwatt.forecasting import Forecast, ForecastModel, linked, linked_trips, training_blocks
-from tripwatt.sources import read_fleet
+from tripwatt.forecasting import Forecast, ForecastModel, linked_trips, plan_on_links, training_blocks
+from tripwatt.sources import read_logs
 from tripwatt.trips import FloatArray, Trip
 from tripwatt.vehicles import load_vehicle
 
@@ -46,7 +46,7 @@ def forecasts(trips: Sequence[Trip]) -> list[dict[str, Forecast]]:
         model = ForecastModel(car, seed=SEED).fit_blocks(blocks.take(others), routes=routes.take(others))
         found.append(
             {
-                name: model.forecast(trip if length is None else linked(trip, length))
+                name: model.forecast(trip if length is None else plan_on_links(trip, length))
                 for name, length in LINKS_M.items()
             }
         )
@@ -108,7 +108,7 @@ def scores(trips: Sequence[Trip], made: Sequence[Forecast], driven: Sequence[For
 
 def measure(folder: Path) -> dict[str, Any]:
     """The results file."""
-    fleet = read_fleet(folder)
+    fleet = read_logs(folder)
     trips = fleet.reference_trips()
     found = forecasts(trips)
     driven = [f["driven trace"] for f in found]

@@ -68,7 +68,7 @@ def trips(number: int) -> list[dict[str, Any]]:
         table = long[k % len(long)].samples.iloc[:SAMPLES]
         columns = {c: table[c].tolist() for c in ("time_s", "speed_m_s", "elevation_m")}
         at_door = {
-            "displayed_soc": 0.8,
+            "soc": 0.8,
             "ambient_temperature_degc": -10.0 + k % 40,
             "cabin_setpoint_degc": 20.0,
         }
@@ -86,7 +86,7 @@ def links_request() -> dict[str, Any]:
     names = ("length_m", "travel_time_s", "start_elevation_m", "end_elevation_m")
     links = [dict(zip(names, map(float, row), strict=True)) for row in rows][:LINKS]
     assert len(links) == LINKS
-    return {"links": links, "displayed_soc": 0.8, "ambient_temperature_degc": 5.0}
+    return {"links": links, "soc": 0.8, "ambient_temperature_degc": 5.0}
 
 
 def answers_of(service: Service, asked: list[dict[str, Any]]) -> list[bytes]:

@@ -75,7 +75,7 @@ def seeds() -> dict[str, list[tuple[str, bytes]]]:
         },
         "properties": {"speed_m_s": 14.0},
     }
-    trip = {"samples": samples, "displayed_soc": 0.8, "ambient_temperature_degc": -5.0, "reserve": 0.2}
+    trip = {"samples": samples, "soc": 0.8, "ambient_temperature_degc": -5.0, "reserve": 0.2}
     observed = {
         "time_s": [0.0, 1.0, 2.0, 40.0],
         "voltage_v": [360.0] * 4,
@@ -87,7 +87,7 @@ def seeds() -> dict[str, list[tuple[str, bytes]]]:
         "application/json": [
             *(("/v1/routes", orjson.dumps(document)) for document in (links, osrm, geojson)),
             ("/v1/forecast", orjson.dumps(trip)),
-            ("/v1/forecast", orjson.dumps({"links": links, "displayed_soc": 0.5})),
+            ("/v1/forecast", orjson.dumps({"links": links, "soc": 0.5})),
             ("/v1/forecast/update", orjson.dumps(trip | {"observed": observed})),
         ],
     }

@@ -23,7 +23,7 @@ from tripwatt.forecasting.model import training_blocks
 from tripwatt.hybrid import BlockTable
 from tripwatt.hybrid.power import LINES, KrigingCorrector
 from tripwatt.hybrid.transfer import Members, part_scales
-from tripwatt.sources import read_fleet
+from tripwatt.sources import read_logs
 from tripwatt.trips import FloatArray, Trip
 from tripwatt.vehicles import Vehicle, load_vehicle
 
@@ -113,8 +113,8 @@ def main() -> None:
     parser.add_argument("data", type=Path)
     parser.add_argument("--out", type=Path, default=Path("docs/results/transfer-covariates.json"))
     given = parser.parse_args()
-    tum = list(read_fleet(given.data / "tum", "tum").reference_trips())
-    ved = [t for t in audit(read_fleet(given.data / "ved", "ved")).trips if t.distance_m >= 2000.0]
+    tum = list(read_logs(given.data / "tum", "tum").reference_trips())
+    ved = [t for t in audit(read_logs(given.data / "ved", "ved")).trips if t.distance_m >= 2000.0]
     car_10 = [t for t in ved if t.context.car == "10"]
     i3, leaf = load_vehicle("bmw_i3_60ah"), load_vehicle("nissan_leaf_24")
     tum.sort(key=lambda trip: str(trip.context.started_at))

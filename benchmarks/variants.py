@@ -16,7 +16,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from benchmarks.measure import ROOT, tum_folder
-from tripwatt.hybrid import BlockTable, block_table, planned, power_corrector
+from tripwatt.hybrid import BlockTable, block_table, power_corrector
 from tripwatt.hybrid.calibrate import calibrate
 from tripwatt.hybrid.channels import (
     CLIMATE_PARTS,
@@ -32,8 +32,8 @@ from tripwatt.hybrid.power import (
     boosting_corrector,
 )
 from tripwatt.physics import simulate_trip
-from tripwatt.sources import read_fleet
-from tripwatt.trips import Trip
+from tripwatt.sources import read_logs
+from tripwatt.trips import Trip, plan_from_trip
 from tripwatt.vehicles import load_vehicle
 
 TABLE = re.compile(r"(<!-- variants -->\n).*?(<!-- end of variants -->)", re.S)
@@ -105,7 +105,7 @@ def with_neighbours(table: BlockTable) -> BlockTable:
 
 
 def tabulated(trips: list[Trip], car: Any) -> BlockTable:
-    plans = [planned(trip) for trip in trips]
+    plans = [plan_from_trip(trip) for trip in trips]
     runs = [block_table(p, simulate_trip(car, p), t) for p, t in zip(plans, trips, strict=True)]
     return with_neighbours(BlockTable.join(runs))
 
@@ -143,7 +143,7 @@ def rows() -> dict[str, list[float]]:
     folder = tum_folder()
     if folder is None:
         raise SystemExit("no TUM trips at hand")
-    trips = list(read_fleet(folder).reference_trips())
+    trips = list(read_logs(folder).reference_trips())
     table = tabulated(trips, load_vehicle("bmw_i3_60ah"))
     found = {}
     for name in VARIANTS:

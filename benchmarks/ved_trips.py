@@ -17,8 +17,7 @@ import numpy as np
 
 from tripwatt.auditing import audit
 from tripwatt.physics import simulate_trip
-from tripwatt.physics.departure import at_departure
-from tripwatt.sources import read_fleet
+from tripwatt.sources import read_logs
 from tripwatt.trips import Trip, resample
 from tripwatt.units import WH_PER_J
 from tripwatt.vehicles import Vehicle, load_vehicle
@@ -75,7 +74,7 @@ def outcomes(trips: Sequence[Trip], vehicle: Vehicle) -> list[Outcome]:
             continue
         trip = resample(log)
         run = simulate_trip(vehicle, trip)
-        (ambient,) = at_departure(trip, "ambient_temperature_degc")
+        ambient = trip.departure.ambient_temperature_degc
         time = trip.array("time_s")
         logged = np.nan_to_num(trip.array("heating_power_w")) + np.nan_to_num(trip.array("aircon_power_w"))
         results.append(
@@ -139,7 +138,7 @@ def report() -> tuple[str, bool]:
     folder = ved_folder()
     if folder is None:
         raise FileNotFoundError("no VED trips: set TRIPWATT_DATA")
-    fleet = read_fleet(folder, "ved")
+    fleet = read_logs(folder, "ved")
     vehicle = load_vehicle(CAR)
     lines = ["| trips over 2 km | car | trips | energy-weighted error | bias |", "|---|---|---:|---:|---:|"]
     met = True

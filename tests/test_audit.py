@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
 from tripwatt.sources.tum import read_tum
-from tripwatt.trips import Context, Trip, validate_samples
+from tripwatt.trips import Context, Log, validate_samples
 
 CAPACITY_AH = 62.0
 
@@ -48,7 +48,7 @@ def drive(seed=0, duration_s=900.0, step_s=0.1, mass_kg=1500.0, start_soc=0.8):
 
 
 def log(samples, name="Log", **context):
-    return Trip.from_log(name, samples.reset_index(drop=True), Context(**context))
+    return Log.from_samples(name, samples.reset_index(drop=True), Context(**context))
 
 
 def others(n=6, **options):

@@ -14,10 +14,9 @@ from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import (
     ForecastModel,
     RouteDoubt,
-    linked,
     linked_trips,
     load_model,
-    planned_to_come,
+    plan_on_links,
     save_model,
     training_blocks,
 )
@@ -25,11 +24,11 @@ from tripwatt.forecasting import model as model_module
 from tripwatt.forecasting.gain import CHANNELS, FRACTIONS, Gain
 from tripwatt.forecasting.planned import LENGTHS_M, MOST_TRIPS, along_the_plan
 from tripwatt.forecasting.storage import model_of_parts, model_parts
-from tripwatt.hybrid import planned, power_corrector
+from tripwatt.hybrid import power_corrector
 from tripwatt.physics import simulate_trip
-from tripwatt.routes import plan_trip, read_route, route_from_links
+from tripwatt.routes import parse_route, plan_from_route, route_from_links
 from tripwatt.synthetic import synthetic_fleet
-from tripwatt.trips import Context
+from tripwatt.trips import Departure, Flag, plan_from_trip
 from tripwatt.vehicles import load_vehicle
 
 CAR = load_vehicle("bmw_i3_60ah")
@@ -115,34 +114,34 @@ def test_measured_doubt_is_the_difference_of_the_two_forecasts(trips):
     some = trips[:3]
     off = linked_trips(some, CAR).differences(Nothing(), training_blocks(some, CAR), np.array([2, 0]))
     for row, trip in zip(off, (some[2], some[0]), strict=True):
-        base = simulate_trip(CAR, planned(trip)).simulated_energy_wh
-        on_links = [simulate_trip(CAR, planned(linked(trip, m))).simulated_energy_wh for m in LENGTHS_M]
+        base = simulate_trip(CAR, plan_from_trip(trip)).simulated_energy_wh
+        on_links = [simulate_trip(CAR, plan_on_links(trip, m)).simulated_energy_wh for m in LENGTHS_M]
         np.testing.assert_allclose(row, np.array(on_links) / base - 1.0, rtol=2e-3)
     assert 0.0 < np.abs(off).max() < 0.5
 
 
 def test_links_widen_and_the_driven_trace_does_not(model, trips):
     trip = trips[13]
-    assert model.forecast(trip).as_dict() == without_doubt(model).forecast(trip).as_dict()
+    assert model.forecast(trip).to_dict() == without_doubt(model).forecast(trip).to_dict()
     assert model.forecast(trip).given == "the driven speed trace"
     for length in (250.0, 1000.0):
-        plan = linked(trip, length)
+        plan = plan_on_links(trip, length)
         wide, narrow = model.forecast(plan), without_doubt(model).forecast(plan)
-        assert wide.given == wide.as_dict()["given"] == "a planned route"
+        assert wide.given == wide.to_dict()["given"] == "a planned route"
         assert wide.energy_wh == narrow.energy_wh
-        share = model.route_doubt_.share(plan.context.planned_link_m)
+        share = model.route_doubt_.share(plan.link_m)
         extra = share * wide.energy_wh * wide.widening
         assert share > 0.0
         assert wide.sd_wh**2 == pytest.approx(narrow.sd_wh**2 + extra**2)
         ratio = np.sqrt(1.0 + extra**2 / narrow.sd_wh**2)
         half = np.diff(wide.interval(0.9)) / np.diff(narrow.interval(0.9))
         assert half[0] == pytest.approx(ratio)
-        assert any("does not know" in flag for flag in narrow.flags)
-        assert not any("does not know" in flag for flag in wide.flags)
+        assert Flag("route_error_unknown", "links") in narrow.flags
+        assert "route_error_unknown" not in {flag.code for flag in wide.flags}
 
 
 def test_on_the_way_the_doubt_of_the_route_goes(model, trips):
-    plan = linked(trips[13], 1000.0)
+    plan = plan_on_links(trips[13], 1000.0)
     before = model.forecast(plan)
     observed = trips[13].samples[["time_s", "voltage_v", "current_a"]]
     seconds = float(before.table.hours.sum() * 3600.0)
@@ -153,23 +152,23 @@ def test_on_the_way_the_doubt_of_the_route_goes(model, trips):
 
 
 def test_what_a_route_assumed_is_flagged(model):
-    track = read_route(b'{"type": "LineString", "coordinates": [[11.5, 48.1], [11.9, 48.1]]}')
-    said = model.forecast(plan_trip(track, speed_m_s=20.0)).flags
-    assert "20 m/s assumed where the track says no speed" in said
-    assert sum("flat" in flag for flag in said) == 1
-    far = model.forecast(plan_trip(route_from_links([{"length_m": 30_000.0, "speed_m_s": 25.0}])))
-    assert any("longer than those" in flag for flag in far.flags)
+    track = parse_route(b'{"type": "LineString", "coordinates": [[11.5, 48.1], [11.9, 48.1]]}')
+    said = model.forecast(plan_from_route(track, speed_m_s=20.0)).flags
+    assert Flag("speed_assumed", "track", 20.0, "m_s") in said
+    assert [flag.code for flag in said].count("no_elevation") == 1
+    far = model.forecast(plan_from_route(route_from_links([{"length_m": 30_000.0, "speed_m_s": 25.0}])))
+    assert Flag("links_too_long", "links", 30_000.0, "m") in far.flags
 
 
 def test_stored_models_keep_the_doubt_and_older_ones_have_none(model, trips, tmp_path: Path):
     save_model(model, tmp_path / "model")
-    plan = linked(trips[12], 400.0)
-    assert load_model(tmp_path / "model").forecast(plan).as_dict() == model.forecast(plan).as_dict()
+    plan = plan_on_links(trips[12], 400.0)
+    assert load_model(tmp_path / "model").forecast(plan).to_dict() == model.forecast(plan).to_dict()
     parts = json.loads(json.dumps({"model.json": model_parts(model)["model.json"]}))
     del parts["model.json"]["route_doubt"]
     older = model_of_parts({**model_parts(model), **parts})
     assert older.route_doubt_ is None
-    assert older.forecast(trips[12]).as_dict() == model.forecast(trips[12]).as_dict()
+    assert older.forecast(trips[12]).to_dict() == model.forecast(trips[12]).to_dict()
 
 
 def test_parked_logs_and_large_fleets(trips, monkeypatch):
@@ -183,13 +182,13 @@ def test_parked_logs_and_large_fleets(trips, monkeypatch):
 
 
 def test_departure_of_a_route_is_checked_and_wins(trips):
-    plan = plan_trip(route_from_links([{"length_m": 2000.0, "speed_m_s": 12.0}]))
-    trip = planned_to_come(plan, ambient_temperature_degc=-4.0)
-    assert trip.array("ambient_temperature_degc")[0] == -4.0
-    assert trip.context == plan.context
+    plan = plan_from_route(route_from_links([{"length_m": 2000.0, "speed_m_s": 12.0}]))
+    cold = plan.with_departure(Departure(ambient_temperature_degc=-4.0))
+    assert cold.departure == Departure(ambient_temperature_degc=-4.0)
+    assert cold.samples is plan.samples
     with pytest.raises(InvalidInput) as caught:
-        planned_to_come(plan, ambient_temperature_degc=400.0, displayed_soc=7.0)
-    assert len(caught.value.faults) == 2
+        Departure(ambient_temperature_degc=400.0, soc=7.0)
+    assert [fault.where for fault in caught.value.faults] == ["soc", "ambient_temperature_degc"]
 
 
 def late(plan, factor, waits_s, power_w):
@@ -204,7 +203,7 @@ def late(plan, factor, waits_s, power_w):
 @pytest.mark.parametrize(("factor", "waits_s"), [(1.0, 0.0), (1.3, 0.0), (0.8, 40.0), (1.0, 120.0)])
 def test_a_late_car_has_the_rest_of_the_route_before_it(model, factor, waits_s):
     links = [{"length_m": 500.0, "speed_m_s": 6.0 + 8.0 * (k % 2)} for k in range(30)]
-    plan = plan_trip(route_from_links(links))
+    plan = plan_from_route(route_from_links(links))
     same = np.ones(len(FRACTIONS))
     nothing = Gain(**dict.fromkeys(CHANNELS, 0.0 * same), apart_spread=same, whole_spread=same)
     before = dataclasses.replace(model.forecast(plan), gain=nothing)
@@ -228,7 +227,9 @@ def test_a_late_car_has_the_rest_of_the_route_before_it(model, factor, waits_s):
 
 def test_a_wait_that_the_car_did_not_have_is_no_gap(model):
     """Planned stops of a minute; the car drives through."""
-    plan = plan_trip(route_from_links([{"length_m": 1000.0, "travel_time_s": 140.0, "stop_s": 60.0}] * 8))
+    plan = plan_from_route(
+        route_from_links([{"length_m": 1000.0, "travel_time_s": 140.0, "stop_s": 60.0}] * 8)
+    )
     time = np.arange(0.0, 500.0)
     observed = pd.DataFrame({"time_s": time, "speed_m_s": 12.0, "observed_energy_wh": time})
     on_plan = along_the_plan(observed, plan)
@@ -237,7 +238,7 @@ def test_a_wait_that_the_car_did_not_have_is_no_gap(model):
     assert on_plan["observed_energy_wh"].iloc[-1] == time[-1]
     gap = observed[(time < 100.0) | (time > 250.0)]
     assert along_the_plan(gap, plan)["time_s"].diff().max() > 100.0
-    assert along_the_plan(observed, dataclasses.replace(plan, context=Context())) is observed
+    assert along_the_plan(observed, dataclasses.replace(plan, link_m=None)) is observed
 
 
 @settings(deadline=None)
@@ -246,7 +247,7 @@ def test_a_wait_that_the_car_did_not_have_is_no_gap(model):
     st.floats(0.0, 300.0),
 )
 def test_any_drive_has_a_clock_that_goes_on(steps, start):
-    plan = plan_trip(
+    plan = plan_from_route(
         route_from_links([{"length_m": 900.0, "speed_m_s": 9.0}, {"length_m": 80.0, "speed_m_s": 3.0}])
     )
     time = start + np.cumsum([step for step, _ in steps])

@@ -25,9 +25,8 @@ from tripwatt.evaluation.forecast_scores import (
 from tripwatt.evaluation.forecast_sets import DATA_FEATURES, ForecastSet, measured_log
 from tripwatt.evaluation.protocols import protocol_models
 from tripwatt.forecasting import ForecastModel
-from tripwatt.hybrid import planned
 from tripwatt.synthetic import synthetic_fleet
-from tripwatt.trips import Trip
+from tripwatt.trips import Trip, plan_from_trip
 from tripwatt.vehicles import load_vehicle
 
 ROAD = ("time_s", "speed_m_s", "elevation_m")
@@ -74,7 +73,7 @@ def test_departure_forecast_ignores_what_is_measured_later(fleet, model, car):
         changed = randomised(trip, seed)
         assert not changed.samples.equals(trip.samples)
         after = model.forecast(changed)
-        assert json.dumps(after.as_dict()) == json.dumps(before.as_dict())
+        assert json.dumps(after.to_dict()) == json.dumps(before.to_dict())
         for level in LEVELS:
             assert after.interval(level) == before.interval(level)
     # and the departure itself does matter
@@ -106,7 +105,7 @@ def keep_energy(trip: Trip, changed: Trip) -> Trip:
 
 def test_forecast_of_a_plan_is_the_forecast_of_its_trip(fleet, model):
     trip = fleet.trips[9]
-    assert model.forecast_planned(planned(trip)).as_dict() == model.forecast(trip).as_dict()
+    assert model.forecast(plan_from_trip(trip)).to_dict() == model.forecast(trip).to_dict()
 
 
 @pytest.mark.parametrize("fraction", FRACTIONS)

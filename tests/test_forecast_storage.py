@@ -44,9 +44,9 @@ def test_round_trip_is_identical(corrector: str, fleet, car, table, tmp_path: Pa
         bare = dataclasses.replace(trip, samples=trip.samples[["time_s", "speed_m_s"]])
         for drive in (trip, bare):
             before, after = model.forecast(drive), again.forecast(drive)
-            assert before.as_dict() == after.as_dict()
+            assert before.to_dict() == after.to_dict()
             seen = trip.samples[trip.samples["time_s"] < 400.0]
-            assert before.update(seen).as_dict() == after.update(seen).as_dict()
+            assert before.update(seen).to_dict() == after.update(seen).to_dict()
     save_model(again, tmp_path / "again")
     for name, part in read_model(tmp_path / "model").metadata["parts"].items():
         assert load_metadata(tmp_path / "again")["parts"][name] == part
@@ -147,9 +147,9 @@ def test_car_of_the_package_model_is_the_library_s() -> None:
 
 def test_forecasting_imports_no_learner() -> None:
     code = (
-        "import sys; from tripwatt.forecasting import load_model, trip_to_come; import pandas as pd;"
+        "import sys; from tripwatt.forecasting import load_model; from tripwatt.trips import plan_from_samples; import pandas as pd;"
         "t = pd.DataFrame({'time_s': [0.0, 50.0, 100.0], 'speed_m_s': [0.0, 9.0, 9.0]});"
-        "load_model().forecast(trip_to_come(t)).as_dict();"
+        "load_model().forecast(plan_from_samples(t)).to_dict();"
         "print([m for m in ('sklearn', 'lightgbm', 'matplotlib', 'joblib', 'scipy.stats') if m in sys.modules])"
     )
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -16,14 +16,14 @@ from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_
 from tripwatt.forecasting.adapting import adapt, adapted
 from tripwatt.forecasting.elsewhere import Elsewhere, unknown_signals, without_signals
 from tripwatt.forecasting.training import trained
-from tripwatt.hybrid import BlockTable, block_table, planned, power_corrector
+from tripwatt.hybrid import BlockTable, block_table, power_corrector
 from tripwatt.hybrid.channels import ChannelCorrector
 from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
 from tripwatt.hybrid.transfer import CarTransfer, Evidence, Members, grid, part_scales
 from tripwatt.hybrid.transferred import TransferredCorrector
 from tripwatt.physics import simulate_trip
 from tripwatt.synthetic import synthetic_fleet
-from tripwatt.trips import Fleet, Trip
+from tripwatt.trips import Fleet, Trip, plan_from_trip
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 TRUTH = {"mass": 0.08, "base_load": 0.6}
@@ -34,7 +34,7 @@ def driven_by(trip: Trip, car: Vehicle, extra_w: float = 0.0) -> Trip:
     """The trip as another car would have logged it: its physics, and a constant load that no book knows."""
     road = trip.samples[["time_s", "speed_m_s", "elevation_m", "ambient_temperature_degc"]]
     bare = Trip.from_samples(trip.trip_id, road, replace(trip.context, cabin_setpoint_degc=None))
-    run = simulate_trip(car, planned(bare))
+    run = simulate_trip(car, plan_from_trip(bare))
     power = np.interp(road["time_s"] - road["time_s"].iloc[0], run.time_s, run.battery_power_w) + extra_w
     samples = road.assign(voltage_v=360.0, current_a=power / 360.0)
     return Trip.from_samples(trip.trip_id, samples, bare.context)
@@ -73,7 +73,7 @@ def origin(first_car, i3) -> Elsewhere:
 
 @pytest.fixture(scope="module")
 def blocks(second_car, leaf) -> tuple[list[Trip], BlockTable]:
-    plans = [planned(t) for t in second_car.trips]
+    plans = [plan_from_trip(t) for t in second_car.trips]
     pairs = zip(plans, second_car.trips, strict=True)
     return plans, BlockTable.join([block_table(p, simulate_trip(leaf, p), t) for p, t in pairs])
 
@@ -125,7 +125,7 @@ def test_far_from_the_known_nothing_is_corrected_and_more_is_doubted(origin, blo
 
 def test_recovers_what_the_book_has_wrong(origin, roads, i3, leaf) -> None:
     trips = [driven_by(t, changed(leaf, TRUTH)) for t in roads[14:]]  # nothing in common with the first car
-    plans = [planned(t) for t in trips]
+    plans = [plan_from_trip(t) for t in trips]
     pairs = zip(plans, trips, strict=True)
     table = BlockTable.join([block_table(p, simulate_trip(leaf, p), t) for p, t in pairs])
     free = tuple(p for p in PARAMETERS if p.name in TRUTH)
@@ -193,7 +193,7 @@ def test_power_of_blocks_of_an_irregular_log(leaf) -> None:
     speed = 10.0 + 3.0 * np.sin(time / 40.0)
     log = pd.DataFrame({"time_s": time, "speed_m_s": speed, "voltage_v": 360.0, "current_a": 5.0 + speed})
     trip = Trip.from_samples("irregular", log)
-    plan = planned(trip)
+    plan = plan_from_trip(trip)
     table = block_table(plan, simulate_trip(leaf, plan), trip)
     assert table.totals_wh(table.observed_power_w)[0] == pytest.approx(trip.observed_energy_wh, rel=1e-3)
 
@@ -265,8 +265,8 @@ def test_adapted_model_is_an_ordinary_one(base, second_car, leaf, tmp_path: Path
     save_model(found, tmp_path / "leaf", provenance=provenance, evaluation=figures)
     again = load_model(tmp_path / "leaf")
     trip = second_car.trips[-1]
-    assert again.forecast(trip).as_dict() == found.forecast(trip).as_dict()
-    assert not [flag for flag in again.forecast(trip).flags if "cabin" in flag]
+    assert again.forecast(trip).to_dict() == found.forecast(trip).to_dict()
+    assert not [flag for flag in again.forecast(trip).flags if "cabin" in flag.subject]
     calibrated = again.vehicle.entries["auxiliaries.base_load_w"]
     assert calibrated.source.startswith("calibrated on 1 trip of the car; book value 250")
     seen = trip.samples[trip.samples["time_s"] < 300.0]

@@ -13,9 +13,9 @@ import pytest
 from tripwatt.cli import main
 from tripwatt.forecasting import load_metadata, load_model, save_model
 from tripwatt.forecasting.training import trained
-from tripwatt.hybrid import planned
 from tripwatt.physics import simulate_trip
 from tripwatt.synthetic import synthetic_fleet
+from tripwatt.trips import plan_from_trip
 from tripwatt.vehicles import load_vehicle
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
@@ -39,7 +39,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("logs")
     leaf = load_vehicle("nissan_leaf_24", overrides={"base_load": 450.0})
     for trip in synthetic_fleet(6, seed=11).trips:
-        run = simulate_trip(leaf, planned(trip))
+        run = simulate_trip(leaf, plan_from_trip(trip))
         samples = trip.samples[["time_s", "speed_m_s", "ambient_temperature_degc", "elevation_m"]]
         power = np.interp(samples["time_s"], run.time_s, run.battery_power_w)
         table = samples.assign(volt=360.0, ampere=power / 360.0, speed_m_s=3.6 * samples["speed_m_s"])

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tripwatt.errors import InvalidInput
-from tripwatt.trips import Fleet, Trip, is_sound, observed_energy, resample, validate_samples
+from tripwatt.trips import Fleet, Log, Trip, is_sound, observed_energy, resample, validate_samples
 
 
 def log(time: np.ndarray, seed: int = 0) -> pd.DataFrame:
@@ -72,11 +72,11 @@ def test_all_faults_are_named_at_once():
 
 def test_structure_faults_come_before_values():
     with pytest.raises(InvalidInput, match="missing column"):
-        Trip.from_log("t", pd.DataFrame({"time_s": [0.0, 1.0]}))
+        Log.from_samples("t", pd.DataFrame({"time_s": [0.0, 1.0]}))
     with pytest.raises(InvalidInput, match="not a number"):
-        Trip.from_log("t", pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": ["a", "b"]}))
+        Log.from_samples("t", pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": ["a", "b"]}))
     with pytest.raises(InvalidInput, match="at least 2"):
-        Trip.from_log("t", log(np.arange(1.0)))
+        Log.from_samples("t", log(np.arange(1.0)))
 
 
 def test_reference_trips_end_where_the_reference_says():

@@ -13,22 +13,20 @@ from hypothesis import strategies as st
 from tripwatt.errors import InvalidInput
 from tripwatt.physics import simulate_trip
 from tripwatt.routes import (
-    Departure,
     LinkRoute,
     LinkStyle,
     calibrate_style,
-    departure_of,
     join_routes,
     links_of_trip,
-    plan_trip,
-    read_route,
+    parse_route,
+    plan_from_links,
+    plan_from_route,
     road_work,
     route_from_links,
-    trip_from_links,
 )
 from tripwatt.routes.listed import LINK_KEYS, _columns_with_faults, _sound_columns
-from tripwatt.sources import read_fleet
-from tripwatt.trips import Context, Trip, resample
+from tripwatt.sources import read_logs
+from tripwatt.trips import Departure, Flag, Trip, plan_from_trip, resample
 from tripwatt.vehicles import load_vehicle
 
 
@@ -64,23 +62,22 @@ def test_a_link_made_trip_has_the_links_of_the_trip():
     )
     trip = driven(np.concatenate([speed] * 5))
     route = links_of_trip(trip, 500.0)
-    again = links_of_trip(trip_from_links(route, step_s=0.1), 500.0)
+    again = links_of_trip(plan_from_links(route, step_s=0.1), 500.0)
     np.testing.assert_allclose(again.travel_time_s[1:-1], route.travel_time_s[1:-1], rtol=0.02, atol=1.0)
     assert again.duration_s == pytest.approx(route.duration_s, rel=0.005)
 
 
 def test_departure_is_known_at_the_start_and_nothing_is_measured():
-    departure = Departure(
-        ambient_temperature_degc=-3.0, soc=0.6, context=Context(payload_mass_kg=70.0, notes="two people")
+    departure = Departure(ambient_temperature_degc=-3.0, bms_soc=0.6, payload_mass_kg=70.0)
+    plan = plan_from_route(route_from_links([{"length_m": 900.0, "speed_m_s": 9.0}]))
+    assert plan.departure == Departure()
+    plan = plan.with_departure(departure)
+    assert plan.departure == departure
+    assert plan.flags == (Flag("no_elevation", "road"),)
+    assert list(plan.samples.columns) == ["time_s", "speed_m_s"]
+    assert plan.with_departure(Departure(soc=0.9)).departure == Departure(
+        soc=0.9, ambient_temperature_degc=-3.0, payload_mass_kg=70.0
     )
-    trip = plan_trip(route_from_links([{"length_m": 900.0, "speed_m_s": 9.0}]), departure)
-    assert trip.observed_energy_wh is None
-    assert trip.context.payload_mass_kg == 70.0
-    assert trip.context.notes == "two people; no elevation known: the road counts as flat"
-    assert np.all(trip.array("ambient_temperature_degc") == -3.0)
-    assert trip.array("soc")[0] == 0.6
-    assert np.isnan(trip.array("soc")[1:]).all()
-    assert departure_of(trip) == Departure(-3.0, soc=0.6, context=trip.context)
 
 
 def test_heights_and_grades_say_the_same_road():
@@ -95,13 +92,13 @@ def test_heights_and_grades_say_the_same_road():
     )
     place = np.linspace(0.0, 1000.0, 21)
     np.testing.assert_allclose(by_grade.elevation_at(place), by_height.elevation_at(place), atol=1e-9)
-    assert by_height.notes == ()
+    assert by_height.flags == ()
 
 
 def test_short_links_are_joined_and_their_time_is_kept():
     tiny = [{"length_m": 8.0, "speed_m_s": 12.0 if k % 3 else 9.0} for k in range(400)]
     route = route_from_links(tiny)
-    trip = trip_from_links(route)
+    trip = plan_from_links(route)
     assert trip.distance_m == pytest.approx(route.distance_m, rel=0.01)
     assert trip.duration_s == pytest.approx(route.duration_s, rel=0.03)
 
@@ -113,7 +110,7 @@ def test_joined_routes_follow_each_other():
     two = join_routes([one, one])
     assert two.elevation_at([0.0, 400.0, 800.0]).tolist()[::2] == [5.0, 9.0]
     assert two.distance_m == 800.0
-    assert "no elevation" in " ".join(join_routes([one, links_of_trip(driven(np.full(90, 10.0)))]).notes)
+    assert Flag("no_elevation", "road") in join_routes([one, links_of_trip(driven(np.full(90, 10.0)))]).flags
 
 
 def test_every_fault_of_the_links_at_once():
@@ -168,7 +165,7 @@ def test_every_fault_of_the_links_at_once():
 )
 def test_any_links_are_refused_or_driven(links):
     try:
-        trip = plan_trip(route_from_links(links))
+        trip = plan_from_route(route_from_links(links))
     except InvalidInput:
         return
     assert trip.duration_s > 0
@@ -177,7 +174,7 @@ def test_any_links_are_refused_or_driven(links):
 def test_links_come_as_json_too():
     links = [{"length_m": 500.0, "speed_m_s": 10.0}]
     for document in (links, {"links": links}):
-        route = read_route(json.dumps(document).encode())
+        route = parse_route(json.dumps(document).encode())
         assert isinstance(route, LinkRoute)
         assert route.duration_s == 50.0
 
@@ -186,7 +183,7 @@ def test_calibration_finds_the_style_that_made_the_trips():
     truth = LinkStyle(street_speed_m_s=14.0, comfort=0.4)
     rng = np.random.default_rng(5)
     trips = [
-        trip_from_links(
+        plan_from_links(
             route_from_links([{"length_m": 250.0, "speed_m_s": v} for v in rng.uniform(4.0, 16.0, 30)]),
             style=truth,
         )
@@ -194,11 +191,11 @@ def test_calibration_finds_the_style_that_made_the_trips():
     ]
     found = calibrate_style(trips, length_m=(250.0,), most_evaluations=60)
     wrong = [
-        abs(road_work(trip_from_links(links_of_trip(t), style=LinkStyle())) / road_work(t) - 1.0)
+        abs(road_work(plan_from_links(links_of_trip(t), style=LinkStyle())) / road_work(t) - 1.0)
         for t in trips
     ]
     right = [
-        abs(road_work(trip_from_links(links_of_trip(t), style=found)) / road_work(t) - 1.0) for t in trips
+        abs(road_work(plan_from_links(links_of_trip(t), style=found)) / road_work(t) - 1.0) for t in trips
     ]
     assert np.mean(right) < 0.02
     assert np.mean(right) < 0.25 * np.mean(wrong)
@@ -209,10 +206,10 @@ def test_calibration_finds_the_style_that_made_the_trips():
 def test_links_of_real_trips_cost_what_the_trips_cost(data_dir):
     """A small sample with wide bounds; `benchmarks/links.py` measures all of them."""
     car = load_vehicle("bmw_i3_60ah")
-    trips = [resample(t) for t in read_fleet(data_dir / "tum").reference_trips()[::8]]
+    trips = [resample(t) for t in read_logs(data_dir / "tum").reference_trips()[::8]]
     true = np.array([simulate_trip(car, t).simulated_energy_wh for t in trips])
     for length, bound in ((250.0, 0.05), (1000.0, 0.06)):
-        made = [trip_from_links(links_of_trip(t, length), departure_of(t)) for t in trips]
+        made = [plan_from_links(links_of_trip(t, length)).with_departure(t.departure) for t in trips]
         off = np.array([simulate_trip(car, t).simulated_energy_wh for t in made]) / true - 1.0
         assert np.abs(off).mean() < bound
 
@@ -221,7 +218,7 @@ def test_steps_that_give_too_many_samples_are_refused():
     route = route_from_links([{"length_m": 1000.0, "speed_m_s": 1.0}] * 100)
     for step_s in (0.0, -1.0, float("nan"), 1e-3):
         with pytest.raises(InvalidInput, match="step out of range"):
-            trip_from_links(route, step_s=step_s)
+            plan_from_links(route, step_s=step_s)
 
 
 LIMITED = st.lists(
@@ -237,7 +234,7 @@ def test_nobody_drives_faster_than_the_limit_or_the_mean_speed(links, seed):
     route = route_from_links(
         [{"length_m": length, "speed_m_s": v, "speed_limit_m_s": limit} for length, v, limit in links]
     )
-    trip = plan_trip(route, rng=None if seed is None else np.random.default_rng(seed), step_s=0.5)
+    trip = plan_from_route(route, rng=None if seed is None else np.random.default_rng(seed), step_s=0.5)
     time, speed = trip.array("time_s"), trip.array("speed_m_s")
     position = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
     position *= route.distance_m / position[-1]
@@ -252,7 +249,7 @@ def test_a_speed_limit_changes_the_drive_and_joins():
     free = [{"length_m": 800.0, "speed_m_s": 8.0}] * 4
     limited = [{**link, "speed_limit_m_s": 9.0} for link in free]
     routes = [route_from_links(links) for links in (free, limited)]
-    fast, slow = (plan_trip(route) for route in routes)
+    fast, slow = (plan_from_route(route) for route in routes)
     assert fast.array("speed_m_s").max() > 12.0
     assert slow.array("speed_m_s").max() <= 9.0 + 1e-9
     assert slow.duration_s == pytest.approx(400.0, rel=0.02)
@@ -263,9 +260,9 @@ def test_a_speed_limit_changes_the_drive_and_joins():
 
 
 def test_a_planned_trip_knows_the_length_of_its_links():
-    assert driven(np.full(60, 10.0)).context.planned_link_m is None
+    assert plan_from_trip(driven(np.full(60, 10.0))).link_m is None
     two = route_from_links([{"length_m": 100.0, "speed_m_s": 9.0}, {"length_m": 300.0, "speed_m_s": 9.0}])
-    assert plan_trip(two).context.planned_link_m == pytest.approx((100.0**2 + 300.0**2) / 400.0)
+    assert plan_from_route(two).link_m == pytest.approx((100.0**2 + 300.0**2) / 400.0)
 
 
 TABLE = "length_m;speed_m_s;grade;stop_s\n500;10,5;0,01;\n\n250;5;;20\n"
@@ -281,28 +278,28 @@ def test_links_come_as_csv_too(tmp_path):
         TABLE.replace(";", "\t").replace("\n", "\r\n"),
     ):
         (tmp_path / "route.csv").write_bytes(b"\xef\xbb\xbf" + text.encode())
-        route = read_route(tmp_path / "route.csv")
+        route = parse_route(tmp_path / "route.csv")
         for name in ("length_m", "travel_time_s", "stop_s", "elevation_m"):
             np.testing.assert_array_equal(getattr(route, name), getattr(objects, name))
 
 
 def test_every_fault_of_a_table_at_once():
     with pytest.raises(InvalidInput) as caught:
-        read_route(b"length_km,speed_km_h,colour\n1,50,red\n")
+        parse_route(b"length_km,speed_km_h,colour\n1,50,red\n")
     said = str(caught.value)
     assert "did you mean length_m?" in said
     assert "did you mean speed_m_s?" in said
     assert "'colour'" in said
     assert said.count("missing column") == 2
     with pytest.raises(InvalidInput) as caught:
-        read_route(b"length_m,speed_m_s,grade\nx,9,0\n5,-9,7\n,nan,0\n8,9,0,1\n")
+        parse_route(b"length_m,speed_m_s,grade\nx,9,0\n5,-9,7\n,nan,0\n8,9,0,1\n")
     said = str(caught.value)
     for words in ("link 1, length_m: got 'x'", "link 2, speed_m_s", "link 2, grade", "missing key: link 3",
                   "link 3, speed_m_s: got nan", "too many cells"):  # fmt: skip
         assert words in said
     assert "missing key: link 1" not in said
     with pytest.raises(InvalidInput) as caught:
-        read_route(b"length_m,speed_m_s\n" + b"0,0\n" * 20_000)
+        parse_route(b"length_m,speed_m_s\n" + b"0,0\n" * 20_000)
     assert len(caught.value.faults) <= 60
     assert "more" in str(caught.value.faults[-1])
 

@@ -14,15 +14,16 @@ from tripwatt.routes import (
     ROAD_SPEED_M_S,
     LinkRoute,
     Track,
-    plan_trip,
+    parse_route,
+    plan_from_route,
+    plan_from_track,
     read_answer,
     read_geojson,
     read_gpx,
-    read_route,
     route_from_track,
-    trip_from_track,
 )
 from tripwatt.routes.points import decode_polyline, haversine_m
+from tripwatt.trips import Flag
 
 ANSWERS = Path(__file__).parent / "answers"
 M_PER_DEGREE = float(haversine_m([48.0, 49.0], [11.0, 11.0])[0])
@@ -69,9 +70,9 @@ SPEED = np.concatenate(
 
 def test_a_logged_drive_comes_back_from_gpx():
     track = read_gpx(gpx(drive(SPEED, np.linspace(500.0, 530.0, len(SPEED)))))
-    trip = plan_trip(track)
+    trip = plan_from_route(track)
     assert track.is_log
-    assert trip.context.started_at.hour == 8
+    assert trip.departure.started_at.hour == 8
     assert trip.distance_m == pytest.approx(float(np.trapezoid(SPEED)), rel=0.01)
     assert np.abs(trip.array("speed_m_s") - SPEED).max() < 1.0
     assert np.all(trip.array("speed_m_s")[138:146] == 0.0)
@@ -85,7 +86,7 @@ def test_jitter_of_positions_is_no_driving():
         for (lat, lon, ele, t), e in zip(drive(np.zeros(120)), rng.normal(0, 0.15, 120), strict=True)
     ]
     points += [(48.01, 11.0, None, "2026-05-01T08:10:00Z")]
-    assert trip_from_track(read_gpx(gpx(points))).array("speed_m_s")[5:110].max() == 0.0
+    assert plan_from_track(read_gpx(gpx(points))).array("speed_m_s")[5:110].max() == 0.0
 
 
 def test_a_sparse_track_gives_links_with_its_times():
@@ -94,17 +95,17 @@ def test_a_sparse_track_gives_links_with_its_times():
     assert not track.is_log
     assert route.duration_s == pytest.approx(track.time_s[-1])
     assert route.distance_m == pytest.approx(track.position_m[-1])
-    assert plan_trip(track).duration_s == pytest.approx(track.time_s[-1], rel=0.02)
+    assert plan_from_route(track).duration_s == pytest.approx(track.time_s[-1], rel=0.02)
 
 
 def test_a_route_without_times_needs_a_speed():
     track = read_gpx(gpx([(48.0, 11.0, None, None), (48.02, 11.0, None, None)], "rtept"))
     with pytest.raises(InvalidInput, match="give speed_m_s"):
-        plan_trip(track)
-    trip = plan_trip(track, speed_m_s=16.0)
+        plan_from_route(track)
+    trip = plan_from_route(track, speed_m_s=16.0)
     assert trip.duration_s == pytest.approx(0.02 * M_PER_DEGREE / 16.0, abs=1.5)
-    assert "16 m/s assumed" in trip.context.notes
-    assert "flat" in trip.context.notes
+    assert Flag("speed_assumed", "track", 16.0, "m_s") in trip.flags
+    assert Flag("no_elevation", "road") in trip.flags
 
 
 def test_geojson_lines_properties_and_heights():
@@ -124,8 +125,8 @@ def test_geojson_lines_properties_and_heights():
     assert route.elevation_at([0.0, route.distance_m / 2, route.distance_m]).tolist() == pytest.approx(
         [500, 510, 505]
     )
-    assert track.notes == ("1 geometries that are no lines left out",)
-    assert isinstance(read_route(text), Track)
+    assert track.flags == (Flag("geometries_skipped", "geometries", 1.0, "1"),)
+    assert isinstance(parse_route(text), Track)
 
 
 def test_geojson_times_are_a_log():
@@ -135,8 +136,8 @@ def test_geojson_times_are_a_log():
         "geometry": {"type": "LineString", "coordinates": [[p[1], p[0]] for p in drive(SPEED)]},
     }
     np.testing.assert_allclose(
-        plan_trip(read_geojson(json.dumps(line).encode())).array("speed_m_s"),
-        plan_trip(read_gpx(gpx(drive(SPEED)))).array("speed_m_s"),
+        plan_from_route(read_geojson(json.dumps(line).encode())).array("speed_m_s"),
+        plan_from_route(read_gpx(gpx(drive(SPEED)))).array("speed_m_s"),
         atol=1e-3,
     )
 
@@ -161,7 +162,7 @@ def test_answers_of_routers(router, length, time):
     np.testing.assert_allclose(got_length, length, rtol=1e-3)
     np.testing.assert_allclose(got_time, time, rtol=1e-6)
     assert read_answer(path, router).duration_s == route.duration_s
-    trip = plan_trip(read_route(path))
+    trip = plan_from_route(parse_route(path))
     assert trip.duration_s == pytest.approx(sum(time), rel=0.02, abs=2.0)
     assert trip.distance_m == pytest.approx(sum(length), rel=0.01)
 
@@ -174,7 +175,7 @@ def test_heights_of_answers():
     assert read_answer(ANSWERS / "openrouteservice.json").elevation_at(
         [0, 400, 1500]
     ).tolist() == pytest.approx([500, 508, 508], abs=0.1)
-    assert "no elevation known: the road counts as flat" in read_answer(ANSWERS / "osrm.json").notes
+    assert read_answer(ANSWERS / "osrm.json").flags == (Flag("no_elevation", "road"),)
 
 
 def test_miles_and_feet_of_valhalla():
@@ -338,16 +339,16 @@ REFUSED = {
 @pytest.mark.parametrize("name", REFUSED)
 def test_broken_routes_are_refused(name):
     with pytest.raises(InvalidInput) as caught:
-        plan_trip(read_route(REFUSED[name]), speed_m_s=10.0)
+        plan_from_route(parse_route(REFUSED[name]), speed_m_s=10.0)
     assert all(len(str(fault)) < 500 for fault in caught.value.faults)
 
 
 def test_missing_and_too_large_files(tmp_path, monkeypatch):
     with pytest.raises(InvalidInput, match="cannot read"):
-        read_route(tmp_path / "none.gpx")
+        parse_route(tmp_path / "none.gpx")
     monkeypatch.setattr("tripwatt.routes.points.MOST_BYTES", 10)
     with pytest.raises(InvalidInput, match="too large"):
-        read_route(b"[" + b" " * 20)
+        parse_route(b"[" + b" " * 20)
 
 
 def test_too_many_points(monkeypatch):
@@ -404,8 +405,8 @@ def test_mutants_are_refused_or_driven(text, changes):
         at = int(place * len(text))
         text = text[:at] + snippet + text[at + length :]
     try:
-        route = read_route(text)
-        trip = plan_trip(route, speed_m_s=10.0)
+        route = parse_route(text)
+        trip = plan_from_route(route, speed_m_s=10.0)
     except InvalidInput:
         return
     assert isinstance(route, LinkRoute | Track)
@@ -454,7 +455,7 @@ def test_mutants_are_refused_or_driven(text, changes):
 def test_any_json_is_refused_or_a_route(document, router):
     text = json.dumps(document).encode()
     try:
-        route = read_answer(text, router) if router else read_route(text)
+        route = read_answer(text, router) if router else parse_route(text)
     except InvalidInput:
         return
     assert len(route) > 0

@@ -24,7 +24,7 @@ def drive() -> dict[str, Any]:
     columns = ("time_s", "speed_m_s", "elevation_m")
     return {
         "samples": {name: table[name].tolist() for name in columns},
-        "displayed_soc": 0.8,
+        "soc": 0.8,
         "ambient_temperature_degc": -5.0,
         "cabin_setpoint_degc": 21.0,
         "payload_mass_kg": 80.0,

@@ -41,7 +41,7 @@ def test_answer_is_the_command_lines_to_the_last_digit(
 
 def test_planned_answer_is_the_command_lines(service: Service, tmp_path: Path) -> None:
     (tmp_path / "trip.json").write_text(json.dumps(LINKS))
-    asked = {"links": LINKS, "displayed_soc": 0.6, "ambient_temperature_degc": 3.0, "reserve": 0.2}
+    asked = {"links": LINKS, "soc": 0.6, "ambient_temperature_degc": 3.0, "reserve": 0.2}
     printed = command_line(tmp_path / "trip.json", "--soc", 0.6, "--ambient", 3, "--reserve", 0.2)
     assert service.forecast(asked).json() == printed
     assert printed["given"] == "a planned route"
@@ -61,12 +61,12 @@ def test_update_takes_what_was_measured(service: Service, drive: dict[str, Any],
 
 
 def test_every_wrong_field_is_named_at_once(service: Service, drive: dict[str, Any]) -> None:
-    wrong = drive | {"displayed_soc": 1.5, "payload_mass_kg": "80", "colour": "red"}
+    wrong = drive | {"soc": 1.5, "payload_mass_kg": "80", "colour": "red"}
     answer = service.forecast(wrong)
     assert answer.status_code == 422
     assert answer.headers["content-type"] == "application/problem+json"
     assert {fault["where"] for fault in answer.json()["faults"]} == {
-        "displayed_soc",
+        "soc",
         "payload_mass_kg",
         "colour",
     }

@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 
 from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
-from tripwatt.sources import read_fleet
+from tripwatt.sources import read_logs
 from tripwatt.sources.mapping import load_mapping, parse_mapping, shipped_mappings
 from tripwatt.sources.suggest import suggest_mapping
 from tripwatt.sources.table import read_table
 from tripwatt.trips import Fleet
+from tripwatt.trips.messages import message
 
 MAPPING = """
 [columns]
@@ -70,7 +71,7 @@ def test_csv_and_parquet_files_become_trips_in_our_units(tmp_path, mapping):
     driven(seed=2).to_csv(folder / "wednesday.csv", index=False, sep=";", decimal=".")
     (folder / "readme.txt").write_text("Three drives of last week.\n")
     (folder / "._monday.csv").write_bytes(b"\0\5")
-    fleet = read_fleet(folder, "table", mapping)
+    fleet = read_logs(folder, "table", mapping)
     assert [t.trip_id for t in fleet.trips] == ["monday", "tuesday", "wednesday"]
     row = fleet.trips[0].samples.iloc[0].to_dict()
     raw = driven().iloc[0]
@@ -100,7 +101,7 @@ def test_one_file_with_a_column_of_trips_and_time_stamps(tmp_path):
         assert [t.trip_id for t in fleet.trips] == ["d0", "d1", "d2"]
         assert fleet.trips[1].array("time_s")[:2].tolist() == [0.0, 1.0]
         assert fleet.trips[2].context.started_at >= dt.datetime(2024, 5, 31, 10, 13, 20)
-        assert any("rows without a trip" in note for note in fleet.notes)
+        assert any("rows without a trip" in note for note in map(message, fleet.notes))
 
 
 def test_power_in_place_of_current(tmp_path):
@@ -132,13 +133,13 @@ def test_energy_from_soc_with_its_uncertainty(tmp_path):
     (trip,) = fleet.trips
     assert trip.observed_energy_wh == pytest.approx(50_000 * 0.12)
     assert trip.observed_energy_std_wh == pytest.approx(np.hypot(600.0, 500.0 / np.sqrt(6.0)), rel=1e-6)
-    assert any("standard error" in note for note in fleet.notes)
+    assert any("standard error" in note for note in map(message, fleet.notes))
     result = audit(fleet)
     assert result.set_aside == {}
     assert result.trips[0].observed_energy_wh == trip.observed_energy_wh
     bare = read_table(tmp_path / "drive.csv", parse_mapping(text.split("[battery]")[0], "my.toml"))
     assert bare.trips[0].observed_energy_wh is None
-    assert any("nothing to measure energy with" in note for note in bare.notes)
+    assert any("no energy is measured" in note for note in map(message, bare.notes))
     assert "no measured energy" in audit(bare).set_aside["drive"]
 
 
@@ -242,7 +243,7 @@ def test_gaps_of_minutes_are_told_with_their_row(tmp_path, mapping):
     table.loc[table.index >= 700, "Time"] += 400.0
     table.to_csv(tmp_path / "drive.csv", index=False)
     fleet = read_table(tmp_path / "drive.csv", mapping)
-    assert any("row 702" in note and "401 s" in note for note in fleet.notes)
+    assert any("row 702" in note and "401 s" in note for note in map(message, fleet.notes))
     assert [t.trip_id for t in audit(fleet).trips] == ["drive-1", "drive-2"]
 
 

@@ -12,9 +12,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tripwatt.errors import InvalidInput
-from tripwatt.sources import DATASETS, check_folder, read_fleet, where_to_get
+from tripwatt.sources import DATASETS, check_folder, read_logs, where_to_get
 from tripwatt.sources.tum import REFERENCE_TRIPS, read_tum
 from tripwatt.trips import COLUMNS, Fleet
+from tripwatt.trips.messages import message
 
 
 def faults_of(folder, **options):
@@ -128,8 +129,8 @@ def test_context_from_the_sheet(tmp_path, tum_bytes, write_overview):
     assert (second.cabin_setpoint_degc, second.payload_mass_kg, second.follows_trip) == (None, 230.0, True)
     assert third.season is None
     assert third.weather is None
-    assert any("TripB99" in note for note in fleet.notes)
-    assert any("'warm'" in note and "TripB02" in note for note in fleet.notes)
+    assert any("TripB99" in note for note in map(message, fleet.notes))
+    assert any("'warm'" in note and "TripB02" in note for note in map(message, fleet.notes))
     assert "10.21227/6jr9-5235" in fleet.citation
     assert "CC BY 4.0" in fleet.citation
 
@@ -139,7 +140,7 @@ def test_without_the_sheet_season_and_weather_are_unknown_and_said_so(tmp_path, 
     fleet = read_tum(tmp_path)
     assert fleet.trips[0].context.season is None
     assert fleet.trips[0].context.weather is None
-    assert any("Overview.xlsx is missing" in note for note in fleet.notes)
+    assert any("Overview.xlsx is missing" in note for note in map(message, fleet.notes))
 
 
 def test_damaged_sheet_is_refused(tmp_path, tum_bytes):
@@ -264,10 +265,10 @@ def test_check_folder_tells_missing_unreadable_and_shortened(tmp_path, tum_bytes
 
 def test_datasets_are_known_by_name(tmp_path, tum_bytes):
     (tmp_path / "TripA01.csv").write_bytes(tum_bytes())
-    assert read_fleet(tmp_path, "tum").name == "tum"
+    assert read_logs(tmp_path, "tum").name == "tum"
     assert "tum" in DATASETS
     with pytest.raises(InvalidInput, match="no such data set"):
-        read_fleet(tmp_path, "nothing")
+        read_logs(tmp_path, "nothing")
 
 
 def test_the_published_files(data_dir):

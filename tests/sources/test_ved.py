@@ -9,9 +9,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tripwatt.errors import InvalidInput
-from tripwatt.sources import read_fleet
+from tripwatt.sources import read_logs
 from tripwatt.sources.ved import read_ved
 from tripwatt.trips import Fleet
+from tripwatt.trips.messages import message
 
 HEADER = (
     "DayNum,VehId,Trip,Timestamp(ms),Latitude[deg],Longitude[deg],Vehicle Speed[km/h],MAF[g/sec],Engine RPM[RPM],"
@@ -37,7 +38,7 @@ def faults_of(folder):
 def test_electric_cars_are_read_and_others_are_counted(tmp_path):
     (tmp_path / "VED_171101_week.csv").write_text(week((LEAF, 1558), (HYBRID, 0), (COMBUSTION, 0)))
     (tmp_path / "VED_171108_week.csv").write_text(week((LEAF.replace("1.5,", "9.25,", 1), 1600)))
-    fleet = read_fleet(tmp_path, "ved")
+    fleet = read_logs(tmp_path, "ved")
     assert [t.trip_id for t in fleet.trips] == ["VED10-1558", "VED10-1600"]
     samples = fleet.trips[0].samples
     assert samples.time_s.tolist() == pytest.approx([0.0, 0.4, 0.8, 1.2, 1.6])
@@ -47,8 +48,8 @@ def test_electric_cars_are_read_and_others_are_counted(tmp_path):
     assert row["soc"] == pytest.approx(0.965)
     assert (row["heating_power_w"], row["aircon_power_w"]) == (2250.0, 150.0)
     assert fleet.trips[1].context.started_at == dt.datetime(2017, 11, 9, 6)
-    assert any("2 trips of combustion cars and hybrids" in note for note in fleet.notes)
-    assert any("flat" in note for note in fleet.notes)
+    assert any("2 trips of combustion cars and hybrids" in note for note in map(message, fleet.notes))
+    assert any("flat" in note for note in map(message, fleet.notes))
     assert "Apache-2.0" in fleet.citation
 
 

@@ -168,7 +168,7 @@ def plan_on_links(trip: Trip, length_m: float) -> Plan:
         When the trip does not move, or faster than a link can be.
     """
     plan = plan_from_links(links_of_trip(trip, length_m), trip_id=trip.trip_id)
-    return plan.with_departure(trip.departure)
+    return replace(plan.with_departure(trip.departure), start_s=float(trip.array("time_s")[0]))
 
 
 def with_route_error(forecast: Forecast, doubt: RouteDoubt | None) -> Forecast:
