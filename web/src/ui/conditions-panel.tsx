@@ -20,9 +20,10 @@ const USUAL_MOTORWAY_M_S = 130 / 3.6;
 const DOORS: Door[] = ["parked", "garage", "logged", "unknown"];
 
 function doorText(door: Door): string {
-  const { conditions } = text.value;
-  if (door !== "garage") return conditions[door];
-  return conditions.garage(format.value.shown(GARAGE_DEGC, units.value.temperature));
+  const { conditions: words } = text.value;
+  const shown = (degc: number) => format.value.shown(degc, units.value.temperature);
+  if (door === "parked") return words.parked(shown(conditions.value.ambientDegc));
+  return door === "garage" ? words.garage(shown(GARAGE_DEGC)) : words[door];
 }
 
 function DoorSelect() {

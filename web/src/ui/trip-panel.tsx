@@ -111,15 +111,17 @@ function Upload() {
       {refused && <p class="faults">{refused}</p>}
       <p class="inline">
         <label for={id}>{words.speedWithoutTimes}</label>
-        <input
-          id={id}
-          type="number"
-          min={5}
-          max={130}
-          value={Math.round(speed.from(speedMS))}
-          onChange={(event) => setSpeed(speed.to(event.currentTarget.valueAsNumber) || START_M_S)}
-        />
-        {speed.unit}
+        <span>
+          <input
+            id={id}
+            type="number"
+            min={5}
+            max={130}
+            value={Math.round(speed.from(speedMS))}
+            onChange={(event) => setSpeed(speed.to(event.currentTarget.valueAsNumber) || START_M_S)}
+          />
+          {speed.unit}
+        </span>{" "}
       </p>
     </div>
   );
