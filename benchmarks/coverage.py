@@ -38,7 +38,7 @@ def synthetic_coverage(trips: int = 600, seed: int = SEED) -> Covered:
     for fold in range(FOLDS):
         model = ForecastModel(car).fit_blocks(fleet.blocks.take(np.flatnonzero(folds != fold)))
         for i in np.flatnonzero(folds == fold):
-            forecast = model.forecast_planned(fleet.plans[i])
+            forecast = model.forecast(fleet.plans[i])
             observed = float(fleet.logs[i]["observed_energy_wh"].iloc[-1])
             bounds = np.array([forecast.interval(level) for level in LEVELS])
             inside.append((bounds[:, 0] <= observed) & (observed <= bounds[:, 1]))

@@ -1,5 +1,93 @@
-"""Forecast the battery energy of an electric-car trip, and say how sure the forecast is."""
+"""Forecast the battery energy of an electric-car trip, with its uncertainty.
 
-from importlib.metadata import version as _version
+>>> import tripwatt as tw
+>>> model = tw.load_model("bmw_i3_tum")
+>>> plan = tw.read_route([{"length_m": 12_000.0, "speed_m_s": 15.0}], trip_id="commute")
+>>> forecast = model.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=-5))
+>>> low, high = forecast.interval(0.9)
+>>> bool(low < forecast.energy_wh < high)
+True
 
-__version__ = _version("tripwatt")
+The names of this module are imported when they are first used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from tripwatt.auditing import audit
+    from tripwatt.errors import InvalidInput
+    from tripwatt.evaluation import evaluate
+    from tripwatt.forecasting import Forecast, ForecastModel, load_model, save_model
+    from tripwatt.forecasting.request import adapt, fit, forecast, read_route, read_trips, simulate
+    from tripwatt.sources import read_logs
+    from tripwatt.synthetic import synthetic_fleet
+    from tripwatt.trips import Departure, Plan, Trip
+    from tripwatt.vehicles import load_vehicle
+
+    __version__: str
+
+__all__ = [
+    "Departure",
+    "Forecast",
+    "ForecastModel",
+    "InvalidInput",
+    "Plan",
+    "Trip",
+    "__version__",
+    "adapt",
+    "audit",
+    "evaluate",
+    "fit",
+    "forecast",
+    "load_model",
+    "load_vehicle",
+    "read_logs",
+    "read_route",
+    "read_trips",
+    "save_model",
+    "simulate",
+    "synthetic_fleet",
+]
+
+_HOMES: Final = {
+    "Departure": "trips",
+    "Forecast": "forecasting",
+    "ForecastModel": "forecasting",
+    "InvalidInput": "errors",
+    "Plan": "trips",
+    "Trip": "trips",
+    "adapt": "forecasting.request",
+    "audit": "auditing",
+    "evaluate": "evaluation",
+    "fit": "forecasting.request",
+    "forecast": "forecasting.request",
+    "load_model": "forecasting",
+    "load_vehicle": "vehicles",
+    "read_logs": "sources",
+    "read_route": "forecasting.request",
+    "read_trips": "forecasting.request",
+    "save_model": "forecasting",
+    "simulate": "forecasting.request",
+    "synthetic_fleet": "synthetic",
+}
+"""Public name -> the module that holds it."""
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version  # reads files of the installation
+
+        found: Any = version("tripwatt")
+    elif name in _HOMES:
+        found = getattr(import_module(f"tripwatt.{_HOMES[name]}"), name)
+    else:
+        raise AttributeError(f"module 'tripwatt' has no attribute {name!r}")
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -18,9 +18,9 @@ import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.physics import Simulation, simulate_trip
-from tripwatt.routes import Departure, route_from_links, trip_from_links
-from tripwatt.routes.departure import planned_trip
-from tripwatt.trips import FloatArray, Trip
+from tripwatt.routes import plan_from_links, route_from_links
+from tripwatt.trips import Departure, Flag, FloatArray, Plan, table_of
+from tripwatt.trips.messages import message
 from tripwatt.units import GRAVITY_M_S2, M_S_PER_KM_H, SECONDS_PER_HOUR, WH_PER_J
 from tripwatt.vehicles import Vehicle
 
@@ -104,24 +104,17 @@ def _share(value: float) -> float:
 
 def consumption_curve(
     vehicle: Vehicle,
+    departure: Departure | None = None,
     *,
-    ambient_temperature_degc: float = 20.0,
-    cabin_setpoint_degc: float | None = None,
-    payload_mass_kg: float = 0.0,
-    soc: float = 0.8,
-    correction: Callable[[Trip], float] | None = None,
+    correction: Callable[[Plan], float] | None = None,
 ) -> ConsumptionCurve:
     """Simulate the car at constant speeds, in traffic, on slopes and in changes of speed. About 40 drives of half an hour.
 
     Parameters
     ----------
     vehicle : Vehicle
-    ambient_temperature_degc : float
-    cabin_setpoint_degc : float, optional
-        The car's usual set-point when not given.
-    payload_mass_kg : float
-    soc : float
-        State of charge at departure, the battery management's value.
+    departure : Departure, optional
+        Temperatures, payload and state of charge; what is unknown is left to the defaults of `simulate`.
     correction : callable, optional
         Energy [Wh] to be added to the simulated one of a trip, such as a learned one. Its power at the lowest speed,
         where driving takes least, counts as auxiliary; what it is more or less at other speeds and in traffic counts
@@ -140,10 +133,7 @@ def consumption_curve(
     >>> bool(curve.energy_wh_km[-1] > curve.energy_wh_km[4]), bool(curve.descent_wh_m < curve.ascent_wh_m)
     (True, True)
     """
-    departure = Departure(
-        ambient_temperature_degc=ambient_temperature_degc, cabin_setpoint_degc=cabin_setpoint_degc, soc=soc
-    )
-    departure = replace(departure, context=replace(departure.context, payload_mass_kg=payload_mass_kg))
+    departure = departure or Departure()
     physics = _Driver(vehicle, departure, None)
     drive, learned_w = physics.corrected(correction)
     speeds = []
@@ -157,9 +147,14 @@ def consumption_curve(
     if not speeds:
         where = f"{vehicle.name} at {LOWEST_KM_H} km/h"
         raise InvalidInput(
-            Fault("the car cannot follow", where, "; ".join(flags), "a car and a battery that drive")
+            Fault(
+                "the car cannot follow",
+                where,
+                "; ".join(map(message, flags)),
+                "a car and a battery that drive",
+            )
         )
-    mass = vehicle.body.test_mass_kg + payload_mass_kg
+    mass = vehicle.body.test_mass_kg + (departure.payload_mass_kg or 0.0)
     reference = REFERENCE_KM_H * M_S_PER_KM_H
     flat, up, down = (physics.constant(reference, grade)[0] for grade in (0.0, SLOPE, -SLOPE))
     rise_m_km = 1000.0 * SLOPE
@@ -192,9 +187,9 @@ class _Driver:
 
     vehicle: Vehicle
     departure: Departure
-    correction: Callable[[Trip], float] | None
+    correction: Callable[[Plan], float] | None
 
-    def corrected(self, correction: Callable[[Trip], float] | None) -> tuple[_Driver, float]:
+    def corrected(self, correction: Callable[[Plan], float] | None) -> tuple[_Driver, float]:
         """With what a correction says of driving, and the power [W] that it says flows all the time."""
         if correction is None:
             return self, 0.0
@@ -204,24 +199,24 @@ class _Driver:
             self, correction=lambda trip: correction(trip) - power * trip.duration_s / SECONDS_PER_HOUR
         ), power
 
-    def trip(self, speed_m_s: FloatArray, grade: float = 0.0) -> Trip:
+    def trip(self, speed_m_s: FloatArray, grade: float = 0.0) -> Plan:
         samples = {"time_s": np.arange(float(len(speed_m_s))), "speed_m_s": speed_m_s}
         if grade:
             samples["grade"] = np.full(len(speed_m_s), grade)
-        return planned_trip("export", samples, self.departure, ())
+        return Plan.from_samples("export", table_of(samples), self.departure)
 
-    def driving_wh(self, trip: Trip) -> tuple[float, Simulation]:
+    def driving_wh(self, trip: Plan) -> tuple[float, Simulation]:
         """Energy of a trip without auxiliaries [Wh]."""
         run = simulate_trip(self.vehicle, trip)
         by_cause = run.energy_by_cause_wh
         energy = run.simulated_energy_wh - sum(float(by_cause[cause][-1]) for cause in AUXILIARIES)
         return energy + (0.0 if self.correction is None else self.correction(trip)), run
 
-    def steady(self, speed_m_s: float, grade: float = 0.0) -> Trip:
+    def steady(self, speed_m_s: float, grade: float = 0.0) -> Plan:
         duration = int(min(DRIVE_S, DRIVE_M / speed_m_s))
         return self.trip(np.full(duration + 1, speed_m_s), grade)
 
-    def constant(self, speed_m_s: float, grade: float = 0.0) -> tuple[float, tuple[str, ...]]:
+    def constant(self, speed_m_s: float, grade: float = 0.0) -> tuple[float, tuple[Flag, ...]]:
         """Energy per kilometre [Wh/km] without auxiliaries, and why the car cannot hold the speed, if so."""
         trip = self.steady(speed_m_s, grade)
         energy, run = self.driving_wh(trip)
@@ -244,7 +239,7 @@ class _Driver:
         """Energy per kilometre [Wh/km] without auxiliaries on links of which only the mean speed is known."""
         number = max(3, round(min(speed_m_s * DRIVE_S, DRIVE_M) / TRAFFIC_LINK_M))
         route = route_from_links([{"length_m": TRAFFIC_LINK_M, "speed_m_s": speed_m_s}] * number)
-        trip = trip_from_links(route, self.departure)
+        trip = plan_from_links(route).with_departure(self.departure)
         return self.driving_wh(trip)[0] / (trip.distance_m / 1000.0)
 
     def changes_of_speed(self, inertia_kg: float) -> tuple[float, float]:
@@ -342,12 +337,9 @@ EXPORTS: Final[Mapping[str, Callable[[ConsumptionCurve], dict[str, str]]]] = Map
 def export_curve(
     vehicle: Vehicle,
     service: str,
+    departure: Departure | None = None,
     *,
-    ambient_temperature_degc: float = 20.0,
-    cabin_setpoint_degc: float | None = None,
-    payload_mass_kg: float = 0.0,
-    soc: float = 0.8,
-    correction: Callable[[Trip], float] | None = None,
+    correction: Callable[[Plan], float] | None = None,
 ) -> dict[str, str]:
     """Request parameters that describe a car to a routing service, each as the text that the request takes.
 
@@ -356,7 +348,7 @@ def export_curve(
     vehicle : Vehicle
     service : str
         One of `EXPORTS`: here, tomtom, mapbox, abrp.
-    ambient_temperature_degc, cabin_setpoint_degc, payload_mass_kg, soc, correction
+    departure, correction
         As `consumption_curve`.
 
     Raises
@@ -374,10 +366,7 @@ def export_curve(
         raise InvalidInput(Fault("no such service", "service", repr(service), ", ".join(EXPORTS)))
     curve = consumption_curve(
         vehicle,
-        ambient_temperature_degc=ambient_temperature_degc,
-        cabin_setpoint_degc=cabin_setpoint_degc,
-        payload_mass_kg=payload_mass_kg,
-        soc=soc,
+        departure,
         correction=correction,
     )
     return EXPORTS[service](curve)

@@ -21,6 +21,7 @@ from tripwatt.auditing.findings import Cut, Finding, array, whole
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.trips import (
     Fleet,
+    Recorded,
     Trip,
     observed_energy,
     require_unique_ids,
@@ -76,12 +77,12 @@ class Audit:
         return f"{len(self.trips)} drives out of {self.n_logs} logs are used, {len(self.set_aside)} are not"
 
 
-def audit(logs: Fleet | Iterable[Trip]) -> Audit:
+def audit(logs: Fleet | Iterable[Recorded]) -> Audit:
     """Audit raw logs: mend, trim, split or set aside, and say so. O(samples).
 
     Parameters
     ----------
-    logs : Fleet or iterable of Trip
+    logs : Fleet or iterable of Log
         As a reader gave them, before any resampling. What the logs of one car have in common (the battery's
         capacity) is taken from all of them together.
 
@@ -97,18 +98,19 @@ def audit(logs: Fleet | Iterable[Trip]) -> Audit:
     >>> samples = pd.DataFrame({"time_s": time, "speed_m_s": speed, "voltage_v": 390.0 - 0.4 * np.cos(time / 15.0),
     ...                         "current_a": 15.0 + 25.0 * np.cos(time / 15.0)})
     >>> samples.iloc[400:, 1:] = samples.iloc[400, 1:].to_numpy()
-    >>> result = audit([Trip.from_log("A", samples)])
+    >>> from tripwatt.trips import Log
+    >>> result = audit([Log.from_samples("A", samples)])
     >>> print(result.findings[-1])
     A, 400.0 to 599.0 s: every signal frozen for 199.0 s at 18.0 m/s (trimmed)
     >>> float(result.trips[0].duration_s)
     400.0
     """
-    trips = tuple(logs.trips if isinstance(logs, Fleet) else logs)
+    trips = tuple(logs.logs if isinstance(logs, Fleet) else logs)
     require_unique_ids(trips)
     resampled = [Fault("not a raw log", t.trip_id, f"blocks of {t.step_s} s") for t in trips if t.step_s]
     if resampled:
         raise InvalidInput(resampled)
-    legs: list[Trip] = []
+    legs: list[Recorded] = []
     findings: list[tuple[int, Finding]] = []
     order: list[int] = []
     for number, trip in enumerate(trips):
@@ -123,10 +125,12 @@ def audit(logs: Fleet | Iterable[Trip]) -> Audit:
     findings.sort(key=lambda item: item[0])
     ordered = _told_once([f for _, f in findings], len(trips))
     sound = _unblemished(legs, ordered)
-    return Audit(tuple(t for t, ok in zip(legs, sound, strict=True) if ok), ordered, len(trips))
+    return Audit(
+        tuple(Trip.from_log(t) for t, ok in zip(legs, sound, strict=True) if ok), ordered, len(trips)
+    )
 
 
-def _audit_log(trip: Trip) -> tuple[list[Trip], list[Finding]]:
+def _audit_log(trip: Recorded) -> tuple[list[Recorded], list[Finding]]:
     """The drives of one log, each mended and judged by itself."""
     samples, findings = ranges.blank_infinite(trip.samples, trip.trip_id)
     samples, cuts, found = stamps.mend_stamps(samples, trip.trip_id)
@@ -155,7 +159,7 @@ def _audit_log(trip: Trip) -> tuple[list[Trip], list[Finding]]:
     return judged, findings
 
 
-def _legs(trip: Trip, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[list[Trip], list[Finding]]:
+def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[list[Recorded], list[Finding]]:
     """What is left of a log between its cuts, and the findings that say so."""
     keep = np.ones(len(samples), dtype=bool)
     edges = {0, len(samples)}
@@ -209,7 +213,7 @@ def _cut_finding(
     return Finding(trip_id, from_s, to_s, cut.what, "split" if before and after else "trimmed")
 
 
-def _leg(trip: Trip, samples: pd.DataFrame, name: str, *, follows: bool) -> Trip:
+def _leg(trip: Recorded, samples: pd.DataFrame, name: str, *, follows: bool) -> Recorded:
     context = trip.context
     if follows:
         late = float(samples["time_s"].iloc[0] - trip.samples["time_s"].iloc[0])
@@ -218,7 +222,7 @@ def _leg(trip: Trip, samples: pd.DataFrame, name: str, *, follows: bool) -> Trip
     return replace(trip, trip_id=name, samples=samples, context=context, observed_energy_wh=None)
 
 
-def _judge_leg(leg: Trip) -> tuple[Trip, list[Finding]]:
+def _judge_leg(leg: Recorded) -> tuple[Recorded, list[Finding]]:
     """The rules on one drive. The drive comes back mended also when it is set aside."""
     samples = ranges.drop_blank_speed(leg.samples)
     name = leg.trip_id
@@ -254,6 +258,6 @@ def _told_once(findings: Sequence[Finding], n_logs: int) -> tuple[Finding, ...]:
     return (*shared, *(f for f in findings if f.what not in common or f.consequence != "noted"))
 
 
-def _unblemished(legs: Sequence[Trip], findings: Iterable[Finding]) -> list[bool]:
+def _unblemished(legs: Sequence[Recorded], findings: Iterable[Finding]) -> list[bool]:
     aside = {f.trip for f in findings if f.consequence == "set aside"}
     return [leg.trip_id not in aside for leg in legs]

@@ -11,7 +11,7 @@ import pandas as pd
 
 from tripwatt.auditing.findings import BoolArray, Finding, FloatArray, array, has, whole
 from tripwatt.inertia import WRONG_SIGN, apparent_mass
-from tripwatt.trips import Trip
+from tripwatt.trips import Recorded
 from tripwatt.units import SECONDS_PER_HOUR
 
 SOC_TOLERANCE: Final = 0.1
@@ -109,7 +109,7 @@ def soc_resolution(soc: FloatArray) -> float:
     return float(np.median(steps)) if len(steps) else 0.0
 
 
-def soc_findings(trips: Sequence[Trip], sound: Sequence[bool]) -> dict[str, list[Finding]]:
+def soc_findings(trips: Sequence[Recorded], sound: Sequence[bool]) -> dict[str, list[Finding]]:
     """Drives whose charge contradicts their state of charge, by trip id.
 
     Charge, not energy, is compared: a battery management counts charge, so the ratio is the capacity and does not
@@ -156,7 +156,7 @@ def soc_findings(trips: Sequence[Trip], sound: Sequence[bool]) -> dict[str, list
     return found
 
 
-def _stopped_soc(trip: Trip, capacity_ah: float, spread: float) -> Finding | None:
+def _stopped_soc(trip: Recorded, capacity_ah: float, spread: float) -> Finding | None:
     """A state of charge that fits as long as it moves and then stands: its sensor stopped, the energy is sound."""
     soc, time = array(trip.samples, "soc"), array(trip.samples, "time_s")
     known = np.flatnonzero(np.isfinite(soc))
@@ -225,7 +225,7 @@ def _missing_soc(time: FloatArray, soc: FloatArray, trip_id: str) -> list[Findin
     return found
 
 
-def unit_findings(trip: Trip) -> list[Finding]:
+def unit_findings(trip: Recorded) -> list[Finding]:
     """Speed, current or voltage in a wrong unit or with the wrong sign, told by the car's apparent mass."""
     samples = trip.samples
     power = array(samples, "voltage_v") * array(samples, "current_a")
@@ -247,7 +247,7 @@ def unit_findings(trip: Trip) -> list[Finding]:
     return [whole(trip.samples, trip.trip_id, what, "set aside")]
 
 
-def soc_energy_findings(trip: Trip) -> Iterator[Finding]:
+def soc_energy_findings(trip: Recorded) -> Iterator[Finding]:
     """An energy from the state of charge that its own standard error drowns, as on short trips with whole percents."""
     error, energy = trip.observed_energy_std_wh, trip.observed_energy_wh
     if error is None or energy is None:

@@ -205,8 +205,8 @@ def simulate(
         "energy_by_cause_wh": causes,
         "soc_at_departure": float(run.soc[0]),
         "soc_at_arrival": float(run.soc[-1]),
-        "flags": list(run.flags),
-        "notes": [*([note] if note else []), *fleet.notes],
+        "flags": [flag.to_dict() for flag in run.flags],
+        "notes": [flag.to_dict() for flag in (*note, *fleet.notes)],
     }
     if as_json:
         print_json(answer)
@@ -261,6 +261,4 @@ def _show_simulation(answer: dict[str, Any]) -> None:
     console(sys.stdout).print(
         f"state of charge: {departure:.1f} % at departure, {arrival:.1f} % at arrival (simulated)"
     )
-    print_notes(
-        [*(f"the car cannot follow everywhere: {flag}" for flag in answer["flags"]), *answer["notes"]]
-    )
+    print_notes(flag["message"] for flag in (*answer["flags"], *answer["notes"]))

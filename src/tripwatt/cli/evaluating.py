@@ -106,7 +106,7 @@ def evaluate(
             options["test_fleet"] = None if test is None else read_logs(test, dataset, mapping)
 
     gather(lambda: _check(options, overrides or []), lambda: check_writable(out), read)
-    trips = replace(fleet[0], notes=(*fleet[0].notes, *([note] if note else [])))
+    trips = replace(fleet[0], notes=(*fleet[0].notes, *note))
     shown.print(f"{len(trips.trips)} trips read ({trips.name})")
     unfinished = unfinished_folder(out)
     if resume and not finished_folds(unfinished):

@@ -16,7 +16,7 @@ from tripwatt.errors import Fault, InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.export import ConsumptionCurve
-    from tripwatt.trips import Trip
+    from tripwatt.trips import Plan
     from tripwatt.vehicles import Vehicle
 
 ModelOption = Annotated[
@@ -109,7 +109,7 @@ def _command(service: str) -> Callable[..., None]:
             "ambient_temperature_degc": ambient,
             "cabin_setpoint_degc": setpoint,
             "payload_mass_kg": payload,
-            "displayed_soc": soc,
+            "soc": soc,
         }
         curve, notes = _curve(model, vehicle, overrides or [], departure)
         parameters = EXPORTS[service](curve)
@@ -124,30 +124,24 @@ def _command(service: str) -> Callable[..., None]:
 def _curve(
     model: Path | None, vehicle: str | None, overrides: list[str], departure: dict[str, Any]
 ) -> tuple[ConsumptionCurve, list[str]]:
-    from tripwatt.cli.forecasting import check_departure
+    from tripwatt.cli.forecasting import options_named
     from tripwatt.export import consumption_curve
+    from tripwatt.trips import Departure
 
-    cars: list[tuple[Vehicle, Callable[[Trip], float] | None, list[str]]] = []
-    gather(
-        lambda: cars.append(_car(model, vehicle, overrides)),
-        lambda: check_departure(departure),
-    )
+    cars: list[tuple[Vehicle, Callable[[Plan], float] | None, list[str]]] = []
+    asked: list[Departure] = []
+    with options_named():
+        gather(
+            lambda: cars.append(_car(model, vehicle, overrides)),
+            lambda: asked.append(Departure(**departure)),
+        )
     car, correction, notes = cars[0]
-    battery = car.battery
-    curve = consumption_curve(
-        car,
-        ambient_temperature_degc=departure["ambient_temperature_degc"],
-        cabin_setpoint_degc=departure["cabin_setpoint_degc"],
-        payload_mass_kg=departure["payload_mass_kg"],
-        soc=battery.soc_from_displayed(departure["displayed_soc"]),
-        correction=correction,
-    )
-    return curve, notes
+    return consumption_curve(car, asked[0], correction=correction), notes
 
 
 def _car(
     model: Path | None, vehicle: str | None, overrides: list[str]
-) -> tuple[Vehicle, Callable[[Trip], float] | None, list[str]]:
+) -> tuple[Vehicle, Callable[[Plan], float] | None, list[str]]:
     """The car, what was learned about it, and what to say of that."""
     from tripwatt.vehicles import load_vehicle, parse_overrides
 

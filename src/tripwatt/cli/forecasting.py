@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -24,19 +25,24 @@ from tripwatt.cli.options import (
 from tripwatt.cli.placing import write_text
 from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.trips.flags import Flag
+from tripwatt.trips.messages import message
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import Forecast, ForecastModel
-    from tripwatt.trips import Fleet, Trip
+    from tripwatt.trips import Departure, Fleet, Plan
 
 OPTION_OF: Final = {
-    "displayed_soc": "--soc",
+    "soc": "--soc",
     "ambient_temperature_degc": "--ambient",
     "cabin_setpoint_degc": "--setpoint",
     "cabin_temperature_degc": "--cabin-temperature",
     "battery_temperature_degc": "--battery-temperature",
     "payload_mass_kg": "--payload",
+    "speed_m_s": "--speed",
+    "vehicle": "--vehicle",
 }
+"""Field of a departure, or argument of the library -> the option that gives it."""
 FAR_K: Final = 10.0
 """A cabin or battery so far from the air outside is worth a word when the air was chosen."""
 PLOT_SUFFIXES: Final = (".png", ".svg", ".pdf")
@@ -72,6 +78,7 @@ def add_commands(app: typer.Typer) -> None:
                 "a planned route: a router's saved answer",
             ),
             ("tripwatt forecast ride.gpx --speed 60", "a track without times, driven at 60 km/h on average"),
+            ("tripwatt forecast ride.gpx --vehicle vw_id3 --soc 0.8", "another car of the library"),
         )
     )(forecast)
     app.command(
@@ -145,7 +152,7 @@ def fit(
         lambda: require_place(out),
         read,
     )
-    fleet = replace(fleets[0], notes=(*fleets[0].notes, *([note] if note else [])))
+    fleet = replace(fleets[0], notes=(*fleets[0].notes, *note))
     shown.print(f"{len(fleet.trips)} trips read ({fleet.name})")
     from tripwatt.forecasting.storage import save_model
     from tripwatt.forecasting.training import trained
@@ -225,23 +232,64 @@ def forecast(
     soc: Annotated[
         float | None,
         typer.Option(
-            "--soc", metavar="0..1", help="Displayed state of charge at departure.", show_default=False
+            "--soc", metavar="0..1", help="State of charge at departure, as displayed.", show_default=False
         ),
     ] = None,
     ambient: Annotated[
-        float | None, typer.Option(metavar="°C", help="Outside temperature.", show_default=False)
+        float | None,
+        typer.Option(
+            "--ambient",
+            "--ambient-temperature-degc",
+            metavar="°C",
+            help="Outside temperature.",
+            show_default=False,
+        ),
     ] = None,
     setpoint: Annotated[
-        float | None, typer.Option(metavar="°C", help="Set-point of the cabin.", show_default=False)
+        float | None,
+        typer.Option(
+            "--setpoint", "--cabin-setpoint-degc", metavar="°C", help="Cabin set-point.", show_default=False
+        ),
     ] = None,
     payload: Annotated[
-        float | None, typer.Option(metavar="KG", help="Load besides the driver.", show_default=False)
+        float | None,
+        typer.Option(
+            "--payload",
+            "--payload-mass-kg",
+            metavar="KG",
+            help="Load besides the driver.",
+            show_default=False,
+        ),
     ] = None,
     battery_temperature: Annotated[
-        float | None, typer.Option(metavar="°C", help="Battery at departure.", show_default=False)
+        float | None,
+        typer.Option(
+            "--battery-temperature",
+            "--battery-temperature-degc",
+            metavar="°C",
+            help="Battery temperature at departure.",
+            show_default=False,
+        ),
     ] = None,
     cabin_temperature: Annotated[
-        float | None, typer.Option(metavar="°C", help="Cabin at departure.", show_default=False)
+        float | None,
+        typer.Option(
+            "--cabin-temperature",
+            "--cabin-temperature-degc",
+            metavar="°C",
+            help="Cabin temperature at departure.",
+            show_default=False,
+        ),
+    ] = None,
+    vehicle: Annotated[
+        str | None,
+        typer.Option(
+            "--vehicle",
+            metavar="NAME|FILE",
+            help="Another car than the model's own, of the library (see `tripwatt vehicles`) or a TOML file. The model "
+            "has no trips of it, so the interval is wider.",
+            show_default=False,
+        ),
     ] = None,
     speed: Annotated[
         float | None,
@@ -274,45 +322,63 @@ def forecast(
     A planned route is driven by a driver model; what that costs in accuracy was measured when the model was fitted and
     widens the interval. State of charge, in and out, is the one that the driver sees.
     """
-    from tripwatt.forecasting import answer_of, load_model, since_departure
+    from tripwatt.forecasting import load_model, read_route
+    from tripwatt.forecasting.unmeasured import on_vehicle
+    from tripwatt.trips import Departure
+    from tripwatt.units import M_S_PER_KM_H
 
     model, trip = _model_and_trip(paths)
-    asked: dict[str, Any] = {
-        "displayed_soc": soc,
-        "ambient_temperature_degc": ambient,
-        "cabin_setpoint_degc": setpoint,
-        "cabin_temperature_degc": cabin_temperature,
-        "battery_temperature_degc": battery_temperature,
-        "payload_mass_kg": payload,
-    }
     got: dict[str, Any] = {}
-    gather(
-        lambda: _require_options(reserve, plot),
-        lambda: got.update(model=load_model(model)),
-        lambda: got.update(trip=_read_trip(trip, speed)),
-        lambda: None if observed is None else got.update(observed=_measured(observed)),
-        lambda: check_departure(asked),
-    )
-    to_come = got["trip"](asked)
-    found = got["model"].forecast(to_come)
-    found = replace(found, flags=(*found.flags, *_still_warm(to_come, asked)))
+    with options_named():
+        gather(
+            lambda: _require_options(reserve, plot),
+            lambda: got.update(model=load_model(model)),
+            lambda: got.update(
+                plan=read_route(trip, speed_m_s=None if speed is None else speed * M_S_PER_KM_H)
+            ),
+            lambda: None if observed is None else got.update(observed=_measured(observed)),
+            lambda: got.update(
+                departure=Departure(
+                    soc=soc,
+                    ambient_temperature_degc=ambient,
+                    cabin_setpoint_degc=setpoint,
+                    cabin_temperature_degc=cabin_temperature,
+                    battery_temperature_degc=battery_temperature,
+                    payload_mass_kg=payload,
+                )
+            ),
+        )
+        fitted, flags = on_vehicle(got["model"], vehicle)
+    plan, departure = got["plan"], got["departure"]
+    found = fitted.forecast(plan, departure)
+    found = replace(found, flags=(*flags, *found.flags, *_still_warm(plan, departure)))
     if observed is not None:
-        found = found.update(since_departure(got["observed"], to_come))
+        found = found.update(got["observed"])
     if plot is not None:
         _draw(found, plot)
-    print_json(answer_of(found, reserve)) if as_json else _show_forecast(found, reserve)
+    print_json(found.to_dict(reserve)) if as_json else _show_forecast(found, reserve)
 
 
-def _still_warm(trip: Trip, asked: Mapping[str, Any]) -> list[str]:
-    """What a table says of cabin and battery although another temperature outside was asked for."""
-    ambient = asked["ambient_temperature_degc"]
+@contextmanager
+def options_named() -> Iterator[None]:
+    """Faults of what options give, under the names of the options."""
+    try:
+        yield
+    except InvalidInput as error:
+        named = [replace(fault, where=OPTION_OF.get(fault.where, fault.where)) for fault in error.faults]
+        raise InvalidInput(named) from error
+
+
+def _still_warm(plan: Plan, asked: Departure) -> list[Flag]:
+    """Temperatures of the file that are far from the outside temperature that was given."""
+    ambient = asked.ambient_temperature_degc
     flags = []
     for name in ("cabin_temperature_degc", "battery_temperature_degc"):
-        if ambient is None or asked[name] is not None or name not in trip:
+        start = getattr(plan.departure, name)
+        if ambient is None or getattr(asked, name) is not None or start is None:
             continue
-        start = float(trip.array(name)[0])
         if abs(start - ambient) > FAR_K:
-            flags.append(f"{name} at departure is the table's {start:.0f} °C; {OPTION_OF[name]} changes it")
+            flags.append(Flag("file_value_kept", name, start, "degc"))
     return flags
 
 
@@ -325,28 +391,6 @@ def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
     return (None, paths[0]) if len(paths) == 1 else (paths[0], paths[1])
 
 
-def _read_trip(path: Path, speed_km_h: float | None) -> Callable[[dict[str, Any]], Trip]:
-    """What makes the trip to come of the options: from samples, or from a planned route, whatever the file holds."""
-    from tripwatt.forecasting import planned_to_come, trip_to_come
-    from tripwatt.routes import is_route, needs_speed, plan_trip, read_route
-    from tripwatt.sources.canonical import read_canonical
-    from tripwatt.units import M_S_PER_KM_H
-
-    route = read_route(path) if is_route(path) else None
-    if speed_km_h is not None and (route is None or not needs_speed(route)):
-        got = f"{path.name} says how fast it is"
-        raise InvalidInput(Fault("without effect", "--speed", got, "a track without times and speeds"))
-    if route is None:
-        samples = read_canonical(path)
-        return lambda asked: trip_to_come(samples, path.stem, **asked)
-    if speed_km_h is None and needs_speed(route):
-        got, fix = "pieces without time and speed", "say --speed KM/H"
-        raise InvalidInput(Fault("how fast?", path.name, got, "a speed for them", fix))
-    speed_m_s = None if speed_km_h is None else speed_km_h * M_S_PER_KM_H
-    plan = plan_trip(route, speed_m_s=speed_m_s, trip_id=path.stem)
-    return lambda asked: planned_to_come(plan, **asked)
-
-
 def _require_options(reserve: float, plot: Path | None) -> None:
     faults = []
     if not 0.0 <= reserve <= 1.0:
@@ -357,26 +401,6 @@ def _require_options(reserve: float, plot: Path | None) -> None:
         faults.append(Fault("no such folder", "--plot", str(plot.parent), "a folder that exists"))
     if faults:
         raise InvalidInput(faults)
-
-
-def check_departure(asked: dict[str, Any]) -> None:
-    """Check what options say of the departure, whatever the trip, under the options' names.
-
-    Raises
-    ------
-    InvalidInput
-        With every value that cannot be one.
-    """
-    import pandas as pd
-
-    from tripwatt.forecasting import trip_to_come
-
-    parked = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 0.0]})
-    try:
-        trip_to_come(parked, **asked)
-    except InvalidInput as error:
-        named = [replace(f, where=OPTION_OF.get(f.where, f.where)) for f in error.faults]
-        raise InvalidInput(named) from error
 
 
 def _measured(path: Path) -> Any:
@@ -412,7 +436,7 @@ def _show_forecast(found: Forecast, reserve: float) -> None:
         if cause != "shortfall" or energy
     ]
     print_table("What it goes into", ("cause", "energy"), causes, numbers=("energy",))
-    print_notes(found.flags)
+    print_notes(map(message, found.flags))
 
 
 def inspect(

@@ -84,7 +84,14 @@ def audit(
         frame = found.frame()
         records = frame.astype(object).where(frame.notna(), None).to_dict("records")
         used = [t.trip_id for t in found.trips]
-        print_json({"read": len(fleet.trips), "used": used, "findings": records, "notes": list(fleet.notes)})
+        print_json(
+            {
+                "read": len(fleet.trips),
+                "used": used,
+                "findings": records,
+                "notes": [flag.to_dict() for flag in fleet.notes],
+            }
+        )
         return
     title = f"{len(fleet.trips)} trips read, {len(found.trips)} drives used ({fleet.name})"
     if found.findings:

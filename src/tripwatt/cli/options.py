@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.trips.flags import Flag
 
 if TYPE_CHECKING:
     from tripwatt.trips import Fleet
@@ -88,7 +89,7 @@ def read_logs(data: Path | None, dataset: str | None, mapping: str | None) -> Fl
         if faults:
             raise InvalidInput(faults)
         return synthetic_fleet()
-    from tripwatt.sources import read_fleet
+    from tripwatt.sources import read_logs as read
 
     if dataset in (None, "tum") and mapping is None and data.is_file():
         single = _single_tum_trip(data)
@@ -96,7 +97,7 @@ def read_logs(data: Path | None, dataset: str | None, mapping: str | None) -> Fl
             return single
     if dataset is None:
         dataset = "table" if mapping is not None or data.is_file() else "tum"
-    return read_fleet(data, dataset, mapping)
+    return read(data, dataset, mapping)
 
 
 def _single_tum_trip(path: Path) -> Fleet | None:
@@ -119,26 +120,23 @@ def _single_tum_trip(path: Path) -> Fleet | None:
 
 def car_of(
     vehicle: str | None, data: Path | None, dataset: str | None, mapping: str | None
-) -> tuple[str, str]:
-    """The car's name, and a note where it was not said and the data set does not say it either.
+) -> tuple[str, tuple[Flag, ...]]:
+    """The car's name, and a flag where neither the user nor the data set names it.
 
     Examples
     --------
     >>> car_of(None, Path("logs"), "ved", None)
-    ('nissan_leaf_24', '')
+    ('nissan_leaf_24', ())
     """
     if vehicle is not None:
-        return vehicle, ""
+        return vehicle, ()
     if data is None:
-        return CARS["synthetic"], ""
+        return CARS["synthetic"], ()
     if dataset is not None and dataset in CARS:
-        return CARS[dataset], ""
+        return CARS[dataset], ()
     if dataset is None and mapping is None and (not data.is_file() or data.name.lower().startswith("trip")):
-        return CARS["tum"], ""
-    return (
-        UNKNOWN_CAR,
-        f"the car is not known: taken for {UNKNOWN_CAR}; say --vehicle (see `tripwatt vehicles`)",
-    )
+        return CARS["tum"], ()
+    return UNKNOWN_CAR, (Flag("car_assumed", UNKNOWN_CAR),)
 
 
 def gather(*checks: Callable[[], object]) -> None:

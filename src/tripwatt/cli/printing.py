@@ -13,6 +13,8 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
+from tripwatt.trips.flags import Flag
+from tripwatt.trips.messages import message
 
 UNBROKEN: Final = 1000
 """Width [characters] of what goes into a pipe or a file, where nobody needs lines to be broken."""
@@ -59,10 +61,10 @@ def print_table(
     shown.print(table)
 
 
-def print_notes(notes: Iterable[str]) -> None:
-    """Notes on standard error."""
+def print_notes(notes: Iterable[str | Flag]) -> None:
+    """Notes on standard error; a flag as its sentence."""
     for note in notes:
-        console().print(f"note: {note}")
+        console().print(f"note: {message(note) if isinstance(note, Flag) else note}")
 
 
 @contextmanager

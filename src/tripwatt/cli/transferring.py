@@ -21,6 +21,7 @@ from tripwatt.cli.options import (
 from tripwatt.cli.placing import check_writable, unfinished_folder, write_whole
 from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.trips.messages import message
 
 if TYPE_CHECKING:
     from tripwatt.trips import Fleet
@@ -119,7 +120,7 @@ def transfer(
 
     with progress(shown) as advance:
         run = evaluate_transfer(fleets["source"], fleets["target"], **options, progress=advance)
-    said = [text for text, of in ((from_note, "--from"), (note, "--to")) if text]
+    said = [message(flag) for flag in (*from_note, *note)]
     run.results["notes"] += said
     with shown.status("writing the report"):
         write_whole(lambda folder: write_transfer(run, folder), out, unfinished_folder(out))

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import platform
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from tripwatt.auditing import Audit
@@ -40,7 +40,7 @@ from tripwatt.evaluation.results import (
     summary_of,
 )
 from tripwatt.hybrid import IntArray
-from tripwatt.trips import Fleet, FloatArray, Trip
+from tripwatt.trips import Fleet, FloatArray
 from tripwatt.vehicles import Vehicle
 
 CURVE: Final = "learning-curve"
@@ -74,7 +74,7 @@ def assemble_forecast(
         summaries.append(summary)
     shown = test_fleet or fleet
     main = _scored(evaluations[0])
-    about = _about_trips([sets[0].plans[i] for i in main])
+    about = _about_trips(sets[0], main)
     results: dict[str, Any] = {
         "protocol": "forecast",
         "dataset": shown.name,
@@ -196,7 +196,7 @@ def _insight(
     for j, fraction in enumerate(FRACTIONS):
         for k, name in enumerate(UPDATES):
             columns[f"{name}_{100 * fraction:g}"] = found["updates"][:, j, k]
-    about = _about_trips([prepared.plans[i] for i in scored]).drop(columns="trip")
+    about = _about_trips(prepared, scored).drop(columns="trip")
     trips = pd.concat([pd.DataFrame(columns), about], axis=1)
     names = [evaluation.table.trip_ids[i] for i in scored]
     causes = pd.DataFrame(found["causes"], index=names, columns=own[0].extra["cause_names"].tolist())
@@ -235,18 +235,15 @@ def _measured_beside(kept: ForecastInsight) -> dict[str, pd.DataFrame]:
     return frames
 
 
-_DRIVER: Final = re.compile(r"driver \d+")
+def _known(value: float | None) -> float:
+    return float("nan") if value is None else value
 
 
-def _about_trips(plans: Sequence[Trip]) -> pd.DataFrame:
+def _about_trips(prepared: ForecastSet, members: Sequence[int] | npt.NDArray[np.int64]) -> pd.DataFrame:
     """What strata divide by, known at departure, one row per trip."""
-
-    def first(plan: Trip, column: str) -> float:
-        return float(plan.array(column)[0]) if column in plan else float("nan")
-
     rows = []
-    for plan in plans:
-        driver = _DRIVER.search(plan.context.notes or "")
+    for i in members:
+        plan, context = prepared.plans[i], prepared.table.trips[i].context
         height = plan.array("elevation_m") if "elevation_m" in plan else np.array([np.nan])
         rows.append(
             {
@@ -254,9 +251,9 @@ def _about_trips(plans: Sequence[Trip]) -> pd.DataFrame:
                 "duration_s": plan.duration_s,
                 "distance_m": plan.distance_m,
                 "net_climb_m": float(height[-1] - height[0]),
-                "ambient_temperature_degc": first(plan, "ambient_temperature_degc"),
-                "battery_temperature_degc": first(plan, "battery_temperature_degc"),
-                "driver": driver.group() if driver else None,
+                "ambient_temperature_degc": _known(plan.departure.ambient_temperature_degc),
+                "battery_temperature_degc": _known(plan.departure.battery_temperature_degc),
+                "driver": context.driver,
             }
         )
     return pd.DataFrame(rows)

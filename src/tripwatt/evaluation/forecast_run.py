@@ -24,7 +24,7 @@ from tripwatt.forecasting import DEFAULT_CORRECTOR, Forecast, ForecastModel
 from tripwatt.hybrid import BlockTable, IntArray, TripTable, power_corrector
 from tripwatt.hybrid.climate_log import TOLD_BY
 from tripwatt.hybrid.power import LearnerCorrector
-from tripwatt.trips import FloatArray, Trip
+from tripwatt.trips import FloatArray, Plan
 from tripwatt.vehicles import Vehicle
 
 POWER_PREFIX: Final = "power-"
@@ -50,7 +50,7 @@ class ForecastTask:
     table: TripTable | None = None
     blocks: BlockTable | None = None
     data_features: pd.DataFrame | None = None
-    plans: Mapping[int, Trip] | None = None
+    plans: Mapping[int, Plan] | None = None
     logs: Mapping[int, pd.DataFrame] | None = None
 
 
@@ -274,7 +274,7 @@ def _run_hybrid(task: ForecastTask, fold: int) -> FoldResult:
     began = time.perf_counter()
     model.fit_blocks(task.blocks.take(np.flatnonzero(task.folds != fold)))
     fitted = time.perf_counter()
-    forecasts = [model.forecast_planned(task.plans[int(i)]) for i in test]
+    forecasts = [model.forecast(task.plans[int(i)]) for i in test]
     energies = np.array([f.energy_wh for f in forecasts])
     each_ms = 1000.0 * (time.perf_counter() - fitted) / len(test)
     extra = _kept(forecasts, [task.logs[int(i)] for i in test])
@@ -330,10 +330,12 @@ def reforecast(forecast: Forecast, log: pd.DataFrame, fraction: float) -> list[f
         return [same, float("nan"), same, same, *forecast.interval(UPDATE_LEVEL)]
     last = so_far.iloc[-1]
     measured = ["time_s", "observed_energy_wh", *(c for c in TOLD_BY if c in so_far)]
-    updated = forecast.update(so_far[measured])
+    updated = forecast.update_since_departure(so_far[measured])
     low, high = updated.interval(UPDATE_LEVEL)
     charge = [c for c in CHARGE_COLUMNS if c in so_far and so_far[c].notna().any()]
-    by_charge = forecast.update(so_far[["time_s", *charge]]).energy_wh if charge else float("nan")
+    by_charge = (
+        forecast.update_since_departure(so_far[["time_s", *charge]]).energy_wh if charge else float("nan")
+    )
     then = float(np.interp(last["time_s"], planned_series["time_s"], planned_series["energy_wh"]))
     metres, whole = float(last["distance_m"]), float(planned_series["distance_m"].iloc[-1])
     gauge = float(last["observed_energy_wh"]) * whole / metres if metres > 0.0 else forecast.energy_wh

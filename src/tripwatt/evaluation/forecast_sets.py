@@ -16,11 +16,21 @@ from tripwatt.auditing import Audit
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.evaluation.results import Evaluation
 from tripwatt.forecasting.model import MIN_TRIPS
-from tripwatt.hybrid import BlockTable, IntArray, TripTable, block_table, build_table, planned
-from tripwatt.hybrid.blocks import BLOCK_S, DEPARTURE_COLUMNS, ROUTE_COLUMNS
+from tripwatt.hybrid import BlockTable, IntArray, TripTable, block_table, build_table
+from tripwatt.hybrid.blocks import BLOCK_S
 from tripwatt.hybrid.climate_log import TOLD_BY
 from tripwatt.physics import simulate_trip
-from tripwatt.trips import Fleet, FloatArray, Trip, observed_cumulative_energy
+from tripwatt.trips import (
+    ROUTE_COLUMNS,
+    SIGNALS,
+    TEMPERATURES,
+    Fleet,
+    FloatArray,
+    Plan,
+    Trip,
+    observed_cumulative_energy,
+    plan_from_trip,
+)
 from tripwatt.vehicles import Vehicle
 
 CHARGE_COLUMNS: Final = ("soc", "displayed_soc")
@@ -36,7 +46,7 @@ DATA_FEATURES: Final = (
     "trip_speed_m_s",
     "payload_mass_kg",
     "winter",
-    *DEPARTURE_COLUMNS[:4],
+    *TEMPERATURES,
 )
 """What the data-only model sees of a block: the speed trace, the road and the departure, nothing simulated."""
 
@@ -52,8 +62,7 @@ class ForecastSet:
     blocks : BlockTable
         For the models of power.
     data_features : DataFrame, (rows of `blocks`, DATA_FEATURES)
-    plans : tuple of Trip
-        From `planned`.
+    plans : tuple of Plan
     logs : tuple of DataFrame
         From `measured_log`.
     """
@@ -61,7 +70,7 @@ class ForecastSet:
     table: TripTable
     blocks: BlockTable
     data_features: pd.DataFrame
-    plans: tuple[Trip, ...]
+    plans: tuple[Plan, ...]
     logs: tuple[pd.DataFrame, ...]
 
     @classmethod
@@ -69,7 +78,7 @@ class ForecastSet:
         """Prepare raw trips with measured energy. O(samples)."""
         trips = _distinct(trips)
         table = build_table([at_departure_only(trip) for trip in trips], {"physics": vehicle})
-        plans = tuple(planned(trip) for trip in trips)
+        plans = tuple(map(plan_from_trip, trips))
         blocks = BlockTable.join(
             [
                 block_table(plan, simulate_trip(vehicle, plan), trip)
@@ -89,7 +98,7 @@ def at_departure_only(trip: Trip) -> Trip:
     Columns that no departure knows are dropped.
     """
     kept = [c for c in (*ROUTE_COLUMNS, "voltage_v", "current_a", "observed_energy_wh") if c in trip]
-    first = {c: float(trip.array(c)[0]) for c in DEPARTURE_COLUMNS if c in trip}
+    first = {c: float(trip.array(c)[0]) for c in SIGNALS.values() if c in trip}
     return replace(trip, samples=trip.samples[kept].assign(**first))
 
 
@@ -136,7 +145,7 @@ def measured_log(trip: Trip, step_s: float = 1.0) -> pd.DataFrame:
     return pd.DataFrame(log)
 
 
-def _data_features(blocks: BlockTable, plans: Sequence[Trip]) -> pd.DataFrame:
+def _data_features(blocks: BlockTable, plans: Sequence[Plan]) -> pd.DataFrame:
     """`DATA_FEATURES` of each block."""
     climbs, kinetic = [], []
     for i, plan in enumerate(plans):
@@ -149,7 +158,7 @@ def _data_features(blocks: BlockTable, plans: Sequence[Trip]) -> pd.DataFrame:
     return blocks.features.assign(**own)[list(DATA_FEATURES)]
 
 
-def _height(plan: Trip) -> FloatArray:
+def _height(plan: Plan) -> FloatArray:
     if "elevation_m" in plan:
         return plan.array("elevation_m")
     if "grade" in plan:
@@ -158,7 +167,7 @@ def _height(plan: Trip) -> FloatArray:
     return np.full(len(plan), np.nan)
 
 
-def _change(values: FloatArray, plan: Trip, seconds: FloatArray) -> FloatArray:
+def _change(values: FloatArray, plan: Plan, seconds: FloatArray) -> FloatArray:
     """Change per second over each block of a plan."""
     time = plan.array("time_s") - plan.array("time_s")[0]
     edges = np.minimum(np.arange(len(seconds) + 1) * BLOCK_S, time[-1])
@@ -207,7 +216,7 @@ def held_out(
         sets.append(found)
     if not evaluations:
         _require(0, fleet)
-    days = [trip.context.day for trip in sets[0].plans]
+    days = [trip.context.day for trip in sets[0].table.trips]
     _, day = np.unique(np.array([str(d) for d in days]), return_inverse=True)
     if any(d is None for d in days) or len(set(days)) < MIN_DAYS:
         notes.append("leave-one-day-out left out: the dates of the trips are unknown or fewer than three")

@@ -26,6 +26,7 @@ from tripwatt.evaluation.results import Evaluation, EvaluationRun, FoldResult, a
 from tripwatt.hybrid import HybridModel, IntArray, TripTable, build_table
 from tripwatt.parallel import map_unordered
 from tripwatt.trips import Fleet, Trip, value_faults
+from tripwatt.trips.messages import message
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 if TYPE_CHECKING:
@@ -117,7 +118,7 @@ def evaluate(
         protocol=protocol,
         seed=seed,
         physics=physics,
-        notes=(*fleet.notes, *given, *notes),
+        notes=(*map(message, fleet.notes), *given, *notes),
     )
 
 
@@ -154,14 +155,14 @@ def _evaluate_forecast(
         return ForecastSet.of(trips, car)
 
     audited = audit(fleet)
-    notes = list(fleet.notes)
+    notes = list(map(message, fleet.notes))
     shown = audited
     if test_fleet is None:
         evaluations, sets, more = held_out(fleet, audited, prepare)
     else:
         shown = audit(test_fleet)
         evaluations, sets, more = fitted_elsewhere(fleet, audited, test_fleet, shown, prepare)
-        notes = [*notes, *test_fleet.notes]
+        notes = [*notes, *map(message, test_fleet.notes)]
     store = store_at.open(evaluations)
     results = _run_forecast_folds(evaluations, sets, specs, seed, n_jobs, store, car, progress)
     return assemble_forecast(

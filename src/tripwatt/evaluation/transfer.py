@@ -31,6 +31,7 @@ from tripwatt.hybrid.parameters import PARAMETERS, sensitivities
 from tripwatt.hybrid.power import LearnerCorrector
 from tripwatt.hybrid.transfer import MODES, CarTransfer, DrawsForecast, Evidence, part_scales
 from tripwatt.trips import Fleet, FloatArray, Trip
+from tripwatt.trips.messages import message
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 TRIPS: Final = (0, 1, 2, 5, 10, 20, 50)
@@ -159,7 +160,7 @@ def evaluate_transfer(
         "main_mode": MAIN_MODE,
         "parameters": [{"name": p.name, "width": p.width, "source": p.source} for p in PARAMETERS],
         "cars": described,
-        "notes": [*source.notes, *target.notes, *notes],
+        "notes": [*map(message, (*source.notes, *target.notes)), *notes],
         "audit": [str(finding) for finding in found.findings],
         "citations": [c for c in (source.citation, target.citation) if c],
         "versions": versions()["packages"],

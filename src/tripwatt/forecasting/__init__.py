@@ -2,8 +2,8 @@
 
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel, training_blocks
-from tripwatt.forecasting.planned import LinkedTrips, RouteDoubt, linked, linked_trips, planned_to_come
-from tripwatt.forecasting.request import answer_of, since_departure, trip_to_come
+from tripwatt.forecasting.planned import LinkedTrips, RouteDoubt, linked_trips, plan_on_links
+from tripwatt.forecasting.request import read_route, read_trips
 from tripwatt.forecasting.storage import GIVEN, load_metadata, load_model, save_model
 
 __all__ = [
@@ -13,14 +13,12 @@ __all__ = [
     "ForecastModel",
     "LinkedTrips",
     "RouteDoubt",
-    "answer_of",
-    "linked",
     "linked_trips",
     "load_metadata",
     "load_model",
-    "planned_to_come",
+    "plan_on_links",
+    "read_route",
+    "read_trips",
     "save_model",
-    "since_departure",
     "training_blocks",
-    "trip_to_come",
 ]

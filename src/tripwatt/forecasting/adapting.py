@@ -15,12 +15,13 @@ from tripwatt.forecasting.model import ForecastModel, HeldOut, Range, training_r
 from tripwatt.forecasting.scale import TAIL_DF, TotalScale
 from tripwatt.forecasting.scores import Scores
 from tripwatt.forecasting.training import data_digest, held_out_figures, versions
-from tripwatt.hybrid import BlockTable, block_table, planned
+from tripwatt.hybrid import BlockTable, block_table
 from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
 from tripwatt.hybrid.transfer import CarTransfer, Evidence, Posterior, part_scales, require_mode
 from tripwatt.hybrid.transferred import TransferredCorrector
 from tripwatt.physics import simulate_trip
-from tripwatt.trips import Fleet, FloatArray, Trip
+from tripwatt.trips import Fleet, FloatArray, Plan, Trip, plan_from_trip
+from tripwatt.trips.messages import message
 from tripwatt.vehicles import Vehicle
 
 TRANSFERRED: Final = "transferred"
@@ -95,7 +96,7 @@ def adapt(base: ForecastModel, trips: Sequence[Trip], vehicle: Vehicle, *, mode:
     require_mode(mode)
     _require_trips(trips)
     origin, hidden = _origin(base, trips)
-    plans = [planned(trip) for trip in trips]
+    plans = [plan_from_trip(trip) for trip in trips]
     table = _blocks(plans, trips, vehicle)
     scales = part_scales(origin.members, base.vehicle, vehicle)
     transfer = CarTransfer(origin.members, scales, PARAMETERS, mode)
@@ -158,8 +159,8 @@ def adapted(
         "data": {
             "name": fleet.name,
             "citation": fleet.citation,
-            "notes": [*fleet.notes, *_cars(found.trips)],
-            "logs": len(fleet.trips),
+            "notes": [*map(message, fleet.notes), *_cars(found.trips)],
+            "logs": len(fleet),
             "sha256": digest,
         },
         "trips_used": list(done.model.trip_ids_),
@@ -214,7 +215,7 @@ def _origin(base: ForecastModel, trips: Sequence[Trip]) -> tuple[Elsewhere, tupl
     return usual, missing
 
 
-def _blocks(plans: Sequence[Trip], trips: Sequence[Trip], vehicle: Vehicle) -> BlockTable:
+def _blocks(plans: Sequence[Plan], trips: Sequence[Trip], vehicle: Vehicle) -> BlockTable:
     return BlockTable.join(
         [
             block_table(plan, simulate_trip(vehicle, plan), trip)

@@ -18,12 +18,11 @@ from tripwatt.forecasting.model import ForecastModel, process_blocks, training_b
 from tripwatt.forecasting.scale import TAIL_DF, TotalScale
 from tripwatt.forecasting.scores import Scores
 from tripwatt.hybrid import BlockTable
-from tripwatt.hybrid.blocks import DEPARTURE_COLUMNS
 from tripwatt.hybrid.transfer import Members
 from tripwatt.trips import FloatArray, Trip
 from tripwatt.vehicles import Vehicle
 
-HIDEABLE: Final = DEPARTURE_COLUMNS[1:4]
+HIDEABLE: Final = ("cabin_temperature_degc", "cabin_setpoint_degc", "battery_temperature_degc")
 """Signals of the departure that corrections depend on and that many logs lack."""
 
 

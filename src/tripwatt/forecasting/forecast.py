@@ -6,13 +6,14 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.gain import Gain
+from tripwatt.forecasting.observed import since_departure
 from tripwatt.forecasting.planned import DRIVEN_S, along_the_plan, given_of, measured_energy, route_sd_wh
 from tripwatt.forecasting.process import EXACT_W2, Belief, Blocks, ResidualProcess
 from tripwatt.forecasting.scale import TotalScale
@@ -20,15 +21,22 @@ from tripwatt.forecasting.scores import Scores
 from tripwatt.hybrid import BlockTable, PowerCorrector
 from tripwatt.hybrid.climate_log import logged_climate
 from tripwatt.physics import Simulation
+from tripwatt.routes.links import FLAT_ROAD
 from tripwatt.trips import (
+    Flag,
     FloatArray,
-    Trip,
+    Plan,
     raise_faults,
     structure_faults,
     value_faults,
 )
+from tripwatt.trips.messages import message
+from tripwatt.trips.showing import html_table
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 QUANTILES: Final = (0.025, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.975)
 ARRIVAL_LEVELS: Final = (0.0, 0.05, 0.1, 0.2)
@@ -46,13 +54,13 @@ MIN_COVER: Final = 0.8
 change of speed, so a part of it says little of the rest."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Forecast:
     """Forecast of one trip; `update` makes a new one.
 
     Attributes
     ----------
-    plan : Trip
+    plan : Plan
         What was known at departure.
     table : BlockTable
     correction_w : ndarray, shape (blocks,)
@@ -75,7 +83,7 @@ class Forecast:
         Energy that was measured in each block, and for how long; None before departure.
     """
 
-    plan: Trip
+    plan: Plan
     vehicle: Vehicle
     simulation: Simulation
     table: BlockTable
@@ -90,7 +98,7 @@ class Forecast:
     rest_spread: float = 1.0
     widening: float = 1.0
     route_doubt_wh: float = 0.0
-    flags: tuple[str, ...] = ()
+    flags: tuple[Flag, ...] = ()
     measured_until_s: float = 0.0
     measured_wh: FloatArray | None = None
     measured_hours: FloatArray | None = None
@@ -101,7 +109,7 @@ class Forecast:
     def at_departure(
         cls,
         *,
-        plan: Trip,
+        plan: Plan,
         vehicle: Vehicle,
         simulation: Simulation,
         table: BlockTable,
@@ -116,15 +124,13 @@ class Forecast:
         unknown: Sequence[str],
     ) -> Forecast:
         """The forecast before departure."""
-        flags = [
-            f"{name} is outside the training range by {beyond:.1f} sd" for name, beyond in outside.items()
-        ]
-        flags += [f"{name} is unknown: its usual value is assumed" for name in unknown]
-        if not plan.has("soc") and not plan.has("displayed_soc"):
+        flags = [Flag("outside_training", name, beyond, "sd") for name, beyond in outside.items()]
+        flags += [Flag("usual_value_assumed", name) for name in unknown]
+        if plan.departure.bms_soc is None and plan.departure.soc is None:
             start = vehicle.battery.displayed_from_soc(float(simulation.soc[0]))
-            flags.append(f"state of charge is unknown: {start:.0%} displayed at departure is assumed")
-        if not plan.has("elevation_m") and not plan.has("grade"):
-            flags.append("no elevation: the road counts as flat")
+            flags.append(Flag("soc_assumed", "soc", start, "1"))
+        if not plan.has_road:
+            flags.append(FLAT_ROAD)
         belief = Belief.of(process.covariance(blocks))
         return cls(
             plan=plan,
@@ -201,9 +207,9 @@ class Forecast:
         """Displayed state of charge at the end of the trip; below 0 when the battery does not last."""
         return float(self._displayed(self._soc_after(np.array([self.energy_wh])))[0])
 
-    def p_arrive(self, displayed_soc: float = 0.0) -> float:
-        """Probability to arrive with at least this displayed state of charge."""
-        soc = self.vehicle.battery.soc_from_displayed(displayed_soc)
+    def p_arrive(self, reserve: float = 0.0) -> float:
+        """Probability to arrive with at least this state of charge, as the driver sees it, 0 to 1."""
+        soc = self.vehicle.battery.soc_from_displayed(reserve)
         time, start = self.anchor or (0.0, float(self.simulation.soc[0]))
         return self.probability_below((start - soc) * self.wh_per_soc + self._energy_at(time))
 
@@ -259,7 +265,24 @@ class Forecast:
         Parameters
         ----------
         observed : DataFrame
-            Samples, `time_s` in seconds since departure (`since_departure` makes it so of a trip's own clock). With `voltage_v` and
+            Samples as for `update_since_departure`, but `time_s` on the clock of the plan's file (`plan.start_s` is
+            the departure); 0 at departure for a planned route.
+
+        Raises
+        ------
+        InvalidInput
+            With every fault of the samples: also when they begin before the trip or after it, or when their current
+            has the wrong sign.
+        """
+        return self.update_since_departure(since_departure(observed, self.plan))
+
+    def update_since_departure(self, observed: pd.DataFrame) -> Forecast:
+        """Forecast again from what was measured so far, timed from the departure. O(blocks^2 x measured blocks).
+
+        Parameters
+        ----------
+        observed : DataFrame
+            Samples, `time_s` in seconds since departure. With `voltage_v` and
             `current_a`, or with `observed_energy_wh` in their place, each block that was measured counts, gaps stay
             unmeasured; `heating_power_w` and `aircon_power_w` beside them tell climate control from driving. Without
             them `soc` or `displayed_soc` count. On a planned route `speed_m_s` tells how far the car is; without it,
@@ -349,21 +372,57 @@ class Forecast:
             return None
         return np.asarray(logged - self.blocks.hvac_w - expected)
 
-    def as_dict(self) -> dict[str, Any]:
-        """What the command line and the service answer, plain values."""
+    def to_dict(self, reserve: float | None = None) -> dict[str, Any]:
+        """Plain values, as the command line and the service give them.
+
+        Parameters
+        ----------
+        reserve : float, optional
+            State of charge to arrive with, as the driver sees it: one more entry of `p_arrive`.
+        """
+        levels = ARRIVAL_LEVELS if reserve is None else (*ARRIVAL_LEVELS, reserve)
         return {
             "trip": self.plan.trip_id,
             "given": self.given,
             "energy_wh": self.energy_wh,
             "quantiles_wh": {f"{p:g}": self.quantile(p) for p in QUANTILES},
             "soc_arrival": self.soc_arrival,
-            "p_arrive": {f"{level:g}": self.p_arrive(level) for level in ARRIVAL_LEVELS},
+            "p_arrive": {f"{level:g}": self.p_arrive(level) for level in levels},
             "series": {name: values.tolist() for name, values in self._series().items()},
             "by_cause_wh": self.by_cause_wh,
             "battery_loss_wh": self.battery_loss_wh,
             "measured_until_s": self.measured_until_s,
-            "flags": list(self.flags),
+            "flags": [flag.to_dict() for flag in self.flags],
         }
+
+    def to_frame(self) -> pd.DataFrame:
+        """As `series`."""
+        return self.series()
+
+    def plot(self) -> Figure:
+        """Energy and state of charge along the trip with their bands, and the energy by cause."""
+        from tripwatt.forecasting.plot import plot_forecast  # matplotlib is slow to import
+
+        return plot_forecast(self)
+
+    def __repr__(self) -> str:
+        low, high = self.interval(BAND)
+        return (
+            f"<Forecast {self.plan.trip_id}: {self.energy_wh / 1000.0:.2f} kWh, {BAND:.0%} interval "
+            f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh, arrival with {self.soc_arrival:.0%}>"
+        )
+
+    def _repr_html_(self) -> str:
+        low, high = self.interval(BAND)
+        rows = [
+            ("energy", f"{self.energy_wh / 1000.0:.2f} kWh"),
+            (f"{BAND:.0%} interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
+            ("state of charge at arrival", f"{self.soc_arrival:.0%}"),
+            ("probability to arrive", f"{self.p_arrive():.1%}"),
+            ("given", self.given),
+            *(("note", message(flag)) for flag in self.flags),
+        ]
+        return html_table(f"Forecast {self.plan.trip_id}", rows)
 
     @cached_property
     def _cumulative_sd_wh(self) -> FloatArray:

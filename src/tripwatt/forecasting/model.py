@@ -9,30 +9,34 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.gain import Gain
-from tripwatt.forecasting.planned import LinkedTrips, RouteDoubt, as_planned, linked_trips
+from tripwatt.forecasting.planned import LinkedTrips, RouteDoubt, linked_trips, with_route_error
 from tripwatt.forecasting.process import Blocks, HeldOutResidual, ResidualProcess, fit_process
 from tripwatt.forecasting.scale import TotalScale
 from tripwatt.forecasting.scores import Scores
-from tripwatt.hybrid import BlockTable, PowerCorrector, block_table, planned, power_corrector
-from tripwatt.hybrid.blocks import DEPARTURE_COLUMNS
+from tripwatt.hybrid import BlockTable, PowerCorrector, block_table, power_corrector
 from tripwatt.physics import simulate_trip
-from tripwatt.trips import FloatArray, Trip
+from tripwatt.trips import TEMPERATURES, Departure, FloatArray, Plan, Trip, plan_from_trip
+from tripwatt.trips.messages import name_of
+from tripwatt.trips.showing import html_table
 from tripwatt.vehicles import Vehicle
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from tripwatt.forecasting.elsewhere import Elsewhere
 
 DEFAULT_CORRECTOR: Final = "channels"
 INNER_FOLDS: Final = 10
 MIN_TRIPS: Final = 8
-WATCHED: Final = (*DEPARTURE_COLUMNS[:4], "trip_speed_m_s", "duration_s")
+WATCHED: Final = (*TEMPERATURES, "trip_speed_m_s", "duration_s")
 """What is compared with the training range; outside, the forecast is flagged and its interval widened."""
 
 
@@ -64,7 +68,7 @@ class HeldOut:
     score: float
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class ForecastModel:
     """Physics plus learned correction plus doubt.
 
@@ -172,19 +176,36 @@ class ForecastModel:
         )
         self.gain_ = Gain.of(self.process_, held_out, sd)
 
-    def forecast(self, trip: Trip) -> Forecast:
+    def forecast(self, trip: Plan | Trip, departure: Departure | None = None) -> Forecast:
         """Forecast a trip from what is known at its departure. O(samples + blocks^2).
 
         Parameters
         ----------
-        trip : Trip
-            Raw samples: the speed trace and road of the trip to come, and in the first sample what is known of
-            ambient, cabin and battery temperature, set-point and state of charge.
-        """
-        return self.forecast_planned(planned(trip))
+        trip : Plan or Trip
+            The drive to come. Of a trip that took place only the speed trace, the road and the first sample count.
+        departure : Departure, optional
+            Its known fields take the place of those of the plan.
 
-    def forecast_planned(self, plan: Trip) -> Forecast:
-        """Forecast a plan of `planned`: the same as `forecast` of the trip that it was made from."""
+        Returns
+        -------
+        Forecast
+
+        Raises
+        ------
+        InvalidInput
+            When the model is not fitted, or the plan cannot be simulated.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> model = tw.load_model()
+        >>> plan = tw.read_route([{"length_m": 5000.0, "speed_m_s": 15.0}])
+        >>> cold = model.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=-5))
+        >>> mild = model.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=20))
+        >>> bool(cold.energy_wh > mild.energy_wh)
+        True
+        """
+        plan = (trip if isinstance(trip, Plan) else plan_from_trip(trip)).with_departure(departure)
         if (
             self.fitted_ is None
             or self.process_ is None
@@ -215,12 +236,51 @@ class ForecastModel:
             outside={name: beyond for name, beyond in outside.items() if beyond > 0.0},
             unknown=tuple(
                 n
-                for n in DEPARTURE_COLUMNS[:4]
+                for n in TEMPERATURES
                 # a signal that no training trip had is nothing that a forecast counts on
                 if not np.isfinite(known[n]) and np.isfinite(self.ranges_[n].low)
             ),
         )
-        return as_planned(forecast, self.route_doubt_)
+        return with_route_error(forecast, self.route_doubt_)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values: the car, the corrector, and what training saw."""
+        return {
+            "vehicle": self.vehicle.name,
+            "vehicle_title": self.vehicle.title,
+            "corrector": self.corrector,
+            "seed": self.seed,
+            "trips": len(self.trip_ids_),
+            "training": {
+                name: [seen.low, seen.high] for name, seen in self.ranges_.items() if np.isfinite(seen.low)
+            },
+        }
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row for each quantity that forecasts compare with the training trips: `low`, `high`, `sd`."""
+        rows = {name: (seen.low, seen.high, seen.sd) for name, seen in self.ranges_.items()}
+        return pd.DataFrame.from_dict(rows, orient="index", columns=["low", "high", "sd"])
+
+    def plot(self) -> Figure:
+        """Forecast consumption over speed at three outside temperatures, with 90 % intervals."""
+        from tripwatt.forecasting.plot import plot_model  # matplotlib is slow to import
+
+        return plot_model(self)
+
+    def _title(self) -> str:
+        learned = f"{self.corrector} corrector, {len(self.trip_ids_)} trips" if self.trip_ids_ else "no trips"
+        return f"{self.vehicle.title}, {learned}"
+
+    def __repr__(self) -> str:
+        return f"<ForecastModel {self._title()}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (name_of(name), f"{seen.low:.3g} to {seen.high:.3g}")
+            for name, seen in self.ranges_.items()
+            if np.isfinite(seen.low)
+        ]
+        return html_table(f"ForecastModel {self._title()}", [("training trips", ""), *rows] if rows else [])
 
 
 def training_blocks(trips: Sequence[Trip], vehicle: Vehicle) -> BlockTable:
@@ -239,7 +299,7 @@ def training_blocks(trips: Sequence[Trip], vehicle: Vehicle) -> BlockTable:
         raise InvalidInput(faults)
     tables = []
     for trip in trips:
-        plan = planned(trip)
+        plan = plan_from_trip(trip)
         tables.append(block_table(plan, simulate_trip(vehicle, plan), trip))
     return BlockTable.join(tables)
 

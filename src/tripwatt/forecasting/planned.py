@@ -12,7 +12,7 @@ the measure; it belongs to the router.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
@@ -21,13 +21,11 @@ import pandas as pd
 
 from tripwatt.auditing.signals import blank_stuck_heater
 from tripwatt.errors import InvalidInput
-from tripwatt.forecasting.request import trip_to_come
-from tripwatt.hybrid import BlockTable, IntArray, PowerCorrector, block_table, planned
+from tripwatt.hybrid import BlockTable, IntArray, PowerCorrector, block_table
 from tripwatt.hybrid.climate_log import CLIMATE_COLUMNS
 from tripwatt.physics import simulate_trip
-from tripwatt.routes import departure_of, links_of_trip, trip_from_links
-from tripwatt.routes.links import FLAT_ROAD_NOTE
-from tripwatt.trips import FloatArray, Trip, observed_cumulative_energy
+from tripwatt.routes import links_of_trip, plan_from_links
+from tripwatt.trips import Flag, FloatArray, Plan, Trip, observed_cumulative_energy
 from tripwatt.vehicles import Vehicle
 
 if TYPE_CHECKING:
@@ -153,56 +151,28 @@ def linked_trips(trips: Sequence[Trip], vehicle: Vehicle) -> LinkedTrips:
 
 def _on_links(trip: Trip, vehicle: Vehicle) -> tuple[BlockTable, ...]:
     try:
-        plans = [planned(linked(trip, length)) for length in LENGTHS_M]
+        plans = [plan_on_links(trip, length) for length in LENGTHS_M]
         return tuple(block_table(plan, simulate_trip(vehicle, plan)) for plan in plans)
     except InvalidInput:  # a log that is no drive as a route knows it says nothing of routes
         return ()
 
 
-def linked(trip: Trip, length_m: float) -> Trip:
-    """The trip that is planned when of a drive only links of a length are known, with their mean speeds.
+def plan_on_links(trip: Trip, length_m: float) -> Plan:
+    """The plan of a drive of which only links of a length are known, with their mean speeds.
 
     Travel times of the links include every standstill; elevation is known at their ends, stops are not.
 
     Raises
     ------
     InvalidInput
-        When the trip does not move, or as fast as no car.
+        When the trip does not move, or faster than a link can be.
     """
-    return trip_from_links(links_of_trip(trip, length_m), departure_of(trip), trip_id=trip.trip_id)
+    plan = plan_from_links(links_of_trip(trip, length_m), trip_id=trip.trip_id)
+    return plan.with_departure(trip.departure)
 
 
-def planned_to_come(plan: Trip, **at_departure: float | None) -> Trip:
-    """The plan of a route with what is known at the door.
-
-    Parameters
-    ----------
-    plan : Trip
-        From `tripwatt.routes.plan_trip`.
-    **at_departure
-        As `trip_to_come` takes it: `displayed_soc`, `ambient_temperature_degc`, `payload_mass_kg` and so on.
-
-    Raises
-    ------
-    InvalidInput
-        With every value that cannot be one.
-
-    Examples
-    --------
-    >>> from tripwatt.routes import plan_trip, route_from_links
-    >>> plan = plan_trip(route_from_links([{"length_m": 1000.0, "speed_m_s": 10.0}]))
-    >>> trip = planned_to_come(plan, displayed_soc=0.8, payload_mass_kg=100.0)
-    >>> trip.array("displayed_soc")[0].item(), trip.context.payload_mass_kg, trip.context.planned_link_m
-    (0.8, 100.0, 1000.0)
-    """
-    trip = trip_to_come(plan.samples, plan.trip_id, **at_departure)
-    payload = trip.context.payload_mass_kg if at_departure.get("payload_mass_kg") is not None else None
-    context = plan.context if payload is None else replace(plan.context, payload_mass_kg=payload)
-    return replace(trip, context=context)
-
-
-def as_planned(forecast: Forecast, doubt: RouteDoubt | None) -> Forecast:
-    """A forecast before departure with the doubt of its route; that of a driven trace stays as it is.
+def with_route_error(forecast: Forecast, doubt: RouteDoubt | None) -> Forecast:
+    """A forecast before departure with the error of its route; that of a driven trace stays as it is.
 
     The standard deviation of the whole trip becomes ``sqrt(own² + (share · energy)²)``; on the way, what is left of the
     second part is in proportion to the time to go.
@@ -213,24 +183,21 @@ def as_planned(forecast: Forecast, doubt: RouteDoubt | None) -> Forecast:
     doubt : RouteDoubt or None
         The model's.
     """
-    link_m = forecast.plan.context.planned_link_m
+    link_m = forecast.plan.link_m
     if link_m is None:
         return forecast
-    flags = [*forecast.flags, *_said(forecast.plan.context.notes)]
+    flags = [*forecast.flags, *forecast.plan.flags]
     extra = 0.0
     if doubt is None:
-        flags.append(
-            "a planned route, and the model does not know what that costs: the interval is too narrow"
-        )
+        flags.append(Flag("route_error_unknown", "links"))
     else:
         extra = doubt.share(link_m) * abs(forecast.energy_wh)
-        longest = float(doubt.length_m[-1])
-        if link_m > longest:
-            flags.append(f"links of {link_m:.0f} m are longer than those the doubt was measured with")
+        if link_m > float(doubt.length_m[-1]):
+            flags.append(Flag("links_too_long", "links", link_m, "m"))
     return replace(forecast, route_doubt_wh=extra, flags=tuple(dict.fromkeys(flags)))
 
 
-def along_the_plan(samples: pd.DataFrame, plan: Trip) -> pd.DataFrame:
+def along_the_plan(samples: pd.DataFrame, plan: Plan) -> pd.DataFrame:
     """Samples of a drive on the clock of its plan: each at the time at which the plan is where the car was. O(samples).
 
     A car that is late on a planned route has more of it before it than the clock says. Where the car stands longer than
@@ -240,14 +207,14 @@ def along_the_plan(samples: pd.DataFrame, plan: Trip) -> pd.DataFrame:
     ----------
     samples : DataFrame
         Sound samples since departure with the car's speed.
-    plan : Trip
+    plan : Plan
 
     Returns
     -------
     DataFrame
         `time_s`, `driven_s` by the car's own clock, and what was measured of `observed_energy_wh`, `soc`, `displayed_soc` and the powers of climate control.
     """
-    if plan.context.planned_link_m is None:
+    if plan.link_m is None:
         return samples
     there, at = _distance(plan.array("time_s") - plan.array("time_s")[0], plan.array("speed_m_s"))
     moves = np.concatenate(([True], np.diff(there) > 0.0))
@@ -321,11 +288,6 @@ def route_sd_wh(forecast: Forecast) -> FloatArray:
     return np.asarray(forecast.route_doubt_wh * np.cumsum(ahead) / forecast.table.hours.sum())
 
 
-def _said(notes: str) -> Iterable[str]:
-    """What a route had to assume; a flat road is flagged already."""
-    return (note for note in notes.split("; ") if note and note != FLAT_ROAD_NOTE)
-
-
-def given_of(plan: Trip) -> str:
+def given_of(plan: Plan) -> str:
     """What a forecast takes as known of the speed: `DRIVEN` or `PLANNED`."""
-    return DRIVEN if plan.context.planned_link_m is None else PLANNED
+    return DRIVEN if plan.link_m is None else PLANNED

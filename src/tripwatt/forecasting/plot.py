@@ -6,10 +6,14 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from tripwatt.trips import Departure, Plan, table_of
+from tripwatt.units import M_S_PER_KM_H
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tripwatt.forecasting.forecast import Forecast
+    from tripwatt.forecasting.model import ForecastModel
 
 CAUSE_NAMES: Final = {
     "air": "air drag",
@@ -56,6 +60,46 @@ def plot_forecast(forecast: Forecast) -> Figure:
     _waterfall(figure.add_subplot(grid[:, 1]), forecast.by_cause_wh)
     figure.suptitle(f"{forecast.plan.trip_id}: {forecast.energy_wh / 1000.0:.2f} kWh, given {forecast.given}")
     return figure
+
+
+MODEL_SPEEDS_KM_H: Final = (20, 30, 50, 70, 90, 110, 130)
+MODEL_AMBIENT_DEGC: Final = (-10.0, 5.0, 20.0)
+MODEL_DRIVE_M: Final = 20_000.0
+
+
+def plot_model(model: ForecastModel) -> Figure:
+    """Forecast consumption of a flat drive of 20 km at constant speeds and three outside temperatures."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.0, 4.4), layout="constrained")
+    axis = figure.subplots()
+    for ambient, colour, marker in zip(MODEL_AMBIENT_DEGC, (_LINE, _TOTAL, _ABOVE), "so^", strict=True):
+        departure = Departure(
+            soc=0.9,
+            ambient_temperature_degc=ambient,
+            cabin_temperature_degc=ambient,
+            battery_temperature_degc=ambient,
+        )
+        found = [model.forecast(_constant(speed), departure) for speed in MODEL_SPEEDS_KM_H]
+        km = MODEL_DRIVE_M / 1000.0
+        low, high = np.array([one.interval(0.9) for one in found]).T / km / 10.0
+        middle = np.array([one.energy_wh for one in found]) / km / 10.0
+        axis.fill_between(MODEL_SPEEDS_KM_H, low, high, color=colour, alpha=0.15, lw=0)
+        axis.plot(
+            MODEL_SPEEDS_KM_H, middle, color=colour, marker=marker, ms=4, label=f"{ambient:.0f} °C outside"
+        )
+    axis.set_xlabel("constant speed [km/h]")
+    axis.set_ylabel("consumption [kWh/100 km]")
+    axis.set_title(f"{model.vehicle.title}: flat road, with the central 90 %", fontsize="medium")
+    axis.legend()
+    return figure
+
+
+def _constant(speed_km_h: float) -> Plan:
+    speed = speed_km_h * M_S_PER_KM_H
+    time = np.arange(0.0, MODEL_DRIVE_M / speed + 1.0)
+    samples = {"time_s": time, "speed_m_s": np.full(len(time), speed), "grade": np.zeros(len(time))}
+    return Plan.from_samples(f"{speed_km_h:g} km/h", table_of(samples))
 
 
 def _waterfall(axis: Any, by_cause_wh: dict[str, float]) -> None:

@@ -1,155 +1,236 @@
-"""What somebody asks for: a trip to come with what is known at the door, and what was measured since."""
+"""What a person asks for: files read into plans and trips, and the forecast of a plan."""
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 
-import numpy as np
-import pandas as pd
-
+from tripwatt.auditing import audit
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.inertia import WRONG_SIGN, apparent_mass
-from tripwatt.trips import COLUMNS, Context, Trip, is_sound, raise_faults, structure_faults, table_of
+from tripwatt.forecasting.adapting import adapt as adapt_to_trips
+from tripwatt.forecasting.forecast import Forecast
+from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel
+from tripwatt.forecasting.storage import load_model
+from tripwatt.forecasting.unmeasured import on_vehicle
+from tripwatt.physics import Simulation, simulate_trip
+from tripwatt.routes import (
+    is_route,
+    needs_speed,
+    parse_route,
+    plan_from_route,
+    route_from_links,
+)
+from tripwatt.routes.links import LinkRoute
+from tripwatt.routes.tracks import Track
+from tripwatt.sources import read_logs
+from tripwatt.sources.canonical import read_canonical
+from tripwatt.trips import Departure, Fleet, Plan, Trip, plan_from_samples, plan_from_trip
+from tripwatt.vehicles import Vehicle, load_vehicle
 
-if TYPE_CHECKING:
-    from tripwatt.forecasting.forecast import Forecast
 
-MOST_PAYLOAD_KG: Final = 60_000.0
-"""As the simulation allows."""
-
-
-def trip_to_come(
-    samples: pd.DataFrame,
-    trip_id: str = "trip",
+def read_route(
+    source: Path | str | bytes | Sequence[Mapping[str, float | None]],
     *,
-    displayed_soc: float | None = None,
-    ambient_temperature_degc: float | None = None,
-    cabin_setpoint_degc: float | None = None,
-    cabin_temperature_degc: float | None = None,
-    battery_temperature_degc: float | None = None,
-    payload_mass_kg: float | None = None,
-) -> Trip:
-    """A trip from its speed trace and road; what is given here wins over the table's first sample.
+    speed_m_s: float | None = None,
+    trip_id: str | None = None,
+) -> Plan:
+    """Read the drive to come. O(bytes).
 
     Parameters
     ----------
-    samples : DataFrame
-        Canonical columns.
-    trip_id : str
-    displayed_soc : float, optional
-        State of charge at departure as the driver sees it, 0 to 1.
-    ambient_temperature_degc, cabin_setpoint_degc, cabin_temperature_degc, battery_temperature_degc : float, optional
-        At departure [°C].
-    payload_mass_kg : float, optional
-        Load on top of the car's test mass, which has a driver [kg].
+    source : path, bytes or sequence of mapping
+        A file or its content: links as CSV or JSON, GPX, GeoJSON, a saved response of OSRM, Valhalla,
+        openrouteservice or GraphHopper; or a driven speed trace as CSV or Parquet with canonical columns, of whose
+        other signals the first sample becomes the departure. Or links themselves, as `route_from_links` takes them.
+    speed_m_s : float, optional
+        Mean speed [m/s] of a track without times and speeds.
+    trip_id : str, optional
+        Name of the plan; that of the file when not given.
+
+    Returns
+    -------
+    Plan
 
     Raises
     ------
     InvalidInput
-        With every value that cannot be one.
+        With every fault of the file; also when a track needs a speed, or a speed is given that has no effect.
 
     Examples
     --------
-    >>> drive = pd.DataFrame({"time_s": [0.0, 1.0, 2.0], "speed_m_s": [0.0, 1.0, 2.0], "soc": 0.5})
-    >>> trip = trip_to_come(drive, displayed_soc=0.8, payload_mass_kg=150.0)
-    >>> "soc" in trip, trip.array("displayed_soc")[0].item(), trip.context.payload_mass_kg
-    (False, 0.8, 150.0)
+    >>> read_route([{"length_m": 5000.0, "speed_m_s": 20.0}], trip_id="commute")
+    <Plan commute: 5.0 km in 4 min, links of 5000 m>
     """
-    given = {
-        "displayed_soc": displayed_soc,
-        "ambient_temperature_degc": ambient_temperature_degc,
-        "cabin_setpoint_degc": cabin_setpoint_degc,
-        "cabin_temperature_degc": cabin_temperature_degc,
-        "battery_temperature_degc": battery_temperature_degc,
-    }
-    known = {name: value for name, value in given.items() if value is not None}
-    bounds = {name: (COLUMNS[name].minimum, COLUMNS[name].maximum, COLUMNS[name].unit) for name in known}
-    if payload_mass_kg is not None:
-        known["payload_mass_kg"] = payload_mass_kg
-        bounds["payload_mass_kg"] = (0.0, MOST_PAYLOAD_KG, "kg")
-    faults = [
-        Fault(
-            "value out of range",
-            name,
-            f"{value:g}",
-            "{:g} to {:g} {}".format(*bounds[name]).removesuffix(" 1"),
-        )
-        for name, value in known.items()
-        if not (math.isfinite(value) and bounds[name][0] <= value <= bounds[name][1])
-    ]
-    if faults:
-        raise InvalidInput(faults)
-    payload = known.pop("payload_mass_kg", 0.0)
-    # the reading of the battery management would win over what the driver says
-    left_out = {"soc"} if displayed_soc is not None else set()
-    if not is_sound(samples):
-        raise_faults(structure_faults(samples, trip_id))
-    columns = {n: samples[n].to_numpy(dtype=np.float64) for n in samples.columns if n not in left_out}
-    columns |= {name: np.full(len(samples), value) for name, value in known.items()}
-    return Trip.from_samples(trip_id, table_of(columns), Context(payload_mass_kg=payload))
+    named = trip_id or (Path(source).stem if isinstance(source, str | Path) else "route")
+    if not isinstance(source, str | Path | bytes):
+        return _planned(route_from_links(source), "links", speed_m_s, named)
+    if isinstance(source, bytes) or is_route(source):
+        where = "route" if isinstance(source, bytes) else Path(source).name
+        return _planned(parse_route(source), where, speed_m_s, named)
+    if speed_m_s is not None:
+        raise InvalidInput(_without_effect(Path(source).name))
+    return plan_from_samples(read_canonical(source), named)
 
 
-def since_departure(observed: pd.DataFrame, trip: Trip) -> pd.DataFrame:
-    """Samples measured on the way, on the trip's own clock, with their times since its first sample.
+def _planned(route: LinkRoute | Track, where: str, speed_m_s: float | None, trip_id: str) -> Plan:
+    if speed_m_s is not None and not needs_speed(route):
+        raise InvalidInput(_without_effect(where))
+    if speed_m_s is None and needs_speed(route):
+        got, fix = "points without times and speeds", "give a speed: speed_m_s, or --speed KM/H"
+        raise InvalidInput(Fault("speed is missing", where, got, "a mean speed for the track", fix))
+    return plan_from_route(route, speed_m_s=speed_m_s, trip_id=trip_id)
+
+
+def _without_effect(where: str) -> Fault:
+    got = f"{where} holds its own times or speeds"
+    return Fault("speed has no effect", "speed_m_s", got, "only with a track without times and speeds")
+
+
+def read_trips(path: Path | str, dataset: str = "tum", mapping: Path | str | None = None) -> tuple[Trip, ...]:
+    """Read logs, audit them, and keep the sound drives: `read_logs`, then `audit`.
+
+    Parameters
+    ----------
+    path, dataset, mapping
+        As for `read_logs`.
 
     Raises
     ------
     InvalidInput
-        When they begin before the trip or after it, or their current has the wrong sign.
-
-    Examples
-    --------
-    >>> drive = pd.DataFrame({"time_s": [60.0, 61.0], "speed_m_s": [0.0, 1.0]})
-    >>> trip = Trip.from_samples("t", drive)
-    >>> since_departure(pd.DataFrame({"time_s": [60.0, 61.0], "soc": [0.5, 0.5]}), trip)["time_s"].tolist()
-    [0.0, 1.0]
+        With every fault of the data set.
     """
-    start = float(trip.samples["time_s"].iloc[0])
-    times = observed["time_s"] - start
-    if len(times) and float(times.iloc[0]) < 0.0:
-        got, allowed = f"{float(observed['time_s'].iloc[0]):g} s", f"{start:g} s or later, as the trip"
-        raise InvalidInput(Fault("measured before departure", "observed samples, time_s", got, allowed))
-    if len(times) and trip.context.planned_link_m is None and float(times.iloc[0]) > trip.duration_s:
-        first, last = (float(observed["time_s"].iloc[i]) for i in (0, -1))
-        got, allowed = f"{first:g} to {last:g} s", f"{start:g} to {start + trip.duration_s:g} s, as the trip"
-        fix = "put them on the trip's clock"
-        raise InvalidInput(Fault("measured after the trip", "observed samples, time_s", got, allowed, fix))
-    _require_sign(observed, trip)
-    return observed.assign(time_s=times)
+    return audit(read_logs(path, dataset, mapping)).trips
 
 
-def _require_sign(observed: pd.DataFrame, trip: Trip) -> None:
-    """Refuse a current with which the battery would charge while the car accelerates."""
-    if not {"voltage_v", "current_a"} <= set(observed.columns):
-        return
-    time = observed["time_s"].to_numpy(dtype=np.float64)
-    own = "speed_m_s" in observed
-    if not own and trip.context.planned_link_m is not None:
-        return  # nobody knows how fast the car was
-    speed = (
-        observed["speed_m_s"].to_numpy(dtype=np.float64)
-        if own
-        else np.interp(time, trip.array("time_s"), trip.array("speed_m_s"))
-    )
-    power = (observed["voltage_v"] * observed["current_a"]).to_numpy(dtype=np.float64)
-    found = apparent_mass(time, speed, power)
-    if found is not None and found[1] < WRONG_SIGN:
-        got, allowed = "the battery would charge while the car accelerates", "+ where it discharges"
-        raise InvalidInput(
-            Fault("the current has the wrong sign", "observed samples, current_a", got, allowed, "negate it")
-        )
-
-
-def answer_of(found: Forecast, reserve: float) -> dict[str, Any]:
-    """What the command line and the service answer: the forecast, and the chance to arrive with the reserve.
+def forecast(
+    plan: Plan | Trip,
+    departure: Departure | None = None,
+    *,
+    model: ForecastModel | Path | str | None = None,
+    vehicle: Vehicle | str | None = None,
+) -> Forecast:
+    """Forecast a drive: `ForecastModel.forecast` of a stored model, on its own car or on another.
 
     Parameters
     ----------
-    found : Forecast
-    reserve : float
-        Displayed state of charge to arrive with, 0 to 1.
+    plan : Plan or Trip
+        From `read_route`.
+    departure : Departure, optional
+        Its known fields take the place of those of the plan.
+    model : ForecastModel or path, optional
+        The model that comes with the package when not given.
+    vehicle : Vehicle or str, optional
+        A car other than the model's own. No trips of it are known, so the interval is wider.
+
+    Raises
+    ------
+    InvalidInput
+        As `load_model`, `load_vehicle` and `ForecastModel.forecast`.
+
+    Examples
+    --------
+    >>> plan = read_route([{"length_m": 5000.0, "speed_m_s": 20.0}])
+    >>> forecast(plan, Departure(soc=0.8, ambient_temperature_degc=-5)).plan.departure
+    Departure(soc=0.8, ambient_temperature_degc=-5)
     """
-    answer = found.as_dict()
-    answer["p_arrive"][f"{reserve:g}"] = found.p_arrive(reserve)
-    return answer
+    fitted = model if isinstance(model, ForecastModel) else load_model(model)
+    own, flags = on_vehicle(fitted, vehicle)
+    found = own.forecast(plan, departure)
+    return replace(found, flags=(*flags, *found.flags)) if flags else found
+
+
+def fit(
+    trips: Fleet | Sequence[Trip],
+    vehicle: Vehicle | str,
+    *,
+    corrector: str = DEFAULT_CORRECTOR,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> ForecastModel:
+    """Fit a forecasting model on the trips of one car.
+
+    Parameters
+    ----------
+    trips : Fleet or sequence of Trip
+        A fleet is audited first.
+    vehicle : Vehicle or str
+        The car, or the name of one of the library.
+    corrector : str
+        One of `tripwatt.hybrid.POWER_CORRECTORS`.
+    seed : int
+        The same seed gives the same model.
+    progress : callable, optional
+        Called with (finished fits, all fits).
+
+    Raises
+    ------
+    InvalidInput
+        With fewer than eight trips, or trips without measured energy.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> fit(synthetic_fleet(9), "bmw_i3_60ah", corrector="linear")
+    <ForecastModel BMW i3 60 Ah, linear corrector, 9 trips>
+    """
+    model = ForecastModel(_car(vehicle), corrector, seed)
+    return model.fit(_sound(trips), progress=progress)
+
+
+def adapt(
+    base: ForecastModel, trips: Fleet | Sequence[Trip], vehicle: Vehicle | str, *, mode: str = "both"
+) -> ForecastModel:
+    """Adapt a model of one car to another, with a few trips of that car.
+
+    Parameters
+    ----------
+    base : ForecastModel
+        Fitted, with a corrector that holds a Gaussian process.
+    trips : Fleet or sequence of Trip
+        At least one with measured energy; a fleet is audited first.
+    vehicle : Vehicle or str
+        The new car, or the name of one of the library.
+    mode : {"both", "effects", "parameters"}
+        What may differ: terms of the corrector, physical parameters of the car, or both.
+
+    Raises
+    ------
+    InvalidInput
+        When the base cannot be transferred, or a trip has no measured energy.
+    """
+    return adapt_to_trips(base, _sound(trips), _car(vehicle), mode=mode).model
+
+
+def simulate(trip: Plan | Trip, vehicle: Vehicle | str, departure: Departure | None = None) -> Simulation:
+    """Simulate a drive with a car: physics alone, nothing learned. O(samples).
+
+    Parameters
+    ----------
+    trip : Plan or Trip
+    vehicle : Vehicle or str
+        A car, or the name of one of the library.
+    departure : Departure, optional
+        Its known fields take the place of those of the plan.
+
+    Raises
+    ------
+    InvalidInput
+        When the drive cannot be simulated.
+
+    Examples
+    --------
+    >>> run = simulate(read_route([{"length_m": 5000.0, "speed_m_s": 20.0}]), "vw_id3")
+    >>> bool(run.simulated_energy_wh > 0.0)
+    True
+    """
+    plan = trip if isinstance(trip, Plan) else plan_from_trip(trip)
+    return simulate_trip(_car(vehicle), plan.with_departure(departure))
+
+
+def _car(vehicle: Vehicle | str) -> Vehicle:
+    return vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
+
+
+def _sound(trips: Fleet | Sequence[Trip]) -> Sequence[Trip]:
+    return audit(trips).trips if isinstance(trips, Fleet) else trips

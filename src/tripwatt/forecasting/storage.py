@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-import tripwatt
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.elsewhere import Elsewhere
 from tripwatt.forecasting.gain import Gain
@@ -23,7 +23,7 @@ from tripwatt.forecasting.planned import RouteDoubt
 from tripwatt.forecasting.process import Channel, ResidualProcess
 from tripwatt.forecasting.scale import TotalScale
 from tripwatt.forecasting.scores import Scores
-from tripwatt.hybrid.blocks import BLOCK_S, DEPARTURE_COLUMNS, ROUTE_COLUMNS
+from tripwatt.hybrid.blocks import BLOCK_S
 from tripwatt.hybrid.stored import (
     Stored,
     corrector_of_parts,
@@ -32,7 +32,7 @@ from tripwatt.hybrid.stored import (
     members_parts,
 )
 from tripwatt.modelfile import Part, read_metadata, read_model, write_model
-from tripwatt.trips import COLUMNS, REQUIRED_COLUMNS
+from tripwatt.trips import COLUMNS, QUANTITIES, REQUIRED_COLUMNS, ROUTE_COLUMNS, SIGNALS
 from tripwatt.vehicles import Vehicle, vehicle_from_document
 
 GIVEN: Final = "given the driven speed trace"
@@ -40,8 +40,6 @@ GIVEN: Final = "given the driven speed trace"
 
 DEFAULT_MODEL: Final = "bmw_i3_tum"
 """The model that comes with the package."""
-
-PAYLOAD_KG: Final = (0.0, 60_000.0)
 
 
 def model_parts(model: ForecastModel) -> dict[str, Part]:
@@ -159,7 +157,7 @@ def save_model(
     """
     parts = model_parts(model)
     metadata = {
-        "tripwatt": tripwatt.__version__,
+        "tripwatt": version("tripwatt"),
         "given": GIVEN,
         "model": {
             "corrector": model.corrector,
@@ -207,7 +205,7 @@ def load_metadata(folder: Path | str | None = None, *, check_parts: bool = True)
 
 def model_folder(folder: Path | str | None = None) -> Path:
     """The folder itself, or that of the model that comes with the package: without a folder, or by its name."""
-    packaged = Path(tripwatt.__file__).parent / "models" / DEFAULT_MODEL
+    packaged = Path(__file__).parents[1] / "models" / DEFAULT_MODEL
     if folder is None or (str(folder) == DEFAULT_MODEL and not Path(folder).exists()):
         return packaged
     return Path(folder)
@@ -223,7 +221,7 @@ def contract(model: ForecastModel) -> dict[str, Any]:
         which samples count, and the range of the training trips where it is watched. `outputs`: name -> unit.
     """
     inputs = []
-    for name in (*ROUTE_COLUMNS, *DEPARTURE_COLUMNS):
+    for name in (*ROUTE_COLUMNS, *SIGNALS.values()):
         column = COLUMNS[name]
         entry: dict[str, Any] = {
             "name": name,
@@ -238,7 +236,7 @@ def contract(model: ForecastModel) -> dict[str, Any]:
         if seen is not None:
             entry["training"] = [_finite(seen.low), _finite(seen.high)]
         inputs.append(entry)
-    low, high = PAYLOAD_KG
+    low, high = QUANTITIES["payload_mass_kg"].bounds
     inputs.append(
         {
             "name": "payload_mass_kg",
@@ -257,7 +255,7 @@ def contract(model: ForecastModel) -> dict[str, Any]:
         "p_arrive": "1, by displayed state of charge at the end",
         "series": "by column",
         "by_cause_wh": "Wh",
-        "flags": "text",
+        "flags": "code, subject, value, unit, message",
     }
     return {"inputs": inputs, "outputs": outputs}
 

@@ -15,6 +15,7 @@ from tripwatt.forecasting.elsewhere import elsewhere_of
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel, HeldOut
 from tripwatt.hybrid.calibrate import calibrate
 from tripwatt.trips import COLUMNS, Fleet, Trip
+from tripwatt.trips.messages import message
 from tripwatt.vehicles import Vehicle
 
 PACKAGES: Final = ("tripwatt", "numpy", "scipy", "pandas", "scikit-learn", "lightgbm")
@@ -73,8 +74,8 @@ def trained(
         "data": {
             "name": fleet.name,
             "citation": fleet.citation,
-            "notes": [*fleet.notes, *([] if found_values is None else [str(found_values)])],
-            "logs": len(fleet.trips),
+            "notes": [*map(message, fleet.notes), *([] if found_values is None else [str(found_values)])],
+            "logs": len(fleet),
             "sha256": data_digest(found.trips),
         },
         "trips_used": list(model.trip_ids_),

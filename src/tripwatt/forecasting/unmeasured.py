@@ -18,7 +18,8 @@ from tripwatt.forecasting.scores import Scores
 from tripwatt.hybrid.parameters import PARAMETERS
 from tripwatt.hybrid.transfer import CarTransfer, Evidence, part_scales
 from tripwatt.hybrid.transferred import TransferredCorrector
-from tripwatt.vehicles import Vehicle
+from tripwatt.trips import Flag
+from tripwatt.vehicles import Vehicle, load_vehicle
 
 
 def unmeasured(base: ForecastModel, vehicle: Vehicle) -> ForecastModel:
@@ -70,3 +71,24 @@ def unmeasured(base: ForecastModel, vehicle: Vehicle) -> ForecastModel:
         route_doubt_=base.route_doubt_,
         ranges_=base.ranges_,
     )
+
+
+def on_vehicle(model: ForecastModel, vehicle: Vehicle | str | None) -> tuple[ForecastModel, tuple[Flag, ...]]:
+    """A model on the car that is asked for, and the flag of a car without trips.
+
+    Parameters
+    ----------
+    model : ForecastModel
+    vehicle : Vehicle or str, optional
+        A car, or the name of one of the library; the model's own when not given.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such car, or the model cannot be transferred.
+    """
+    name = vehicle.name if isinstance(vehicle, Vehicle) else vehicle
+    if name is None or name == model.vehicle.name:
+        return model, ()
+    car = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(name)
+    return unmeasured(model, car), (Flag("no_trips_of_car", model.vehicle.title),)

@@ -4,7 +4,7 @@
 is known before departure. In both ``residual = observed - simulated`` and ``predicted = simulated + correction``.
 """
 
-from tripwatt.hybrid.blocks import BLOCK_S, BlockTable, block_table, planned
+from tripwatt.hybrid.blocks import BLOCK_S, BlockTable, block_table
 from tripwatt.hybrid.correctors import POWER_CORRECTORS, power_corrector
 from tripwatt.hybrid.cumulative import (
     COVARIATES,
@@ -40,6 +40,5 @@ __all__ = [
     "TripTable",
     "block_table",
     "build_table",
-    "planned",
     "power_corrector",
 ]

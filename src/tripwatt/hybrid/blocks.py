@@ -1,15 +1,9 @@
-"""A trip as a departure knows it, cut into short blocks: the rows on which residual power is learned.
-
-`planned` reduces a logged trip to what a driver knows at the door: the speed trace and road of the trip to come, and
-every other signal as its first raw sample says. Everything after that (simulation, features, forecast) sees nothing
-else, so nothing measured on the way can leak into a departure forecast.
-"""
+"""A plan cut into short blocks: the rows on which residual power is learned."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -20,56 +14,15 @@ from tripwatt.hybrid.climate_log import logged_climate
 from tripwatt.hybrid.cumulative import IntArray
 from tripwatt.physics import Simulation
 from tripwatt.physics.simulate import CAUSES
-from tripwatt.trips import FloatArray, Trip, block_means, resample
+from tripwatt.trips import TEMPERATURES, FloatArray, Plan, Trip, resample
+from tripwatt.trips.plan import frame_of
 from tripwatt.units import SECONDS_PER_HOUR
 
 BLOCK_S: Final = 30.0
 """Length of the blocks: a few changes of speed, so that the residual is about the car and not about its timing."""
 
-ROUTE_COLUMNS: Final = ("time_s", "speed_m_s", "elevation_m", "grade")
-DEPARTURE_COLUMNS: Final = (
-    "ambient_temperature_degc",
-    "cabin_temperature_degc",
-    "cabin_setpoint_degc",
-    "battery_temperature_degc",
-    "soc",
-    "displayed_soc",
-)
 LINE_CAUSES: Final = tuple(cause for cause in CAUSES if cause != "shortfall")
 """Causes whose simulated power the correctors may scale; `shortfall` is no property of the car."""
-
-
-def planned(trip: Trip, *, step_s: float = 1.0) -> Trip:
-    """What is known of a trip at departure: its speed trace and road, and the first raw sample of the rest.
-
-    Parameters
-    ----------
-    trip : Trip
-        Raw samples. Measured columns other than those of `DEPARTURE_COLUMNS` are dropped.
-    step_s : float
-        Block means of the speed trace [s].
-
-    Returns
-    -------
-    Trip
-        Columns of `ROUTE_COLUMNS` as block means, of `DEPARTURE_COLUMNS` as constants; no measured energy.
-    """
-    route = {c: trip.array(c) for c in ROUTE_COLUMNS if c in trip}
-    n_blocks, columns = block_means(route["time_s"] - route["time_s"][0], route, step_s)
-    for name in DEPARTURE_COLUMNS:
-        if name in trip:
-            columns[name] = np.full(n_blocks, trip.array(name)[0])
-    return Trip(trip.trip_id, _frame(columns), trip.context, step_s=step_s)
-
-
-def _frame(columns: Mapping[str, FloatArray]) -> pd.DataFrame:
-    """A table of numbers, each column contiguous; much faster than column by column."""
-    return pd.DataFrame(np.array(list(columns.values())).T, columns=_names(tuple(columns)))
-
-
-@lru_cache(maxsize=64)
-def _names(columns: tuple[str, ...]) -> pd.Index:
-    return pd.Index(columns, dtype=object)  # looked up many times, which a string index is slow at
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,14 +122,13 @@ class BlockTable:
 
 
 def block_table(
-    plan: Trip, simulation: Simulation, measured: Trip | None = None, *, block_s: float = BLOCK_S
+    plan: Plan, simulation: Simulation, measured: Trip | None = None, *, block_s: float = BLOCK_S
 ) -> BlockTable:
     """Blocks of one trip, from its plan and simulation; with the measured power where there is a measured trip.
 
     Parameters
     ----------
-    plan : Trip
-        From `planned`.
+    plan : Plan
     simulation : Simulation
         Of the plan.
     measured : Trip, optional
@@ -194,7 +146,7 @@ def block_table(
     def mean(values: FloatArray) -> FloatArray:
         return np.bincount(block, values * step, n) / seconds
 
-    speed = plan.array("speed_m_s")
+    speed, departure = plan.array("speed_m_s"), plan.departure
     features: dict[str, Any] = {
         "simulated_w": mean(simulation.battery_power_w),
         **{f"{cause}_w": mean(simulation.power_by_cause_w[cause]) for cause in LINE_CAUSES},
@@ -203,18 +155,15 @@ def block_table(
         "speed_change_m_s2": mean(np.abs(np.diff(speed, prepend=speed[0])) / np.maximum(step, 1e-9)),
         "time_s": mean(time - time[0]),
         "trip_speed_m_s": float((speed * step).sum() / step.sum()),
-        "payload_mass_kg": plan.context.payload_mass_kg,
+        "payload_mass_kg": departure.payload_mass_kg or 0.0,
+        **{name: _known(getattr(departure, name)) for name in TEMPERATURES},
+        "soc": _known(departure.bms_soc),
+        "winter": {"winter": 1.0, "summer": 0.0}.get(departure.season or "", np.nan),
     }
-    for name in DEPARTURE_COLUMNS[:5]:
-        features[name] = float(plan.array(name)[0]) if name in plan else np.nan
-    if not np.isfinite(features["cabin_setpoint_degc"]):
-        setpoint = plan.context.cabin_setpoint_degc
-        features["cabin_setpoint_degc"] = np.nan if setpoint is None else setpoint
-    features["winter"] = {"winter": 1.0, "summer": 0.0}.get(plan.context.season or "", np.nan)
     return BlockTable(
         trip_ids=(plan.trip_id,),
         offsets=np.array([0, n]),
-        features=_frame({name: np.broadcast_to(values, n) for name, values in features.items()}),
+        features=frame_of({name: np.broadcast_to(values, n) for name, values in features.items()}),
         hours=seconds / SECONDS_PER_HOUR,
         simulated_w=np.asarray(features["simulated_w"]),
         observed_w=None if measured is None else _measured_power(measured, block, plan, seconds),
@@ -222,7 +171,11 @@ def block_table(
     )
 
 
-def _measured_power(measured: Trip, block: IntArray, plan: Trip, seconds: FloatArray) -> FloatArray | None:
+def _known(value: float | None) -> float:
+    return np.nan if value is None else value
+
+
+def _measured_power(measured: Trip, block: IntArray, plan: Plan, seconds: FloatArray) -> FloatArray | None:
     """Mean measured power of each block [W]; the blocks' energies add up to the trip's energy."""
     step_s = plan.step_s or float(np.median(np.diff(plan.array("time_s"))))
     if measured.step_s not in (None, step_s):

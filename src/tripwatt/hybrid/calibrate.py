@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.hybrid.blocks import BlockTable, block_table, planned
+from tripwatt.hybrid.blocks import BlockTable, block_table
 from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
 from tripwatt.physics import simulate_trip
-from tripwatt.trips import FloatArray, Trip
+from tripwatt.trips import FloatArray, Trip, plan_from_trip
 from tripwatt.vehicles import Vehicle
 
 TAIL_DF: Final = 4.0
@@ -85,7 +85,7 @@ def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
         )
     if faults:
         raise InvalidInput(faults)
-    plans = [planned(trip) for trip in trips]
+    plans = [plan_from_trip(trip) for trip in trips]
     table = BlockTable.join(
         [
             block_table(plan, simulate_trip(vehicle, plan), trip)

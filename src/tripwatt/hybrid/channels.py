@@ -12,7 +12,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from tripwatt.hybrid.blocks import DEPARTURE_COLUMNS, LINE_CAUSES, BlockTable
+from tripwatt.hybrid.blocks import LINE_CAUSES, BlockTable
 from tripwatt.hybrid.power import (
     TREE_FEATURES,
     EnsembleCorrector,
@@ -21,14 +21,14 @@ from tripwatt.hybrid.power import (
     boosting_corrector,
 )
 from tripwatt.kriging import Part
-from tripwatt.trips import FloatArray
+from tripwatt.trips import TEMPERATURES, FloatArray
 
 LEAST_LOGGED: Final = 8
 """Fewest trips with logged climate control from which it is learned by itself."""
 LEAST_LOGGED_SHARE: Final = 0.5
 """Their least share of all trips."""
 
-_AMBIENT, _CABIN, _SETPOINT, _BATTERY = DEPARTURE_COLUMNS[:4]
+_AMBIENT, _CABIN, _SETPOINT, _BATTERY = TEMPERATURES
 CLIMATE_PARTS: Final = (
     Part(("hvac_w",), "line", 0.3),
     *(

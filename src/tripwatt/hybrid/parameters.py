@@ -15,7 +15,7 @@ import numpy as np
 
 from tripwatt.hybrid.blocks import BlockTable, block_table
 from tripwatt.physics import Simulation, simulate_trip
-from tripwatt.trips import FloatArray, Trip
+from tripwatt.trips import FloatArray, Plan
 from tripwatt.vehicles import Vehicle
 from tripwatt.vehicles.loading import Entry
 
@@ -137,11 +137,11 @@ def changed(vehicle: Vehicle, changes: Mapping[str, float], *, source: str = "")
 
 
 def sensitivities(
-    plans: Sequence[Trip],
+    plans: Sequence[Plan],
     vehicle: Vehicle,
     table: BlockTable,
     parameters: Sequence[Parameter] = PARAMETERS,
-    simulate: Callable[[Vehicle, Trip], Simulation] = simulate_trip,
+    simulate: Callable[[Vehicle, Plan], Simulation] = simulate_trip,
 ) -> FloatArray:
     """Power of each block by a relative change of 1 of each parameter [W], shape (rows, parameters).
 
@@ -151,7 +151,7 @@ def sensitivities(
     Parameters
     ----------
     plans : sequence of Trip
-        Of `planned`, in the order of the table.
+        In the order of the table.
     vehicle : Vehicle
     table : BlockTable
         Their blocks with the car as it is.

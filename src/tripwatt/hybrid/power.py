@@ -8,9 +8,9 @@ from typing import Any, Final, Protocol, Self
 import numpy as np
 import pandas as pd
 
-from tripwatt.hybrid.blocks import DEPARTURE_COLUMNS, LINE_CAUSES, BlockTable
+from tripwatt.hybrid.blocks import LINE_CAUSES, BlockTable
 from tripwatt.kriging import ClusteredKriging, Part
-from tripwatt.trips import FloatArray
+from tripwatt.trips import TEMPERATURES, FloatArray
 
 
 class PowerCorrector(Protocol):
@@ -41,7 +41,7 @@ class PowerCorrector(Protocol):
         ...
 
 
-_AMBIENT, _CABIN, _SETPOINT, _BATTERY = DEPARTURE_COLUMNS[:4]
+_AMBIENT, _CABIN, _SETPOINT, _BATTERY = TEMPERATURES
 _SMOOTH_W: Final = 100.0
 _SMOOTH: Final = tuple(
     Part(columns, "smooth", _SMOOTH_W, length)

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tripwatt.errors import Fault
+from tripwatt.trips import COLUMNS
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -43,8 +44,8 @@ def argument_faults(
         got = f"{time[first]:g} s after {time[first - 1]:g} s"
         yield Fault("time does not increase", f"time_s, sample {first}", got, "increasing times")
     for name, values, low, high in (
-        ("speed_m_s", speed, 0.0, 150.0),
-        ("grade", slope, -1.0, 1.0),
+        ("speed_m_s", speed, *COLUMNS["speed_m_s"].bounds),
+        ("grade", slope, *COLUMNS["grade"].bounds),
         ("hvac_power_w", hvac, 0.0, 1e5),
     ):
         if values is None:

@@ -1,29 +1,13 @@
-"""What a log says at departure. Nothing that is measured later is looked at here."""
+"""How warm the car is at departure, from what is known there."""
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
-from tripwatt.trips import Trip
 from tripwatt.vehicles import Vehicle
 
 SUN_HEATS_CABINS_FROM_DEGC: Final = 12.0
 """In outside air warmer than this a warm cabin may be the sun's work and says nothing of an earlier drive."""
-
-
-def at_departure(trip: Trip, *columns: str) -> tuple[float | None, ...]:
-    """Values of columns in the first sample, None for one that is missing there.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> log = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 1.0], "soc": [0.7, 0.6]})
-    >>> at_departure(Trip.from_samples("t", log), "soc", "voltage_v")
-    (0.7, None)
-    """
-    values = [float(trip.array(c)[0]) if c in trip else math.nan for c in columns]
-    return tuple(v if math.isfinite(v) else None for v in values)
 
 
 def cabin_at_departure(vehicle: Vehicle, logged_degc: float | None, ambient_degc: float) -> float:

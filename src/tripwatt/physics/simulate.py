@@ -13,7 +13,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.physics.arguments import argument_faults
 from tripwatt.physics.battery import BatteryRun, discharge, shifted
 from tripwatt.physics.cabin import UNKNOWN_SUN_W_M2, CabinRun, CabinStart, condition_cabin, irradiance
-from tripwatt.physics.departure import at_departure, cabin_at_departure, warmth_from_cabin
+from tripwatt.physics.departure import cabin_at_departure, warmth_from_cabin
 from tripwatt.physics.drivetrain import Propulsion, propulsion, regeneration_acceptance
 from tripwatt.physics.road_load import (
     aero_drag_force,
@@ -24,7 +24,7 @@ from tripwatt.physics.road_load import (
     rolling_factor,
     rolling_resistance_force,
 )
-from tripwatt.trips import Trip
+from tripwatt.trips import COLUMNS, QUANTITIES, Flag, Plan, Recorded
 from tripwatt.units import WH_PER_J
 from tripwatt.vehicles import Vehicle
 
@@ -87,8 +87,8 @@ class Simulation:
         Cumulative energy at the battery terminals [Wh].
     power_by_cause_w : dict of str to ndarray
         Power at the battery terminals [W] by each of `CAUSES`; they sum to `battery_power_w`.
-    flags : tuple of str
-        What the car could not follow, each with the number of samples; empty when all is well.
+    flags : tuple of Flag
+        What the car could not follow, each with the time that it lasted [s]; empty when all is well.
     """
 
     time_s: FloatArray
@@ -112,7 +112,7 @@ class Simulation:
     battery_loss_w: FloatArray
     energy_wh: FloatArray
     power_by_cause_w: Mapping[str, FloatArray]
-    flags: tuple[str, ...]
+    flags: tuple[Flag, ...]
 
     @property
     def simulated_energy_wh(self) -> float:
@@ -225,13 +225,24 @@ def simulate(
     if initial_battery_temperature_degc is None:
         initial_battery_temperature_degc = ambient_temperature_degc
     scalars = {
-        "ambient_temperature_degc": (ambient_temperature_degc, -60.0, 70.0),
-        "initial_soc": (initial_soc, 0.0, 1.0),
-        "initial_battery_temperature_degc": (initial_battery_temperature_degc, -60.0, 100.0),
-        "payload_mass_kg": (payload_mass_kg, -0.5 * vehicle.body.curb_mass_kg, 60_000.0),
-        "initial_cabin_temperature_degc": (initial_cabin_temperature_degc, -60.0, 100.0),
-        "cabin_setpoint_degc": (cabin_setpoint_degc, 0.0, 50.0),
-        "solar_irradiance_w_m2": (solar_irradiance_w_m2, 0.0, 1500.0),
+        "ambient_temperature_degc": (ambient_temperature_degc, *COLUMNS["ambient_temperature_degc"].bounds),
+        "initial_soc": (initial_soc, *COLUMNS["soc"].bounds),
+        "initial_battery_temperature_degc": (
+            initial_battery_temperature_degc,
+            *COLUMNS["battery_temperature_degc"].bounds,
+        ),
+        # a test may be lighter than the car with its driver
+        "payload_mass_kg": (
+            payload_mass_kg,
+            -0.5 * vehicle.body.curb_mass_kg,
+            QUANTITIES["payload_mass_kg"].maximum,
+        ),
+        "initial_cabin_temperature_degc": (
+            initial_cabin_temperature_degc,
+            *COLUMNS["cabin_temperature_degc"].bounds,
+        ),
+        "cabin_setpoint_degc": (cabin_setpoint_degc, *COLUMNS["cabin_setpoint_degc"].bounds),
+        "solar_irradiance_w_m2": (solar_irradiance_w_m2, *QUANTITIES["solar_irradiance_w_m2"].bounds),
         "initial_warmth": (initial_warmth, 0.0, 1.0),
         "air_density_kg_m3": (1.2 if air_density_kg_m3 is None else air_density_kg_m3, 0.0, 10.0),
     }
@@ -268,12 +279,11 @@ def simulate(
     )
 
 
-def simulate_trip(vehicle: Vehicle, trip: Trip) -> Simulation:
-    """Simulate a trip from what is known at departure, its speed trace and its road.
+def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
+    """Simulate a trip or a plan from what is known at departure, its speed trace and its road.
 
-    Of the measured columns only the first sample of ambient, battery and cabin temperature, set-point and state of
-    charge (`soc`, else `displayed_soc`) enters, and of the context payload, set-point, weather, season and whether
-    the trip follows another; what is unknown is left to the defaults of `simulate`. Works on raw and on resampled trips.
+    Of what was measured only `trip.departure` enters; what is unknown there is left to the defaults of `simulate`.
+    Works on raw and on resampled trips.
 
     Raises
     ------
@@ -284,28 +294,21 @@ def simulate_trip(vehicle: Vehicle, trip: Trip) -> Simulation:
     --------
     >>> import pandas as pd
     >>> from tripwatt.vehicles import load_vehicle
+    >>> from tripwatt.trips import Trip
     >>> log = pd.DataFrame({"time_s": [0.0, 1.0, 2.0], "speed_m_s": [0.0, 1.0, 2.0]})
     >>> run = simulate_trip(load_vehicle("bmw_i3_60ah"), Trip.from_samples("start", log))
     >>> bool(run.simulated_energy_wh > 0.0)
     True
     """
-    ambient, battery_temperature, soc, displayed, cabin, setpoint = at_departure(
-        trip,
-        "ambient_temperature_degc",
-        "battery_temperature_degc",
-        "soc",
-        "displayed_soc",
-        "cabin_temperature_degc",
-        "cabin_setpoint_degc",
-    )
-    if soc is None and displayed is not None:
-        soc = min(1.0, max(0.0, vehicle.battery.soc_from_displayed(displayed)))
+    known = trip.departure
+    soc = known.bms_soc
+    if soc is None and known.soc is not None:
+        soc = min(1.0, max(0.0, vehicle.battery.soc_from_displayed(known.soc)))
+    ambient = known.ambient_temperature_degc
     if ambient is None:
         ambient = UNKNOWN_AMBIENT_DEGC
-    context = trip.context
-    if setpoint is None:
-        setpoint = context.cabin_setpoint_degc
-    warmth = 1.0 if context.follows_trip else warmth_from_cabin(vehicle, cabin, setpoint, ambient)
+    cabin, setpoint = known.cabin_temperature_degc, known.cabin_setpoint_degc
+    warmth = 1.0 if known.follows_trip else warmth_from_cabin(vehicle, cabin, setpoint, ambient)
     return simulate(
         vehicle,
         trip.array("time_s"),
@@ -314,11 +317,11 @@ def simulate_trip(vehicle: Vehicle, trip: Trip) -> Simulation:
         elevation_m=trip.array("elevation_m") if "elevation_m" in trip else None,
         ambient_temperature_degc=ambient,
         initial_soc=0.8 if soc is None else soc,
-        initial_battery_temperature_degc=battery_temperature,
-        payload_mass_kg=context.payload_mass_kg,
+        initial_battery_temperature_degc=known.battery_temperature_degc,
+        payload_mass_kg=known.payload_mass_kg or 0.0,
         initial_cabin_temperature_degc=cabin_at_departure(vehicle, cabin, ambient),
         cabin_setpoint_degc=setpoint,
-        solar_irradiance_w_m2=irradiance(context.weather, context.season),
+        solar_irradiance_w_m2=irradiance(known.weather, known.season),
         initial_warmth=warmth,
     )
 
@@ -392,7 +395,7 @@ def _chain(
         battery_loss_w=battery.open_circuit_power_w - battery.power_w,
         energy_wh=(battery.power_w * (step * WH_PER_J)).cumsum(),
         power_by_cause_w=by_cause,
-        flags=_flags(vehicle, drive, battery),
+        flags=_flags(vehicle, step, drive, battery),
     )
 
 
@@ -433,19 +436,20 @@ def _drive_and_battery(
     return drive, run
 
 
-def _flags(vehicle: Vehicle, drive: Propulsion, battery: BatteryRun) -> tuple[str, ...]:
+def _flags(vehicle: Vehicle, step: FloatArray, drive: Propulsion, battery: BatteryRun) -> tuple[Flag, ...]:
+    """What the car could not follow, and for how long [s]; `step` is the length of each interval [s]."""
     window = vehicle.battery
-    counts = {
-        "motor torque limit": drive.torque_limited,
-        "motor power limit": drive.power_limited,
-        "motor speed limit": drive.over_speed,
-        "battery voltage floor": battery.voltage_floor,
-        "battery empty": battery.soc < window.displayed_zero_soc,
-        "battery over-full": battery.soc > 1.0,
-        "battery over-voltage": battery.terminal_voltage_v
-        > window.max_cell_voltage_v * window.cells_in_series,
+    highest_v = window.max_cell_voltage_v * window.cells_in_series
+    lasting = {
+        ("motor_torque_limit", "motor"): drive.torque_limited,
+        ("motor_power_limit", "motor"): drive.power_limited,
+        ("motor_speed_limit", "motor"): drive.over_speed,
+        ("battery_voltage_floor", "battery"): battery.voltage_floor,
+        ("battery_empty", "battery"): battery.soc < window.displayed_zero_soc,
+        ("battery_over_full", "battery"): battery.soc > 1.0,
+        ("battery_over_voltage", "battery"): battery.terminal_voltage_v > highest_v,
     }
-    flags = [f"{name}: {int(np.count_nonzero(mask))} samples" for name, mask in counts.items() if mask.any()]
+    flags = [Flag(*kind, float(step[mask].sum()), "s") for kind, mask in lasting.items() if mask.any()]
     if not battery.converged:
-        flags.append("battery state did not settle")
+        flags.append(Flag("battery_not_settled", "battery"))
     return tuple(flags)

@@ -19,7 +19,7 @@ import numpy as np
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes.geojson import track_from_geojson
 from tripwatt.routes.gpx import read_gpx
-from tripwatt.routes.links import FLAT_ROAD_NOTE, SHORTEST_LINK_M, LinkRoute
+from tripwatt.routes.links import FLAT_ROAD, SHORTEST_LINK_M, LinkRoute, first_of
 from tripwatt.routes.listed import LINK_KEYS, route_from_links
 from tripwatt.routes.points import (
     a_list,
@@ -34,7 +34,7 @@ from tripwatt.routes.points import (
 )
 from tripwatt.routes.table import is_links_table, route_from_table
 from tripwatt.routes.tracks import Track
-from tripwatt.trips import FloatArray
+from tripwatt.trips import Flag, FloatArray
 from tripwatt.units import M_PER_MILE, M_S_PER_KM_H
 
 M_PER_FOOT: Final = 0.3048
@@ -62,7 +62,7 @@ class _Pieces:
         else:
             self.left_m, self.left_s = length, time
 
-    def route(self, where: str, heights: tuple[FloatArray, FloatArray] | None, *notes: str) -> LinkRoute:
+    def route(self, where: str, heights: tuple[FloatArray, FloatArray] | None, *flags: Flag) -> LinkRoute:
         if not self.length_m:
             raise InvalidInput(
                 Fault("no route", where, "no piece with a length and a time", "a route to drive")
@@ -73,7 +73,7 @@ class _Pieces:
         position, height = heights if heights is not None else (None, None)
         if position is not None and position[-1] > 0:
             position = position * (float(length.sum()) / position[-1])
-        said = notes if heights is not None else (*notes, FLAT_ROAD_NOTE)
+        assumed = flags if heights is not None else (*flags, FLAT_ROAD)
         return LinkRoute(
             length,
             np.array(self.time_s),
@@ -81,14 +81,14 @@ class _Pieces:
             np.array(self.moving_m_s),
             position,
             height,
-            said,
+            assumed,
         )
 
 
-def _first(value: Any, where: str) -> tuple[dict[str, Any], tuple[str, ...]]:
+def _first(value: Any, where: str) -> tuple[dict[str, Any], tuple[Flag, ...]]:
     routes = a_list(value, where, least=1)
-    notes = () if len(routes) == 1 else (f"the first of {len(routes)} routes is used",)
-    return an_object(routes[0], f"{where}[0]"), notes
+    flags = () if len(routes) == 1 else (first_of("routes", len(routes)),)
+    return an_object(routes[0], f"{where}[0]"), flags
 
 
 def _heights(points: FloatArray) -> tuple[FloatArray, FloatArray] | None:
@@ -119,7 +119,7 @@ def route_from_osrm(answer: Mapping[str, Any], where: str = "OSRM answer") -> Li
         raise InvalidInput(
             Fault("the router found no route", where, repr(answer.get("code"))[:60], "code Ok")
         )
-    route, notes = _first(answer.get("routes"), f"{where}, routes")
+    route, flags = _first(answer.get("routes"), f"{where}, routes")
     pieces = _Pieces()
     for k, entry in enumerate(a_list(route.get("legs"), f"{where}, legs", least=1)):
         place = f"{where}, legs[{k}]"
@@ -141,7 +141,7 @@ def route_from_osrm(answer: Mapping[str, Any], where: str = "OSRM answer") -> Li
                 )
         else:
             _add_steps(pieces, leg.get("steps") or [leg], place, "distance", "duration")
-    return pieces.route(where, None, *notes)
+    return pieces.route(where, None, *flags)
 
 
 def _add_steps(
@@ -218,12 +218,12 @@ def route_from_openrouteservice(
     heights = None
     metres = _openrouteservice_unit(answer, where)
     if "features" in answer:
-        feature, notes = _first(answer["features"], f"{where}, features")
+        feature, flags = _first(answer["features"], f"{where}, features")
         route = an_object(feature.get("properties"), f"{where}, properties")
         geometry = an_object(feature.get("geometry"), f"{where}, geometry")
         heights = _heights(coordinates(geometry.get("coordinates"), f"{where}, coordinates"))
     else:
-        route, notes = _first(answer.get("routes"), f"{where}, routes")
+        route, flags = _first(answer.get("routes"), f"{where}, routes")
         summary = route.get("summary")
         three = isinstance(summary, dict) and ("ascent" in summary or "descent" in summary)
         if three and isinstance(route.get("geometry"), str):
@@ -234,7 +234,7 @@ def route_from_openrouteservice(
         segment = an_object(entry, place)
         steps = segment.get("steps") or [segment]
         _add_steps(pieces, steps, place, "distance", "duration", length_scale=metres)
-    return pieces.route(where, heights, *notes)
+    return pieces.route(where, heights, *flags)
 
 
 def _openrouteservice_unit(answer: Mapping[str, Any], where: str) -> float:
@@ -260,7 +260,7 @@ def route_from_graphhopper(answer: Mapping[str, Any], where: str = "GraphHopper 
     """
     if "paths" not in answer and "message" in answer:
         raise InvalidInput(Fault("the router found no route", where, repr(answer["message"])[:120], "paths"))
-    path, notes = _first(answer.get("paths"), f"{where}, paths")
+    path, flags = _first(answer.get("paths"), f"{where}, paths")
     points = _graphhopper_points(path, where)
     given = path.get("details")
     details = given if isinstance(given, dict) else {}
@@ -275,7 +275,7 @@ def route_from_graphhopper(answer: Mapping[str, Any], where: str = "GraphHopper 
     else:
         instructions = path.get("instructions") or [path]
         _add_steps(pieces, instructions, where, "distance", "time", time_scale=1e-3)
-    return pieces.route(where, None if points is None else _heights(points), *notes)
+    return pieces.route(where, None if points is None else _heights(points), *flags)
 
 
 def _graphhopper_points(path: Mapping[str, Any], where: str) -> FloatArray | None:
@@ -424,7 +424,7 @@ def is_route(path: Path | str) -> bool:
     return head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"<", b"{", b"[") or is_links_table(head)
 
 
-def read_route(source: bytes | str | Path, *, where: str | None = None) -> LinkRoute | Track:
+def parse_route(source: bytes | str | Path, *, where: str | None = None) -> LinkRoute | Track:
     """A route in any of the formats: GPX, GeoJSON, a router's answer, or links as JSON or CSV. O(bytes).
 
     The format is told from the content. Links are a JSON array of objects, or an object with a key `links`, as
@@ -448,7 +448,7 @@ def read_route(source: bytes | str | Path, *, where: str | None = None) -> LinkR
 
     Examples
     --------
-    >>> read_route(b'[{"length_m": 500, "speed_m_s": 10}]').duration_s
+    >>> parse_route(b'[{"length_m": 500, "speed_m_s": 10}]').duration_s
     50.0
     """
     data, name = content(source, where)

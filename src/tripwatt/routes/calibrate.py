@@ -9,10 +9,9 @@ from typing import Final
 import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.routes.departure import departure_of
-from tripwatt.routes.links import links_of_trip, trip_from_links
+from tripwatt.routes.links import links_of_trip, plan_from_links
 from tripwatt.routes.profile import LinkStyle
-from tripwatt.trips import FloatArray, Trip
+from tripwatt.trips import FloatArray, Plan, Trip
 from tripwatt.units import GRAVITY_M_S2
 
 LINK_LENGTHS_M: Final = (250.0, 1000.0)
@@ -30,7 +29,7 @@ LOWEST: Final = (2.0, 0.0, 0.08)
 HIGHEST: Final = (30.0, 0.8, 0.8)
 
 
-def road_work(trip: Trip) -> float:
+def road_work(trip: Trip | Plan) -> float:
     """Electric work per mass of a compact electric car over a trip on a flat road [J/kg], braking partly recovered.
 
     Examples
@@ -57,7 +56,7 @@ def calibrate_style(
     trips: Sequence[Trip],
     *,
     length_m: Sequence[float] = LINK_LENGTHS_M,
-    energy: Callable[[Trip], float] = road_work,
+    energy: Callable[[Trip | Plan], float] = road_work,
     style: LinkStyle | None = None,
     most_trips: int = 40,
     most_evaluations: int = 120,
@@ -105,15 +104,13 @@ def calibrate_style(
     low = np.array([b for n, b in zip(FITTED, LOWEST, strict=True) if n in names])
     high = np.array([b for n, b in zip(FITTED, HIGHEST, strict=True) if n in names])
     cases = [
-        (links_of_trip(trip, length), departure_of(trip), energy(trip))
-        for trip in chosen
-        for length in length_m
+        (links_of_trip(trip, length), trip.departure, energy(trip)) for trip in chosen for length in length_m
     ]
 
     def loss(x: FloatArray) -> float:
         inside = np.clip(x, low, high)
         trial = _with(start, names, inside)
-        off = [abs(energy(trip_from_links(r, d, style=trial)) / e - 1.0) for r, d, e in cases]
+        off = [abs(energy(plan_from_links(r, style=trial).with_departure(d)) / e - 1.0) for r, d, e in cases]
         return float(np.mean(off)) + float(np.sum(np.abs(x - inside)))
 
     first = np.array([getattr(start, name) for name in names])

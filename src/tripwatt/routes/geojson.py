@@ -22,7 +22,7 @@ from tripwatt.routes.points import (
     require_on_earth,
 )
 from tripwatt.routes.tracks import Track, times_of
-from tripwatt.trips import FloatArray
+from tripwatt.trips import Flag, FloatArray
 from tripwatt.units import M_S_PER_KM_H
 
 ROAD_SPEED_M_S: Final[Mapping[str, float]] = MappingProxyType(
@@ -90,10 +90,10 @@ def track_from_geojson(document: Any, where: str) -> Track:
     require_on_earth(points[:, 0], points[:, 1], where)
     # the piece that joins two lines has the speed of the second one
     speed = np.concatenate([np.full(len(line[0]), line[1]) for line in lines])[1:]
-    time, started_at, notes = times_of([text for line in lines for text in line[2]], where)
+    time, started_at, flags = times_of([text for line in lines for text in line[2]], where)
     if skipped:
-        notes = (*notes, f"{skipped} geometries that are no lines left out")
-    return Track(points[:, 0], points[:, 1], points[:, 2], time, speed, started_at, notes)
+        flags = (*flags, Flag("geometries_skipped", "geometries", float(skipped), "1"))
+    return Track(points[:, 0], points[:, 1], points[:, 2], time, speed, started_at, flags)
 
 
 def _collect(

@@ -12,6 +12,7 @@ from xml.parsers import expat
 import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.routes.links import first_of
 from tripwatt.routes.points import MOST_POINTS, content
 from tripwatt.routes.tracks import Track, times_of
 
@@ -71,12 +72,12 @@ def read_gpx(source: bytes | str | Path, *, where: str | None = None) -> Track:
         raise InvalidInput(
             Fault("no track", name, "no trk or rte of two points", "a GPX text with a track or a route")
         )
-    notes = () if len(candidates) == 1 else (f"the first of {len(candidates)} tracks and routes is used",)
+    flags = () if len(candidates) == 1 else (first_of("tracks and routes", len(candidates)),)
     chosen = candidates[0]
     places = np.array([p[:3] for p in chosen], dtype=np.float64)
     time, started_at, more = times_of([p[3] for p in chosen], name)
     unknown = np.full(len(chosen) - 1, np.nan)
-    return Track(places[:, 0], places[:, 1], places[:, 2], time, unknown, started_at, (*notes, *more))
+    return Track(places[:, 0], places[:, 1], places[:, 2], time, unknown, started_at, (*flags, *more))
 
 
 def _refuse(name: str) -> None:

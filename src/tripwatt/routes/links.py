@@ -11,31 +11,35 @@ import numpy as np
 import numpy.typing as npt
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.routes.departure import Departure, planned_trip
 from tripwatt.routes.profile import LinkStyle, link_profile
-from tripwatt.trips import COLUMNS, FloatArray, Trip, raise_faults
+from tripwatt.trips import COLUMNS, LINK_COLUMNS, Flag, FloatArray, Plan, Recorded, raise_faults, table_of
 
 MOST_LINKS: Final = 200_000
 """Links of one route; a router's answer has one for each piece between two nodes of the map."""
 
-MOST_TRAVEL_TIME_S: Final = 48 * 3600.0
+MOST_TRAVEL_TIME_S: Final = LINK_COLUMNS["travel_time_s"].maximum
 """No battery lasts longer than this without a charge."""
 
 MOST_SAMPLES: Final = 2_000_000
 """Samples of one planned trip."""
 
-FASTEST_LINK_M_S: Final = 70.0
-"""Highest mean speed of a link (252 km/h)."""
+FASTEST_LINK_M_S: Final = LINK_COLUMNS["speed_m_s"].maximum
+"""Highest mean speed of a link."""
 
-SHORTEST_LINK_M: Final = 0.01
+SHORTEST_LINK_M: Final = LINK_COLUMNS["length_m"].minimum
 """Shorter pieces are rounding, not road."""
 
-LONGEST_LINK_M: Final = 1e7
+LONGEST_LINK_M: Final = LINK_COLUMNS["length_m"].maximum
 
 SHORTEST_STRETCH_M: Final = 60.0
 """Shorter links are joined with what follows before they are driven: nobody keeps a mean speed over a car's length."""
 
-FLAT_ROAD_NOTE: Final = "no elevation known: the road counts as flat"
+FLAT_ROAD: Final = Flag("no_elevation", "road")
+
+
+def first_of(what: str, number: int) -> Flag:
+    """The flag of a file that holds several routes, of which the first is used."""
+    return Flag("first_of_several", what, float(number), "1")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -53,7 +57,7 @@ class LinkRoute:
         Speed while nothing stands in the way, NaN = not known.
     elevation_position_m, elevation_m : ndarray, shape (heights,), or None
         Heights above sea level at distances from the start; between them the road is straight. None = not known.
-    notes : tuple of str
+    flags : tuple of Flag
         What had to be assumed.
     speed_limit_m_s : ndarray or None
         Highest allowed speed, NaN = not known; None = known of no link.
@@ -70,7 +74,7 @@ class LinkRoute:
     moving_speed_m_s: FloatArray
     elevation_position_m: FloatArray | None = None
     elevation_m: FloatArray | None = None
-    notes: tuple[str, ...] = ()
+    flags: tuple[Flag, ...] = ()
     speed_limit_m_s: FloatArray | None = None
 
     def __post_init__(self) -> None:
@@ -168,7 +172,7 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
             )
 
 
-def links_of_trip(trip: Trip, length_m: float = 250.0) -> LinkRoute:
+def links_of_trip(trip: Recorded, length_m: float = 250.0) -> LinkRoute:
     """Cut a driven trip into links with their mean speed, as a router with perfect traffic data would see it. O(samples).
 
     A link's travel time includes every standstill on it; a standstill at a border belongs to the link behind it. The
@@ -190,6 +194,7 @@ def links_of_trip(trip: Trip, length_m: float = 250.0) -> LinkRoute:
     Examples
     --------
     >>> import pandas as pd
+    >>> from tripwatt.trips import Trip
     >>> log = pd.DataFrame({"time_s": np.arange(61.0), "speed_m_s": np.full(61, 10.0)})
     >>> links_of_trip(Trip.from_samples("t", log), 250.0).travel_time_s
     array([25., 35.])
@@ -214,20 +219,19 @@ def links_of_trip(trip: Trip, length_m: float = 250.0) -> LinkRoute:
         if there.any():
             position, height = border, np.interp(border, driven[there], logged[there])
     unknown = np.full(number, np.nan)
-    notes = () if height is not None else (FLAT_ROAD_NOTE,)
-    return LinkRoute(np.diff(border), np.diff(passed), unknown, unknown, position, height, notes)
+    flags = () if height is not None else (FLAT_ROAD,)
+    return LinkRoute(np.diff(border), np.diff(passed), unknown, unknown, position, height, flags)
 
 
-def trip_from_links(
+def plan_from_links(
     route: LinkRoute,
-    departure: Departure | None = None,
     *,
     trip_id: str = "route",
     style: LinkStyle | None = None,
     rng: np.random.Generator | None = None,
     step_s: float = 1.0,
-) -> Trip:
-    """Drive a planned route: a trip without measurements, from standstill to standstill. O(length / 4 m + samples).
+) -> Plan:
+    """Drive a planned route from standstill to standstill. O(length / 4 m + samples).
 
     Links shorter than `SHORTEST_STRETCH_M` are joined with what follows until a stop that was given. The travel time
     of every stretch is reproduced by `link_profile`.
@@ -235,8 +239,6 @@ def trip_from_links(
     Parameters
     ----------
     route : LinkRoute
-    departure : Departure, optional
-        Temperatures, state of charge, season and so on.
     trip_id : str
     style : LinkStyle, optional
     rng : numpy.random.Generator, optional
@@ -246,9 +248,8 @@ def trip_from_links(
 
     Returns
     -------
-    Trip
-        Columns `time_s`, `speed_m_s`, `elevation_m` where it is known, and what `departure` knows; what had to be
-        assumed stands in `context.notes`, and how long the links are in `context.planned_link_m`.
+    Plan
+        Columns `time_s`, `speed_m_s`, and `elevation_m` where it is known; with the length of its links.
 
     Raises
     ------
@@ -258,11 +259,10 @@ def trip_from_links(
     Examples
     --------
     >>> from tripwatt.routes import route_from_links
-    >>> trip = trip_from_links(route_from_links([{"length_m": 1000.0, "speed_m_s": 12.5}]))
-    >>> trip.duration_s, round(trip.distance_m), trip.context.notes
-    (80.0, 1000, 'no elevation known: the road counts as flat')
+    >>> plan = plan_from_links(route_from_links([{"length_m": 1000.0, "speed_m_s": 12.5}]))
+    >>> plan.duration_s, round(plan.distance_m), plan.flags[0].code
+    (80.0, 1000, 'no_elevation')
     """
-    departure = departure or Departure()
     finest = max(route.duration_s / MOST_SAMPLES, 1e-3)
     if not (math.isfinite(step_s) and step_s >= finest):
         raise InvalidInput(Fault("step out of range", "step_s", f"{step_s}", f"{finest:g} s or more"))
@@ -283,8 +283,9 @@ def trip_from_links(
     height = route.elevation_at(profile.position_m)
     if height is not None:
         columns["elevation_m"] = height
-    context = replace(departure.context, planned_link_m=float(length @ length / length.sum()))
-    return planned_trip(trip_id, columns, replace(departure, context=context), route.notes)
+    link_m = float(length @ length / length.sum())
+    plan = Plan.from_samples(trip_id, table_of(columns), link_m=link_m, flags=route.flags)
+    return replace(plan, step_s=step_s)
 
 
 def _stretches(route: LinkRoute) -> npt.NDArray[np.int64]:
@@ -338,7 +339,7 @@ def join_routes(routes: Sequence[LinkRoute]) -> LinkRoute:
         driven += route.distance_m
     complete = len(heights) == len(routes)
     limits = [r.speed_limit_m_s for r in routes]
-    notes = tuple(dict.fromkeys(note for route in routes for note in route.notes))
+    flags = tuple(dict.fromkeys(flag for route in routes for flag in route.flags))
     return LinkRoute(
         np.concatenate([r.length_m for r in routes]),
         np.concatenate([r.travel_time_s for r in routes]),
@@ -346,7 +347,7 @@ def join_routes(routes: Sequence[LinkRoute]) -> LinkRoute:
         np.concatenate([r.moving_speed_m_s for r in routes]),
         np.concatenate(places) if complete else None,
         np.concatenate(heights) if complete else None,
-        notes if complete or FLAT_ROAD_NOTE in notes else (*notes, FLAT_ROAD_NOTE),
+        flags if complete or FLAT_ROAD in flags else (*flags, FLAT_ROAD),
         None
         if all(limit is None for limit in limits)
         else np.concatenate(

@@ -12,16 +12,16 @@ from typing import Final
 import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.routes.links import FLAT_ROAD_NOTE, MOST_LINKS, LinkRoute
-from tripwatt.trips import FloatArray, raise_faults
+from tripwatt.routes.links import FLAT_ROAD, MOST_LINKS, LinkRoute
+from tripwatt.trips import LINK_COLUMNS, Flag, FloatArray, raise_faults
 
 MOST_FAULTS: Final = 50
 """So many faults of links are named; of the rest the number."""
 
-STEEPEST_LINK: Final = 0.4
+STEEPEST_LINK: Final = LINK_COLUMNS["grade"].maximum
 """Largest grade of a link; the steepest streets of the world have 0.35."""
 
-RELATIVE_NOTE: Final = "elevation counted from the departure, which is set to 0 m"
+RELATIVE_ELEVATION: Final = Flag("elevation_relative", "road")
 
 LINK_KEYS: Final = frozenset(
     {
@@ -59,8 +59,8 @@ def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
     --------
     >>> route = route_from_links([{"length_m": 500.0, "speed_m_s": 10.0, "grade": 0.02},
     ...                           {"length_m": 1000.0, "travel_time_s": 60.0, "grade": -0.01}])
-    >>> route.duration_s, route.elevation_at([500.0, 1500.0]), route.notes
-    (110.0, array([10.,  0.]), ('elevation counted from the departure, which is set to 0 m',))
+    >>> route.duration_s, route.elevation_at([500.0, 1500.0]), route.flags[0].code
+    (110.0, array([10.,  0.]), 'elevation_relative')
     """
     given = list(itertools.islice(links, MOST_LINKS + 1))
     columns = _sound_columns(given)
@@ -71,7 +71,7 @@ def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
         time = np.where(
             np.isnan(columns["travel_time_s"]), length / columns["speed_m_s"], columns["travel_time_s"]
         )
-    position, height, note = _elevation(columns)
+    position, height, flags = _elevation(columns)
     limit = columns["speed_limit_m_s"]
     return LinkRoute(
         length,
@@ -80,7 +80,7 @@ def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
         columns["moving_speed_m_s"],
         position,
         height,
-        (note,) if note else (),
+        flags,
         limit if np.isfinite(limit).any() else None,
     )
 
@@ -215,7 +215,9 @@ def _finite(value: float, where: str, faults: list[Fault]) -> float:
     return number
 
 
-def _elevation(columns: Mapping[str, FloatArray]) -> tuple[FloatArray | None, FloatArray | None, str]:
+def _elevation(
+    columns: Mapping[str, FloatArray],
+) -> tuple[FloatArray | None, FloatArray | None, tuple[Flag, ...]]:
     """Heights at the ends of the links, from grades or from heights; a link without either is level or joins its neighbours."""
     border = np.concatenate(([0.0], np.cumsum(columns["length_m"])))
     start, end, grade = columns["start_elevation_m"], columns["end_elevation_m"], columns["grade"]
@@ -228,9 +230,9 @@ def _elevation(columns: Mapping[str, FloatArray]) -> tuple[FloatArray | None, Fl
             message = "grade on some links and elevation on others"
             raise InvalidInput(Fault("how steep?", "links", message, "one of both on all links"))
         there = np.isfinite(height)
-        note = "" if there.all() else "elevation bridged over links that do not say theirs"
-        return position[there], height[there], note
+        flags = () if there.all() else (Flag("elevation_interpolated", "links"),)
+        return position[there], height[there], flags
     if np.isfinite(grade).any():
         rise = np.nan_to_num(grade, nan=0.0) * columns["length_m"]
-        return border, np.concatenate(([0.0], np.cumsum(rise))), RELATIVE_NOTE
-    return None, None, FLAT_ROAD_NOTE
+        return border, np.concatenate(([0.0], np.cumsum(rise))), (RELATIVE_ELEVATION,)
+    return None, None, (FLAT_ROAD,)

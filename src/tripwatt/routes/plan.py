@@ -1,34 +1,31 @@
-"""The one door: whatever a route came as, the trip that will be driven on it."""
+"""Whatever a route came as, the plan of the drive on it."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from tripwatt.routes.departure import Departure
-from tripwatt.routes.links import LinkRoute, trip_from_links
+from tripwatt.routes.links import LinkRoute, plan_from_links
 from tripwatt.routes.profile import LinkStyle
-from tripwatt.routes.tracks import Track, route_from_track, trip_from_track
-from tripwatt.trips import Trip
+from tripwatt.routes.tracks import Track, plan_from_track, route_from_track
+from tripwatt.trips import Plan
 
 
-def plan_trip(
+def plan_from_route(
     route: LinkRoute | Track,
-    departure: Departure | None = None,
     *,
     speed_m_s: float | None = None,
     trip_id: str = "route",
     style: LinkStyle | None = None,
     rng: np.random.Generator | None = None,
     step_s: float = 1.0,
-) -> Trip:
-    """A trip without measurements from links or a track. O(length / 4 m + samples).
+) -> Plan:
+    """A plan from links or a track. O(length / 4 m + samples).
 
-    The log of a drive keeps its own speed; everything else becomes links that a driver drives (`trip_from_links`).
+    The log of a drive keeps its own speed; everything else becomes links that a driver drives (`plan_from_links`).
 
     Parameters
     ----------
     route : LinkRoute or Track
-    departure : Departure, optional
     speed_m_s : float, optional
         Mean speed [m/s] of a track's pieces that know neither time nor speed.
     trip_id : str
@@ -41,17 +38,17 @@ def plan_trip(
     Raises
     ------
     InvalidInput
-        As `trip_from_track`, `route_from_track` and `trip_from_links`.
+        As `plan_from_track`, `route_from_track` and `plan_from_links`.
 
     Examples
     --------
-    >>> from tripwatt.routes import read_route
-    >>> line = read_route(b'{"type": "LineString", "coordinates": [[11.5, 48.1], [11.52, 48.1]]}')
-    >>> round(plan_trip(line, speed_m_s=14.0).duration_s)
+    >>> from tripwatt.routes import parse_route
+    >>> line = parse_route(b'{"type": "LineString", "coordinates": [[11.5, 48.1], [11.52, 48.1]]}')
+    >>> round(plan_from_route(line, speed_m_s=14.0).duration_s)
     107
     """
     if isinstance(route, Track):
         if route.is_log:
-            return trip_from_track(route, departure, trip_id=trip_id, step_s=step_s)
+            return plan_from_track(route, trip_id=trip_id, step_s=step_s)
         route = route_from_track(route, speed_m_s)
-    return trip_from_links(route, departure, trip_id=trip_id, style=style, rng=rng, step_s=step_s)
+    return plan_from_links(route, trip_id=trip_id, style=style, rng=rng, step_s=step_s)

@@ -10,10 +10,9 @@ from typing import Final
 import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.routes.departure import Departure, planned_trip
 from tripwatt.routes.links import (
     FASTEST_LINK_M_S,
-    FLAT_ROAD_NOTE,
+    FLAT_ROAD,
     MOST_SAMPLES,
     MOST_TRAVEL_TIME_S,
     SHORTEST_LINK_M,
@@ -23,7 +22,7 @@ from tripwatt.routes.points import (
     haversine_m,
     require_on_earth,
 )
-from tripwatt.trips import COLUMNS, FloatArray, Trip, raise_faults
+from tripwatt.trips import COLUMNS, Departure, Flag, FloatArray, Plan, raise_faults, table_of
 
 DENSE_STEP_S: Final = 5.0
 """A track whose median step is at most this is a log of the drive; a sparser one gives links."""
@@ -55,7 +54,7 @@ class Track:
         Mean speed between two points where the source says it, else NaN.
     started_at : datetime or None
         Time of the first point.
-    notes : tuple of str
+    flags : tuple of Flag
 
     Raises
     ------
@@ -69,7 +68,7 @@ class Track:
     time_s: FloatArray | None
     piece_speed_m_s: FloatArray
     started_at: dt.datetime | None = None
-    notes: tuple[str, ...] = ()
+    flags: tuple[Flag, ...] = ()
 
     def __post_init__(self) -> None:
         if len(self.latitude_deg) < 2:
@@ -122,13 +121,13 @@ class Track:
         """Whether the times are so dense that the track is the log of a drive."""
         return self.time_s is not None and float(np.median(np.diff(self.time_s))) <= DENSE_STEP_S
 
-    def elevation(self) -> tuple[FloatArray | None, FloatArray | None, tuple[str, ...]]:
-        """Distances, heights and what has to be said of them; None where no point knows its height."""
+    def elevation(self) -> tuple[FloatArray | None, FloatArray | None, tuple[Flag, ...]]:
+        """Distances, heights and what is assumed of them; None where no point has a height."""
         known = np.isfinite(self.elevation_m)
         if not known.any():
-            return None, None, (FLAT_ROAD_NOTE,)
-        notes = () if known.all() else ("elevation bridged over points that do not say theirs",)
-        return self.position_m[known], self.elevation_m[known], notes
+            return None, None, (FLAT_ROAD,)
+        flags = () if known.all() else (Flag("elevation_interpolated", "track"),)
+        return self.position_m[known], self.elevation_m[known], flags
 
 
 def needs_speed(route: LinkRoute | Track) -> bool:
@@ -143,12 +142,12 @@ def needs_speed(route: LinkRoute | Track) -> bool:
     return isinstance(route, Track) and route.time_s is None and bool(np.isnan(route.piece_speed_m_s).any())
 
 
-def times_of(texts: list[str], where: str) -> tuple[FloatArray | None, dt.datetime | None, tuple[str, ...]]:
+def times_of(texts: list[str], where: str) -> tuple[FloatArray | None, dt.datetime | None, tuple[Flag, ...]]:
     """Seconds from the first point, interpolated by order where a point has none; None unless both ends have one."""
     if not any(texts):
         return None, None, ()
     if not (texts[0] and texts[-1]):
-        return None, None, ("times ignored: the first or the last point has none",)
+        return None, None, (Flag("times_ignored", "track"),)
     values = np.full(len(texts), np.nan)
     first: dt.datetime | None = None
     for k, text in enumerate(texts):
@@ -165,9 +164,9 @@ def times_of(texts: list[str], where: str) -> tuple[FloatArray | None, dt.dateti
         first = first or moment
         values[k] = (moment - _EPOCH).total_seconds()
     known = np.flatnonzero(np.isfinite(values))
-    notes = () if len(known) == len(values) else ("times of points that have none interpolated",)
+    flags = () if len(known) == len(values) else (Flag("times_interpolated", "track"),)
     values = np.interp(np.arange(len(values)), known, values[known])
-    return values - values[0], first, notes
+    return values - values[0], first, flags
 
 
 def route_from_track(track: Track, speed_m_s: float | None = None) -> LinkRoute:
@@ -194,7 +193,7 @@ def route_from_track(track: Track, speed_m_s: float | None = None) -> LinkRoute:
     array([55.6])
     """
     step = track.step_m
-    notes: tuple[str, ...] = track.notes
+    flags = track.flags
     if track.time_s is not None:
         time = np.diff(track.time_s)
     else:
@@ -213,13 +212,13 @@ def route_from_track(track: Track, speed_m_s: float | None = None) -> LinkRoute:
                 )
             )
         if speed_m_s is not None and unknown.any():
-            notes = (*notes, f"{speed_m_s:g} m/s assumed where the track says no speed")
+            flags = (*flags, Flag("speed_assumed", "track", speed_m_s, "m_s"))
         time = step / np.where(unknown, speed_m_s or np.nan, track.piece_speed_m_s)
     first = _joined(step, time, track.piece_speed_m_s if track.time_s is None else np.zeros_like(step))
     length, seconds = np.add.reduceat(step, first), np.add.reduceat(time, first)
-    position, height, said = track.elevation()
+    position, height, more = track.elevation()
     none = np.full(len(length), np.nan)
-    return LinkRoute(length, seconds, none, none, position, height, (*notes, *said))
+    return LinkRoute(length, seconds, none, none, position, height, (*flags, *more))
 
 
 def _joined(
@@ -240,14 +239,13 @@ def _joined(
     return np.array(first, dtype=np.int64)
 
 
-def trip_from_track(
+def plan_from_track(
     track: Track,
-    departure: Departure | None = None,
     *,
     trip_id: str = "track",
     step_s: float = 1.0,
-) -> Trip:
-    """A drive that a track has logged: its own speed over time, without measurements of energy. O(points).
+) -> Plan:
+    """The speed over time that a track has logged. O(points).
 
     Speed is the change of position over five seconds; below `STANDING_M_S` the car stands.
 
@@ -255,8 +253,6 @@ def trip_from_track(
     ----------
     track : Track
         With times.
-    departure : Departure, optional
-        Temperatures, state of charge and so on; its `started_at`, when unknown, is the track's.
     trip_id : str
     step_s : float
         Time between two samples [s].
@@ -270,15 +266,12 @@ def trip_from_track(
     --------
     >>> from tripwatt.routes import read_gpx
     >>> text = "".join(f'<trkpt lat="{48 + k / 1e4:.4f}" lon="11"><time>2026-05-01T08:00:{k:02d}Z</time></trkpt>' for k in range(30))
-    >>> trip = trip_from_track(read_gpx(f"<gpx><trk><trkseg>{text}</trkseg></trk></gpx>".encode()))
-    >>> trip.array("speed_m_s")[10].round(2)
+    >>> plan = plan_from_track(read_gpx(f"<gpx><trk><trkseg>{text}</trkseg></trk></gpx>".encode()))
+    >>> plan.array("speed_m_s")[10].round(2)
     np.float64(11.12)
     """
     if track.time_s is None:
         raise InvalidInput(Fault("no times", "track", "points without time", "a track with times"))
-    departure = departure or Departure()
-    if departure.context.started_at is None and track.started_at is not None:
-        departure = replace(departure, context=replace(departure.context, started_at=track.started_at))
     keep = np.concatenate(([True], np.diff(track.time_s) > 0))
     # of points with one time the last place counts
     last = np.append(np.flatnonzero(keep)[1:], len(track)) - 1
@@ -296,9 +289,10 @@ def trip_from_track(
     if len(fast):
         got = f"{speed[fast[0]]:.0f} m/s at {time[fast[0]]:g} s"
         raise InvalidInput(Fault("the track jumps", "track", got, f"at most {FASTEST_LINK_M_S:g} m/s"))
-    position, height, notes = track.elevation()
+    position, height, flags = track.elevation()
     columns = {"time_s": time, "speed_m_s": speed}
     if position is not None and height is not None:
         columns["elevation_m"] = np.interp(np.interp(time, known_s, driven), position, height)
-    departure = replace(departure, context=replace(departure.context, planned_link_m=None))
-    return planned_trip(trip_id, columns, departure, (*track.notes, *notes))
+    departure = Departure(started_at=track.started_at)
+    plan = Plan.from_samples(trip_id, table_of(columns), departure, flags=(*track.flags, *flags))
+    return replace(plan, step_s=step_s)

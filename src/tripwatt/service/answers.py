@@ -13,6 +13,16 @@ class Answer(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
 
+class FlagAnswer(Answer):
+    """Something that was assumed, or that lies outside what the model has learned from."""
+
+    code: str = Field(description="what it is, for programs")
+    subject: str = Field(description="the field or part that it is about")
+    value: float | str | None = Field(description="what was found or assumed, in `unit`")
+    unit: str
+    message: str = Field(description="the same in English")
+
+
 class Series(Answer):
     """Along the route: a value at departure and at the end of every block; the band is the central 90 %."""
 
@@ -41,7 +51,9 @@ class ForecastAnswer(Answer):
     by_cause_wh: dict[str, float] = Field(description="cause -> energy [Wh]; they add up to energy_wh")
     battery_loss_wh: float = Field(description="heat in the battery, on top of the energy [Wh]")
     measured_until_s: float = Field(description="how much of the trip was measured [s]; 0 before departure")
-    flags: list[str] = Field(description="what was not known, or lies outside what training saw")
+    flags: list[FlagAnswer] = Field(
+        description="what was unknown, or lies outside the range of the training trips"
+    )
 
 
 class ProblemFault(Answer):
@@ -144,7 +156,7 @@ class RouteAnswer(Answer):
     elevation: ElevationAnswer | None
     duration_s: float
     distance_m: float
-    notes: list[str] = Field(description="what had to be assumed")
+    notes: list[FlagAnswer] = Field(description="what had to be assumed")
 
 
 class HealthAnswer(Answer):

@@ -10,14 +10,14 @@ from typing import Annotated, Any, Final, TypeVar
 import numpy as np
 import orjson
 import pandas as pd
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, WithJsonSchema
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError, WithJsonSchema
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes import LinkRoute, route_from_links
-from tripwatt.routes.links import FASTEST_LINK_M_S, FLAT_ROAD_NOTE
+from tripwatt.routes.links import FLAT_ROAD
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import LEAST_SAMPLES, canonical_samples
-from tripwatt.trips import COLUMNS, FloatArray
+from tripwatt.trips import COLUMNS, LINK_COLUMNS, QUANTITIES, Column, FloatArray
 
 LEAST_MEASURED: Final = 2
 LEAST_DURATION_S: Final = 1.0
@@ -86,6 +86,26 @@ def _one_of(**fields: str) -> dict[str, Any]:
     }
 
 
+def _field(
+    columns: Mapping[str, Column],
+    name: str,
+    default: Any = None,
+    *,
+    positive: bool = False,
+    also: AliasChoices | None = None,
+) -> Any:
+    """A number with the bounds and the meaning that the schema gives it."""
+    column = columns[name]
+    return Field(
+        default,
+        gt=0.0 if positive else None,
+        ge=None if positive else column.minimum,
+        le=column.maximum,
+        validation_alias=also,
+        description=f"{column.meaning} [{column.unit}]",
+    )
+
+
 class Link(BaseModel):
     """A piece of a planned road. Either `speed_m_s` or `travel_time_s`; either `grade` or both heights, or neither."""
 
@@ -93,25 +113,15 @@ class Link(BaseModel):
         extra="forbid", json_schema_extra=_one_of(speed_m_s="number", travel_time_s="number")
     )
 
-    length_m: float = Field(gt=0, le=1e7, description="length [m]")
-    speed_m_s: float | None = Field(
-        None, gt=0, le=FASTEST_LINK_M_S, description="mean speed, standstill included [m/s]"
-    )
-    travel_time_s: float | None = Field(None, gt=0, description="time on it, standstill included [s]")
-    stop_s: float | None = Field(
-        None,
-        ge=0,
-        description="standstill at its end, part of its travel time [s]; 0 = the car does not stop",
-    )
-    moving_speed_m_s: float | None = Field(
-        None, gt=0, le=FASTEST_LINK_M_S, description="speed while nothing stands in the way [m/s]"
-    )
-    speed_limit_m_s: float | None = Field(
-        None, gt=0, le=FASTEST_LINK_M_S, description="highest allowed [m/s]"
-    )
-    grade: float | None = Field(None, ge=-0.4, le=0.4, description="rise over length [1]")
-    start_elevation_m: float | None = Field(None, ge=-500, le=9000, description="height at its start [m]")
-    end_elevation_m: float | None = Field(None, ge=-500, le=9000, description="height at its end [m]")
+    length_m: float = _field(LINK_COLUMNS, "length_m", ..., positive=True)
+    speed_m_s: float | None = _field(LINK_COLUMNS, "speed_m_s", positive=True)
+    travel_time_s: float | None = _field(LINK_COLUMNS, "travel_time_s", positive=True)
+    stop_s: float | None = _field(LINK_COLUMNS, "stop_s")
+    moving_speed_m_s: float | None = _field(LINK_COLUMNS, "moving_speed_m_s", positive=True)
+    speed_limit_m_s: float | None = _field(LINK_COLUMNS, "speed_limit_m_s", positive=True)
+    grade: float | None = _field(LINK_COLUMNS, "grade")
+    start_elevation_m: float | None = _field(LINK_COLUMNS, "start_elevation_m")
+    end_elevation_m: float | None = _field(LINK_COLUMNS, "end_elevation_m")
 
 
 class Elevation(BaseModel):
@@ -150,35 +160,19 @@ class ForecastRequest(BaseModel):
     samples: Samples | None = None
     links: Links | None = None
     elevation: Elevation | None = None
-    displayed_soc: float | None = Field(
-        None, ge=0, le=1, description="state of charge at departure as the driver sees it [1]"
-    )
-    ambient_temperature_degc: float | None = Field(
-        None, ge=-60, le=70, description="outside temperature [°C]"
-    )
-    cabin_setpoint_degc: float | None = Field(None, ge=0, le=45, description="set-point of the cabin [°C]")
-    cabin_temperature_degc: float | None = Field(None, ge=-60, le=100, description="cabin at departure [°C]")
-    battery_temperature_degc: float | None = Field(
-        None, ge=-60, le=100, description="battery at departure [°C]"
-    )
-    payload_mass_kg: float | None = Field(None, ge=0, le=60_000, description="load besides the driver [kg]")
-    reserve: float = Field(0.1, ge=0, le=1, description="displayed state of charge to arrive with [1]")
+    soc: float | None = _field(COLUMNS, "displayed_soc", also=AliasChoices("soc", "displayed_soc"))
+    ambient_temperature_degc: float | None = _field(COLUMNS, "ambient_temperature_degc")
+    cabin_setpoint_degc: float | None = _field(COLUMNS, "cabin_setpoint_degc")
+    cabin_temperature_degc: float | None = _field(COLUMNS, "cabin_temperature_degc")
+    battery_temperature_degc: float | None = _field(COLUMNS, "battery_temperature_degc")
+    payload_mass_kg: float | None = _field(QUANTITIES, "payload_mass_kg")
+    reserve: float = _field(QUANTITIES, "reserve", 0.1)
 
 
 class UpdateRequest(ForecastRequest):
     """The same trip, and what was measured on it so far."""
 
     observed: Measured
-
-
-DEPARTURE: Final = (
-    "displayed_soc",
-    "ambient_temperature_degc",
-    "cabin_setpoint_degc",
-    "cabin_temperature_degc",
-    "battery_temperature_degc",
-    "payload_mass_kg",
-)
 
 
 Body = TypeVar("Body", bound=BaseModel)
@@ -251,8 +245,8 @@ def route_of(links: Any, elevation: Elevation | None, limits: Limits) -> LinkRou
         faults.append(Fault("two roads", "elevation", "links that have heights or grades", "one of both"))
     if faults:
         raise InvalidInput(faults)
-    notes = tuple(note for note in route.notes if note != FLAT_ROAD_NOTE)
-    return replace(route, elevation_position_m=position, elevation_m=height, notes=notes)
+    flags = tuple(flag for flag in route.flags if flag != FLAT_ROAD)
+    return replace(route, elevation_position_m=position, elevation_m=height, flags=flags)
 
 
 def require_duration(duration_s: float, where: str, limits: Limits) -> None:

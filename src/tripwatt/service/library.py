@@ -10,8 +10,8 @@ import pandas as pd
 
 from tripwatt.physics.battery import open_circuit_voltage
 from tripwatt.routes import LinkRoute
-from tripwatt.service.bodies import DEPARTURE
 from tripwatt.synthetic import synthetic_fleet
+from tripwatt.trips import ASKED
 from tripwatt.vehicles import load_vehicle, vehicle_names
 
 EXAMPLES: Final = 6
@@ -67,12 +67,9 @@ def examples() -> dict[str, dict[str, Any]]:
     battery = load_vehicle(EXAMPLE_CAR).battery
     found = {}
     for trip in synthetic_fleet(EXAMPLES).trips:
-        at_door = {
-            name: float(trip.array(name)[0])
-            for name in DEPARTURE
-            if name in trip and np.isfinite(trip.array(name)[0])
-        }
-        at_door["displayed_soc"] = float(battery.displayed_from_soc(trip.array("soc")[0]))
+        known = trip.departure.to_dict()
+        at_door: dict[str, Any] = {name: known[name] for name in ASKED if name in known}
+        at_door["soc"] = float(battery.displayed_from_soc(trip.array("soc")[0]))
         route = [c for c in ("time_s", "speed_m_s", "elevation_m") if c in trip]
         measured = [c for c in ("time_s", "voltage_v", "current_a", "soc") if c in trip]
         found[trip.trip_id] = {
@@ -87,7 +84,6 @@ def examples() -> dict[str, dict[str, Any]]:
             "request": {
                 "trip": trip.trip_id,
                 "samples": columns_of(trip.samples[route]),
-                "payload_mass_kg": trip.context.payload_mass_kg,
                 **at_door,
             },
             "observed": columns_of(trip.samples[measured]),

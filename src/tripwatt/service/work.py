@@ -16,23 +16,18 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import (
     Forecast,
     ForecastModel,
-    answer_of,
     load_model,
-    planned_to_come,
-    since_departure,
-    trip_to_come,
 )
 from tripwatt.forecasting.storage import DEFAULT_MODEL
-from tripwatt.forecasting.unmeasured import unmeasured
+from tripwatt.forecasting.unmeasured import on_vehicle
 from tripwatt.routes import (
     Track,
     is_links_table,
-    plan_trip,
-    read_route,
+    parse_route,
+    plan_from_route,
     route_from_track,
 )
 from tripwatt.service.bodies import (
-    DEPARTURE,
     ForecastRequest,
     UpdateRequest,
     measured_of,
@@ -45,8 +40,8 @@ from tripwatt.service.library import columns_of, examples, links_of, vehicles
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import canonical_of_text
 from tripwatt.synthetic import example_trip
-from tripwatt.trips import Trip
-from tripwatt.vehicles import load_vehicle, vehicle_names
+from tripwatt.trips import ASKED, Departure, Flag, Plan, plan_from_samples
+from tripwatt.vehicles import vehicle_names
 
 ROUTE_STARTS: Final = (b"<", b"{", b"[", b"\xff", b"\xfe")
 """First bytes of XML, of JSON, and of UTF-16."""
@@ -58,7 +53,7 @@ class Work:
 
     models: Mapping[str, ForecastModel]
     limits: Limits
-    elsewhere: dict[tuple[str, str], ForecastModel] = field(default_factory=dict)
+    elsewhere: dict[tuple[str, str], tuple[ForecastModel, tuple[Flag, ...]]] = field(default_factory=dict)
     """Models on other cars of the library than their own, made when they are first asked for."""
 
     @classmethod
@@ -69,9 +64,9 @@ class Work:
 
     def warm_up(self) -> None:
         """Forecast something, so that the first request is as fast as the others."""
-        samples = example_trip()
+        plan = plan_from_samples(example_trip(), "warm-up")
         for model in self.models.values():
-            answer_of(model.forecast(trip_to_come(samples, "warm-up")), 0.0)
+            model.forecast(plan).to_dict()
 
     def done(self, job: Mapping[str, Any], body: bytes) -> dict[str, Any]:
         """The document that a job asks for.
@@ -92,22 +87,20 @@ class Work:
     def forecast(self, body: bytes) -> dict[str, Any]:
         """Answer to a `ForecastRequest`."""
         asked = parse(body, ForecastRequest)
-        return _sound(answer_of(self._forecast(asked)[0], asked.reserve))
+        return _sound(self._forecast(asked).to_dict(asked.reserve))
 
     def update(self, body: bytes) -> dict[str, Any]:
         """Answer to an `UpdateRequest`."""
         asked = parse(body, UpdateRequest)
         observed = measured_of(asked.observed, self.limits)
-        found, trip = self._forecast(asked)
-        return _sound(answer_of(found.update(since_departure(observed, trip)), asked.reserve))
+        return _sound(self._forecast(asked).update(observed).to_dict(asked.reserve))
 
-    def _forecast(self, asked: ForecastRequest) -> tuple[Forecast, Trip]:
-        model, notes = self._model(asked)
-        trip = self._trip(asked)
-        found = model.forecast(trip)
-        return (replace(found, flags=(*notes, *found.flags)) if notes else found), trip
+    def _forecast(self, asked: ForecastRequest) -> Forecast:
+        model, flags = self._model(asked)
+        found = model.forecast(self._plan(asked), Departure(**{n: getattr(asked, n) for n in ASKED}))
+        return replace(found, flags=(*flags, *found.flags)) if flags else found
 
-    def _model(self, asked: ForecastRequest) -> tuple[ForecastModel, tuple[str, ...]]:
+    def _model(self, asked: ForecastRequest) -> tuple[ForecastModel, tuple[Flag, ...]]:
         """The model that is asked for, on the car that is asked for, and what has to be said of that."""
         name = next(iter(self.models)) if asked.model is None else asked.model
         if name not in self.models:
@@ -120,19 +113,16 @@ class Work:
                 Fault("no such car", "vehicle", repr(asked.vehicle), ", ".join(vehicle_names()))
             )
         if (name, asked.vehicle) not in self.elsewhere:
-            self.elsewhere[name, asked.vehicle] = unmeasured(model, load_vehicle(asked.vehicle))
-        said = f"no trip of this car was measured: its book values, and what was learned on a {model.vehicle.title}"
-        return self.elsewhere[name, asked.vehicle], (said,)
+            self.elsewhere[name, asked.vehicle] = on_vehicle(model, asked.vehicle)
+        return self.elsewhere[name, asked.vehicle]
 
-    def _trip(self, asked: ForecastRequest) -> Trip:
-        known = {name: getattr(asked, name) for name in DEPARTURE}
+    def _plan(self, asked: ForecastRequest) -> Plan:
         if (asked.samples is None) == (asked.links is None):
             got = "neither" if asked.samples is None else "both"
-            raise InvalidInput(Fault("which trip?", "samples, links", got, "either samples or links"))
+            raise InvalidInput(Fault("no single trip", "samples, links", got, "either samples or links"))
         if asked.samples is not None:
-            return trip_to_come(samples_of(asked.samples, self.limits), asked.trip, **known)
-        route = route_of(asked.links, asked.elevation, self.limits)
-        return planned_to_come(plan_trip(route, trip_id=asked.trip), **known)
+            return plan_from_samples(samples_of(asked.samples, self.limits), asked.trip)
+        return plan_from_route(route_of(asked.links, asked.elevation, self.limits), trip_id=asked.trip)
 
     def route(self, body: bytes, speed_m_s: float | None) -> dict[str, Any]:
         """What an upload holds, as the fields of a `ForecastRequest`.
@@ -146,20 +136,19 @@ class Work:
         """
         if body.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] not in ROUTE_STARTS and not is_links_table(body):
             return self._uploaded_samples(canonical_of_text(body, "upload"))
-        route = read_route(body, where="upload")
+        route = parse_route(body, where="upload")
         if isinstance(route, Track):
             if route.is_log and route.time_s is not None:
                 require_duration(float(route.time_s[-1]), "upload", self.limits)
-                return self._uploaded_samples(plan_trip(route).samples, route.notes)
+                return self._uploaded_samples(plan_from_route(route).samples, route.flags)
             route = route_from_track(route, speed_m_s)
         if len(route) > self.limits.links:
             raise InvalidInput(
                 Fault("too many links", "upload", f"{len(route)}", f"at most {self.limits.links}")
             )
         require_duration(route.duration_s, "upload", self.limits)
-        trip = plan_trip(route)
-        notes = tuple(filter(None, trip.context.notes.split("; ")))
-        return self._uploaded_samples(trip.samples, notes) | {
+        plan = plan_from_route(route)
+        return self._uploaded_samples(plan.samples, plan.flags) | {
             "links": links_of(route),
             "elevation": None
             if route.elevation_m is None or route.elevation_position_m is None
@@ -174,7 +163,7 @@ class Work:
         cars = [(name, model.vehicle.name) for name, model in self.models.items()]
         return [{**row, "models": [name for name, car in cars if car == row["name"]]} for row in vehicles()]
 
-    def _uploaded_samples(self, samples: pd.DataFrame, notes: tuple[str, ...] = ()) -> dict[str, Any]:
+    def _uploaded_samples(self, samples: pd.DataFrame, flags: tuple[Flag, ...] = ()) -> dict[str, Any]:
         time, speed = samples["time_s"].to_numpy(), samples["speed_m_s"].to_numpy()
         if len(samples) > self.limits.samples:
             allowed = f"at most {self.limits.samples}"
@@ -186,7 +175,7 @@ class Work:
             "elevation": None,
             "duration_s": float(time[-1] - time[0]),
             "distance_m": float(np.trapezoid(speed, time)),
-            "notes": notes,
+            "notes": [flag.to_dict() for flag in flags],
         }
 
 

@@ -24,8 +24,8 @@ DATASETS: Final[Mapping[str, str]] = MappingProxyType(
 """Name of a data set -> its reader, imported when it is used."""
 
 
-def read_fleet(path: Path | str, dataset: str = "tum", mapping: Path | str | None = None) -> Fleet:
-    """Read all trips of a data set.
+def read_logs(path: Path | str, dataset: str = "tum", mapping: Path | str | None = None) -> Fleet:
+    """Read all logs of a data set.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def read_fleet(path: Path | str, dataset: str = "tum", mapping: Path | str | Non
 
     Examples
     --------
-    >>> read_fleet("anywhere", dataset="tmu")
+    >>> read_logs("anywhere", dataset="tmu")
     Traceback (most recent call last):
     ...
     tripwatt.errors.InvalidInput: no such data set: dataset: got 'tmu'; allowed: tum...

@@ -30,7 +30,7 @@ from tripwatt.sources.mapping import (
     load_mapping,
     parse_mapping,
 )
-from tripwatt.trips import COLUMNS, Context, Fleet, Trip, raise_faults
+from tripwatt.trips import COLUMNS, Context, Flag, Fleet, Log, raise_faults
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -74,7 +74,7 @@ def read_table(
     files = table_files(path)
     checked = _checked(mapping, files[0])
 
-    def read_one(file: Path) -> tuple[list[Trip], list[str]] | InvalidInput:
+    def read_one(file: Path) -> tuple[list[Log], list[Flag]] | InvalidInput:
         try:
             return _read_file(file, checked)
         except InvalidInput as error:
@@ -135,7 +135,7 @@ def _checked(mapping: Path | str | ColumnMapping | None, first: Path) -> ColumnM
     return parse_mapping("[columns]\n" + "\n".join(f'{n} = {{ column = "{n}" }}' for n in names), f"{first}")
 
 
-def _read_file(path: Path, mapping: ColumnMapping) -> tuple[list[Trip], list[str]]:
+def _read_file(path: Path, mapping: ColumnMapping) -> tuple[list[Log], list[Flag]]:
     table = open_table(path, mapping.decimal)
     entries = _entries(table, mapping)
     if mapping.long_name is not None:
@@ -214,7 +214,7 @@ def _from_epoch(seconds: float) -> dt.datetime | None:
 
 def _read_long(
     table: Table, entries: Mapping[str, Entry], mapping: ColumnMapping
-) -> tuple[list[Trip], list[str]]:
+) -> tuple[list[Log], list[Flag]]:
     """A file with a row for each value: the signals side by side on the union of their times."""
     if mapping.long_name is None or mapping.long_value is None:  # the mapping's check saw to it
         raise InvalidInput(Fault("missing key", f"{mapping.source} [long]", "", "name and value"))
@@ -254,13 +254,13 @@ def _trips_of(
     texts: Sequence[str] | None,
     *,
     stamped: bool,
-) -> tuple[list[Trip], list[str]]:
+) -> tuple[list[Log], list[Flag]]:
     """Trips of one file from its raw columns, after every value that contradicts its unit was named."""
     ours = {name: _converted(name, entries[name], column) for name, column in values.items()}
     raise_faults(_range_faults(table, entries, values, ours, texts is None and mapping.long_name is None))
     frame = pd.DataFrame(ours)
-    notes: list[str] = []
-    trips: list[Trip] = []
+    notes: list[Flag] = []
+    trips: list[Log] = []
     faults: list[Fault] = []
     if texts is None:
         groups = [(table.path.stem, np.arange(len(frame)))]
@@ -269,16 +269,16 @@ def _trips_of(
         groups = [(str(name), np.asarray(rows)) for name, rows in places if str(name)]
         outside = sum(not text for text in texts)
         if outside:
-            notes.append(f"{table.path.name}: {outside} rows without a trip were left out")
+            notes.append(Flag("rows_without_trip", table.path.name, float(outside), "1"))
     timeless = ~np.isfinite(ours["time_s"])
     if timeless.any() and not timeless.all():
-        notes.append(f"{table.path.name}: {int(timeless.sum())} rows without a time were left out")
+        notes.append(Flag("rows_without_time", table.path.name, float(timeless.sum()), "1"))
         groups = [(name, rows[~timeless[rows]]) for name, rows in groups]
     for name, rows in groups:
         samples = frame.iloc[rows].reset_index(drop=True)
         if stamped and bool((np.diff(samples["time_s"]) < 0).any()):
             samples = samples.sort_values("time_s", kind="stable", ignore_index=True)
-            notes.append(f"{table.path.name}: rows of {name} were put in the order of their time stamps")
+            notes.append(Flag("rows_sorted", f"{table.path.name}, trip {name}"))
         notes += _gap_notes(table, name, samples, rows)
         if texts is not None:
             faults += _reused_id(table, name, samples, rows)
@@ -342,22 +342,16 @@ def _unit_hint(name: str, middle: float) -> str:
     return "check the unit in the mapping"
 
 
-def _gap_notes(table: Table, name: str, samples: pd.DataFrame, rows: npt.NDArray[np.int64]) -> Iterator[str]:
+def _gap_notes(table: Table, name: str, samples: pd.DataFrame, rows: npt.NDArray[np.int64]) -> Iterator[Flag]:
     step = np.diff(np.asarray(samples["time_s"]))
     for i in np.flatnonzero(step > GAP_S)[:3]:
         where = f"{table.path.name} row {table.row(int(rows[i + 1]))}, trip {name}"
-        yield (
-            f"{where}: no samples for {step[i]:.0f} s, at most {GAP_S:g} s are bridged: the audit reads what follows as "
-            "another drive"
-        )
+        yield Flag("samples_missing", where, float(step[i]), "s")
     back = np.flatnonzero(step < -GAP_S)
     if len(back):
         i = int(back[0])
         where = f"{table.path.name} row {table.row(int(rows[i + 1]))}, trip {name}"
-        yield (
-            f"{where}: the time goes back by {-step[i]:.0f} s ({len(back)} times in all); several trips in one file? "
-            "Name their column under [trip] in the mapping"
-        )
+        yield Flag("time_goes_back", where, float(-step[i]), "s")
 
 
 def _reused_id(
@@ -373,7 +367,7 @@ def _reused_id(
         yield Fault("two trips with one id", where, got, "one id a trip", "give each trip an id of its own")
 
 
-def _trip(name: str, samples: pd.DataFrame, mapping: ColumnMapping, *, stamped: bool) -> Trip:
+def _trip(name: str, samples: pd.DataFrame, mapping: ColumnMapping, *, stamped: bool) -> Log:
     time = np.asarray(samples["time_s"], dtype=np.float64)
     context = Context()
     if stamped:
@@ -397,8 +391,8 @@ def _trip(name: str, samples: pd.DataFrame, mapping: ColumnMapping, *, stamped: 
     elif mapping.usable_capacity_kwh is not None:
         columns["observed_energy_wh"], energy_std = _energy_from_soc(columns, mapping)
     order = [*(c for c in COLUMNS if c in columns), *(c for c in columns if c not in COLUMNS)]
-    trip = Trip.from_log(name, pd.DataFrame({c: columns[c] for c in order}), context)
-    return replace(trip, observed_energy_std_wh=energy_std)
+    log = Log.from_samples(name, pd.DataFrame({c: columns[c] for c in order}), context)
+    return replace(log, observed_energy_std_wh=energy_std)
 
 
 def _held(time: FloatArray, values: FloatArray, hold_s: float) -> FloatArray:
@@ -433,7 +427,7 @@ def _energy_from_soc(columns: Mapping[str, FloatArray], mapping: ColumnMapping) 
     return energy, math.hypot(from_rounding, from_capacity)
 
 
-def _twice(path: Path, files: Sequence[Path], trips: Sequence[Sequence[Trip]]) -> Iterator[Fault]:
+def _twice(path: Path, files: Sequence[Path], trips: Sequence[Sequence[Log]]) -> Iterator[Fault]:
     seen: dict[str, Path] = {}
     for file, its_trips in zip(files, trips, strict=True):
         for trip in its_trips:
@@ -443,7 +437,7 @@ def _twice(path: Path, files: Sequence[Path], trips: Sequence[Sequence[Trip]]) -
             seen.setdefault(trip.trip_id, file)
 
 
-def _wrong_sign(trips: Sequence[Trip], mapping: ColumnMapping) -> Iterator[Fault]:
+def _wrong_sign(trips: Sequence[Log], mapping: ColumnMapping) -> Iterator[Fault]:
     """A current, or power, that would charge the battery while the car accelerates."""
     correlations = []
     for trip in trips:
@@ -464,22 +458,16 @@ def _wrong_sign(trips: Sequence[Trip], mapping: ColumnMapping) -> Iterator[Fault
         )
 
 
-def _fleet_notes(trips: Sequence[Trip], mapping: ColumnMapping) -> Iterator[str]:
+def _fleet_notes(trips: Sequence[Log], mapping: ColumnMapping) -> Iterator[Flag]:
     columns = set(mapping.columns)
     if not {"elevation_m", "grade"} & columns:
-        yield "the table holds no elevation: every road counts as flat"
+        yield Flag("no_elevation", "table")
     if not any(t.observed_energy_wh is not None for t in trips):
-        yield (
-            "nothing to measure energy with: map voltage_v and current_a, or battery_power_w, "
-            "or a state of charge with [battery] usable_capacity_kwh"
-        )
+        yield Flag("no_energy", "table")
     if {POWER, "current_a"} & columns and mapping.nominal_voltage_v is not None:
-        yield f"{mapping.nominal_voltage_v:g} V stands in where no voltage was logged: only the power is measured"
+        yield Flag("nominal_voltage", "table", mapping.nominal_voltage_v, "V")
     errors = [t.observed_energy_std_wh for t in trips if t.observed_energy_std_wh is not None]
     if errors:
         energies = [abs(t.observed_energy_wh or 0.0) for t in trips]
         share = float(np.median(np.array(errors) / np.maximum(energies, 1e-9)))
-        yield (
-            f"energy is SoC times {mapping.usable_capacity_kwh:g} kWh: its standard error is {np.median(errors):.0f} Wh "
-            f"({share:.0%}) in the median trip"
-        )
+        yield Flag("energy_from_soc", f"{mapping.usable_capacity_kwh:g} kWh", share, "1")

@@ -23,7 +23,16 @@ import pandas as pd
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.sources.delimited import Delimited, column_key, open_delimited, read_numbers
 from tripwatt.sources.tum_overview import read_overview
-from tripwatt.trips import COLUMNS, REQUIRED_COLUMNS, Context, Fleet, Trip, raise_faults, structure_faults
+from tripwatt.trips import (
+    COLUMNS,
+    REQUIRED_COLUMNS,
+    Context,
+    Flag,
+    Fleet,
+    Log,
+    raise_faults,
+    structure_faults,
+)
 from tripwatt.units import M_S_PER_KM_H
 
 FloatArray = npt.NDArray[np.float64]
@@ -137,7 +146,7 @@ def read_tum(folder: Path | str, *, columns: Iterable[str] | None = None, n_jobs
     except InvalidInput as error:
         faults += error.faults
 
-    def read_one(item: tuple[str, Path]) -> Trip | InvalidInput:
+    def read_one(item: tuple[str, Path]) -> Log | InvalidInput:
         try:
             return read_tum_file(item[1], item[0], contexts.get(item[0]), wanted)
         except InvalidInput as error:
@@ -149,7 +158,7 @@ def read_tum(folder: Path | str, *, columns: Iterable[str] | None = None, n_jobs
         if isinstance(result, InvalidInput):
             faults += result.faults
     raise_faults(faults)
-    trips = tuple(r for r in results if isinstance(r, Trip))
+    trips = tuple(r for r in results if isinstance(r, Log))
     return Fleet("tum", trips, tuple(notes), REFERENCE_TRIPS, CITATION)
 
 
@@ -166,7 +175,7 @@ def _checked_columns(columns: Iterable[str] | None) -> frozenset[str] | None:
     return frozenset(asked) | set(REQUIRED_COLUMNS)
 
 
-def trip_files(folder: Path) -> tuple[dict[str, Path], list[str]]:
+def trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:
     """The trip files of a folder by trip id, and notes on what else lies there.
 
     Raises
@@ -208,13 +217,13 @@ def trip_files(folder: Path) -> tuple[dict[str, Path], list[str]]:
         faults.append(Fault("no trips", f"{folder}", got, allowed, f"give {below[0]}" if below else get_it))
     raise_faults(faults)
     others = len(csv_files) - len(files)
-    return files, ([f"{others} CSV files that are not named like a trip were not read"] if others else [])
+    return files, ([Flag("files_not_read", "CSV files", float(others), "1")] if others else [])
 
 
 def read_tum_file(
     path: Path, trip_id: str, context: Context | None = None, columns: frozenset[str] | None = None
-) -> Trip:
-    """One trip file as a raw trip. See `read_tum`.
+) -> Log:
+    """One trip file as a log. See `read_tum`.
 
     Raises
     ------
@@ -232,7 +241,7 @@ def read_tum_file(
         copy=False,
     )
     raise_faults(structure_faults(samples, str(path)))
-    return Trip.from_log(trip_id, samples, context)
+    return Log.from_samples(trip_id, samples, context)
 
 
 def _choose(source: Delimited, columns: frozenset[str] | None) -> dict[int, RawColumn]:

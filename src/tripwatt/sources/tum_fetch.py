@@ -16,6 +16,7 @@ from tripwatt.sources.tum import (
     trip_files,
 )
 from tripwatt.sources.tum_overview import read_durations
+from tripwatt.trips.messages import message
 
 _DURATION_TOLERANCE_S: Final = 5.0
 """The sheet's durations agree with whole logs within a second; re-saved copies may lose a block at the end."""
@@ -127,7 +128,8 @@ def check_tum_folder(folder: Path | str) -> FolderReport:
         When there is no such folder, or it holds no trip at all.
     """
     folder = Path(folder)
-    files, notes = trip_files(folder)
+    files, found = trip_files(folder)
+    notes = list(map(message, found))
     overview = True
     durations: dict[str, float] = {}
     try:

@@ -15,7 +15,7 @@ from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.sources.delimited import column_key
-from tripwatt.trips import Context
+from tripwatt.trips import Context, Flag
 
 SEASONS: Final = {"A": "summer", "B": "winter"}
 """The set's two campaigns, told by the letter in the trip's id."""
@@ -28,7 +28,7 @@ _SETPOINT_RANGE_DEGC: Final = (10.0, 40.0)
 _LARGEST_PAYLOAD_KG: Final = 1000.0
 
 
-def read_overview(path: Path, trip_ids: Sequence[str]) -> tuple[dict[str, Context], list[str]]:
+def read_overview(path: Path, trip_ids: Sequence[str]) -> tuple[dict[str, Context], list[Flag]]:
     """Context of each trip that the sheet holds, and what has to be said about the sheet.
 
     A missing sheet, or a trip that it lacks, is a note: season and weather are then unknown.
@@ -39,29 +39,27 @@ def read_overview(path: Path, trip_ids: Sequence[str]) -> tuple[dict[str, Contex
         When the sheet is there but cannot be read or has no column of trip ids.
     """
     if not path.exists():
-        return {}, [f"{path.name} is missing: season, weather and departure of every trip are unknown"]
+        return {}, [Flag("sheet_missing", path.name)]
     rows = _sheet_rows(path)
     contexts: dict[str, Context] = {}
-    notes: list[str] = []
+    notes: list[Flag] = []
     for row in rows:
         match = _TRIP_ID.fullmatch(_text(row.get("trip")))
         if match is None:
             continue
         trip_id = f"Trip{match[1].upper()}"
         if trip_id in contexts:
-            notes.append(f"{path.name} has two rows of {trip_id}: the first counts")
+            notes.append(Flag("sheet_row_twice", trip_id, path.name))
             continue
         contexts[trip_id] = _context(trip_id, row, path.name, notes if trip_id in trip_ids else [])
     absent = [t for t in trip_ids if t not in contexts]
     if absent:
-        notes.append(f"{path.name} lacks {', '.join(absent)}: their season and weather are unknown")
+        notes.append(Flag("sheet_row_missing", ", ".join(absent), path.name))
     departures: dict[dt.datetime, str] = {}
     for trip_id in trip_ids:
         departure = contexts[trip_id].started_at if trip_id in contexts else None
         if departure is not None and departures.setdefault(departure, trip_id) != trip_id:
-            notes.append(
-                f"{path.name} gives {departures[departure]} and {trip_id} one time of departure: at least one is wrong"
-            )
+            notes.append(Flag("same_departure", f"{departures[departure]} and {trip_id}", path.name))
     return contexts, notes
 
 
@@ -110,12 +108,12 @@ def _sheet_rows(path: Path) -> list[Mapping[str, object]]:
     )
 
 
-def _context(trip_id: str, row: Mapping[str, object], sheet: str, notes: list[str]) -> Context:
+def _context(trip_id: str, row: Mapping[str, object], sheet: str, notes: list[Flag]) -> Context:
     remarks = "; ".join(t for t in (_text(row.get("fan")), _text(row.get("note"))) if t)
     route = _text(row.get("route/area"))
     payload = sum((float(m.replace(",", ".")) for m in _PAYLOAD.findall(remarks)), start=0.0)
     if payload > _LARGEST_PAYLOAD_KG:
-        notes.append(f"{sheet}: payload of {trip_id}, {payload:g} kg, is no car's and is not used")
+        notes.append(Flag("value_not_used", f"{sheet}, payload of {trip_id}", f"{payload:g} kg"))
         payload = 0.0
     return Context(
         season=SEASONS[trip_id[4]],
@@ -125,11 +123,11 @@ def _context(trip_id: str, row: Mapping[str, object], sheet: str, notes: list[st
         cabin_setpoint_degc=_setpoint(row.get("target cabin temperature"), trip_id, sheet, notes),
         payload_mass_kg=payload,
         follows_trip=_FOLLOWS in remarks.lower(),
-        notes=remarks,
+        remarks=remarks,
     )
 
 
-def _departure(cell: object, trip_id: str, sheet: str, notes: list[str]) -> dt.datetime | None:
+def _departure(cell: object, trip_id: str, sheet: str, notes: list[Flag]) -> dt.datetime | None:
     if isinstance(cell, dt.datetime):
         return cell.replace(tzinfo=None)
     text = _text(cell)
@@ -138,11 +136,11 @@ def _departure(cell: object, trip_id: str, sheet: str, notes: list[str]) -> dt.d
     except ValueError:
         pass
     if text:
-        notes.append(f"{sheet}: departure of {trip_id}, {text[:40]!r}, is no date and is not used")
+        notes.append(Flag("value_not_used", f"{sheet}, departure of {trip_id}", text[:40]))
     return None
 
 
-def _setpoint(cell: object, trip_id: str, sheet: str, notes: list[str]) -> float | None:
+def _setpoint(cell: object, trip_id: str, sheet: str, notes: list[Flag]) -> float | None:
     text = _text(cell).replace(",", ".")
     if not text:
         return None
@@ -153,9 +151,7 @@ def _setpoint(cell: object, trip_id: str, sheet: str, notes: list[str]) -> float
     low, high = _SETPOINT_RANGE_DEGC
     if low <= value <= high:
         return value
-    notes.append(
-        f"{sheet}: set-point of {trip_id}, {text[:40]!r}, is not {low:g} to {high:g} °C and is not used"
-    )
+    notes.append(Flag("value_not_used", f"{sheet}, set-point of {trip_id}", text[:40]))
     return None
 
 

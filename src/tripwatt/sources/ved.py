@@ -23,7 +23,7 @@ import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.sources.delimited import Delimited, column_key, open_delimited, read_numbers
-from tripwatt.trips import COLUMNS, Context, Fleet, Trip, raise_faults
+from tripwatt.trips import COLUMNS, Context, Flag, Fleet, Log, raise_faults
 from tripwatt.units import M_S_PER_KM_H
 
 FloatArray = npt.NDArray[np.float64]
@@ -122,7 +122,7 @@ def read_ved(folder: Path | str, *, n_jobs: int | None = None) -> Fleet:
     if not trips:
         got = f"{len(files)} weekly files, no trip of an electric car"
         raise InvalidInput(Fault("no trips", f"{folder}", got, "trips with a traction battery and no engine"))
-    notes.append("the set holds no elevation: every road counts as flat")
+    notes.append(Flag("no_elevation", "VED"))
     return Fleet("ved", tuple(trips), tuple(notes), None, CITATION)
 
 
@@ -191,10 +191,10 @@ def _integer_keys(source: Delimited, values: Mapping[str, FloatArray]) -> tuple[
     return values["VehId"].astype(np.int64), values["Trip"].astype(np.int64)
 
 
-def _trips(weeks: list[_Week], with_engine: frozenset[int]) -> tuple[list[Trip], list[str]]:
+def _trips(weeks: list[_Week], with_engine: frozenset[int]) -> tuple[list[Log], list[Flag]]:
     seen: dict[tuple[int, int], str] = {}
     faults: list[Fault] = []
-    trips: list[tuple[float, Trip]] = []
+    trips: list[tuple[float, Log]] = []
     for week in weeks:
         electric = week.samples[~week.samples["car"].isin(with_engine)]
         for _, samples in electric.groupby(["car", "trip"], sort=False):
@@ -213,12 +213,8 @@ def _trips(weeks: list[_Week], with_engine: frozenset[int]) -> tuple[list[Trip],
                 started_at=FIRST_DAY + dt.timedelta(days=day - 1.0), route="Ann Arbor", car=f"{car}"
             )
             ours = samples[[c for c in COLUMNS if c in samples.columns]].reset_index(drop=True)
-            trips.append((day, Trip.from_log(f"VED{car}-{number}", ours, context)))
+            trips.append((day, Log.from_samples(f"VED{car}-{number}", ours, context)))
     raise_faults(faults)
     skipped = len(frozenset().union(*(w.trips for w in weeks))) - len(trips)
-    notes = (
-        [f"{skipped} trips of combustion cars and hybrids, or without samples, were skipped"]
-        if skipped
-        else []
-    )
+    notes = [Flag("trips_skipped", "VED", float(skipped), "1")] if skipped else []
     return [trip for _, trip in sorted(trips, key=lambda item: (item[0], item[1].trip_id))], notes

@@ -23,7 +23,7 @@ from tripwatt.synthetic.plan import Plan, draw_plans
 from tripwatt.synthetic.roads import drive_route
 from tripwatt.synthetic.sensors import logged
 from tripwatt.synthetic.world import live_through
-from tripwatt.trips import Context, Fleet, Trip
+from tripwatt.trips import Context, Flag, Fleet, Trip
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 __all__ = ["VEHICLE", "example_trip", "synthetic_fleet", "synthetic_truth", "synthetic_world"]
@@ -34,10 +34,7 @@ VEHICLE: Final = "bmw_i3_60ah"
 FOLLOWS_WITHIN_S: Final = 300.0
 """A trip that starts this soon [s] after the last one is said to follow it."""
 
-NOTES: Final = (
-    "synthetic: these trips were computed, not driven; no figure on them says anything of a real car",
-    "the hidden truth of each trip is in tripwatt.synthetic.synthetic_truth",
-)
+NOTES: Final = (Flag("synthetic", "synthetic"),)
 
 
 def synthetic_fleet(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0) -> Fleet:
@@ -154,7 +151,8 @@ def _trip(plan: Plan, vehicle: Vehicle, seed: int, step_s: float) -> tuple[Trip,
         cabin_setpoint_degc=plan.setpoint_degc,
         payload_mass_kg=plan.payload_mass_kg,
         follows_trip=follows,
-        notes=f"synthetic, {plan.driver.name}" + (", directly after previous trip" if follows else ""),
+        remarks="synthetic" + (", directly after previous trip" if follows else ""),
+        driver=plan.driver.name,
     )
     trip = Trip.from_samples(plan.trip_id, logged(plan, drive, truth, vehicle, seed), context)
     row: dict[str, object] = {

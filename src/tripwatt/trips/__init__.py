@@ -1,0 +1,58 @@
+"""Drives as data: `Log` as it came, `Trip` after its audit, `Plan` to come, and what is known at the `Departure`."""
+
+from tripwatt.trips.departure import ASKED, SIGNALS, TEMPERATURES, Departure
+from tripwatt.trips.drive import Context, Drive, Log, Recorded, Trip, require_unique_ids, resample
+from tripwatt.trips.flags import Flag
+from tripwatt.trips.fleet import Fleet
+from tripwatt.trips.plan import ROUTE_COLUMNS, Plan, plan_from_samples, plan_from_trip
+from tripwatt.trips.samples import block_means, observed_cumulative_energy, observed_energy, table_of
+from tripwatt.trips.schema import (
+    COLUMNS,
+    LINK_COLUMNS,
+    QUANTITIES,
+    REQUIRED_COLUMNS,
+    Column,
+    FloatArray,
+    is_sound,
+    raise_faults,
+    scalar_faults,
+    structure_faults,
+    validate_samples,
+    value_faults,
+)
+
+__all__ = [
+    "ASKED",
+    "COLUMNS",
+    "LINK_COLUMNS",
+    "QUANTITIES",
+    "REQUIRED_COLUMNS",
+    "ROUTE_COLUMNS",
+    "SIGNALS",
+    "TEMPERATURES",
+    "Column",
+    "Context",
+    "Departure",
+    "Drive",
+    "Flag",
+    "Fleet",
+    "FloatArray",
+    "Log",
+    "Plan",
+    "Recorded",
+    "Trip",
+    "block_means",
+    "is_sound",
+    "observed_cumulative_energy",
+    "observed_energy",
+    "plan_from_samples",
+    "plan_from_trip",
+    "raise_faults",
+    "require_unique_ids",
+    "resample",
+    "scalar_faults",
+    "structure_faults",
+    "table_of",
+    "validate_samples",
+    "value_faults",
+]

@@ -1,0 +1,159 @@
+"""What is known when the car leaves: one class for a person's answers, a log's first sample and a request's fields."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.trips.schema import raise_faults, scalar_faults
+from tripwatt.trips.showing import html_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from tripwatt.trips.drive import Context, Drive
+
+SIGNALS: Final[Mapping[str, str]] = {
+    "ambient_temperature_degc": "ambient_temperature_degc",
+    "cabin_temperature_degc": "cabin_temperature_degc",
+    "cabin_setpoint_degc": "cabin_setpoint_degc",
+    "battery_temperature_degc": "battery_temperature_degc",
+    "bms_soc": "soc",
+    "soc": "displayed_soc",
+}
+"""Field of a departure -> the column of a log whose first sample it is. A log's `soc` is the battery management's."""
+
+TEMPERATURES: Final = (
+    "ambient_temperature_degc",
+    "cabin_temperature_degc",
+    "cabin_setpoint_degc",
+    "battery_temperature_degc",
+)
+"""Fields that the correctors learn from, and that a forecast compares with its training."""
+
+ASKED: Final = ("soc", *TEMPERATURES, "payload_mass_kg")
+"""Fields that a person gives: options of the command line, fields of a request."""
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Departure:
+    """What is known when the car leaves. None means unknown; the models then take their defaults.
+
+    Attributes
+    ----------
+    soc : float or None
+        State of charge as the driver sees it, 0 to 1.
+    ambient_temperature_degc, cabin_setpoint_degc, cabin_temperature_degc, battery_temperature_degc : float or None
+        Temperatures [°C]; outside air and set-point hold for the whole trip, the others for its start.
+    payload_mass_kg : float or None
+        Load besides the driver [kg].
+    bms_soc : float or None
+        State of charge of the battery management, 0 to 1; it counts before `soc` where a log has both.
+    season : {"summer", "winter"} or None
+    weather : str or None
+    follows_trip : bool or None
+        Whether the car comes directly from another trip: tyres and driveline are warm.
+    started_at : datetime or None
+        Local time of departure.
+
+    Raises
+    ------
+    InvalidInput
+        With every value out of its bounds.
+
+    Examples
+    --------
+    >>> Departure(soc=0.8, ambient_temperature_degc=-5)
+    Departure(soc=0.8, ambient_temperature_degc=-5)
+    """
+
+    soc: float | None = None
+    ambient_temperature_degc: float | None = None
+    cabin_setpoint_degc: float | None = None
+    cabin_temperature_degc: float | None = None
+    battery_temperature_degc: float | None = None
+    payload_mass_kg: float | None = None
+    bms_soc: float | None = None
+    season: str | None = None
+    weather: str | None = None
+    follows_trip: bool | None = None
+    started_at: dt.datetime | None = None
+
+    def __post_init__(self) -> None:
+        numbers = {name: getattr(self, name) for name in ("soc", *TEMPERATURES, "payload_mass_kg")}
+        raise_faults(scalar_faults(numbers))
+        raise_faults(scalar_faults({"soc": self.bms_soc}))
+
+    @classmethod
+    def of_drive(cls, drive: Drive, context: Context) -> Departure:
+        """What the first sample of a drive and its context tell.
+
+        Raises
+        ------
+        InvalidInput
+            When a value of the first sample is out of its bounds.
+        """
+        first: dict[str, float] = {}
+        for name, column in SIGNALS.items():
+            if column in drive:
+                value = float(drive.array(column)[0])
+                if np.isfinite(value):
+                    first[name] = value
+        if "cabin_setpoint_degc" not in first and context.cabin_setpoint_degc is not None:
+            first["cabin_setpoint_degc"] = context.cabin_setpoint_degc
+        return cls(
+            **first,
+            payload_mass_kg=context.payload_mass_kg,
+            season=context.season,
+            weather=context.weather,
+            follows_trip=context.follows_trip,
+            started_at=context.started_at,
+        )
+
+    def updated(self, other: Departure | None) -> Departure:
+        """The departure with the known fields of another in place of its own.
+
+        A state of charge that a driver gives takes the place of the battery management's reading.
+
+        Examples
+        --------
+        >>> Departure(bms_soc=0.6, payload_mass_kg=80.0).updated(Departure(soc=0.8))
+        Departure(soc=0.8, payload_mass_kg=80.0)
+        """
+        if other is None:
+            return self
+        known: dict[str, Any] = other.to_dict()
+        if "started_at" in known:
+            known["started_at"] = other.started_at
+        if other.soc is not None and other.bms_soc is None:
+            known["bms_soc"] = None
+        return replace(self, **known)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fields that are known; the time of departure as ISO 8601."""
+        known = {name: value for name, value in asdict(self).items() if value is not None}
+        if self.started_at is not None:
+            known["started_at"] = self.started_at.isoformat()
+        return known
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row; a column for each field, missing where unknown."""
+        return pd.DataFrame([asdict(self)], columns=[field.name for field in fields(self)])
+
+    def plot(self) -> Figure:
+        """The fields that are known, as a table."""
+        from tripwatt.trips.plots import plot_table  # matplotlib is slow to import
+
+        return plot_table("Departure", [(name, str(value)) for name, value in self.to_dict().items()])
+
+    def __repr__(self) -> str:
+        known = ((field.name, getattr(self, field.name)) for field in fields(self))
+        return f"Departure({', '.join(f'{name}={value!r}' for name, value in known if value is not None)})"
+
+    def _repr_html_(self) -> str:
+        return html_table("Departure", [(name, str(value)) for name, value in self.to_dict().items()])

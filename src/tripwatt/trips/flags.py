@@ -1,0 +1,45 @@
+"""Flags: what a forecast, a route or a reader assumed or could not use, as data. `messages` makes the sentences."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class Flag:
+    """One thing that a user should see beside a result.
+
+    Attributes
+    ----------
+    code : str
+        A key of `tripwatt.trips.messages.MESSAGES`.
+    subject : str
+        The field, signal, file or part of the car that it is about.
+    value : float, str or None
+        What was found or assumed, in `unit`.
+    unit : str
+        As in the names of the project's columns: "m_s", "degc", "s"; "1" for a share or a count.
+
+    Examples
+    --------
+    >>> Flag("links_too_long", "links", 6000.0, "m")
+    Flag(code='links_too_long', subject='links', value=6000.0, unit='m')
+    """
+
+    code: str
+    subject: str
+    value: float | str | None = None
+    unit: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The four fields and the English `message`, as the command line and the service give them in JSON."""
+        from tripwatt.trips.messages import message  # the sentences are of no use to most callers
+
+        return {
+            "code": self.code,
+            "subject": self.subject,
+            "value": self.value,
+            "unit": self.unit,
+            "message": message(self),
+        }

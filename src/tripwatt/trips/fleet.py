@@ -1,0 +1,53 @@
+"""Logs that were read together, and what their source tells of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from tripwatt.trips.drive import Recorded, Trip
+from tripwatt.trips.flags import Flag
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Fleet:
+    """Logs that were read together, and what their source tells of them.
+
+    Attributes
+    ----------
+    name : str
+        The data set, e.g. "tum"; "synthetic" for the built-in fleet.
+    logs : tuple of Log
+        Before any audit.
+    notes : tuple of Flag
+        What a reader found, e.g. that season and weather are unknown.
+    reference : mapping of str to (float or None), or None
+        The data set's reference trips: id -> time [s] at which the trip ends, None for its own end. None when the
+        data set defines none.
+    citation : str
+        Attribution that the data's licence asks for, empty when it asks for none.
+    """
+
+    name: str
+    logs: tuple[Recorded, ...]
+    notes: tuple[Flag, ...] = ()
+    reference: Mapping[str, float | None] | None = None
+    citation: str = ""
+
+    @property
+    def trips(self) -> tuple[Trip, ...]:
+        """The logs taken as trips, without an audit."""
+        return tuple(map(Trip.from_log, self.logs))
+
+    def reference_trips(self) -> tuple[Trip, ...]:
+        """The reference trips among the logs, ended where the reference says; empty without a reference."""
+        ends = self.reference or {}
+        return tuple(
+            t if ends[t.trip_id] is None else t.between(-math.inf, ends[t.trip_id] or math.inf)
+            for t in self.trips
+            if t.trip_id in ends
+        )
+
+    def __len__(self) -> int:
+        return len(self.logs)

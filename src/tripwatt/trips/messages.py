@@ -1,0 +1,164 @@
+"""English sentences for flags. Code that computes passes flags on; sentences are made where somebody reads them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, Final
+
+from tripwatt.trips.flags import Flag
+from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
+
+NAMES: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "soc": "state of charge at departure",
+        "ambient_temperature_degc": "outside temperature",
+        "cabin_temperature_degc": "cabin temperature at departure",
+        "cabin_setpoint_degc": "cabin set-point",
+        "battery_temperature_degc": "battery temperature at departure",
+        "payload_mass_kg": "payload",
+        "trip_speed_m_s": "mean speed",
+        "duration_s": "duration",
+    }
+)
+"""Names for people of the fields that flags are about."""
+
+
+def name_of(field: str) -> str:
+    """Name for people of a field.
+
+    Examples
+    --------
+    >>> name_of("cabin_setpoint_degc"), name_of("follows_trip")
+    ('cabin set-point', 'follows trip')
+    """
+    return NAMES.get(field, field.replace("_", " "))
+
+
+def period(seconds: float) -> str:
+    """A length of time in words.
+
+    Examples
+    --------
+    >>> period(1.0), period(40.0), period(600.0), period(7500.0)
+    ('1 s', '40 s', '10 min', '2 h 05 min')
+    """
+    if seconds < 2 * SECONDS_PER_MINUTE:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / SECONDS_PER_MINUTE)
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def _number(flag: Flag) -> float:
+    return float(flag.value or 0.0)
+
+
+def _limit(what: str) -> Callable[[Flag], str]:
+    return lambda flag: f"the car cannot follow the speed for {period(_number(flag))}: {what}"
+
+
+def _state(what: str) -> Callable[[Flag], str]:
+    return lambda flag: f"{what} for {period(_number(flag))}"
+
+
+MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
+    {
+        "outside_training": lambda f: (
+            f"{name_of(f.subject)} is {'far ' if _number(f) >= 1.0 else ''}outside the range of the training "
+            "trips: the interval is wider"
+        ),
+        "usual_value_assumed": lambda f: f"{name_of(f.subject)} is unknown: the usual value is assumed",
+        "soc_assumed": lambda f: f"state of charge at departure is unknown: {_number(f):.0%} is assumed",
+        "no_elevation": lambda f: "elevation is unknown: the road is taken as flat",
+        "no_trips_of_car": lambda f: (
+            f"no trips of this car are known: the forecast uses its published values and what was learned "
+            f"on a {f.subject}"
+        ),
+        "route_error_unknown": lambda f: (
+            "the model has not measured the error of planned routes: the interval is too narrow"
+        ),
+        "links_too_long": lambda f: (
+            f"links of {_number(f):.0f} m are longer than those the error of planned routes was measured with"
+        ),
+        "file_value_kept": lambda f: (
+            f"{name_of(f.subject)} is {_number(f):.0f} °C, as in the file, although another outside temperature "
+            "was given"
+        ),
+        "motor_torque_limit": _limit("motor torque limit"),
+        "motor_power_limit": _limit("motor power limit"),
+        "motor_speed_limit": _limit("motor speed limit"),
+        "battery_voltage_floor": _limit("lowest voltage of the battery"),
+        "battery_empty": _state("the battery is empty"),
+        "battery_over_full": _state("the battery is too full for regenerative braking"),
+        "battery_over_voltage": _state("the battery voltage is above its limit"),
+        "battery_not_settled": lambda f: "the simulated battery state did not converge",
+        "elevation_relative": lambda f: "elevation is counted from the departure, which is set to 0 m",
+        "times_ignored": lambda f: "times are ignored: the first or the last point has none",
+        "elevation_interpolated": lambda f: "elevation is interpolated over points without one",
+        "times_interpolated": lambda f: "times are interpolated over points without one",
+        "speed_assumed": lambda f: (
+            f"{_number(f) / M_S_PER_KM_H:.0f} km/h is assumed where the track has no speed"
+        ),
+        "car_assumed": lambda f: (
+            f"the car is unknown: {f.subject} is assumed; give --vehicle (see `tripwatt vehicles`)"
+        ),
+        "synthetic": lambda f: "these trips are computed, not driven: no figure describes a real car",
+        "files_not_read": lambda f: f"{_number(f):.0f} CSV files are not named like a trip and were not read",
+        "trips_skipped": lambda f: (
+            f"{_number(f):.0f} trips of combustion cars and hybrids, or without samples, were skipped"
+        ),
+        "rows_without_trip": lambda f: f"{f.subject}: {_number(f):.0f} rows without a trip were left out",
+        "rows_without_time": lambda f: f"{f.subject}: {_number(f):.0f} rows without a time were left out",
+        "rows_sorted": lambda f: f"{f.subject}: rows were sorted by their time stamps",
+        "samples_missing": lambda f: (
+            f"{f.subject}: no samples for {_number(f):.0f} s; the audit treats what follows as another drive"
+        ),
+        "time_goes_back": lambda f: (
+            f"{f.subject}: the time goes back by {_number(f):.0f} s; if the file holds several trips, name their "
+            "column under [trip] in the mapping"
+        ),
+        "no_energy": lambda f: (
+            "no energy is measured: map voltage_v and current_a, or battery_power_w, or a state of charge with "
+            "[battery] usable_capacity_kwh"
+        ),
+        "nominal_voltage": lambda f: (
+            f"{_number(f):g} V is used where no voltage was logged: only the power is measured"
+        ),
+        "energy_from_soc": lambda f: (
+            f"energy is the change of the state of charge times {f.subject}: its standard error is "
+            f"{_number(f):.0%} in the median trip"
+        ),
+        "sheet_missing": lambda f: (
+            f"{f.subject} is missing: season, weather and departure of every trip are unknown"
+        ),
+        "sheet_row_twice": lambda f: f"{f.value} has two rows of {f.subject}: the first is used",
+        "sheet_row_missing": lambda f: f"{f.value} lacks {f.subject}: season and weather are unknown",
+        "same_departure": lambda f: (
+            f"{f.value} gives {f.subject} the same time of departure: at least one is wrong"
+        ),
+        "value_not_used": lambda f: f"{f.subject}: {f.value} is not plausible and is not used",
+        "first_of_several": lambda f: f"the first of {_number(f):.0f} {f.subject} is used",
+        "geometries_skipped": lambda f: f"{_number(f):.0f} geometries that are not lines are left out",
+    }
+)
+"""Code of a flag -> its sentence."""
+
+
+def message(flag: Flag) -> str:
+    """The sentence of a flag; one of an unknown code is named with its fields.
+
+    Examples
+    --------
+    >>> message(Flag("speed_assumed", "track", 50.0 / 3.6, "m_s"))
+    '50 km/h is assumed where the track has no speed'
+    >>> message(Flag("outside_training", "duration_s", 2.4, "sd"))
+    'duration is far outside the range of the training trips: the interval is wider'
+    >>> message(Flag("new", "road", 3.0, "m"))
+    'new: road 3.0 m'
+    """
+    made = MESSAGES.get(flag.code)
+    return made(flag) if made else " ".join(filter(None, (f"{flag.code}: {flag.subject}", *_value(flag))))
+
+
+def _value(flag: Flag) -> tuple[Any, ...]:
+    return () if flag.value is None else (str(flag.value), flag.unit)

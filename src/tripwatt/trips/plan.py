@@ -1,0 +1,207 @@
+"""A road to come with the speed on it, and what is known at the door: all that a forecast before departure may see."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.trips.departure import Departure
+from tripwatt.trips.drive import Drive, Recorded
+from tripwatt.trips.flags import Flag
+from tripwatt.trips.messages import message
+from tripwatt.trips.samples import block_means
+from tripwatt.trips.schema import FloatArray, validate_samples
+from tripwatt.trips.showing import html_table, journey
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ROUTE_COLUMNS: Final = ("time_s", "speed_m_s", "elevation_m", "grade")
+"""Columns of a plan."""
+
+
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Plan(Drive):
+    """A drive to come: speed and road along its time, no measurements.
+
+    Attributes
+    ----------
+    departure : Departure
+        What is known at the door.
+    link_m : float or None
+        Where the speed was made from links: their mean length [m], each weighed by its own length. None where the
+        speed is that of a drive.
+    flags : tuple of Flag
+        What had to be assumed of the road.
+    step_s : float or None
+        Length of the steps of the samples [s]; None when they are not equal.
+    start_s : float
+        Time of the departure on the clock of what is measured on the way [s].
+    end_s : float or None
+        Time of the arrival on that clock [s]; None when only the plan tells.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> plan = Plan.from_samples("drive", pd.DataFrame({"time_s": [0.0, 60.0], "speed_m_s": [10.0, 10.0]}))
+    >>> plan
+    <Plan drive: 0.6 km in 60 s, driven speed>
+    >>> plan.with_departure(Departure(soc=0.8)).departure
+    Departure(soc=0.8)
+    """
+
+    departure: Departure = field(default_factory=Departure)
+    link_m: float | None = None
+    flags: tuple[Flag, ...] = ()
+    step_s: float | None = None
+    start_s: float = 0.0
+    end_s: float | None = None
+
+    @classmethod
+    def from_samples(
+        cls,
+        trip_id: str,
+        samples: pd.DataFrame,
+        departure: Departure | None = None,
+        *,
+        link_m: float | None = None,
+        flags: tuple[Flag, ...] = (),
+    ) -> Plan:
+        """A plan from a speed trace as it is, `ROUTE_COLUMNS` alone.
+
+        Raises
+        ------
+        InvalidInput
+            With every fault of the samples.
+        """
+        validate_samples(samples, trip_id)
+        route = samples[[name for name in ROUTE_COLUMNS if name in samples.columns]]
+        return cls(trip_id, route, departure or Departure(), link_m, tuple(dict.fromkeys(flags)))
+
+    def with_departure(self, departure: Departure | None) -> Plan:
+        """The plan with the known fields of a departure in place of its own."""
+        return self if departure is None else replace(self, departure=self.departure.updated(departure))
+
+    @property
+    def has_road(self) -> bool:
+        """Whether elevation or grade is known."""
+        return self.has("elevation_m") or self.has("grade")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, with the names that a request of the service has."""
+        return {
+            "trip": self.trip_id,
+            **self.departure.to_dict(),
+            "link_m": self.link_m,
+            "duration_s": self.duration_s,
+            "distance_m": self.distance_m,
+            "flags": [flag.to_dict() for flag in self.flags],
+            "samples": self._columns(),
+        }
+
+    def plot(self) -> Figure:
+        """Speed, and elevation where it is known, over time."""
+        from tripwatt.trips.plots import plot_drive  # matplotlib is slow to import
+
+        return plot_drive(self, self._title(), None)
+
+    def _title(self) -> str:
+        how = "driven speed" if self.link_m is None else f"links of {self.link_m:.0f} m"
+        return f"{self.trip_id}: {journey(self.distance_m, self.duration_s)}, {how}"
+
+    def __repr__(self) -> str:
+        return f"<Plan {self._title()}>"
+
+    def _repr_html_(self) -> str:
+        known = [(name, str(value)) for name, value in self.departure.to_dict().items()]
+        return html_table(
+            f"Plan {self._title()}", [*known, *(("assumed", message(flag)) for flag in self.flags)]
+        )
+
+
+def plan_from_trip(trip: Recorded, *, step_s: float = 1.0) -> Plan:
+    """What was known of a trip at its departure: its speed trace and road, and the first raw sample of the rest.
+
+    Everything after that (simulation, features, forecast) sees nothing else, so nothing that was measured on the way
+    can leak into a forecast before departure. O(samples).
+
+    Parameters
+    ----------
+    trip : Trip
+        Raw samples.
+    step_s : float
+        Block means of the speed trace [s].
+
+    Returns
+    -------
+    Plan
+        Columns of `ROUTE_COLUMNS` as block means; no measured energy.
+
+    Raises
+    ------
+    InvalidInput
+        When a value of the first sample is out of its bounds.
+    """
+    return _plan(trip, trip.departure, step_s)
+
+
+def plan_from_samples(
+    samples: pd.DataFrame, trip_id: str = "trip", departure: Departure | None = None, *, step_s: float = 1.0
+) -> Plan:
+    """A plan from a speed trace and its road; of other signals the first sample counts.
+
+    Parameters
+    ----------
+    samples : DataFrame
+        Canonical columns.
+    trip_id : str
+    departure : Departure, optional
+        Its known fields take the place of those of the first sample.
+    step_s : float
+        Block means of the speed trace [s].
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of the samples.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> drive = pd.DataFrame({"time_s": [0.0, 1.0, 2.0], "speed_m_s": [0.0, 1.0, 2.0], "soc": 0.5})
+    >>> plan_from_samples(drive, departure=Departure(soc=0.8, payload_mass_kg=150.0)).departure
+    Departure(soc=0.8, payload_mass_kg=150.0)
+    """
+    validate_samples(samples, trip_id)
+    log = Recorded(trip_id, samples)
+    own = replace(log.departure, payload_mass_kg=None, follows_trip=None)
+    return _plan(log, own.updated(departure), step_s)
+
+
+def _plan(drive: Drive, departure: Departure, step_s: float) -> Plan:
+    route = {c: drive.array(c) for c in ROUTE_COLUMNS if c in drive}
+    time = route["time_s"]
+    _, columns = block_means(time - time[0], route, step_s)
+    return Plan(
+        drive.trip_id,
+        frame_of(columns),
+        departure,
+        step_s=step_s,
+        start_s=float(time[0]),
+        end_s=float(time[-1]),
+    )
+
+
+def frame_of(columns: Mapping[str, FloatArray]) -> pd.DataFrame:
+    """A table of numbers, each column contiguous; much faster than column by column."""
+    return pd.DataFrame(np.array(list(columns.values())).T, columns=_names(tuple(columns)))
+
+
+@lru_cache(maxsize=64)
+def _names(columns: tuple[str, ...]) -> pd.Index:
+    return pd.Index(columns, dtype=object)  # looked up many times, which a string index is slow at

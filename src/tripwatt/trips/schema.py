@@ -1,0 +1,188 @@
+"""The columns of a log, what is known at departure, and the links of a road: their units and the only bounds of their values.
+
+Everything that reads a log ends in these names and everything that models a trip starts from them; `sources` does all
+renaming and unit conversion.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A canonical sample column: what it means and the range outside which a value cannot be one."""
+
+    unit: str
+    minimum: float
+    maximum: float
+    meaning: str
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Smallest and largest value."""
+        return self.minimum, self.maximum
+
+    @property
+    def allowed(self) -> str:
+        """The range and its unit, as messages give it."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"{self.minimum:g} to {self.maximum:g}{unit}"
+
+
+COLUMNS: Final[Mapping[str, Column]] = MappingProxyType(
+    {
+        "time_s": Column("s", -math.inf, math.inf, "time of the sample, increasing"),
+        "speed_m_s": Column("m/s", 0.0, 90.0, "vehicle speed"),
+        "elevation_m": Column("m", -500.0, 9000.0, "height above sea level, as logged"),
+        "grade": Column("1", -0.6, 0.6, "road inclination, rise over horizontal distance"),
+        "ambient_temperature_degc": Column("°C", -60.0, 70.0, "outside air temperature"),
+        "cabin_temperature_degc": Column("°C", -60.0, 100.0, "cabin air temperature"),
+        "cabin_setpoint_degc": Column("°C", 0.0, 50.0, "cabin temperature that the driver asked for"),
+        "battery_temperature_degc": Column("°C", -60.0, 100.0, "battery temperature"),
+        "voltage_v": Column("V", 30.0, 1200.0, "battery terminal voltage"),
+        "current_a": Column("A", -3000.0, 3000.0, "battery current, + discharges"),
+        "soc": Column("1", 0.0, 1.0, "state of charge, the battery management's value"),
+        "displayed_soc": Column("1", 0.0, 1.0, "state of charge that the driver sees"),
+        "motor_torque_nm": Column("Nm", -2000.0, 2000.0, "motor torque, + propels"),
+        "heating_power_w": Column("W", -500.0, 60_000.0, "electric power of the cabin heater"),
+        "requested_heating_power_w": Column(
+            "W", -500.0, 60_000.0, "heating power that the driver's setting requests"
+        ),
+        "aircon_power_w": Column("W", -500.0, 30_000.0, "electric power of the air conditioner"),
+    }
+)
+"""Canonical sample columns in SI units; temperatures in °C, `soc` as a fraction."""
+
+REQUIRED_COLUMNS: Final = ("time_s", "speed_m_s")
+
+QUANTITIES: Final[Mapping[str, Column]] = MappingProxyType(
+    {
+        "payload_mass_kg": Column("kg", 0.0, 60_000.0, "load besides the driver"),
+        "solar_irradiance_w_m2": Column("W/m²", 0.0, 1500.0, "sunshine on a horizontal surface"),
+        "reserve": Column("1", 0.0, 1.0, "state of charge to arrive with, as the driver sees it"),
+    }
+)
+"""Single numbers that belong to a whole trip."""
+
+LINK_COLUMNS: Final[Mapping[str, Column]] = MappingProxyType(
+    {
+        "length_m": Column("m", 0.01, 1e7, "length; shorter pieces are rounding"),
+        "travel_time_s": Column("s", 0.0, 48 * 3600.0, "time on the link, standstill included"),
+        "speed_m_s": Column(
+            "m/s", 0.0, 70.0, "mean speed, standstill included; 252 km/h leaves room for the peaks"
+        ),
+        "stop_s": Column("s", 0.0, 48 * 3600.0, "standstill at the end of the link, part of its travel time"),
+        "moving_speed_m_s": Column("m/s", 0.0, 70.0, "speed while the car moves freely"),
+        "speed_limit_m_s": Column("m/s", 0.0, 70.0, "highest speed that is allowed"),
+        "grade": Column("1", -0.4, 0.4, "rise over length"),
+        "start_elevation_m": Column("m", -500.0, 9000.0, "height above sea level at the start"),
+        "end_elevation_m": Column("m", -500.0, 9000.0, "height above sea level at the end"),
+    }
+)
+"""Fields of a link of a planned road."""
+
+
+def scalar_faults(values: Mapping[str, float | None]) -> Iterator[Fault]:
+    """Every single number outside the bounds of its name, a key of `COLUMNS` or `QUANTITIES`; None is unknown.
+
+    Examples
+    --------
+    >>> print(*scalar_faults({"ambient_temperature_degc": 99.0, "payload_mass_kg": None}))
+    value out of range: ambient_temperature_degc: got 99; allowed: -60 to 70 °C
+    """
+    for name, value in values.items():
+        if value is None:
+            continue
+        column = COLUMNS[name] if name in COLUMNS else QUANTITIES[name]
+        if not (math.isfinite(value) and column.minimum <= value <= column.maximum):
+            yield Fault("value out of range", name, f"{value:g}", column.allowed)
+
+
+def is_sound(samples: pd.DataFrame) -> bool:
+    """Whether a table of nothing but canonical columns of floats has no fault; False also where nothing can be said.
+
+    It says at once what `structure_faults` and `value_faults` find out column by column. O(samples x columns).
+    """
+    names = samples.columns.tolist()
+    if len(samples) < 2 or not {*REQUIRED_COLUMNS} <= set(names) <= set(COLUMNS):
+        return False
+    table = samples.to_numpy()
+    if table.dtype != np.float64:
+        return False
+    low = np.array([COLUMNS[name].minimum for name in names])
+    high = np.array([COLUMNS[name].maximum for name in names])
+    required = table[:, [names.index(name) for name in REQUIRED_COLUMNS]]
+    time = table[:, names.index("time_s")]
+    outside = (table < low) | (table > high)
+    return bool(not outside.any() and np.isfinite(required).all() and (np.diff(time) > 0).all())
+
+
+def structure_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
+    """Every reason why a table cannot be a trip at all. O(columns)."""
+    for name in REQUIRED_COLUMNS:
+        if name not in samples.columns:
+            yield Fault("missing column", where, f"columns {sorted(samples.columns)}", f"a column {name!r}")
+    if len(samples) < 2:
+        yield Fault("too few samples", where, f"{len(samples)}", "at least 2")
+    for name in samples.columns:
+        if name in COLUMNS and not pd.api.types.is_numeric_dtype(samples[name]):
+            yield Fault("not a number", f"{where}, column {name!r}", str(samples[name].dtype), "numbers")
+
+
+def value_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
+    """Every value that cannot be one, of a table without structure faults. O(samples x columns)."""
+    for name in samples.columns:
+        if name not in COLUMNS:
+            continue
+        column = COLUMNS[name]
+        values = np.asarray(samples[name], dtype=np.float64)
+        place = f"{where}, column {name!r}, row "
+        missing = np.flatnonzero(~np.isfinite(values)) if name in REQUIRED_COLUMNS else np.empty(0, np.int64)
+        if len(missing):
+            got = f"{values[missing[0]]}{_and_more(missing)}"
+            yield Fault("missing value", f"{place}{missing[0] + 1}", got, "a finite number")
+        outside = np.flatnonzero((values < column.minimum) | (values > column.maximum))
+        if len(outside):
+            unit = "" if column.unit == "1" else f" {column.unit}"
+            got = f"{values[outside[0]]:g}{unit}{_and_more(outside)}"
+            yield Fault("value out of range", f"{place}{outside[0] + 1}", got, column.allowed)
+    time = np.asarray(samples["time_s"], dtype=np.float64)
+    back = np.flatnonzero(np.diff(time) <= 0)
+    if len(back):
+        row = int(back[0]) + 1
+        got = f"{time[row]:g} s after {time[row - 1]:g} s{_and_more(back)}"
+        yield Fault(
+            "time does not increase", f"{where}, column 'time_s', row {row + 1}", got, "increasing times"
+        )
+
+
+def _and_more(rows: npt.NDArray[np.int64]) -> str:
+    return f" (and {len(rows) - 1} more rows)" if len(rows) > 1 else ""
+
+
+def raise_faults(faults: Iterable[Fault]) -> None:
+    """Raise `InvalidInput` with all faults when there is one."""
+    found = tuple(faults)
+    if found:
+        raise InvalidInput(found)
+
+
+def validate_samples(samples: pd.DataFrame, where: str) -> None:
+    """Raise `InvalidInput` with every fault of the samples; return None when there is none."""
+    if is_sound(samples):
+        return
+    raise_faults(structure_faults(samples, where))
+    raise_faults(value_faults(samples, where))
