@@ -13,11 +13,13 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.forecasting import answer_of, load_model, trip_to_come
-from tripwatt.forecasting.forecast import Forecast
+import tripwatt
+from tripwatt.forecasting import Forecast, load_model
 from tripwatt.routes import route_from_links
 from tripwatt.synthetic import example_trip
-from tripwatt.trips import Trip, observed_cumulative_energy
+from tripwatt.trips import Trip, plan_from_samples
+from tripwatt.trips.messages import MESSAGES
+from tripwatt.trips.samples import observed_cumulative_energy
 from tripwatt.units import KG_PER_LB, M_PER_MILE, M_S_PER_KM_H, SECONDS_PER_HOUR, WH_PER_J
 
 FOLDER: Final = Path(__file__).resolve().parent
@@ -113,7 +115,7 @@ def _charge(forecast: Forecast, energy_wh: float) -> float:
 
 def _arrival(forecast: Forecast) -> dict[str, Any]:
     """A forecast as the service answers it, and what the page makes of it."""
-    answer = answer_of(forecast, RESERVE)
+    answer = forecast.to_dict(RESERVE)
     kept = (
         "energy_wh",
         "quantiles_wh",
@@ -144,8 +146,8 @@ def arrivals() -> dict[str, Any]:
     """A forecast before departure and half way, and the naive gauge half way."""
     table = example_trip()
     table = table[table["time_s"] <= table["time_s"].iloc[0] + TRIP_S].reset_index(drop=True)
-    trip = trip_to_come(table, "example")
-    before = load_model().forecast(trip)
+    trip = Trip.from_samples("example", table)
+    before = load_model().forecast(plan_from_samples(table, "example"))
     measured_s = MEASURED_SHARE * trip.duration_s
     observed = table.loc[table["time_s"] <= measured_s, ["time_s", "voltage_v", "current_a"]]
     after = before.update(observed)
@@ -162,6 +164,14 @@ def arrivals() -> dict[str, Any]:
     }
 
 
+def codes() -> list[str]:
+    """Codes of flags that a forecast or a route can have."""
+    rooms = ("forecasting", "physics", "routes", "service")
+    package = Path(tripwatt.__file__).parent
+    sources = "".join(file.read_text() for room in rooms for file in sorted((package / room).rglob("*.py")))
+    return [code for code in MESSAGES if f'"{code}"' in sources]
+
+
 def vectors() -> dict[str, Any]:
     """All vectors by the name of their file."""
     return {
@@ -171,6 +181,7 @@ def vectors() -> dict[str, Any]:
         "profile": profile(),
         "links": links(),
         "arrivals": arrivals(),
+        "codes": codes(),
     }
 
 

@@ -2,6 +2,7 @@
 
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
+import codes from "../../tests/vectors/codes.json";
 import type { Flag } from "../src/api/types";
 import { CODES, warningsOf, type Wording } from "../src/model/flags";
 import { formatOf } from "../src/model/format";
@@ -190,6 +191,14 @@ describe("flags", () => {
         ["message of something_new", true],
         ["message of speed_assumed", true],
       ],
+    );
+  });
+
+  test("every code of a forecast or a route has a sentence", () => {
+    assert.ok(codes.length > 15);
+    assert.deepEqual(
+      codes.filter((code) => !CODES.has(code)),
+      [],
     );
   });
 

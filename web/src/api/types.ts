@@ -29,7 +29,7 @@ export interface Flag {
   code: string;
   /** What it is about, such as the name of a field. */
   subject: string;
-  value: number | null;
+  value: number | string | null;
   unit: string;
   /** In English, for a code that the page does not have. */
   message: string;

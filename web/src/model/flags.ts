@@ -44,8 +44,14 @@ function namesOf(flags: Flag[], wording: Wording): string {
   return wording.format.list(flags.map(({ subject }) => nameOf(subject, wording)));
 }
 
-function allMeasured(flags: Flag[]): flags is (Flag & { value: number })[] {
-  return flags.every(({ value }) => value !== null);
+type Measured = Flag & { value: number };
+
+function isMeasured(flag: Flag | undefined): flag is Measured {
+  return typeof flag?.value === "number";
+}
+
+function allMeasured(flags: Flag[]): flags is Measured[] {
+  return flags.every(isMeasured);
 }
 
 /** A group of one flag with a value, told by that value. */
@@ -55,7 +61,7 @@ function byValue(
 ): Group {
   return {
     codes: [code],
-    tell: ([flag], wording) => (flag?.value == null ? null : tell(flag.value, wording, flag.subject)),
+    tell: ([flag], wording) => (isMeasured(flag) ? tell(flag.value, wording, flag.subject) : null),
   };
 }
 
@@ -79,7 +85,7 @@ const GROUPS: Group[] = [
   {
     codes: ["outside_training"],
     tell: (flags, wording) => {
-      const furthest = Math.max(...flags.map(({ value }) => value ?? 0));
+      const furthest = Math.max(0, ...flags.filter(isMeasured).map(({ value }) => value));
       const beyond = furthest < FAR_OUTSIDE_SD ? "clear" : "far";
       const distance = furthest < CLEARLY_OUTSIDE_SD ? "slight" : beyond;
       const { outside, wider } = wording.text.flags;
@@ -152,12 +158,14 @@ const GROUPS: Group[] = [
     },
   },
   plain("elevation_interpolated", (text) => ({ text: text.elevationInterpolated })),
+  plain("elevation_relative", (text) => ({ text: text.elevationRelative })),
   plain("times_interpolated", (text) => ({ text: text.timesInterpolated })),
+  plain("times_ignored", (text) => ({ text: text.timesIgnored })),
   byValue("speed_assumed", (speed, { text, format, units }) => ({
     text: text.flags.speedAssumed(format.shown(speed, units.speed)),
   })),
   byValue("first_of_several", (count, { text }, subject) => {
-    const { tracks, routes } = text.flags.firstOfSeveral;
+    const { routes, tracks } = text.flags.firstOfSeveral;
     return { text: (subject === "routes" ? routes : tracks)(count) };
   }),
   byValue("geometries_skipped", (count, { text }) => ({ text: text.flags.geometriesSkipped(count) })),

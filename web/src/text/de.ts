@@ -319,10 +319,12 @@ export const de: Text = {
     notSettled: "Die Simulation der Batterie ist nicht konvergiert.",
     notSettledEffect: "Die Vorhersage kann ungenau sein.",
     elevationInterpolated: "Einigen Punkten fehlt die Höhe; sie wird interpoliert.",
+    elevationRelative: "Die Höhe zählt ab dem Start, der mit 0 m angenommen wird.",
+    timesIgnored: "Dem ersten oder letzten Punkt fehlt die Zeit; alle Zeiten werden ignoriert.",
     timesInterpolated: "Einigen Punkten fehlt die Zeit; sie wird interpoliert.",
     speedAssumed: (speed) => `Teilen des Tracks fehlt die Geschwindigkeit; angenommen werden ${speed}.`,
     firstOfSeveral: {
-      tracks: (tracks) => `Die Datei enthält ${tracks} Tracks; verwendet wird der erste.`,
+      tracks: (tracks) => `Die Datei enthält ${tracks} Tracks und Routen; verwendet wird der erste Eintrag.`,
       routes: (routes) => `Die Datei enthält ${routes} Routen; verwendet wird die erste.`,
     },
     geometriesSkipped: (geometries) =>

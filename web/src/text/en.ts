@@ -318,10 +318,12 @@ export const en = {
     notSettled: "The battery simulation did not converge.",
     notSettledEffect: "The forecast may be inaccurate.",
     elevationInterpolated: "Some points have no elevation; their elevation is interpolated.",
+    elevationRelative: "The elevation is relative to the departure, which is taken as 0 m.",
+    timesIgnored: "The first or the last point has no time; all times are ignored.",
     timesInterpolated: "Some points have no time; their time is interpolated.",
     speedAssumed: (speed: string) => `Parts of the track have no speed; ${speed} is assumed.`,
     firstOfSeveral: {
-      tracks: (tracks: number) => `The file has ${tracks} tracks; the first is used.`,
+      tracks: (tracks: number) => `The file has ${tracks} tracks and routes; the first is used.`,
       routes: (routes: number) => `The file has ${routes} routes; the first is used.`,
     },
     geometriesSkipped: (geometries: number) =>
