@@ -87,7 +87,12 @@ def test_colder_takes_more_and_the_chance_is_said(look: Look) -> None:
     page = look()
     before = headline(page)
     _, answer = asked(page, "/v1/forecast", lambda: slider(page, "Outside").fill("-15"))
-    assert page.get_by_role("list", name="Warnings").inner_text().count("outside the range of the training trips") == 1
+    assert (
+        page.get_by_role("list", name="Warnings")
+        .inner_text()
+        .count("outside the range of the training trips")
+        == 1
+    )
     assert headline(page) < before
     _, answer = asked(page, "/v1/forecast", lambda: slider(page, "Reserve to keep").fill("47"))
     chance = answer["p_arrive"]["0.47"]
