@@ -70,14 +70,14 @@ def browsing() -> Iterator[Any]:
         found.close()
 
 
-def context_of(browser: Any, size: str, scheme: str) -> Any:
-    """A fresh reader with nothing remembered."""
+def context_of(browser: Any, size: str, scheme: str, locale: str = "en-IE") -> Any:
+    """A browser with nothing remembered; English with kilometres unless another locale is given."""
     width, height = SIZES[size]
     phone = size == "phone"
     return browser.new_context(
         viewport={"width": width, "height": height},
         color_scheme=scheme,
-        locale="de-DE",
+        locale=locale,
         is_mobile=phone,
         has_touch=phone,
         reduced_motion="reduce",

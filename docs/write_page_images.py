@@ -44,7 +44,7 @@ def _motorway(page: Any) -> None:
 
 def _drive(page: Any, share: float) -> None:
     _check(page, "Drive")
-    car = page.get_by_role("slider", name="The car along the trip")
+    car = page.get_by_role("slider", name="Position of the car")
     for k in range(1, int(MOMENTS * share) + 1):
         with page.expect_response(lambda answer: answer.url.endswith("/update")):
             car.fill(str(round(200 * k / MOMENTS)))

@@ -1,4 +1,4 @@
-/** Builds the page into the Python package, with a record of what it was built from. */
+/** Builds the page with a record of what it was built from: into the Python package, or into a folder that is given. */
 
 import { createHash } from "node:crypto";
 import { cp, mkdir, readdir, readFile, rm, writeFile } from "node:fs/promises";
@@ -7,7 +7,7 @@ import { fileURLToPath } from "node:url";
 import { build } from "esbuild";
 
 const HERE = dirname(fileURLToPath(import.meta.url));
-const OUT = join(HERE, "..", "src", "tripwatt", "service", "page");
+const OUT = process.argv[2] ?? join(HERE, "..", "src", "tripwatt", "service", "page");
 const SOURCES = [
   "build.mjs",
   "icon.svg",
@@ -39,9 +39,34 @@ async function digestOfSources() {
   return hash.digest("hex");
 }
 
-/** The page with the names of what was built. */
+/** The catalogues of text, by language. */
+async function catalogues() {
+  const { outputFiles } = await build({
+    absWorkingDir: HERE,
+    entryPoints: ["src/text/index.ts"],
+    bundle: true,
+    format: "esm",
+    write: false,
+  });
+  const module = `data:text/javascript;base64,${Buffer.from(outputFiles[0].contents).toString("base64")}`;
+  return (await import(module)).CATALOGUES;
+}
+
+function escaped(text) {
+  return text.replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll('"', "&quot;");
+}
+
+/** The page with its text, and with the names of what was built. */
 async function pageOf(built) {
-  let page = await readFile(join(HERE, "index.html"), "utf8");
+  const texts = await catalogues();
+  const inAll = Object.entries(texts).map(
+    ([language, { document }]) => `<p lang="${language}">${escaped(document.noScript)}</p>`,
+  );
+  const { title, description } = texts.en.document;
+  let page = (await readFile(join(HERE, "index.html"), "utf8"))
+    .replace("{{title}}", escaped(title))
+    .replace("{{description}}", escaped(description))
+    .replace("{{noScript}}", inAll.join(""));
   for (const ending of ["css", "js"]) {
     const name = built.find((file) => file.startsWith("page-") && file.endsWith(`.${ending}`));
     page = page.replace(`"page.${ending}"`, `"assets/${name}"`);

@@ -1,13 +1,23 @@
 import js from "@eslint/js";
 import tseslint from "typescript-eslint";
+import textRule from "./text-rule.mjs";
 
 export default tseslint.config(
   { ignores: ["node_modules"] },
   js.configs.recommended,
   {
-    files: ["src/**/*.ts", "src/**/*.tsx"],
+    files: ["src/**/*.ts", "src/**/*.tsx", "test/**/*.ts"],
     extends: [tseslint.configs.strict, tseslint.configs.stylistic],
     rules: { eqeqeq: ["error", "always", { null: "ignore" }] },
   },
-  { files: ["*.mjs"], languageOptions: { globals: { Buffer: "readonly", process: "readonly" } } },
+  {
+    files: ["src/**/*.ts", "src/**/*.tsx"],
+    ignores: ["src/text/**"],
+    plugins: { page: { rules: { text: textRule } } },
+    rules: { "page/text": "error" },
+  },
+  {
+    files: ["*.mjs", "test/*.mjs"],
+    languageOptions: { globals: { Buffer: "readonly", process: "readonly" } },
+  },
 );

@@ -38,8 +38,9 @@ def look(browser: Any, service: Service) -> Iterator[Callable[..., Any]]:
         scheme: str = "light",
         expect: str = "",
         stranger: bool = False,
+        locale: str = "en-IE",
     ) -> Any:
-        context = context_of(browser, size, scheme)
+        context = context_of(browser, size, scheme, locale)
         contexts.append(context)
         context.set_default_timeout(10_000)
         if not stranger:

@@ -7,7 +7,7 @@ import { begin, keepRemembering } from "./state/catalogue";
 import { keepDriving } from "./state/drive";
 import { keepForecasting } from "./state/forecast";
 import { keepPointing } from "./state/pointer";
-import { keepPreferences } from "./state/preferences";
+import { keepPreferences, text } from "./state/preferences";
 import { Announcer } from "./ui/announcer";
 import { ConditionsPanel } from "./ui/conditions-panel";
 import { Details } from "./ui/details";
@@ -19,19 +19,20 @@ import { TripPanel } from "./ui/trip-panel";
 
 function Foot() {
   const used = model.value;
-  const learned = used && `model ${used.name}, learned from ${used.model.trips} trips`;
+  const { foot } = text.value;
+  const { name, model: learned } = used ?? {};
   return (
     <footer>
-      {used && (
+      {name && learned && (
         <p>
           {isMeasured.value
-            ? `${used.model.vehicle_title}, ${learned}.`
-            : `${vehicle.value?.title} by its book values; ${learned} of a ${used.model.vehicle_title}.`}{" "}
-          A forecast is no promise: drive with a reserve.
+            ? `${foot.own(learned.vehicle_title)} ${foot.model(name, learned.trips)}`
+            : `${foot.published(vehicle.value?.title ?? "")} ${foot.modelOfCar(name, learned.trips, learned.vehicle_title)}`}{" "}
+          {foot.caution}
         </p>
       )}
       <p>
-        <a href="openapi.json">For developers: OpenAPI</a> <a href="licences.txt">Licences</a>
+        <a href="openapi.json">{foot.openapi}</a> <a href="licences.txt">{foot.licences}</a>
       </p>
     </footer>
   );
@@ -41,7 +42,7 @@ function Page() {
   return (
     <>
       <a class="skip" href="#content">
-        To the forecast
+        {text.value.skip}
       </a>
       <Header />
       <main id="content">

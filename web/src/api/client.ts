@@ -1,11 +1,15 @@
-/** Speaks to the service that served the page, and to nobody else. */
+/** Requests to the service that served the page, and to no other host. */
 
 import type { Answer, Example, ExampleSummary, Model, Problem, Route, Vehicle } from "./types";
 
 const TOKEN = "tripwatt.token";
 const MOST_TRIES = 3;
 
-/** An answer that is a problem document, or none at all. */
+/** Types of problems that arise on the page itself. */
+export const UNREACHABLE = "unreachable";
+export const FAILED = "failed";
+
+/** A request without a result: the service is not reached, or answers with a problem document. */
 export class Refused extends Error {
   constructor(readonly problem: Problem) {
     super(problem.detail || problem.title);
@@ -13,15 +17,15 @@ export class Refused extends Error {
 }
 
 type AskForToken = (again: boolean) => Promise<string>;
-let askForToken: AskForToken = () => Promise.reject(new Error("nobody to ask for the token"));
+let askForToken: AskForToken = () => Promise.reject(new TypeError());
 
-/** Who is asked when the service wants a token. */
+/** Set what asks for a token when the service requires one. */
 export function whenTokenIsWanted(ask: AskForToken): void {
   askForToken = ask;
 }
 
 async function problemOf(response: Response): Promise<Problem> {
-  const plain = { title: response.statusText || "The service failed", status: response.status, detail: "" };
+  const plain = { type: FAILED, title: response.statusText, status: response.status, detail: "" };
   if (!response.headers.get("content-type")?.includes("json")) return plain;
   return { ...plain, ...((await response.json()) as Partial<Problem>) };
 }
@@ -29,12 +33,13 @@ async function problemOf(response: Response): Promise<Problem> {
 async function send(path: string, init: RequestInit): Promise<Response> {
   const headers = new Headers(init.headers);
   const token = sessionStorage.getItem(TOKEN);
+  // eslint-disable-next-line page/text -- a scheme of HTTP
   if (token) headers.set("authorization", `Bearer ${token}`);
   try {
     return await fetch(path, { ...init, headers });
   } catch (error) {
     if (error instanceof DOMException && error.name === "AbortError") throw error;
-    throw new Refused({ title: "The service does not answer", status: 0, detail: "Is it still running?" });
+    throw new Refused({ type: UNREACHABLE, title: "", status: 0, detail: "" });
   }
 }
 

@@ -1,4 +1,4 @@
-/** What the service takes and answers; the names are those of `docs/service.md`. */
+/** Documents of the service; the names are those of `docs/service.md`. */
 
 export type Column = (number | null)[];
 export type Columns = Record<string, Column>;
@@ -24,6 +24,17 @@ export interface Series {
   displayed_soc_high: number[];
 }
 
+/** Something that was assumed, or lies outside of what the model was trained on. */
+export interface Flag {
+  code: string;
+  /** What it is about, such as the name of a field. */
+  subject: string;
+  value: number | string | null;
+  unit: string;
+  /** In English, for a code that the page does not have. */
+  message: string;
+}
+
 export interface Answer {
   trip: string;
   given: string;
@@ -35,7 +46,7 @@ export interface Answer {
   by_cause_wh: Record<string, number>;
   battery_loss_wh: number;
   measured_until_s: number;
-  flags: string[];
+  flags: Flag[];
 }
 
 export interface Fault {
@@ -46,7 +57,9 @@ export interface Fault {
   fix: string;
 }
 
+/** A problem document; `type` is the path `/problems/KIND`. */
 export interface Problem {
+  type?: string;
   title: string;
   status: number;
   detail: string;
@@ -87,5 +100,5 @@ export interface Route {
   elevation?: { position_m: number[]; elevation_m: number[] } | null;
   duration_s: number;
   distance_m: number;
-  notes: string[];
+  notes: Flag[];
 }

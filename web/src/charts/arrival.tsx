@@ -1,11 +1,12 @@
-/** The charge at the end as twenty dots: each is as likely as any other. */
+/** The charge at the end as twenty equally likely dots. */
 
 import { useMemo } from "preact/hooks";
 import type uPlot from "uplot";
 import type { Answer } from "../api/types";
 import { equallyLikely } from "../model/arrival";
-import { PERCENT, shown } from "../model/units";
-import { axis, plain } from "./axes";
+import { PERCENT } from "../model/units";
+import { format, text } from "../state/preferences";
+import { axis, percent } from "./axes";
 import { type Mark, placeMarks } from "./marks";
 import { type Look, Plot } from "./plot";
 
@@ -94,10 +95,7 @@ export function ArrivalChart({ answer, shared, isOther = false, reserve, height,
         x: { time: false, range: (plot) => rangeOf(plot.data) },
         y: { range: () => [0, (height - FRAME) / (size + 1)] },
       },
-      axes: [
-        axis({ palette, scale: "x", grid: false, text: (x) => `${plain(x)} %`, space: 54 }),
-        { show: false },
-      ],
+      axes: [axis({ palette, scale: "x", grid: false, text: percent, space: 54 }), { show: false }],
       series: [{}, series(isOther ? palette.other : palette.main), series(palette.alarm)],
     };
   };
@@ -123,9 +121,10 @@ function rangeOf(data: uPlot.AlignedData): [number, number] {
 }
 
 function marks({ reserveInside, from, to }: Dots, reserve: number): Mark[] {
-  const text = `Reserve ${shown(reserve, PERCENT)}`;
-  if (reserveInside) return [{ kind: "reserve", text, x: PERCENT.from(reserve) }];
+  const { result } = text.value;
+  const level = format.value.shown(reserve, PERCENT);
+  if (reserveInside) return [{ kind: "reserve", text: result.reserve(level), x: PERCENT.from(reserve) }];
   const below = PERCENT.from(reserve) < from;
-  const arrow = below ? `← ${text}` : `${text} →`;
-  return [{ kind: "aside", text: arrow, x: below ? from : to, at: below ? "right" : "left" }];
+  const aside = below ? result.reserveBelow(level) : result.reserveAbove(level);
+  return [{ kind: "aside", text: aside, x: below ? from : to, at: below ? "right" : "left" }];
 }

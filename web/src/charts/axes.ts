@@ -1,8 +1,11 @@
 /** What all charts share: type, grid, room for labels. */
 
 import type uPlot from "uplot";
+import { PERCENT } from "../model/units";
+import { format } from "../state/preferences";
 import type { Palette } from "./palette";
 
+// eslint-disable-next-line page/text -- a font
 const FONT = '12px "Inter Variable", system-ui, sans-serif';
 
 interface AxisOf {
@@ -34,5 +37,10 @@ export function axis(of: AxisOf): uPlot.Axis {
 
 /** Ticks without more digits than their distance needs. */
 export function plain(value: number): string {
-  return String(Math.round(value * 100) / 100).replace("-", "−");
+  return format.value.plain(value, 2);
+}
+
+/** A tick that is in percent already. */
+export function percent(value: number): string {
+  return `${plain(value)}\u00a0${PERCENT.unit}`;
 }

@@ -1,17 +1,17 @@
-/** The one big picture: battery along the way, with the doubt drawn in. */
+/** Battery along the way, with the uncertainty of the forecast as bands. */
 
 import { computed } from "@preact/signals";
 import type uPlot from "uplot";
 import type { Answer } from "../api/types";
 import { emptyAfterM, innerShare } from "../model/arrival";
 import { interpolate } from "../model/interpolate";
-import { figure, PERCENT, shown } from "../model/units";
+import { PERCENT } from "../model/units";
 import { conditions } from "../state/conditions";
 import { answer, distanceM, driving, update } from "../state/drive";
 import { alternative, departure } from "../state/forecast";
 import { looked, place } from "../state/pointer";
-import { units, wholeBattery } from "../state/preferences";
-import { axis, plain } from "./axes";
+import { format, text, units, wholeBattery } from "../state/preferences";
+import { axis, percent } from "./axes";
 import { type Mark, placeMarks, pointing } from "./marks";
 import { type Look, Plot } from "./plot";
 
@@ -99,7 +99,7 @@ function options({ palette, width, height }: Look): uPlot.Options {
     scales: { x: { time: false }, y: { range: () => span.value } },
     axes: [
       { ...axis({ palette, scale: "x", grid: false, text: () => "" }), size: 10 },
-      axis({ palette, scale: "y", text: (y) => (y < 0 ? "" : `${plain(y)} %`) }),
+      axis({ palette, scale: "y", text: (y) => (y < 0 ? "" : percent(y)) }),
     ],
     bands: [
       { series: [1, 2], fill: palette.mainBand },
@@ -126,20 +126,26 @@ function options({ palette, width, height }: Look): uPlot.Options {
 function endMark(kind: string, of: Answer): Mark & { y: number } {
   const distance = units.value.distance;
   const emptyM = emptyAfterM(of);
-  if (emptyM !== null) return { kind, text: shown(emptyM, distance, 0), x: distance.from(emptyM), y: 0 };
+  if (emptyM !== null)
+    return { kind, text: format.value.shown(emptyM, distance, 0), x: distance.from(emptyM), y: 0 };
   const end = distance.from(of.series.distance_m.at(-1) as number);
   const soc = PERCENT.from(of.soc_arrival);
-  return { kind, text: `${figure(soc, 0)} %`, x: end, y: soc, at: "right" };
+  return { kind, text: format.value.shown(of.soc_arrival, PERCENT), x: end, y: soc, at: "right" };
 }
 
 function marks(now: Answer, carM: number | null, heightPx: number): Mark[] {
   const reserve = PERCENT.from(conditions.value.reserve);
+  const { result } = text.value;
   const [low, high] = span.value;
   const found: Mark[] = [];
   if (reserve >= low && reserve > 0) {
-    found.push({ kind: "reserve", text: `Reserve ${figure(reserve, 0)} %`, y: reserve });
+    found.push({
+      kind: "reserve",
+      text: result.reserve(format.value.shown(conditions.value.reserve, PERCENT)),
+      y: reserve,
+    });
   }
-  if (low < 0) found.push({ kind: "empty", text: "Empty", y: 0, at: "below" });
+  if (low < 0) found.push({ kind: "empty", text: result.empty, y: 0, at: "below" });
   const own = endMark("arrival", now);
   found.push(own);
   if (alternative.value) {

@@ -19,6 +19,7 @@ export function placeMarks(plot: uPlot, marks: Mark[]): void {
   for (const old of plot.over.querySelectorAll(".mark")) old.remove();
   for (const mark of marks) {
     const element = document.createElement("div");
+    // eslint-disable-next-line page/text -- classes
     element.className = `mark mark-${mark.kind} mark-${mark.at ?? "above"}`;
     const text = document.createElement("span");
     text.textContent = mark.text;
@@ -31,7 +32,7 @@ export function placeMarks(plot: uPlot, marks: Mark[]): void {
   }
 }
 
-/** A cursor that shows and says where the reader points; `said` hears the place in units of the chart. */
+/** A cursor where the reader points; `said` gets the place in units of the chart. */
 export function pointing(said: (x: number | null) => void): uPlot.Cursor {
   return {
     y: false,

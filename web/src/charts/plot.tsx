@@ -2,7 +2,7 @@
 
 import { useLayoutEffect, useRef } from "preact/hooks";
 import uPlot from "uplot";
-import { dark, units } from "../state/preferences";
+import { dark, format, units } from "../state/preferences";
 import { pointAt } from "./marks";
 import { type Palette, paletteOf } from "./palette";
 
@@ -13,7 +13,7 @@ export interface Look {
 }
 
 interface Props {
-  /** What the picture is of, for who does not see it. */
+  /** The picture in words. */
   label: string;
   data: uPlot.AlignedData;
   height: number;
@@ -30,7 +30,7 @@ export function Plot({ label, data, height, options, variant = "", pointer = nul
   const box = useRef<HTMLDivElement>(null);
   const plot = useRef<uPlot | null>(null);
   const given = useRef(data);
-  const look = `${dark.value} ${units.value.distance.unit} ${variant} ${height}`;
+  const look = `${dark.value} ${format.value.locale} ${units.value.distance.unit} ${variant} ${height}`;
 
   const onTop = useRef<(plot: uPlot) => void>(() => undefined);
   onTop.current = (made) => {

@@ -1,4 +1,4 @@
-/** What an answer says of the charge at the end. */
+/** The charge at the end, from an answer of the service. */
 
 import type { Answer } from "../api/types";
 import { interpolate } from "./interpolate";
@@ -55,25 +55,29 @@ export function verdictOf(chance: number): Verdict {
   return chance >= 0.5 ? "open" : "bad";
 }
 
-const WORDS: [number, string][] = [
-  [0.99, "Almost certain"],
-  [0.9, "Very likely"],
-  [0.66, "Likely"],
-  [0.34, "Could go either way"],
-  [0.1, "Unlikely"],
-  [0.01, "Very unlikely"],
-  [0, "Almost impossible"],
+export type Likelihood =
+  "almostCertain" | "veryLikely" | "likely" | "open" | "unlikely" | "veryUnlikely" | "almostImpossible";
+
+const LEAST_CHANCES: [number, Likelihood][] = [
+  [0.99, "almostCertain"],
+  [0.9, "veryLikely"],
+  [0.66, "likely"],
+  [0.34, "open"],
+  [0.1, "unlikely"],
+  [0.01, "veryUnlikely"],
+  [0, "almostImpossible"],
 ];
 
-export function chanceInWords(chance: number): string {
-  return (WORDS.find(([least]) => chance >= least) as [number, string])[1];
+/** The word for a probability. */
+export function likelihoodOf(chance: number): Likelihood {
+  return (LEAST_CHANCES.find(([least]) => chance >= least) as [number, Likelihood])[1];
 }
 
-/** "97 in 100"; nothing is ever said to be certain. */
-export function chanceInFigures(chance: number): string {
-  if (chance > 0.99) return "more than 99 in 100";
-  if (chance < 0.01) return "fewer than 1 in 100";
-  return `${Math.round(chance * 100)} in 100`;
+/** A probability in hundredths; beyond 1 and 99 only on which side it lies: none is called certain. */
+export function hundredthsOf(chance: number): { side: "above" | "below" | "near"; count: number } {
+  if (chance > 0.99) return { side: "above", count: 99 };
+  if (chance < 0.01) return { side: "below", count: 1 };
+  return { side: "near", count: Math.round(chance * 100) };
 }
 
 /** Distance at which the middle of the forecast reaches an empty battery; null when it lasts. */

@@ -1,28 +1,29 @@
-/** Names of the causes of energy, in the order in which they are told. */
+/** Energy by cause, in the order of the table. */
 
-export interface Cause {
-  key: string;
-  label: string;
-  group: "motion" | "comfort" | "learned";
-}
+export type Group = "motion" | "comfort" | "learned";
 
-export const CAUSES: Cause[] = [
-  { key: "air", label: "Air drag", group: "motion" },
-  { key: "rolling", label: "Tyres", group: "motion" },
-  { key: "climb", label: "Hills", group: "motion" },
-  { key: "acceleration", label: "Speed gained", group: "motion" },
-  { key: "friction_brakes", label: "Brakes", group: "motion" },
-  { key: "drivetrain", label: "Motor and gears", group: "motion" },
-  { key: "shortfall", label: "Not followed", group: "motion" },
-  { key: "hvac", label: "Heating and cooling", group: "comfort" },
-  { key: "base_load", label: "Electronics", group: "comfort" },
-  { key: "learned_correction", label: "Learned from trips", group: "learned" },
-];
+/** Causes that the service names, and what they belong to. */
+export const CAUSES = {
+  air: "motion",
+  rolling: "motion",
+  climb: "motion",
+  acceleration: "motion",
+  friction_brakes: "motion",
+  drivetrain: "motion",
+  shortfall: "motion",
+  hvac: "comfort",
+  base_load: "comfort",
+  learned_correction: "learned",
+} satisfies Record<string, Group>;
+
+export type CauseKey = keyof typeof CAUSES;
 
 /** Smaller parts than this share of the whole are not drawn. */
 const LEAST_SHARE = 0.002;
 
-export interface Step extends Cause {
+export interface Step {
+  key: string;
+  group: Group;
   energyWh: number;
   /** Sum of the parts before this one. */
   startWh: number;
@@ -31,15 +32,17 @@ export interface Step extends Cause {
 /** The parts one after the other, each from where the last one ended; the last ends at the whole. */
 export function waterfall(byCauseWh: Record<string, number>, alsoShown: ReadonlySet<string>): Step[] {
   const whole = Object.values(byCauseWh).reduce((sum, part) => sum + Math.abs(part), 0);
-  const known = new Set(CAUSES.map(({ key }) => key));
-  const more = Object.keys(byCauseWh).filter((key) => !known.has(key));
-  const causes = [...CAUSES, ...more.map((key): Cause => ({ key, label: key, group: "motion" }))];
+  const more = Object.keys(byCauseWh).filter((key) => !(key in CAUSES));
+  const causes: [string, Group][] = [
+    ...Object.entries(CAUSES),
+    ...more.map((key): [string, Group] => [key, "motion"]),
+  ];
   let startWh = 0;
   const steps: Step[] = [];
-  for (const cause of causes) {
-    const energyWh = byCauseWh[cause.key] ?? 0;
-    if (Math.abs(energyWh) > LEAST_SHARE * whole || alsoShown.has(cause.key)) {
-      steps.push({ ...cause, energyWh, startWh });
+  for (const [key, group] of causes) {
+    const energyWh = byCauseWh[key] ?? 0;
+    if (Math.abs(energyWh) > LEAST_SHARE * whole || alsoShown.has(key)) {
+      steps.push({ key, group, energyWh, startWh });
     }
     startWh += energyWh;
   }

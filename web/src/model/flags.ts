@@ -1,119 +1,192 @@
-/** The service's flags in the reader's words. What is not known here is shown as it came. */
+/** The service's flags as sentences. Flags of one group share a sentence; an unknown code is shown by its message. */
 
-const NAMES: Record<string, string> = {
-  ambient_temperature_degc: "the outside temperature",
-  cabin_setpoint_degc: "the cabin set-point",
-  cabin_temperature_degc: "the cabin's temperature at departure",
-  battery_temperature_degc: "the battery's temperature at departure",
-  duration_s: "the duration",
-  payload_mass_kg: "the load",
-};
+import type { Flag } from "../api/types";
+import type { Text } from "../text";
+import type { Format } from "./format";
+import { PERCENT, type Units } from "./units";
 
-const LIMITS: Record<string, string> = {
-  "motor torque limit": "its motor has not the torque",
-  "motor power limit": "its motor has not the power",
-  "motor speed limit": "its motor would turn too fast",
-  "battery voltage floor": "its battery cannot give the power",
-};
-
-const STATES: Record<string, string> = {
-  "battery empty": "The battery is empty before the end",
-  "battery over-full": "The battery is too full to take back what braking gives",
-  "battery over-voltage": "The battery's voltage is too high to take back what braking gives",
-};
-
-const NOT_SERIOUS_BELOW = 1;
+/** Beyond the training range by so many standard deviations. */
+const CLEARLY_OUTSIDE_SD = 1;
+const FAR_OUTSIDE_SD = 3;
 
 export interface Warning {
   text: string;
-  /** What it does to the forecast. */
+  /** What it does to the forecast; empty for nothing. */
   effect: string;
   serious: boolean;
+  /** Whether the text is the service's own, in English. */
+  isRaw: boolean;
 }
 
-function listed(names: string[]): string {
-  const last = names.at(-1) as string;
-  const text = names.length > 1 ? `${names.slice(0, -1).join(", ")} and ${last}` : last;
-  return `${text[0]?.toUpperCase()}${text.slice(1)}`;
+export interface Wording {
+  text: Text;
+  format: Format;
+  units: Units;
 }
 
-function nameOf(key: string): string {
-  return NAMES[key] ?? key.replaceAll("_", " ");
+interface Group {
+  codes: readonly string[];
+  /** Null for what the group cannot word. */
+  tell: (flags: Flag[], wording: Wording) => Partial<Warning> | null;
 }
 
-type Reading = [RegExp, (found: string[][]) => Warning];
+/** The first letter in upper case. */
+function sentence(words: string, { format }: Wording): string {
+  return `${words.charAt(0).toLocaleUpperCase(format.locale)}${words.slice(1)}`;
+}
 
-/** Flags of one kind are told in one sentence. */
-const READINGS: Reading[] = [
-  [
-    /^(\S+) is outside the training range by ([\d.]+) sd$/,
-    (found) => {
-      const furthest = Math.max(...found.map(([, beyond]) => Number(beyond)));
-      const names = listed(found.map(([name]) => nameOf(name as string)));
-      const [verb, upTo] = found.length > 1 ? ["are", "up to "] : ["is", ""];
+function nameOf(field: string, { text }: Wording): string {
+  const names: Record<string, string> = text.flags.fields;
+  return names[field] ?? field.replaceAll("_", " ");
+}
+
+function namesOf(flags: Flag[], wording: Wording): string {
+  return wording.format.list(flags.map(({ subject }) => nameOf(subject, wording)));
+}
+
+type Measured = Flag & { value: number };
+
+function isMeasured(flag: Flag | undefined): flag is Measured {
+  return typeof flag?.value === "number";
+}
+
+function allMeasured(flags: Flag[]): flags is Measured[] {
+  return flags.every(isMeasured);
+}
+
+/** A group of one flag with a value, told by that value. */
+function byValue(
+  code: string,
+  tell: (value: number, wording: Wording, subject: string) => Partial<Warning>,
+): Group {
+  return {
+    codes: [code],
+    tell: ([flag], wording) => (isMeasured(flag) ? tell(flag.value, wording, flag.subject) : null),
+  };
+}
+
+/** A group of one flag without a value. */
+function plain(code: string, tell: (text: Text["flags"]) => Partial<Warning>): Group {
+  return { codes: [code], tell: (_flags, { text }) => tell(text.flags) };
+}
+
+/** Flags that tell for how long something lasted, one part of a sentence each. */
+function lasting<Code extends string>(
+  flags: Flag[],
+  { format }: Wording,
+  texts: Record<Code, (time: string) => string>,
+): string[] | null {
+  if (!allMeasured(flags)) return null;
+  return flags.map(({ code, value }) => texts[code as Code](format.span(value)));
+}
+
+/** In the order in which they are shown. */
+const GROUPS: Group[] = [
+  {
+    codes: ["outside_training"],
+    tell: (flags, wording) => {
+      const furthest = Math.max(0, ...flags.filter(isMeasured).map(({ value }) => value));
+      const beyond = furthest < FAR_OUTSIDE_SD ? "clear" : "far";
+      const distance = furthest < CLEARLY_OUTSIDE_SD ? "slight" : beyond;
+      const { outside, wider } = wording.text.flags;
       return {
-        text: `${names} ${verb} beyond the trips this model learned from, by ${upTo}${furthest.toFixed(1)} standard deviations.`,
-        effect: "The band is wider for it.",
-        serious: furthest >= NOT_SERIOUS_BELOW,
+        text: outside(sentence(namesOf(flags, wording), wording), flags.length, distance),
+        effect: wider,
+        serious: furthest >= CLEARLY_OUTSIDE_SD,
       };
     },
-  ],
-  [
-    /^(\S+) is unknown: its usual value is assumed$/,
-    (found) => ({
-      text: `${listed(found.map(([name]) => nameOf(name as string)))}: not known, the usual is assumed.`,
-      effect: "The band is wider for it.",
-      serious: false,
-    }),
-  ],
-  [
-    /^(no trip of this car was measured): (.+)$/,
-    ([found]) => ({
-      text: `No trip of this car was measured. The forecast takes ${found?.[1]}.`,
-      effect: "The band is wider for it.",
+  },
+  {
+    codes: ["usual_value_assumed"],
+    tell: (flags, wording) => {
+      const { usualValue, wider } = wording.text.flags;
+      return { text: usualValue(namesOf(flags, wording), flags.length), effect: wider };
+    },
+  },
+  byValue("soc_assumed", (soc, { text, format }) => ({
+    text: text.flags.socAssumed(format.shown(soc, PERCENT)),
+  })),
+  {
+    codes: ["no_trips_of_car"],
+    tell: ([flag], { text }) => ({
+      text: text.flags.noTripsOfCar(flag?.subject ?? ""),
+      effect: text.flags.wider,
       serious: true,
     }),
-  ],
-  [
-    /^no elevation/,
-    () => ({
-      text: "The road has no elevation and counts as flat.",
-      effect: "Hills are missing from the energy.",
-      serious: false,
-    }),
-  ],
-  [
-    /^(motor \w+ limit|battery voltage floor): (\d+) samples$/,
-    (found) => ({
-      text: `The car cannot follow the speed: ${found
-        .map(([limit, count]) => `${LIMITS[limit as string]} (${count} samples)`)
-        .join(", ")}.`,
-      effect: "It is taken to drive as fast as it can.",
-      serious: true,
-    }),
-  ],
-  [
-    /^(battery [\w-]+): (\d+) samples$/,
-    (found) => ({
-      text: found
-        .map(([state, count]) => `${STATES[state as string] ?? state} (${count} samples).`)
-        .join(" "),
-      effect: "",
-      serious: false,
-    }),
-  ],
+  },
+  plain("no_elevation", (text) => ({ text: text.noElevation, effect: text.noElevationEffect })),
+  plain("route_error_unknown", (text) => ({
+    text: text.routeErrorUnknown,
+    effect: text.routeErrorUnknownEffect,
+    serious: true,
+  })),
+  byValue("links_too_long", (metres, { text, format, units }) => ({
+    text: text.flags.linksTooLong(format.shown(metres, units.distance)),
+    effect: text.flags.linksTooLongEffect,
+  })),
+  {
+    codes: ["motor_torque_limit", "motor_power_limit", "motor_speed_limit", "battery_voltage_floor"],
+    tell: (flags, wording) => {
+      const { limits, cannotFollow, cannotFollowEffect } = wording.text.flags;
+      const parts = lasting(flags, wording, limits);
+      return (
+        parts && { text: cannotFollow(wording.format.list(parts)), effect: cannotFollowEffect, serious: true }
+      );
+    },
+  },
+  {
+    codes: ["battery_empty", "battery_over_full", "battery_over_voltage"],
+    tell: (flags, wording) => {
+      const parts = lasting(flags, wording, wording.text.flags.states);
+      return parts && { text: parts.join(" ") };
+    },
+  },
+  plain("battery_not_settled", (text) => ({
+    text: text.notSettled,
+    effect: text.notSettledEffect,
+    serious: true,
+  })),
+  {
+    codes: ["file_value_kept"],
+    tell: (flags, wording) => {
+      const { text, format, units } = wording;
+      if (!allMeasured(flags)) return null;
+      const told = flags.map(({ subject, value }) =>
+        text.flags.fileValue(nameOf(subject, wording), format.shown(value, units.temperature)),
+      );
+      return { text: told.join(" ") };
+    },
+  },
+  plain("elevation_interpolated", (text) => ({ text: text.elevationInterpolated })),
+  plain("elevation_relative", (text) => ({ text: text.elevationRelative })),
+  plain("times_interpolated", (text) => ({ text: text.timesInterpolated })),
+  plain("times_ignored", (text) => ({ text: text.timesIgnored })),
+  byValue("speed_assumed", (speed, { text, format, units }) => ({
+    text: text.flags.speedAssumed(format.shown(speed, units.speed)),
+  })),
+  byValue("first_of_several", (count, { text }, subject) => {
+    const { routes, tracks } = text.flags.firstOfSeveral;
+    return { text: (subject === "routes" ? routes : tracks)(count) };
+  }),
+  byValue("geometries_skipped", (count, { text }) => ({ text: text.flags.geometriesSkipped(count) })),
 ];
 
-/** What the flags say, in the order of the readings; what no reading knows comes last. */
-export function warningsOf(flags: string[]): Warning[] {
-  const read = new Set<string>();
+const PLAIN: Warning = { text: "", effect: "", serious: false, isRaw: false };
+
+/** Codes that have a sentence of their own. */
+export const CODES: ReadonlySet<string> = new Set(GROUPS.flatMap(({ codes }) => codes));
+
+/** What the flags say, in the order of the groups; what no group words comes last, by its message. */
+export function warningsOf(flags: Flag[], wording: Wording): Warning[] {
+  const told = new Set<Flag>();
   const warnings: Warning[] = [];
-  for (const [pattern, tell] of READINGS) {
-    const matching = flags.filter((flag) => pattern.test(flag));
-    if (matching.length === 0) continue;
-    for (const flag of matching) read.add(flag);
-    warnings.push(tell(matching.map((flag) => (pattern.exec(flag) as RegExpExecArray).slice(1))));
+  for (const { codes, tell } of GROUPS) {
+    const own = flags.filter(({ code }) => codes.includes(code));
+    const warning = own.length > 0 ? tell(own, wording) : null;
+    if (!warning) continue;
+    for (const flag of own) told.add(flag);
+    warnings.push({ ...PLAIN, ...warning });
   }
-  const others = flags.filter((flag) => !read.has(flag));
-  return [...warnings, ...others.map((flag) => ({ text: `${listed([flag])}.`, effect: "", serious: false }))];
+  const others = flags.filter((flag) => !told.has(flag));
+  return [...warnings, ...others.map(({ message }) => ({ ...PLAIN, text: message, isRaw: true }))];
 }

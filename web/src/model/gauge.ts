@@ -1,6 +1,6 @@
-/** What the car's own gauge would say: consumption so far times what is left of the road. */
+/** A naive gauge: the consumption so far, extrapolated to the whole road. */
 
-import type { Answer, Columns } from "../api/types";
+import type { Answer, Column, Columns } from "../api/types";
 import { socFromEnergy } from "./arrival";
 import { interpolate } from "./interpolate";
 import type { Profile } from "./profile";
@@ -8,15 +8,28 @@ import type { Profile } from "./profile";
 const WS_PER_WH = 3600;
 const LEAST_M = 300;
 
-/** Energy since departure at each sample [Wh]; null without voltage and current. */
+/** Power at each sample [W]; where it was not measured, on the line between its neighbours. Null for no measurement. */
+function powerOf(time: Column, voltage: Column, current: Column): number[] | null {
+  const times = time.map(Number);
+  const power = voltage.map((u, k) => (u === null || current[k] == null ? Number.NaN : u * current[k]));
+  const known = power.flatMap((p, k) => (Number.isNaN(p) ? [] : [k]));
+  if (known.length === 0) return null;
+  const knownTimes = known.map((k) => times[k] as number);
+  const knownPower = known.map((k) => power[k] as number);
+  return power.map((p, k) => (Number.isNaN(p) ? interpolate(times[k] as number, knownTimes, knownPower) : p));
+}
+
+/** Energy since departure at each sample [Wh], by trapezoids; null without voltage and current. */
 export function energySoFarWh(observed: Columns): Float64Array | null {
   const { time_s: time, voltage_v: voltage, current_a: current } = observed;
   if (!time || !voltage || !current) return null;
+  const power = powerOf(time, voltage, current);
+  if (!power) return null;
   const energy = new Float64Array(time.length);
   for (let k = 1; k < time.length; k++) {
-    const power = ((voltage[k] ?? 0) * (current[k] ?? 0) + (voltage[k - 1] ?? 0) * (current[k - 1] ?? 0)) / 2;
+    const mean = ((power[k] as number) + (power[k - 1] as number)) / 2;
     const step = (time[k] as number) - (time[k - 1] as number);
-    energy[k] = (energy[k - 1] as number) + (power * step) / WS_PER_WH;
+    energy[k] = (energy[k - 1] as number) + (mean * step) / WS_PER_WH;
   }
   return energy;
 }

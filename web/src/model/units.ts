@@ -58,26 +58,3 @@ export type Units = Record<keyof (typeof SYSTEMS)["metric"], Quantity>;
 export function unitsOf(system: System): Units {
   return SYSTEMS[system];
 }
-
-/** The number alone, with a true minus sign. */
-export function figure(value: number, digits: number): string {
-  const text = value.toFixed(digits);
-  return Number(text) === 0 ? (0).toFixed(digits) : text.replace("-", "−");
-}
-
-/** Number and unit; the space between them does not break. */
-export function shown(si: number, quantity: Quantity, digits = quantity.digits): string {
-  return `${figure(quantity.from(si), digits)}\u00a0${quantity.unit}`;
-}
-
-/** A difference, always with its sign. */
-export function signed(value: number, digits: number): string {
-  const text = figure(value, digits);
-  return text.startsWith("−") || Number(text) === 0 ? text : `+${text}`;
-}
-
-export function duration(seconds: number): string {
-  const minutes = Math.round(seconds / 60);
-  if (minutes < 60) return `${minutes}\u00a0min`;
-  return `${Math.floor(minutes / 60)}\u00a0h ${String(minutes % 60).padStart(2, "0")}\u00a0min`;
-}

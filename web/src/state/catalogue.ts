@@ -19,8 +19,11 @@ interface Last {
 
 export const examples = signal<ExampleSummary[]>([]);
 export const source = signal<Source>("examples");
-/** What is being fetched or read; empty when nothing is. */
-export const loading = signal("the examples");
+/** What is being fetched or read: the examples, a trip, or a file with its name. */
+export type Loading = { what: "examples" | "trip" } | { what: "file"; name: string };
+
+/** Null when nothing is. */
+export const loading = signal<Loading | null>({ what: "examples" });
 
 function show(next: Trip, at: Conditions = next.start): void {
   batch(() => {
@@ -35,7 +38,7 @@ function longest(rows: ExampleSummary[]): ExampleSummary | undefined {
   return [...rows].sort((a, b) => b.distance_m - a.distance_m)[0];
 }
 
-async function during<T>(what: string, work: () => Promise<T>): Promise<T | null> {
+async function during<T>(what: Loading, work: () => Promise<T>): Promise<T | null> {
   loading.value = what;
   try {
     return await work();
@@ -43,25 +46,31 @@ async function during<T>(what: string, work: () => Promise<T>): Promise<T | null
     complain(error);
     return null;
   } finally {
-    loading.value = "";
+    loading.value = null;
   }
 }
 
 export async function chooseExample(name: string): Promise<void> {
-  const found = await during("the trip", () => loadExample(name));
+  const found = await during({ what: "trip" }, () => loadExample(name));
   if (found) show(tripOfExample(found));
 }
 
-/** Read what the reader brought. */
-export async function chooseRoute(text: string, title: string, from: Source, speedMS: number): Promise<void> {
-  const found = await during(title, () => readRoute(text, speedMS));
-  if (found) show(tripOfRoute(found, title, from));
+/** Read an uploaded file, or pasted links, which have no name. */
+export async function chooseRoute(
+  content: string,
+  name: string,
+  from: Source,
+  speedMS: number,
+): Promise<void> {
+  const what: Loading = name ? { what: "file", name } : { what: "trip" };
+  const found = await during(what, () => readRoute(content, speedMS));
+  if (found) show(tripOfRoute(found, name, from));
 }
 
 /** Fetch what the page needs to begin, and take up where the reader left. */
 export async function begin(): Promise<void> {
   const last = recall<Last>(KEY);
-  await during("the examples", async () => {
+  await during({ what: "examples" }, async () => {
     const [allModels, allVehicles, allExamples] = await Promise.all([
       listModels(),
       listVehicles(),
@@ -76,7 +85,7 @@ export async function begin(): Promise<void> {
   });
   const known = examples.value.find((row) => row.trip === last.example) ?? longest(examples.value);
   if (known) {
-    const found = await during("the trip", () => loadExample(known.trip));
+    const found = await during({ what: "trip" }, () => loadExample(known.trip));
     if (!found) return;
     const same = known.trip === last.example && last.conditions !== undefined;
     if (same) conditions.value = last.conditions as Conditions;

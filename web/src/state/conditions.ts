@@ -1,4 +1,4 @@
-/** What is known at the door, and what the sliders say. */
+/** What is known at departure, as the sliders have it. */
 
 import { signal } from "@preact/signals";
 
@@ -16,13 +16,13 @@ export interface Conditions {
   motorwayMS: number | null;
 }
 
-/** Temperatures that a log or an example says at its start. */
+/** Temperatures at the start of a log or an example. */
 export interface Warmth {
   cabin_temperature_degc?: number;
   battery_temperature_degc?: number;
 }
 
-const GARAGE_DEGC = 15;
+export const GARAGE_DEGC = 15;
 
 export const USUAL: Conditions = {
   ambientDegc: 10,
@@ -38,12 +38,12 @@ export const conditions = signal<Conditions>(USUAL);
 
 export function change(some: Partial<Conditions>): void {
   const next = { ...conditions.value, ...some };
-  // A cabin that was logged on a warm day says nothing of a cold one.
+  // The cabin temperature of a warm day does not hold on a cold one.
   if (some.ambientDegc !== undefined && next.door === "logged") next.door = "parked";
   conditions.value = next;
 }
 
-/** Back to what the trip says; the reserve is the reader's own. */
+/** Back to the conditions of the trip; the reserve stays. */
 export function resetTo(start: Conditions): void {
   conditions.value = { ...start, reserve: conditions.value.reserve };
 }
@@ -58,7 +58,7 @@ function warmthOf({ door, ambientDegc }: Conditions, logged: Warmth): Warmth {
 /** The fields of a `ForecastRequest` that the conditions decide. */
 export function fieldsOf(at: Conditions, logged: Warmth) {
   return {
-    displayed_soc: at.soc,
+    soc: at.soc,
     ambient_temperature_degc: at.ambientDegc,
     cabin_setpoint_degc: at.setpointDegc,
     payload_mass_kg: at.payloadKg,

@@ -1,4 +1,4 @@
-/** Drives a measured trip again: what the forecast says at each place, beside the naive gauge. */
+/** Replays a measured trip: the forecast at each place, beside the naive gauge. */
 
 import { batch, computed, effect, signal, untracked } from "@preact/signals";
 import { forecastUpdate } from "../api/client";
@@ -18,7 +18,7 @@ const LEAST_S = 5;
 
 export const RATES = [30, 60, 120] as const;
 
-/** What was said of the arrival at one moment of the trip. */
+/** The forecast of the arrival at one moment of the trip. */
 export interface Moment {
   timeS: number;
   distanceM: number;
@@ -35,14 +35,14 @@ export const timeS = signal(0);
 export const update = signal<Answer | null>(null);
 export const history = signal<Moment[]>([]);
 
-/** Why the trip cannot be driven; empty when it can. */
-export const whyNoDrive = computed(() => {
+/** Why the trip cannot be driven; null when it can. */
+export const whyNoDrive = computed<"notMeasured" | "otherCar" | null>(() => {
   const now = trip.value;
-  if (!now?.observed) return "Nothing was measured on this trip: no drive.";
+  if (!now?.observed) return "notMeasured";
   const other = now.vehicle !== "" && now.vehicle !== car.value?.vehicle;
-  return other ? "This trip was measured with another car: no drive." : "";
+  return other ? "otherCar" : null;
 });
-export const canDrive = computed(() => whyNoDrive.value === "");
+export const canDrive = computed(() => whyNoDrive.value === null);
 export const driving = computed(() => mode.value === "drive" && canDrive.value);
 export const durationS = computed(() => trip.value?.profile.timeS.at(-1) ?? 0);
 export const distanceM = computed(() => {

@@ -10,6 +10,9 @@ import { type Car, car } from "./car";
 import { type Conditions, conditions } from "./conditions";
 import { bodyOf, type Trip, trip } from "./trip";
 
+/** Type of a problem that the page itself has. */
+export const PAGE = "page";
+
 const REST_MS = 50;
 const USUAL_SPEED_M_S = 13.9;
 
@@ -44,7 +47,7 @@ interface Wish {
 function problemFrom(error: unknown): Problem | null {
   if (error instanceof DOMException && error.name === "AbortError") return null;
   if (error instanceof Refused) return error.problem;
-  return { title: "Something went wrong on this page", status: 0, detail: String(error) };
+  return { type: PAGE, title: "", status: 0, detail: String(error) };
 }
 
 let profileOfSpeed: { trip: Trip; motorwayMS: number | null } | null = null;
@@ -117,6 +120,7 @@ export const faults = computed(() => {
 });
 
 const FIELDS = [
+  "soc",
   "displayed_soc",
   "ambient_temperature_degc",
   "cabin_setpoint_degc",

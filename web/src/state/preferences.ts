@@ -1,7 +1,9 @@
-/** What this browser remembers. Nothing of it leaves the browser. */
+/** Preferences, kept in this browser only. */
 
 import { computed, effect, signal } from "@preact/signals";
+import { formatOf } from "../model/format";
 import { type System, unitsOf } from "../model/units";
+import { CATALOGUES, type Language, languageOf, localeOf } from "../text";
 
 const KEY = "tripwatt.preferences";
 
@@ -11,6 +13,8 @@ interface Stored {
   system: System;
   theme: Theme;
   wholeBattery: boolean;
+  /** Null for that of the browser. */
+  language: Language | null;
 }
 
 /** What was stored under `key`, or nothing when it was not or cannot be read. */
@@ -37,8 +41,14 @@ const usesMiles = /-(US|GB|LR|MM)$/.test(navigator.language);
 export const system = signal<System>(stored.system ?? (usesMiles ? "imperial" : "metric"));
 export const theme = signal<Theme>(stored.theme ?? "system");
 export const wholeBattery = signal(stored.wholeBattery ?? false);
+/** The language that was chosen; null for that of the browser. */
+export const chosenLanguage = signal<Language | null>(stored.language ?? null);
+export const language = computed(() => languageOf(chosenLanguage.value, navigator.languages));
+export const text = computed(() => CATALOGUES[language.value]);
+export const format = computed(() => formatOf(localeOf(language.value, navigator.languages)));
 export const units = computed(() => unitsOf(system.value));
 
+// eslint-disable-next-line page/text -- a media query
 const prefersDark = matchMedia("(prefers-color-scheme: dark)");
 const systemDark = signal(prefersDark.matches);
 export const dark = computed(() => (theme.value === "system" ? systemDark.value : theme.value === "dark"));
@@ -52,6 +62,18 @@ export function keepPreferences(): void {
     document.documentElement.dataset.theme = dark.value ? "dark" : "light";
   });
   effect(() => {
-    remember(KEY, { system: system.value, theme: theme.value, wholeBattery: wholeBattery.value });
+    document.documentElement.lang = language.value;
+    document.title = text.value.document.title;
+    document
+      .querySelector("meta[name=description]")
+      ?.setAttribute("content", text.value.document.description);
+  });
+  effect(() => {
+    remember(KEY, {
+      system: system.value,
+      theme: theme.value,
+      wholeBattery: wholeBattery.value,
+      language: chosenLanguage.value,
+    });
   });
 }

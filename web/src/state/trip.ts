@@ -1,7 +1,7 @@
-/** The trip that is looked at, wherever it came from. */
+/** The trip that is shown, from an example, a file or links. */
 
 import { signal } from "@preact/signals";
-import type { Columns, Example, Link, Route } from "../api/types";
+import type { Columns, Example, Flag, Link, Route } from "../api/types";
 import { atMotorwaySpeed } from "../model/links";
 import { type Profile, profileOf } from "../model/profile";
 import type { Car } from "./car";
@@ -14,21 +14,21 @@ const FULL_SOC = 1;
 export type Source = "examples" | "upload" | "links";
 
 export interface Trip {
-  /** Name of the example; empty for what the reader brought. */
+  /** Name of the example; empty for an upload or links. */
   example: string;
   source: Source;
-  /** The car that was measured; empty where nobody says. */
+  /** The car that was measured; empty where it is unknown. */
   vehicle: string;
+  /** Title of the example or name of the file; empty for pasted links. */
   title: string;
-  note: string;
-  notes: string[];
+  notes: Flag[];
   /** What no slider changes, as members of a JSON object, made once: the speed trace, or the heights of links. */
   fixedJson: string;
   links: Link[] | null;
   profile: Profile;
   observed: Columns | null;
   logged: Warmth;
-  /** What the log or the example says of the conditions. */
+  /** Conditions of the log or the example. */
   start: Conditions;
 }
 
@@ -49,7 +49,7 @@ function conditionsFrom(known: Record<string, unknown>): Conditions {
     ...USUAL,
     ambientDegc: number("ambient_temperature_degc", USUAL.ambientDegc),
     setpointDegc: number("cabin_setpoint_degc", USUAL.setpointDegc),
-    soc: Math.min(number("displayed_soc", USUAL.soc), FULL_SOC),
+    soc: Math.min(number("soc", USUAL.soc), FULL_SOC),
     payloadKg: number("payload_mass_kg", USUAL.payloadKg),
     door: typeof known.cabin_temperature_degc === "number" ? "logged" : "parked",
   };
@@ -67,15 +67,20 @@ export function tripOfExample(example: Example): Trip {
     source: "examples",
     vehicle: example.vehicle,
     title: example.title,
-    note: example.note,
     notes: [],
     fixedJson: membersOf({ samples }),
     links: null,
     profile: profileOf(samples),
     observed: example.observed,
     logged: warmthFrom(known),
-    start: conditionsFrom(known),
+    start: conditionsFrom({ ...known, soc: known.soc ?? known.displayed_soc }),
   };
+}
+
+/** The first sample, with the state of charge that the driver sees as `soc`: a log's `soc` is the battery management's. */
+function firstOf(samples: Columns): Record<string, unknown> {
+  const first = Object.fromEntries(Object.entries(samples).map(([name, column]) => [name, column[0]]));
+  return { ...first, soc: first.displayed_soc };
 }
 
 function isMeasured(columns: Columns): boolean {
@@ -84,14 +89,13 @@ function isMeasured(columns: Columns): boolean {
 
 export function tripOfRoute(route: Route, title: string, source: Source): Trip {
   const links = route.links ?? null;
-  const first = Object.fromEntries(Object.entries(route.samples).map(([name, column]) => [name, column[0]]));
+  const first = firstOf(route.samples);
   const measured = pick(route.samples, MEASURED);
   return {
     example: "",
     source,
     vehicle: "",
     title,
-    note: links ? `${links.length} ${links.length === 1 ? "link" : "links"}` : "speed trace",
     notes: route.notes,
     fixedJson: membersOf(
       links ? { elevation: route.elevation ?? null } : { samples: pick(route.samples, ROAD) },

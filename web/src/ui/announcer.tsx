@@ -1,23 +1,25 @@
 import { useEffect, useState } from "preact/hooks";
-import { chanceInWords, chanceOf } from "../model/arrival";
-import { PERCENT, shown } from "../model/units";
+import { chanceOf, likelihoodOf } from "../model/arrival";
+import { PERCENT } from "../model/units";
 import { answer, arrived, playing } from "../state/drive";
 import { asked, problem } from "../state/forecast";
-import { bandText } from "./result";
+import { format, text } from "../state/preferences";
+import { bandText } from "./wording";
 
 const SETTLED_MS = 700;
 
 function sentence(): string {
-  if (problem.value) return "";
   const now = answer.value;
-  if (!now) return "";
-  const chance = chanceOf(now, asked.value.at.reserve);
-  const reserve = chance === null ? "" : ` ${chanceInWords(chance)} to keep the reserve.`;
-  const end = arrived.value ? "Arrived." : "Forecast:";
-  return `${end} ${shown(now.soc_arrival, PERCENT)} battery on arrival, ${bandText(now)} in 9 of 10 trips.${reserve}`;
+  if (problem.value || !now) return "";
+  const { result, chance } = text.value;
+  const soc = format.value.shown(now.soc_arrival, PERCENT);
+  if (arrived.value) return result.announcedArrival(soc);
+  const forecast = result.announced(soc, bandText(now));
+  const found = chanceOf(now, asked.value.at.reserve);
+  return found === null ? forecast : `${forecast} ${chance.announced(chance.words[likelihoodOf(found)])}`;
 }
 
-/** Says the result to who does not see it, once it has settled. */
+/** The result in a live region, once it has settled. */
 export function Announcer() {
   const [said, say] = useState("");
   const next = playing.value ? said : sentence();

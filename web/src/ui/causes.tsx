@@ -1,13 +1,22 @@
 import type { Answer } from "../api/types";
 import { waterfall } from "../model/causes";
-import { ENERGY, figure, shown, signed } from "../model/units";
+import { ENERGY } from "../model/units";
 import { isMeasured, model } from "../state/car";
+import { format, text } from "../state/preferences";
 
 /** Least digits of a kilowatt-hour that tell the parts apart. */
 const DIGITS = 2;
 
+/** Name of a cause; of an unknown one as it came. */
+function nameOf(key: string): string {
+  const names: Record<string, string> = text.value.causes.names;
+  return names[key] ?? key;
+}
+
 /** Energy by cause: a table whose bars add up, each from where the last one ended. */
 export function Causes({ of, other }: { of: Answer; other: Answer | null }) {
+  const { figure, shown, signed } = format.value;
+  const { causes, compare } = text.value;
   const steps = waterfall(of.by_cause_wh, new Set(["learned_correction", "hvac"]));
   const ends = steps.flatMap((step) => [step.startWh, step.startWh + step.energyWh]);
   const low = Math.min(0, ...ends);
@@ -19,29 +28,29 @@ export function Causes({ of, other }: { of: Answer; other: Answer | null }) {
   });
   return (
     <section class="card causes" aria-labelledby="causes-title">
-      <h2 id="causes-title">What the energy goes into</h2>
+      <h2 id="causes-title">{causes.title}</h2>
       <table>
-        <caption class="unseen">Energy by cause; the parts add up to the total</caption>
+        <caption class="unseen">{causes.caption}</caption>
         <thead class={other ? "" : "unseen"}>
           <tr>
             <th scope="col">
-              <span class="unseen">Cause</span>
+              <span class="unseen">{causes.cause}</span>
             </th>
             <td aria-hidden="true" />
             <th scope="col" class="value">
-              {other ? "First" : `Energy, ${ENERGY.unit}`}
+              {other ? compare.first : causes.energyIn(ENERGY.unit)}
             </th>
             {other && (
               <th scope="col" class="value">
-                Change
+                {compare.change}
               </th>
             )}
           </tr>
         </thead>
         <tbody>
-          {steps.map(({ key, label, group, energyWh, startWh }) => (
+          {steps.map(({ key, group, energyWh, startWh }) => (
             <tr key={key} class={`group-${group}`}>
-              <th scope="row">{label}</th>
+              <th scope="row">{nameOf(key)}</th>
               <td class="picture" aria-hidden="true">
                 <span class={energyWh < 0 ? "back" : ""} style={bar(startWh, startWh + energyWh)} />
               </td>
@@ -56,7 +65,7 @@ export function Causes({ of, other }: { of: Answer; other: Answer | null }) {
         </tbody>
         <tfoot>
           <tr>
-            <th scope="row">Total</th>
+            <th scope="row">{causes.total}</th>
             <td class="picture" aria-hidden="true">
               <span style={bar(0, of.energy_wh)} />
             </td>
@@ -68,10 +77,8 @@ export function Causes({ of, other }: { of: Answer; other: Answer | null }) {
         </tfoot>
       </table>
       <p class="note">
-        In {ENERGY.unit} at the battery's terminals; {shown(of.battery_loss_wh, ENERGY)} more warms the
-        battery itself. The learned part is what{" "}
-        {isMeasured.value ? "trips of this car" : `trips of a ${model.value?.model.vehicle_title}`} took
-        beyond the physics.
+        {causes.note(ENERGY.unit, shown(of.battery_loss_wh, ENERGY))}{" "}
+        {isMeasured.value ? causes.learnedOwn : causes.learnedOf(model.value?.model.vehicle_title ?? "")}
       </p>
     </section>
   );

@@ -1,17 +1,16 @@
 import { batch } from "@preact/signals";
 import type { Answer } from "../api/types";
-import { chanceInFigures, chanceOf, emptyAfterM } from "../model/arrival";
+import { chanceOf, emptyAfterM } from "../model/arrival";
 import { hasMotorway } from "../model/links";
-import { duration, ENERGY, figure, PERCENT, type Quantity, shown } from "../model/units";
+import { ENERGY, PERCENT, type Quantity } from "../model/units";
 import { type Conditions, change, conditions } from "../state/conditions";
 import { asked, type Other, other } from "../state/forecast";
-import { units } from "../state/preferences";
+import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
-import { bandText } from "./result";
 import { Slider } from "./slider";
+import { bandText, chanceInFigures } from "./wording";
 
 interface Setting {
-  label: string;
   quantity: () => Quantity;
   limits: [number, number];
   step: number;
@@ -20,32 +19,31 @@ interface Setting {
 }
 
 const KM_H = 1 / 3.6;
+/** Smaller differences are not told. */
+const LEAST_SAVED_WH = 5;
+const LEAST_LONGER_S = 30;
 
 const SETTINGS: Record<Other["setting"], Setting> = {
   setpointDegc: {
-    label: "Cabin",
     quantity: () => units.value.temperature,
     limits: [15, 28],
     step: 1,
     usual: [22, 18],
   },
   ambientDegc: {
-    label: "Outside",
     quantity: () => units.value.temperature,
     limits: [-25, 45],
     step: 1,
     usual: [20, -5],
   },
-  payloadKg: { label: "Load", quantity: () => units.value.mass, limits: [0, 500], step: 10, usual: [0, 300] },
+  payloadKg: { quantity: () => units.value.mass, limits: [0, 500], step: 10, usual: [0, 300] },
   soc: {
-    label: "Battery at departure",
     quantity: () => PERCENT,
     limits: [0.05, 1],
     step: 1,
     usual: [0.8, 0.6],
   },
   motorwayMS: {
-    label: "Motorway speed",
     quantity: () => units.value.speed,
     limits: [80 * KM_H, 150 * KM_H],
     step: 5,
@@ -69,28 +67,28 @@ function ask(setting: Other["setting"]): void {
 
 export function CompareControls() {
   const { setting, value } = other.value;
-  const { label, quantity, limits, step } = SETTINGS[setting];
+  const { quantity, limits, step } = SETTINGS[setting];
+  const { compare, settings } = text.value;
   return (
     <div class="compare-controls">
       <div class="questions">
         {settingsOfTrip().map((name) => {
-          const { label, quantity, usual } = SETTINGS[name];
+          const { quantity, usual } = SETTINGS[name];
           const sides = name === setting ? [conditions.value[name] ?? usual[0], value] : usual;
-          const [first, second] = sides.map((si) => figure(quantity().from(si), 0));
+          const [first, second] = sides.map((si) => format.value.figure(quantity().from(si), 0)) as [
+            string,
+            string,
+          ];
           return (
             <button key={name} type="button" aria-pressed={name === setting} onClick={() => ask(name)}>
-              {label}{" "}
-              <span class="figures">
-                {first} or {second}
-                {"\u00a0"}
-                {quantity().unit}
-              </span>
+              {settings[name].label}{" "}
+              <span class="figures">{`${compare.or(first, second)}\u00a0${quantity().unit}`}</span>
             </button>
           );
         })}
       </div>
       <Slider
-        label={`${label}, second side`}
+        label={compare.second(settings[setting].label)}
         value={value}
         least={limits[0]}
         most={limits[1]}
@@ -107,6 +105,8 @@ export function CompareControls() {
 function Side({ of, kind, name }: { of: Answer; kind: "main" | "other"; name: string }) {
   const chance = chanceOf(of, asked.value.at.reserve);
   const emptyM = emptyAfterM(of);
+  const { figure, shown, duration } = format.value;
+  const { result, compare } = text.value;
   return (
     <div class={`side side-${kind}`}>
       <h3>{name}</h3>
@@ -116,37 +116,42 @@ function Side({ of, kind, name }: { of: Answer; kind: "main" | "other"; name: st
       </p>
       <p class="figures">
         {emptyM === null
-          ? `${bandText(of)} in 9 of 10 trips`
-          : `Empty after about ${shown(emptyM, units.value.distance, 0)}`}
+          ? result.inTrips(bandText(of))
+          : result.emptyAfter(shown(emptyM, units.value.distance, 0))}
       </p>
       <p class="figures">
         {shown(of.energy_wh, ENERGY)} · {duration(of.series.time_s.at(-1) as number)}
       </p>
-      {chance !== null && <p class="figures">Keeps the reserve in {chanceInFigures(chance)}</p>}
+      {chance !== null && <p class="figures">{compare.keeps(chanceInFigures(chance))}</p>}
     </div>
   );
 }
 
-/** The difference as a sentence. */
-export function differenceText(first: Answer, second: Answer, names: [string, string]): string {
-  const saved = first.energy_wh - second.energy_wh;
+/** The difference as a sentence, from the forecast that arrives with more. */
+function differenceText(first: Answer, second: Answer, names: [string, string]): string {
+  const { figure, shown, duration } = format.value;
+  const { compare } = text.value;
   const points = PERCENT.from(second.soc_arrival - first.soc_arrival);
-  const later = (second.series.time_s.at(-1) as number) - (first.series.time_s.at(-1) as number);
-  const [less, than] = points >= 0 ? [names[1], names[0]] : names;
-  const time =
-    Math.abs(later) >= 30
-      ? ` and takes ${duration(Math.abs(later))} ${later > 0 === points >= 0 ? "longer" : "less"}`
-      : "";
-  const energy = Math.abs(saved) >= 5 ? ` and ${shown(Math.abs(saved), ENERGY)} less` : "";
-  return `${less} rather than ${than}: ${figure(Math.abs(points), 1)} points more battery on arrival${energy}${time}.`;
+  const [one, other] = points >= 0 ? [second, first] : [first, second];
+  const [name, otherName] = points >= 0 ? [names[1], names[0]] : names;
+  const savedWh = other.energy_wh - one.energy_wh;
+  const longerS = (one.series.time_s.at(-1) as number) - (other.series.time_s.at(-1) as number);
+  const parts = [compare.morePoints(figure(Math.abs(points), 1))];
+  if (savedWh >= LEAST_SAVED_WH) parts.push(compare.lessEnergy(shown(savedWh, ENERGY)));
+  if (longerS >= LEAST_LONGER_S) parts.push(compare.longer(duration(longerS)));
+  if (longerS <= -LEAST_LONGER_S) parts.push(compare.shorter(duration(-longerS)));
+  return `${compare.instead(name, otherName)}: ${parts.join(", ")}.`;
 }
 
 export function CompareLine({ first, second }: { first: Answer; second: Answer }) {
   const { setting, value } = asked.value.other;
-  const { quantity, label } = SETTINGS[setting];
+  const { quantity } = SETTINGS[setting];
+  const { shown } = format.value;
+  const { compare, settings } = text.value;
+  const { label } = settings[setting];
   const at = asked.value.at[setting];
   const names: [string, string] = [
-    at === null ? "As planned" : shown(at, quantity()),
+    at === null ? compare.asPlanned : shown(at, quantity()),
     shown(value, quantity()),
   ];
   return (

@@ -1,8 +1,8 @@
 import { hasMotorway, MOTORWAY_M_S } from "../model/links";
-import { PERCENT, shown } from "../model/units";
-import { change, conditions, type Door, resetTo } from "../state/conditions";
+import { PERCENT } from "../model/units";
+import { change, conditions, type Door, GARAGE_DEGC, resetTo } from "../state/conditions";
 import { faults, mode, other } from "../state/forecast";
-import { units } from "../state/preferences";
+import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { Slider } from "./slider";
 
@@ -17,25 +17,27 @@ const LIMITS = {
 
 const USUAL_MOTORWAY_M_S = 130 / 3.6;
 
-const DOORS: [Door, string][] = [
-  ["parked", "Parked outside: as cold or warm as the air"],
-  ["garage", "In a garage or preheated: 15 °C"],
-  ["logged", "As the log says"],
-  ["unknown", "Not known"],
-];
+const DOORS: Door[] = ["parked", "garage", "logged", "unknown"];
+
+function doorText(door: Door): string {
+  const { conditions: words } = text.value;
+  const shown = (degc: number) => format.value.shown(degc, units.value.temperature);
+  if (door === "parked") return words.parked(shown(conditions.value.ambientDegc));
+  return door === "garage" ? words.garage(shown(GARAGE_DEGC)) : words[door];
+}
 
 function DoorSelect() {
   const known = Object.keys(trip.value?.logged ?? {}).length > 0;
   return (
     <label class="field">
-      <span>Before departure</span>
+      <span>{text.value.conditions.before}</span>
       <select
         value={conditions.value.door}
         onChange={(event) => change({ door: event.currentTarget.value as Door })}
       >
-        {DOORS.filter(([door]) => known || door !== "logged").map(([door, text]) => (
+        {DOORS.filter((door) => known || door !== "logged").map((door) => (
           <option key={door} value={door}>
-            {text}
+            {doorText(door)}
           </option>
         ))}
       </select>
@@ -48,6 +50,7 @@ function Motorway() {
   if (!links || !hasMotorway(links)) return null;
   const now = conditions.value.motorwayMS;
   const { speed } = units.value;
+  const { conditions: words } = text.value;
   return (
     <div class="field">
       <label class="tick">
@@ -58,11 +61,11 @@ function Motorway() {
             change({ motorwayMS: event.currentTarget.checked ? USUAL_MOTORWAY_M_S : null })
           }
         />
-        Another speed where {shown(MOTORWAY_M_S, speed)} or more is planned
+        {words.changeMotorway(format.value.shown(MOTORWAY_M_S, speed))}
       </label>
       {now !== null && (
         <Slider
-          label="Motorway speed"
+          label={words.motorway}
           value={now}
           least={LIMITS.motorway[0]}
           most={LIMITS.motorway[1]}
@@ -78,26 +81,25 @@ function Motorway() {
 export function ConditionsPanel() {
   const now = conditions.value;
   const { temperature, mass } = units.value;
+  const { conditions: words, settings } = text.value;
   const start = trip.value?.start;
   const changed = start && JSON.stringify({ ...start, reserve: now.reserve }) !== JSON.stringify(now);
   const wrong = (field: string) => faults.value.get(field);
   return (
     <section class="panel conditions" aria-labelledby="conditions-title">
       <div class="heading">
-        <h2 id="conditions-title">Conditions</h2>
+        <h2 id="conditions-title">{words.title}</h2>
         {changed && (
           <button type="button" class="link" onClick={() => resetTo(start)}>
-            Reset
+            {words.reset}
           </button>
         )}
       </div>
       {mode.value === "compare" && (
-        <p class="note">
-          Those of the first side; the second differs in {SETTINGS[other.value.setting]} alone.
-        </p>
+        <p class="note">{words.compared(settings[other.value.setting].inSentence)}</p>
       )}
       <Slider
-        label="Outside"
+        label={words.outside}
         value={now.ambientDegc}
         least={LIMITS.ambient[0]}
         most={LIMITS.ambient[1]}
@@ -107,7 +109,7 @@ export function ConditionsPanel() {
         onChange={(ambientDegc) => change({ ambientDegc })}
       />
       <Slider
-        label="Cabin"
+        label={words.cabin}
         value={now.setpointDegc}
         least={LIMITS.setpoint[0]}
         most={LIMITS.setpoint[1]}
@@ -117,17 +119,17 @@ export function ConditionsPanel() {
         onChange={(setpointDegc) => change({ setpointDegc })}
       />
       <Slider
-        label="Battery at departure"
+        label={words.soc}
         value={now.soc}
         least={LIMITS.soc[0]}
         most={LIMITS.soc[1]}
         step={1}
         quantity={PERCENT}
-        faults={wrong("displayed_soc")}
+        faults={wrong("soc") ?? wrong("displayed_soc")}
         onChange={(soc) => change({ soc: Math.min(soc, 1) })}
       />
       <Slider
-        label="Load besides the driver"
+        label={words.payload}
         value={now.payloadKg}
         least={LIMITS.payload[0]}
         most={LIMITS.payload[1]}
@@ -137,7 +139,7 @@ export function ConditionsPanel() {
         onChange={(payloadKg) => change({ payloadKg })}
       />
       <Slider
-        label="Reserve to keep"
+        label={words.reserve}
         value={now.reserve}
         least={LIMITS.reserve[0]}
         most={LIMITS.reserve[1]}
@@ -151,11 +153,3 @@ export function ConditionsPanel() {
     </section>
   );
 }
-
-export const SETTINGS = {
-  setpointDegc: "the cabin's set-point",
-  ambientDegc: "the outside temperature",
-  payloadKg: "the load",
-  soc: "the charge at departure",
-  motorwayMS: "the motorway speed",
-};

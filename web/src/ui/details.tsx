@@ -1,18 +1,21 @@
 import type { Answer } from "../api/types";
 import { ArrivalChart } from "../charts/arrival";
-import { chanceInFigures, chanceOf, DOTS, equallyLikely } from "../model/arrival";
-import { PERCENT, shown } from "../model/units";
+import { chanceOf, DOTS, equallyLikely } from "../model/arrival";
+import { PERCENT } from "../model/units";
 import { answer, arrived, driving } from "../state/drive";
 import { alternative, asked, mode } from "../state/forecast";
+import { format, text } from "../state/preferences";
 import { Causes } from "./causes";
 import { DriveCard } from "./drive";
 import { ArrivalTable } from "./tables";
+import { chanceInFigures } from "./wording";
 
 function ArrivalDots({ of, shared, name }: { of: Answer; shared: Answer[]; name: string }) {
   const { reserve } = asked.value.at;
   const kept = equallyLikely(of).filter((soc) => soc >= reserve).length;
   const chance = chanceOf(of, reserve);
-  const said = `${kept} of ${DOTS} equally likely arrivals keep the reserve of ${shown(reserve, PERCENT)}`;
+  const { arrival } = text.value;
+  const said = arrival.kept(kept, DOTS, format.value.shown(reserve, PERCENT));
   const isOther = of !== shared[0];
   return (
     <>
@@ -27,7 +30,7 @@ function ArrivalDots({ of, shared, name }: { of: Answer; shared: Answer[]; name:
       />
       <p class="said">
         {said}
-        {chance !== null && `; computed exactly, ${chanceInFigures(chance)}`}.
+        {chance !== null && arrival.exact(chanceInFigures(chance))}.
       </p>
     </>
   );
@@ -35,19 +38,18 @@ function ArrivalDots({ of, shared, name }: { of: Answer; shared: Answer[]; name:
 
 function Arrival({ of, other }: { of: Answer; other: Answer | null }) {
   const shared = other ? [of, other] : [of];
+  const { arrival, compare } = text.value;
   return (
     <section class="card arrival-card" aria-labelledby="arrival-title">
-      <h2 id="arrival-title">Battery on arrival</h2>
-      <p class="note">Each dot is one of {DOTS} equally likely trips.</p>
+      <h2 id="arrival-title">{arrival.title}</h2>
+      <p class="note">{arrival.dots(DOTS)}</p>
       {shared.map((one, k) => (
-        <ArrivalDots key={k} of={one} shared={shared} name={other ? (SIDES[k] as string) : ""} />
+        <ArrivalDots key={k} of={one} shared={shared} name={other ? (compare.sides[k] as string) : ""} />
       ))}
       <ArrivalTable of={of} />
     </section>
   );
 }
-
-const SIDES = ["First side", "Second side"];
 
 export function Details() {
   const now = answer.value;

@@ -1,17 +1,23 @@
 import type { Answer } from "../api/types";
-import { PromiseChart } from "../charts/promise";
+import { HistoryChart } from "../charts/history";
 import { interpolate } from "../model/interpolate";
-import { duration, figure, PERCENT, shown } from "../model/units";
+import { PERCENT } from "../model/units";
 import { arrived, distanceM, history, playing, RATES, rate, timeS, togglePlaying } from "../state/drive";
 import { lengthM } from "../state/pointer";
-import { units } from "../state/preferences";
+import { format, text, units } from "../state/preferences";
 import { Choice } from "./choice";
 import { Icon } from "./icons";
-import { PromiseTable } from "./tables";
+import { HistoryTable } from "./tables";
 
 export function DriveControls() {
-  const action = playing.value ? "Pause" : arrived.value ? "Start again" : "Start";
-  const icon = playing.value ? "pause" : arrived.value ? "replay" : "play";
+  const { drive } = text.value;
+  const { duration, shown } = format.value;
+  const { distance } = units.value;
+  const [action, icon] = playing.value
+    ? ([drive.pause, "pause"] as const)
+    : arrived.value
+      ? ([drive.again, "replay"] as const)
+      : ([drive.start, "play"] as const);
   return (
     <div class="drive-controls">
       <button type="button" class="primary" onClick={togglePlaying}>
@@ -19,7 +25,7 @@ export function DriveControls() {
         {action}
       </button>
       <Choice
-        label="How fast the time goes"
+        label={drive.rate}
         class="small"
         value={String(rate.value)}
         options={RATES.map((value) => [String(value), `${value}×`] as const)}
@@ -28,8 +34,11 @@ export function DriveControls() {
         }}
       />
       <p class="figures">
-        {duration(timeS.value)} on the way · {shown(distanceM.value, units.value.distance)} of{" "}
-        {shown(lengthM.value, units.value.distance)}
+        {drive.progress(
+          duration(timeS.value),
+          shown(distanceM.value, distance),
+          shown(lengthM.value, distance),
+        )}
       </p>
     </div>
   );
@@ -39,55 +48,56 @@ export function DriveLine({ of }: { of: Answer }) {
   const last = history.value.at(-1);
   const now = interpolate(distanceM.value, of.series.distance_m, of.series.displayed_soc);
   const naive = last?.naive ?? null;
+  const { drive } = text.value;
+  const { shown } = format.value;
   return (
     <dl class="stats drive-line">
       <div>
-        <dt>Battery now</dt>
+        <dt>{drive.now}</dt>
         <dd>{shown(now, PERCENT)}</dd>
       </div>
       <div>
-        <dt>Forecast of arrival</dt>
+        <dt>{drive.forecast}</dt>
         <dd class="is-main">{shown(of.soc_arrival, PERCENT, 1)}</dd>
       </div>
       <div>
-        <dt>Naive gauge</dt>
+        <dt>{drive.gauge}</dt>
         <dd class="is-other">{naive === null ? "–" : shown(naive, PERCENT, 1)}</dd>
       </div>
     </dl>
   );
 }
 
-/** How far both were off at the end, once that is known. */
-function verdict(): string {
+/** The errors of both at half the distance, once the arrival is known. */
+function errorsText(): string {
   const said = history.value;
   const end = said.at(-1);
   if (!arrived.value || !end) return "";
   const half = said.find((m) => m.distanceM >= lengthM.value / 2 && m.naive !== null);
   if (!half || half.naive === null) return "";
-  const off = (soc: number) => figure(Math.abs(PERCENT.from(soc - end.soc)), 1);
-  return `Half way, the forecast was ${off(half.soc)} points off, the naive gauge ${off(half.naive)}.`;
+  const off = (soc: number) => format.value.figure(Math.abs(PERCENT.from(soc - end.soc)), 1);
+  return text.value.drive.errors(off(half.soc), off(half.naive));
 }
 
 export function DriveCard() {
+  const { drive } = text.value;
+  const errors = errorsText();
   return (
-    <section class="card promise" aria-labelledby="promise-title">
-      <h2 id="promise-title">What was promised on the way</h2>
-      <p class="note">
-        Battery on arrival as said at each place: by the forecast, which knows the road ahead, and by a naive
-        gauge, which takes the consumption so far for the rest.
-      </p>
+    <section class="card history" aria-labelledby="history-title">
+      <h2 id="history-title">{drive.title}</h2>
+      <p class="note">{drive.note}</p>
       <ul class="legend" aria-hidden="true">
-        <li class="key-main">forecast</li>
-        <li class="key-band">9 of 10</li>
-        <li class="key-other">naive gauge</li>
+        <li class="key-main">{drive.keyForecast}</li>
+        <li class="key-band">{drive.keyBand}</li>
+        <li class="key-other">{drive.keyGauge}</li>
       </ul>
       {history.value.length > 1 ? (
-        <PromiseChart height={240} label={`Battery on arrival as promised along the way. ${verdict()}`} />
+        <HistoryChart height={240} label={`${drive.chart} ${errors}`} />
       ) : (
-        <p class="empty">Press Start: the car moves, and the forecast with it.</p>
+        <p class="empty">{drive.hint}</p>
       )}
-      {verdict() && <p class="difference">{verdict()}</p>}
-      <PromiseTable />
+      {errors && <p class="difference">{errors}</p>}
+      <HistoryTable />
     </section>
   );
 }

@@ -1,11 +1,12 @@
 import { useEffect, useState } from "preact/hooks";
-import { chanceInFigures, chanceOf } from "../model/arrival";
-import { PERCENT, shown } from "../model/units";
+import { chanceOf } from "../model/arrival";
+import { PERCENT } from "../model/units";
 import { answer } from "../state/drive";
 import { asked } from "../state/forecast";
-import { bandText } from "./result";
+import { format, text } from "../state/preferences";
+import { bandText, chanceInFigures } from "./wording";
 
-/** On a phone: the result at the foot while its picture is out of sight. What it says stands in the picture's card too. */
+/** On a phone: the result at the foot while its picture is out of sight. The card of the picture has it too. */
 export function Glance() {
   const [away, setAway] = useState(false);
   useEffect(() => {
@@ -18,11 +19,12 @@ export function Glance() {
   const now = answer.value;
   if (!now || !away) return null;
   const chance = chanceOf(now, asked.value.at.reserve);
+  const { result } = text.value;
   return (
     <div class="glance" aria-hidden="true">
-      <strong>{shown(now.soc_arrival, PERCENT)}</strong>
-      <span>on arrival, {bandText(now)}</span>
-      {chance !== null && <span>reserve: {chanceInFigures(chance)}</span>}
+      <strong>{format.value.shown(now.soc_arrival, PERCENT)}</strong>
+      <span>{result.glance(bandText(now))}</span>
+      {chance !== null && <span>{result.glanceReserve(chanceInFigures(chance))}</span>}
     </div>
   );
 }

@@ -1,33 +1,60 @@
 import type { Vehicle } from "../api/types";
+import { unitsOf } from "../model/units";
 import { car, choices, chooseModel, chooseVehicle, vehicles } from "../state/car";
 import { faults } from "../state/forecast";
-import { system, type Theme, theme } from "../state/preferences";
+import { chosenLanguage, language, system, text, type Theme, theme } from "../state/preferences";
+import { type Language, LANGUAGES } from "../text";
 import { Choice } from "./choice";
 import { FaultList } from "./faults";
 import { Icon } from "./icons";
 
-const THEMES: [Theme, "system" | "sun" | "moon", string][] = [
-  ["system", "system", "Theme: as the system"],
-  ["light", "sun", "Theme: light"],
-  ["dark", "moon", "Theme: dark"],
+const THEMES: [Theme, "system" | "sun" | "moon"][] = [
+  ["system", "system"],
+  ["light", "sun"],
+  ["dark", "moon"],
 ];
+
+const LANGUAGE_NAMES = Object.entries(LANGUAGES) as [Language, string][];
 
 function ThemeButton() {
   const now = THEMES.findIndex(([name]) => name === theme.value);
-  const [, icon, text] = THEMES[now] as (typeof THEMES)[number];
+  const [name, icon] = THEMES[now] as (typeof THEMES)[number];
+  const { header } = text.value;
   const next = THEMES[(now + 1) % THEMES.length] as (typeof THEMES)[number];
   return (
     <button
       type="button"
       class="quiet"
-      aria-label={`${text}. Change it`}
-      title={text}
+      aria-label={header.changeTheme(header.theme[name])}
+      title={header.theme[name]}
       onClick={() => {
         theme.value = next[0];
       }}
     >
       <Icon name={icon} />
     </button>
+  );
+}
+
+function LanguageChoice() {
+  return (
+    <Choice
+      label={text.value.header.language}
+      class="small"
+      value={language.value}
+      options={LANGUAGE_NAMES.map(
+        ([code, name]) =>
+          [
+            code,
+            <abbr key={code} lang={code} title={name}>
+              {code.toUpperCase()}
+            </abbr>,
+          ] as const,
+      )}
+      onChoose={(code) => {
+        chosenLanguage.value = code;
+      }}
+    />
   );
 }
 
@@ -49,25 +76,26 @@ function CarSelect() {
   const others = vehicles.value.filter((row) => row.models.length === 0);
   const wrong = [...(faults.value.get("vehicle") ?? []), ...(faults.value.get("model") ?? [])];
   if (vehicles.value.length === 0) return null;
+  const { header } = text.value;
   return (
     <div class="car">
       <label>
-        <span class="unseen">Car</span>
+        <span class="unseen">{header.car}</span>
         <select
           value={car.value?.vehicle ?? ""}
           onChange={(event) => chooseVehicle(event.currentTarget.value)}
         >
-          <Cars label="Learned from its own trips" rows={measured} />
-          <Cars label="By its book values" rows={others} />
+          <Cars label={header.trained} rows={measured} />
+          <Cars label={header.published} rows={others} />
         </select>
       </label>
       {choices.value.length > 1 && (
         <label>
-          <span class="unseen">Model</span>
+          <span class="unseen">{header.model}</span>
           <select value={car.value?.model ?? ""} onChange={(event) => chooseModel(event.currentTarget.value)}>
             {choices.value.map((row) => (
               <option key={row.name} value={row.name}>
-                {`${row.name}, ${row.model.trips} trips`}
+                {header.modelOption(row.name, row.model.trips)}
               </option>
             ))}
           </select>
@@ -86,22 +114,24 @@ export function Header() {
           <path d="M4 22c5-1 6-12 12-12s6 9 12 8" />
           <circle cx="28" cy="18" r="2.6" />
         </svg>
+        {/* eslint-disable-next-line page/text -- a name */}
         <h1>tripwatt</h1>
       </div>
       <CarSelect />
       <div class="tools">
         <Choice
-          label="Units"
+          label={text.value.header.units}
           class="small"
           value={system.value}
           options={[
-            ["metric", "km"],
-            ["imperial", "mi"],
+            ["metric", unitsOf("metric").distance.unit],
+            ["imperial", unitsOf("imperial").distance.unit],
           ]}
           onChoose={(value) => {
             system.value = value;
           }}
         />
+        <LanguageChoice />
         <ThemeButton />
       </div>
     </header>

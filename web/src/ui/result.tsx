@@ -1,20 +1,14 @@
 import type { ComponentChildren } from "preact";
-import type { Answer } from "../api/types";
+import type { Answer, Problem } from "../api/types";
 import { BatteryChart } from "../charts/battery";
 import { RoadChart } from "../charts/road";
-import {
-  arrivalBand,
-  chanceInFigures,
-  chanceInWords,
-  chanceOf,
-  emptyAfterM,
-  verdictOf,
-} from "../model/arrival";
-import { duration, ENERGY, figure, PERCENT, shown } from "../model/units";
+import { FAILED, UNREACHABLE } from "../api/client";
+import { chanceOf, emptyAfterM, likelihoodOf, verdictOf } from "../model/arrival";
+import { ENERGY, PERCENT } from "../model/units";
 import { loading, retry } from "../state/catalogue";
 import { answer, arrived, canDrive, driving, road, whyNoDrive } from "../state/drive";
-import { alternative, asked, type Mode, mode, problem } from "../state/forecast";
-import { units, wholeBattery } from "../state/preferences";
+import { alternative, asked, type Mode, mode, PAGE, problem } from "../state/forecast";
+import { format, text, units, wholeBattery } from "../state/preferences";
 import { trip } from "../state/trip";
 import { Choice } from "./choice";
 import { CompareControls, CompareLine } from "./compare";
@@ -23,29 +17,21 @@ import { Icon } from "./icons";
 import { Place } from "./place";
 import { RouteTable } from "./tables";
 import { Warnings } from "./warnings";
+import { bandText, chanceInFigures } from "./wording";
 
-const MODES: [Mode, string][] = [
-  ["plan", "Plan"],
-  ["compare", "Compare"],
-  ["drive", "Drive"],
-];
-
-/** Both ends of the band, with the unit once. */
-export function bandText(of: Answer, digits = 0): string {
-  const [low, high] = arrivalBand(of).map((soc) => figure(PERCENT.from(soc), digits));
-  return low === high ? `${low} %` : `${low} to ${high} %`;
-}
+const MODES: Mode[] = ["plan", "compare", "drive"];
 
 function Chance({ of }: { of: Answer }) {
   const reserve = asked.value.at.reserve;
   const chance = chanceOf(of, reserve);
   if (chance === null) return null;
+  const { words, withReserve, withCharge } = text.value.chance;
   return (
     <p class={`chance chance-${verdictOf(chance)}`}>
       <Icon name={verdictOf(chance) === "good" ? "check" : "warning"} />
       <span>
-        <strong>{chanceInWords(chance)}</strong> to arrive with{" "}
-        {reserve > 0 ? `the reserve of ${shown(reserve, PERCENT)} or more` : "charge left"}
+        <strong>{words[likelihoodOf(chance)]}</strong>
+        {reserve > 0 ? withReserve(format.value.shown(reserve, PERCENT)) : withCharge}
         <span class="figures"> · {chanceInFigures(chance)}</span>
       </span>
     </p>
@@ -55,17 +41,19 @@ function Chance({ of }: { of: Answer }) {
 function Headline({ of }: { of: Answer }) {
   const emptyM = emptyAfterM(of);
   const measured = driving.value && arrived.value;
-  const said = measured ? "measured" : `${bandText(of)} in 9 of 10 trips like this`;
+  const { result } = text.value;
+  const { figure, shown } = format.value;
+  const said = measured ? result.measured : result.inTrips(bandText(of));
   return (
     <div class="headline">
       <p class="arrival">
-        <span class="label">Battery on arrival</span>
+        <span class="label">{result.onArrival}</span>
         <span class="number">
-          {emptyM === null ? figure(PERCENT.from(of.soc_arrival), 0) : "0"}
-          <small>%</small>
+          {figure(emptyM === null ? PERCENT.from(of.soc_arrival) : 0, 0)}
+          <small>{PERCENT.unit}</small>
         </span>
         <span class="range">
-          {emptyM === null ? said : `Empty after about ${shown(emptyM, units.value.distance, 0)}`}
+          {emptyM === null ? said : result.emptyAfter(shown(emptyM, units.value.distance, 0))}
         </span>
       </p>
       {!measured && <Chance of={of} />}
@@ -85,57 +73,67 @@ function Stat({ label, children }: { label: string; children: ComponentChildren 
 function Stats({ of }: { of: Answer }) {
   const distance = of.series.distance_m.at(-1) as number;
   const q = of.quantiles_wh;
-  const [low, high] = [q["0.05"] as number, q["0.95"] as number].map((wh) => figure(ENERGY.from(wh), 2));
+  const { result } = text.value;
+  const { duration, figure, shown } = format.value;
+  const [low, high] = ["0.05", "0.95"].map((p) => figure(ENERGY.from(q[p] as number), 2)) as [string, string];
   const { consumption } = units.value;
   return (
     <dl class="stats">
-      <Stat label="Energy">
-        {shown(of.energy_wh, ENERGY)} <small>{`${low} to ${high}`}</small>
+      <Stat label={result.energy}>
+        {shown(of.energy_wh, ENERGY)} <small>{result.range(low, high)}</small>
       </Stat>
-      <Stat label="Consumption">{shown(of.energy_wh / distance, consumption)}</Stat>
-      <Stat label="Distance">{shown(distance, units.value.distance)}</Stat>
-      <Stat label="Time">{duration(of.series.time_s.at(-1) as number)}</Stat>
+      <Stat label={result.consumption}>{shown(of.energy_wh / distance, consumption)}</Stat>
+      <Stat label={result.distance}>{shown(distance, units.value.distance)}</Stat>
+      <Stat label={result.time}>{duration(of.series.time_s.at(-1) as number)}</Stat>
     </dl>
   );
 }
 
 function Legend() {
+  const { result } = text.value;
   return (
     <ul class="legend" aria-hidden="true">
-      {driving.value && <li class="key-driven">driven</li>}
-      <li class="key-main">{mode.value === "compare" ? "first" : "forecast"}</li>
-      {alternative.value && <li class="key-other">second</li>}
-      <li class="key-core">half of all trips</li>
-      <li class="key-band">9 of 10</li>
-      {driving.value && <li class="key-before">at departure</li>}
+      {driving.value && <li class="key-driven">{result.driven}</li>}
+      <li class="key-main">{mode.value === "compare" ? result.first : result.forecast}</li>
+      {alternative.value && <li class="key-other">{result.second}</li>}
+      <li class="key-core">{result.half}</li>
+      <li class="key-band">{result.band}</li>
+      {driving.value && <li class="key-before">{result.atDeparture}</li>}
     </ul>
   );
 }
 
-function Given({ of }: { of: Answer }) {
-  const planned = trip.value?.links != null;
-  return (
-    <p class="given">
-      {`Given ${of.given}: `}
-      {planned
-        ? "speeds between the ends of a link are those of a driver model."
-        : "how fast the trip is driven is taken as known."}
-    </p>
-  );
+function Given() {
+  const { givenPlanned, givenDriven } = text.value.result;
+  return <p class="given">{trip.value?.links ? givenPlanned : givenDriven}</p>;
+}
+
+/** Title and detail of a problem; `isRaw` where the detail is the service's own, in English. */
+function problemText({ type, title, detail }: Problem): { title: string; detail: string; isRaw: boolean } {
+  const { problems } = text.value;
+  if (type === UNREACHABLE) {
+    return { title: problems.unreachable, detail: problems.unreachableHint, isRaw: false };
+  }
+  if (type === PAGE) return { title: problems.page, detail, isRaw: true };
+  if (type === FAILED) return { title: problems.failed, detail: title, isRaw: true };
+  const titles: Record<string, string> = problems.titles;
+  return { title: titles[type?.split("/").at(-1) ?? ""] ?? title, detail, isRaw: true };
 }
 
 function Failure() {
   const found = problem.value;
   if (!found) return null;
+  const { problems } = text.value;
+  const { title, detail, isRaw } = problemText(found);
   return (
     <div class="failure" role="alert">
       <Icon name="warning" />
       <div>
-        <strong>{found.title}</strong>
-        <p>{found.faults?.length ? "What is wrong stands beside its field." : found.detail}</p>
+        <strong>{title}</strong>
+        {found.faults?.length ? <p>{problems.seeFields}</p> : <p {...(isRaw && { lang: "en" })}>{detail}</p>}
       </div>
       <button type="button" onClick={retry}>
-        {found.faults?.length ? "Close" : "Try again"}
+        {found.faults?.length ? problems.close : problems.retry}
       </button>
     </div>
   );
@@ -143,12 +141,12 @@ function Failure() {
 
 function Waiting() {
   if (problem.value) return null;
-  const nothing = !loading.value && !trip.value;
+  const nothing = loading.value === null && !trip.value;
   return nothing ? (
     <div class="empty">
       <Icon name="road" />
       <p>
-        <strong>No trip yet.</strong> Upload a track or paste links to see its battery.
+        <strong>{text.value.result.noTrip}</strong> {text.value.result.noTripHint}
       </p>
     </div>
   ) : (
@@ -161,27 +159,30 @@ function Waiting() {
 }
 
 function chartLabel(of: Answer): string {
+  const { shown } = format.value;
   const from = shown(of.series.displayed_soc[0] as number, PERCENT);
-  return `Battery along the way: from ${from} at departure to ${shown(of.soc_arrival, PERCENT)} on arrival, ${bandText(of)} in 9 of 10 trips`;
+  return text.value.result.chart(from, shown(of.soc_arrival, PERCENT), bandText(of));
 }
 
 function RoadHeading() {
   const { speed, height } = units.value;
+  const { result } = text.value;
   const hilly = road.value?.elevationM != null;
   return (
     <ul class="legend road-legend" aria-hidden="true">
-      <li class="key-speed">speed, {speed.unit}</li>
-      {hilly && <li class="key-ground">elevation, {height.unit}</li>}
+      <li class="key-speed">{result.speedIn(speed.unit)}</li>
+      {hilly && <li class="key-ground">{result.elevationIn(height.unit)}</li>}
     </ul>
   );
 }
 
 function Picture({ of }: { of: Answer }) {
+  const { result } = text.value;
   const tall = matchMedia("(min-width: 700px)").matches;
   return (
     <figure>
       <figcaption>
-        <h3>Battery along the way</h3>
+        <h3>{result.alongTheWay}</h3>
         <Legend />
         <label class="tick">
           <input
@@ -191,15 +192,12 @@ function Picture({ of }: { of: Answer }) {
               wholeBattery.value = event.currentTarget.checked;
             }}
           />
-          0 to 100 %
+          {result.wholeBattery}
         </label>
       </figcaption>
       <BatteryChart height={tall ? 320 : 240} label={chartLabel(of)} />
       <RoadHeading />
-      <RoadChart
-        height={tall ? 160 : 130}
-        label="Speed and elevation along the way; the table has their values"
-      />
+      <RoadChart height={tall ? 160 : 130} label={result.roadChart} />
       <Place of={of} />
     </figure>
   );
@@ -208,23 +206,24 @@ function Picture({ of }: { of: Answer }) {
 export function Result() {
   const now = answer.value;
   const others = alternative.value?.flags ?? [];
+  const { result } = text.value;
   return (
     <section class="card result" aria-labelledby="result-title" aria-busy={!now}>
       <div class="heading">
         <h2 id="result-title" class="unseen">
-          Forecast
+          {result.title}
         </h2>
         <Choice
-          label="What to do with the trip"
+          label={result.task}
           class="modes"
           value={mode.value}
-          options={MODES}
+          options={MODES.map((name) => [name, result.modes[name]] as const)}
           disabled={canDrive.value ? [] : ["drive"]}
           onChoose={(value) => {
             mode.value = value;
           }}
         />
-        {trip.value && whyNoDrive.value && <p class="note">{whyNoDrive.value}</p>}
+        {trip.value && whyNoDrive.value && <p class="note">{result[whyNoDrive.value]}</p>}
       </div>
       {mode.value === "compare" && <CompareControls />}
       <Failure />
@@ -240,7 +239,7 @@ export function Result() {
           {driving.value && <DriveControls />}
           <Picture of={now} />
           {mode.value !== "compare" && <Stats of={now} />}
-          <Given of={now} />
+          <Given />
           <Warnings flags={now.flags} others={others} serious={false} />
           <RouteTable of={now} />
         </>

@@ -1,6 +1,7 @@
 import { useId } from "preact/hooks";
 import type { Fault } from "../api/types";
-import { type Quantity, shown } from "../model/units";
+import type { Quantity } from "../model/units";
+import { format } from "../state/preferences";
 import { FaultList } from "./faults";
 
 interface Props {
@@ -22,6 +23,7 @@ export function Slider({ label, value, least, most, step, quantity, faults = [],
   const low = Math.round(quantity.from(least) / step) * step;
   const high = Math.round(quantity.from(most) / step) * step;
   const now = quantity.from(value);
+  const { shown } = format.value;
   const filled = Math.min(Math.max((now - low) / (high - low), 0), 1);
   return (
     <div class="slider">

@@ -1,12 +1,12 @@
-/** The charts again, as tables. */
+/** The values of the charts as tables. */
 
 import type { ComponentChildren } from "preact";
 import type { Answer } from "../api/types";
 import { socFromEnergy } from "../model/arrival";
 import { interpolate } from "../model/interpolate";
-import { duration, figure, PERCENT, shown } from "../model/units";
+import { PERCENT } from "../model/units";
 import { history, road } from "../state/drive";
-import { units } from "../state/preferences";
+import { format, text, units } from "../state/preferences";
 
 const ROWS = 16;
 
@@ -51,6 +51,8 @@ function some(count: number): number[] {
 
 export function RouteTable({ of }: { of: Answer }) {
   const { distance, speed, height } = units.value;
+  const { duration, figure } = format.value;
+  const { tables, result } = text.value;
   const { series } = of;
   const along = road.value;
   const rows = some(series.distance_m.length).map((k) => {
@@ -60,31 +62,35 @@ export function RouteTable({ of }: { of: Answer }) {
       figure(distance.from(at), 2),
       duration(series.time_s[k] as number),
       cell(series.displayed_soc),
-      `${cell(series.displayed_soc_low)} to ${cell(series.displayed_soc_high)}`,
+      result.range(cell(series.displayed_soc_low), cell(series.displayed_soc_high)),
       along ? figure(speed.from(interpolate(at, along.distanceM, along.speedMS)), 0) : "",
       along?.elevationM ? figure(height.from(interpolate(at, along.distanceM, along.elevationM)), 0) : "–",
     ];
   });
   const head = [
-    `Distance, ${distance.unit}`,
-    "Time",
-    "Battery, %",
-    "9 of 10 trips, %",
-    `Speed, ${speed.unit}`,
-    `Elevation, ${height.unit}`,
+    tables.distanceIn(distance.unit),
+    tables.time,
+    tables.battery,
+    tables.band,
+    tables.speedIn(speed.unit),
+    tables.elevationIn(height.unit),
   ];
-  return <Table title="Along the way as a table" head={head} rows={rows} />;
+  return <Table title={tables.route} head={head} rows={rows} />;
 }
 
 export function ArrivalTable({ of }: { of: Answer }) {
+  const { shown } = format.value;
+  const { tables } = text.value;
   const rows = Object.entries(of.quantiles_wh)
     .map(([p, wh]): [number, number] => [1 - Number(p), socFromEnergy(of, wh)])
     .sort(([a], [b]) => a - b)
-    .map(([p, soc]) => [`${figure(p * 100, 1)} %`, shown(soc, PERCENT, 1)]);
-  return <Table title="As a table" head={["Of all such trips", "arrive with at most"]} rows={rows} />;
+    .map(([p, soc]) => [shown(p, PERCENT, 1), shown(soc, PERCENT, 1)]);
+  return <Table title={tables.plain} head={[tables.share, tables.atMost]} rows={rows} />;
 }
 
-export function PromiseTable() {
+export function HistoryTable() {
+  const { figure } = format.value;
+  const { tables, result } = text.value;
   const said = history.value;
   const { distance } = units.value;
   if (said.length < 2) return null;
@@ -94,10 +100,10 @@ export function PromiseTable() {
     return [
       figure(distance.from(distanceM), 2),
       percent(soc),
-      `${percent(low)} to ${percent(high)}`,
+      result.range(percent(low), percent(high)),
       naive === null ? "–" : percent(naive),
     ];
   });
-  const head = [`At, ${distance.unit}`, "Forecast, %", "9 of 10, %", "Naive gauge, %"];
-  return <Table title="As a table" head={head} rows={rows} />;
+  const head = [tables.distanceIn(distance.unit), tables.forecast, tables.band, tables.gauge];
+  return <Table title={tables.plain} head={head} rows={rows} />;
 }

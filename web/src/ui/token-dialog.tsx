@@ -1,6 +1,7 @@
 import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { whenTokenIsWanted } from "../api/client";
+import { text } from "../state/preferences";
 
 interface Asked {
   again: boolean;
@@ -23,6 +24,7 @@ export function askHere(): void {
 export function TokenDialog() {
   const dialog = useRef<HTMLDialogElement>(null);
   const now = asked.value;
+  const { token: words } = text.value;
   useEffect(() => {
     if (now) dialog.current?.showModal();
     else dialog.current?.close();
@@ -38,15 +40,15 @@ export function TokenDialog() {
           for (const answer of now?.answers ?? []) answer(String(token ?? "").trim());
         }}
       >
-        <h2 id="token-title">This service asks for a token</h2>
-        <p class="note">It is kept until this tab is closed, and sent to this service alone.</p>
+        <h2 id="token-title">{words.title}</h2>
+        <p class="note">{words.note}</p>
         <label class="field">
-          <span>Token</span>
+          <span>{words.label}</span>
           <input name="token" type="password" autocomplete="off" required />
         </label>
-        {now?.again && <p class="faults">That token was not accepted.</p>}
+        {now?.again && <p class="faults">{words.refused}</p>}
         <button type="submit" class="primary">
-          Continue
+          {words.send}
         </button>
       </form>
     </dialog>

@@ -1,25 +1,23 @@
 import { useEffect, useId, useState } from "preact/hooks";
+import { warningsOf } from "../model/flags";
 import { sampleLinks } from "../model/sample-links";
-import { shown } from "../model/units";
 import { chooseExample, chooseRoute, examples, loading, source } from "../state/catalogue";
 import { faults } from "../state/forecast";
-import { units } from "../state/preferences";
-import { type Source, trip } from "../state/trip";
+import { format, text, units } from "../state/preferences";
+import { type Source, type Trip, trip } from "../state/trip";
 import { Choice } from "./choice";
 import { FaultList } from "./faults";
 import { Icon } from "./icons";
+import { exampleTitle, tripTitle } from "./wording";
 
 const MAX_BYTES = 4_000_000;
 const START_M_S = 50 / 3.6;
-const TITLES: Record<string, string> = { city: "City", rural: "Country roads", mixed: "City and country" };
-
-const SOURCES: [Source, string][] = [
-  ["examples", "Examples"],
-  ["upload", "Upload"],
-  ["links", "Links"],
-];
+const LINKS_HINT = '[{"length_m": 1800, "speed_m_s": 8.5}, …]';
+const MEGABYTE = 1_000_000;
+const SOURCES: Source[] = ["examples", "upload", "links"];
 
 function Examples() {
+  const { shown } = format.value;
   return (
     <ul class="examples">
       {examples.value.map((row) => (
@@ -29,7 +27,7 @@ function Examples() {
             aria-pressed={trip.value?.example === row.trip}
             onClick={() => void chooseExample(row.trip)}
           >
-            <span class="name">{titleOf(row.title)}</span>
+            <span class="name">{exampleTitle(row.title)}</span>
             <span class="figures">
               {shown(row.distance_m, units.value.distance, 0)}
               {row.ambient_temperature_degc !== null &&
@@ -42,8 +40,32 @@ function Examples() {
   );
 }
 
-export function titleOf(title: string): string {
-  return TITLES[title] ?? title;
+/** What the trip consists of. */
+function kindText({ source, links }: Trip): string {
+  const { trip } = text.value;
+  if (source === "examples") return trip.synthetic;
+  return links ? trip.links(links.length) : trip.speedTrace;
+}
+
+function loadingText(): string {
+  const now = loading.value;
+  const { trip } = text.value;
+  if (!now) return "";
+  return now.what === "file" ? trip.loadingFile(now.name) : trip.loading[now.what];
+}
+
+/** What the reading of the trip assumed. */
+function Notes({ of }: { of: Trip }) {
+  const notes = warningsOf(of.notes, { text: text.value, format: format.value, units: units.value });
+  return (
+    <>
+      {notes.map(({ text: note, isRaw }) => (
+        <span key={note} {...(isRaw && { lang: "en" })}>
+          {` · ${note}`}
+        </span>
+      ))}
+    </>
+  );
 }
 
 function Upload() {
@@ -51,11 +73,12 @@ function Upload() {
   const [refused, setRefused] = useState("");
   const [speedMS, setSpeed] = useState(START_M_S);
   const { speed } = units.value;
+  const { trip: words } = text.value;
   const id = useId();
   const take = async (file: File | undefined) => {
     if (!file) return;
     const tooLarge = file.size > MAX_BYTES;
-    setRefused(tooLarge ? `${file.name} has more than ${MAX_BYTES / 1e6} MB` : "");
+    setRefused(tooLarge ? words.tooLarge(file.name, MAX_BYTES / MEGABYTE) : "");
     if (!tooLarge) await chooseRoute(await file.text(), file.name, "upload", speedMS);
   };
   return (
@@ -74,10 +97,8 @@ function Upload() {
     >
       <label class="file">
         <Icon name="upload" />
-        <span class="name">Choose a file, or drop it here</span>
-        <span class="figures">
-          GPX, GeoJSON, CSV, or the saved answer of OSRM, Valhalla, openrouteservice or GraphHopper
-        </span>
+        <span class="name">{words.chooseFile}</span>
+        <span class="figures">{words.formats}</span>
         <input
           type="file"
           accept=".gpx,.geojson,.json,.csv,.xml"
@@ -89,45 +110,48 @@ function Upload() {
       </label>
       {refused && <p class="faults">{refused}</p>}
       <p class="inline">
-        <label for={id}>Tracks without times, at</label>
-        <input
-          id={id}
-          type="number"
-          min={5}
-          max={130}
-          value={Math.round(speed.from(speedMS))}
-          onChange={(event) => setSpeed(speed.to(event.currentTarget.valueAsNumber) || START_M_S)}
-        />
-        {speed.unit}
+        <label for={id}>{words.speedWithoutTimes}</label>
+        <span>
+          <input
+            id={id}
+            type="number"
+            min={5}
+            max={130}
+            value={Math.round(speed.from(speedMS))}
+            onChange={(event) => setSpeed(speed.to(event.currentTarget.valueAsNumber) || START_M_S)}
+          />
+          {speed.unit}
+        </span>{" "}
       </p>
     </div>
   );
 }
 
 function Links() {
-  const [text, setText] = useState("");
+  const [pasted, setPasted] = useState("");
   const id = useId();
+  const { trip: words } = text.value;
   return (
     <form
       class="links"
       onSubmit={(event) => {
         event.preventDefault();
-        const links = text || sampleLinks();
-        setText(links);
-        void chooseRoute(links, "Planned road", "links", START_M_S);
+        const links = pasted || sampleLinks();
+        setPasted(links);
+        void chooseRoute(links, "", "links", START_M_S);
       }}
     >
-      <label for={id}>Links or a router's answer, as JSON</label>
+      <label for={id}>{words.linksLabel}</label>
       <textarea
         id={id}
         rows={5}
         spellcheck={false}
-        value={text}
-        placeholder={'[{"length_m": 1800, "speed_m_s": 8.5}, …]'}
-        onInput={(event) => setText(event.currentTarget.value)}
+        value={pasted}
+        placeholder={LINKS_HINT}
+        onInput={(event) => setPasted(event.currentTarget.value)}
       />
       <button type="submit" class="primary">
-        {text ? "Use these links" : "Try with an example"}
+        {pasted ? words.useLinks : words.tryExample}
       </button>
     </form>
   );
@@ -138,19 +162,20 @@ export function TripPanel() {
   const [open, setOpen] = useState(false);
   useEffect(() => setOpen(false), [now]);
   const wrong = faults.value.get("trip") ?? [];
+  const { trip: words } = text.value;
   return (
     <section class={`panel trip${open ? " open" : ""}`} aria-labelledby="trip-title">
       <div class="heading">
-        <h2 id="trip-title">Trip</h2>
+        <h2 id="trip-title">{words.title}</h2>
         <button type="button" class="link more" aria-expanded={open} onClick={() => setOpen(!open)}>
-          {open ? "Close" : "Change"}
+          {open ? words.close : words.change}
         </button>
       </div>
       <div class="ways">
         <Choice
-          label="Where the trip comes from"
+          label={words.from}
           value={source.value}
-          options={SOURCES}
+          options={SOURCES.map((name) => [name, words.sources[name]] as const)}
           onChoose={(value) => {
             source.value = value;
           }}
@@ -162,13 +187,11 @@ export function TripPanel() {
       <FaultList faults={wrong} />
       {now && (
         <p class="note">
-          <strong>{titleOf(now.title)}</strong> · {now.note}
-          {now.notes.map((note) => (
-            <span key={note}> · {note}</span>
-          ))}
+          <strong>{tripTitle(now)}</strong> · {kindText(now)}
+          <Notes of={now} />
         </p>
       )}
-      {loading.value && <p class="note">Reading {loading.value} …</p>}
+      {loading.value && <p class="note">{loadingText()}</p>}
     </section>
   );
 }

@@ -1,27 +1,33 @@
+import type { Flag } from "../api/types";
 import { warningsOf } from "../model/flags";
+import { format, text, units } from "../state/preferences";
 import { Icon } from "./icons";
 
 interface Props {
-  flags: string[];
-  /** Flags of the second side of a comparison. */
-  others: string[];
+  flags: Flag[];
+  /** Flags of the second forecast of a comparison. */
+  others: Flag[];
   serious: boolean;
 }
 
-/** What the forecast could not know. The serious ones stand before the picture, the others below it. */
+/** What the forecast had to assume. The serious ones stand before the picture, the others below it. */
 export function Warnings({ flags, others, serious }: Props) {
-  const own = warningsOf(flags);
-  const further = warningsOf(others.filter((flag) => !flags.includes(flag)));
-  const warnings = [...own, ...further.map((one) => ({ ...one, text: `On the second side: ${one.text}` }))];
+  const wording = { text: text.value, format: format.value, units: units.value };
+  const { flags: words, compare } = text.value;
+  const own = warningsOf(flags, wording);
+  const further = warningsOf(others, wording)
+    .filter((one) => !own.some((known) => known.text === one.text))
+    .map((one) => ({ ...one, text: compare.onSecond(one.text) }));
+  const warnings = [...own, ...further];
   const shown = warnings.filter((warning) => warning.serious === serious);
   if (shown.length === 0) return null;
   return (
-    <ul class="warnings" aria-label={serious ? "Warnings" : "Notes"}>
-      {shown.map(({ text, effect }) => (
-        <li key={text} class={serious ? "serious" : ""}>
+    <ul class="warnings" aria-label={serious ? words.warnings : words.notes}>
+      {shown.map(({ text: warning, effect, isRaw }) => (
+        <li key={warning} class={serious ? "serious" : ""}>
           <Icon name={serious ? "warning" : "info"} />
-          <span>
-            {text} {effect}
+          <span {...(isRaw && { lang: "en" })}>
+            {warning} {effect}
           </span>
         </li>
       ))}

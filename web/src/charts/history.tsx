@@ -1,12 +1,12 @@
-/** While driving: what the forecast and the naive gauge said of the arrival, at each place. */
+/** While driving: the arrival by the forecast and by the naive gauge, made at each place. */
 
 import { computed } from "@preact/signals";
 import type uPlot from "uplot";
-import { figure, PERCENT } from "../model/units";
+import { PERCENT } from "../model/units";
 import { answer, arrived, history } from "../state/drive";
 import { lengthM } from "../state/pointer";
-import { units } from "../state/preferences";
-import { axis, plain } from "./axes";
+import { format, text, units } from "../state/preferences";
+import { axis, percent, plain } from "./axes";
 import { type Mark, placeMarks } from "./marks";
 import { type Look, Plot } from "./plot";
 
@@ -54,7 +54,7 @@ function options({ palette, width, height }: Look): uPlot.Options {
     },
     axes: [
       axis({ palette, scale: "x", grid: false, text: (x) => `${plain(x)} ${units.value.distance.unit}` }),
-      axis({ palette, scale: "y", text: (y) => `${plain(y)} %` }),
+      axis({ palette, scale: "y", text: percent }),
     ],
     bands: [{ series: [1, 2], fill: palette.mainBand }],
     series: [
@@ -70,11 +70,11 @@ function options({ palette, width, height }: Look): uPlot.Options {
 function marks(): Mark[] {
   const said = history.value.at(-1);
   if (!arrived.value || !said) return [];
-  const y = PERCENT.from(said.soc);
-  return [{ kind: "truth", text: `Arrived with ${figure(y, 1)} %`, y }];
+  const arrivedWith = text.value.result.arrivedWith(format.value.shown(said.soc, PERCENT, 1));
+  return [{ kind: "truth", text: arrivedWith, y: PERCENT.from(said.soc) }];
 }
 
-export function PromiseChart({ height, label }: { height: number; label: string }) {
+export function HistoryChart({ height, label }: { height: number; label: string }) {
   const drawn = marks();
   return (
     <Plot

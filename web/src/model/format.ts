@@ -1,0 +1,68 @@
+/** Numbers, durations and lists as a locale writes them. */
+
+import type { Quantity } from "./units";
+
+const NO_BREAK = "\u00a0";
+const LEAST_S_IN_MINUTES = 90;
+
+export interface Format {
+  locale: string;
+  /** The number alone. */
+  figure: (value: number, digits: number) => string;
+  /** The number without trailing zeros. */
+  plain: (value: number, digits: number) => string;
+  /** A difference, always with its sign. */
+  signed: (value: number, digits: number) => string;
+  /** Number and unit; the space between them does not break. */
+  shown: (si: number, quantity: Quantity, digits?: number) => string;
+  /** Hours and minutes. */
+  duration: (seconds: number) => string;
+  /** Seconds below a minute and a half, else hours and minutes. */
+  span: (seconds: number) => string;
+  /** "a, b and c". */
+  list: (parts: string[]) => string;
+}
+
+function trueMinus(text: string): string {
+  return text.replace("-", "−");
+}
+
+/** Formatters of a locale, each made when it is first used. */
+export function formatOf(locale: string): Format {
+  const made = new Map<string, Intl.NumberFormat>();
+  const number = (least: number, most: number, signDisplay: "negative" | "exceptZero") => {
+    const key = `${least} ${most} ${signDisplay}`;
+    const known = made.get(key);
+    if (known) return known;
+    const next = new Intl.NumberFormat(locale, {
+      minimumFractionDigits: least,
+      maximumFractionDigits: most,
+      signDisplay,
+    });
+    made.set(key, next);
+    return next;
+  };
+  const lists = new Intl.ListFormat(locale, { type: "conjunction" });
+  const figure = (value: number, digits: number) =>
+    trueMinus(number(digits, digits, "negative").format(value));
+  const duration = (seconds: number) => {
+    const minutes = Math.round(seconds / 60);
+    if (minutes < 60) return `${figure(minutes, 0)}${NO_BREAK}min`;
+    const rest = String(minutes % 60).padStart(2, "0");
+    return `${figure(Math.floor(minutes / 60), 0)}${NO_BREAK}h ${rest}${NO_BREAK}min`;
+  };
+  return {
+    locale,
+    figure,
+    plain: (value, digits) => trueMinus(number(0, digits, "negative").format(value)),
+    signed: (value, digits) => trueMinus(number(digits, digits, "exceptZero").format(value)),
+    shown: (si, quantity, digits = quantity.digits) =>
+      `${figure(quantity.from(si), digits)}${NO_BREAK}${quantity.unit}`,
+    duration,
+    span: (seconds) =>
+      seconds < LEAST_S_IN_MINUTES
+        ? `${figure(Math.max(Math.round(seconds), 1), 0)}${NO_BREAK}s`
+        : duration(seconds),
+    list: (parts) => lists.format(parts),
+  };
+}

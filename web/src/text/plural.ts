@@ -1,0 +1,14 @@
+/** Forms of a noun by its count. */
+
+interface Forms {
+  one: string;
+  other: string;
+}
+
+/** A function that picks the form for a count and puts the count in place of "#". */
+export function pluralOf(language: string): (count: number, forms: Forms) => string {
+  const rules = new Intl.PluralRules(language);
+  const numbers = new Intl.NumberFormat(language);
+  return (count, forms) =>
+    forms[rules.select(count) === "one" ? "one" : "other"].replace("#", numbers.format(count));
+}

@@ -1,0 +1,34 @@
+/** Phrases that several parts of the page share. */
+
+import type { Answer } from "../api/types";
+import { arrivalBand, hundredthsOf } from "../model/arrival";
+import { PERCENT } from "../model/units";
+import { format, text } from "../state/preferences";
+import type { Trip } from "../state/trip";
+
+/** Both ends of the band, with the unit once. */
+export function bandText(of: Answer, digits = 0): string {
+  const [low, high] = arrivalBand(of).map((soc) => format.value.figure(PERCENT.from(soc), digits)) as [
+    string,
+    string,
+  ];
+  const both = low === high ? low : text.value.result.range(low, high);
+  return `${both}\u00a0${PERCENT.unit}`;
+}
+
+/** A probability, such as 97 in 100. */
+export function chanceInFigures(chance: number): string {
+  const { side, count } = hundredthsOf(chance);
+  return text.value.chance.figures[side](count);
+}
+
+/** Title of an example; of an unknown one as it came. */
+export function exampleTitle(title: string): string {
+  const titles: Record<string, string> = text.value.trip.examples;
+  return titles[title] ?? title;
+}
+
+export function tripTitle(trip: Trip): string {
+  if (trip.source === "examples") return exampleTitle(trip.title);
+  return trip.title || text.value.trip.plannedRoute;
+}

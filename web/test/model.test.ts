@@ -1,0 +1,204 @@
+/** The page's functions against the vectors of the Python library. */
+
+import assert from "node:assert/strict";
+import { describe, test } from "node:test";
+import arrivals from "../../tests/vectors/arrivals.json";
+import energy from "../../tests/vectors/energy.json";
+import interpolation from "../../tests/vectors/interpolation.json";
+import planned from "../../tests/vectors/links.json";
+import trace from "../../tests/vectors/profile.json";
+import units from "../../tests/vectors/units.json";
+import type { Answer } from "../src/api/types";
+import {
+  arrivalBand,
+  chanceOf,
+  DOTS,
+  emptyAfterM,
+  equallyLikely,
+  hundredthsOf,
+  innerShare,
+  likelihoodOf,
+  socFromEnergy,
+  verdictOf,
+} from "../src/model/arrival";
+import { waterfall } from "../src/model/causes";
+import { energySoFarWh, naiveArrival, until } from "../src/model/gauge";
+import { interpolate } from "../src/model/interpolate";
+import { atMotorwaySpeed, hasMotorway } from "../src/model/links";
+import { profileOf, withHeightsOf } from "../src/model/profile";
+import { sampleLinks } from "../src/model/sample-links";
+import { ENERGY, PERCENT, type System, type Units, unitsOf } from "../src/model/units";
+import { allNear, near } from "./near";
+
+const UNNAMED = { trip: "", given: "", battery_loss_wh: 0, flags: [] };
+
+function answerOf(from: { answer: object }): Answer {
+  return { ...UNNAMED, ...from.answer } as unknown as Answer;
+}
+
+describe("units", () => {
+  for (const { system, quantity, si, shown } of units) {
+    test(`${quantity}, ${system}, ${si}`, () => {
+      const { from, to } = unitsOf(system as System)[quantity as keyof Units];
+      near(from(si), shown);
+      near(to(shown), si);
+    });
+  }
+
+  test("both systems have the same quantities, and every one is in a vector or a fixed scale", () => {
+    const names = Object.keys(unitsOf("metric"));
+    assert.deepEqual(Object.keys(unitsOf("imperial")), names);
+    assert.deepEqual([...new Set(units.map(({ quantity }) => quantity))].sort(), [...names].sort());
+  });
+
+  test("percent, kilowatt-hours, miles from a kilowatt-hour", () => {
+    assert.equal(PERCENT.from(0.42), 42);
+    assert.equal(ENERGY.from(1234), 1.234);
+    const { from, to } = unitsOf("imperial").consumption;
+    near(from(1000 / 1609.344 / 4), 4);
+    near(to(from(0.163)), 0.163);
+  });
+});
+
+test("interpolation is numpy's", () => {
+  const { xs, ys, at, found } = interpolation;
+  allNear(
+    at.map((x) => interpolate(x, xs, ys)),
+    found,
+  );
+  assert.ok(Number.isNaN(interpolate(1, [], [])));
+});
+
+describe("energy so far", () => {
+  for (const [k, { observed, energy_wh }] of energy.entries()) {
+    test(`vector ${k}`, () => {
+      const found = energySoFarWh(observed);
+      assert.ok(found);
+      allNear(found, energy_wh);
+    });
+  }
+
+  test("none without voltage and current, or with neither measured", () => {
+    assert.equal(energySoFarWh({ time_s: [0, 1], soc: [0.5, 0.5] }), null);
+    assert.equal(energySoFarWh({ time_s: [0, 1], voltage_v: [null, 360], current_a: [1, null] }), null);
+  });
+
+  test("samples until a time", () => {
+    const observed = { time_s: [0, 1, 2, 3], soc: [0.5, 0.4, null, 0.3] };
+    assert.deepEqual(until(observed, 2), { time_s: [0, 1, 2], soc: [0.5, 0.4, null] });
+  });
+});
+
+test("distance along a speed trace", () => {
+  const { distanceM, elevationM } = profileOf(trace.samples);
+  allNear(distanceM, trace.distance_m);
+  assert.equal(elevationM, null);
+});
+
+test("heights stay at their place at another speed", () => {
+  const slow = profileOf({ time_s: [0, 10, 20], speed_m_s: [10, 10, 10], elevation_m: [500, 520, 500] });
+  const fast = profileOf({ time_s: [0, 2.5, 5, 10], speed_m_s: [20, 20, 20, 20] });
+  allNear(withHeightsOf(slow, fast).elevationM ?? [], [500, 510, 520, 500]);
+});
+
+for (const [moment, vector] of Object.entries({
+  departure: arrivals.departure,
+  "half way": arrivals.half_way,
+})) {
+  describe(`arrival, ${moment}`, () => {
+    const answer = answerOf(vector);
+
+    test("charge from energy", () => {
+      allNear(
+        vector.energies_wh.map((wh) => socFromEnergy(answer, wh)),
+        vector.charges,
+        1e-7,
+      );
+    });
+
+    test("band of 9 in 10, and the inner one", () => {
+      allNear(arrivalBand(answer), vector.band);
+      near(innerShare(answer), vector.inner_share);
+    });
+
+    test("equally likely charges", () => {
+      assert.equal(DOTS, vector.dots.length);
+      allNear(equallyLikely(answer), vector.dots, 1e-7);
+    });
+
+    test("chance to keep the reserve", () => {
+      assert.equal(chanceOf(answer, vector.reserve), vector.chance);
+      assert.equal(chanceOf(answer, 0.123), null);
+    });
+
+    test("causes follow each other and end at the total", () => {
+      const all = new Set(Object.keys(answer.by_cause_wh));
+      const steps = waterfall(answer.by_cause_wh, all);
+      assert.deepEqual(new Set(steps.map(({ key }) => key)), all);
+      for (const [k, { startWh }] of steps.entries()) {
+        const before = steps[k - 1];
+        near(startWh, before ? before.startWh + before.energyWh : 0);
+      }
+      const last = steps.at(-1);
+      near((last?.startWh ?? 0) + (last?.energyWh ?? 0), answer.energy_wh, 1e-6);
+    });
+  });
+}
+
+test("naive gauge half way", () => {
+  const answer = answerOf(arrivals.half_way);
+  const wh = energySoFarWh(arrivals.samples);
+  const clock = Float64Array.from(arrivals.samples.time_s);
+  const road = profileOf(arrivals.samples);
+  assert.ok(wh);
+  near(naiveArrival(answer, road, clock, wh) ?? Number.NaN, arrivals.naive_charge, 1e-7);
+  assert.equal(naiveArrival({ ...answer, measured_until_s: 1 }, road, clock, wh), null);
+});
+
+test("a battery that does not last ends between two points", () => {
+  const series = {
+    ...answerOf(arrivals.departure).series,
+    displayed_soc: [0.2, 0.1, -0.3],
+    distance_m: [0, 100, 300],
+  };
+  near(emptyAfterM({ ...answerOf(arrivals.departure), series }) ?? Number.NaN, 150);
+  assert.equal(emptyAfterM(answerOf(arrivals.departure)), null);
+});
+
+test("words and figures of a chance", () => {
+  const words = [1, 0.99, 0.95, 0.7, 0.5, 0.2, 0.05, 0].map(likelihoodOf);
+  assert.deepEqual(words, [
+    "almostCertain",
+    "almostCertain",
+    "veryLikely",
+    "likely",
+    "open",
+    "unlikely",
+    "veryUnlikely",
+    "almostImpossible",
+  ]);
+  assert.deepEqual([0.95, 0.5, 0.49].map(verdictOf), ["good", "open", "bad"]);
+  assert.deepEqual(hundredthsOf(0.995), { side: "above", count: 99 });
+  assert.deepEqual(hundredthsOf(0.005), { side: "below", count: 1 });
+  assert.deepEqual(hundredthsOf(0.974), { side: "near", count: 97 });
+});
+
+test("another speed on the motorway alone", () => {
+  const { links, travel_time_s } = planned;
+  assert.ok(hasMotorway(links));
+  assert.equal(atMotorwaySpeed(links, null), links);
+  const changed = atMotorwaySpeed(links, 25);
+  assert.deepEqual(changed.slice(0, 1), links.slice(0, 1));
+  const slow = changed.map((link) => link.travel_time_s ?? link.length_m / (link.speed_m_s ?? Number.NaN));
+  near(slow[0] as number, travel_time_s[0] as number);
+  near(slow[1] as number, 1200 / 25 + 2);
+  near(slow[2] as number, 3000 / 25);
+});
+
+test("the sample of links has a motorway and is joined up", () => {
+  const links = JSON.parse(sampleLinks()) as Record<string, number>[];
+  assert.ok(hasMotorway(links as never));
+  for (const [k, link] of links.slice(1).entries()) {
+    assert.equal(link.start_elevation_m, links[k]?.end_elevation_m);
+  }
+});
