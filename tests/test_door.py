@@ -1,0 +1,187 @@
+"""The front door: `import tripwatt as tw`. A change of its names needs a line in the change log."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+import tripwatt as tw
+from tripwatt.errors import InvalidInput
+from tripwatt.trips import COLUMNS, QUANTITIES, Flag, Log, plan_from_samples
+from tripwatt.trips.messages import MESSAGES, message
+
+ROOT = Path(__file__).resolve().parents[1]
+NAMES = {
+    "Departure",
+    "Forecast",
+    "ForecastModel",
+    "InvalidInput",
+    "Plan",
+    "Trip",
+    "adapt",
+    "audit",
+    "evaluate",
+    "fit",
+    "forecast",
+    "load_model",
+    "load_vehicle",
+    "read_logs",
+    "read_route",
+    "read_trips",
+    "save_model",
+    "simulate",
+    "synthetic_fleet",
+}
+LINKS = [{"length_m": 6000.0, "speed_m_s": 15.0, "grade": 0.01}, {"length_m": 4000.0, "speed_m_s": 25.0}]
+
+
+def python(code: str) -> str:
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    return done.stdout.strip()
+
+
+def test_names_of_the_door_are_listed_and_in_the_change_log():
+    assert set(tw.__all__) - {"__version__"} == NAMES
+    assert set(dir(tw)) >= NAMES
+    log = (ROOT / "CHANGELOG.md").read_text("utf-8")
+    assert not [name for name in NAMES if f"`{name}`" not in log]
+    with pytest.raises(AttributeError, match="no attribute 'forcast'"):
+        tw.forcast  # noqa: B018
+
+
+def test_importing_is_lazy():
+    code = "import sys, tripwatt; print(sorted({m.split('.')[0] for m in sys.modules} & {'numpy', 'pandas', 'typer'}))"
+    assert python(code) == "[]"
+
+
+def test_each_name_is_the_same_object_after_all_submodules_are_imported():
+    code = """
+import importlib, pkgutil, tripwatt as tw
+before = {name: getattr(tw, name) for name in tw.__all__}
+for module in pkgutil.walk_packages(tw.__path__, "tripwatt."):
+    if not module.name.endswith("__main__"):
+        importlib.import_module(module.name)
+print([name for name, it in before.items() if getattr(tw, name) is not it])
+fresh = {name: vars(tw)[name] for name in tw.__all__}
+print([name for name, it in fresh.items() if type(it).__name__ == "module"])
+"""
+    assert python(code).splitlines() == ["[]", "[]"]
+
+
+@pytest.fixture(scope="module")
+def model():
+    return tw.load_model("bmw_i3_tum")
+
+
+def test_each_noun_shows_itself(model):
+    plan = tw.read_route(LINKS, trip_id="commute")
+    departure = tw.Departure(soc=0.8, ambient_temperature_degc=-5)
+    forecast = model.forecast(plan, departure)
+    trip = tw.synthetic_fleet(1).trips[0]
+    for noun in (plan, departure, forecast, trip, model):
+        assert "\n" not in repr(noun)
+        assert 10 < len(repr(noun)) < 150
+        html = noun._repr_html_()
+        assert html.startswith("<table><caption>")
+        assert html.endswith("</table>")
+        assert isinstance(noun.plot(), Figure)
+        assert isinstance(noun.to_frame(), pd.DataFrame)
+        assert json.loads(json.dumps(noun.to_dict())) == noun.to_dict()
+    assert repr(departure) == "Departure(soc=0.8, ambient_temperature_degc=-5)"
+    assert repr(plan) == "<Plan commute: 10.0 km in 9 min, links of 5200 m>"
+    assert repr(model) == f"<ForecastModel BMW i3 60 Ah, channels corrector, {len(model.trip_ids_)} trips>"
+    assert f"{forecast.energy_wh / 1000.0:.2f} kWh" in repr(forecast)
+
+
+def test_text_of_a_file_is_escaped_in_a_notebook():
+    log = Log.from_samples("<script>", pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 1.0]}))
+    assert "<script>" not in log._repr_html_()
+    assert "&lt;script&gt;" in log._repr_html_()
+
+
+def test_the_departure_counts_before_what_the_file_holds(model):
+    samples = pd.DataFrame(
+        {"time_s": np.arange(300.0), "speed_m_s": 14.0, "soc": 0.5, "ambient_temperature_degc": 20.0}
+    )
+    plan = plan_from_samples(samples, "drive")
+    assert plan.departure == tw.Departure(bms_soc=0.5, ambient_temperature_degc=20.0)
+    given = model.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=-5))
+    assert given.plan.departure == tw.Departure(soc=0.8, ambient_temperature_degc=-5)
+    assert given.energy_wh > model.forecast(plan).energy_wh
+    assert given.series()["displayed_soc"][0] == pytest.approx(0.8)
+
+
+def test_one_forecast_in_one_call_is_that_of_the_model(model):
+    plan, departure = tw.read_route(LINKS), tw.Departure(soc=0.8, ambient_temperature_degc=3)
+    assert tw.forecast(plan, departure).to_dict() == model.forecast(plan, departure).to_dict()
+    other = tw.forecast(plan, departure, model=model, vehicle="vw_id3")
+    assert other.flags[0] == Flag("no_trips_of_car", model.vehicle.title)
+    assert other.vehicle.name == "vw_id3"
+
+
+def test_an_update_is_on_the_clock_of_the_file(model):
+    samples = tw.synthetic_fleet(1).trips[0].samples.copy()
+    early = plan_from_samples(samples, "drive")
+    samples["time_s"] += 500.0
+    late = plan_from_samples(samples, "drive")
+    measured = ["time_s", "voltage_v", "current_a"]
+    half = samples.iloc[: len(samples) // 2][measured]
+    after = model.forecast(late).update(half)
+    same = model.forecast(early).update(half.assign(time_s=half["time_s"] - 500.0))
+    assert after.to_dict() == same.to_dict()
+    with pytest.raises(InvalidInput, match="before departure"):
+        model.forecast(late).update(half.assign(time_s=half["time_s"] - 100.0))
+
+
+def test_what_the_simulation_takes_is_bounded_by_the_schema_alone():
+    car = tw.load_vehicle("bmw_i3_60ah")
+    time = np.arange(3.0)
+    limits = {"ambient_temperature_degc": COLUMNS["ambient_temperature_degc"], **QUANTITIES}
+    from tripwatt.physics import simulate
+
+    with pytest.raises(
+        InvalidInput, match=f"speed_m_s: got 90.1; allowed: 0 to {COLUMNS['speed_m_s'].maximum:g}"
+    ):
+        simulate(car, time, [0.0, 90.1, 0.0])
+    for name in ("ambient_temperature_degc", "payload_mass_kg"):
+        simulate(car, time, np.zeros(3), **{name: limits[name].maximum})
+        with pytest.raises(InvalidInput, match=name):
+            simulate(car, time, np.zeros(3), **{name: limits[name].maximum + 1.0})
+        with pytest.raises(InvalidInput, match=name):
+            tw.Departure(**{name: limits[name].maximum + 1.0})
+
+
+@pytest.mark.parametrize("code", sorted(MESSAGES))
+def test_every_flag_has_a_sentence(code):
+    said = message(Flag(code, "battery_temperature_degc", 3.0, "m_s"))
+    assert said == said.strip()
+    assert not said.endswith(".")
+    assert " sd" not in said
+    assert "standard deviation" not in said
+
+
+@pytest.mark.parametrize(
+    ("flag", "said"),
+    [
+        (Flag("soc_assumed", "soc", 0.804, "1"), "state of charge at departure is unknown: 80% is assumed"),
+        (Flag("motor_torque_limit", "motor", 4023.0, "s"), "the car cannot follow the speed for 1 h 07 min: motor torque limit"),
+        (Flag("speed_assumed", "track", 13.8889, "m_s"), "50 km/h is assumed where the track has no speed"),
+        (Flag("links_too_long", "links", 30_000.4, "m"), "links of 30000 m are longer than those the error of planned routes was measured with"),
+        (Flag("outside_training", "ambient_temperature_degc", 0.4, "sd"), "outside temperature is outside the range of the training trips: the interval is wider"),
+        (Flag("first_of_several", "routes", 3.0, "1"), "the first of 3 routes is used"),
+    ],
+)  # fmt: skip
+def test_sentences_have_the_figures_of_their_flags(flag, said):
+    assert message(flag) == said
+    assert flag.to_dict() == {
+        "code": flag.code,
+        "subject": flag.subject,
+        "value": flag.value,
+        "unit": flag.unit,
+        "message": said,
+    }
