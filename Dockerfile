@@ -3,7 +3,7 @@
 
 FROM python:3.12-slim AS build
 WORKDIR /build
-COPY pyproject.toml README.md LICENSE ./
+COPY pyproject.toml README.md LICENSE NOTICE ./
 COPY src ./src
 RUN python -m venv /opt/tripwatt \
     && /opt/tripwatt/bin/pip install --no-cache-dir --disable-pip-version-check ".[service]" \

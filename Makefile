@@ -1,42 +1,69 @@
-# The two commands of the README are `make run` and `make check`; each builds the venv it needs.
+# The two commands of the README are `make run` and `make check`; each builds the venv it needs, inside this folder.
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 PYTHON ?= python3
 DATA ?=
 OUT ?= out
+PIP_INSTALL = -m pip install --quiet --disable-pip-version-check
+UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 
-.PHONY: run check bench bars readme page browser clean
+.PHONY: run check check-latest lowest constraints bench bars readme page browser clean
 
 .venv/.ready: pyproject.toml
 	$(PYTHON) -m venv .venv
-	.venv/bin/python -m pip install --quiet --disable-pip-version-check -e .
+	.venv/bin/python $(PIP_INSTALL) -e .
 	touch $@
 
-.venv-check/.ready: pyproject.toml
-	$(PYTHON) -m venv .venv-check
-	.venv-check/bin/python -m pip install --quiet --disable-pip-version-check -e ".[dev]"
+# Every file is named with its hash, so pip has nothing to choose; what is imported is compiled on its first import.
+.venv-check/.ready: pyproject.toml constraints/check.txt
+	$(PYTHON) -m venv --clear .venv-check
+	.venv-check/bin/python $(PIP_INSTALL) --no-deps --no-compile --require-hashes -r constraints/check.txt
+	.venv-check/bin/python $(PIP_INSTALL) --no-deps --no-build-isolation -e .
+	.venv-check/bin/python -m pip --disable-pip-version-check check
 	touch $@
 
 .venv-bench/.ready: pyproject.toml
 	$(PYTHON) -m venv .venv-bench
-	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check -e ".[dev,bench]"
+	.venv-bench/bin/python $(PIP_INSTALL) -e ".[dev,bench]"
+	touch $@
+
+.venv-tools/.ready:
+	$(PYTHON) -m venv .venv-tools
+	.venv-tools/bin/python $(PIP_INSTALL) uv
 	touch $@
 
 run: .venv/.ready  ## the main job: on DATA, or on the built-in synthetic fleet
 	.venv/bin/tripwatt evaluate $(DATA) --out $(OUT)
 
-check: .venv-check/.ready browser  ## the whole gate
+check: .venv-check/.ready  ## the whole gate, with the versions of constraints/check.txt
 	.venv-check/bin/ruff format --check .
 	.venv-check/bin/ruff check .
 	.venv-check/bin/mypy
 	.venv-check/bin/lint-imports
 	.venv-check/bin/python -m pytest -n 2
 
-browser:  ## Debian's chromium for the tests of the page, where it is missing and can be installed; else they are skipped
-	@command -v chromium >/dev/null || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
-		&& apt-get -qq update && apt-get -qq install --yes --no-install-recommends chromium >/dev/null; } \
-		|| echo "no chromium: the tests of the page are skipped"
+check-latest: .venv-tools/.ready  ## the gate with the newest release of everything
+	$(PYTHON) -m venv --clear .venv-latest
+	$(UV) pip install --quiet --python .venv-latest/bin/python --upgrade --refresh -e ".[dev]"
+	.venv-latest/bin/ruff format --check .
+	.venv-latest/bin/ruff check .
+	.venv-latest/bin/mypy
+	.venv-latest/bin/lint-imports
+	.venv-latest/bin/python -m pytest -n 2
+
+lowest: .venv-tools/.ready  ## the tests without a browser, with the lowest declared release of each dependency
+	$(UV) venv --quiet --clear --python 3.11 .venv-lowest
+	$(UV) pip install --quiet --python .venv-lowest/bin/python --resolution lowest-direct -e ".[dev]"
+	.venv-lowest/bin/python -m pytest -n 2 --ignore=tests/page
+
+constraints: .venv-tools/.ready  ## the newest release of everything into constraints/check.txt, with hashes
+	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
+		--no-header --no-annotate --extra dev pyproject.toml constraints/build.in --output-file constraints/check.txt
+
+browser:  ## Debian's chromium for the tests of the page, where it is missing; needs root
+	@command -v chromium >/dev/null || { apt-get -qq update \
+		&& apt-get -qq install --yes --no-install-recommends chromium >/dev/null; }
 
 page:  ## the page's bundle from its sources in web, into the package; needs Node 20
 	npm --prefix web ci
@@ -53,4 +80,4 @@ readme: .venv/.ready  ## the table of the README from OUT/results.json, which is
 	.venv/bin/python docs/publish_results.py $(OUT)
 
 clean:
-	rm -rf .venv .venv-check .venv-bench out out.unfinished bench.json
+	rm -rf .venv .venv-check .venv-bench .venv-latest .venv-lowest .venv-tools out out.unfinished bench.json

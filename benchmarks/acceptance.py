@@ -232,7 +232,7 @@ def schedule(cycle: str) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float6
         import fastsim
 
         if FILES[cycle] in {str(path) for path in fastsim.Cycle.list_resources()}:
-            values = fastsim.Cycle.from_resource(FILES[cycle]).to_pydict()
+            values = fastsim.Cycle.from_resource(FILES[cycle]).to_dict()
             return np.array(values["time_seconds"], float), np.array(values["speed_meters_per_second"], float)
     raise LookupError(f"no schedule {cycle}: install fastsim 2.1.5, the extra `schedules`")
 

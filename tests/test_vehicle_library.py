@@ -110,7 +110,7 @@ def test_scaled_resistance_is_inverse_to_capacity() -> None:
 
 def test_own_entries_win_over_inherited_ones() -> None:
     faults: list[Fault] = []
-    own = {"value": 99.0, "unit": "W", "source": "here"}
+    own = {"value": 99.0, "unit": "W", "source": "here", "licence": "user"}
     document = {"extends": ["passenger_car", "nmc_cells"], "auxiliaries": {"base_load_w": own}}
     result = inherited(document, "car.toml", faults)
     assert not faults
@@ -138,7 +138,7 @@ def test_wrong_inheritance_is_named(change: dict[str, object], words: tuple[str,
 
 def test_coastdown_coefficients_take_the_place_of_drag_and_rolling_resistance() -> None:
     def entry(value: object, unit: str) -> dict[str, object]:
-        return {"value": value, "unit": unit, "source": "EPA test car list"}
+        return {"value": value, "unit": unit, "source": "EPA test car list", "licence": "US-public-domain"}
 
     document = raw("nissan_leaf_24")
     document["road_load"] = {

@@ -142,15 +142,15 @@ def _describe(name: str, preset: str, overrides: list[str], as_json: bool) -> No
     car = load_vehicle(name, preset, given)
     rows = describe_vehicle(name, preset, given)
     if as_json:
-        keys = ("key", "value", "unit", "source")
+        keys = ("key", "value", "unit", "source", "licence")
         entries = [dict(zip(keys, row, strict=True)) for row in rows]
         print_json({"name": car.name, "title": car.title, "preset": car.preset, "entries": entries})
         return
     shown = console(sys.stdout)
     shown.print(f"{car.title} ({car.name}, preset {car.preset})")
-    for key, value, unit, source in rows:
+    for key, value, unit, source, licence in rows:
         shown.print(f"{key} = {value} {'' if unit == '1' else unit}".rstrip())
-        shown.print(Padding(source, (0, 0, 0, 4), expand=False))
+        shown.print(Padding(f"{source} (licence: {licence})", (0, 0, 0, 4), expand=False))
 
 
 def _list(as_json: bool) -> None:

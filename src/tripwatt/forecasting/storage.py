@@ -267,6 +267,7 @@ def vehicle_part(vehicle: Vehicle) -> dict[str, Any]:
         section, _, name = key.partition(".")
         value = list(entry.value) if isinstance(entry.value, tuple) else entry.value
         stored: dict[str, Any] = {"value": value, "unit": entry.unit, "source": entry.source}
+        stored["licence"] = entry.licence
         stored |= {k: v for k, v in (("estimated", entry.estimated), ("scale", entry.scale)) if v}
         document.setdefault(section, {})[name] = stored
     part = {"name": vehicle.name, "title": vehicle.title, "preset": vehicle.preset, "document": document}
@@ -283,7 +284,11 @@ def vehicle_of_part(part: Mapping[str, Any]) -> Vehicle:
     InvalidInput
         With every entry that this version does not know or that it misses.
     """
-    document = {**part["document"], "name": part["title"]}
+    document = {
+        **part["document"],
+        "name": part["title"],
+        "licence": "not-stated",
+    }  # older models have no licences
     vehicle = vehicle_from_document(document, part["name"], "vehicle.json")
     return replace(vehicle, preset=part["preset"])
 

@@ -1,6 +1,7 @@
 """Cars as frozen dataclasses, one TOML per car: value, unit and source for every entry."""
 
 from tripwatt.vehicles.importing import import_vehicle
+from tripwatt.vehicles.licences import LICENCES, render_licences
 from tripwatt.vehicles.loading import Entry, Vehicle, load_vehicle, vehicle_from_document, vehicle_names
 from tripwatt.vehicles.overriding import ALIASES, parse_overrides
 from tripwatt.vehicles.parts import (
@@ -17,6 +18,7 @@ from tripwatt.vehicles.table import describe_vehicle, render_parameters
 
 __all__ = [
     "ALIASES",
+    "LICENCES",
     "Auxiliaries",
     "Battery",
     "Body",
@@ -31,6 +33,7 @@ __all__ = [
     "import_vehicle",
     "load_vehicle",
     "parse_overrides",
+    "render_licences",
     "render_parameters",
     "vehicle_from_document",
     "vehicle_names",

@@ -6,7 +6,7 @@ car's own entries replace earlier ones. `[scaled]` computes entries from a refer
 - `motor_losses = "CAR"`: the loss map of motor and inverter at the same shares of torque and speed,
 - `cell_resistance = "CAR"`: resistance of one cell at the same product of resistance and capacity.
 
-Every entry taken over keeps its source, and says from where it came.
+Every entry taken over keeps its source and licence, and says from where it came.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from importlib import resources
 from typing import Any, Final
 
 from tripwatt.errors import Fault
+from tripwatt.vehicles.licences import with_licences
 
 DEEPEST_EXTENSION: Final = 5
 """Files that may extend one another before it is taken for a circle."""
@@ -52,7 +53,7 @@ def bundled_bases() -> tuple[str, ...]:
 
 
 def inherited(document: Mapping[str, Any], where: str, faults: list[Fault]) -> dict[str, Any]:
-    """The document with what it takes over filled in, and without `extends` and `scaled`.
+    """The document with what it takes over and the licences filled in, and without the keys that ask for it.
 
     Parameters
     ----------
@@ -73,6 +74,7 @@ def inherited(document: Mapping[str, Any], where: str, faults: list[Fault]) -> d
 
 
 def _inherited(document: Mapping[str, Any], where: str, faults: list[Fault], depth: int) -> dict[str, Any]:
+    document = with_licences(document, where, faults)
     own = {k: v for k, v in document.items() if k not in ("extends", "scaled")}
     result: dict[str, Any] = {}
     for base in _names(document.get("extends", []), where, faults):

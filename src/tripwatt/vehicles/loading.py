@@ -1,7 +1,8 @@
 """From a car's TOML to a `Vehicle`, with every fault of the file in one message.
 
 An entry is `key = { value = ..., unit = "...", source = "...", estimated = "how" }`; `estimated` is optional and says
-how a value came about that no source states as it stands. `[preset.NAME.SECTION]` tables replace entries, and
+how a value came about that no source states as it stands. `tripwatt.vehicles.licences` says how a file names the
+licence of each source. `[preset.NAME.SECTION]` tables replace entries, and
 `without = ["climate"]` in `[preset.NAME]` leaves out an optional part.
 """
 
@@ -22,6 +23,7 @@ from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.vehicles.inheriting import inherited
+from tripwatt.vehicles.licences import licence_faults, with_licences
 from tripwatt.vehicles.overriding import spelled_out
 from tripwatt.vehicles.parts import (
     Auxiliaries,
@@ -53,19 +55,23 @@ SECTIONS: Final[Mapping[str, type]] = types.MappingProxyType(
 OPTIONAL_SECTIONS: Final[frozenset[str]] = frozenset({"tyres", "climate"})
 """Parts that a car may lack."""
 
-ENTRY_KEYS: Final = ("value", "unit", "source", "estimated", "scale")
+ENTRY_KEYS: Final = ("value", "unit", "source", "estimated", "scale", "licence")
 SCALES: Final = ("soc", "displayed_soc")
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One value of a car with its unit and where it comes from. `estimated` is empty for a stated value."""
+    """One value of a car with its unit, where it comes from, and the licence of that source.
+
+    `estimated` is empty for a stated value. Licences are those of `tripwatt.vehicles.licences`.
+    """
 
     value: Value
     unit: str
     source: str
     estimated: str = ""
     scale: str = ""
+    licence: str = "not-stated"
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,9 +180,15 @@ def _read(path: Path) -> str:
 def _shared_presets() -> dict[str, dict[str, Any]]:
     """Presets that every car has unless its own file says otherwise."""
     files = sorted((_data_folder() / "presets").iterdir(), key=lambda f: str(f.name))
-    return {
-        f.name[:-5]: tomllib.loads(f.read_text(encoding="utf-8")) for f in files if f.name.endswith(".toml")
+    faults: list[Fault] = []
+    presets = {
+        f.name[:-5]: with_licences(tomllib.loads(f.read_text(encoding="utf-8")), f.name, faults)
+        for f in files
+        if f.name.endswith(".toml")
     }
+    if faults:
+        raise InvalidInput(faults)
+    return presets
 
 
 @cache
@@ -320,6 +332,7 @@ def _entry(section: str, key: str, raw: object, where: str, faults: list[Fault])
     ]
     if not str(raw.get("source", "")).strip():
         faults.append(Fault("missing source", place, "nothing", "where the value comes from"))
+    faults += licence_faults(raw["licence"], f"{place}, licence") if "licence" in raw else []
     unit = field.metadata["unit"]
     if "unit" in raw and raw["unit"] != unit:
         faults.append(Fault("wrong unit", place, repr(raw["unit"]), repr(unit)))
@@ -329,7 +342,7 @@ def _entry(section: str, key: str, raw: object, where: str, faults: list[Fault])
         faults.append(Fault("scale without meaning", place, repr(raw["scale"]), "no scale"))
     if "value" in raw:
         faults.extend(_value_faults(field, raw["value"], place))
-    if len(faults) > before:
+    if len(faults) > before or "licence" not in raw:  # the file's missing licences are one fault
         return None
     return Entry(
         _as_value(raw["value"]),
@@ -337,6 +350,7 @@ def _entry(section: str, key: str, raw: object, where: str, faults: list[Fault])
         str(raw["source"]),
         str(raw.get("estimated", "")),
         str(raw.get("scale", "")),
+        str(raw["licence"]),
     )
 
 
@@ -385,7 +399,11 @@ def _override(entries: dict[str, Entry], key: str, value: float | str, faults: l
     if not found:
         old = entries.get(key)
         entries[key] = Entry(
-            _as_value(value), field.metadata["unit"], "given by the caller", scale=old.scale if old else "soc"
+            _as_value(value),
+            field.metadata["unit"],
+            "given by the caller",
+            scale=old.scale if old else "soc",
+            licence="user",
         )
 
 

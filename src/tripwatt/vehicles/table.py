@@ -11,15 +11,15 @@ from tripwatt.vehicles.loading import SECTIONS, Entry, Vehicle, load_vehicle
 
 def describe_vehicle(
     name_or_path: str | Path, preset: str = "default", overrides: Mapping[str, float | str] | None = None
-) -> tuple[tuple[str, str, str, str], ...]:
-    """Rows (key, value, unit, source) of all values of a car, in the order of the parts.
+) -> tuple[tuple[str, str, str, str, str], ...]:
+    """Rows (key, value, unit, source, licence) of all values of a car, in the order of the parts.
 
     Arguments and errors as in `load_vehicle`.
 
     Examples
     --------
     >>> describe_vehicle("bmw_i3_60ah", overrides={"mass": 1300.0})[0]
-    ('body.curb_mass_kg', '1300', 'kg', 'given by the caller')
+    ('body.curb_mass_kg', '1300', 'kg', 'given by the caller', 'user')
     """
     vehicle = load_vehicle(name_or_path, preset, overrides)
     keys = [f"{section}.{f.name}" for section, part in SECTIONS.items() for f in dataclasses.fields(part)]
@@ -29,6 +29,7 @@ def describe_vehicle(
             _shown(entry),
             entry.unit,
             f"{entry.source} (estimated: {entry.estimated})" if entry.estimated else entry.source,
+            entry.licence,
         )
         for key in keys
         if (entry := vehicle.entries.get(key)) is not None

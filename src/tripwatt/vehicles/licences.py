@@ -1,0 +1,133 @@
+"""Under which licence each value of a car may be passed on.
+
+A car's TOML names the licence of every source that it cites:
+
+- `[licences]` lists, for each licence, how its sources begin: ``"Apache-2.0" = ["NREL FASTSim"]``,
+- `licence = "user"` at the top of the file holds for every source that `[licences]` does not list,
+- `licence = "..."` in an entry holds for this entry.
+
+A source text may cite several works, separated by "; ". A part that begins like no listed source belongs to the work
+before it.
+"""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
+
+from tripwatt.errors import Fault
+
+LICENCES: Final[Mapping[str, str]] = types.MappingProxyType(
+    {
+        "facts": "single published figures, each cited; figures alone are not protected by copyright",
+        "estimate": "estimate of the tripwatt authors, under the licence of tripwatt (Apache-2.0)",
+        "US-public-domain": "work of the US federal government, in the public domain in the United States",
+        "user": "given by the user, not part of tripwatt",
+        "as-source-file": "the terms of the imported file apply; tripwatt has not checked them",
+        "not-stated": "stored before licences were recorded",
+        "Apache-2.0": "Apache License 2.0",
+        "CC0-1.0": "Creative Commons Zero 1.0",
+        "CC-BY-4.0": "Creative Commons Attribution 4.0; the authors have to be named",
+        "CDLA-Permissive-2.0": "Community Data License Agreement, Permissive 2.0",
+        "MIT": "MIT License",
+        "OGL-Canada-2.0": "Open Government Licence, Canada 2.0; the source has to be named",
+        "etalab-2.0": "Licence Ouverte 2.0; the source has to be named",
+    }
+)
+"""Licences that a car's TOML may name, SPDX identifiers where there is one."""
+
+JOINT: Final = " AND "
+"""Between the licences of an entry that cites several works."""
+
+
+def render_licences() -> str:
+    """Markdown table of the licences and what each means.
+
+    Examples
+    --------
+    >>> print(render_licences().splitlines()[0])
+    | licence | meaning |
+    """
+    rows = [f"| `{name}` | {meaning} |" for name, meaning in LICENCES.items()]
+    return "\n".join(["| licence | meaning |", "|---|---|", *rows]) + "\n"
+
+
+def licence_faults(expression: object, place: str) -> Iterator[Fault]:
+    """What is wrong with the licence, or the licences joined by " AND ", that a file names.
+
+    Examples
+    --------
+    >>> [fault.got for fault in licence_faults("facts AND Apache-2", "car.toml")]
+    ['Apache-2']
+    """
+    for name in str(expression).split(JOINT):
+        if name not in LICENCES:
+            yield Fault("unknown licence", place, name or "nothing", ", ".join(LICENCES))
+
+
+def with_licences(document: Mapping[str, Any], where: str, faults: list[Fault]) -> dict[str, Any]:
+    """The document with a licence in every entry that has a source, and without the keys that say which.
+
+    Parameters
+    ----------
+    document : mapping
+        A parsed TOML, before it takes over anything from other files.
+    where : str
+        Its file, for messages.
+    faults : list of Fault
+        Takes unknown licences, and one fault for all sources without a licence.
+
+    Examples
+    --------
+    >>> car = {"licences": {"facts": ["EPA"]}, "body": {"curb_mass_kg": {"source": "EPA list"}}}
+    >>> with_licences(car, "car.toml", [])["body"]["curb_mass_kg"]["licence"]
+    'facts'
+    """
+    table = _sources(document.get("licences", {}), f"{where}, [licences]", faults)
+    default = document.get("licence", "")
+    if default:
+        faults += licence_faults(default, f"{where}, licence")
+    missing: list[str] = []
+
+    def licensed(value: object) -> Any:
+        if not isinstance(value, Mapping):
+            return value
+        if "source" not in value:
+            return {key: licensed(inner) for key, inner in value.items()}
+        source = str(value["source"]).strip()
+        licence = value.get("licence") or _licence(source, table) or default
+        if source and not licence:
+            missing.append(source)
+        return {**value, "licence": licence} if licence else dict(value)
+
+    own = {key: licensed(v) for key, v in document.items() if key not in ("licence", "licences")}
+    if missing:
+        got = f"no licence for {missing[0]!r}" + (f" and {len(missing) - 1} more" if len(missing) > 1 else "")
+        fix = 'write licence = "user" at the top of your own file, or list the sources under [licences]'
+        faults.append(Fault("missing licence", where, got, "a licence for every source", fix))
+    return own
+
+
+def _sources(raw: object, place: str, faults: list[Fault]) -> Mapping[str, str]:
+    """Beginnings of sources and their licences, the longest first."""
+    table: dict[str, str] = {}
+    for licence, sources in (raw if isinstance(raw, Mapping) else {"": raw}).items():
+        if not isinstance(sources, Sequence) or isinstance(sources, str) or not all(map(_is_text, sources)):
+            allowed = '"Apache-2.0" = ["how a source begins", ...]'
+            faults.append(Fault("not a list of sources", f"{place}, {licence}", repr(sources), allowed))
+            continue
+        faults += licence_faults(licence, place)
+        table |= dict.fromkeys(sources, str(licence))
+    return dict(sorted(table.items(), key=lambda item: -len(item[0])))
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str) and bool(value.strip())
+
+
+def _licence(source: str, table: Mapping[str, str]) -> str:
+    """The licences of the works that a source text cites, empty where its first part is not listed."""
+    parts = source.split("; ")
+    found = [next((table[s] for s in table if part.startswith(s)), "") for part in parts]
+    return JOINT.join(dict.fromkeys(name for name in found if name)) if found[0] else ""

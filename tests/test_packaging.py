@@ -1,0 +1,221 @@
+"""What is installed: the files of the wheel, the commands, the dependencies, and which warnings are errors."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import textwrap
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import tripwatt
+from tripwatt.vehicles import LICENCES, load_vehicle, vehicle_names
+
+ROOT = Path(__file__).resolve().parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+CONSTRAINTS = (ROOT / "constraints" / "check.txt").read_text("utf-8")
+WITHOUT_SERVICE = (
+    "fastapi",
+    "pydantic",
+    "starlette",
+    "uvicorn",
+    "uvloop",
+    "httptools",
+    "orjson",
+    "prometheus_client",
+)
+
+
+def python(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, check=False, timeout=120)
+
+
+# ------------------------------------------------------------------------------------------------ commands
+
+
+@pytest.mark.parametrize("module", ["tripwatt", "tripwatt.cli"])
+def test_the_command_runs_as_a_module(module: str) -> None:
+    done = python("-m", module, "--version")
+    assert (done.returncode, done.stdout) == (0, f"tripwatt {tripwatt.__version__}\n"), done.stderr
+
+
+def test_a_module_run_names_itself_tripwatt_and_passes_the_exit_code_on() -> None:
+    done = python("-m", "tripwatt", "vehicles", "no_such_car")
+    assert done.returncode == 2
+    assert "no_such_car" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert "Usage: tripwatt " in python("-m", "tripwatt", "--help").stdout
+
+
+def test_without_the_extra_service_the_rest_works_and_serve_says_what_is_missing() -> None:
+    script = textwrap.dedent(
+        f"""
+        import sys
+        for name in {WITHOUT_SERVICE!r}:
+            sys.modules[name] = None  # importing it raises ImportError
+        import tripwatt.evaluation, tripwatt.forecasting, tripwatt.report
+        from tripwatt.cli import main
+        sys.argv = ["tripwatt", *sys.argv[1:]]
+        main()
+        """
+    )
+    done = python("-c", script, "serve")
+    assert done.returncode == 2
+    assert "tripwatt[service]" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    listed = python("-c", script, "vehicles", "--json")
+    assert listed.returncode == 0, listed.stderr
+    assert {car["name"] for car in json.loads(listed.stdout)} == set(vehicle_names())
+
+
+# ------------------------------------------------------------------------------------------------ dependencies
+
+
+def test_every_direct_dependency_of_the_gate_is_pinned_with_a_hash() -> None:
+    extras = PROJECT["project"]["optional-dependencies"]
+    wanted = [
+        *PROJECT["project"]["dependencies"],
+        *extras["dev"],
+        *extras["service"],
+        "hatchling",
+        "editables",
+    ]
+    names = {re.split(r"[\[><=; ]", line)[0].lower() for line in wanted} - {"tripwatt"}
+    blocks = re.split(r"\n(?=[a-z])", CONSTRAINTS.strip())
+    pinned = {re.match(r"[a-z0-9._-]+", block)[0]: block for block in blocks}  # type: ignore[index]
+    assert names <= set(pinned)
+    assert all(re.match(r"[a-z0-9._-]+==\S+", b) and "--hash=sha256:" in b for b in blocks)
+
+
+def test_the_constraints_name_no_index_and_no_place() -> None:
+    assert "://" not in CONSTRAINTS
+    assert not re.search(r"^\s*(-|--)(i|index-url|extra-index-url|find-links)\b", CONSTRAINTS, re.MULTILINE)
+    assert " @ " not in CONSTRAINTS
+
+
+def test_constraints_hold_the_lower_bounds() -> None:
+    pins: dict[str, list[tuple[int, ...]]] = {}
+    for name, version in re.findall(r"^([a-z0-9._-]+)==([0-9.]+)", CONSTRAINTS, re.MULTILINE):
+        pins.setdefault(name, []).append(tuple(int(n) for n in version.split(".") if n))
+    checked = 0
+    extras = PROJECT["project"]["optional-dependencies"]
+    for line in [*PROJECT["project"]["dependencies"], *extras["dev"], *extras["service"]]:
+        if bound := re.match(r"([a-z0-9-]+)>=([0-9.]+)", line):
+            least = tuple(int(n) for n in bound[2].split("."))
+            assert all(pin >= least for pin in pins[bound[1]]), line
+            checked += 1
+    assert checked >= len(PROJECT["project"]["dependencies"])
+
+
+# ------------------------------------------------------------------------------------------------ warnings
+
+WARNER = "import warnings\ndef warn():\n    warnings.warn('from here', {category}, stacklevel={level})\n"
+
+
+@pytest.mark.parametrize(
+    ("module", "category", "fails"),
+    [
+        ("tripwatt/physics.py", "RuntimeWarning", True),
+        ("tripwatt/__init__.py", "UserWarning", True),
+        ("tripwatt/learners.py", "DeprecationWarning", True),
+        ("benchmarks/gam.py", "FutureWarning", True),
+        ("tripwattish/__init__.py", "UserWarning", False),
+        ("numpyish/tripwatt.py", "DeprecationWarning", False),
+        ("numpyish/__init__.py", "RuntimeWarning", False),
+    ],
+)
+def test_warnings_of_our_modules_fail_a_test_and_others_are_listed(
+    tmp_path: Path, module: str, category: str, fails: bool
+) -> None:
+    name = module.removesuffix(".py").replace("/", ".").removesuffix(".__init__")
+    package = tmp_path / "src" / module.partition("/")[0]
+    package.mkdir(parents=True)
+    (package / "__init__.py").touch()
+    (tmp_path / "src" / module).write_text(WARNER.format(category=category, level=1))
+    done = with_our_filters(tmp_path, f"from {name} import warn\n\ndef test_it():\n    warn()\n")
+    assert done.returncode == int(fails), done.stdout + done.stderr
+    assert "from here" in done.stdout
+
+
+def test_a_warning_attributed_to_a_test_fails_it(tmp_path: Path) -> None:
+    (tmp_path / "src" / "numpyish").mkdir(parents=True)
+    (tmp_path / "src" / "numpyish" / "__init__.py").write_text(WARNER.format(category="UserWarning", level=2))
+    done = with_our_filters(tmp_path, "from numpyish import warn\n\ndef test_it():\n    warn()\n")
+    assert done.returncode == 1, done.stdout
+
+
+def with_our_filters(folder: Path, test: str) -> subprocess.CompletedProcess[str]:
+    """A run of pytest in a folder with a test and the filters of this project."""
+    (folder / "tests").mkdir()
+    (folder / "tests" / "test_it.py").write_text(test)
+    filters = PROJECT["tool"]["pytest"]["ini_options"]["filterwarnings"]
+    lines = "".join(f"\n    {line}" for line in filters)
+    (folder / "pytest.ini").write_text(
+        f"[pytest]\naddopts = --import-mode=importlib\npythonpath = src\nfilterwarnings ={lines}\n"
+    )
+    return python(
+        "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:schemathesis", "tests", cwd=folder
+    )
+
+
+# ------------------------------------------------------------------------------------------------ the wheel
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
+    pytest.importorskip("hatchling", reason="no hatchling: `make check` installs it to build the wheel")
+    out = tmp_path_factory.mktemp("wheel")
+    done = python("-m", "hatchling", "build", "-t", "wheel", "-d", str(out), cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    return zipfile.ZipFile(next(out.glob("*.whl")))
+
+
+def test_the_wheel_carries_licence_notice_and_everything_that_the_package_needs(
+    wheel: zipfile.ZipFile,
+) -> None:
+    names = wheel.namelist()
+    (notice,) = [n for n in names if n.endswith("/licenses/NOTICE")]
+    (licence,) = [n for n in names if n.endswith("/licenses/LICENSE")]
+    assert wheel.read(notice) == (ROOT / "NOTICE").read_bytes()
+    assert wheel.read(licence) == (ROOT / "LICENSE").read_bytes()
+    assert "tripwatt/service/page/licences.txt" in names
+    assert {f"tripwatt/vehicles/data/{name}.toml" for name in vehicle_names()} <= set(names)
+    sources = {f.relative_to(ROOT / "src").as_posix() for f in (ROOT / "src" / "tripwatt").rglob("*.py")}
+    assert sources <= set(names)
+    assert not [n for n in names if not n.startswith(("tripwatt/", "tripwatt-"))]
+
+
+def test_the_notice_names_what_licences_ask_to_be_named() -> None:
+    text = " ".join((ROOT / "NOTICE").read_text("utf-8").split())
+    model = json.loads((ROOT / "src/tripwatt/models/bmw_i3_tum/metadata.json").read_text("utf-8"))
+    assert "10.21227/6jr9-5235" in json.dumps(model)  # what the stored model says that it was fitted on
+    for words in (
+        "10.21227/6jr9-5235",
+        "CC BY 4.0",
+        "Steinstraeter",
+        "bmw_i3_tum",
+        "10.1109/TITS.2020.3035596",
+    ):
+        assert words in text, words
+    bundle = (ROOT / "src/tripwatt/service/page/licences.txt").read_text("utf-8")
+    parts = re.findall(r"^(\S+) \d[\d.]* \(([^)]+)\)$", bundle, re.MULTILINE)
+    assert len(parts) >= 4
+    for name, _ in parts:
+        assert name.rpartition("/")[2].lower() in text.lower() or name in text, name
+
+
+# ------------------------------------------------------------------------------------------------ values of cars
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_every_value_of_the_library_has_a_licence_that_allows_shipping(name: str) -> None:
+    shipped = set(LICENCES) - {"user", "as-source-file", "not-stated"}
+    for preset in ("default", "paper"):
+        for key, entry in load_vehicle(name, preset).entries.items():
+            assert set(entry.licence.split(" AND ")) <= shipped, f"{key}: {entry.licence}"
