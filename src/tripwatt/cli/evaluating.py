@@ -102,7 +102,7 @@ def evaluate(
 
     def read() -> None:
         with shown.status("reading trips"):
-            fleet.append(read_logs(data, dataset, mapping))
+            fleet.append(read_logs(data, dataset, mapping, built_in_faults=True))
             options["test_fleet"] = None if test is None else read_logs(test, dataset, mapping)
 
     gather(lambda: _check(options, overrides or []), lambda: check_writable(out), read)
