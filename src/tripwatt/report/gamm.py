@@ -188,7 +188,7 @@ def on_diagnosis(gamm: GammInsight) -> str:
     far = float(np.max(np.abs(residual)))
     return (
         f"Half of the residuals are within {half:,.0f} Wh, the largest is {far:,.0f} Wh. Between the 5 % and the 95 % quantile "
-        f"the ordered residuals stay within {off:,.0f} Wh of the red line, the quantiles of the fitted {gamm.diagnosis.qq.distribution.name}."
+        f"the ordered residuals stay within {off:,.0f} Wh of the line, the quantiles of the fitted {gamm.diagnosis.qq.distribution.name}."
     )
 
 

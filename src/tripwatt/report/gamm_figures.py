@@ -42,7 +42,7 @@ def _dots(axes: Axes, x: FloatArray, y: FloatArray, gid: str) -> None:
 
 @styled
 def plot_diagnosis(diagnosis: Diagnosis, *, synthetic: bool = False) -> Figure:
-    """Q-Q plot against the fitted distribution with its red line, residuals, histogram, response against fitted.
+    """Q-Q plot against the fitted distribution with its line, residuals, histogram, response against fitted.
 
     Parameters
     ----------
@@ -51,7 +51,9 @@ def plot_diagnosis(diagnosis: Diagnosis, *, synthetic: bool = False) -> Figure:
     synthetic : bool
         Whether the trips are made up.
     """
-    figure = new_figure(5.6, "Residuals of the GAMM [Wh]", "red: what the fitted model expects", synthetic)
+    figure = new_figure(
+        5.6, "Residuals of the GAMM [Wh]", "solid line: what the fitted model expects", synthetic
+    )
     axes = figure.subplots(2, 2)
     qq, colour = diagnosis.qq, model_style("gamm").colour
     kept = _kept(qq.residual)

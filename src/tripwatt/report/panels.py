@@ -67,8 +67,8 @@ def build_sections(view: View) -> list[Section]:
         Section("result", "Result", result_panels(view)),
         Section("errors", "Errors of every model", errors_panels(view)),
         Section("trips", "Trip by trip", trips_panels(view)),
-        Section("comparison", "Which differences are real", comparison_panels(view)),
-        Section("audit", "Which trips were used, and why others were not", audit_panels(view)),
+        Section("comparison", "Differences between the models", comparison_panels(view)),
+        Section("audit", "Trips that were used, and reasons why others were not", audit_panels(view)),
         Section("gamm", "The GAMM", _gamm(view)),
         Section("inside", "Inside the models", (*_inside(view), _running_time(view))),
     ]
@@ -147,7 +147,7 @@ def errors_panels(view: View) -> tuple[Panel, ...]:
 def _benchmark(view: View) -> Panel:
     folds = view.folds_of(view.main)
     models = [m for m in ("physics-paper", "boosting", "boosting-only") if m in set(folds["model"])]
-    title = "The benchmark: physics, hybrid, learned alone"
+    title = "Physics alone, hybrid, and boosting alone"
     sentence = sentences.on_benchmark(view, models)
     if not models:
         return Panel("benchmark-boxes", title, sentence)
@@ -215,7 +215,7 @@ def comparison_panels(view: View) -> tuple[Panel, ...]:
         Panel(
             "all-pairs",
             "Every pair",
-            f"{len(table.rows)} pairs; an interval that leaves out 0 is significant.",
+            f"{len(table.rows)} pairs; a difference is significant if its interval does not contain 0.",
             tables=(table,),
             folded=True,
         ),
@@ -258,7 +258,7 @@ def audit_panels(view: View) -> tuple[Panel, ...]:
                 Panel(
                     "trips-used",
                     "Trips in each set",
-                    "Which trips each row of the result stands on.",
+                    "The trips of each row of the result.",
                     tables=(used,),
                     folded=True,
                     wide=True,
@@ -281,7 +281,7 @@ def _inside(view: View) -> tuple[Panel, ...]:
     return (
         Panel(
             "importances",
-            "What the correctors use",
+            "Importance of the covariates",
             sentences.on_importances(importances),
             drawn(figures.plot_importances, importances),
         ),
@@ -337,14 +337,14 @@ def _gamm(view: View) -> tuple[Panel, ...]:
         ),
         Panel(
             "gamm-diagnosis",
-            "Do the residuals follow the model?",
+            "Residuals against the fitted distribution",
             gamm.on_diagnosis(found),
             gamm_figures.plot_diagnosis(found.diagnosis, synthetic=view.synthetic),
             tall=True,
         ),
         Panel(
             "gamm-autocorrelation",
-            "Are the rows independent?",
+            "Autocorrelation of the residuals",
             gamm.on_dependence(found),
             gamm_figures.plot_dependence(found.autocorrelation, found.row_step_s, synthetic=view.synthetic),
         ),
@@ -357,16 +357,16 @@ def _gamm_effects(view: View, effects: Mapping[str, Effect], label: str) -> Iter
     curves = [e for e in effects.values() if isinstance(e, CurveEffect)]
     if curves:
         drawn = gamm_figures.plot_curves(curves, synthetic=view.synthetic)
-        yield Panel("gamm-smooths", "What each covariate does", gamm.on_curves(curves), drawn, tall=True)
+        yield Panel("gamm-smooths", "Effect of each covariate", gamm.on_curves(curves), drawn, tall=True)
     # the formula has at most one surface and one random effect; each has its own file
     for surface in (e for e in effects.values() if isinstance(e, SurfaceEffect)):
         drawn = gamm_figures.plot_surface(surface, synthetic=view.synthetic)
-        yield Panel("gamm-surface", "What two covariates do together", gamm.on_surface(surface), drawn)
+        yield Panel("gamm-surface", "Joint effect of two covariates", gamm.on_surface(surface), drawn)
     for effect in (e for e in effects.values() if isinstance(e, RandomEffects)):
         drawn = gamm_figures.plot_random(effect, synthetic=view.synthetic)
         table = gamm.random_table(effect, label=label)
         said = gamm.on_random(effect)
-        yield Panel("gamm-random", "What is left to each trip", said, drawn, tables=(table,), folded=True)
+        yield Panel("gamm-random", "Random effects of the trips", said, drawn, tables=(table,), folded=True)
 
 
 def _gamm_extrapolation(view: View, found: GammInsight, label: str) -> Panel:
