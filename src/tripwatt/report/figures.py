@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.report.models import PAPER, model_style, ordered
+from tripwatt.report.models import PAPER, covariate_words, model_style, ordered
 from tripwatt.report.style import (
     INK,
     PAPER_COLOUR,
@@ -487,7 +487,7 @@ def plot_importances(importances: pd.DataFrame, *, synthetic: bool = False) -> F
         bars = axes.barh(places, rows["importance"], color=model_style(model).colour, height=0.65)
         for place, bar in enumerate(bars):
             bar.set_gid(f"importance-{models.index(model)}-{place}")
-        axes.set_yticks(places, [plain(c, 30) for c in rows["covariate"]])
+        axes.set_yticks(places, [plain(covariate_words(str(c)), 30) for c in rows["covariate"]])
         axes.invert_yaxis()
         axes.tick_params(axis="y", length=0)
         axes.spines["left"].set_visible(False)

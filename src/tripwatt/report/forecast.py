@@ -357,7 +357,6 @@ def _strata(view: View) -> Panel:
         figures.plot_strata(strata, note=of_evaluation(view.main), synthetic=view.synthetic),
         tables=(Table(_caption(view, "Mean error by stratum"), columns, rows),),
         folded=True,
-        tall=True,
     )
 
 
@@ -374,7 +373,6 @@ def _waterfall(view: View) -> Panel:
         title,
         f"The largest cause is {listed(parts)}. Each bar starts where the one above it ends; forecasts before departure, {GIVEN}.",
         figures.plot_waterfall(kept.causes, kept.trips, selected, synthetic=view.synthetic),
-        tall=True,
     )
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from tripwatt.gam.effects import CurveEffect, RandomEffects, SurfaceEffect
 from tripwatt.report import figures, gamm, gamm_figures, running_time, sentences, tables
@@ -16,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tripwatt.evaluation.insight import GammInsight
-    from tripwatt.gam.effects import Effect
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,8 @@ class Panel:
     tables : tuple of Table
     folded : bool
         Whether the tables start closed.
-    wide, tall : bool
-        Whether it takes the full width, or two rows, of a desktop page.
+    wide : bool
+        Whether it takes the full width of a desktop page; the others stand in two balanced columns.
     """
 
     key: str
@@ -45,7 +47,6 @@ class Panel:
     tables: tuple[Table, ...] = ()
     folded: bool = False
     wide: bool = False
-    tall: bool = False
 
 
 @dataclass(frozen=True)
@@ -58,11 +59,35 @@ class Section:
 
 
 def build_sections(view: View) -> list[Section]:
-    """Every section of the report; a panel without data stays and says why it is empty."""
+    """Every section of the report; a panel without data stays and gives the reason."""
     if view.is_forecast:
         from tripwatt.report.forecast import forecast_sections
 
-        return forecast_sections(view)
+        sections = forecast_sections(view)
+    else:
+        sections = _paper_sections(view)
+    return [replace(section, panels=filled_rows(section.panels)) for section in sections]
+
+
+def filled_rows(panels: Sequence[Panel]) -> tuple[Panel, ...]:
+    """The panels, with one that would stand alone beside an empty half of the page made wide.
+
+    Examples
+    --------
+    >>> [p.wide for p in filled_rows([Panel("a", "", "", wide=True), Panel("b", "", "")])]
+    [True, True]
+    >>> [p.wide for p in filled_rows([Panel("a", "", ""), Panel("b", "", "")])]
+    [False, False]
+    """
+    laid_out: list[Panel] = []
+    for wide, run in itertools.groupby(panels, key=lambda panel: panel.wide):
+        together = list(run)
+        alone = len(together) == 1 and not wide
+        laid_out += [replace(panel, wide=True) for panel in together] if alone else together
+    return tuple(laid_out)
+
+
+def _paper_sections(view: View) -> list[Section]:
     return [
         Section("result", "Result", result_panels(view)),
         Section("errors", "Errors of every model", errors_panels(view)),
@@ -137,7 +162,6 @@ def errors_panels(view: View) -> tuple[Panel, ...]:
             "Error distribution over the folds",
             sentences.on_distribution(view),
             distribution,
-            tall=True,
         ),
         Panel("error-boxes", "Box plot of all models", sentences.on_boxes(view), boxes),
         *(() if view.is_forecast else (_benchmark(view),)),
@@ -211,11 +235,12 @@ def comparison_panels(view: View) -> tuple[Panel, ...]:
     figure = figures.plot_paired_differences(shown, note=of_evaluation(view.main), synthetic=view.synthetic)
     table = tables.paired_table(view)
     return (
-        Panel("paired-differences", "Paired differences", sentences.on_paired(pairs, best), figure),
         Panel(
-            "all-pairs",
-            "Every pair",
-            f"{len(table.rows)} pairs; a difference is significant if its interval does not contain 0.",
+            "paired-differences",
+            "Paired differences",
+            f"{sentences.on_paired(pairs, best)} A difference is significant if its interval does not contain 0; the table "
+            f"has all {len(table.rows)} pairs.",
+            figure,
             tables=(table,),
             folded=True,
         ),
@@ -340,7 +365,6 @@ def _gamm(view: View) -> tuple[Panel, ...]:
             "Residuals against the fitted distribution",
             gamm.on_diagnosis(found),
             gamm_figures.plot_diagnosis(found.diagnosis, synthetic=view.synthetic),
-            tall=True,
         ),
         Panel(
             "gamm-autocorrelation",
@@ -349,19 +373,21 @@ def _gamm(view: View) -> tuple[Panel, ...]:
             gamm_figures.plot_dependence(found.autocorrelation, found.row_step_s, synthetic=view.synthetic),
         ),
         _gamm_extrapolation(view, found, label),
-        *_gamm_effects(view, found.effects, label),
+        *_gamm_effects(view, found, label),
     )
 
 
-def _gamm_effects(view: View, effects: Mapping[str, Effect], label: str) -> Iterator[Panel]:
+def _gamm_effects(view: View, found: GammInsight, label: str) -> Iterator[Panel]:
+    effects, observed_wh = found.effects, float(np.ptp(found.diagnosis.response.response))
     curves = [e for e in effects.values() if isinstance(e, CurveEffect)]
     if curves:
-        drawn = gamm_figures.plot_curves(curves, synthetic=view.synthetic)
-        yield Panel("gamm-smooths", "Effect of each covariate", gamm.on_curves(curves), drawn, tall=True)
+        drawn = gamm_figures.plot_curves(curves, observed_wh, synthetic=view.synthetic)
+        yield Panel("gamm-smooths", "Effect of each covariate", gamm.on_curves(curves, observed_wh), drawn)
     # the formula has at most one surface and one random effect; each has its own file
     for surface in (e for e in effects.values() if isinstance(e, SurfaceEffect)):
         drawn = gamm_figures.plot_surface(surface, synthetic=view.synthetic)
-        yield Panel("gamm-surface", "Joint effect of two covariates", gamm.on_surface(surface), drawn)
+        said = gamm.on_surface(surface, observed_wh)
+        yield Panel("gamm-surface", "Joint effect of two covariates", said, drawn)
     for effect in (e for e in effects.values() if isinstance(e, RandomEffects)):
         drawn = gamm_figures.plot_random(effect, synthetic=view.synthetic)
         table = gamm.random_table(effect, label=label)

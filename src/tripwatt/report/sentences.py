@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.report.figures import curve_models, lowest_round, mean_importances
-from tripwatt.report.models import PAPER, PAPER_CAR, PAPER_IMPROVED, PAPER_TRIPS, model_style
+from tripwatt.report.models import PAPER, PAPER_CAR, PAPER_IMPROVED, PAPER_TRIPS, covariate_words, model_style
 from tripwatt.report.view import Record, View, absolute_errors, named_evaluation, of_evaluation, plain
 
 
@@ -339,7 +339,7 @@ def on_importances(importances: pd.DataFrame | None) -> str:
     parts = []
     for model, rows in mean.groupby("model", sort=False, observed=True):
         first = rows.sort_values("importance", ascending=False, kind="stable")["covariate"].head(2)
-        parts.append(f"{listed([plain(c) for c in first])} for {label(str(model))}")
+        parts.append(f"{listed([plain(covariate_words(str(c))) for c in first])} for {label(str(model))}")
     return f"The most important covariates are {'; '.join(parts)}."
 
 
