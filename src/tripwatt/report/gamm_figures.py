@@ -114,16 +114,17 @@ def plot_curves(
     synthetic : bool
         Whether the trips are made up.
     """
-    rows = -(-len(curves) // 2)
+    drawn = [is_determined(curve, observed_wh) for curve in curves]
+    heights = [2.1 if any(drawn[row : row + 2]) else 1.0 for row in range(0, len(curves), 2)]
     figure = new_figure(
-        0.9 + 2.1 * rows, "Smooth effects of the GAMM", "band: 95 %, pointwise; ticks: data", synthetic
+        0.9 + sum(heights), "Smooth effects of the GAMM", "band: 95 %, pointwise; ticks: data", synthetic
     )
-    grid = figure.add_gridspec(rows, 2)
+    grid = figure.add_gridspec(len(heights), 2, height_ratios=heights)
     for place, curve in enumerate(curves):
         last_alone = place == len(curves) - 1 and place % 2 == 0
         one = figure.add_subplot(grid[place // 2, :] if last_alone else grid[place // 2, place % 2])
         one.set_title(f"{in_words(curve.label)}\nEDF {curve.edf:.2f}", fontsize=7.5)
-        if is_determined(curve, observed_wh):
+        if drawn[place]:
             _draw_curve(one, curve, place)
         else:
             _say_why(one, not_determined(curve, observed_wh), place)
