@@ -76,7 +76,7 @@ bench: .venv-bench/.ready  ## ratios against peers, all measured in one run, int
 bars: .venv-bench/.ready  ## the long measurements against the project's own bars
 	.venv-bench/bin/python -m benchmarks.bars
 
-readme: .venv/.ready  ## the table of the README from OUT/results.json, which is copied to docs/results
+readme: .venv/.ready  ## the tables of the README and of docs/results.md from OUT/results.json, which is copied to docs/results
 	.venv/bin/python docs/publish_results.py $(OUT)
 
 clean:

@@ -1,8 +1,9 @@
 """Publish an evaluation: ``python docs/publish_results.py [OUT]``, or ``make readme``.
 
 Copies OUT/results.json (scores and findings, no trip data) to docs/results/, as `paper.json` or `forecast.json` by its
-protocol, and renews the table of the README from it. OUT is `out` by default; a
-JSON file, such as the published one itself, or what `python -m benchmarks.planned --json FILE` writes, serves as well.
+protocol, renews the tables of docs/results.md from it and, from the protocol `forecast`, the short table of the README. OUT
+is `out` by default; a JSON file, such as the published one itself, or what `python -m benchmarks.planned --json FILE`
+writes, serves as well.
 """
 
 from __future__ import annotations
@@ -11,24 +12,30 @@ import json
 import sys
 from pathlib import Path
 
-from tripwatt.report import update_readme
+from tripwatt.report import update_readme, update_results_page
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "docs" / "results"
 
 
-def publish(out: Path, results_folder: Path = RESULTS, readme: Path = ROOT / "README.md") -> Path:
+def publish(
+    out: Path,
+    results_folder: Path = RESULTS,
+    readme: Path = ROOT / "README.md",
+    page: Path = ROOT / "docs" / "results.md",
+) -> Path:
     """Copy and renew; gives the copy.
 
     Parameters
     ----------
     out : Path
         Folder of `tripwatt evaluate`, or a `results.json`.
-    results_folder, readme : Path
-        Where the copy and the table go.
+    results_folder, readme, page : Path
+        Where the copy, the short table and the wide tables go.
     """
     source = out / "results.json" if out.is_dir() else out
     results = json.loads(source.read_text(encoding="utf-8"))
+    update_results_page(results, page)
     update_readme(results, readme)
     copy = results_folder / f"{results['protocol']}.json"
     copy.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""What is generated is what its source says: the README's results, the page of the command line."""
+"""What is generated is what its source says: the results in README and docs, the page of the command line."""
 
 import importlib.util
 import json
@@ -28,40 +28,65 @@ def write_cli() -> ModuleType:
 
 
 @pytest.mark.parametrize(("protocol", "model"), [("paper", "boosting"), ("forecast", "hybrid")])
-def test_readme_shows_the_published_results(protocol: str, model: str, tmp_path: Path) -> None:
-    readme = tmp_path / "README.md"
-    shutil.copy(ROOT / "README.md", readme)
+def test_readme_and_page_show_the_published_results(protocol: str, model: str, tmp_path: Path) -> None:
+    readme, page = pages(tmp_path)
     publish = script("publish_results").publish
     source = DOCS / "results" / f"{protocol}.json"
-    copy = publish(source, tmp_path / "results", readme)
-    assert readme.read_text(encoding="utf-8") == (ROOT / "README.md").read_text(encoding="utf-8"), (
-        "make readme"
-    )
+    copy = publish(source, tmp_path / "results", readme, page)
+    require_as_published(readme, page, "make readme")
     published = source.read_text(encoding="utf-8")
     assert copy.read_text(encoding="utf-8") == published
     changed = json.loads(published)
     changed["evaluations"][0]["models"][model]["mape"] = 0.777
     (tmp_path / "results.json").write_text(json.dumps(changed), encoding="utf-8")
-    publish(tmp_path, tmp_path / "results", readme)
-    assert "77.7" in readme.read_text(encoding="utf-8")
+    publish(tmp_path, tmp_path / "results", readme, page)
+    assert "77.7" in page.read_text(encoding="utf-8")
+    # the README shows the forecast alone
+    assert ("77.7" in readme.read_text(encoding="utf-8")) == (protocol == "forecast")
 
 
-def test_readme_shows_the_published_figures_of_planned_routes(tmp_path: Path) -> None:
-    readme = tmp_path / "README.md"
+def test_the_readme_has_one_short_table_of_the_forecast() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    shown = text.partition("<!-- results:begin -->")[2].partition("<!-- results:end -->")[0]
+    rows = [line.split("|")[1:-1] for line in shown.splitlines() if line.startswith("|")]
+    results = json.loads((DOCS / "results" / "forecast.json").read_text(encoding="utf-8"))
+    scores = results["evaluations"][0]["models"]
+    assert len(rows) == 2 + 5
+    assert {len(cells) for cells in rows} == {4}
+    assert rows[2][0].strip() == "Constant Wh/km"
+    best = [cell.strip() for cell in rows[-1]]
+    assert best[0] == "**Hybrid forecast**"
+    assert best[1] == f"{100 * scores['hybrid']['mape']:.1f}"
+    assert best[3] == f"{100 * scores['hybrid']['coverage']['0.9']:.0f}"
+    assert not any(name in shown for name in scores if name not in ("hybrid", "physics"))
+
+
+def pages(folder: Path) -> tuple[Path, Path]:
+    """Copies of the README and of the page of results."""
+    readme, page = folder / "README.md", folder / "results.md"
     shutil.copy(ROOT / "README.md", readme)
+    shutil.copy(DOCS / "results.md", page)
+    return readme, page
+
+
+def require_as_published(readme: Path, page: Path, how: str) -> None:
+    assert readme.read_text(encoding="utf-8") == (ROOT / "README.md").read_text(encoding="utf-8"), how
+    assert page.read_text(encoding="utf-8") == (DOCS / "results.md").read_text(encoding="utf-8"), how
+
+
+def test_the_page_shows_the_published_figures_of_planned_routes(tmp_path: Path) -> None:
+    readme, page = pages(tmp_path)
     publish = script("publish_results").publish
     published = DOCS / "results" / "links.json"
-    copy = publish(published, tmp_path / "results", readme)
-    assert readme.read_text(encoding="utf-8") == (ROOT / "README.md").read_text(encoding="utf-8"), (
-        "python docs/publish_results.py docs/results/links.json"
-    )
+    copy = publish(published, tmp_path / "results", readme, page)
+    require_as_published(readme, page, "python docs/publish_results.py docs/results/links.json")
     assert copy.read_text(encoding="utf-8") == published.read_text(encoding="utf-8")
     changed = json.loads(published.read_text(encoding="utf-8"))
     assert (changed["synthetic"], changed["n_trips"]) == (False, 58)
     changed["known"]["250 m"]["mape"] = 0.666
     (tmp_path / "results.json").write_text(json.dumps(changed), encoding="utf-8")
-    publish(tmp_path, tmp_path / "results", readme)
-    assert "| 66.6 |" in readme.read_text(encoding="utf-8")
+    publish(tmp_path, tmp_path / "results", readme, page)
+    assert "| 66.6 |" in page.read_text(encoding="utf-8")
     for row in changed["known"].values():
         rows = row["by_trip"]
         inside = [r["low_90_wh"] <= r["observed_wh"] <= r["high_90_wh"] for r in rows]

@@ -11,7 +11,13 @@ import tripwatt.synthetic as synthetic
 from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
 from tripwatt.physics import Simulation, simulate
-from tripwatt.synthetic import example_trip, synthetic_fleet, synthetic_truth, synthetic_world
+from tripwatt.synthetic import (
+    example_trip,
+    faulty_fleet,
+    synthetic_fleet,
+    synthetic_truth,
+    synthetic_world,
+)
 from tripwatt.synthetic import plan as plan_module
 from tripwatt.synthetic.world import NOISE_STANDING_W, aged, heavy_tailed_noise
 from tripwatt.trips import COLUMNS, Trip
@@ -61,7 +67,7 @@ def test_a_seed_makes_the_same_fleet_and_a_longer_one_begins_with_it(fleet, trut
 
 
 def test_no_two_purposes_share_their_random_numbers():
-    keys = [(p, *rest) for p in range(9) for rest in ((), (0,), (0, 0), (1,), (0, 1), (1, 0))]
+    keys = [(p, *rest) for p in range(10) for rest in ((), (0,), (0, 0), (1,), (0, 1), (1, 0))]
     first = {plan_module.stream(seed, *key).random() for key in keys for seed in (0, 1)}
     assert len(first) == 2 * len(keys)
 
@@ -278,6 +284,72 @@ def test_the_audit_keeps_every_trip_whole(fleet):
     assert [str(f) for f in kept.findings] == []
     assert [t.trip_id for t in kept.trips] == [t.trip_id for t in fleet.trips]
     assert [t.observed_energy_wh for t in kept.trips] == [t.observed_energy_wh for t in fleet.trips]
+
+
+@pytest.mark.parametrize(("n_trips", "seed"), [(32, 0), (12, 3), (8, 5)])
+def test_the_audit_finds_the_planted_faults_and_nothing_else(n_trips, seed):
+    planted, faults = faulty_fleet(n_trips, seed)
+    sound = synthetic_fleet(n_trips, seed)
+    found = audit(planted)
+    by_kind = {f.kind: f for f in faults}
+    assert set(by_kind) == {"frozen signal", "wrong sign", "filled gap"}
+    words = {"frozen signal": "frozen", "wrong sign": "sign", "filled gap": "a filled gap"}
+    outcome = {"frozen signal": "trimmed", "wrong sign": "set aside", "filled gap": "set aside"}
+    for kind, fault in by_kind.items():
+        of_trip = [f for f in found.findings if f.trip == fault.trip]
+        # a reversed current is seen twice: by acceleration, and by the state of charge
+        assert len(of_trip) == (2 if kind == "wrong sign" else 1)
+        for finding in of_trip:
+            assert words[kind] in finding.what
+            assert finding.consequence == outcome[kind]
+            assert finding.from_s == pytest.approx(fault.from_s, abs=2.0)
+            assert finding.to_s == pytest.approx(fault.to_s, abs=2.0)
+    assert {f.trip for f in found.findings} == {f.trip for f in faults}
+    aside = {by_kind["wrong sign"].trip, by_kind["filled gap"].trip}
+    assert {t.trip_id for t in sound.trips} - {t.trip_id for t in found.trips} == aside
+    frozen = by_kind["frozen signal"]
+    whole = next(t for t in sound.trips if t.trip_id == frozen.trip)
+    left = next(t for t in found.trips if t.trip_id == frozen.trip)
+    until = whole.between(-np.inf, frozen.from_s)
+    assert left.observed_energy_wh == pytest.approx(until.observed_energy_wh, rel=1e-12)
+
+
+def test_planted_faults_change_their_own_samples_and_no_other():
+    planted, faults = faulty_fleet(32, 0)
+    sound = synthetic_fleet(32, 0)
+    by_trip = {f.trip: f for f in faults}
+    assert len(by_trip) == 3
+    for before, after in zip(sound.trips, planted.trips, strict=True):
+        fault = by_trip.get(before.trip_id)
+        if fault is None:
+            pd.testing.assert_frame_equal(before.samples, after.samples, check_exact=True)
+            continue
+        assert before.context == after.context
+        assert fault.unfaulted_energy_wh == before.observed_energy_wh
+        different = (before.samples != after.samples).any(axis=1).to_numpy()
+        assert not different[: fault.first].any()
+        assert not different[fault.stop :].any()
+        assert different[fault.first : fault.stop].mean() > 0.9
+        np.testing.assert_array_equal(before.array("time_s"), after.array("time_s"))
+        if fault.kind == "wrong sign":
+            assert after.observed_energy_wh == pytest.approx(-fault.unfaulted_energy_wh)
+        elif fault.kind == "frozen signal":
+            assert fault.stop == len(after.samples)
+            assert after.samples.iloc[fault.first - 1 :].drop(columns="time_s").nunique().eq(1).all()
+        else:
+            inside = after.samples.iloc[fault.first - 1 : fault.stop + 1]
+            curve = inside.drop(columns="time_s").diff().diff().abs().max()
+            assert (curve < 1e-9).all()
+
+
+def test_faults_are_planted_on_demand_alone_and_always_the_same():
+    assert synthetic_fleet(5).notes == synthetic_fleet(5, faults=False).notes
+    first, again = synthetic_fleet(5, seed=2, faults=True), faulty_fleet(5, seed=2)[0]
+    for a, b in zip(first.trips, again.trips, strict=True):
+        pd.testing.assert_frame_equal(a.samples, b.samples, check_exact=True)
+    assert any("planted fault" in note for note in first.notes)
+    with pytest.raises(InvalidInput, match="too few trips for the faults"):
+        faulty_fleet(2)
 
 
 def test_example_trip_is_a_table_and_arguments_are_checked():

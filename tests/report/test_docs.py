@@ -8,7 +8,7 @@ import pytest
 
 from tripwatt.physics.simulate import Simulation
 from tripwatt.report import planned
-from tripwatt.report.readme import BEGIN, END, FORECAST_BEGIN, FORECAST_END
+from tripwatt.report.readme import BEGIN, END, FORECAST_BEGIN, FORECAST_END, PAPER_BEGIN, PAPER_END
 from tripwatt.trips import COLUMNS, Context
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -40,12 +40,19 @@ def test_index_lists_every_page() -> None:
     assert [p.name for p in DOCS.glob("*.md") if p.name != "index.md" and f"]({p.name})" not in index] == []
 
 
-def test_readme_has_one_place_for_each_result_and_no_typed_percentage_elsewhere() -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    outside = text
-    for begin, end in ((BEGIN, END), (FORECAST_BEGIN, FORECAST_END), (planned.BEGIN, planned.END)):
+README_PLACES = ((BEGIN, END),)
+PAGE_PLACES = ((PAPER_BEGIN, PAPER_END), (FORECAST_BEGIN, FORECAST_END), (planned.BEGIN, planned.END))
+
+
+@pytest.mark.parametrize(
+    ("page", "places"), [(ROOT / "README.md", README_PLACES), (DOCS / "results.md", PAGE_PLACES)]
+)
+def test_a_page_has_one_place_for_each_result_and_no_typed_percentage_elsewhere(
+    page: Path, places: tuple[tuple[str, str], ...]
+) -> None:
+    outside = page.read_text(encoding="utf-8")
+    for begin, end in places:
         assert (outside.count(begin), outside.count(end)) == (1, 1)
         outside = outside.partition(begin)[0] + outside.partition(end)[2]
     assert not re.search(r"\d\s?%", outside)
-    assert "make run" in outside
-    assert "make check" in outside
+    assert "make r" in outside

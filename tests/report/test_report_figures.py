@@ -1,6 +1,7 @@
 """Figures and tables show the numbers they were given."""
 
 import io
+import re
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from types import SimpleNamespace
@@ -15,7 +16,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from tripwatt.errors import InvalidInput
-from tripwatt.report import figures, render_table, sentences, tables, update_readme
+from tripwatt.report import figures, render_table, sentences, tables, update_readme, update_results_page
 from tripwatt.report.models import MODELS as STYLES
 from tripwatt.report.panels import build_sections, paired_with
 from tripwatt.report.style import WIDTH_IN, style_context
@@ -175,32 +176,86 @@ def test_plots_leave_the_settings_of_the_process_alone(folds: pd.DataFrame) -> N
     assert dict(matplotlib.rcParams) == before
 
 
-def test_terminal_table_has_every_model_of_every_evaluation(run: SimpleNamespace) -> None:
+def test_terminal_table_has_five_models_with_their_titles(run: SimpleNamespace) -> None:
     console = Console(width=80, record=True, file=io.StringIO())
     console.print(render_table(run.results))
     text = console.export_text()
-    for evaluation in run.results["evaluations"]:
-        for score in evaluation["models"].values():
-            assert f"{100 * score['mape']:.1f}" in text
-            assert f"{100 * score['mape_ci95'][0]:.1f}–{100 * score['mape_ci95'][1]:.1f}" in text
+    view = View(run.results)
+    models = view.main["models"]
+    shown = [line for line in text.splitlines() if any(f" {STYLES[m].label} " in line for m in MODELS)]
+    assert len(shown) == 5
+    for name, line in zip(tables.short_list(view), shown, strict=True):
+        assert STYLES[name].label in line
+        low, high = models[name]["mape_ci95"]
+        assert f"{100 * models[name]['mape']:.1f}" in line
+        assert f"{100 * low:.1f}\u00a0to\u00a0{100 * high:.1f}" in line
+    assert not any(re.search(rf"(?<![\w]){name}(?![\w])", text) for name in ("physics-paper", "linear4"))
     assert "…" not in text  # fits a terminal of 80 columns
     assert "synthetic" not in text
     console.print(render_table({**run.results, "dataset": "synthetic"}))
     assert "synthetic" in console.export_text()
 
 
-def test_readme_holds_the_results_and_keeps_the_rest(run: SimpleNamespace, tmp_path) -> None:
-    readme = tmp_path / "README.md"
-    readme.write_text("# Title\n<!-- results:begin -->\nold\n<!-- results:end -->\ntail\n", encoding="utf-8")
-    update_readme(run.results, readme)
-    once = readme.read_text(encoding="utf-8")
-    update_readme(run.results, readme)
-    assert readme.read_text(encoding="utf-8") == once
-    assert once.startswith("# Title\n<!-- results:begin -->\n")
-    assert once.endswith("\n<!-- results:end -->\ntail\n")
-    assert "old" not in once
+def test_short_table_is_the_best_of_each_kind_and_holds_the_best_of_all(made_up: MakeRun) -> None:
+    view = View(made_up("tum", trips=["a", "b", "c", "d", "e"]).results)
+    models = view.main["models"]
+    names = tables.short_list(view)
+    kinds = [STYLES[m].kind for m in names]
+    assert names[0] == "constant"
+    assert kinds == ["baseline", "baseline", "physics", "data", "hybrid"]
+    for name in names[1:]:
+        rivals = [m for m in models if STYLES[m].kind == STYLES[name].kind and m != "constant"]
+        assert models[name]["mape"] == min(models[m]["mape"] for m in rivals)
+    assert min(m["mape"] for m in models.values()) == min(models[m]["mape"] for m in names)
+    few = {**view.main, "models": {m: models[m] for m in ("linear4", "linear6", "physics")}}
+    assert tables.short_list(View({"evaluations": [few]})) == ["linear4", "linear6", "physics"]
+
+
+def test_identical_evaluations_are_shown_once_and_named(made_up: MakeRun) -> None:
+    run = made_up("synthetic", trips=["a", "b", "c", "d"])
+    reference = next(e for e in run.results["evaluations"] if e["trips"] == "reference")
+    slower = {name: {**score, "fit_s": 9e3} for name, score in reference["models"].items()}
+    others = [e for e in run.results["evaluations"] if e["trips"] == "audited"]
+    other = others[0]
+    run.results["evaluations"] = [reference, {**reference, "trips": "all", "models": slower}, other]
     view = View(run.results)
-    assert all(f"{100 * view.main['models'][m]['mape']:.1f}" in once for m in MODELS)
+    assert [e["trips"] for e in view.evaluations] == ["reference", "audited"]
+    table = tables.sets_table(view)
+    assert len(table.rows) == 2
+    assert table.rows[0][0] == ("leave one trip out, 4 reference trips (identical: all 4 trips, unaudited)")
+    assert "identical" not in table.rows[1][0]
+    mended = {m: {**s, "mape": s["mape"] + 1e-9} for m, s in slower.items()}
+    run.results["evaluations"][1]["models"] = mended
+    assert len(View(run.results).evaluations) == 3
+
+
+@pytest.mark.parametrize(
+    ("update", "marker", "protocol"),
+    [(update_readme, "results", "forecast"), (update_results_page, "paper", "paper")],
+)
+def test_a_page_holds_the_results_and_keeps_the_rest(
+    update: Callable[..., None], marker: str, protocol: str, run: SimpleNamespace, tmp_path
+) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(f"# Title\n<!-- {marker}:begin -->\nold\n<!-- {marker}:end -->\ntail\n", encoding="utf-8")
+    results = {**run.results, "protocol": protocol}
+    update(results, page)
+    once = page.read_text(encoding="utf-8")
+    update(results, page)
+    assert page.read_text(encoding="utf-8") == once
+    assert once.startswith(f"# Title\n<!-- {marker}:begin -->\n")
+    assert once.endswith(f"\n<!-- {marker}:end -->\ntail\n")
+    assert "\nold\n" not in once
+    view = View(results)
+    shown = MODELS if protocol == "paper" else tables.short_list(view)
+    assert all(f"{100 * view.main['models'][m]['mape']:.1f}" in once for m in shown)
+
+
+def test_the_readme_shows_the_forecast_alone(run: SimpleNamespace, tmp_path) -> None:
+    readme = tmp_path / "README.md"
+    readme.write_text("no markers", encoding="utf-8")
+    update_readme(run.results, readme)
+    assert readme.read_text(encoding="utf-8") == "no markers"
 
 
 @pytest.mark.parametrize("text", ["", "<!-- results:begin -->", "<!-- results:end --><!-- results:begin -->"])
@@ -210,7 +265,7 @@ def test_readme_without_its_markers_is_refused_and_left_alone(
     readme = tmp_path / "README.md"
     readme.write_text(text, encoding="utf-8")
     with pytest.raises(InvalidInput, match="no place for the results"):
-        update_readme(run.results, readme)
+        update_readme({**run.results, "protocol": "forecast"}, readme)
     assert readme.read_text(encoding="utf-8") == text
 
 
@@ -235,8 +290,23 @@ def test_sentences_follow_the_numbers(made_up: MakeRun) -> None:
         {"a": best, "b": "linear4", "diff": 0.0, "ci95": [-0.1, 0.1]},
     ]
     said = sentences.on_paired(pairs, best)
-    assert "significantly closer than Constant Wh/km" in said
-    assert "not told apart from Linear (4 coefficients)" in said
+    assert "significantly lower than that of Constant Wh/km" in said
+    assert "not significantly different from that of Linear (4 coefficients)" in said
+
+
+@given(diff=st.floats(-0.9, 0.9), low=st.floats(0.001, 0.05), high=st.floats(0.001, 0.05))
+def test_a_comparison_reads_the_same_whichever_model_comes_first(
+    diff: float, low: float, high: float
+) -> None:
+    pair = {"a": "physics4", "b": "forest", "diff": diff, "ci95": [diff - low, diff + high]}
+    turned = {"a": "forest", "b": "physics4", "diff": -diff, "ci95": [-diff - high, -diff + low]}
+    said = sentences.compared([pair], "forest", ["physics4"])
+    assert said == sentences.compared([turned], "forest", ["physics4"])
+    if diff - low <= 0.0 <= diff + high:
+        assert "not significantly different" in said
+    else:
+        assert ("lower than" if diff > 0 else "higher than") in said
+        assert f"{abs(100 * diff):.1f} percentage points" in said
 
 
 def test_table_cells_are_those_of_the_results(view: View) -> None:

@@ -81,6 +81,54 @@ def test_smooths_are_drawn_in_the_units_of_their_axes(found: GammInsight) -> Non
         assert unit in line.axes.get_xlabel()
 
 
+def test_a_smooth_whose_band_exceeds_the_observed_range_gives_its_reason_instead(found: GammInsight) -> None:
+    curves = only(found, CurveEffect)[:3]
+    observed = float(np.ptp(found.diagnosis.response.response))
+    half = curves[1].multiplier * curves[1].std_error
+    vague = replace(curves[1], std_error=curves[1].std_error * 1.01 * observed / (2 * np.median(half)))
+    clear = replace(curves[1], std_error=curves[1].std_error * 0.99 * observed / (2 * np.median(half)))
+    assert gamm.band_width_wh(vague) == pytest.approx(1.01 * observed, rel=1e-6)
+    assert not gamm.is_determined(vague, observed)
+    assert gamm.is_determined(clear, observed)
+
+    shown = [curves[0], vague, curves[2]]
+    figure = gamm_figures.plot_curves(shown, observed)
+    reason = drawn(figure, "reason-1").get_text().replace("\n", " ")
+    assert reason == gamm.not_determined(vague, observed)
+    assert f"{1.01 * observed:,.0f} Wh wide" in reason
+    assert not figure.findobj(lambda artist: artist.get_gid() == "smooth-1")
+    said = gamm.on_curves(shown, observed)
+    assert f"{gamm.in_words(vague.label)} is not drawn: not determined by these trips" in said
+    assert "not drawn" not in gamm.on_curves([curves[0], clear, curves[2]], observed)
+
+
+def test_the_axis_of_a_smooth_is_that_of_its_data_not_of_a_runaway_end(found: GammInsight) -> None:
+    curve = next(c for c in only(found, CurveEffect) if c.covariate == "speed_m_s" and ":" not in c.label)
+    wild = curve.std_error.copy()
+    wild[-1] = 1e5
+    axes = drawn(gamm_figures.plot_curves([replace(curve, std_error=wild)]), "smooth-0").axes
+    low, high = axes.get_ylim()
+    assert high - low < 1e4
+    assert low <= curve.effect.min()
+    assert curve.effect.max() <= high
+
+
+def test_an_odd_number_of_smooths_leaves_no_empty_half(found: GammInsight) -> None:
+    figure = gamm_figures.plot_curves(only(found, CurveEffect)[:3])
+    first, _, last = (axes.get_subplotspec().colspan for axes in figure.axes)
+    assert (len(first), len(last)) == (1, 2)
+
+
+def test_a_surface_that_the_data_do_not_determine_is_called_so(found: GammInsight) -> None:
+    (surface,) = only(found, SurfaceEffect)
+    observed = float(np.ptp(found.diagnosis.response.response))
+    assert "do not determine" not in gamm.on_surface(
+        replace(surface, std_error=surface.std_error * 0.0), observed
+    )
+    vague = replace(surface, std_error=np.full_like(surface.effect, observed / 3.0))
+    assert "do not determine" in gamm.on_surface(vague, observed)
+
+
 def test_qq_plot_keeps_the_extremes_and_its_line_is_the_fitted_distribution(found: GammInsight) -> None:
     qq = found.diagnosis.qq
     many = np.linspace(-4.0, 4.0, 5000) ** 3

@@ -1,5 +1,6 @@
 """The page stands alone, is well formed, holds everything, and says what it lacks."""
 
+import itertools
 import re
 from collections.abc import Callable
 from html.parser import HTMLParser
@@ -14,6 +15,8 @@ from tripwatt.report import render_report, write_report
 from tripwatt.report.html import FIGURE_KEYS
 from tripwatt.report.models import MODELS as STYLES
 from tripwatt.report.models import model_style
+from tripwatt.report.panels import build_sections
+from tripwatt.report.view import View
 
 MakeRun = Callable[..., SimpleNamespace]
 MODELS = [name for name in STYLES if name != "hybrid" and not name.startswith("power-")]
@@ -132,7 +135,7 @@ def test_paper_stands_beside_its_own_trips_alone(html: str, synthetic_html: str)
     assert "37.9 % in the paper" in words
     other = Page(synthetic_html).words()
     assert "in the paper," not in other
-    assert "do not stand here" in other
+    assert "its figures are not shown" in other
 
 
 def test_synthetic_trips_are_called_so_in_every_table_and_figure(html: str, synthetic_html: str) -> None:
@@ -181,6 +184,14 @@ def test_files_beside_the_page(tmp_path, made_up: MakeRun) -> None:
 
 def test_same_run_same_bytes(made_up: MakeRun, synthetic_html: str) -> None:
     assert render_report(made_up(*SYNTHETIC)) == synthetic_html
+
+
+@pytest.mark.parametrize("parts", [{}, {"gamm": None}, {"series": {}, "importances": None, "signals": None}])
+def test_no_panel_stands_alone_beside_an_empty_half(made_up: MakeRun, parts: dict) -> None:
+    run = SimpleNamespace(**{**vars(made_up("tum", trips=["a", "b", "c"])), **parts})
+    for section in build_sections(View.of(run)):
+        for wide, together in itertools.groupby(section.panels, key=lambda panel: panel.wide):
+            assert wide or len(list(together)) >= 2, section.key
 
 
 def test_what_is_missing_is_said(made_up: MakeRun) -> None:

@@ -102,12 +102,13 @@ def evaluate(
 
     def read() -> None:
         with shown.status("reading trips"):
-            fleet.append(read_logs(data, dataset, mapping))
+            fleet.append(read_logs(data, dataset, mapping, built_in_faults=True))
             options["test_fleet"] = None if test is None else read_logs(test, dataset, mapping)
 
     gather(lambda: _check(options, overrides or []), lambda: check_writable(out), read)
     trips = replace(fleet[0], notes=(*fleet[0].notes, *note))
-    shown.print(f"{len(trips.trips)} trips read ({trips.name})")
+    shown.print(f"{len(trips)} trips read ({trips.name})")
+    print_notes(note)
     unfinished = unfinished_folder(out)
     if resume and not finished_folds(unfinished):
         shown.print("nothing to go on with: no finished folds are kept for this folder")
@@ -124,7 +125,7 @@ def evaluate(
         raise
     with shown.status("writing the report"):
         write_whole(lambda folder: _write(run, folder), out, unfinished)
-    _show(run, out, as_json)
+    _show(run, out, built_in=data is None, as_json=as_json)
 
 
 def _check(options: dict[str, Any], overrides: list[str]) -> None:
@@ -172,14 +173,41 @@ def _write(run: EvaluationRun, folder: Path) -> None:
     write_report(run, folder)
 
 
-def _show(run: EvaluationRun, out: Path, as_json: bool) -> None:
+def _show(run: EvaluationRun, out: Path, *, built_in: bool, as_json: bool) -> None:
+    """A forecast in words, the short table, and where the report is, in this order; the rest is in the report."""
     if as_json:
         print_json(run.results)
         return
-    from tripwatt.report import forecast_sentences, render_table
+    from tripwatt.report import render_table
 
+    sentence = _example_in_words() if built_in else _median_trip_in_words(run)
+    if sentence:
+        typer.echo(f"{sentence}\n")
     console(sys.stdout).print(render_table(run.results))
-    for sentence in forecast_sentences(run.results):
-        console(sys.stdout).print(sentence)
-    print_notes(run.results["notes"])
-    console().print(f"report: {out / 'report.html'}")
+    notes = len(run.results["notes"])
+    noted = f" ({notes} note{'s' if notes > 1 else ''} of the run in it)" if notes else ""
+    typer.echo(f"Report: {out / 'report.html'}{noted}")
+
+
+def _example_in_words() -> str:
+    """A forecast of the example trip with the model that comes with the package."""
+    from tripwatt.cli.sentences import forecast_in_words
+    from tripwatt.forecasting import load_model
+    from tripwatt.synthetic import example_trip
+    from tripwatt.trips import plan_from_samples
+
+    return forecast_in_words(
+        load_model(None).forecast(plan_from_samples(example_trip(), "example")), "Example trip"
+    )
+
+
+def _median_trip_in_words(run: EvaluationRun) -> str:
+    """The held-out forecast of the trip with the median error; empty where the protocol makes no forecasts."""
+    if run.forecast is None:
+        return ""
+    from tripwatt.cli.sentences import held_out_in_words
+
+    trips = run.forecast.trips
+    error = (trips["energy_wh"] / trips["observed_energy_wh"] - 1.0).abs()
+    middle = trips.loc[error.sort_values(kind="stable").index[(len(error) - 1) // 2]]
+    return held_out_in_words(middle.to_dict(), f"Trip {middle['trip']}, forecast before departure")

@@ -26,7 +26,7 @@ from tripwatt.cli.placing import write_text
 from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.trips.flags import Flag
-from tripwatt.trips.messages import message
+from tripwatt.trips.messages import period
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import Forecast, ForecastModel
@@ -420,8 +420,10 @@ def _draw(found: Forecast, plot: Path) -> None:
 
 
 def _show_forecast(found: Forecast, reserve: float) -> None:
+    from tripwatt.cli.sentences import forecast_in_words
+
     low, high = found.interval(0.9)
-    when = "before departure" if found.measured_until_s <= 0.0 else f"after {found.measured_until_s:.0f} s"
+    when = "before departure" if found.measured_until_s <= 0.0 else f"after {period(found.measured_until_s)}"
     rows = [
         ("energy", f"{found.energy_wh / 1000.0:.2f} kWh"),
         ("90 % interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
@@ -429,14 +431,15 @@ def _show_forecast(found: Forecast, reserve: float) -> None:
         ("P(arrive)", f"{found.p_arrive(0.0):.1%}"),
         (f"P(arrive with {reserve:.0%} or more)", f"{found.p_arrive(reserve):.1%}"),
     ]
-    print_table(f"{found.plan.trip_id}, {when}, given {found.given}", ("forecast", ""), rows, numbers=("",))
+    typer.echo(f"{forecast_in_words(found, found.plan.trip_id)}\n")
+    print_table(f"Forecast {when}, given {found.given}", ("forecast", ""), rows, numbers=("",))
     causes = [
         (cause.replace("_", " "), f"{round(energy / 1000.0, 3) + 0.0:+.3f} kWh")
         for cause, energy in found.by_cause_wh.items()
         if cause != "shortfall" or energy
     ]
-    print_table("What it goes into", ("cause", "energy"), causes, numbers=("energy",))
-    print_notes(map(message, found.flags))
+    print_table("Energy by cause", ("cause", "energy"), causes, numbers=("energy",))
+    print_notes(found.flags)
 
 
 def inspect(

@@ -78,7 +78,7 @@ def audit(
     """
     from tripwatt.auditing import audit as run_audit
 
-    fleet = read_logs(data, dataset, mapping)
+    fleet = read_logs(data, dataset, mapping, built_in_faults=True)
     found = run_audit(fleet)
     if as_json:
         frame = found.frame()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Final, TextIO
@@ -67,9 +68,46 @@ def print_notes(notes: Iterable[str | Flag]) -> None:
         console().print(f"note: {message(note) if isinstance(note, Flag) else note}")
 
 
+PROGRESS_EVERY_S: Final = 5.0
+"""Least time [s] between two lines of progress where there is no terminal."""
+
+
+def progress_lines(
+    write: Callable[[str], object],
+    *,
+    every_s: float = PROGRESS_EVERY_S,
+    clock: Callable[[], float] = time.monotonic,
+) -> Callable[[int, int], None]:
+    """A function of (finished, all) that writes plain lines: the first, the last, and few between.
+
+    Parameters
+    ----------
+    write : callable
+        Takes one line.
+    every_s : float
+        Least time between two lines [s].
+    clock : callable
+        Gives a time [s].
+    """
+    started = clock()
+    last: list[float] = []
+
+    def advance(finished: int, total: int) -> None:
+        now = clock()
+        if last and finished < total and now - last[0] < every_s:
+            return
+        last[:] = [now]
+        write(f"{finished} of {total} folds finished after {now - started:.0f} s")
+
+    return advance
+
+
 @contextmanager
 def progress(shown: Console) -> Iterator[Callable[[int, int], None]]:
-    """A bar with the time left; gives a function of (finished, all)."""
+    """A bar with the time left, or plain lines where there is no terminal; gives a function of (finished, all)."""
+    if not shown.is_terminal:
+        yield progress_lines(shown.print)
+        return
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,

@@ -99,7 +99,7 @@ class Autocorrelation:
     lag : ndarray (m,)
         In rows, from 1.
     correlation : ndarray (m,)
-        Pooled over the groups.
+        Pooled over the groups, between -1 and 1; 0 where the residuals of all pairs are 0.
     pairs : ndarray (m,)
         Pairs of rows behind each value.
     """
@@ -121,8 +121,8 @@ class Autocorrelation:
             return ""
         return (
             f"Neighbouring residuals within a group correlate with {first:.4f}. The model takes the rows for "
-            "independent: its EDFs are too large, its standard errors and p-values too small. Believe only a "
-            "validation that leaves out whole groups."
+            "independent: its EDFs are too large, its standard errors and p-values too small. Rely on a validation "
+            "that leaves out whole groups."
         )
 
     def frame(self) -> pd.DataFrame:
@@ -146,6 +146,14 @@ def autocorrelation(
     residuals: ArrayLike, groups: ArrayLike | Sequence[object], max_lag: int = 30
 ) -> Autocorrelation:
     """Autocorrelation of residuals within groups, rows in the order of the data.
+
+    At each lag, the sum of the products of all pairs of one group is divided by the root of the two sums of squares of
+    the earlier and of the later members of those same pairs (residuals less their overall mean). By the inequality of
+    Cauchy and Schwarz the value lies between -1 and 1. The empirical autocorrelation of mixed models (Pinheiro & Bates
+    2000, Mixed-Effects Models in S and S-PLUS, section 5.3) divides the mean product of the pairs at a lag by the variance
+    of all residuals instead. That variance includes rows without a partner at this lag, so where only a few long groups
+    are left the ratio may exceed 1 in absolute value, which no correlation can. For stationary residuals both estimate
+    the same quantity.
 
     Parameters
     ----------
@@ -190,11 +198,18 @@ def autocorrelation(
         raise InvalidInput(
             Fault("no pair of rows", "groups", f"longest has {longest} rows", "two rows or more")
         )
-    variance = float(r @ r) / r.size
     correlation, pairs = np.zeros(lags.size), np.zeros(lags.size, dtype=np.intp)
     for i, lag in enumerate(lags):
         same = code[lag:] == code[:-lag]
         pairs[i] = int(same.sum())
-        product = float(r[lag:][same] @ r[:-lag][same])
-        correlation[i] = product / pairs[i] / variance if variance > 0 else 0.0
+        correlation[i] = _pooled(r[:-lag][same], r[lag:][same])
     return Autocorrelation(lags, correlation, pairs)
+
+
+def _pooled(earlier: _FloatArray, later: _FloatArray) -> float:
+    """Correlation about 0 of pairs, between -1 and 1; 0 where a side is 0 throughout."""
+    sizes = float(np.linalg.norm(earlier)), float(np.linalg.norm(later))
+    if min(sizes) == 0.0:
+        return 0.0
+    # each side is scaled before the product: neither large nor small residuals overflow
+    return float(np.clip((earlier / sizes[0]) @ (later / sizes[1]), -1.0, 1.0))

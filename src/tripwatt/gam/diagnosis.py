@@ -87,7 +87,7 @@ def _distribution(model: GAMM) -> ErrorDistribution:
 
 @dataclass(frozen=True, slots=True)
 class QuantileQuantile:
-    """Ordered residuals against the quantiles of the fitted distribution; on the red line if it is right.
+    """Ordered residuals against the quantiles of the fitted distribution; on the line if it is right.
 
     Attributes
     ----------

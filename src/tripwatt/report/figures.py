@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.report.models import PAPER, model_style, ordered
+from tripwatt.report.models import PAPER, covariate_words, model_style, ordered
 from tripwatt.report.style import (
     INK,
     PAPER_COLOUR,
@@ -21,7 +21,7 @@ from tripwatt.report.style import (
     percent_axis,
     styled,
 )
-from tripwatt.report.view import Record, absolute_errors, of_evaluation, plain, signed_errors
+from tripwatt.report.view import Record, absolute_errors, named_evaluation, plain, signed_errors
 from tripwatt.units import M_S_PER_KM_H
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def plot_mean_errors(
         zip(evaluations, "os^vDPX*" * len(evaluations), strict=False)
     ):
         offset = (number - (len(evaluations) - 1) / 2) * spread
-        axes.plot([], [], marker, color=INK, ms=5 if number == 0 else 4, label=of_evaluation(evaluation))
+        axes.plot([], [], marker, color=INK, ms=5 if number == 0 else 4, label=named_evaluation(evaluation))
         for row, model in enumerate(models):
             score = (evaluation.get("models") or {}).get(model)
             if not score or score.get("mape") is None or not np.isfinite(score["mape"]):
@@ -272,7 +272,7 @@ def plot_trip_energy(
                 )[0]
                 line.set_gid(f"energy-{number}-{label}")
         top.axhline(0.0, color=RULE, lw=0.8, zorder=0)
-        top.set_title(f"{role} trip: {plain(trip, 34)}, off by {100 * ape:.1f} %")
+        top.set_title(f"{role} trip: {plain(trip, 34)}, error {100 * ape:.1f} %")
         top.set_ylabel("energy [kWh]")
         top.grid(axis="y")
         top.tick_params(labelbottom=False)
@@ -398,7 +398,7 @@ def plot_paired_differences(paired: Sequence[Record], *, note: str = "", synthet
     axes.tick_params(axis="y", length=0)
     axes.spines["left"].set_visible(False)
     difference = f"mean error minus that of {common}" if common else "difference of mean errors"
-    percent_axis(axes, f"{difference}\n[percentage points];  solid: 95 % interval leaves out 0")
+    percent_axis(axes, f"{difference}\n[percentage points];  solid: 95 % interval without 0")
     return figure
 
 
@@ -487,7 +487,7 @@ def plot_importances(importances: pd.DataFrame, *, synthetic: bool = False) -> F
         bars = axes.barh(places, rows["importance"], color=model_style(model).colour, height=0.65)
         for place, bar in enumerate(bars):
             bar.set_gid(f"importance-{models.index(model)}-{place}")
-        axes.set_yticks(places, [plain(c, 30) for c in rows["covariate"]])
+        axes.set_yticks(places, [plain(covariate_words(str(c)), 30) for c in rows["covariate"]])
         axes.invert_yaxis()
         axes.tick_params(axis="y", length=0)
         axes.spines["left"].set_visible(False)

@@ -18,7 +18,7 @@ from tripwatt.report.panels import (
     result_panels,
     trips_panels,
 )
-from tripwatt.report.sentences import label, listed, percent
+from tripwatt.report.sentences import compared, label, listed, percent
 from tripwatt.report.tables import Table, number, span
 from tripwatt.report.view import Record, View, of_evaluation, plain
 
@@ -44,14 +44,16 @@ def forecast_sections(view: View) -> list[Section]:
     """Every section of a report of the forecast protocol."""
     return [
         Section("result", "Result", _given(result_panels(view))),
-        Section("sure", "How sure", (_coverage(view), _pit(view), _widths(view), _crps(view))),
+        Section("sure", "Uncertainty", (_coverage(view), _pit(view), _widths(view), _crps(view))),
         Section("during", "During the trip", (_updates(view),)),
-        Section("learning", "How much data, and which trips", (_training_size(view), _strata(view))),
-        Section("why", "Why so much", (_waterfall(view), _example(view))),
+        Section(
+            "learning", "Amount of training data, and kinds of trips", (_training_size(view), _strata(view))
+        ),
+        Section("why", "Energy by cause", (_waterfall(view), _example(view))),
         Section("errors", "Errors of every model", _given(errors_panels(view))),
         Section("trips", "Trip by trip", _given(trips_panels(view))),
-        Section("comparison", "Which differences are real", _given(comparison_panels(view))),
-        Section("audit", "Which trips were used, and why others were not", audit_panels(view)),
+        Section("comparison", "Differences between the models", _given(comparison_panels(view))),
+        Section("audit", "Trips that were used, and reasons why others were not", audit_panels(view)),
     ]
 
 
@@ -73,21 +75,17 @@ def on_forecast_table(view: View) -> str:
         return NO_HYBRID
     low, high = score["mape_ci95"]
     text = (
-        f"{label('hybrid')} is off by {percent(score['mape'])} in the mean (95 % interval {100 * low:.1f} to {100 * high:.1f} %), "
-        f"RMSE {number(score['rmse_wh'], 1e-3)} kWh, {GIVEN} ({of_evaluation(view.main)})"
+        f"The mean error of the {label('hybrid').lower()} is {percent(score['mape'])} (95 % interval {100 * low:.1f} to "
+        f"{100 * high:.1f} %), its RMSE {number(score['rmse_wh'], 1e-3)} kWh ({of_evaluation(view.main)}, {GIVEN})."
     )
     models = view.main["models"]
     lower = [m for m in view.models if m != "hybrid" and models[m]["mape"] < score["mape"]]
     if lower:
-        still = [f"{label(m)} at {percent(models[m]['mape'])}" for m in lower]
-        text += f"; lower still: {listed(still)}"
-    told = [
-        f"{label(other)} ({'significant' if pair['significant'] else 'not told apart'})"
-        for other in ("physics4", "linear6")
-        for pair in view.paired_of(view.main)
-        if {pair["a"], pair["b"]} == {other, "hybrid"}
-    ]
-    return f"{text}. Paired with {listed(told)}." if told else f"{text}."
+        below = [f"{label(m)} ({percent(models[m]['mape'])})" for m in lower]
+        text += f" Models with a lower mean error: {listed(below)}."
+    return " ".join(
+        filter(None, [text, compared(view.paired_of(view.main), "hybrid", ("physics4", "linear6"))])
+    )
 
 
 def forecast_sentences(results: Record) -> list[str]:
@@ -102,8 +100,12 @@ def forecast_sentences(results: Record) -> list[str]:
     if not has_forecast(view):
         return []
     widths = _hybrid(view)["interval_width_wh"]
-    width = f"Mean width at 90 %: {number(widths['0.9'], 1e-3)} kWh. " if "0.9" in widths else ""
-    return [on_forecast_table(view), f"Intervals: {on_coverage(view)} {width}", on_updates(view)]
+    width = (
+        f" The mean width of the 90 % interval is {number(widths['0.9'], 1e-3)} kWh."
+        if "0.9" in widths
+        else ""
+    )
+    return [on_forecast_table(view), f"{on_coverage(view)}{width}", on_updates(view)]
 
 
 def has_forecast(view: View) -> bool:
@@ -119,22 +121,21 @@ def on_coverage(view: View) -> str:
         for key, (low, high) in score["coverage_ci95"].items()
         if not low <= float(key) <= high
     ]
-    said = listed(
-        [
-            f"{percent(covered, 0)} inside at {100 * float(key):g} %"
-            for key, covered in score["coverage"].items()
-        ]
-    )
+    levels = listed([f"{100 * float(key):g}" for key in score["coverage"]])
+    shares = listed([f"{100 * covered:.0f}" for covered in score["coverage"].values()])
     verdict = (
-        f"the Clopper-Pearson interval leaves out the nominal level at {listed(outside)}"
+        f"the share differs significantly from the nominal level at {listed(outside)}"
         if outside
-        else "every Clopper-Pearson interval holds its nominal level"
+        else "no share differs significantly from its nominal level"
     )
-    return f"{said}; {verdict}, {GIVEN} ({of_evaluation(view.main)})."
+    return (
+        f"The intervals of {levels} % contain the measured energy of {shares} % of the trips; {verdict} (Clopper-Pearson, 95 %; {of_evaluation(view.main)}, "
+        f"{GIVEN})."
+    )
 
 
 def _coverage(view: View) -> Panel:
-    title, score = "Do the intervals hold what they promise?", _hybrid(view)
+    title, score = "Coverage of the intervals", _hybrid(view)
     if "coverage" not in score:
         return Panel("coverage", title, NO_HYBRID)
     rows = tuple(
@@ -158,17 +159,17 @@ def _coverage(view: View) -> Panel:
 
 
 def _pit(view: View) -> Panel:
-    title = "Is the whole distribution honest?"
+    title = "Calibration of the whole distribution"
     if view.forecast is None:
         return Panel("pit", title, NO_HYBRID)
     from scipy.stats import kstest
 
     pit = view.forecast.trips["pit"].to_numpy(dtype=np.float64)
     found = kstest(pit, "uniform")
-    verdict = "not told apart from an even spread" if found.pvalue >= 0.05 else "uneven beyond chance"
+    verdict = "do not differ" if found.pvalue >= 0.05 else "differ"
     said = (
-        f"Of {len(pit)} trips {percent(float(np.mean(pit > 0.5)), 0)} took more than the median forecast; the probabilities "
-        f"are {verdict} (Kolmogorov-Smirnov p = {found.pvalue:.2f}), {GIVEN}."
+        f"Of {len(pit)} trips, {percent(float(np.mean(pit > 0.5)), 0)} took more energy than the median of their forecast. The "
+        f"values {verdict} significantly from a uniform distribution (Kolmogorov-Smirnov, p = {found.pvalue:.2f}), {GIVEN}."
     )
     return Panel(
         "pit", title, said, figures.plot_pit(pit, note=of_evaluation(view.main), synthetic=view.synthetic)
@@ -176,13 +177,13 @@ def _pit(view: View) -> Panel:
 
 
 def _widths(view: View) -> Panel:
-    title = "How wide is an interval?"
+    title = "Width of the intervals"
     if view.forecast is None:
         return Panel("widths", title, NO_HYBRID)
     trips = view.forecast.trips
     width = (trips["high_90"] - trips["low_90"]).to_numpy(dtype=np.float64)
     short = trips["distance_m"].to_numpy() <= np.median(trips["distance_m"])
-    said = f"The 90 % interval is {number(float(width.mean()), 1e-3)} kWh wide in the mean"
+    said = f"The mean width of the 90 % interval is {number(float(width.mean()), 1e-3)} kWh"
     if short.any() and not short.all():
         said += (
             f": {number(float(width[short].mean()), 1e-3)} kWh on the shorter half of the trips, "
@@ -197,7 +198,7 @@ def _widths(view: View) -> Panel:
 
 
 def _crps(view: View) -> Panel:
-    title, score = "Is a width of its own worth it?", _hybrid(view)
+    title, score = "Gain from an interval width for each trip", _hybrid(view)
     if "crps_same_width_wh" not in score:
         return Panel("crps", title, NO_HYBRID)
     models = view.main["models"]
@@ -212,12 +213,12 @@ def _crps(view: View) -> Panel:
         ),
     ]
     gain = score["crps_same_width_wh"] - score["crps_wh"]
-    word = "better" if gain > 0 else "worse"
+    word = "lower" if gain > 0 else "higher"
     said = (
-        f"CRPS {number(score['crps_wh'], 1.0, 0)} Wh; with the same mean width for every trip "
-        f"{number(score['crps_same_width_wh'], 1.0, 0)} Wh, so a width of its own is {word} by "
-        f"{percent(abs(gain) / score['crps_same_width_wh'])}. A forecast without an interval scores its mean absolute error; "
-        f"all {GIVEN}."
+        f"The mean CRPS is {number(score['crps_wh'], 1.0, 0)} Wh with a width for each trip, "
+        f"{percent(abs(gain) / score['crps_same_width_wh'])} {word} than with the mean width for every trip "
+        f"({number(score['crps_same_width_wh'], 1.0, 0)} Wh). The CRPS of a forecast without an interval is its mean absolute "
+        f"error; all {GIVEN}."
     )
     return Panel(
         "crps", title, said, figures.plot_crps(rows, note=of_evaluation(view.main), synthetic=view.synthetic)
@@ -234,14 +235,16 @@ def on_updates(view: View) -> str:
         for k, r in update.items()
         if r["mape"] > min(r["no_update"], r["naive_gauge"])
     ]
-    said = f"Mean error of the trip's total {listed(parts)} of its time, {GIVEN}. "
+    said = f"The mean error of the trip's total is {listed(parts)} of its time, {GIVEN}. "
     said += (
-        f"Significantly better than no update at {listed(better)}. "
+        f"It is significantly lower than without an update after {listed(better)}. "
         if better
-        else "At no fraction significantly better than no update. "
+        else "At no time is it significantly lower than without an update. "
     )
     said += (
-        f"Above a baseline's mean at {listed(worse)}." if worse else "At no fraction above a baseline's mean."
+        f"It is higher than that of a baseline after {listed(worse)}."
+        if worse
+        else "At no time is it higher than that of a baseline."
     )
     return said
 
@@ -279,7 +282,7 @@ def updates_table(view: View) -> Table:
 
 
 def _updates(view: View) -> Panel:
-    title, update = "Does a re-forecast get better on the way?", _hybrid(view).get("update")
+    title, update = "Error of the forecast during the trip", _hybrid(view).get("update")
     if not update:
         return Panel("updates", title, NO_HYBRID)
     return Panel(
@@ -293,25 +296,25 @@ def _updates(view: View) -> Panel:
 
 
 def _training_size(view: View) -> Panel:
-    title, curve = "Does physics save training trips?", view.results.get("learning_curve") or []
+    title, curve = "Error by the number of training trips", view.results.get("learning_curve") or []
     if not curve:
         said = "No learning curve: too few trips, or hybrid or boosting-only was not among the models."
         return Panel("training-size", title, said)
     least, most = curve[0], curve[-1]
     later = (
-        f"; with {most['n_trips']} by {percent(most['hybrid'])} and {percent(most['boosting-only'])}"
+        f"; with {most['n_trips']} they are {percent(most['hybrid'])} and {percent(most['boosting-only'])}"
         if len(curve) > 1
         else ""
     )
     said = (
-        f"With {least['n_trips']} training trips {label('hybrid')} is off by {percent(least['hybrid'])} and "
-        f"{label('boosting-only')} by {percent(least['boosting-only'])}{later} (means of {most['draws']} random draws, scored on all other trips, {GIVEN}). "
+        f"With {least['n_trips']} training trips the mean error of {label('hybrid')} is {percent(least['hybrid'])} and that of "
+        f"{label('boosting-only')} {percent(least['boosting-only'])}{later} (means of {most['draws']} random draws, scored on all other trips, {GIVEN}). "
     )
     enough = [row["n_trips"] for row in curve if row["hybrid"] <= most["boosting-only"]]
     said += (
-        f"{enough[0]} trips are enough for the hybrid to match what {label('boosting-only')} reaches with {most['n_trips']}."
+        f"The hybrid needs {enough[0]} trips for the error that {label('boosting-only')} has with {most['n_trips']}."
         if enough
-        else f"At no size does the hybrid reach what {label('boosting-only')} reaches with {most['n_trips']}."
+        else f"At no number of trips is the error of the hybrid as low as that of {label('boosting-only')} with {most['n_trips']}."
     )
     return Panel(
         "training-size",
@@ -322,7 +325,7 @@ def _training_size(view: View) -> Panel:
 
 
 def _strata(view: View) -> Panel:
-    title, strata = "Does it hold in rare cases?", view.results.get("strata") or []
+    title, strata = "Error by kind of trip", view.results.get("strata") or []
     if not strata:
         return Panel("strata", title, NO_HYBRID)
     compared = [s for s in strata if s.get("boosting-only") is not None]
@@ -354,12 +357,11 @@ def _strata(view: View) -> Panel:
         figures.plot_strata(strata, note=of_evaluation(view.main), synthetic=view.synthetic),
         tables=(Table(_caption(view, "Mean error by stratum"), columns, rows),),
         folded=True,
-        tall=True,
     )
 
 
 def _waterfall(view: View) -> Panel:
-    title, kept, selected = "What takes the energy", view.forecast, view.selected_trips()
+    title, kept, selected = "Energy by cause", view.forecast, view.selected_trips()
     if kept is None or not selected:
         return Panel("waterfall", title, NO_HYBRID)
     parts = []
@@ -371,7 +373,6 @@ def _waterfall(view: View) -> Panel:
         title,
         f"The largest cause is {listed(parts)}. Each bar starts where the one above it ends; forecasts before departure, {GIVEN}.",
         figures.plot_waterfall(kept.causes, kept.trips, selected, synthetic=view.synthetic),
-        tall=True,
     )
 
 

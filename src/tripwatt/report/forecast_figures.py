@@ -64,14 +64,14 @@ def plot_coverage(score: Record, *, note: str = "", synthetic: bool = False) -> 
 
 @styled
 def plot_pit(pit: FloatArray, *, note: str = "", synthetic: bool = False) -> Figure:
-    """Histogram of the probability that the forecast gave to less than was measured; flat when honest."""
+    """Histogram of the probability that the forecast gave to less than was measured; flat for a calibrated forecast."""
     from scipy.stats import binom
 
     figure = new_figure(3.2, "Where the measured energy falls in the forecast", _note(note), synthetic)
     axes = figure.add_subplot()
     n = len(pit)
     low, high = binom.ppf([0.025, 0.975], n, 1.0 / PIT_BINS)
-    axes.axhspan(low, high, color=RULE, alpha=0.5, lw=0, label="95 % of the bars of an honest forecast")
+    axes.axhspan(low, high, color=RULE, alpha=0.5, lw=0, label="95 % of the bars of a calibrated forecast")
     axes.axhline(n / PIT_BINS, color=INK, lw=1.0, ls=(0, (3, 2)))
     axes.hist(pit, bins=np.linspace(0, 1, PIT_BINS + 1).tolist(), color=HYBRID, alpha=0.8, rwidth=0.92)
     axes.set(xlim=(0, 1), xlabel="probability integral transform", ylabel="trips")
@@ -82,7 +82,7 @@ def plot_pit(pit: FloatArray, *, note: str = "", synthetic: bool = False) -> Fig
 @styled
 def plot_widths(trips: pd.DataFrame, *, note: str = "", synthetic: bool = False) -> Figure:
     """Half width of the 90 % interval and the error of each trip, against the trip's length."""
-    figure = new_figure(3.9, "Wider where it has to be", _note(note), synthetic)
+    figure = new_figure(3.9, "Half width of the interval and error of each trip", _note(note), synthetic)
     axes = figure.add_subplot()
     km = trips["distance_m"].to_numpy(dtype=np.float64) / 1e3
     half = (trips["high_90"] - trips["low_90"]).to_numpy(dtype=np.float64) / 2e3

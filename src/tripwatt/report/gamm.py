@@ -11,12 +11,14 @@ import numpy as np
 
 from tripwatt.gam.covariates import REACH
 from tripwatt.gam.effects import CurveEffect, FactorEffect, RandomEffects, SurfaceEffect
+from tripwatt.report.models import COVARIATES
 from tripwatt.report.sentences import listed, percent
 from tripwatt.report.tables import DASH, Table, number
 from tripwatt.report.view import natural_key, plain
-from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
+
     from tripwatt.evaluation.insight import GammInsight
     from tripwatt.gam.effects import Effect
 
@@ -45,15 +47,9 @@ PAPER_TABLE2: Final[Mapping[str, str]] = MappingProxyType(
 )
 """What the paper prints for its GAMM (`PAPER_TABLE2_SOURCE`), by our names of the terms."""
 
-_COVARIATES: Final[Mapping[str, tuple[str, str, float]]] = MappingProxyType(
-    {
-        "time_s": ("time", "min", 1.0 / SECONDS_PER_MINUTE),
-        "speed_m_s": ("speed", "km/h", 1.0 / M_S_PER_KM_H),
-        "ambient_temperature_degc": ("ambient temperature", "°C", 1.0),
-        "elevation_difference_m": ("elevation difference", "m", 1.0),
-    }
-)
-"""Column -> words, unit that is shown, factor from SI."""
+BAND_PER_RANGE: Final = 1.0
+"""A smooth whose 95 % band is wider than so many ranges of the observed response is not determined by the data: every value
+that was observed, added or subtracted, would lie within the band."""
 
 
 def in_words(term: str) -> str:
@@ -65,12 +61,12 @@ def in_words(term: str) -> str:
     's(ambient temperature, elevation difference)'
     """
     spaced = re.sub(r",(?=\S)", ", ", term)
-    return re.sub(r"[a-z_]+", lambda found: _COVARIATES.get(found[0], (found[0],))[0], spaced)
+    return re.sub(r"[a-z_]+", lambda found: COVARIATES.get(found[0], (found[0],))[0], spaced)
 
 
 def axis_of(name: str) -> tuple[str, float]:
     """Label of a covariate's axis, and the factor from its SI value to what is shown."""
-    words, unit, factor = _COVARIATES.get(name, (plain(name, 30), "", 1.0))
+    words, unit, factor = COVARIATES.get(name, (plain(name, 30), "", 1.0))
     return (f"{words} [{unit}]" if unit else words), factor
 
 
@@ -188,7 +184,7 @@ def on_diagnosis(gamm: GammInsight) -> str:
     far = float(np.max(np.abs(residual)))
     return (
         f"Half of the residuals are within {half:,.0f} Wh, the largest is {far:,.0f} Wh. Between the 5 % and the 95 % quantile "
-        f"the ordered residuals stay within {off:,.0f} Wh of the red line, the quantiles of the fitted {gamm.diagnosis.qq.distribution.name}."
+        f"the ordered residuals stay within {off:,.0f} Wh of the line, the quantiles of the fitted {gamm.diagnosis.qq.distribution.name}."
     )
 
 
@@ -196,37 +192,92 @@ def _middle(n: int) -> slice:
     return slice(n // 20, max(n - n // 20, n // 20 + 1))
 
 
-def on_curves(curves: Sequence[CurveEffect]) -> str:
-    """Which smooth moves the correction most over its range."""
-    spans = {in_words(c.label): _span_on_data(c) for c in curves}
+def band_width_wh(curve: CurveEffect) -> float:
+    """Median width of the 95 % band of a smooth over the range of its data [Wh]."""
+    inside = _on_data(curve)
+    half = curve.multiplier * (curve.std_error[inside] if inside.any() else curve.std_error)
+    return float(2.0 * np.median(half))
+
+
+def is_determined(curve: CurveEffect, observed_wh: float) -> bool:
+    """Whether the band of a smooth is narrower than `BAND_PER_RANGE` ranges of the observed response.
+
+    Parameters
+    ----------
+    curve : CurveEffect
+        In Wh.
+    observed_wh : float
+        Largest less smallest observed value of the response [Wh].
+    """
+    return band_width_wh(curve) <= BAND_PER_RANGE * observed_wh
+
+
+def not_determined(curve: CurveEffect, observed_wh: float) -> str:
+    """Why a smooth is not drawn."""
+    return (
+        f"not determined by these trips: its 95 % band is {band_width_wh(curve):,.0f} Wh wide, the observed values range over "
+        f"{observed_wh:,.0f} Wh"
+    )
+
+
+def on_curves(curves: Sequence[CurveEffect], observed_wh: float) -> str:
+    """The smooths with the largest effect over their data, and those that the data do not determine.
+
+    Parameters
+    ----------
+    curves : sequence of CurveEffect
+    observed_wh : float
+        Largest less smallest observed value of the response [Wh].
+    """
+    known = [c for c in curves if is_determined(c, observed_wh)]
+    spans = {in_words(c.label): _span_on_data(c) for c in known}
     first = sorted(spans, key=lambda name: -spans[name])[:2]
-    parts = [f"{name} over {spans[name]:,.0f} Wh" for name in first]
-    return f"Each smooth is centred, its band covers 95 % pointwise, ticks are the data. Where it has data, the farthest goes {listed(parts)}."
+    text = "Each smooth is centred; its band covers 95 % pointwise; ticks are the data."
+    if first:
+        parts = [f"{name} ({spans[name]:,.0f} Wh)" for name in first]
+        text += f" Over the range of the data, the largest effects are {listed(parts)}."
+    for curve in curves:
+        if curve not in known:
+            text += f" {in_words(curve.label)} is not drawn: {not_determined(curve, observed_wh)}."
+    return text
+
+
+def _on_data(curve: CurveEffect) -> npt.NDArray[np.bool_]:
+    """Grid points between the first and the last row that a smooth speaks of."""
+    low, high = (curve.rug.min(), curve.rug.max()) if curve.rug.size else (-np.inf, np.inf)
+    return np.asarray((curve.x >= low) & (curve.x <= high))
 
 
 def _span_on_data(curve: CurveEffect) -> float:
-    """How far a smooth goes between the first and the last row that it has a say in."""
-    low, high = (curve.rug.min(), curve.rug.max()) if curve.rug.size else (-np.inf, np.inf)
-    shown = curve.effect[(curve.x >= low) & (curve.x <= high)]
+    """How far a smooth goes between the first and the last row that it speaks of."""
+    shown = curve.effect[_on_data(curve)]
     return float(np.ptp(shown)) if shown.size else 0.0
 
 
-def on_surface(surface: SurfaceEffect) -> str:
-    """How far the surface reaches where there are data."""
+def on_surface(surface: SurfaceEffect, observed_wh: float) -> str:
+    """How far the surface reaches where there are data, and whether the data determine it."""
     low, high = float(np.nanmin(surface.effect)), float(np.nanmax(surface.effect))
-    return (
-        f"{in_words(surface.label)} goes from {low:,.0f} to {high:,.0f} Wh (EDF {surface.edf:.1f}), what is far from all data "
-        "is left blank; points are the data."
-    ).replace("-", "−")
+    text = (
+        f"{in_words(surface.label)} ranges from {low:,.0f} to {high:,.0f} Wh (EDF {surface.edf:.1f}); areas far from all data "
+        "are blank; points are the data."
+    )
+    shown = np.isfinite(surface.effect)
+    width = float(2.0 * 1.96 * np.median(surface.std_error[shown])) if shown.any() else 0.0
+    if width > BAND_PER_RANGE * observed_wh:
+        text += (
+            f" These trips do not determine it: its 95 % band is {width:,.0f} Wh wide, the observed values range over "
+            f"{observed_wh:,.0f} Wh."
+        )
+    return text.replace("-", "−")
 
 
 def on_random(effect: RandomEffects) -> str:
-    """How much trips differ for reasons that no covariate tells."""
+    """How much trips differ beyond all covariates."""
     beyond = float(np.mean(np.abs(effect.effect) > 1.96 * effect.sd))
     return (
-        f"Trips differ by a standard deviation of {effect.sd:,.0f} Wh beyond all covariates, {plain(effect.level[0])} the most "
-        f"downwards and {plain(effect.level[-1])} upwards; {percent(beyond, 0)} lie beyond 1.96 of it (5 % if they are normal). "
-        "A trip that is forecast has the effect 0."
+        f"The standard deviation of the trips' effects, beyond all covariates, is {effect.sd:,.0f} Wh. The smallest effect is that "
+        f"of {plain(effect.level[0])}, the largest that of {plain(effect.level[-1])}; {percent(beyond, 0)} of the effects lie beyond "
+        "1.96 standard deviations (5 % for a normal distribution). The effect of a new trip is 0."
     )
 
 
@@ -234,11 +285,11 @@ def on_dependence(gamm: GammInsight) -> str:
     """The autocorrelation warning in plain words, and why rows are thinned."""
     first = gamm.autocorrelation.correlation[0] if gamm.autocorrelation.lag.size else float("nan")
     text = gamm.autocorrelation.warning or (
-        f"Neighbouring residuals of a trip correlate with {first:.2f}: the rows may pass for independent."
+        f"The correlation of neighbouring residuals of a trip is {first:.2f}; the rows can be treated as independent."
     )
     return (
-        f"{text} That is with one row every {gamm.row_step_s:g} s; at {gamm.full_step_s:g} s residuals correlate with "
-        f"{gamm.full_correlation:.3f}, which is why the fit does not take every row."
+        f"{text} The fit takes one row every {gamm.row_step_s:g} s; with a row every {gamm.full_step_s:g} s, as in the data, the "
+        f"correlation would be {gamm.full_correlation:.3f}."
     )
 
 

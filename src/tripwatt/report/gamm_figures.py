@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from tripwatt.gam.figures import RED
-from tripwatt.report.gamm import axis_of, in_words
+from tripwatt.report.gamm import axis_of, in_words, is_determined, not_determined
 from tripwatt.report.models import model_style
 from tripwatt.report.style import INK, RULE, FloatArray, new_figure, styled
 from tripwatt.report.view import plain
@@ -42,7 +43,7 @@ def _dots(axes: Axes, x: FloatArray, y: FloatArray, gid: str) -> None:
 
 @styled
 def plot_diagnosis(diagnosis: Diagnosis, *, synthetic: bool = False) -> Figure:
-    """Q-Q plot against the fitted distribution with its red line, residuals, histogram, response against fitted.
+    """Q-Q plot against the fitted distribution with its line, residuals, histogram, response against fitted.
 
     Parameters
     ----------
@@ -51,7 +52,9 @@ def plot_diagnosis(diagnosis: Diagnosis, *, synthetic: bool = False) -> Figure:
     synthetic : bool
         Whether the trips are made up.
     """
-    figure = new_figure(5.6, "Residuals of the GAMM [Wh]", "red: what the fitted model expects", synthetic)
+    figure = new_figure(
+        5.6, "Residuals of the GAMM [Wh]", "solid line: what the fitted model expects", synthetic
+    )
     axes = figure.subplots(2, 2)
     qq, colour = diagnosis.qq, model_style("gamm").colour
     kept = _kept(qq.residual)
@@ -94,48 +97,80 @@ def _few_ticks(axes: Axes) -> None:
 
 
 @styled
-def plot_curves(curves: Sequence[CurveEffect], *, synthetic: bool = False) -> Figure:
+def plot_curves(
+    curves: Sequence[CurveEffect], observed_wh: float = np.inf, *, synthetic: bool = False
+) -> Figure:
     """Every smooth of one covariate with its band and the rug of the data, two in a row.
+
+    The axis shows the whole effect and the band where the middle nine tenths of the data are; a band that runs away at the
+    ends is cut. A smooth that the data do not determine leaves its place to the reason.
 
     Parameters
     ----------
     curves : sequence of CurveEffect
         In Wh.
+    observed_wh : float
+        Largest less smallest observed value of the response [Wh]; with the default every smooth is drawn.
     synthetic : bool
         Whether the trips are made up.
     """
-    rows = -(-len(curves) // 2)
+    drawn = [is_determined(curve, observed_wh) for curve in curves]
+    heights = [2.1 if any(drawn[row : row + 2]) else 1.0 for row in range(0, len(curves), 2)]
     figure = new_figure(
-        0.9 + 2.1 * rows, "Smooth effects of the GAMM", "band: 95 %, pointwise; ticks: data", synthetic
+        0.9 + sum(heights), "Smooth effects of the GAMM", "band: 95 %, pointwise; ticks: data", synthetic
     )
-    axes = figure.subplots(rows, 2, squeeze=False).ravel()
-    for place, (one, curve) in enumerate(zip(axes, curves, strict=False)):
-        label, factor = axis_of(curve.covariate)
-        table, colour = curve.frame(), model_style("gamm").colour
-        x = curve.x * factor
-        one.fill_between(x, table["lower"], table["upper"], color=colour, alpha=0.25, lw=0)
-        one.axhline(0.0, color=RULE, lw=0.9, zorder=0)
-        one.plot(x, curve.effect, color=colour, lw=1.8, gid=f"smooth-{place}")
-        rug = np.unique(curve.rug) * factor
-        rug = rug[np.unique(np.linspace(0, len(rug) - 1, min(len(rug), 250)).round().astype(np.int64))]
-        one.plot(
-            rug,
-            np.zeros(len(rug)),
-            "|",
-            color=INK,
-            ms=5,
-            mew=0.5,
-            alpha=0.6,
-            transform=one.get_xaxis_transform(),
-        )
+    grid = figure.add_gridspec(len(heights), 2, height_ratios=heights)
+    for place, curve in enumerate(curves):
+        last_alone = place == len(curves) - 1 and place % 2 == 0
+        one = figure.add_subplot(grid[place // 2, :] if last_alone else grid[place // 2, place % 2])
         one.set_title(f"{in_words(curve.label)}\nEDF {curve.edf:.2f}", fontsize=7.5)
-        one.set_xlabel(label)
-        if place % 2 == 0:
-            one.set_ylabel("effect [Wh]")
-        _few_ticks(one)
-    for one in axes[len(curves) :]:
-        one.set_axis_off()
+        if drawn[place]:
+            _draw_curve(one, curve, place)
+        else:
+            _say_why(one, not_determined(curve, observed_wh), place)
     return figure
+
+
+def _draw_curve(one: Axes, curve: CurveEffect, place: int) -> None:
+    label, factor = axis_of(curve.covariate)
+    table, colour = curve.frame(), model_style("gamm").colour
+    x = curve.x * factor
+    one.fill_between(x, table["lower"], table["upper"], color=colour, alpha=0.25, lw=0)
+    one.axhline(0.0, color=RULE, lw=0.9, zorder=0)
+    one.plot(x, curve.effect, color=colour, lw=1.8, gid=f"smooth-{place}")
+    rug = np.unique(curve.rug) * factor
+    rug = rug[np.unique(np.linspace(0, len(rug) - 1, min(len(rug), 250)).round().astype(np.int64))]
+    one.plot(
+        rug, np.zeros(len(rug)), "|", color=INK, ms=5, mew=0.5, alpha=0.6, transform=one.get_xaxis_transform()
+    )
+    one.set_ylim(*_padded(_in_view(curve)))
+    one.set_xlabel(label)
+    if place % 2 == 0:
+        one.set_ylabel("effect [Wh]")
+    _few_ticks(one)
+
+
+def _in_view(curve: CurveEffect) -> FloatArray:
+    """Values [Wh] that the axis has to show."""
+    half = curve.multiplier * curve.std_error
+    low, high = np.quantile(curve.rug, [0.05, 0.95]) if curve.rug.size else (-np.inf, np.inf)
+    inside = (curve.x >= low) & (curve.x <= high)
+    return np.concatenate([curve.effect, (curve.effect - half)[inside], (curve.effect + half)[inside]])
+
+
+def _say_why(one: Axes, reason: str, place: int) -> None:
+    """The reason in place of a smooth."""
+    one.set_axis_off()
+    one.set(xticks=[], yticks=[])
+    one.text(
+        0.0,
+        0.95,
+        textwrap.fill(reason, 34),
+        transform=one.transAxes,
+        va="top",
+        fontsize=8,
+        gid=f"reason-{place}",
+    )
 
 
 @styled
@@ -230,7 +265,7 @@ def plot_dependence(found: Autocorrelation, step_s: float, *, synthetic: bool = 
     figure = new_figure(
         2.9,
         "Autocorrelation of the residuals within trips",
-        "grey: 95 %, were the rows independent",
+        "grey band: 95 % for independent rows",
         synthetic,
     )
     axes = figure.add_subplot()
@@ -239,7 +274,7 @@ def plot_dependence(found: Autocorrelation, step_s: float, *, synthetic: bool = 
     axes.vlines(minutes, 0.0, found.correlation, color=model_style("gamm").colour, lw=2.2)
     axes.plot(minutes, found.correlation, "o", color=model_style("gamm").colour, ms=3, gid="autocorrelation")
     axes.axhline(0.0, color=INK, lw=0.9)
-    axes.set_ylim(min(-0.2, 1.1 * float(found.correlation.min())), 1.0)
+    axes.set_ylim(max(-1.02, min(-0.2, 1.1 * float(found.correlation.min()))), 1.02)
     axes.set(xlabel="lag [min]", ylabel="correlation")
     axes.grid(axis="y")
     return figure

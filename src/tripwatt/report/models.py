@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Literal
 
+from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
+
 Kind = Literal["baseline", "physics", "hybrid", "data"]
 
 
@@ -137,6 +139,28 @@ PAPER_TRIPS: Final = 72
 
 PAPER_IMPROVED: Final = "over 90 % of the trips"
 """The paper's words on the share of trips that a corrector improves over the physics (its conclusion)."""
+
+COVARIATES: Final[Mapping[str, tuple[str, str, float]]] = MappingProxyType(
+    {
+        "time_s": ("time", "min", 1.0 / SECONDS_PER_MINUTE),
+        "speed_m_s": ("speed", "km/h", 1.0 / M_S_PER_KM_H),
+        "ambient_temperature_degc": ("ambient temperature", "°C", 1.0),
+        "elevation_difference_m": ("elevation difference", "m", 1.0),
+    }
+)
+"""Column of a covariate -> words, unit that is shown, factor from SI."""
+
+
+def covariate_words(name: str) -> str:
+    """A covariate in words; a column without an entry keeps its name.
+
+    Examples
+    --------
+    >>> covariate_words("time_s"), covariate_words("season")
+    ('time', 'season')
+    """
+    return COVARIATES[name][0] if name in COVARIATES else name
+
 
 _UNKNOWN_COLOUR: Final = "#7c7c7c"
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from tripwatt.gam.effects import CurveEffect, RandomEffects, SurfaceEffect
 from tripwatt.report import figures, gamm, gamm_figures, running_time, sentences, tables
@@ -16,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tripwatt.evaluation.insight import GammInsight
-    from tripwatt.gam.effects import Effect
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,8 @@ class Panel:
     tables : tuple of Table
     folded : bool
         Whether the tables start closed.
-    wide, tall : bool
-        Whether it takes the full width, or two rows, of a desktop page.
+    wide : bool
+        Whether it takes the full width of a desktop page; the others stand in two balanced columns.
     """
 
     key: str
@@ -45,7 +47,6 @@ class Panel:
     tables: tuple[Table, ...] = ()
     folded: bool = False
     wide: bool = False
-    tall: bool = False
 
 
 @dataclass(frozen=True)
@@ -58,17 +59,41 @@ class Section:
 
 
 def build_sections(view: View) -> list[Section]:
-    """Every section of the report; a panel without data stays and says why it is empty."""
+    """Every section of the report; a panel without data stays and gives the reason."""
     if view.is_forecast:
         from tripwatt.report.forecast import forecast_sections
 
-        return forecast_sections(view)
+        sections = forecast_sections(view)
+    else:
+        sections = _paper_sections(view)
+    return [replace(section, panels=filled_rows(section.panels)) for section in sections]
+
+
+def filled_rows(panels: Sequence[Panel]) -> tuple[Panel, ...]:
+    """The panels, with one that would stand alone beside an empty half of the page made wide.
+
+    Examples
+    --------
+    >>> [p.wide for p in filled_rows([Panel("a", "", "", wide=True), Panel("b", "", "")])]
+    [True, True]
+    >>> [p.wide for p in filled_rows([Panel("a", "", ""), Panel("b", "", "")])]
+    [False, False]
+    """
+    laid_out: list[Panel] = []
+    for wide, run in itertools.groupby(panels, key=lambda panel: panel.wide):
+        together = list(run)
+        alone = len(together) == 1 and not wide
+        laid_out += [replace(panel, wide=True) for panel in together] if alone else together
+    return tuple(laid_out)
+
+
+def _paper_sections(view: View) -> list[Section]:
     return [
         Section("result", "Result", result_panels(view)),
         Section("errors", "Errors of every model", errors_panels(view)),
         Section("trips", "Trip by trip", trips_panels(view)),
-        Section("comparison", "Which differences are real", comparison_panels(view)),
-        Section("audit", "Which trips were used, and why others were not", audit_panels(view)),
+        Section("comparison", "Differences between the models", comparison_panels(view)),
+        Section("audit", "Trips that were used, and reasons why others were not", audit_panels(view)),
         Section("gamm", "The GAMM", _gamm(view)),
         Section("inside", "Inside the models", (*_inside(view), _running_time(view))),
     ]
@@ -137,7 +162,6 @@ def errors_panels(view: View) -> tuple[Panel, ...]:
             "Error distribution over the folds",
             sentences.on_distribution(view),
             distribution,
-            tall=True,
         ),
         Panel("error-boxes", "Box plot of all models", sentences.on_boxes(view), boxes),
         *(() if view.is_forecast else (_benchmark(view),)),
@@ -147,7 +171,7 @@ def errors_panels(view: View) -> tuple[Panel, ...]:
 def _benchmark(view: View) -> Panel:
     folds = view.folds_of(view.main)
     models = [m for m in ("physics-paper", "boosting", "boosting-only") if m in set(folds["model"])]
-    title = "The benchmark: physics, hybrid, learned alone"
+    title = "Physics alone, hybrid, and boosting alone"
     sentence = sentences.on_benchmark(view, models)
     if not models:
         return Panel("benchmark-boxes", title, sentence)
@@ -211,11 +235,12 @@ def comparison_panels(view: View) -> tuple[Panel, ...]:
     figure = figures.plot_paired_differences(shown, note=of_evaluation(view.main), synthetic=view.synthetic)
     table = tables.paired_table(view)
     return (
-        Panel("paired-differences", "Paired differences", sentences.on_paired(pairs, best), figure),
         Panel(
-            "all-pairs",
-            "Every pair",
-            f"{len(table.rows)} pairs; an interval that leaves out 0 is significant.",
+            "paired-differences",
+            "Paired differences",
+            f"{sentences.on_paired(pairs, best)} A difference is significant if its interval does not contain 0; the table "
+            f"has all {len(table.rows)} pairs.",
+            figure,
             tables=(table,),
             folded=True,
         ),
@@ -258,7 +283,7 @@ def audit_panels(view: View) -> tuple[Panel, ...]:
                 Panel(
                     "trips-used",
                     "Trips in each set",
-                    "Which trips each row of the result stands on.",
+                    "The trips of each row of the result.",
                     tables=(used,),
                     folded=True,
                     wide=True,
@@ -281,7 +306,7 @@ def _inside(view: View) -> tuple[Panel, ...]:
     return (
         Panel(
             "importances",
-            "What the correctors use",
+            "Importance of the covariates",
             sentences.on_importances(importances),
             drawn(figures.plot_importances, importances),
         ),
@@ -337,36 +362,37 @@ def _gamm(view: View) -> tuple[Panel, ...]:
         ),
         Panel(
             "gamm-diagnosis",
-            "Do the residuals follow the model?",
+            "Residuals against the fitted distribution",
             gamm.on_diagnosis(found),
             gamm_figures.plot_diagnosis(found.diagnosis, synthetic=view.synthetic),
-            tall=True,
         ),
         Panel(
             "gamm-autocorrelation",
-            "Are the rows independent?",
+            "Autocorrelation of the residuals",
             gamm.on_dependence(found),
             gamm_figures.plot_dependence(found.autocorrelation, found.row_step_s, synthetic=view.synthetic),
         ),
         _gamm_extrapolation(view, found, label),
-        *_gamm_effects(view, found.effects, label),
+        *_gamm_effects(view, found, label),
     )
 
 
-def _gamm_effects(view: View, effects: Mapping[str, Effect], label: str) -> Iterator[Panel]:
+def _gamm_effects(view: View, found: GammInsight, label: str) -> Iterator[Panel]:
+    effects, observed_wh = found.effects, float(np.ptp(found.diagnosis.response.response))
     curves = [e for e in effects.values() if isinstance(e, CurveEffect)]
     if curves:
-        drawn = gamm_figures.plot_curves(curves, synthetic=view.synthetic)
-        yield Panel("gamm-smooths", "What each covariate does", gamm.on_curves(curves), drawn, tall=True)
+        drawn = gamm_figures.plot_curves(curves, observed_wh, synthetic=view.synthetic)
+        yield Panel("gamm-smooths", "Effect of each covariate", gamm.on_curves(curves, observed_wh), drawn)
     # the formula has at most one surface and one random effect; each has its own file
     for surface in (e for e in effects.values() if isinstance(e, SurfaceEffect)):
         drawn = gamm_figures.plot_surface(surface, synthetic=view.synthetic)
-        yield Panel("gamm-surface", "What two covariates do together", gamm.on_surface(surface), drawn)
+        said = gamm.on_surface(surface, observed_wh)
+        yield Panel("gamm-surface", "Joint effect of two covariates", said, drawn)
     for effect in (e for e in effects.values() if isinstance(e, RandomEffects)):
         drawn = gamm_figures.plot_random(effect, synthetic=view.synthetic)
         table = gamm.random_table(effect, label=label)
         said = gamm.on_random(effect)
-        yield Panel("gamm-random", "What is left to each trip", said, drawn, tables=(table,), folded=True)
+        yield Panel("gamm-random", "Random effects of the trips", said, drawn, tables=(table,), folded=True)
 
 
 def _gamm_extrapolation(view: View, found: GammInsight, label: str) -> Panel:

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.report.figures import curve_models, lowest_round, mean_importances
-from tripwatt.report.models import PAPER, PAPER_CAR, PAPER_IMPROVED, PAPER_TRIPS, model_style
-from tripwatt.report.view import Record, View, absolute_errors, of_evaluation, plain
+from tripwatt.report.models import PAPER, PAPER_CAR, PAPER_IMPROVED, PAPER_TRIPS, covariate_words, model_style
+from tripwatt.report.view import Record, View, absolute_errors, named_evaluation, of_evaluation, plain
 
 
 def percent(fraction: float | None, digits: int = 1) -> str:
@@ -30,8 +30,10 @@ def points(difference: float) -> str:
     --------
     >>> points(-0.0123)
     '−1.2 points'
+    >>> points(-0.0004)
+    '0.0 points'
     """
-    sign = "−" if difference < 0 else "+"
+    sign = "" if abs(difference) < 0.0005 else "−" if difference < 0 else "+"
     return f"{sign}{abs(100 * difference):.1f} points"
 
 
@@ -63,16 +65,17 @@ def on_main_table(view: View) -> str:
     if best is None:
         return "No model was evaluated."
     models = view.main["models"]
-    text = f"{label(best)} has the lowest mean error of the hybrids: {percent(models[best]['mape'])}{interval(models[best])}"
-    if model_style(best).kind != "hybrid":
-        text = f"{label(best)} has the lowest mean error: {percent(models[best]['mape'])}{interval(models[best])}"
+    text = "Of the hybrids, " if model_style(best).kind == "hybrid" else ""
+    text += (
+        f"{label(best)} has the lowest mean error: {percent(models[best]['mape'])}{interval(models[best])}"
+    )
     if view.physics and view.physics != best:
-        text += f"; {label(view.physics)} alone is at {percent(models[view.physics]['mape'])}"
+        text += f". The mean error of {label(view.physics)} alone is {percent(models[view.physics]['mape'])}"
     lower = [m for m in view.models if m != best and (models[m].get("mape") or np.inf) < models[best]["mape"]]
     if lower:
-        still = [f"{label(m)} at {percent(models[m]['mape'])}" for m in lower]
-        text += f"; lower still: {listed(still)}"
-    return f"{text} ({of_evaluation(view.main)})."
+        below = [f"{label(m)} ({percent(models[m]['mape'])})" for m in lower]
+        text += f". Models of another kind with a lower mean error: {listed(below)}"
+    return f"{text}. Folds and trips: {of_evaluation(view.main)}."
 
 
 def on_paper(view: View) -> str:
@@ -80,7 +83,9 @@ def on_paper(view: View) -> str:
     paper = view.paper_mape
     if not paper:
         what = "made-up trips" if view.synthetic else "other trips"
-        return f"The paper's figures hold for its TUM trips; these are {what}, so they do not stand here."
+        return (
+            f"The paper's figures are those of its TUM trips; these are {what}, so its figures are not shown."
+        )
     models = view.main.get("models") or {}
     parts = [
         f"{label(m)} {percent(models[m]['mape'])} ({percent(paper[m])} in the paper, {points(models[m]['mape'] - paper[m])})"
@@ -107,7 +112,7 @@ def on_physics_gap(view: View) -> str:
     if not ours or not its_car or "physics-paper" not in view.paper_mape:
         return ""
     return (
-        f"Why {label('physics-paper')} is at {percent(ours['mape'])} and the paper's physics at "
+        f"Why the mean error of {label('physics-paper')} is {percent(ours['mape'])} and that of the paper's physics "
         f"{percent(view.paper_mape['physics-paper'])}: the paper names no parameter of its MATLAB car (mass, drag, rolling "
         "resistance, efficiencies, auxiliaries), so ours takes measured coast-down values and a drivetrain from named sources. "
         "Both leave out the climate and take back 50 % of the braking energy. "
@@ -125,9 +130,12 @@ def on_intervals(view: View) -> str:
     top = bounds[best][1]
     above = [label(m) for m in bounds if m != best and bounds[m][0] > top]
     rest = len(bounds) - 1 - len(above)
-    text = f"The interval of {label(str(best))} ends at {percent(top)}; "
-    text += f"wholly above it: {listed(above)}" if above else "no other model lies wholly above it"
-    return f"{text}; {rest} of the other {len(bounds) - 1} overlap it (paired differences below are the sharper test)."
+    text = f"The 95 % interval of {label(str(best))} ends at {percent(top)}. "
+    text += f"Entirely above it: {listed(above)}" if above else "No other interval lies entirely above it"
+    return (
+        f"{text}; {rest} of the other {len(bounds) - 1} intervals overlap it. The paired differences below compare the "
+        "models trip by trip and detect smaller differences."
+    )
 
 
 def on_sets(view: View) -> str:
@@ -136,7 +144,7 @@ def on_sets(view: View) -> str:
     found = [e for e in view.evaluations if best in (e.get("models") or {})]
     if best is None or not found:
         return "No model was evaluated."
-    parts = [f"{percent(e['models'][best]['mape'])} ({of_evaluation(e)})" for e in found]
+    parts = [f"{percent(e['models'][best]['mape'])} ({named_evaluation(e)})" for e in found]
     return f"{label(best)}: {'; '.join(parts)}."
 
 
@@ -170,9 +178,12 @@ def on_distribution(view: View) -> str:
         return "No fold is known."
     errors = wide[view.best].dropna()
     far = int((errors > 0.2).sum())
-    text = f"With {label(view.best)}, half of the trips are within {percent(float(errors.median()))} and {far} of {len(errors)} are off by more than 20 %"
+    text = (
+        f"With {label(view.best)}, half of the trips have an error below {percent(float(errors.median()))}, "
+        f"and {far} of {len(errors)} have an error above 20 %"
+    )
     if view.physics in wide and view.physics != view.best:
-        text += f"; with {label(str(view.physics))}, {int((wide[view.physics] > 0.2).sum())} are"
+        text += f"; with {label(str(view.physics))}, {int((wide[view.physics] > 0.2).sum())} have"
     return f"{text}."
 
 
@@ -184,7 +195,7 @@ def on_boxes(view: View) -> str:
     for model in dict.fromkeys(names):
         low, high = wide[model].quantile([0.25, 0.75])
         parts.append(f"{100 * low:.1f} to {100 * high:.1f}\u00a0% with {label(model)}")
-    return f"The middle half of the trips is off by {listed(parts)}." if parts else "No fold is known."
+    return f"The middle half of the errors is {listed(parts)}." if parts else "No fold is known."
 
 
 def on_benchmark(view: View, models: Sequence[str]) -> str:
@@ -196,17 +207,18 @@ def on_benchmark(view: View, models: Sequence[str]) -> str:
     closer = float((both["boosting"] < both["boosting-only"]).mean())
     means = both.mean()
     gap = means["boosting-only"] - means["boosting"]
-    word = "worse" if gap > 0 else "better"
+    word = "higher" if gap > 0 else "lower"
     return (
-        f"Without the simulation the same boosting is at {percent(means['boosting-only'])} instead of {percent(means['boosting'])}: "
-        f"{abs(100 * gap):.1f} points {word}; with it {percent(closer, 0)} of the trips are closer."
+        f"Without the simulation, the mean error of the same boosting is {percent(means['boosting-only'])} instead of "
+        f"{percent(means['boosting'])}, {abs(100 * gap):.1f} percentage points {word}. With the simulation the error is smaller "
+        f"on {percent(closer, 0)} of the trips."
     )
 
 
 def on_trip_energy(selected: Sequence[tuple[str, str, float]], model: str) -> str:
     """The trips shown and their errors."""
-    parts = [f"{role.lower()} {plain(trip)} {percent(ape)}" for role, trip, ape in selected]
-    return f"Error of {label(model)} at the end of the trip: {listed(parts)}."
+    parts = [f"{percent(ape)} on the {role.lower()} trip ({plain(trip)})" for role, trip, ape in selected]
+    return f"The error of {label(model)} at the end of the trip is {listed(parts)}."
 
 
 def on_trip_errors(view: View) -> str:
@@ -215,30 +227,66 @@ def on_trip_errors(view: View) -> str:
     if view.best is None or view.best not in wide:
         return "No fold is known."
     worst = wide[view.best].idxmax()
-    text = f"worst is {plain(worst)} with {percent(float(wide[view.best].max()))}."
+    largest = f"{percent(float(wide[view.best].max()))}, on trip {plain(worst)}"
     if view.physics in wide and view.physics != view.best:
         both = wide[[view.best, view.physics]].dropna()
         closer = int((both[view.best] < both[view.physics]).sum())
-        start = (
-            f"{label(view.best)} is closer than {label(str(view.physics))} on {closer} of {len(both)} trips"
+        return (
+            f"{label(view.best)} has a smaller error than {label(str(view.physics))} on {closer} of {len(both)} trips "
+            f"({percent(closer / len(both), 0)}). Its largest error is {largest}."
         )
-        return f"{start} ({percent(closer / len(both), 0)}); {text}"
-    return f"{label(view.best)}: {text}"
+    return f"The largest error of {label(view.best)} is {largest}."
 
 
 def in_words(pair: Record) -> str:
-    """The verdict on one paired difference.
+    """The result of one paired comparison.
 
     Examples
     --------
     >>> in_words({"a": "forest", "b": "boosting", "diff": 0.01, "ci95": [-0.01, 0.02]})
-    'not told apart: the interval holds 0'
+    'no significant difference'
     """
     low, high = pair["ci95"]
     if low > 0 or high < 0:
         better, worse = (pair["b"], pair["a"]) if pair["diff"] > 0 else (pair["a"], pair["b"])
-        return f"significant: {label(str(better))} is closer than {label(str(worse))}"
-    return "not told apart: the interval holds 0"
+        return f"{label(str(better))} has a significantly lower error than {label(str(worse))}"
+    return "no significant difference"
+
+
+def compared(pairs: Sequence[Record], model: str, others: Sequence[str]) -> str:
+    """How the mean error of a model compares with that of others, from paired differences; empty without any.
+
+    Examples
+    --------
+    >>> pair = {"a": "physics4", "b": "hybrid", "diff": 0.0149, "ci95": [0.004, 0.026]}
+    >>> compared([pair], "hybrid", ["physics4"])
+    'Its mean error is 1.5 percentage points lower than that of Physics + 4 coefficients (95 % interval 0.4 to 2.6).'
+    """
+    parts = [
+        _difference(pair, model, other)
+        for other in others
+        for pair in pairs
+        if {pair["a"], pair["b"]} == {model, other}
+    ]
+    return f"Its mean error {listed(parts)}." if parts else ""
+
+
+def _difference(pair: Record, model: str, other: str) -> str:
+    """The end of a sentence on one pair, as seen from `model`."""
+    sign = 1.0 if pair["a"] == model else -1.0
+    low, high = sorted(sign * float(end) for end in pair["ci95"])
+    difference = sign * float(pair["diff"])
+    if low <= 0.0 <= high:
+        bounds = f"{points(difference)}, 95 % interval {points(low)} to {points(high)}".replace(
+            " points to", " to"
+        )
+        return f"is not significantly different from that of {label(other)} ({bounds})"
+    word = "lower" if difference < 0 else "higher"
+    ends = sorted((abs(low), abs(high)))
+    return (
+        f"is {abs(100 * difference):.1f} percentage points {word} than that of {label(other)} "
+        f"(95 % interval {100 * ends[0]:.1f} to {100 * ends[1]:.1f})"
+    )
 
 
 def on_paired(pairs: Sequence[Record], best: str | None) -> str:
@@ -257,12 +305,12 @@ def on_paired(pairs: Sequence[Record], best: str | None) -> str:
         return "No pair of models was compared."
     parts = []
     if beaten:
-        parts.append(f"significantly closer than {listed(beaten)}")
+        parts.append(f"significantly lower than that of {listed(beaten)}")
     if equal:
-        parts.append(f"not told apart from {listed(equal)}")
+        parts.append(f"not significantly different from that of {listed(equal)}")
     if above:
-        parts.append(f"significantly farther off than {listed(above)}")
-    return f"{label(best)} is {'; '.join(parts)}."
+        parts.append(f"significantly higher than that of {listed(above)}")
+    return f"The mean error of {label(best)} is {'; '.join(parts)}."
 
 
 def on_signals(signals: pd.DataFrame | None) -> str:
@@ -280,19 +328,19 @@ def on_signals(signals: pd.DataFrame | None) -> str:
         for column, (name, factor, unit) in units.items()
         if column in signals and signals[column].notna().any()
     ]
-    return f"Median over {len(signals)} trips, simulated against measured: {listed(parts)}."
+    return f"Median RMSE of {len(signals)} trips, simulated against measured: {listed(parts)}."
 
 
 def on_importances(importances: pd.DataFrame | None) -> str:
-    """The two covariates that each corrector leans on."""
+    """The two most important covariates of each corrector."""
     if importances is None:
         return "No importances: this run has no corrector that reports them."
     mean = mean_importances(importances)
     parts = []
     for model, rows in mean.groupby("model", sort=False, observed=True):
         first = rows.sort_values("importance", ascending=False, kind="stable")["covariate"].head(2)
-        parts.append(f"{label(str(model))} leans most on {listed([plain(c) for c in first])}")
-    return f"{'; '.join(parts)}."
+        parts.append(f"{listed([plain(covariate_words(str(c))) for c in first])} for {label(str(model))}")
+    return f"The most important covariates are {'; '.join(parts)}."
 
 
 def on_learning_curves(curves: pd.DataFrame | None) -> str:
@@ -304,10 +352,10 @@ def on_learning_curves(curves: pd.DataFrame | None) -> str:
         lowest = lowest_round(part)
         each = part.loc[part.groupby("fold", observed=True)["error"].idxmin(), "rounds"]
         parts.append(
-            f"{label(model)} is lowest at {lowest} rounds in the mean of {part['fold'].nunique()} folds, "
-            f"between {int(each.min())} and {int(each.max())} in the single ones"
+            f"at {lowest} rounds for {label(model)} (mean of {part['fold'].nunique()} folds; in the single folds between "
+            f"{int(each.min())} and {int(each.max())})"
         )
-    return f"{'; '.join(parts)}."
+    return f"The error on left-out training trips is lowest {' and '.join(parts)}."
 
 
 def on_audit(view: View) -> str:
@@ -324,8 +372,7 @@ def on_audit(view: View) -> str:
     for finding in audit:
         done.setdefault(str(finding.get("consequence") or "noted"), set()).add(str(finding.get("trip")))
     tally = listed([f"{len(trips)} {what}" for what, trips in sorted(done.items())])
-    found = f"{len(audit)} findings of the audit (trips: {tally})" if audit else "the audit found nothing"
+    found = f"the audit has {len(audit)} findings (trips: {tally})" if audit else "the audit has no findings"
     read = view.results.get("trips_read")
     texts = [*([f"{len(read)} trips were read"] if read else []), found, *([listed(parts)] if parts else [])]
-    text = "; ".join(texts)
-    return f"{text[:1].upper()}{text[1:]}."
+    return " ".join(f"{text[:1].upper()}{text[1:]}." for text in texts)

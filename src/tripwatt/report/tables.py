@@ -11,10 +11,19 @@ import pandas as pd
 
 from tripwatt.report.models import PAPER, model_style
 from tripwatt.report.sentences import in_words, label, points
-from tripwatt.report.view import TRIP_SETS, Record, View, absolute_errors, natural_key, of_evaluation, plain
+from tripwatt.report.view import (
+    TRIP_SETS,
+    Record,
+    View,
+    absolute_errors,
+    named_evaluation,
+    natural_key,
+    of_evaluation,
+    plain,
+)
 
 if TYPE_CHECKING:
-    import rich.table
+    import rich.console
 
 DASH: Final = "–"
 
@@ -112,7 +121,7 @@ def results_table(view: View, evaluation: Record, *, caption: str | None = None)
             )
         )
     best = frozenset(i for i, name in enumerate(names) if name == view.best)
-    head = caption or of_evaluation(evaluation)
+    head = caption or named_evaluation(evaluation)
     return Table(_labelled(view, head[:1].upper() + head[1:]), tuple(columns), tuple(rows), strong=best)
 
 
@@ -127,7 +136,7 @@ def sets_table(view: View) -> Table:
             else DASH
             for m in view.models
         ]
-        rows.append((of_evaluation(evaluation), *cells))
+        rows.append((named_evaluation(evaluation), *cells))
     if view.paper_mape:
         cells = [number(view.paper_mape.get(m), 100, 1) for m in view.models]
         rows.append((f"the paper ({PAPER})", *cells))
@@ -204,7 +213,7 @@ def trips_table(view: View) -> Table:
 
 
 def paired_table(view: View) -> Table:
-    """Every pair of models of every evaluation, with its interval and the verdict in words."""
+    """Every pair of models of every evaluation, with its interval and the result in words."""
     rows = []
     for evaluation in view.evaluations:
         for pair in view.paired_of(evaluation):
@@ -218,7 +227,7 @@ def paired_table(view: View) -> Table:
                     of_evaluation(evaluation),
                 )
             )
-    columns = ("Pair", "Difference of mean errors", "95 % interval", "Verdict", "Evaluation")
+    columns = ("Pair", "Difference of mean errors", "95 % interval", "Result", "Evaluation")
     caption = _labelled(view, "Paired differences over the same trips")
     return Table(caption, columns, tuple(rows), frozenset({0, 3, 4}))
 
@@ -291,8 +300,66 @@ def _markdown_text(text: str) -> str:
     return text
 
 
-def render_table(results: Mapping[str, Any]) -> rich.table.Table:
-    """The result as a table for the terminal: one section per evaluation, one row per model.
+SHORT_ROWS: Final = 5
+"""Rows of the short table; a run with no more models than this shows them all."""
+
+
+def short_list(view: View) -> list[str]:
+    """The models that a short table shows: the constant, and the best model of each kind.
+
+    Each kind is a question that the best hybrid has to answer with a lower error: is more needed than one consumption per
+    distance (the constant), than a few coefficients (the best other baseline), than the simulation (the best physics
+    alone), than learning (the best model without physics)? Best is the lowest mean error in the main evaluation; the
+    model of lowest error of all is always among them. In table order, the best hybrid last.
+    """
+    names = view.models
+    if len(names) <= SHORT_ROWS:
+        return names
+    models = view.main["models"]
+    kinds: dict[str, list[str]] = {}
+    for name in names:
+        kind = "constant" if name == "constant" else model_style(name).kind
+        kinds.setdefault(kind, []).append(name)
+    best = {kind: min(of_kind, key=lambda m: _error(models[m])) for kind, of_kind in kinds.items()}
+    if view.best is not None:
+        best[model_style(view.best).kind] = view.best
+    order = ("constant", "baseline", "physics", "data", "hybrid")
+    return [best[kind] for kind in order if kind in best]
+
+
+def _error(score: Record) -> float:
+    value = score.get("mape")
+    return float(value) if isinstance(value, int | float) and np.isfinite(value) else float("inf")
+
+
+def short_table(view: View) -> Table:
+    """The models of `short_list`: mean error with its interval and, for a forecast, how often its interval holds."""
+    models: Mapping[str, Record] = view.main.get("models") or {}
+    names = short_list(view)
+    coverage = {m: (models[m].get("coverage") or {}).get("0.9") for m in names}
+    told = any(value is not None for value in coverage.values())
+    rows = tuple(
+        (
+            label(m),
+            number(models[m].get("mape"), 100, 1),
+            span(models[m].get("mape_ci95")),
+            *((number(coverage[m], 100, 0),) if told else ()),
+        )
+        for m in names
+    )
+    columns = (
+        "Model",
+        "Mean error [%]",
+        "95 % interval",
+        *(("Inside the 90 % interval [% of trips]",) if told else ()),
+    )
+    head = f"Error of a trip's energy: {named_evaluation(view.main)}"
+    best = frozenset(i for i, m in enumerate(names) if m == view.best)
+    return Table(_labelled(view, head), columns, rows, strong=best)
+
+
+def render_table(results: Mapping[str, Any]) -> rich.console.Group:
+    """The result as a short table for the terminal (see `short_table`); the report holds all models and evaluations.
 
     Parameters
     ----------
@@ -301,60 +368,39 @@ def render_table(results: Mapping[str, Any]) -> rich.table.Table:
 
     Returns
     -------
-    rich.table.Table
+    rich.console.Group
 
     Examples
     --------
     >>> score = {"mape": 0.1, "mape_ci95": [0.08, 0.12], "rmse_wh": 500.0}
-    >>> table = render_table({"evaluations": [{"scheme": "leave_one_trip_out", "trips": "audited",
+    >>> shown = render_table({"evaluations": [{"scheme": "leave_one_trip_out", "trips": "audited",
     ...                                        "n_trips": 2, "models": {"boosting": score}}]})
-    >>> table.row_count
-    2
+    >>> print(shown.renderables[0])
+    Error of a trip's energy: leave one trip out, 2 trips the audit keeps
     """
     import rich.box
+    import rich.console
     import rich.table
     from rich.text import Text
 
     view = View(results)
-    preset, base = ("default", "physics") if view.is_forecast else ("paper", "physics-paper")
-    wanted = {
-        "Mean error [%]": "Mean\n%",
-        "95 % interval": "95 %",
-        **({"The paper [%]": "Paper\n%"} if view.paper_mape else {}),
-        "Median [%]": "Median\n%",
-        "Max [%]": "Max\n%",
-        "Bias [%]": "Bias\n%",
-        "RMSE [kWh]": "RMSE\nkWh",
-        f"Beats {preset} preset [% of trips]": "Better\n%",
-    }
+    source = short_table(view)
+    left_out = len(view.models) - len(source.rows)
+    more = f" The best model of each kind; {left_out} more are in the report." if left_out else ""
     table = rich.table.Table(
-        title=Text(_labelled(view, "Error of the energy of a trip")),
-        caption=f"one trip left out at a time, or one day; 95 %: bootstrap over trips; better: than {base}",
-        title_justify="left",
-        caption_justify="left",
         box=rich.box.SIMPLE,
-        padding=0,
+        padding=(0, 1, 0, 0),
         pad_edge=False,
     )
-    table.add_column("Model", no_wrap=True)
-    for head in wanted.values():
-        table.add_column(head, justify="right", no_wrap=True)
-    for evaluation in view.evaluations:
-        table.add_section()
-        table.add_row(Text(_briefly(evaluation), style="bold"))
-        source = results_table(view, evaluation)
-        for place, (name, row) in enumerate(zip(_names(view, evaluation), source.rows, strict=True)):
-            by_column = dict(zip(source.columns, row, strict=True))
-            cells = [
-                plain(name, 24),
-                *(by_column.get(c, DASH).replace("\u00a0to\u00a0", "–") for c in wanted),
-            ]
-            style = "bold" if place in source.strong else ""
-            table.add_row(*(Text(cell, style=style) for cell in cells))
-    return table
-
-
-def _briefly(evaluation: Record) -> str:
-    """An evaluation as the head of a section that has one narrow column."""
-    days = ", by day" if evaluation.get("scheme") == "leave_one_day_out" else ""
-    return f"{evaluation.get('n_trips', '?')} {evaluation.get('trips', '')}{days}"
+    for place, head in enumerate(source.columns):
+        table.add_column(
+            head.replace("Inside the 90 % interval [% of trips]", "Inside its\n90 % interval [%]"),
+            justify="left" if place in source.text_columns else "right",
+            no_wrap=True,
+        )
+    for place, row in enumerate(source.rows):
+        style = "bold" if place in source.strong else ""
+        table.add_row(*(Text(cell, style=style) for cell in row))
+    return rich.console.Group(
+        Text(source.caption), table, Text(f"95 % interval: bootstrap over trips.{more}")
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -98,6 +99,48 @@ def of_evaluation(evaluation: Record) -> str:
     return f"{SCHEMES.get(scheme, scheme.replace('_', ' '))}, {counted}"
 
 
+SAME: Final = "same_as"
+"""Key of an evaluation of `View.evaluations` under which those stand that have identical scores."""
+
+
+def named_evaluation(evaluation: Record) -> str:
+    """`of_evaluation`, with the names of the evaluations that coincide with it.
+
+    Examples
+    --------
+    >>> one = {"scheme": "leave_one_trip_out", "trips": "audited", "n_trips": 9}
+    >>> named_evaluation({**one, "same_as": [{**one, "trips": "all"}]})
+    'leave one trip out, 9 trips the audit keeps (identical: all 9 trips, unaudited)'
+    """
+    own = of_evaluation(evaluation)
+    others = []
+    for other in evaluation.get(SAME) or ():
+        scheme, _, trips = of_evaluation(other).partition(", ")
+        others.append(trips if own.startswith(f"{scheme}, ") else f"{scheme}, {trips}")
+    return f"{own} (identical: {'; '.join(others)})" if others else own
+
+
+def without_repeats(evaluations: Sequence[Record]) -> list[Record]:
+    """The evaluations with those that coincide in every score as one, the first of them.
+
+    Wall times are no score. Two sets of trips give the same scores of every model only where the trips, and the folds,
+    are the same.
+    """
+    kept: dict[str, dict[str, Any]] = {}
+    for place, evaluation in enumerate(evaluations):
+        models = evaluation.get("models") or {}
+        scores = {m: {k: v for k, v in s.items() if k not in _TIMES} for m, s in models.items()}
+        key = json.dumps([evaluation.get("n_trips"), scores], sort_keys=True) if models else str(place)
+        if key in kept:
+            kept[key].setdefault(SAME, []).append(evaluation)
+        else:
+            kept[key] = dict(evaluation)
+    return list(kept.values())
+
+
+_TIMES: Final = ("fit_s", "predict_ms")
+
+
 def signed_errors(folds: pd.DataFrame, model: str) -> npt.NDArray[np.float64]:
     """(predicted - observed) / observed of a model, one finite value per trip, in the order of `folds`."""
     rows = folds[folds["model"] == model]
@@ -182,7 +225,7 @@ class View:
 
     @property
     def evaluations(self) -> Sequence[Record]:
-        """Every evaluation, the main one first."""
+        """Every evaluation, the main one first; those that coincide are one (see `named_evaluation`)."""
         found = list(self.results.get("evaluations") or ())
         sets, schemes = list(TRIP_SETS), list(SCHEMES)
 
@@ -193,7 +236,7 @@ class View:
                 sets.index(trips) if trips in sets else len(sets),
             )
 
-        return sorted(found, key=rank)
+        return without_repeats(sorted(found, key=rank))
 
     @property
     def main(self) -> Record:

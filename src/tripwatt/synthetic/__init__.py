@@ -14,11 +14,13 @@ day's plan expects, not with those that the trip before it happened to end with.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.synthetic.faults import FEWEST_TRIPS, PlantedFault, plant_faults
 from tripwatt.synthetic.plan import Plan, draw_plans
 from tripwatt.synthetic.roads import drive_route
 from tripwatt.synthetic.sensors import logged
@@ -26,7 +28,15 @@ from tripwatt.synthetic.world import live_through
 from tripwatt.trips import Context, Flag, Fleet, Trip
 from tripwatt.vehicles import Vehicle, load_vehicle
 
-__all__ = ["VEHICLE", "example_trip", "synthetic_fleet", "synthetic_truth", "synthetic_world"]
+__all__ = [
+    "VEHICLE",
+    "PlantedFault",
+    "example_trip",
+    "faulty_fleet",
+    "synthetic_fleet",
+    "synthetic_truth",
+    "synthetic_world",
+]
 
 VEHICLE: Final = "bmw_i3_60ah"
 """The car whose physics the fleet stands on."""
@@ -36,8 +46,10 @@ FOLLOWS_WITHIN_S: Final = 300.0
 
 NOTES: Final = (Flag("synthetic", "synthetic"),)
 
+FAULTY_NOTE: Final = Flag("planted_faults", "synthetic", 3.0, "1")
 
-def synthetic_fleet(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0) -> Fleet:
+
+def synthetic_fleet(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0, faults: bool = False) -> Fleet:
     """A computed fleet of one car and several drivers over summer and winter days. O(samples).
 
     Parameters
@@ -48,6 +60,8 @@ def synthetic_fleet(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0) ->
         Trips of equal seed are equal to the last bit.
     step_s : float
         Time between two samples [s], 1 or less.
+    faults : bool
+        Plant one fault of a logger into each of three trips, as `faulty_fleet`; all other trips stay as they are.
 
     Returns
     -------
@@ -65,7 +79,47 @@ def synthetic_fleet(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0) ->
     >>> fleet.name, [trip.trip_id for trip in fleet.trips]
     ('synthetic', ['S001', 'S002', 'S003'])
     """
+    if faults:
+        return faulty_fleet(n_trips, seed, step_s=step_s)[0]
     return synthetic_world(n_trips, seed, step_s=step_s)[0]
+
+
+def faulty_fleet(
+    n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0
+) -> tuple[Fleet, tuple[PlantedFault, ...]]:
+    """`synthetic_fleet` with a frozen signal, a current of the wrong sign and a filled gap, and where they are.
+
+    Parameters
+    ----------
+    n_trips : int
+        Three or more.
+    seed, step_s
+        As for `synthetic_fleet`.
+
+    Returns
+    -------
+    fleet : Fleet
+    faults : tuple of PlantedFault
+        In the order of the trips.
+
+    Raises
+    ------
+    InvalidInput
+        As `synthetic_fleet`, and for fewer than three trips.
+
+    Examples
+    --------
+    >>> fleet, faults = faulty_fleet(5)
+    >>> sorted(fault.kind for fault in faults)
+    ['filled gap', 'frozen signal', 'wrong sign']
+    """
+    if n_trips < FEWEST_TRIPS:
+        raise InvalidInput(
+            Fault("too few trips for the faults", "n_trips", f"{n_trips}", f"{FEWEST_TRIPS} or more")
+        )
+    sound = synthetic_world(n_trips, seed, step_s=step_s)[0]
+    trips, faults = plant_faults(sound.trips, seed)
+    return replace(sound, logs=trips, notes=(*sound.notes, FAULTY_NOTE)), faults
 
 
 def synthetic_truth(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0) -> pd.DataFrame:

@@ -103,6 +103,10 @@ MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
             f"the car is unknown: {f.subject} is assumed; give --vehicle (see `tripwatt vehicles`)"
         ),
         "synthetic": lambda f: "these trips are computed, not driven: no figure describes a real car",
+        "planted_faults": lambda f: (
+            f"{_number(f):.0f} logs have a planted fault: a frozen signal, a current of the wrong sign, a filled gap; "
+            "tripwatt.synthetic.faulty_fleet gives their places"
+        ),
         "files_not_read": lambda f: f"{_number(f):.0f} CSV files are not named like a trip and were not read",
         "trips_skipped": lambda f: (
             f"{_number(f):.0f} trips of combustion cars and hybrids, or without samples, were skipped"

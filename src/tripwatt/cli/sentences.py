@@ -1,0 +1,106 @@
+"""What a forecast comes to, in one or two sentences for a driver: metric units, numbers from the forecast alone."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+from tripwatt.units import SECONDS_PER_MINUTE
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from tripwatt.forecasting import Forecast
+
+NINE_IN_TEN: Final = 0.9
+"""Level of the interval that the sentences call "9 in 10"."""
+
+
+def forecast_in_words(forecast: Forecast, subject: str = "This trip") -> str:
+    """Energy, its 90 % interval and the charge at arrival of one forecast.
+
+    Parameters
+    ----------
+    forecast : Forecast
+        Before departure or on the way.
+    subject : str
+        What the trip is called at the start of the sentence.
+
+    Returns
+    -------
+    str
+        For example: "This trip, 12.3 km in 24 min at 3 °C: 2.1 kWh; 9 in 10 such trips take 1.8 to 2.5 kWh. Leaving with
+        80 % you arrive with 69 % (66 to 71 %)."
+    """
+    low, high = forecast.interval(NINE_IN_TEN)
+    about = (
+        f"{subject}, {_how_far(forecast)}: {_kwh(forecast.energy_wh)} kWh; "
+        f"9 in 10 such trips take {_kwh(low)} to {_kwh(high)} kWh."
+    )
+    return f"{about} {_arrival(forecast)}"
+
+
+def _how_far(forecast: Forecast) -> str:
+    """Length, duration and outside temperature; on the way also how much of it is behind."""
+    along = forecast.series().iloc[-1]
+    text = f"{along['distance_m'] / 1000.0:.1f} km in {along['time_s'] / SECONDS_PER_MINUTE:.0f} min"
+    ambient = forecast.plan.departure.ambient_temperature_degc
+    if ambient is not None:
+        text += f" at {_whole(ambient)} °C"
+    if forecast.measured_until_s > 0.0:
+        text += f", {forecast.measured_until_s / SECONDS_PER_MINUTE:.0f} min of it driven"
+    return text
+
+
+def _arrival(forecast: Forecast) -> str:
+    """The charge that the driver sees at departure and at arrival."""
+    along = forecast.series()
+    start = float(along["displayed_soc"].iloc[0])
+    end, low, high = (
+        float(along[name].iloc[-1]) for name in ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
+    )
+    if end <= 0.0:
+        return (
+            f"Leaving with {_percent(start)} % the battery does not last for the trip; "
+            f"the probability to arrive is {_percent(forecast.p_arrive())} %."
+        )
+    band = f"{_percent(max(low, 0.0))} to {_percent(high)} %"
+    text = f"Leaving with {_percent(start)} % you arrive with {_percent(end)} % ({band})."
+    if low < 0.0:
+        text += f" The probability to arrive is {_percent(forecast.p_arrive())} %."
+    return text
+
+
+def held_out_in_words(trip: Mapping[str, Any], subject: str) -> str:
+    """A forecast of a logged trip beside what was measured.
+
+    Parameters
+    ----------
+    trip : mapping
+        `distance_m, energy_wh, low_90, high_90, observed_energy_wh` of one row of an evaluation's forecasts.
+    subject : str
+        What the trip is called at the start of the sentence.
+
+    Examples
+    --------
+    >>> row = {"distance_m": 12300.0, "energy_wh": 2100.0, "low_90": 1800.0, "high_90": 2500.0, "observed_energy_wh": 2230.0}
+    >>> held_out_in_words(row, "Trip A")
+    'Trip A, 12.3 km: 2.1 kWh; 9 in 10 such trips take 1.8 to 2.5 kWh. Measured: 2.2 kWh.'
+    """
+    return (
+        f"{subject}, {trip['distance_m'] / 1000.0:.1f} km: {_kwh(trip['energy_wh'])} kWh; 9 in 10 such trips take "
+        f"{_kwh(trip['low_90'])} to {_kwh(trip['high_90'])} kWh. Measured: {_kwh(trip['observed_energy_wh'])} kWh."
+    )
+
+
+def _kwh(energy_wh: float) -> str:
+    """Energy in kWh to 0.1, below 1 kWh to 0.01."""
+    value = energy_wh / 1000.0
+    return f"{value:.1f}" if abs(value) >= 1.0 else f"{value:.2f}".replace("-0.00", "0.00")
+
+
+def _whole(value: float) -> str:
+    return f"{value:.0f}".replace("-0", "0") if round(value) == 0 else f"{value:.0f}".replace("-", "−")
+
+
+def _percent(fraction: float) -> str:
+    return _whole(100.0 * fraction)
