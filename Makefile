@@ -12,7 +12,7 @@ UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 
 .venv/.ready: pyproject.toml
 	$(PYTHON) -m venv .venv
-	.venv/bin/python $(PIP_INSTALL) -e .
+	.venv/bin/python $(PIP_INSTALL) -e ".[service]"
 	touch $@
 
 # Every file is named with its hash, so pip has nothing to choose; what is imported is compiled on its first import.
@@ -67,7 +67,7 @@ browser:  ## Debian's chromium for the tests of the page, where it is missing; n
 
 page:  ## the page's bundle from its sources in web, into the package; needs Node 20
 	npm --prefix web ci
-	npm --prefix web run check
+	npm --prefix web run gate
 	npm --prefix web run build
 
 bench: .venv-bench/.ready  ## ratios against peers, all measured in one run, into bench.json

@@ -1,7 +1,11 @@
-"""Write docs/cli.md, the pages that `--help` shows: ``python docs/write_cli.py``."""
+"""Write docs/cli.md, the pages that `--help` shows, and the example of the README: ``python docs/write_cli.py``."""
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,6 +15,7 @@ import typer.main
 from tripwatt.cli import app
 
 PAGE = Path(__file__).with_name("cli.md")
+README = Path(__file__).parents[1] / "README.md"
 BAR = "\\|"
 """How a table cell holds a bar."""
 
@@ -18,7 +23,7 @@ HEAD = """# The command line
 
 <!-- written by docs/write_cli.py from what `--help` shows; do not edit -->
 
-Each command is the thin twin of a public function. Tables and JSON go to standard output; progress, notes and errors
+Each command calls the public function of the same name. Tables and JSON go to standard output; progress, notes and errors
 go to standard error, so that `tripwatt ... --json | ...` always reads one JSON document.
 
 | exit code | meaning |
@@ -93,5 +98,34 @@ def render() -> str:
     return "\n".join([HEAD, *(f"{section(n, c)}\n" for n, c in commands(typer.main.get_command(app)))])
 
 
+EXAMPLE = ("tripwatt example-trip --out trip.csv", "tripwatt forecast trip.csv --soc 0.8 --ambient 5")
+"""Commands of the README; the output of the last one is shown."""
+
+
+def example() -> str:
+    """The commands of the README's example and what the last one prints."""
+    columns = {**os.environ, "COLUMNS": "100", "NO_COLOR": "1"}
+    with tempfile.TemporaryDirectory() as folder:
+        for command in EXAMPLE:
+            done = subprocess.run(
+                [sys.executable, "-m", "tripwatt", *command.split()[1:]],
+                check=True,
+                capture_output=True,
+                text=True,
+                cwd=folder,
+                env=columns,
+            )
+    printed = "\n".join(line.rstrip() for line in done.stdout.rstrip().splitlines())
+    return "\n".join(["```", *EXAMPLE, "```", "", "prints", "", "```", printed, "```"])
+
+
+def with_example(readme: str, shown: str) -> str:
+    """The README with an example between its markers."""
+    begin, end = "<!-- example:begin -->\n", "<!-- example:end -->"
+    head, _, rest = readme.partition(begin)
+    return head + begin + shown + "\n" + end + rest.partition(end)[2]
+
+
 if __name__ == "__main__":
     PAGE.write_text(render(), encoding="utf-8")
+    README.write_text(with_example(README.read_text("utf-8"), example()), encoding="utf-8")

@@ -40,7 +40,7 @@ def test_index_lists_every_page() -> None:
     assert [p.name for p in DOCS.glob("*.md") if p.name != "index.md" and f"]({p.name})" not in index] == []
 
 
-README_PLACES = ((BEGIN, END),)
+README_PLACES = ((BEGIN, END), ("<!-- example:begin -->", "<!-- example:end -->"))
 PAGE_PLACES = ((PAPER_BEGIN, PAPER_END), (FORECAST_BEGIN, FORECAST_END), (planned.BEGIN, planned.END))
 
 

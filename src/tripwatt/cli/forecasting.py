@@ -326,6 +326,7 @@ def forecast(
     from tripwatt.forecasting.unmeasured import on_vehicle
     from tripwatt.trips import Departure
     from tripwatt.units import M_S_PER_KM_H
+    from tripwatt.vehicles import load_vehicle
 
     model, trip = _model_and_trip(paths)
     got: dict[str, Any] = {}
@@ -337,6 +338,7 @@ def forecast(
                 plan=read_route(trip, speed_m_s=None if speed is None else speed * M_S_PER_KM_H)
             ),
             lambda: None if observed is None else got.update(observed=_measured(observed)),
+            lambda: got.update(car=None if vehicle is None else load_vehicle(vehicle)),
             lambda: got.update(
                 departure=Departure(
                     soc=soc,
@@ -348,7 +350,7 @@ def forecast(
                 )
             ),
         )
-        fitted, flags = on_vehicle(got["model"], vehicle)
+        fitted, flags = on_vehicle(got["model"], got["car"])
     plan, departure = got["plan"], got["departure"]
     found = fitted.forecast(plan, departure)
     found = replace(found, flags=(*flags, *found.flags, *_still_warm(plan, departure)))
@@ -420,21 +422,22 @@ def _draw(found: Forecast, plot: Path) -> None:
 
 
 def _show_forecast(found: Forecast, reserve: float) -> None:
-    from tripwatt.cli.sentences import forecast_in_words
+    from tripwatt.cli.sentences import chance, forecast_in_words
+    from tripwatt.forecasting.plot import CAUSE_NAMES
 
     low, high = found.interval(0.9)
     when = "before departure" if found.measured_until_s <= 0.0 else f"after {period(found.measured_until_s)}"
     rows = [
         ("energy", f"{found.energy_wh / 1000.0:.2f} kWh"),
         ("90 % interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
-        ("displayed charge at arrival", f"{found.soc_arrival:.0%}"),
-        ("P(arrive)", f"{found.p_arrive(0.0):.1%}"),
-        (f"P(arrive with {reserve:.0%} or more)", f"{found.p_arrive(reserve):.1%}"),
+        ("state of charge at arrival", f"{100.0 * found.soc_arrival:.0f} %"),
+        ("probability to arrive", chance(found.p_arrive())),
+        (f"probability to arrive with {100.0 * reserve:g} % or more", chance(found.p_arrive(reserve))),
     ]
     typer.echo(f"{forecast_in_words(found, found.plan.trip_id)}\n")
     print_table(f"Forecast {when}, given {found.given}", ("forecast", ""), rows, numbers=("",))
     causes = [
-        (cause.replace("_", " "), f"{round(energy / 1000.0, 3) + 0.0:+.3f} kWh")
+        (CAUSE_NAMES.get(cause, cause), f"{round(energy / 1000.0, 3) + 0.0:+.3f} kWh")
         for cause, energy in found.by_cause_wh.items()
         if cause != "shortfall" or energy
     ]

@@ -92,6 +92,19 @@ def held_out_in_words(trip: Mapping[str, Any], subject: str) -> str:
     )
 
 
+def chance(probability: float) -> str:
+    """A probability in percent; nothing is certain.
+
+    Examples
+    --------
+    >>> chance(0.9996), chance(0.934), chance(0.0)
+    ('over 99.9 %', '93.4 %', 'under 0.1 %')
+    """
+    if probability > 0.999:
+        return "over 99.9 %"
+    return "under 0.1 %" if probability < 0.001 else f"{100.0 * probability:.1f} %"
+
+
 def _kwh(energy_wh: float) -> str:
     """Energy in kWh to 0.1, below 1 kWh to 0.01."""
     value = energy_wh / 1000.0

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.synthetic.plan import FAULTS, stream
-from tripwatt.trips import Log, Trip
+from tripwatt.trips import Log, Recorded, Trip
 
 FaultKind = Literal["frozen signal", "wrong sign", "filled gap"]
 

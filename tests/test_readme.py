@@ -1,0 +1,60 @@
+"""The README's quickstart runs as it stands, and prints what it shows."""
+
+import contextlib
+import io
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from tests.test_published import script
+
+from tripwatt.cli import main
+
+README = (Path(__file__).resolve().parents[1] / "README.md").read_text("utf-8")
+
+
+def blocks(language: str = "") -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", README, flags=re.M | re.S)
+
+
+def quickstart(folder: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Runs the commands of the forecast's block; gives what the last one prints."""
+    commands = next(b for b in blocks() if b.startswith("tripwatt ")).splitlines()
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("COLUMNS", "100")
+    for command in commands:
+        monkeypatch.setattr("sys.argv", shlex.split(command))
+        out = io.StringIO()
+        with contextlib.redirect_stdout(out), contextlib.suppress(SystemExit):
+            main()
+    return out.getvalue()
+
+
+def test_the_quickstart_prints_what_the_readme_shows(tmp_path, monkeypatch):
+    printed = quickstart(tmp_path, monkeypatch).rstrip().splitlines()
+    shown = next(b for b in blocks() if b.startswith("trip, ")).rstrip().splitlines()
+    assert [line.rstrip() for line in printed] == shown
+
+
+def test_the_python_of_the_readme_runs(tmp_path, monkeypatch):
+    quickstart(tmp_path, monkeypatch)
+    (code,) = blocks("python")
+    assert len([line for line in code.splitlines() if line and not line.startswith("import")]) <= 5
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        exec(code, {})  # it is ours
+    assert out.getvalue().startswith("<Forecast trip: ")
+
+
+def test_the_readme_is_a_screen_and_a_half():
+    assert len(README.splitlines()) < 110
+    assert sum(line.startswith("|") for line in README.splitlines()) <= 8
+
+
+def test_the_example_is_written_by_the_script():
+    write_cli = script("write_cli")
+    begin, end = "<!-- example:begin -->", "<!-- example:end -->"
+    shown = README[README.index(begin) + len(begin) : README.index(end)].strip()
+    assert write_cli.with_example(README, shown) == README
+    assert all(command in shown for command in write_cli.EXAMPLE)
