@@ -480,8 +480,11 @@ def test_vehicles_lists_shows_and_refuses(run: Callable[..., Answer], tmp_path: 
         "value": "1620",
         "unit": "kg",
         "source": "given by the caller",
+        "licence": "user",
     }
     assert all(e["source"] for e in shown["entries"])
+    assert {"facts", "Apache-2.0"} <= {e["licence"] for e in shown["entries"]}
+    assert "(licence: user)" in run("vehicles", "nissan_leaf_24", "--set", "mass=1620").out
     assert "body.curb_mass_kg = 1515 kg" in run("vehicles", "nissan_leaf_24").out
     refused = run("vehicles", "nisan_leaf_24")
     assert refused.code == 2

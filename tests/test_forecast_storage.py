@@ -4,6 +4,7 @@ import dataclasses
 import json
 import subprocess
 import sys
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -82,9 +83,18 @@ def test_a_car_changed_after_loading_comes_back_as_changed(car) -> None:
     assert again == changed
     assert "changed" not in again.entries["auxiliaries.base_load_w"].source
     assert again.entries["auxiliaries.base_load_w"].source == "set after the car was loaded"
+    assert again.entries["auxiliaries.base_load_w"].licence == "user"
     bolt = load_vehicle("chevrolet_bolt")  # its capacity is on the displayed scale
     lighter = dataclasses.replace(bolt, body=dataclasses.replace(bolt.body, curb_mass_kg=1500.0))
     assert vehicle_of_part(vehicle_part(lighter)) == lighter
+
+
+def test_a_car_stored_before_licences_were_recorded_loads(car) -> None:
+    stored = json.loads((resources.files("tripwatt") / "models/bmw_i3_tum/vehicle.json").read_text("utf-8"))
+    assert "licence" not in json.dumps(stored)
+    assert {entry.licence for entry in vehicle_of_part(stored).entries.values()} == {"not-stated"}
+    again = vehicle_of_part(json.loads(json.dumps(vehicle_part(car))))
+    assert again.entries["battery.displayed_full_soc"].licence == "CC-BY-4.0"
 
 
 def test_a_model_with_other_blocks_says_why_it_is_refused(

@@ -286,6 +286,9 @@ def test_fastsim_yaml_becomes_a_car(tmp_path: Path) -> None:
     assert car.battery.displayed_zero_soc == 0.05
     assert car.entries["road_load.drag_coefficient"].source == "car.yaml"
     assert "car.yaml has none" in car.entries["drivetrain.gear_ratio"].estimated
+    assert car.entries["road_load.drag_coefficient"].licence == "as-source-file"
+    assert car.entries["drivetrain.gear_ratio"].licence == "facts"  # the BMW i3's
+    assert car.entries["battery.heat_capacity_j_k"].licence == "estimate AND facts"
 
 
 def test_sumo_xml_becomes_a_car(tmp_path: Path) -> None:

@@ -9,8 +9,15 @@ from typing import Any
 
 import pytest
 
-from tripwatt.errors import InvalidInput
-from tripwatt.vehicles import load_vehicle, render_parameters, vehicle_from_document, vehicle_names
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.vehicles import (
+    load_vehicle,
+    render_licences,
+    render_parameters,
+    vehicle_from_document,
+    vehicle_names,
+)
+from tripwatt.vehicles.licences import with_licences
 
 PRESETS = [(name, preset) for name in vehicle_names() for preset in ("default", "paper")]
 
@@ -167,3 +174,79 @@ def test_a_car_from_a_path(tmp_path: Path) -> None:
 def test_documented_values_are_those_of_the_file() -> None:
     page = (Path(__file__).resolve().parent.parent / "docs" / "model.md").read_text("utf-8")
     assert render_parameters(load_vehicle("bmw_i3_60ah")) in page, "run: python docs/write_parameters.py"
+
+
+# ------------------------------------------------------------------------------------------------ licences
+
+
+def test_an_entry_has_the_licences_of_all_works_that_its_source_cites() -> None:
+    document = {
+        "licence": "user",
+        "licences": {"Apache-2.0": ["NREL"], "facts": ["NREL press kit", "Maker"]},
+        "auxiliaries": {
+            "a": {"source": "NREL database"},
+            "b": {"source": "NREL press kit"},
+            "c": {"source": "NREL database; page 3; Maker, technical data"},
+            "d": {"source": "weighed at home; NREL database"},
+            "e": {"source": "NREL database", "licence": "MIT"},
+        },
+    }
+    faults: list[Fault] = []
+    entries = with_licences(document, "car.toml", faults)["auxiliaries"]
+    assert faults == []
+    assert {key: entry["licence"] for key, entry in entries.items()} == {
+        "a": "Apache-2.0",
+        "b": "facts",
+        "c": "Apache-2.0 AND facts",
+        "d": "user",
+        "e": "MIT",
+    }
+
+
+def test_sources_without_a_licence_are_one_fault_that_says_what_to_write(document: dict[str, Any]) -> None:
+    del document["licences"]
+    (fault,) = faults_of(document)
+    assert "missing licence" in fault
+    assert 'licence = "user"' in fault
+    document["licence"] = "user"
+    car = vehicle_from_document(document, "car", "car.toml")
+    assert {entry.licence for entry in car.entries.values()} == {"user"}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"licence": "GPL"},
+        {"licences": {"GPL": ["EPA"]}, "licence": "user"},
+        {"licences": {"facts": "EPA"}, "licence": "user"},
+        {"licences": ["facts"], "licence": "user"},
+        {"licences": {"facts": [""]}, "licence": "user"},
+    ],
+)
+def test_unknown_licences_and_wrong_tables_of_them_are_faults(
+    document: dict[str, Any], change: dict[str, Any]
+) -> None:
+    faults = faults_of({**document, **change})
+    assert any("licence" in fault and "car.toml" in fault for fault in faults)
+
+
+def test_an_entry_with_an_unknown_licence_is_a_fault(document: dict[str, Any]) -> None:
+    document["body"]["curb_mass_kg"]["licence"] = "mine"
+    (fault,) = faults_of(document)
+    assert "body.curb_mass_kg" in fault
+    assert "mine" in fault
+
+
+def test_what_is_taken_over_keeps_the_licence_of_its_own_file() -> None:
+    entries = load_vehicle("nissan_leaf_40", overrides={"mass": 1600.0}).entries
+    assert entries["body.curb_mass_kg"].licence == "user"
+    assert entries["road_load.coastdown_a_n"].licence == "US-public-domain"
+    assert entries["auxiliaries.base_load_w"].licence == "Apache-2.0"  # of passenger_car
+    theirs = load_vehicle("bmw_i3_60ah").entries["drivetrain.phase_resistance_ohm"].licence
+    assert entries["drivetrain.phase_resistance_ohm"].licence == theirs
+    assert load_vehicle("nissan_leaf_40", "paper").entries["regeneration.fraction"].licence == "facts"
+
+
+def test_table_of_licences_in_the_documentation_is_that_of_the_code() -> None:
+    page = (Path(__file__).parent.parent / "docs" / "vehicles.md").read_text("utf-8")
+    assert render_licences() in page, "run: python docs/write_parameters.py"

@@ -284,11 +284,8 @@ def vehicle_of_part(part: Mapping[str, Any]) -> Vehicle:
     InvalidInput
         With every entry that this version does not know or that it misses.
     """
-    document = {
-        **part["document"],
-        "name": part["title"],
-        "licence": "not-stated",
-    }  # older models have no licences
+    # Models stored before licences were recorded have none in their entries.
+    document = {**part["document"], "name": part["title"], "licence": "not-stated"}
     vehicle = vehicle_from_document(document, part["name"], "vehicle.json")
     return replace(vehicle, preset=part["preset"])
 
@@ -325,14 +322,15 @@ def _take_values(document: dict[str, dict[str, Any]], vehicle: Vehicle) -> None:
             plain = list(value) if isinstance(value, tuple) else value
             if value is None or (entry is not None and entry["value"] == plain and "scale" not in entry):
                 continue
-            source = "set after the car was loaded"
+            source, licence = "set after the car was loaded", "user"
             if entry is not None and entry["value"] == plain:
-                source = entry["source"]
+                source, licence = entry["source"], entry["licence"]
             scale = {"scale": "soc"} if field.metadata.get("scaled") else {}
             entries[field.name] = {
                 "value": plain,
                 "unit": field.metadata["unit"],
                 "source": source,
+                "licence": licence,
                 **scale,
             }
 
