@@ -203,6 +203,15 @@ def test_an_entry_has_the_licences_of_all_works_that_its_source_cites() -> None:
     }
 
 
+def test_an_own_file_without_licences_is_the_users(tmp_path: Path) -> None:
+    text = (resources.files("tripwatt.vehicles") / "data" / "bmw_i3_60ah.toml").read_text("utf-8")
+    head, _, rest = text.partition("[licences]")
+    own = tmp_path / "mine.toml"
+    own.write_text(head + rest[rest.index("\n[") :], encoding="utf-8")
+    assert {entry.licence for entry in load_vehicle(own).entries.values()} >= {"user"}
+    assert load_vehicle(own).entries["body.curb_mass_kg"].licence == "user"
+
+
 def test_sources_without_a_licence_are_one_fault_that_says_what_to_write(document: dict[str, Any]) -> None:
     del document["licences"]
     (fault,) = faults_of(document)

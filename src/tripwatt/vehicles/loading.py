@@ -166,6 +166,8 @@ def load_vehicle(
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InvalidInput(Fault("not a TOML file", where, str(error), "TOML 1.0")) from error
+    if path.suffix == ".toml":  # what a user gives for an own car is the user's
+        document = {"licence": "user", **document}
     return vehicle_from_document(document, name, where, preset, overrides or {})
 
 
