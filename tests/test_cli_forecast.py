@@ -100,9 +100,12 @@ def test_what_was_measured_moves_the_forecast(
 def test_unknown_charge_is_said(run: Run, table: pd.DataFrame, tmp_path: Path) -> None:
     table[["time_s", "speed_m_s"]].to_csv(tmp_path / "bare.csv", index=False)
     flags = json.loads(run("forecast", tmp_path / "bare.csv", "--json").out)["flags"]
-    assert any("state of charge is unknown" in flag for flag in flags)
+    assert [(flag["subject"], flag["unit"]) for flag in flags if flag["code"] == "soc_assumed"] == [
+        ("soc", "1")
+    ]
+    assert any("state of charge at departure is unknown" in flag["message"] for flag in flags)
     flags = json.loads(run("forecast", tmp_path / "bare.csv", "--soc", 0.5, "--json").out)["flags"]
-    assert not any("state of charge" in flag for flag in flags)
+    assert "soc_assumed" not in {flag["code"] for flag in flags}
 
 
 @pytest.mark.parametrize(

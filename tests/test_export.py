@@ -6,6 +6,7 @@ import pytest
 from tripwatt.errors import InvalidInput
 from tripwatt.export import EXPORTS, consumption_curve, export_curve, render_query
 from tripwatt.physics import simulate
+from tripwatt.trips import Departure
 from tripwatt.units import GRAVITY_M_S2
 from tripwatt.vehicles import load_vehicle
 
@@ -19,7 +20,7 @@ def mild():
 
 @pytest.fixture(scope="module")
 def cold():
-    return consumption_curve(CAR, ambient_temperature_degc=-10.0)
+    return consumption_curve(CAR, Departure(ambient_temperature_degc=-10.0))
 
 
 def table(text, between, inside):
@@ -97,7 +98,7 @@ def test_correction_and_payload_count(mild):
     assert more.reference_wh_km - mild.reference_wh_km == pytest.approx(10.0 + 100.0 / 110.0)
     assert more.ascent_wh_m == mild.ascent_wh_m
     assert more.deceleration_efficiency == mild.deceleration_efficiency
-    heavy = consumption_curve(CAR, payload_mass_kg=300.0)
+    heavy = consumption_curve(CAR, Departure(payload_mass_kg=300.0))
     assert heavy.mass_kg == mild.mass_kg + 300.0
     assert np.all(heavy.energy_wh_km > mild.energy_wh_km)
 
@@ -112,10 +113,10 @@ def test_slow_cars_end_where_they_end():
 def test_faults():
     with pytest.raises(InvalidInput, match="here, tomtom, mapbox, abrp"):
         export_curve(CAR, "waze")
-    with pytest.raises(InvalidInput, match="battery empty"):
-        consumption_curve(CAR, soc=0.01)
+    with pytest.raises(InvalidInput, match="the battery is empty for 30 min"):
+        consumption_curve(CAR, Departure(bms_soc=0.01))
     with pytest.raises(InvalidInput, match="ambient_temperature_degc"):
-        export_curve(CAR, "here", ambient_temperature_degc=200.0)
+        export_curve(CAR, "here", Departure(ambient_temperature_degc=200.0))
 
 
 def test_query_is_escaped():
