@@ -140,7 +140,7 @@ MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
         "same_departure": lambda f: (
             f"{f.value} gives {f.subject} the same time of departure: at least one is wrong"
         ),
-        "value_not_used": lambda f: f"{f.subject}: {f.value} is not plausible and is not used",
+        "value_not_used": lambda f: f"{f.subject}: {f.value!r} is not plausible and is not used",
         "first_of_several": lambda f: f"the first of {_number(f):.0f} {f.subject} is used",
         "geometries_skipped": lambda f: f"{_number(f):.0f} geometries that are not lines are left out",
     }
