@@ -368,7 +368,7 @@ def test_short_and_parked_logs_are_set_aside():
 
 def test_only_raw_logs_with_ids_of_their_own():
     trip = log(drive(23))
-    with pytest.raises(InvalidInput, match="two trips with one id"):
+    with pytest.raises(InvalidInput, match="duplicate trip id"):
         audit([trip, trip])
     with pytest.raises(InvalidInput, match="not a raw log"):
         audit([replace(trip, step_s=1.0)])

@@ -129,7 +129,7 @@ def test_a_track_without_times_needs_a_speed(run: Run, tmp_path: Path) -> None:
     assert times[0] == pytest.approx(2.0 * times[1], rel=0.02)
     answer = run("forecast", ANSWERS / "osrm.json", "--speed", 50)
     assert answer.code == 2
-    assert "without effect" in answer.err
+    assert "has no effect" in answer.err
 
 
 @pytest.mark.parametrize(

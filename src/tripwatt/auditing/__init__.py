@@ -107,7 +107,7 @@ def audit(logs: Fleet | Iterable[Recorded]) -> Audit:
     """
     trips = tuple(logs.logs if isinstance(logs, Fleet) else logs)
     require_unique_ids(trips)
-    resampled = [Fault("not a raw log", t.trip_id, f"blocks of {t.step_s} s") for t in trips if t.step_s]
+    resampled = [Fault("not a raw log", t.trip_id, f"means over {t.step_s} s") for t in trips if t.step_s]
     if resampled:
         raise InvalidInput(resampled)
     legs: list[Recorded] = []

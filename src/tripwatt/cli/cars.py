@@ -109,10 +109,10 @@ def vehicles(
 def _require_sense(name: str | None, import_file: Path | None, only_import: dict[str, Any]) -> None:
     faults = []
     if name is not None and import_file is not None:
-        faults.append(Fault("two tasks at once", "NAME and --import", name, "one of them"))
+        faults.append(Fault("conflicting arguments", "NAME and --import", name, "one of the two"))
     if import_file is None:
         faults += [
-            Fault("without effect", option, str(value), "only with --import")
+            Fault("option has no effect", option, str(value), "only together with --import")
             for option, value in only_import.items()
             if value is not None
         ]
@@ -221,8 +221,8 @@ def _chosen(fleet: Fleet, trip: str | None, data: Path | None) -> Trip:
     if found is None:
         ids = [t.trip_id for t in fleet.trips]
         more = f" and {len(ids) - 12} more" if len(ids) > 12 else ""
-        got = "nothing" if trip is None else trip
-        raise InvalidInput(Fault("which trip?", "--trip", got, ", ".join(ids[:12]) + more))
+        what, got = ("unknown trip", trip) if trip is not None else ("no single trip", f"{len(ids)} trips")
+        raise InvalidInput(Fault(what, "--trip", got, ", ".join(ids[:12]) + more))
     return found
 
 
@@ -233,7 +233,7 @@ def _require_clock(log: Trip) -> None:
     columns = log.samples[["time_s"]]
     faults = [*value_faults(columns, log.trip_id)]
     if faults:
-        fix = "`tripwatt audit` says what it makes of such a log; `tripwatt mapping apply` writes one of its drives"
+        fix = "list the findings with `tripwatt audit`; write one sound drive with `tripwatt mapping apply`"
         raise InvalidInput([replace(fault, fix=fix) for fault in faults])
 
 

@@ -137,9 +137,7 @@ def _check(options: dict[str, Any], overrides: list[str]) -> None:
         names = options["models"]
         protocol_models(options["protocol"], None if names is None else tuple(names))
         if names == []:
-            raise InvalidInput(
-                Fault("no models", "--models", "an empty list", "names with commas between them")
-            )
+            raise InvalidInput(Fault("no models", "--models", "an empty list", "names separated by commas"))
 
     def given() -> None:
         options["overrides"] = parse_overrides(overrides)
@@ -150,7 +148,7 @@ def _check(options: dict[str, Any], overrides: list[str]) -> None:
     def jobs() -> None:
         if options["n_jobs"] < -1 or options["n_jobs"] == 0:
             raise InvalidInput(
-                Fault("no such number of processes", "--jobs", str(options["n_jobs"]), "-1, or 1 or more")
+                Fault("value out of range", "--jobs", str(options["n_jobs"]), "-1, or 1 or more")
             )
 
     gather(models, given, car, jobs)

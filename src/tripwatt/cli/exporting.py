@@ -148,12 +148,14 @@ def _car(
     if vehicle is not None:
         if model is not None:
             got = f"--model {model} --vehicle {vehicle}"
-            raise InvalidInput(Fault("two cars", "--model and --vehicle", got, "one of them"))
+            raise InvalidInput(Fault("conflicting options", "--model and --vehicle", got, "one of the two"))
         car = load_vehicle(vehicle, overrides=parse_overrides(overrides))
         return car, None, [f"{car.title}: by physics alone, nothing learned"]
     if overrides:
-        fix = "a model was fitted on its car as it is: say --vehicle, or fit again"
-        raise InvalidInput(Fault("without effect", "--set", " ".join(overrides), "with --vehicle", fix))
+        fix = "name a car with --vehicle, or fit a model on the changed car"
+        raise InvalidInput(
+            Fault("option has no effect", "--set", " ".join(overrides), "only together with --vehicle", fix)
+        )
     from tripwatt.forecasting import load_model
 
     fitted = load_model(model)

@@ -193,8 +193,8 @@ def _require_storable(corrector: str) -> None:
 
 def _require_one_way(base: Path | None, calibrate: bool) -> None:
     if base is not None and calibrate:
-        fix = "leave out --calibrate: --base calibrates the car by itself"
-        raise InvalidInput(Fault("two ways to adapt a car", "--calibrate", "with --base", "one of them", fix))
+        fix = "remove --calibrate; --base includes the calibration of the car"
+        raise InvalidInput(Fault("conflicting options", "--calibrate", "with --base", "one of the two", fix))
 
 
 def _show_fit(
@@ -388,7 +388,7 @@ def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
     if len(paths) > 2:
         got = " ".join(map(str, paths))
         raise InvalidInput(
-            Fault("too many arguments", "MODEL TRIP", got, "a model's folder and a trip's file")
+            Fault("too many arguments", "MODEL TRIP", got, "a folder with a model and a file with a trip")
         )
     return (None, paths[0]) if len(paths) == 1 else (paths[0], paths[1])
 
@@ -398,9 +398,9 @@ def _require_options(reserve: float, plot: Path | None) -> None:
     if not 0.0 <= reserve <= 1.0:
         faults.append(Fault("value out of range", "--reserve", f"{reserve:g}", "0 to 1"))
     if plot is not None and plot.suffix.lower() not in PLOT_SUFFIXES:
-        faults.append(Fault("unknown kind of picture", "--plot", str(plot), ", ".join(PLOT_SUFFIXES)))
+        faults.append(Fault("unknown image format", "--plot", str(plot), ", ".join(PLOT_SUFFIXES)))
     if plot is not None and not plot.absolute().parent.is_dir():
-        faults.append(Fault("no such folder", "--plot", str(plot.parent), "a folder that exists"))
+        faults.append(Fault("no such folder", "--plot", str(plot.parent), "an existing folder"))
     if faults:
         raise InvalidInput(faults)
 
@@ -418,7 +418,7 @@ def _draw(found: Forecast, plot: Path) -> None:
         plot_forecast(found).savefig(plot, dpi=150)
     except OSError as error:
         got = f"{plot}: {error.strerror or error}"
-        raise InvalidInput(Fault("cannot write the picture", "--plot", got, "a file")) from error
+        raise InvalidInput(Fault("cannot write the image", "--plot", got, "a writable file")) from error
 
 
 def _show_forecast(found: Forecast, reserve: float) -> None:

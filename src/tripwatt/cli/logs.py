@@ -146,7 +146,7 @@ def show_mapping(
     from tripwatt.sources.mapping import shipped_mappings, shipped_text
 
     if name not in shipped_mappings():
-        raise InvalidInput(Fault("no such mapping", "NAME", name, ", ".join(shipped_mappings())))
+        raise InvalidInput(Fault("unknown mapping", "NAME", name, ", ".join(shipped_mappings())))
     text = shipped_text(name)
     print_json({"name": name, "toml": text}) if as_json else typer.echo(text, nl=False)
 
@@ -220,7 +220,7 @@ def apply(
     from tripwatt.trips import COLUMNS
 
     if out.suffix.lower() != ".csv":
-        raise InvalidInput(Fault("unknown kind of file", "--out", str(out), "a .csv file"))
+        raise InvalidInput(Fault("unknown file format", "--out", str(out), "a .csv file"))
     fleet = read_logs(data, "table", mapping)
     found = run_audit(fleet)
     wanted = [t for t in found.trips if trip in (None, t.trip_id)]
@@ -229,7 +229,7 @@ def apply(
         aside = found.set_aside.get(trip or fleet.trips[0].trip_id, "")
         allowed = ", ".join(ids[:12]) + (f" and {len(ids) - 12} more" if len(ids) > 12 else "")
         got = f"set aside by the audit: {aside}" if aside else trip or f"{len(ids)} drives"
-        raise InvalidInput(Fault("which trip?", "--trip", got, allowed or "a drive that the audit uses"))
+        raise InvalidInput(Fault("no single trip", "--trip", got, allowed or "a drive that the audit uses"))
     samples = wanted[0].samples
     table = samples[[c for c in COLUMNS if c in samples.columns]].copy()
     table["time_s"] -= table["time_s"].iloc[0]

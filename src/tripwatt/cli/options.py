@@ -92,7 +92,11 @@ def read_logs(
         from tripwatt.synthetic import synthetic_fleet
 
         unused = {"--dataset": dataset, "--mapping": mapping}
-        faults = [Fault("without DATA nothing is read", k, v) for k, v in unused.items() if v is not None]
+        faults = [
+            Fault("option has no effect", k, v, "only together with DATA")
+            for k, v in unused.items()
+            if v is not None
+        ]
         if faults:
             raise InvalidInput(faults)
         return synthetic_fleet(BUILT_IN_TRIPS, faults=True) if built_in_faults else synthetic_fleet()

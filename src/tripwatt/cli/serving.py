@@ -65,7 +65,7 @@ def serve(
         import uvicorn  # noqa: F401
     except ImportError as error:
         raise InvalidInput(
-            Fault("not installed", "tripwatt serve", str(error), "the extra: pip install 'tripwatt[service]'")
+            Fault("missing package", "tripwatt serve", str(error), fix="run pip install 'tripwatt[service]'")
         ) from error
     from tripwatt.service.serving import require_safe
     from tripwatt.service.serving import serve as run
@@ -96,12 +96,12 @@ def models_of(given: list[Path], folder: Path | None) -> dict[str, Path]:
     if folder is not None:
         inside = sorted(p.parent for p in folder.glob("*/metadata.json")) if folder.is_dir() else []
         if not inside:
-            faults.append(Fault("no models", "--models", str(folder), "a folder with models in it"))
+            faults.append(Fault("no models", "--models", str(folder), "a folder that contains models"))
         found += inside
     names = [place.resolve().name for place in found]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        faults.append(Fault("two models of one name", "MODEL", ", ".join(twice), "each name once"))
+        faults.append(Fault("duplicate model name", "MODEL", ", ".join(twice), "each name once"))
     if faults:
         raise InvalidInput(faults)
     return {name: place.resolve() for name, place in zip(names, found, strict=True)}

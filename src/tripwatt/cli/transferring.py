@@ -159,7 +159,9 @@ def numbers_of(text: str) -> list[int]:
         numbers = [-1]
     if min(numbers) < 0:
         raise InvalidInput(
-            Fault("no such numbers of trips", "--trips", text, "whole numbers from 0 on, with commas")
+            Fault(
+                "invalid numbers of trips", "--trips", text, "whole numbers of 0 or more, separated by commas"
+            )
         )
     return numbers
 

@@ -237,12 +237,23 @@ def route_of(links: Any, elevation: Elevation | None, limits: Limits) -> LinkRou
     position, height = np.array(elevation.position_m), np.array(elevation.elevation_m)
     faults = []
     if position.shape != height.shape or len(position) > limits.samples:
-        got = f"{len(position)} positions and {len(height)} heights"
-        faults.append(Fault("heights disagree", "elevation", got, f"as many, at most {limits.samples}"))
+        got = f"{len(position)} positions and {len(height)} elevations"
+        faults.append(
+            Fault(
+                "positions and elevations differ in number",
+                "elevation",
+                got,
+                f"equal numbers, at most {limits.samples}",
+            )
+        )
     if (np.diff(position) < 0).any() or position[0] < 0:
-        faults.append(Fault("position falls", "elevation.position_m", "", "0 m or more, not falling"))
+        faults.append(
+            Fault("position decreases", "elevation.position_m", "", "0 m or more, never decreasing")
+        )
     if any("start_elevation_m" in link or "grade" in link for link in links):
-        faults.append(Fault("two roads", "elevation", "links that have heights or grades", "one of both"))
+        faults.append(
+            Fault("elevation given twice", "elevation", "links with elevations or grades", "one of the two")
+        )
     if faults:
         raise InvalidInput(faults)
     flags = tuple(flag for flag in route.flags if flag != FLAT_ROAD)
