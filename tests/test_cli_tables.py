@@ -272,8 +272,8 @@ def test_energy_from_whole_percents_says_how_uncertain_it_is_and_short_trips_go(
     assert found["used"] == ["long", "short"]
     said = {f["trip"]: f["what"] for f in found["findings"] if "standard error" in f["what"]}
     assert said == {
-        "short": "energy from the SoC is 400 Wh with a standard error of 165 Wh: coarse",
-        "shortest": "energy from the SoC is 0 Wh with a standard error of 163 Wh: not known",
+        "short": "energy from the state of charge is 400 Wh with a standard error of 165 Wh: inaccurate",
+        "shortest": "energy from the state of charge is 0 Wh with a standard error of 163 Wh: too inaccurate to use",
     }
     simulated = run("simulate", "logs", "--mapping", "my.toml", "--trip", "long", "--json")
     answer = json.loads(simulated.out)
