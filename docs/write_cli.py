@@ -24,20 +24,20 @@ HEAD = """# The command line
 <!-- written by docs/write_cli.py from what `--help` shows; do not edit -->
 
 Each command calls the public function of the same name. Tables and JSON go to standard output; progress, notes and errors
-go to standard error, so that `tripwatt ... --json | ...` always reads one JSON document.
+go to standard error. With `--json`, standard output is one JSON document.
 
 | exit code | meaning |
 |---:|---|
-| 0 | done |
-| 1 | done, but something needs a look: a data set with missing trips, a proposed mapping with gaps |
-| 2 | the input cannot be used: one message names every fault, and nothing is written |
+| 0 | success |
+| 1 | success with warnings: the data set has missing trips, or the proposed mapping is incomplete |
+| 2 | invalid input: one message lists all faults, and no file is written |
 | 130 | interrupted from the keyboard |
 
-**Whole or not at all.** `tripwatt evaluate` writes into `OUT.unfinished` (into `OUT/.unfinished` where OUT exists) and
-renames at the end: a new OUT appears complete, by one rename. In an OUT that holds older results these go first,
-`results.json` before all others, and the new `results.json` comes last: where it stands, the files beside it belong to
-it. An interrupted run keeps its finished folds there for `--resume`. `tripwatt fit` writes its model beside MODEL and
-renames it; an older model goes only when the new one is whole.
+**Output is never partial.** `tripwatt evaluate` writes into `OUT.unfinished` (into `OUT/.unfinished` if OUT exists). At
+the end it renames this folder to OUT. If OUT contains older results, the command moves them away first, beginning with
+`results.json`, and writes the new `results.json` last. If `results.json` exists, the other files in OUT belong to it. An
+interrupted run keeps its finished folds for `--resume`. `tripwatt fit` writes the model beside MODEL and renames it; it
+removes an older model only after the new one is complete.
 """
 
 

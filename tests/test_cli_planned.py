@@ -205,7 +205,7 @@ def test_export_names_all_faults(run: Run, tmp_path: Path) -> None:
         assert said in answer.err
     answer = run("export", "mapbox", "--model", "x", "--vehicle", "nissan_leaf_40")
     assert answer.code == 2
-    assert "one of them" in answer.err
+    assert "one of the two" in answer.err
     answer = run("export", "abrp", "--out", tmp_path / "no" / "x.json", "--vehicle", "nissan_leaf_40")
     assert answer.code == 2
     assert answer.out == ""

@@ -85,11 +85,11 @@ BAD: dict[str, tuple[Callable[[Table], Table], tuple[str, ...]]] = {
     ),
     "a 12 V pack": (
         lambda d: d.assign(Volt=12.4),
-        ("value out of range: drive.csv row 2 column 'Volt'", "got 12.4 v", "30 to 1200 v", "12 V board net"),
+        ("value out of range: drive.csv row 2 column 'Volt'", "got 12.4 v", "30 to 1200 v", "12 V on-board system"),
     ),
     "current of the wrong sign": (
         lambda d: d.assign(Amp=-d.Amp),
-        ("the current has the wrong sign: column 'Amp'", "charge while it accelerates", 'positive = "charge" in place', "my.toml"),
+        ("current has the wrong sign: column 'Amp'", "charge while it accelerates", 'positive = "charge" in place', "my.toml"),
     ),
     "a word among the numbers": (
         lambda d: d.assign(Amp=[*map(str, d.Amp[:50]), "n.v.", *map(str, d.Amp[51:])]),
@@ -125,10 +125,10 @@ def test_a_gap_of_minutes_is_told_with_its_row_and_splits_the_drive(run, tmp_pat
     assert answer.code == 0
     found = json.loads(answer.out)
     assert found["used"] == ["drive-1", "drive-2"]
-    (note,) = [n for n in found["notes"] if "no samples" in n]
-    assert "drive.csv row 402" in note
-    assert "301 s" in note
-    assert "at most 60 s" in note
+    (note,) = [n for n in found["notes"] if n["code"] == "samples_missing"]
+    assert "drive.csv row 402" in note["subject"]
+    assert note["value"] == 301.0
+    assert "301 s" in note["message"]
 
 
 def test_two_trips_with_one_id_within_a_file_and_between_files(run, tmp_path) -> None:
@@ -138,7 +138,7 @@ def test_two_trips_with_one_id_within_a_file_and_between_files(run, tmp_path) ->
     )
     answer = run("audit", "all.csv", "--mapping", "my.toml")
     assert answer.code == 2
-    for words in ("two trips with one id: all.csv row 702, trip 7", "0 s after 699 s", "one id a trip"):
+    for words in ("duplicate trip id: all.csv row 702, trip 7", "0 s after 699 s", "one id per trip"):
         assert words in answer.err
     folder = tmp_path / "logs"
     folder.mkdir()
@@ -146,7 +146,7 @@ def test_two_trips_with_one_id_within_a_file_and_between_files(run, tmp_path) ->
         drive().assign(Drive=3).to_csv(folder / f"{name}.csv", index=False)
     answer = run("audit", "logs", "--mapping", "my.toml")
     assert answer.code == 2
-    assert "two trips with one id: logs, trip 3: got a.csv and b.csv" in answer.err
+    assert "duplicate trip id: logs, trip 3: got a.csv and b.csv" in answer.err
 
 
 def test_one_wrong_setting_in_many_files_is_counted_not_repeated(run, tmp_path) -> None:
@@ -194,7 +194,7 @@ VEHICLE: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
     ),
     "no source": (
         ('source = "Autoblog', 'sauce = "Autoblog'),
-        ("missing source: car.toml, body.curb_mass_kg", "where the value comes from"),
+        ("missing source: car.toml, body.curb_mass_kg", "the source of the value"),
     ),
 }
 
@@ -272,8 +272,8 @@ def test_energy_from_whole_percents_says_how_uncertain_it_is_and_short_trips_go(
     assert found["used"] == ["long", "short"]
     said = {f["trip"]: f["what"] for f in found["findings"] if "standard error" in f["what"]}
     assert said == {
-        "short": "energy from the SoC is 400 Wh with a standard error of 165 Wh: coarse",
-        "shortest": "energy from the SoC is 0 Wh with a standard error of 163 Wh: not known",
+        "short": "energy from the state of charge is 400 Wh with a standard error of 165 Wh: inaccurate",
+        "shortest": "energy from the state of charge is 0 Wh with a standard error of 163 Wh: too inaccurate to use",
     }
     simulated = run("simulate", "logs", "--mapping", "my.toml", "--trip", "long", "--json")
     answer = json.loads(simulated.out)

@@ -129,7 +129,7 @@ def test_what_training_never_saw_is_flagged_and_widens(model, trip):
 
 def test_unusable_samples_are_refused(model, trip):
     forecast = model.forecast(trip)
-    with pytest.raises(InvalidInput, match="nothing measured"):
+    with pytest.raises(InvalidInput, match="no measured energy"):
         forecast.update(trip.samples[["time_s", "speed_m_s"]])
     with pytest.raises(InvalidInput, match="soc"):
         forecast.update(trip.samples[["time_s", "speed_m_s"]].assign(soc=3.0))

@@ -82,7 +82,7 @@ def test_a_newer_format_is_refused_with_what_is_known(
     monkeypatch.setattr(modelfile, "FORMAT_VERSION", 7)
     write(tmp_path / "newer")
     monkeypatch.undo()
-    with pytest.raises(InvalidInput, match=r"format_version: got 7; allowed: 1; a newer tripwatt"):
+    with pytest.raises(InvalidInput, match=r"format_version: got 7; allowed: 1; update tripwatt"):
         read_model(tmp_path / "newer")
 
 
@@ -106,7 +106,7 @@ def test_pickles_are_neither_written_nor_read(model: Path, monkeypatch: pytest.M
 
 
 def test_parts_cannot_point_out_of_the_folder(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(InvalidInput, match="not a name"):
+    with pytest.raises(InvalidInput, match="invalid name"):
         write_model(model, {}, {"../a.npz": {}})
     (model.parent / "secret.json").write_text("{}")
     digest = "0" * 64

@@ -13,8 +13,9 @@ from rich.console import Console
 
 from tripwatt.cli.printing import progress, progress_lines
 from tripwatt.cli.sentences import forecast_in_words
-from tripwatt.forecasting import load_model, trip_to_come
+from tripwatt.forecasting import load_model
 from tripwatt.synthetic import example_trip
+from tripwatt.trips import Departure, plan_from_samples
 
 
 def made(soc: tuple[float, float, float, float], energy_wh: float = 2120.0, **more: Any) -> Any:
@@ -29,8 +30,7 @@ def made(soc: tuple[float, float, float, float], energy_wh: float = 2120.0, **mo
             "displayed_soc_high": [start, high],
         }
     )
-    columns = {"ambient_temperature_degc": np.array([-0.3])}
-    plan = type("Plan", (dict,), {"array": lambda self, name: self[name]})(columns)
+    plan = SimpleNamespace(departure=Departure(ambient_temperature_degc=-0.3))
     given = {"measured_until_s": 0.0, "p_arrive": lambda: 0.42, "plan": plan} | more
     return SimpleNamespace(
         energy_wh=energy_wh,
@@ -60,19 +60,20 @@ def test_a_battery_that_may_not_last_is_told_with_its_probability() -> None:
 
 
 def test_short_trips_have_two_digits_and_the_way_behind_is_told() -> None:
-    said = forecast_in_words(made((0.8, 0.79, 0.78, 0.8), 640.0, measured_until_s=600.0, plan={}))
+    plan = SimpleNamespace(departure=Departure())
+    said = forecast_in_words(made((0.8, 0.79, 0.78, 0.8), 640.0, measured_until_s=600.0, plan=plan))
     assert "12.3 km in 24 min, 10 min of it driven: 0.64 kWh; 9 in 10 such trips take 0.34 to 1.0 kWh" in said
 
 
 def test_the_packages_model_and_the_example_trip() -> None:
-    found = load_model(None).forecast(trip_to_come(example_trip(), "example"))
+    found = load_model(None).forecast(plan_from_samples(example_trip(), "example"))
     said = forecast_in_words(found)
     numbers = [float(n) for n in re.findall(r"\d+\.?\d*", said)]
     km, minutes, degc, energy, _, _, low, high, *_ = numbers
     last = found.series().iloc[-1]
     assert km == pytest.approx(last["distance_m"] / 1e3, abs=0.05)
     assert minutes == pytest.approx(last["time_s"] / 60, abs=0.5)
-    assert degc == pytest.approx(found.plan.array("ambient_temperature_degc")[0], abs=0.5)
+    assert degc == pytest.approx(found.plan.departure.ambient_temperature_degc, abs=0.5)
     expected = np.array([found.energy_wh, *found.interval(0.9)]) / 1e3
     np.testing.assert_allclose([energy, low, high], expected, atol=0.05)
 

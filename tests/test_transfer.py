@@ -223,8 +223,8 @@ def test_the_second_half_is_not_looked_at(first_car, second_car) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"trips": ()}, "no such number of trips"),
-        ({"trips": (1, -1), "draws": 0}, "no such number of draws"),
+        ({"trips": ()}, "value out of range: trips"),
+        ({"trips": (1, -1), "draws": 0}, "value out of range: draws"),
         ({"min_distance_m": 1e9}, "too few trips to score"),
     ],
 )
@@ -295,7 +295,7 @@ def test_what_cannot_be_adapted_is_refused(base, leaf, roads, i3) -> None:
     model = load_model(base)
     with pytest.raises(InvalidInput, match="no trips"):
         adapt(model, [], leaf)
-    with pytest.raises(InvalidInput, match="unknown way to adapt"):
+    with pytest.raises(InvalidInput, match="unknown adaptation mode"):
         adapt(model, roads[:1], leaf, mode="all")
     with pytest.raises(InvalidInput, match="not fitted"):
         adapt(ForecastModel(i3), roads[:1], leaf)

@@ -36,5 +36,5 @@ def test_no_tree_and_levels() -> None:
     X = rng.integers(0, 5, (300, 1)).astype(float)
     data = lightgbm.Dataset(X, np.isin(X[:, 0], [1, 3]).astype(float), categorical_feature=[0])
     booster = lightgbm.train({"verbosity": -1, "min_data_per_group": 1}, data, num_boost_round=1)
-    with pytest.raises(InvalidInput, match="not stored"):
+    with pytest.raises(InvalidInput, match="cannot be stored"):
         TreeTable.of_text(booster.model_to_string(), 1)

@@ -123,11 +123,11 @@ def test_own_entries_win_over_inherited_ones() -> None:
     [
         (
             {"extends": ["pasenger_car"]},
-            ("nothing to take over", "pasenger_car", "did you mean 'passenger_car'?"),
+            ("unknown base", "pasenger_car", "did you mean 'passenger_car'?"),
         ),
         ({"extends": 3}, ("not a list of names", "3")),
         ({"scaled": {"motor_loses": "bmw_i3_60ah"}}, ("unknown key", "scaled.motor_loses", "motor_losses")),
-        ({"scaled": {"motor_losses": "bmw_i4"}}, ("nothing to take over", "scaled.motor_losses", "bmw_i4")),
+        ({"scaled": {"motor_losses": "bmw_i4"}}, ("unknown base", "scaled.motor_losses", "bmw_i4")),
     ],
 )
 def test_wrong_inheritance_is_named(change: dict[str, object], words: tuple[str, ...]) -> None:
@@ -190,7 +190,7 @@ def test_overrides_with_short_names_change_the_car_and_say_so() -> None:
 def test_override_without_effect_is_refused() -> None:
     with pytest.raises(InvalidInput) as error:
         load_vehicle("nissan_leaf_40", overrides={"c_d": 0.3})
-    assert "override without effect" in faults_of(error)
+    assert "override has no effect" in faults_of(error)
     every = {"c_d": 0.28, "area": 2.3, "c_rr": 0.009, "road_load": "coefficients"}
     assert load_vehicle("nissan_leaf_40", overrides=every).road_load.drag_area_m2 == pytest.approx(0.644)
 
@@ -370,8 +370,8 @@ def test_fastsim_2_in_yaml_is_its_row_in_csv(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "text", "row", "words"),
     [
-        ("car.txt", "", None, ("unknown kind of file", ".yaml")),
-        ("car.csv", CSV_HEAD + CSV_ROWS, None, ("which row?", "Sum of parts, Given mass")),
+        ("car.txt", "", None, ("unknown file format", ".yaml")),
+        ("car.csv", CSV_HEAD + CSV_ROWS, None, ("no single vehicle", "Sum of parts, Given mass")),
         ("car.csv", CSV_HEAD + CSV_ROWS, "Petrol", ("not a battery electric car", "Conv")),
         (
             "car.csv",
@@ -403,7 +403,7 @@ def test_fastsim_2_in_yaml_is_its_row_in_csv(tmp_path: Path) -> None:
             "car.xml",
             XML.replace("<routes>", '<!DOCTYPE r [<!ENTITY a "b">]><routes>'),
             None,
-            ("may not define entities", "plain XML"),
+            ("XML with entities", "plain XML"),
         ),
     ],
 )

@@ -102,7 +102,7 @@ def test_each_required_entry_is_missed(document: dict[str, Any]) -> None:
     [
         ("battery", "ocv_soc", [0.0, 0.5], "differ in length"),
         ("battery", "resistance_soc", [0.0, 0.2, 0.1, 1.0], "does not increase"),
-        ("battery", "min_cell_voltage_v", 3.9, "below its limit"),
+        ("battery", "min_cell_voltage_v", 3.9, "cell voltage limit too high"),
         ("regeneration", "full_soc", 0.99, "wrong order"),
         ("climate", "fresh_air_low_w_k", 500.0, "wrong order"),
     ],
@@ -127,9 +127,9 @@ def test_coast_down_stands_in_for_drag_and_rolling(document: dict[str, Any]) -> 
     force = weight * (constant + linear * 20.0) + 0.5 * 1.167 * measured.drag_area_m2 * 400.0
     assert force == pytest.approx(104.98 + 6.6 * 20.0 + 0.2604 * 400.0)
     both = {**coastdown, **coefficients}
-    assert any("not clear" in f for f in faults_of({**document, "road_load": both}))
+    assert any("incomplete or ambiguous" in f for f in faults_of({**document, "road_load": both}))
     half = dict(list(coastdown.items())[:2])
-    assert any("not clear" in f for f in faults_of({**document, "road_load": half}))
+    assert any("incomplete or ambiguous" in f for f in faults_of({**document, "road_load": half}))
 
 
 def test_a_displayed_capacity_is_put_on_the_soc_scale(document: dict[str, Any]) -> None:

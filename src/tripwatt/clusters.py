@@ -71,9 +71,7 @@ class Columns:
             try:
                 encoded[name] = X[name].to_numpy(dtype=float, na_value=np.nan)
             except (TypeError, ValueError):
-                faults.append(
-                    Fault("a column of text where numbers were learned", f"column {name}", str(X[name].dtype))
-                )
+                faults.append(Fault("text in a numeric column", f"column {name}", str(X[name].dtype)))
         if faults:
             raise InvalidInput(faults)
         return pd.DataFrame(encoded, index=X.index, columns=X.columns)
@@ -226,9 +224,7 @@ def folds_of(folds: Any, clusters: Clusters) -> tuple[npt.NDArray[Any], Ints]:
     if torn.size:
         raise InvalidInput(
             [
-                Fault(
-                    "a group lies in two folds", f"group {label}", allowed="one fold for all rows of a group"
-                )
+                Fault("group in two folds", f"group {label}", allowed="one fold for all rows of a group")
                 for label in torn
             ]
         )

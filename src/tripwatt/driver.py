@@ -308,7 +308,7 @@ def _route_faults(length: FloatArray, speed: FloatArray, dwell: FloatArray, step
         ("dwell_s", dwell, True),
     ):
         if values.shape != length.shape:
-            yield Fault("links disagree", name, f"shape {values.shape}", f"shape {length.shape} of length_m")
+            yield Fault("wrong shape", name, f"shape {values.shape}", f"shape {length.shape} of length_m")
             continue
         wrong = ~(np.isfinite(values) & ((values > 0) | (zero_allowed & (values == 0))))
         if wrong.any():

@@ -148,10 +148,10 @@ def consumption_curve(
         where = f"{vehicle.name} at {LOWEST_KM_H} km/h"
         raise InvalidInput(
             Fault(
-                "the car cannot follow",
+                "car cannot hold the speed",
                 where,
                 "; ".join(map(message, flags)),
-                "a car and a battery that drive",
+                "a car that can hold the speed",
             )
         )
     mass = vehicle.body.test_mass_kg + (departure.payload_mass_kg or 0.0)
@@ -363,7 +363,7 @@ def export_curve(
     ['ref_consumption']
     """
     if service not in EXPORTS:
-        raise InvalidInput(Fault("no such service", "service", repr(service), ", ".join(EXPORTS)))
+        raise InvalidInput(Fault("unknown service", "service", repr(service), ", ".join(EXPORTS)))
     curve = consumption_curve(
         vehicle,
         departure,

@@ -117,10 +117,10 @@ def read_metadata(folder: Path | str) -> dict[str, Any]:
     where = f"{path}"
     if not path.is_dir():
         got = "a file" if path.exists() else "nothing"
-        raise InvalidInput(Fault("no model", where, got, "a model's folder, as `tripwatt fit` writes it"))
+        raise InvalidInput(Fault("no model", where, got, "a folder that `tripwatt fit` wrote"))
     raw = _bytes(path / METADATA)
     if raw is None:
-        fix = "the folder holds no model, or a part of one"
+        fix = "give the whole folder that `tripwatt fit` wrote"
         raise InvalidInput(Fault("no model", where, f"no {METADATA}", f"a folder with {METADATA}", fix))
     try:
         document = json.loads(raw)
@@ -131,10 +131,10 @@ def read_metadata(folder: Path | str) -> dict[str, Any]:
         raise InvalidInput(Fault("no model", f"{path / METADATA}, format", repr(found), repr(FORMAT)))
     version = document.get("format_version")
     if version not in _READERS:
-        fix = "a newer tripwatt reads it" if isinstance(version, int) and version > FORMAT_VERSION else ""
+        fix = "update tripwatt" if isinstance(version, int) and version > FORMAT_VERSION else ""
         known = ", ".join(map(str, sorted(_READERS)))
         place = f"{path / METADATA}, format_version"
-        raise InvalidInput(Fault("unknown format of a model", place, repr(version), known, fix))
+        raise InvalidInput(Fault("unknown model format", place, repr(version), known, fix))
     digest = str(document.get("sha256"))
     blanked = raw.replace(f'"sha256": "{digest}"'.encode(), f'"sha256": "{_BLANK}"'.encode(), -1)
     found = hashlib.sha256(blanked).hexdigest()
@@ -151,15 +151,15 @@ def require_place(folder: Path) -> None:
     InvalidInput
         When it is a file, a folder with something else in it, or cannot be made.
     """
-    allowed = "a new or empty folder, or one that holds a model"
+    allowed = "a new or empty folder, or a folder with a model"
     if folder.exists() and not folder.is_dir():
         raise InvalidInput(Fault("output is not a folder", "--out", f"{folder}", allowed))
     if folder.is_dir() and any(folder.iterdir()) and not (folder / METADATA).is_file():
-        raise InvalidInput(Fault("folder holds something else", "--out", f"{folder}", allowed))
+        raise InvalidInput(Fault("folder contains other files", "--out", f"{folder}", allowed))
     nearest = next(place for place in folder.absolute().parents if place.exists())
     if not nearest.is_dir() or not os.access(nearest, os.W_OK | os.X_OK):
         got = f"{folder}: no permission to write into {nearest}"
-        raise InvalidInput(Fault("cannot write the model", "--out", got, "a folder that can be written"))
+        raise InvalidInput(Fault("cannot write the model", "--out", got, "a writable folder"))
 
 
 def _read_version_1(path: Path, metadata: Mapping[str, Any]) -> ModelFile:
@@ -169,7 +169,14 @@ def _read_version_1(path: Path, metadata: Mapping[str, Any]) -> ModelFile:
         place = path / name
         raw = _bytes(place) if Path(name).name == name and place.suffix in _SUFFIXES else None
         if raw is None:
-            faults.append(Fault("part of the model is missing", f"{place}", "nothing", "the file as written"))
+            faults.append(
+                Fault(
+                    "part of the model is missing",
+                    f"{place}",
+                    "nothing",
+                    "the file that `tripwatt fit` wrote",
+                )
+            )
             continue
         found = hashlib.sha256(raw).hexdigest()
         if found != about["sha256"]:
@@ -193,7 +200,11 @@ _READERS: Final[Mapping[int, Callable[[Path, Mapping[str, Any]], ModelFile]]] = 
 
 def _damaged(place: Path, got: str, allowed: str) -> Fault:
     return Fault(
-        "part of the model is damaged or altered", f"{place}", got, allowed, "take a fresh copy or fit again"
+        "part of the model is damaged or altered",
+        f"{place}",
+        got,
+        allowed,
+        "copy the model again, or fit it again",
     )
 
 
@@ -211,7 +222,7 @@ def _bytes(path: Path) -> bytes | None:
 def _encoded(name: str, part: Part) -> bytes:
     suffix = Path(name).suffix
     if Path(name).name != name or suffix not in _SUFFIXES or name == METADATA:
-        raise InvalidInput(Fault("not a name of a part", "parts", repr(name), "NAME.npz or NAME.json"))
+        raise InvalidInput(Fault("invalid name of a part", "parts", repr(name), "NAME.npz or NAME.json"))
     if suffix == ".json":
         return (json.dumps(part, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
     arrays = {key: np.asarray(value) for key, value in part.items()}
@@ -254,9 +265,7 @@ def _place(out: Path, content: Mapping[str, bytes]) -> None:
             raise
     except OSError as error:
         got = f"{out}: {error.strerror or error}"
-        raise InvalidInput(
-            Fault("cannot write the model", "--out", got, "a folder that can be written")
-        ) from error
+        raise InvalidInput(Fault("cannot write the model", "--out", got, "a writable folder")) from error
     finally:
         for folder in (made, older):
             shutil.rmtree(folder, ignore_errors=True)

@@ -224,7 +224,7 @@ def test_discretised_points_stay_within_half_a_step():
         ({"z": np.inf}, FULL, ["not finite", "'z'", "s(x,z)"]),
         ({"y": 3.0}, Formula("y", (X,)), ["constant response"]),
         ({"y": np.inf}, Formula("y", (X,)), ["not finite", "response"]),
-        ({"g": "only"}, FULL, ["one group only", "s(g)"]),
+        ({"g": "only"}, FULL, ["only one group", "s(g)"]),
         ({"w": "only"}, FULL, ["one level", "w"]),
         ({"w": None}, FULL, ["missing level", "'w'"]),
         ({"x": "text"}, Formula("y", (X,)), ["not numeric", "s(x)"]),
@@ -275,9 +275,9 @@ def test_predict_and_options_say_what_is_wrong(frame, model):
         GAMM(FULL, "poisson").fit(frame)
     with pytest.raises(InvalidInput, match="gaussian errors"):
         GAMM(FULL, "scat", ar1_rho=0.5).fit(frame)
-    with pytest.raises(InvalidInput, match=r"bad smoothing parameters.*s\(x,z\)"):
+    with pytest.raises(InvalidInput, match=r"invalid smoothing parameters.*s\(x,z\)"):
         GAMM(FULL, smoothing_parameters=[1.0]).fit(frame)
-    with pytest.raises(InvalidInput, match="one group only"):
+    with pytest.raises(InvalidInput, match="only one group"):
         GAMM(Formula("y", (X,))).leave_groups_out(frame, groups=np.zeros(len(frame)))
     with pytest.raises(InvalidInput, match="wrong length"):
         GAMM(FULL).fit(frame, frame["y"][:-1])

@@ -147,7 +147,7 @@ def test_all_effects_are_drawn_and_labelled(fit, data):
 
 
 def test_effects_refuse_nonsense(fit, data):
-    with pytest.raises(InvalidInput, match=r"no coverage[\s\S]*grid too coarse"):
+    with pytest.raises(InvalidInput, match=r"value out of range[\s\S]*grid too coarse"):
         effects(fit, level=2.0, points=1)
     with pytest.raises(InvalidInput, match="unknown column"):
         effects(fit, data.drop(columns="x"))

@@ -69,9 +69,9 @@ def test_the_papers_formula():
     [
         ("y ~ s(time", ["cannot be read", "never closed"]),
         ("y ~ s(time):winter", ["cannot be read", "s(x, by=f)"]),
-        ("y = s(time)", ["one ~", "0 of them"]),
-        ("y ~ a ~ b", ["one ~", "2 of them"]),
-        ("log(y) ~ a", ["the response is no column", "log(y)"]),
+        ("y = s(time)", ["wrong number of ~", "0 of them"]),
+        ("y ~ a ~ b", ["wrong number of ~", "2 of them"]),
+        ("log(y) ~ a", ["response is not a column", "log(y)"]),
         ("y ~ smooth(time)", ["unknown function", "'smooth(time)' at character 5", "s(), te(), ti()"]),
         ("y ~ `ü b` + q(x)", ["'q(x)' at character 13"]),
         ("y ~ s(time, bs='pss')", ["unknown basis", "bs='pss'", '"tp", "ps", "cr", "re"', "did you mean ps"]),

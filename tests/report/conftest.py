@@ -215,7 +215,7 @@ def make_run(dataset: str = "tum", trips: list[str] | None = None, seed: int = 7
                 "trip": "X99",
                 "from_s": None,
                 "to_s": None,
-                "what": "energy contradicts SoC",
+                "what": "energy contradicts state of charge",
                 "consequence": "set aside",
             },
         ],

@@ -203,7 +203,7 @@ def test_what_is_missing_is_said(made_up: MakeRun) -> None:
     assert "No comparison of signals" in words
     assert "No importances" in words
     assert "No learning curve" in words
-    assert "X99: not a reference trip of the data set; audit: energy contradicts SoC" in words
+    assert "X99: not a reference trip of the data set; audit: energy contradicts state of charge" in words
     assert "No predictions along the trips were kept" in words
 
 

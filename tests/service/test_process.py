@@ -46,8 +46,8 @@ def alive(pid: int) -> bool:
 
 
 def test_it_does_not_start_where_it_would_not_be_safe(tmp_path: Path) -> None:
-    assert "other machines could reach it" in refused("--host", "0.0.0.0")
-    assert "the token is too weak" in refused("--host", "0.0.0.0", TRIPWATT_TOKEN="short")
+    assert "token is missing" in refused("--host", "0.0.0.0")
+    assert "token is too short" in refused("--host", "0.0.0.0", TRIPWATT_TOKEN="short")
     said = refused(str(tmp_path / "nothing"), "--limit", "colour=1", "--limit", "samples=x")
     assert "unknown limit" in said
     assert "limit samples" in said
@@ -64,7 +64,7 @@ def test_models_are_those_of_the_start(tmp_path: Path) -> None:
     (tmp_path / "one").symlink_to(model_folder())
     (tmp_path / "two").symlink_to(model_folder())
     assert list(models_of([tmp_path / "two"], None)) == [model_folder().name]
-    with pytest.raises(InvalidInput, match="two models of one name"):
+    with pytest.raises(InvalidInput, match="duplicate model name"):
         models_of([tmp_path / "one", tmp_path / "two"], None)
     with pytest.raises(InvalidInput, match="no models"):
         models_of([], tmp_path / "nowhere")

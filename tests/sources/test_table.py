@@ -215,8 +215,8 @@ def test_torque_files_read_with_their_odd_times_and_dashes(tmp_path):
     [
         (lambda d: d.rename(columns={"Amp": "Ampere"}), "missing column", "did you mean 'Ampere'?"),
         (lambda d: d.assign(Speed=d.Speed * 10), "value out of range", "-36 to 324 km/h"),
-        (lambda d: d.assign(Volt=12.6), "value out of range", "12 V board net"),
-        (lambda d: d.assign(Amp=-d.Amp), "the current has the wrong sign", 'positive = "discharge"'),
+        (lambda d: d.assign(Volt=12.6), "value out of range", "12 V on-board system"),
+        (lambda d: d.assign(Amp=-d.Amp), "current has the wrong sign", 'positive = "discharge"'),
         (lambda d: d.assign(Volt=np.nan), "empty column", "Volt"),
         (lambda d: d.assign(Volt="high"), "not a number", "'high'"),
         (lambda d: d.iloc[:1], "too few samples", "at least 2"),
@@ -253,7 +253,7 @@ def test_two_trips_with_one_id_and_all_faults_at_once(tmp_path, mapping):
     driven().to_csv(folder / "a.csv", index=False)
     driven().to_parquet(folder / "a.parquet")
     (fault,) = faults_of(folder, mapping)
-    assert fault.what == "two trips with one id"
+    assert fault.what == "duplicate trip id"
     driven().assign(Volt=12.0).to_csv(folder / "b.csv", index=False)
     (folder / "c.parquet").write_bytes(b"no parquet")
     faults = faults_of(folder, mapping)

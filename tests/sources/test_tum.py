@@ -172,7 +172,7 @@ def test_folders_that_are_none(tmp_path, tum_bytes):
         (lambda d: bytes(range(256)) * 20, "not a text file", "TripA01.csv"),
         (lambda d: d.replace(b";", b" "), "missing column", "row 1"),
         (lambda d: d.replace(b"Battery Current [A]", b"Amps"), "missing column", "row 1"),
-        (lambda d: d.replace(b"Throttle [%]", b"Velocity [km/h] "), "column twice", "Velocity [km/h]"),
+        (lambda d: d.replace(b"Throttle [%]", b"Velocity [km/h] "), "duplicate column", "Velocity [km/h]"),
         (
             lambda d: d.replace(b";-20.25;", b";oops;", 1),
             "not a number",
@@ -190,7 +190,7 @@ def test_folders_that_are_none(tmp_path, tum_bytes):
         ),
         (lambda d: d.replace(b"390.5", b"390,5"), "decimal comma", "row 2 column 'Battery Voltage [V]'"),
         (lambda d: d.replace(b";", b",").replace(b"390.5", b"390,5"), "wrong number of columns", "row 2"),
-        (lambda d: d[:-40], "the file is cut off", "row 31"),
+        (lambda d: d[:-40], "truncated file", "row 31"),
         (lambda d: d.replace(b";12;", b";", 1), "wrong number of columns", "row 2"),
     ],
 )
@@ -257,7 +257,7 @@ def test_check_folder_tells_missing_unreadable_and_shortened(tmp_path, tum_bytes
     assert not report.complete
     assert "TripA03" in report.missing
     assert "shortened: TripA01 has 9.9 s" in str(report)
-    assert "cut off" in str(report)
+    assert "truncated file" in str(report)
     assert json.loads(json.dumps(report.as_dict()))["shortened"]["TripA01"]["sheet_s"] == 120.0
     assert "doi.org/10.21227/6jr9-5235" in where_to_get("tum")
 
@@ -266,7 +266,7 @@ def test_datasets_are_known_by_name(tmp_path, tum_bytes):
     (tmp_path / "TripA01.csv").write_bytes(tum_bytes())
     assert read_logs(tmp_path, "tum").name == "tum"
     assert "tum" in DATASETS
-    with pytest.raises(InvalidInput, match="no such data set"):
+    with pytest.raises(InvalidInput, match="unknown data set"):
         read_logs(tmp_path, "nothing")
 
 

@@ -71,7 +71,7 @@ def test_folders_and_files_that_are_none(tmp_path):
     assert "row 2 column 'HV Battery Current[A]'" in fault.where
     (tmp_path / "VED_171108_week.csv").write_text(week((LEAF, 1)))
     (fault,) = faults_of(tmp_path)
-    assert fault.what == "two trips with one id"
+    assert fault.what == "duplicate trip id"
 
 
 @given(junk=st.binary(max_size=12), at=st.integers(0, 700), remove=st.integers(0, 60))

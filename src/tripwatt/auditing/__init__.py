@@ -101,13 +101,13 @@ def audit(logs: Fleet | Iterable[Recorded]) -> Audit:
     >>> from tripwatt.trips import Log
     >>> result = audit([Log.from_samples("A", samples)])
     >>> print(result.findings[-1])
-    A, 400.0 to 599.0 s: every signal frozen for 199.0 s at 18.0 m/s (trimmed)
+    A, 400.0 to 599.0 s: every signal frozen for 199.0 s at 65 km/h (trimmed)
     >>> float(result.trips[0].duration_s)
     400.0
     """
     trips = tuple(logs.logs if isinstance(logs, Fleet) else logs)
     require_unique_ids(trips)
-    resampled = [Fault("not a raw log", t.trip_id, f"blocks of {t.step_s} s") for t in trips if t.step_s]
+    resampled = [Fault("not a raw log", t.trip_id, f"means over {t.step_s} s") for t in trips if t.step_s]
     if resampled:
         raise InvalidInput(resampled)
     legs: list[Recorded] = []
@@ -139,7 +139,7 @@ def _audit_log(trip: Recorded) -> tuple[list[Recorded], list[Finding]]:
     findings += missing
     if len(samples) < 2 or any(f.consequence == "set aside" for f in missing):
         if len(samples) < 2:
-            findings.append(whole(samples, trip.trip_id, "no two samples are left", "set aside"))
+            findings.append(whole(samples, trip.trip_id, "fewer than two samples are left", "set aside"))
         return [], findings
     samples, found = ranges.blank_impossible(samples, trip.trip_id)
     findings += found
@@ -180,7 +180,7 @@ def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[l
             if len(piece) > 1 and _distance(piece) < DRIVEN_M
         ]
     if not driven:
-        what = "nothing was driven" if not cuts else "nothing that was driven is left"
+        what = "the car did not move" if not cuts else "no part of the log with a moving car is left"
         findings.append(whole(samples, trip.trip_id, what, "set aside"))
     legs = []
     for number, (first, piece) in enumerate(driven, start=1):
@@ -191,7 +191,7 @@ def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[l
 
 def _undriven(trip_id: str, piece: pd.DataFrame) -> Finding:
     time = array(piece, "time_s")
-    what = f"{_distance(piece):.0f} m beside a cut are no drive"
+    what = f"{_distance(piece):.0f} m beside a cut are too short for a drive"
     return Finding(trip_id, float(time[0]), float(time[-1]), what, "trimmed")
 
 

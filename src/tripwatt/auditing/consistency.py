@@ -12,6 +12,7 @@ import pandas as pd
 from tripwatt.auditing.findings import BoolArray, Finding, FloatArray, array, has, whole
 from tripwatt.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.trips import Recorded
+from tripwatt.trips.messages import signal_name
 from tripwatt.units import SECONDS_PER_HOUR
 
 SOC_TOLERANCE: Final = 0.1
@@ -136,9 +137,9 @@ def soc_findings(trips: Sequence[Recorded], sound: Sequence[bool]) -> dict[str, 
         balance = balances.get(trip.trip_id)
         if balance is None:
             continue
-        text = f"{balance.charge_ah:.2f} Ah for {100 * balance.soc_change:.1f} points of SoC"
+        text = f"{balance.charge_ah:.2f} Ah for a change of the state of charge of {100 * balance.soc_change:.1f} %"
         if abs(balance.soc_change) >= 2 * SMALLEST_SOC_CHANGE and not low <= balance.capacity_ah <= high:
-            what = f"{text} would make a battery of {balance.capacity_ah:.3g} Ah: check unit and sign of the current"
+            what = f"{text} corresponds to a battery of {balance.capacity_ah:.3g} Ah: check unit and sign of the current"
             found[trip.trip_id] = [whole(trip.samples, trip.trip_id, what, "set aside")]
         elif median is not None and not balance.fits(median, spread):
             stopped = _stopped_soc(trip, median, spread)
@@ -146,10 +147,10 @@ def soc_findings(trips: Sequence[Recorded], sound: Sequence[bool]) -> dict[str, 
                 found[trip.trip_id] = [stopped]
                 continue
             alike = sum(balance.fits(c, spread) for other, c in telling.items() if other != trip.trip_id)
-            what = f"energy contradicts SoC: {text}, the other drives' battery of {median:.1f} Ah would give "
-            what += f"{100 * balance.charge_ah / median:.1f} points"
+            what = f"energy contradicts state of charge: {text}; the battery of the other drives, {median:.1f} Ah, gives "
+            what += f"{100 * balance.charge_ah / median:.1f} %"
             if alike >= OF_ANOTHER_CAR:
-                what += f"; {alike} other drives agree with this one, so it may be another car"
+                what += f"; {alike} other drives agree with this one, so this may be another car"
             found[trip.trip_id] = [
                 whole(trip.samples, trip.trip_id, what, "noted" if alike >= OF_ANOTHER_CAR else "set aside")
             ]
@@ -167,9 +168,7 @@ def _stopped_soc(trip: Recorded, capacity_ah: float, spread: float) -> Finding |
     before = charge_balance(trip.samples.iloc[: stop + 1])
     if before is None or abs(before.soc_change) < SMALLEST_SOC_CHANGE or not before.fits(capacity_ah, spread):
         return None
-    what = (
-        f"soc stands at {soc[stop]:.3f} from here on although the battery gives current: the sensor stopped"
-    )
+    what = f"state of charge stays at {soc[stop]:.3f} while the battery delivers current: the sensor stopped"
     return Finding(trip.trip_id, float(time[stop]), float(time[-1]), what, "noted")
 
 
@@ -184,7 +183,7 @@ def blank_soc_faults(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame,
         soc = array(samples, name)
         bad = _stray_soc(time, soc)
         if bad.any():
-            what = f"{name} of {np.nanmin(soc[bad]):g} in {int(bad.sum())} samples is a jump: those samples are blank"
+            what = f"{signal_name(name)} of {np.nanmin(soc[bad]):g} in {int(bad.sum())} samples is a jump: these values are removed"
             findings.append(Finding(trip_id, float(time[bad][0]), float(time[bad][-1]), what, "noted"))
             soc = np.where(bad, np.nan, soc)
             blanked[name] = soc
@@ -220,7 +219,7 @@ def _missing_soc(time: FloatArray, soc: FloatArray, trip_id: str) -> list[Findin
     spans = ((0, int(known[0]), "start"), (int(known[-1]), len(soc) - 1, "end"))
     for first, last, where in spans:
         if time[last] - time[first] > LONG_MISSING_SOC_S:
-            what = f"soc is missing for {time[last] - time[first]:.1f} s at the {where}"
+            what = f"state of charge is missing for {time[last] - time[first]:.1f} s at the {where}"
             found.append(Finding(trip_id, float(time[first]), float(time[last]), what, "noted"))
     return found
 
@@ -234,16 +233,18 @@ def unit_findings(trip: Recorded) -> list[Finding]:
         return []
     mass, correlation = found
     if correlation < WRONG_SIGN:
-        what = "the battery would charge while the car accelerates: the current has the wrong sign; negate it"
+        what = "the battery charges while the car accelerates: the current has the wrong sign; reverse it"
         return [whole(trip.samples, trip.trip_id, what, "set aside")]
     low, high = POSSIBLE_MASS_KG
     if low <= mass <= high or correlation < CLEAR_CORRELATION:
         return []
     if mass > high:
-        guess = "speed in m/s taken for km/h, or the current too large (dA or mA taken for A)"
+        guess = "speed in m/s read as km/h, or a current in dA or mA read as A"
     else:
-        guess = "speed in km/h taken for m/s, or the current or the voltage too small"
-    what = f"power and acceleration would make a car of {mass:.3g} kg: wrong units, such as {guess}"
+        guess = "speed in km/h read as m/s, or a current or a voltage that is too small"
+    what = (
+        f"power and acceleration correspond to a car of {mass:.3g} kg: a unit is wrong, for example {guess}"
+    )
     return [whole(trip.samples, trip.trip_id, what, "set aside")]
 
 
@@ -254,7 +255,8 @@ def soc_energy_findings(trip: Recorded) -> Iterator[Finding]:
         return
     useless = not error < USELESS_SHARE * energy
     if useless or error > COARSE_SHARE * energy:
-        what = f"energy from the SoC is {energy:.0f} Wh with a standard error of {error:.0f} Wh: " + (
-            "not known" if useless else "coarse"
+        what = (
+            f"energy from the state of charge is {energy:.0f} Wh with a standard error of {error:.0f} Wh: "
+            + ("too inaccurate to use" if useless else "inaccurate")
         )
         yield whole(trip.samples, trip.trip_id, what, "set aside" if useless else "noted")

@@ -19,6 +19,7 @@ from tripwatt.auditing.findings import (
     whole,
 )
 from tripwatt.trips import COLUMNS
+from tripwatt.trips.messages import signal_name
 
 STRAY_SHARE: Final = 0.01
 """Up to this share of impossible values are dropouts of a sensor; more means that the column is something else."""
@@ -41,8 +42,8 @@ HOTTEST_AIR_DEGC: Final = 57.0
 HOTTEST_AIR_DEGF: Final = 1.8 * HOTTEST_AIR_DEGC + 32.0
 
 WORTH_NOTING: Final = {
-    "elevation_m": "the road counts as flat",
-    "ambient_temperature_degc": "climate and air density fall back on defaults",
+    "elevation_m": "the road is treated as flat",
+    "ambient_temperature_degc": "climate and air density use default values",
 }
 
 
@@ -50,14 +51,24 @@ def missing_columns(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
     """Columns that are absent or empty: without voltage and current no energy was measured."""
     lost = [c for c in MEASURED if not has(samples, c)]
     if lost and has(samples, "observed_energy_wh") and has(samples, "speed_m_s"):
-        yield whole(samples, trip_id, "no voltage and current: the energy is taken from the SoC", "noted")
+        yield whole(
+            samples,
+            trip_id,
+            "no voltage and current: the energy is calculated from the state of charge",
+            "noted",
+        )
     elif lost:
-        yield whole(samples, trip_id, f"no values of {', '.join(lost)}: no measured energy", "set aside")
+        yield whole(
+            samples,
+            trip_id,
+            f"no values of {', '.join(map(signal_name, lost))}: the energy is not measured",
+            "set aside",
+        )
     if not has(samples, "elevation_m") and not has(samples, "grade"):
-        yield whole(samples, trip_id, f"no values of elevation_m: {WORTH_NOTING['elevation_m']}", "noted")
+        yield whole(samples, trip_id, f"no values of elevation: {WORTH_NOTING['elevation_m']}", "noted")
     if not has(samples, "ambient_temperature_degc"):
         text = WORTH_NOTING["ambient_temperature_degc"]
-        yield whole(samples, trip_id, f"no values of ambient_temperature_degc: {text}", "noted")
+        yield whole(samples, trip_id, f"no values of outside temperature: {text}", "noted")
 
 
 def blank_infinite(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
@@ -71,7 +82,7 @@ def blank_infinite(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, l
         bad = np.isinf(values)
         if bad.any():
             blanked[name] = np.where(bad, np.nan, values)
-            what = f"{name} is infinite in {int(bad.sum())} samples: they are blank"
+            what = f"{signal_name(name)} is infinite in {int(bad.sum())} samples: these values are removed"
             findings.append(whole(samples, trip_id, what, "noted"))
     return (samples.assign(**blanked) if blanked else samples), findings
 
@@ -95,8 +106,9 @@ def blank_impossible(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame,
             continue
         many = float(bad.mean()) > STRAY_SHARE
         guess = _guessed_unit(name, values) if many else ""
-        what = f"{name} of {_extremes(values[bad])} {column.unit} in {int(bad.sum())} samples cannot be" + (
-            f": {guess}" if guess else ""
+        what = (
+            f"{signal_name(name)} of {_extremes(values[bad])} {column.unit} in {int(bad.sum())} samples is impossible"
+            + (f": {guess}" if guess else "")
         )
         consequence: Consequence = "set aside" if many and name in MEASURED else "noted"
         findings.append(_span(samples, trip_id, bad, what, consequence))
@@ -110,7 +122,7 @@ def _reversing_counted(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFram
         back = (speed < 0) & (speed >= -REVERSING_M_S)
     if not back.any():
         return samples, []
-    what = f"{int(back.sum())} samples of negative speed count as reversing"
+    what = f"{int(back.sum())} samples of negative speed are treated as reversing"
     found = _span(samples, trip_id, back, what, "noted")
     return samples.assign(speed_m_s=np.where(back, -speed, speed)), [found]
 
@@ -136,19 +148,19 @@ def _guessed_unit(name: str, values: FloatArray) -> str:
     middle = float(np.nanmedian(values))
     largest = float(np.nanmax(np.abs(values)))
     if name.endswith("_degc") and _KELVIN[0] <= middle <= _KELVIN[1]:
-        return "this looks like K; convert it to °C"
+        return "the unit appears to be K; convert it to °C"
     if name == "ambient_temperature_degc" and HOTTEST_AIR_DEGC < middle <= HOTTEST_AIR_DEGF:
-        return "this looks like °F; convert it to °C"
+        return "the unit appears to be °F; convert it to °C"
     if name.endswith("soc") and 1.0 < largest <= 100.0:
-        return "this looks like percent; convert it to a fraction"
+        return "the unit appears to be percent; convert it to a fraction"
     if name == "voltage_v" and 9.0 <= middle <= 16.0:
-        return "this looks like the 12 V board net; the traction battery's voltage is needed"
+        return "this appears to be the 12 V on-board system; use the voltage of the traction battery"
     if name == "voltage_v" and 30_000.0 <= middle <= 1_200_000.0:
-        return "this looks like mV; convert it to V"
+        return "the unit appears to be mV; convert it to V"
     if name == "current_a" and largest > COLUMNS[name].maximum:
-        return "this looks like mA; convert it to A"
+        return "the unit appears to be mA; convert it to A"
     if name == "speed_m_s" and largest > COLUMNS[name].maximum:
-        return "this looks like km/h; convert it to m/s"
+        return "the unit appears to be km/h; convert it to m/s"
     return ""
 
 
@@ -157,7 +169,7 @@ def blank_fahrenheit(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame,
     ambient = array(samples, "ambient_temperature_degc")
     if not np.isfinite(ambient).any() or float(np.nanmean(ambient)) <= HOTTEST_AIR_DEGC:
         return samples, []
-    what = f"mean ambient temperature of {np.nanmean(ambient):.1f} °C cannot be: this looks like °F; convert it to °C"
+    what = f"mean outside temperature of {np.nanmean(ambient):.1f} °C is impossible: the unit appears to be °F; convert it to °C"
     blank = samples.assign(ambient_temperature_degc=np.full(len(ambient), np.nan))
     return blank, [whole(samples, trip_id, what, "noted")]
 

@@ -37,12 +37,14 @@ def elevation_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]
         return
     driven = _driven(time, speed)
     if np.ptp(height) == 0.0 and driven[-1] > FLAT_ROAD_M:
-        what = f"elevation_m stands at {height[0]:g} over {driven[-1] / 1000:.1f} km: the road counts as flat"
+        what = (
+            f"elevation stays at {height[0]:g} m over {driven[-1] / 1000:.1f} km: the road is treated as flat"
+        )
         yield whole(samples, trip_id, what, "noted")
     step = np.abs(np.diff(height))
     jumps = np.flatnonzero(step > ELEVATION_NOISE_M + STEEPEST * np.diff(driven))
     if len(jumps):
-        what = f"elevation_m jumps {len(jumps)} times, by up to {step[jumps].max():.1f} m"
+        what = f"elevation jumps {len(jumps)} times, by up to {step[jumps].max():.1f} m"
         yield Finding(trip_id, float(time[jumps[0]]), float(time[jumps[-1] + 1]), what, "noted")
 
 
@@ -61,5 +63,5 @@ def ambient_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
         return
     value = float(np.nanmin(values))
     if time[-1] - time[0] > CONSTANT_AMBIENT_S or value in DEFAULT_AMBIENT_DEGC:
-        what = f"ambient_temperature_degc stands at {value:g} throughout: it may not be measured"
+        what = f"outside temperature stays at {value:g} °C: it may not be measured"
         yield whole(samples, trip_id, what, "noted")

@@ -19,6 +19,8 @@ from tripwatt.auditing.findings import (
     runs,
     whole,
 )
+from tripwatt.trips.messages import signal_name
+from tripwatt.units import M_S_PER_KM_H
 
 FEWEST_SAMPLES: Final = 10
 """A coincidence of a few samples is none of many: every rule on runs asks for at least so many."""
@@ -103,7 +105,7 @@ def freeze_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
         moving = speed[first] > MOVING_M_S
         at_an_end = first == 0 or last == len(samples) - 1
         if moving or (lasted >= FREEZE_STANDING_S and at_an_end):
-            state = f"at {speed[first]:.1f} m/s" if moving else "at standstill"
+            state = f"at {speed[first] / M_S_PER_KM_H:.0f} km/h" if moving else "at standstill"
             start = 0 if first == 0 else first + 1  # the first sample of a freeze is still a measurement
             yield Cut(start, last + 1, f"every signal frozen for {lasted:.1f} s {state}")
 
@@ -128,7 +130,7 @@ def frozen_sensor_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Find
             if lasted < FROZEN_SENSOR_S or last - first < FEWEST_SAMPLES:
                 continue
             if np.ptp(speed[first : last + 1]) > SPEED_CHANGE_M_S:
-                what = f"{name} stands at {values[first]:g} for {lasted:.1f} s while the speed changes"
+                what = f"{signal_name(name)} stays at {values[first]:g} for {lasted:.1f} s while the speed changes"
                 long = name == "current_a" and lasted > FROZEN_SHARE * (time[-1] - time[0])
                 yield Finding(
                     trip_id, float(time[first]), float(time[last]), what, "set aside" if long else "noted"
@@ -140,7 +142,7 @@ def frozen_sensor_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Find
         lasted = time[last - 1] - time[first]
         if lasted >= STANDING_POWER_S and last - first >= FEWEST_SAMPLES:
             mean = float(np.mean(power[first:last])) / 1000.0
-            what = f"the battery gives {mean:.1f} kW for {lasted:.1f} s at standstill: the speed is frozen"
+            what = f"the battery delivers {mean:.1f} kW for {lasted:.1f} s at standstill: the speed is frozen"
             yield Finding(trip_id, float(time[first]), float(time[last - 1]), what, "set aside")
 
 
@@ -197,7 +199,7 @@ def sensor_stop_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
         lasted = time[min(last, len(time) - 1)] - time[max(first - 1, 0)]
         if lasted > SENSOR_STOP_S:
             lost = [n for n in measured if not np.isfinite(array(samples, n)[first:last]).all()]
-            yield Cut(first, last, f"no values of {', '.join(lost)} for {lasted:.1f} s")
+            yield Cut(first, last, f"no values of {', '.join(map(signal_name, lost))} for {lasted:.1f} s")
 
 
 def charging_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
@@ -229,14 +231,14 @@ def blank_stuck_heater(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFram
         pulses = _pulses(time, values)
         stuck = _stuck_at(samples, values, pulses) if name == "heating_power_w" else None
         if stuck is not None:
-            what = f"{name} stands at {stuck[0]:g} W in {stuck[1]:.0%} of the samples: the column is blank"
+            what = f"{signal_name(name)} stays at {stuck[0]:g} W in {stuck[1]:.0%} of the samples: all its values are removed"
             findings.append(whole(samples, trip_id, what, "noted"))
             blanked[name] = np.full(len(values), np.nan)
         elif len(pulses) >= FEWEST_PULSES:
             mended = values.copy()
             for first, last in pulses:
                 mended[first:last] = np.nan
-            what = f"{name} jumps up and back by more than {PULSE_W:g} W {len(pulses)} times: those samples are blank"
+            what = f"{signal_name(name)} jumps up and back by more than {PULSE_W:g} W {len(pulses)} times: these values are removed"
             span = float(time[pulses[0][0]]), float(time[pulses[-1][1] - 1])
             findings.append(Finding(trip_id, *span, what, "noted"))
             blanked[name] = mended

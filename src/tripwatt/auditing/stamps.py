@@ -46,17 +46,17 @@ def mend_stamps(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list
     strays = len(time) - len(kept)
     if strays <= STRAY_SHARE * len(time):
         lost = np.setdiff1d(np.arange(len(time)), kept)
-        what = f"time goes back: {strays} stray samples were left out"
+        what = f"time decreases: {strays} samples were left out"
         findings.append(Finding(trip_id, float(time[lost].min()), float(time[lost].max()), what, "noted"))
         return samples.iloc[kept].reset_index(drop=True), [], findings
     back = np.flatnonzero(np.diff(time) <= 0) + 1
-    cuts = [Cut(int(i), int(i), f"time goes back from {time[i - 1]:g} to {time[i]:g} s") for i in back]
+    cuts = [Cut(int(i), int(i), f"time decreases from {time[i - 1]:g} to {time[i]:g} s") for i in back]
     return samples, cuts, findings
 
 
 def _repeated(trip_id: str, time: FloatArray, repeated: npt.NDArray[np.bool_]) -> Finding:
     where = time[repeated]
-    what = f"{int(repeated.sum())} samples repeat the time of the one before and were left out"
+    what = f"{int(repeated.sum())} samples have the time of the sample before and were left out"
     return Finding(trip_id, float(where.min()), float(where.max()), what, "noted")
 
 
@@ -100,6 +100,6 @@ def gap_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
     if len(gaps):
         what = (
             f"{len(gaps)} gaps of up to {step[gaps].max():.1f} s, {step[gaps].sum():.1f} s in all, "
-            "bridged by straight lines"
+            "filled by linear interpolation"
         )
         yield Finding(trip_id, float(time[gaps[0]]), float(time[gaps[-1] + 1]), what, "noted")

@@ -17,8 +17,8 @@ from tripwatt.errors import TripwattError
 __all__ = ["app", "main"]
 
 app = typer.Typer(
-    help="Forecast the battery energy of an electric-car trip, and say how sure the forecast is.",
-    epilog="Exit codes: 0 done, 1 done but something needs a look, 2 the input cannot be used, 130 interrupted.",
+    help="Forecast the battery energy of an electric-car trip with a prediction interval.",
+    epilog="Exit codes: 0 success, 1 success with warnings, 2 invalid input, 130 interrupted.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

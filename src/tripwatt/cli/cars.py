@@ -30,7 +30,9 @@ if TYPE_CHECKING:
 PresetOption = Annotated[
     str,
     typer.Option(
-        "--preset", metavar="NAME", help="default, paper (the paper's crude model), or one of the car's file."
+        "--preset",
+        metavar="NAME",
+        help="default, paper (the simplified model of the paper), or a preset of the vehicle file.",
     ),
 ]
 
@@ -39,24 +41,27 @@ def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
     app.command(
         epilog=examples(
-            ("tripwatt vehicles", "the cars that come with the package"),
-            ("tripwatt vehicles nissan_leaf_40", "all values of one car with unit and source"),
-            ("tripwatt vehicles my_car.toml --set mass=1620", "your own file, with another mass"),
+            ("tripwatt vehicles", "list the cars of the library"),
+            ("tripwatt vehicles nissan_leaf_40", "show all values of one car with unit and source"),
+            ("tripwatt vehicles my_car.toml --set mass=1620", "show your own file with another mass"),
             (
                 "tripwatt vehicles --import 2022_Renault_Zoe_ZE50_R135.yaml --out zoe.toml",
-                "a car's file of FASTSim (.yaml, .csv) or SUMO (.xml)",
+                "import a vehicle file of FASTSim (.yaml, .csv) or SUMO (.xml)",
             ),
         )
     )(vehicles)
     app.command(
         epilog=examples(
-            ("tripwatt simulate", "the first trip of the synthetic fleet"),
-            ("tripwatt simulate data/tum/TripA01.csv", "one trip of the TUM set"),
+            ("tripwatt simulate", "simulate the first trip of the synthetic fleet"),
+            ("tripwatt simulate data/tum/TripA01.csv", "simulate one trip of the TUM set"),
             (
                 "tripwatt simulate data/tum --trip TripB07 --set setpoint=18",
-                "the same car with a cooler cabin",
+                "simulate a trip with a cooler cabin",
             ),
-            ("tripwatt simulate drive.csv --mapping my.toml --vehicle vw_id3", "your log, your car"),
+            (
+                "tripwatt simulate drive.csv --mapping my.toml --vehicle vw_id3",
+                "simulate your own log with your own car",
+            ),
         )
     )(simulate)
 
@@ -65,7 +70,7 @@ def vehicles(
     name: Annotated[
         str | None,
         typer.Argument(
-            metavar="NAME|FILE.toml", help="One car. Left out: the list of all.", show_default=False
+            metavar="NAME|FILE.toml", help="Car to show. Default: the list of all cars.", show_default=False
         ),
     ] = None,
     preset: PresetOption = "default",
@@ -75,7 +80,7 @@ def vehicles(
         typer.Option(
             "--import",
             metavar="FILE",
-            help="Print a vehicle file of FASTSim or SUMO as TOML for --vehicle.",
+            help="Convert a vehicle file of FASTSim or SUMO to TOML for --vehicle.",
             show_default=False,
         ),
     ] = None,
@@ -84,14 +89,18 @@ def vehicles(
         typer.Option(
             "--row",
             metavar="NAME",
-            help="With --import: which vehicle of a file that holds many.",
+            help="With --import: name of the vehicle in a file with several.",
             show_default=False,
         ),
     ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", "-o", metavar="FILE", help="With --import: write the TOML here.", show_default=False
+            "--out",
+            "-o",
+            metavar="FILE",
+            help="With --import: write the TOML to this file.",
+            show_default=False,
         ),
     ] = None,
     as_json: JsonOption = False,
@@ -109,10 +118,10 @@ def vehicles(
 def _require_sense(name: str | None, import_file: Path | None, only_import: dict[str, Any]) -> None:
     faults = []
     if name is not None and import_file is not None:
-        faults.append(Fault("two tasks at once", "NAME and --import", name, "one of them"))
+        faults.append(Fault("conflicting arguments", "NAME and --import", name, "one of the two"))
     if import_file is None:
         faults += [
-            Fault("without effect", option, str(value), "only with --import")
+            Fault("option has no effect", option, str(value), "only together with --import")
             for option, value in only_import.items()
             if value is not None
         ]
@@ -126,7 +135,7 @@ def _import(file: Path, row: str | None, out: Path | None, as_json: bool) -> Non
     text = import_vehicle(file, row)
     if out is not None:
         write_text(text, out)
-        console().print(f"written: {out}; `tripwatt vehicles {out}` shows it")
+        console().print(f"{out} is written; show it with `tripwatt vehicles {out}`")
     if as_json:
         print_json({"toml": text})
     elif out is None:
@@ -167,7 +176,9 @@ def simulate(
     data: DataArgument = None,
     trip: Annotated[
         str | None,
-        typer.Option("--trip", metavar="ID", help="Which trip, where DATA holds many.", show_default=False),
+        typer.Option(
+            "--trip", metavar="ID", help="Trip to use if DATA contains several.", show_default=False
+        ),
     ] = None,
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
@@ -176,10 +187,10 @@ def simulate(
     overrides: SetOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Drive one logged trip with a car and say what the energy went into, beside what was measured.
+    """Simulate one logged trip with a car and print the energy by cause beside the measured energy.
 
-    Physics only, nothing learned: speed, road and what is known at departure (temperatures, state of charge). The
-    log is taken as it is; `tripwatt audit` says what is wrong with it.
+    The simulation uses physics only: speed, road, and the state at departure (temperatures, state of charge). The log is
+    used without an audit; run `tripwatt audit` to find its faults.
     """
     from tripwatt.physics import simulate_trip
     from tripwatt.trips import resample
@@ -221,8 +232,8 @@ def _chosen(fleet: Fleet, trip: str | None, data: Path | None) -> Trip:
     if found is None:
         ids = [t.trip_id for t in fleet.trips]
         more = f" and {len(ids) - 12} more" if len(ids) > 12 else ""
-        got = "nothing" if trip is None else trip
-        raise InvalidInput(Fault("which trip?", "--trip", got, ", ".join(ids[:12]) + more))
+        what, got = ("unknown trip", trip) if trip is not None else ("no single trip", f"{len(ids)} trips")
+        raise InvalidInput(Fault(what, "--trip", got, ", ".join(ids[:12]) + more))
     return found
 
 
@@ -233,7 +244,7 @@ def _require_clock(log: Trip) -> None:
     columns = log.samples[["time_s"]]
     faults = [*value_faults(columns, log.trip_id)]
     if faults:
-        fix = "`tripwatt audit` says what it makes of such a log; `tripwatt mapping apply` writes one of its drives"
+        fix = "list the findings with `tripwatt audit`; write one sound drive with `tripwatt mapping apply`"
         raise InvalidInput([replace(fault, fix=fix) for fault in faults])
 
 
@@ -247,7 +258,7 @@ def _show_simulation(answer: dict[str, Any]) -> None:
         return (name, *("–" if v is None else f"{round(v, 1) + 0.0:.1f}" for v in values))
 
     rows = [row(cause.replace("_", " "), energy) for cause, energy in answer["energy_by_cause_wh"].items()]
-    rows.append(row("simulated, all of these", total))
+    rows.append(row("simulated, total", total))
     if answer["observed_energy_wh"] is not None:
         rows.append(row("measured", answer["observed_energy_wh"]))
     columns = ("energy", "Wh", "%", "Wh/km")

@@ -38,15 +38,21 @@ def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
     app.command(
         epilog=examples(
-            ("tripwatt evaluate", "the built-in synthetic fleet, results in ./out"),
-            ("tripwatt evaluate data/tum --out tum-results", "your copy of the TUM trips"),
-            ("tripwatt evaluate data/ved --dataset ved", "the Leafs of the Vehicle Energy Dataset"),
+            ("tripwatt evaluate", "evaluate on the built-in synthetic fleet; results in ./out"),
+            ("tripwatt evaluate data/tum --out tum-results", "evaluate on your copy of the TUM trips"),
+            (
+                "tripwatt evaluate data/ved --dataset ved",
+                "evaluate on the Nissan Leafs of the Vehicle Energy Dataset",
+            ),
             (
                 "tripwatt evaluate logs --mapping my.toml --vehicle vw_id3 --set mass=1900",
-                "any tables of one car; `tripwatt mapping suggest` writes my.toml",
+                "evaluate on tables of one car; `tripwatt mapping suggest` writes my.toml",
             ),
-            ("tripwatt evaluate data/tum --protocol forecast", "forecasts before departure and on the way"),
-            ("tripwatt evaluate data/tum --resume", "go on with a run that was interrupted"),
+            (
+                "tripwatt evaluate data/tum --protocol forecast",
+                "score forecasts before departure and during the trip",
+            ),
+            ("tripwatt evaluate data/tum --resume", "continue an interrupted run"),
         )
     )(evaluate)
 
@@ -56,37 +62,49 @@ def evaluate(
     out: Annotated[
         Path,
         typer.Option(
-            "--out", "-o", metavar="FOLDER", help="Folder for the results; appears when all is written."
+            "--out",
+            "-o",
+            metavar="FOLDER",
+            help="Folder for the results. It is created when the run is complete.",
         ),
     ] = Path("out"),
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
-    protocol: Annotated[
-        str, typer.Option(metavar="NAME", help="Which comparison: paper or forecast.")
-    ] = "paper",
+    protocol: Annotated[str, typer.Option(metavar="NAME", help="Comparison: paper or forecast.")] = "paper",
     test: Annotated[
         Path | None,
         typer.Option(
-            metavar="DATA", help="Fit on DATA, score on these trips (protocol forecast).", show_default=False
+            metavar="DATA",
+            help="Fit on DATA and score on these trips. Only with --protocol forecast.",
+            show_default=False,
         ),
     ] = None,
     models: Annotated[
         str | None,
-        typer.Option(metavar="NAME,NAME", help="Only these models of the protocol.", show_default=False),
+        typer.Option(
+            metavar="NAME,NAME",
+            help="Models to evaluate. Default: all models of the protocol.",
+            show_default=False,
+        ),
     ] = None,
     vehicle: VehicleOption = None,
     overrides: SetOption = None,
-    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Makes the run identical.")] = 0,
-    jobs: Annotated[int, typer.Option(metavar="N", help="Processes; -1 takes all cores.")] = -1,
+    seed: Annotated[
+        int,
+        typer.Option(
+            min=0, metavar="N", help="Seed of the random numbers. The same seed gives the same results."
+        ),
+    ] = 0,
+    jobs: Annotated[int, typer.Option(metavar="N", help="Number of processes; -1 uses all cores.")] = -1,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the finished folds of an interrupted run.")
+        bool, typer.Option("--resume", help="Continue an interrupted run; finished folds are reused.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Train and score every model on trips it has not seen, and write a table and a report.
+    """Train every model, score it on held-out trips, and write a report.
 
-    Reads the trips, audits them, simulates the car, trains the correctors with one trip (and one day) left out at a
-    time, and writes results.json, folds.csv, report.html and its figures into OUT.
+    The command reads and audits the trips, simulates the car, and trains each model with one trip (and with one day)
+    left out at a time. It writes results.json, folds.csv, report.html and the figures into OUT.
     """
     shown = console()
     car, note = car_of(vehicle, data, dataset, mapping)
@@ -111,12 +129,12 @@ def evaluate(
     print_notes(note)
     unfinished = unfinished_folder(out)
     if resume and not finished_folds(unfinished):
-        shown.print("nothing to go on with: no finished folds are kept for this folder")
+        shown.print("--resume: this folder has no finished folds; the run starts from the beginning")
     try:
         run = _run(trips, options, unfinished, resume)
     except KeyboardInterrupt:
         typer.echo(
-            "interrupted: the finished folds are kept; the same command with --resume goes on", err=True
+            "interrupted: the finished folds are kept; continue with the same command and --resume", err=True
         )
         raise typer.Exit(INTERRUPTED) from None
     except InvalidInput:
@@ -137,9 +155,7 @@ def _check(options: dict[str, Any], overrides: list[str]) -> None:
         names = options["models"]
         protocol_models(options["protocol"], None if names is None else tuple(names))
         if names == []:
-            raise InvalidInput(
-                Fault("no models", "--models", "an empty list", "names with commas between them")
-            )
+            raise InvalidInput(Fault("no models", "--models", "an empty list", "names separated by commas"))
 
     def given() -> None:
         options["overrides"] = parse_overrides(overrides)
@@ -150,7 +166,7 @@ def _check(options: dict[str, Any], overrides: list[str]) -> None:
     def jobs() -> None:
         if options["n_jobs"] < -1 or options["n_jobs"] == 0:
             raise InvalidInput(
-                Fault("no such number of processes", "--jobs", str(options["n_jobs"]), "-1, or 1 or more")
+                Fault("value out of range", "--jobs", str(options["n_jobs"]), "-1, or 1 or more")
             )
 
     gather(models, given, car, jobs)

@@ -25,8 +25,7 @@ ModelOption = Annotated[
         "--model",
         "-m",
         metavar="MODEL",
-        help="Folder of a model: its car, with what it has learned. Left out, and without --vehicle: the model that "
-        "comes with the package.",
+        help="Folder of a model, for its car with the learned correction. Default without --vehicle: the bundled model.",
         show_default=False,
     ),
 ]
@@ -35,7 +34,7 @@ CarOption = Annotated[
     typer.Option(
         "--vehicle",
         metavar="NAME|FILE.toml",
-        help="A car without a model, by physics alone: one of `tripwatt vehicles`, or your TOML file.",
+        help="Car to simulate without a model: a name from `tripwatt vehicles`, or a TOML file.",
         show_default=False,
     ),
 ]
@@ -43,20 +42,22 @@ AmbientOption = Annotated[float, typer.Option(metavar="°C", help="Outside tempe
 SetpointOption = Annotated[
     float | None,
     typer.Option(
-        metavar="°C", help="Set-point of the cabin. Left out: the car's usual one.", show_default=False
+        metavar="°C",
+        help="Set-point of the cabin temperature. Default: the usual one of the car.",
+        show_default=False,
     ),
 ]
-PayloadOption = Annotated[float, typer.Option(metavar="KG", help="Load besides the driver.")]
+PayloadOption = Annotated[
+    float, typer.Option(metavar="KG", help="Mass of passengers and luggage, without the driver.")
+]
 SocOption = Annotated[
     float, typer.Option("--soc", metavar="0..1", help="Displayed state of charge at departure.")
 ]
 OutOption = Annotated[
     Path | None,
-    typer.Option("--out", "-o", metavar="FILE", help="Write the JSON here as well.", show_default=False),
+    typer.Option("--out", "-o", metavar="FILE", help="Also write the JSON to this file.", show_default=False),
 ]
-QueryOption = Annotated[
-    bool, typer.Option("--query", help="Print the query part of a request's address instead of JSON.")
-]
+QueryOption = Annotated[bool, typer.Option("--query", help="Print a URL query string instead of JSON.")]
 
 SERVICES: Final = {
     "here": "HERE Routing v8: ev[freeFlowSpeedTable], ev[trafficSpeedTable], ascent, descent, auxiliaryConsumption.",
@@ -69,22 +70,22 @@ SERVICES: Final = {
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
     group = typer.Typer(
-        help="The consumption curve of a car at a temperature, as routing services take it.",
+        help="Print the consumption curve of a car as parameters of a routing service.",
         no_args_is_help=True,
         rich_markup_mode=None,
     )
     for service, text in SERVICES.items():
         group.command(
             service,
-            help=f"{text}\n\nPrints the parameters of a request as one JSON object of texts.",
+            help=f"{text}\n\nPrint the parameters of a request as a JSON object of strings.",
             epilog=examples(
                 (
                     f"tripwatt export {service} --ambient -5",
-                    "the car of the model that comes with the package",
+                    "export the car of the bundled model",
                 ),
                 (
                     f"tripwatt export {service} --vehicle nissan_leaf_40 --query",
-                    "another car, by physics alone",
+                    "export another car from physics only",
                 ),
             ),
         )(_command(service))
@@ -148,14 +149,16 @@ def _car(
     if vehicle is not None:
         if model is not None:
             got = f"--model {model} --vehicle {vehicle}"
-            raise InvalidInput(Fault("two cars", "--model and --vehicle", got, "one of them"))
+            raise InvalidInput(Fault("conflicting options", "--model and --vehicle", got, "one of the two"))
         car = load_vehicle(vehicle, overrides=parse_overrides(overrides))
-        return car, None, [f"{car.title}: by physics alone, nothing learned"]
+        return car, None, [f"{car.title}: physics only, without a learned correction"]
     if overrides:
-        fix = "a model was fitted on its car as it is: say --vehicle, or fit again"
-        raise InvalidInput(Fault("without effect", "--set", " ".join(overrides), "with --vehicle", fix))
+        fix = "name a car with --vehicle, or fit a model on the changed car"
+        raise InvalidInput(
+            Fault("option has no effect", "--set", " ".join(overrides), "only together with --vehicle", fix)
+        )
     from tripwatt.forecasting import load_model
 
     fitted = load_model(model)
-    notes = [f"{fitted.vehicle.title}: with what the model has learned"]
+    notes = [f"{fitted.vehicle.title}: physics with the learned correction of the model"]
     return fitted.vehicle, lambda trip: fitted.forecast(trip).by_cause_wh["learned_correction"], notes

@@ -52,44 +52,58 @@ def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
     app.command(
         epilog=examples(
-            ("tripwatt fit data/tum --out my-model", "your copy of the TUM trips"),
-            ("tripwatt fit logs --mapping my.toml --vehicle vw_id3 --out my-model", "any tables of one car"),
+            ("tripwatt fit data/tum --out my-model", "fit on your copy of the TUM trips"),
+            (
+                "tripwatt fit logs --mapping my.toml --vehicle vw_id3 --out my-model",
+                "fit on tables of one car",
+            ),
             (
                 "tripwatt fit logs --mapping my.toml --vehicle nissan_leaf_24 --base i3-model --out leaf-model",
-                "a few trips of one car on top of a model of another",
+                "adapt the model of one car to another car with a few of its trips",
             ),
-            ("tripwatt fit --out example-model", "the synthetic fleet: to try the commands, not a car"),
+            ("tripwatt fit --out example-model", "fit on the synthetic fleet, to try the commands"),
         )
     )(fit)
     app.command(
         epilog=examples(
-            ("tripwatt example-trip --out trip.csv", "a trip to try"),
+            ("tripwatt example-trip --out trip.csv", "write an example trip"),
             (
                 "tripwatt forecast trip.csv --soc 0.8 --ambient -5",
-                "with the model that comes with the package",
+                "forecast it with the bundled model",
             ),
-            ("tripwatt forecast my-model trip.csv --reserve 0.1 --plot forecast.png", "with your model"),
+            (
+                "tripwatt forecast my-model trip.csv --reserve 0.1 --plot forecast.png",
+                "forecast it with your own model",
+            ),
             (
                 "tripwatt forecast trip.csv --observed so-far.csv --json",
-                "again, during the trip: so-far.csv holds what was measured, e.g. `head -601 trip.csv`",
+                "update the forecast during the trip; so-far.csv has the samples so far, for example `head -601 trip.csv`",
             ),
             (
                 "tripwatt forecast answer.json --soc 0.8 --ambient 5",
-                "a planned route: a router's saved answer",
+                "forecast a planned route from the saved response of a router",
             ),
-            ("tripwatt forecast ride.gpx --speed 60", "a track without times, driven at 60 km/h on average"),
-            ("tripwatt forecast ride.gpx --vehicle vw_id3 --soc 0.8", "another car of the library"),
+            (
+                "tripwatt forecast ride.gpx --speed 60",
+                "forecast a track without times at a mean speed of 60 km/h",
+            ),
+            (
+                "tripwatt forecast ride.gpx --vehicle vw_id3 --soc 0.8",
+                "forecast for another car of the library",
+            ),
         )
     )(forecast)
     app.command(
         epilog=examples(
-            ("tripwatt inspect", "the model that comes with the package"),
-            ("tripwatt inspect my-model --json", "everything it says of itself"),
+            ("tripwatt inspect", "describe the bundled model"),
+            ("tripwatt inspect my-model --json", "print all metadata of your model"),
         )
     )(inspect)
     app.command(
         "example-trip",
-        epilog=examples(("tripwatt example-trip --out trip.csv", "then `tripwatt forecast trip.csv`")),
+        epilog=examples(
+            ("tripwatt example-trip --out trip.csv", "write an example trip for `tripwatt forecast trip.csv`")
+        ),
     )(example)
 
 
@@ -97,39 +111,52 @@ def fit(
     data: DataArgument = None,
     out: Annotated[
         Path,
-        typer.Option("--out", "-o", metavar="MODEL", help="Folder of the model; appears when it is whole."),
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="MODEL",
+            help="Folder of the model. It is created when the fit is complete.",
+        ),
     ] = Path("model"),
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
     vehicle: VehicleOption = None,
     overrides: SetOption = None,
     corrector: Annotated[
-        str, typer.Option(metavar="NAME", help="linear, kriging, boosting, forest, ensemble or channels.")
+        str,
+        typer.Option(
+            metavar="NAME", help="Statistical model: linear, kriging, boosting, forest, ensemble or channels."
+        ),
     ] = "channels",
     calibrate: Annotated[
         bool,
         typer.Option(
             "--calibrate",
-            help="First calibrate mass, rolling and air drag and base load of the car on the trips, shrunk to its book "
-            "values.",
+            help="Calibrate mass, rolling resistance, air drag and base load of the car on the trips before the fit. The "
+            "estimates are shrunk towards the published values.",
         ),
     ] = False,
     base: Annotated[
         Path | None,
         typer.Option(
             metavar="MODEL",
-            help="Adapt this model of another car to the trips instead; a few trips are enough. --corrector and "
-            "--seed are then the base's.",
+            help="Adapt this model of another car to the trips. A few trips are enough. --corrector and --seed are then "
+            "taken from this model.",
             show_default=False,
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Makes the fit identical.")] = 0,
+    seed: Annotated[
+        int,
+        typer.Option(
+            min=0, metavar="N", help="Seed of the random numbers. The same seed gives the same model."
+        ),
+    ] = 0,
     as_json: JsonOption = False,
 ) -> None:
     """Fit a forecasting model on logged trips and write it as a folder.
 
-    Audits the trips, fits on the sound ones, learns from held-out trips how sure a forecast is, and writes arrays and
-    metadata.json: what the model takes in, where it comes from, its figures, and the digest of every part.
+    The command audits the trips, fits on the sound ones, and estimates the uncertainty of forecasts from held-out trips.
+    It writes the arrays of the model and metadata.json with inputs, provenance, scores and checksums.
     """
     from tripwatt.modelfile import require_place
     from tripwatt.vehicles import load_vehicle, parse_overrides
@@ -193,8 +220,8 @@ def _require_storable(corrector: str) -> None:
 
 def _require_one_way(base: Path | None, calibrate: bool) -> None:
     if base is not None and calibrate:
-        fix = "leave out --calibrate: --base calibrates the car by itself"
-        raise InvalidInput(Fault("two ways to adapt a car", "--calibrate", "with --base", "one of them", fix))
+        fix = "remove --calibrate; --base includes the calibration of the car"
+        raise InvalidInput(Fault("conflicting options", "--calibrate", "with --base", "one of the two", fix))
 
 
 def _show_fit(
@@ -221,18 +248,18 @@ def forecast(
         list[Path],
         typer.Argument(
             metavar="[MODEL] TRIP",
-            help="Folder of a model, left out for the one that comes with the package, and the trip. As it is driven: a "
-            "CSV or Parquet file with our column names, time_s, speed_m_s, and elevation_m or grade where known; of other "
-            "signals only the first sample counts. As it is planned: links (CSV or JSON: length_m, speed_m_s or "
-            "travel_time_s, and where known grade or start_elevation_m and end_elevation_m, stop_s, speed_limit_m_s), GPX, "
-            "GeoJSON, or the saved answer of OSRM, Valhalla, openrouteservice or GraphHopper.",
+            help="Folder of a model (default: the bundled model), and a trip. The trip is a speed trace or a planned route. "
+            "Speed trace: CSV or Parquet with the columns time_s, speed_m_s, and optionally elevation_m or grade; other "
+            "signals give only their first sample. Planned route: GPX, GeoJSON, the saved response of OSRM, Valhalla, "
+            "openrouteservice or GraphHopper, or links as CSV or JSON (length_m, speed_m_s or travel_time_s, and optionally "
+            "grade or start_elevation_m and end_elevation_m, stop_s, speed_limit_m_s).",
             show_default=False,
         ),
     ],
     soc: Annotated[
         float | None,
         typer.Option(
-            "--soc", metavar="0..1", help="State of charge at departure, as displayed.", show_default=False
+            "--soc", metavar="0..1", help="Displayed state of charge at departure.", show_default=False
         ),
     ] = None,
     ambient: Annotated[
@@ -248,7 +275,11 @@ def forecast(
     setpoint: Annotated[
         float | None,
         typer.Option(
-            "--setpoint", "--cabin-setpoint-degc", metavar="°C", help="Cabin set-point.", show_default=False
+            "--setpoint",
+            "--cabin-setpoint-degc",
+            metavar="°C",
+            help="Set-point of the cabin temperature.",
+            show_default=False,
         ),
     ] = None,
     payload: Annotated[
@@ -257,7 +288,7 @@ def forecast(
             "--payload",
             "--payload-mass-kg",
             metavar="KG",
-            help="Load besides the driver.",
+            help="Mass of passengers and luggage, without the driver.",
             show_default=False,
         ),
     ] = None,
@@ -286,8 +317,8 @@ def forecast(
         typer.Option(
             "--vehicle",
             metavar="NAME|FILE",
-            help="Another car than the model's own, of the library (see `tripwatt vehicles`) or a TOML file. The model "
-            "has no trips of it, so the interval is wider.",
+            help="Forecast for another car: a name from `tripwatt vehicles`, or a TOML file. The model has no trips of "
+            "this car, so the interval is wider.",
             show_default=False,
         ),
     ] = None,
@@ -295,7 +326,7 @@ def forecast(
         float | None,
         typer.Option(
             metavar="KM/H",
-            help="Mean speed on a planned track that says neither times nor speeds.",
+            help="Mean speed on a track without times and speeds.",
             show_default=False,
         ),
     ] = None,
@@ -303,24 +334,26 @@ def forecast(
         Path | None,
         typer.Option(
             metavar="SAMPLES",
-            help="What was measured so far, on the trip's clock: time_s with voltage_v and current_a, or soc or "
-            "displayed_soc; on a planned route also speed_m_s, which tells how far the car is.",
+            help="Samples measured so far, on the clock of the trip: time_s with voltage_v and current_a, or with soc or "
+            "displayed_soc. On a planned route, speed_m_s gives the distance driven.",
             show_default=False,
         ),
     ] = None,
     reserve: Annotated[
-        float, typer.Option(metavar="0..1", help="Displayed state of charge to arrive with.")
+        float, typer.Option(metavar="0..1", help="Required state of charge at arrival, as displayed.")
     ] = 0.1,
     plot: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Draw it: .png, .svg or .pdf.", show_default=False),
+        typer.Option(
+            metavar="FILE", help="Write a figure of the forecast: .png, .svg or .pdf.", show_default=False
+        ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Forecast the energy of a trip, how sure that is, and what it goes into, given its speed trace or a planned route.
+    """Forecast the energy of a trip with its interval and its causes, given a speed trace or a planned route.
 
-    A planned route is driven by a driver model; what that costs in accuracy was measured when the model was fitted and
-    widens the interval. State of charge, in and out, is the one that the driver sees.
+    A driver model turns a planned route into a speed trace. The interval includes the error of this step, which was
+    measured when the model was fitted. State of charge is the displayed one.
     """
     from tripwatt.forecasting import load_model, read_route
     from tripwatt.forecasting.unmeasured import on_vehicle
@@ -388,7 +421,7 @@ def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
     if len(paths) > 2:
         got = " ".join(map(str, paths))
         raise InvalidInput(
-            Fault("too many arguments", "MODEL TRIP", got, "a model's folder and a trip's file")
+            Fault("too many arguments", "MODEL TRIP", got, "a folder with a model and a file with a trip")
         )
     return (None, paths[0]) if len(paths) == 1 else (paths[0], paths[1])
 
@@ -398,9 +431,9 @@ def _require_options(reserve: float, plot: Path | None) -> None:
     if not 0.0 <= reserve <= 1.0:
         faults.append(Fault("value out of range", "--reserve", f"{reserve:g}", "0 to 1"))
     if plot is not None and plot.suffix.lower() not in PLOT_SUFFIXES:
-        faults.append(Fault("unknown kind of picture", "--plot", str(plot), ", ".join(PLOT_SUFFIXES)))
+        faults.append(Fault("unknown image format", "--plot", str(plot), ", ".join(PLOT_SUFFIXES)))
     if plot is not None and not plot.absolute().parent.is_dir():
-        faults.append(Fault("no such folder", "--plot", str(plot.parent), "a folder that exists"))
+        faults.append(Fault("no such folder", "--plot", str(plot.parent), "an existing folder"))
     if faults:
         raise InvalidInput(faults)
 
@@ -418,7 +451,7 @@ def _draw(found: Forecast, plot: Path) -> None:
         plot_forecast(found).savefig(plot, dpi=150)
     except OSError as error:
         got = f"{plot}: {error.strerror or error}"
-        raise InvalidInput(Fault("cannot write the picture", "--plot", got, "a file")) from error
+        raise InvalidInput(Fault("cannot write the image", "--plot", got, "a writable file")) from error
 
 
 def _show_forecast(found: Forecast, reserve: float) -> None:
@@ -450,21 +483,21 @@ def inspect(
         Path | None,
         typer.Argument(
             metavar="MODEL",
-            help="Folder of a model. Left out: the one that comes with the package.",
+            help="Folder of a model. Default: the bundled model.",
             show_default=False,
         ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Say what a model takes in, where it comes from and how good it was. Every part is checked."""
+    """Show the inputs, the provenance and the scores of a model, and verify its checksums."""
     from tripwatt.forecasting import load_metadata
 
     about = load_metadata(model)
     if as_json:
         print_json(about)
         return
-    print_table("Model", ("", "what"), _about_rows(about), folding=("what",))
-    columns = ("input", "unit", "allowed", "training saw", "needed")
+    print_table("Model", ("", "value"), _about_rows(about), folding=("value",))
+    columns = ("input", "unit", "allowed", "range in training", "required")
     rows = [
         (
             entry["name"],
@@ -476,7 +509,7 @@ def inspect(
         )
         for entry in about["contract"]["inputs"]
     ]
-    print_table("What it takes in", columns, rows)
+    print_table("Inputs", columns, rows)
 
 
 def _about_rows(about: dict[str, Any]) -> list[tuple[str, str]]:
@@ -500,7 +533,7 @@ def _about_rows(about: dict[str, Any]) -> list[tuple[str, str]]:
                 f"bias {figures['bias_wh']:+.0f} Wh on {figures['trips']} trips, {figures['given']}",
             )
         )
-        rows.append(("how", figures["protocol"]))
+        rows.append(("protocol", figures["protocol"]))
     rows.append(
         ("parts", ", ".join(f"{name} ({part['bytes']} bytes)" for name, part in about["parts"].items()))
     )
@@ -511,7 +544,7 @@ def _adapted_rows(origin: dict[str, Any]) -> list[tuple[str, str]]:
     """Where an adapted model comes from, and what its own trips changed."""
     how, base = origin["adapted"], origin["base"]
     changes = [
-        f"{name.replace('_', ' ')} {value['change']:+.1%} (sd {value['sd']:.1%})"
+        f"{name.replace('_', ' ')} {value['change']:+.1%} (standard deviation {value['sd']:.1%})"
         for name, value in how["parameters"].items()
     ]
     told = base["model"]
@@ -524,7 +557,7 @@ def _adapted_rows(origin: dict[str, Any]) -> list[tuple[str, str]]:
             "adapted",
             f"with {how['trips']} own trips; {how['share_in_common']:.0%} of the base's correction is shared",
         ),
-        *([("car against its book", ", ".join(changes))] if changes else []),
+        *([("car against published values", ", ".join(changes))] if changes else []),
     ]
 
 
@@ -536,14 +569,18 @@ def example(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", "-o", metavar="FILE", help="Write it here instead of printing it.", show_default=False
+            "--out",
+            "-o",
+            metavar="FILE",
+            help="Write the table to this file instead of printing it.",
+            show_default=False,
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Another trip.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Number of the trip.")] = 0,
 ) -> None:
-    """A synthetic trip as a CSV table with our column names, to try `tripwatt forecast` with.
+    """Print a synthetic trip as a CSV table, as an input for `tripwatt forecast`.
 
-    Computed, not driven: no figure on it says anything of a real car.
+    The trip is computed. It does not describe a real car.
     """
     from tripwatt.synthetic import example_trip
 
@@ -552,4 +589,4 @@ def example(
         typer.echo(text, nl=False)
         return
     write_text(text, out)
-    print_notes([f"synthetic: {out} was computed, not driven"])
+    print_notes([f"{out} is a synthetic trip; it does not describe a real car"])

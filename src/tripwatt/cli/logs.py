@@ -20,7 +20,7 @@ from tripwatt.cli.placing import write_text
 from tripwatt.cli.printing import console, print_json, print_notes, print_table
 
 mapping_app = typer.Typer(
-    help="How the columns of your tables become ours: list shipped mappings, show one, or have one proposed.",
+    help="Mappings from the columns of your tables to canonical columns: list, show, suggest and apply them.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -30,36 +30,36 @@ def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
     app.command(
         epilog=examples(
-            ("tripwatt audit data/tum", "every finding of every trip"),
-            ("tripwatt audit data/tum/TripB02.csv", "one trip"),
-            ("tripwatt audit drive.csv --mapping torque", "a log of the app Torque"),
+            ("tripwatt audit data/tum", "list all findings of all trips"),
+            ("tripwatt audit data/tum/TripB02.csv", "audit one trip"),
+            ("tripwatt audit drive.csv --mapping torque", "audit a log of the app Torque"),
         )
     )(audit)
     app.command(
         epilog=examples(
-            ("tripwatt fetch tum", "where to get the TUM trips"),
-            ("tripwatt fetch tum data/tum", "whether that folder holds them all; exit code 1 when not"),
+            ("tripwatt fetch tum", "show where to download the TUM trips"),
+            ("tripwatt fetch tum data/tum", "check that the folder is complete; exit code 1 if not"),
         )
     )(fetch)
-    mapping_app.command("list", epilog=examples(("tripwatt mapping list", "the shipped mappings")))(
+    mapping_app.command("list", epilog=examples(("tripwatt mapping list", "list the bundled mappings")))(
         list_mappings
     )
     mapping_app.command(
-        "show", epilog=examples(("tripwatt mapping show torque > my.toml", "a copy to change"))
+        "show", epilog=examples(("tripwatt mapping show torque > my.toml", "save a copy to edit"))
     )(show_mapping)
     mapping_app.command(
         "suggest",
         epilog=examples(
-            ("tripwatt mapping suggest drive.csv", "look at the proposal"),
-            ("tripwatt mapping suggest drive.csv --out my.toml", "save it, then check every line"),
-            ("tripwatt evaluate logs --mapping my.toml", "use it"),
+            ("tripwatt mapping suggest drive.csv", "print the proposal"),
+            ("tripwatt mapping suggest drive.csv --out my.toml", "save it; check every line"),
+            ("tripwatt evaluate logs --mapping my.toml", "use the mapping"),
         ),
     )(suggest)
     mapping_app.command(
         "apply",
         epilog=examples(
-            ("tripwatt mapping apply drive.csv --mapping my.toml --out trip.csv", "your log under our names"),
-            ("tripwatt forecast my-model trip.csv", "forecast it"),
+            ("tripwatt mapping apply drive.csv --mapping my.toml --out trip.csv", "convert your log"),
+            ("tripwatt forecast my-model trip.csv", "forecast the converted trip"),
         ),
     )(apply)
     app.add_typer(mapping_app, name="mapping")
@@ -71,10 +71,10 @@ def audit(
     mapping: MappingOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Say what is wrong with logged trips, and what is done about it.
+    """List the faults of logged trips and their consequences.
 
-    Nothing is changed on disk. Each finding names the trip, from when to when, what was found, and the consequence:
-    trimmed, split, set aside or noted.
+    No file is changed. Each finding gives the trip, the time span, the fault, and the consequence: trimmed, split, set
+    aside or noted.
     """
     from tripwatt.auditing import audit as run_audit
 
@@ -95,9 +95,9 @@ def audit(
         return
     title = f"{len(fleet.trips)} trips read, {len(found.trips)} drives used ({fleet.name})"
     if found.findings:
-        columns = ("trip", "from [s]", "to [s]", "consequence", "what")
+        columns = ("trip", "from [s]", "to [s]", "consequence", "finding")
         rows = ((f.trip, f"{f.from_s:.1f}", f"{f.to_s:.1f}", f.consequence, f.what) for f in found.findings)
-        print_table(title, columns, rows, numbers=columns[1:3], folding=("what",))
+        print_table(title, columns, rows, numbers=columns[1:3], folding=("finding",))
     else:
         console(sys.stdout).print(f"{title}: no findings")
     print_notes(fleet.notes)
@@ -110,9 +110,9 @@ def fetch(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Say where to get a data set, and check what is already in FOLDER.
+    """Show where to download a data set, and check that FOLDER is complete.
 
-    Nothing is downloaded: the data belong to their authors, who ask for an account or a name.
+    The command downloads nothing: the publishers of the data require an account or a name.
     """
     from tripwatt.sources import check_folder, where_to_get
 
@@ -127,7 +127,7 @@ def fetch(
 
 
 def list_mappings(as_json: JsonOption = False) -> None:
-    """The mappings that come with the package, and the logger each is for."""
+    """List the bundled mappings and the logger of each."""
     from tripwatt.sources.mapping import shipped_mappings, shipped_text
 
     about = {name: _comment(shipped_text(name)) for name in shipped_mappings()}
@@ -138,15 +138,15 @@ def list_mappings(as_json: JsonOption = False) -> None:
 
 
 def show_mapping(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="A name of `tripwatt mapping list`.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="A name from `tripwatt mapping list`.")],
     as_json: JsonOption = False,
 ) -> None:
-    """Print a mapping that comes with the package, to copy and change."""
+    """Print a bundled mapping as TOML."""
     from tripwatt.errors import Fault, InvalidInput
     from tripwatt.sources.mapping import shipped_mappings, shipped_text
 
     if name not in shipped_mappings():
-        raise InvalidInput(Fault("no such mapping", "NAME", name, ", ".join(shipped_mappings())))
+        raise InvalidInput(Fault("unknown mapping", "NAME", name, ", ".join(shipped_mappings())))
     text = shipped_text(name)
     print_json({"name": name, "toml": text}) if as_json else typer.echo(text, nl=False)
 
@@ -156,7 +156,7 @@ def suggest(
         Path,
         typer.Argument(
             metavar="FILE",
-            help="A CSV or Parquet file of your trips, or a folder of them: its largest file counts.",
+            help="A CSV or Parquet file of trips, or a folder; its largest file is used.",
         ),
     ],
     out: Annotated[
@@ -165,15 +165,15 @@ def suggest(
             "--out",
             "-o",
             metavar="FILE",
-            help="Write the TOML here instead of printing it.",
+            help="Write the TOML to this file instead of printing it.",
             show_default=False,
         ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Propose a mapping for a table from its header and its values, and explain each guess.
+    """Propose a mapping for a table from its header and its values, with a reason for each entry.
 
-    Exit code 1 when something has to be added by hand before the mapping can be used.
+    The exit code is 1 if you have to add entries before you can use the mapping.
     """
     from dataclasses import asdict
 
@@ -187,12 +187,12 @@ def suggest(
     elif out is None:
         typer.echo(proposal.toml, nl=False)
     else:
-        columns = ("ours", "column", "unit", "why")
+        columns = ("canonical column", "your column", "unit", "reason")
         print_table(
             f"Proposed in {out}",
             columns,
             [(g.ours, g.column, SPELLED.get(g.unit, g.unit), g.why) for g in proposal.guesses],
-            folding=("why",),
+            folding=("reason",),
         )
     if proposal.missing:
         print_notes(f"add {what} by hand" for what in proposal.missing)
@@ -200,27 +200,29 @@ def suggest(
 
 
 def apply(
-    data: Annotated[Path, typer.Argument(metavar="DATA", help="A table of trips, or a folder of them.")],
+    data: Annotated[Path, typer.Argument(metavar="DATA", help="A table of trips, or a folder of tables.")],
     mapping: MappingOption = None,
     trip: Annotated[
         str | None,
-        typer.Option("--trip", metavar="ID", help="Which trip, where DATA holds many.", show_default=False),
+        typer.Option(
+            "--trip", metavar="ID", help="Trip to use if DATA contains several.", show_default=False
+        ),
     ] = None,
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="The CSV file to write.")] = Path(
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="CSV file to write.")] = Path(
         "trip.csv"
     ),
     as_json: JsonOption = False,
 ) -> None:
-    """Write one trip of a table under our names and in our units, audited, as `tripwatt forecast` reads it.
+    """Audit one trip of a table and write it with canonical columns and units, as input for `tripwatt forecast`.
 
-    What the audit did is listed. Time starts at 0.
+    The command lists the findings of the audit. The time of the output starts at 0.
     """
     from tripwatt.auditing import audit as run_audit
     from tripwatt.errors import Fault, InvalidInput
     from tripwatt.trips import COLUMNS
 
     if out.suffix.lower() != ".csv":
-        raise InvalidInput(Fault("unknown kind of file", "--out", str(out), "a .csv file"))
+        raise InvalidInput(Fault("unknown file format", "--out", str(out), "a .csv file"))
     fleet = read_logs(data, "table", mapping)
     found = run_audit(fleet)
     wanted = [t for t in found.trips if trip in (None, t.trip_id)]
@@ -229,7 +231,7 @@ def apply(
         aside = found.set_aside.get(trip or fleet.trips[0].trip_id, "")
         allowed = ", ".join(ids[:12]) + (f" and {len(ids) - 12} more" if len(ids) > 12 else "")
         got = f"set aside by the audit: {aside}" if aside else trip or f"{len(ids)} drives"
-        raise InvalidInput(Fault("which trip?", "--trip", got, allowed or "a drive that the audit uses"))
+        raise InvalidInput(Fault("no single trip", "--trip", got, allowed or "a drive that the audit uses"))
     samples = wanted[0].samples
     table = samples[[c for c in COLUMNS if c in samples.columns]].copy()
     table["time_s"] -= table["time_s"].iloc[0]

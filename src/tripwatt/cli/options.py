@@ -19,7 +19,7 @@ DataArgument = Annotated[
     Path | None,
     typer.Argument(
         metavar="DATA",
-        help="Folder or file of logged trips. Left out: the built-in synthetic fleet.",
+        help="Folder or file of logged trips. Default: the built-in synthetic fleet.",
         show_default=False,
     ),
 ]
@@ -28,8 +28,8 @@ DatasetOption = Annotated[
     typer.Option(
         "--dataset",
         metavar="NAME",
-        help="How DATA is laid out: tum, ved or table. Left out: table with --mapping or where DATA is one file "
-        "that is no TUM trip, else tum.",
+        help="Format of DATA: tum, ved or table. Default: table with --mapping or if DATA is a single file that is not "
+        "a TUM trip, otherwise tum.",
         show_default=False,
     ),
 ]
@@ -38,7 +38,7 @@ MappingOption = Annotated[
     typer.Option(
         "--mapping",
         metavar="FILE.toml|NAME",
-        help="Columns and units of a table: your TOML file, or one of `tripwatt mapping list`.",
+        help="Columns and units of a table: a TOML file, or a name from `tripwatt mapping list`.",
         show_default=False,
     ),
 ]
@@ -47,7 +47,7 @@ VehicleOption = Annotated[
     typer.Option(
         "--vehicle",
         metavar="NAME|FILE.toml",
-        help="The car: one of `tripwatt vehicles`, or your TOML file. Left out: the car of the data set, for a table "
+        help="The car: a name from `tripwatt vehicles`, or a TOML file. Default: the car of the data set; for a table, "
         "the BMW i3.",
         show_default=False,
     ),
@@ -57,12 +57,12 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="KEY=VALUE",
-        help="Replace one value of the car, e.g. mass=1300; may be repeated. Keys: those of `tripwatt vehicles NAME`, "
-        "or short names such as mass, payload, c_d, c_rr, base_load, setpoint.",
+        help="Replace one value of the car, for example mass=1300. You can repeat the option. Keys: those that "
+        "`tripwatt vehicles NAME` lists, or short names such as mass, payload, c_d, c_rr, base_load, setpoint.",
         show_default=False,
     ),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for machines instead of a table.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 
 CARS: Final[Mapping[str, str]] = MappingProxyType(
     {"synthetic": "bmw_i3_60ah", "tum": "bmw_i3_60ah", "ved": "nissan_leaf_24"}
@@ -92,7 +92,11 @@ def read_logs(
         from tripwatt.synthetic import synthetic_fleet
 
         unused = {"--dataset": dataset, "--mapping": mapping}
-        faults = [Fault("without DATA nothing is read", k, v) for k, v in unused.items() if v is not None]
+        faults = [
+            Fault("option has no effect", k, v, "only together with DATA")
+            for k, v in unused.items()
+            if v is not None
+        ]
         if faults:
             raise InvalidInput(faults)
         return synthetic_fleet(BUILT_IN_TRIPS, faults=True) if built_in_faults else synthetic_fleet()

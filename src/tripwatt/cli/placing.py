@@ -23,7 +23,7 @@ def check_writable(out: Path) -> None:
         When `out` is not a folder or cannot be made or written.
     """
     if out.exists() and not out.is_dir():
-        raise InvalidInput(Fault("output is not a folder", "--out", str(out), "a folder, new or existing"))
+        raise InvalidInput(Fault("output is not a folder", "--out", str(out), "a new or existing folder"))
     nearest = next(place for place in (out, *out.absolute().parents) if place.exists())
     if not nearest.is_dir():
         raise InvalidInput(_unwritable(out, f"{nearest} is not a folder"))
@@ -121,4 +121,4 @@ def _replace(made: Path, out: Path, older: Path) -> None:
 
 
 def _unwritable(out: Path, why: str) -> Fault:
-    return Fault("cannot write the results", "--out", f"{out}: {why}", "a folder that can be written")
+    return Fault("cannot write the results", "--out", f"{out}: {why}", "a writable folder")

@@ -16,9 +16,9 @@ def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
     app.command(
         epilog=examples(
-            ("tripwatt serve", "the page on http://127.0.0.1:8000, with the model of the package"),
-            ("tripwatt serve my-i3 my-id3 --workers 4", "with your models, the first one being the default"),
-            ("TRIPWATT_TOKEN=... tripwatt serve --host 0.0.0.0", "for other machines, which need the token"),
+            ("tripwatt serve", "serve the bundled model on http://127.0.0.1:8000"),
+            ("tripwatt serve my-i3 my-id3 --workers 4", "serve your own models; the first is the default"),
+            ("TRIPWATT_TOKEN=... tripwatt serve --host 0.0.0.0", "serve other machines; they need the token"),
         )
     )(serve)
 
@@ -28,44 +28,47 @@ def serve(
         list[Path] | None,
         typer.Argument(
             metavar="[MODEL ...]",
-            help="Folders of models, by their own names. Left out: the one that comes with the package.",
+            help="Folders of models; the folder name is the model name. Default: the bundled model.",
             show_default=False,
         ),
     ] = None,
     models: Annotated[
         Path | None,
         typer.Option(
-            "--models", metavar="DIR", help="Every model in this folder, besides.", show_default=False
+            "--models", metavar="DIR", help="Also serve every model in this folder.", show_default=False
         ),
     ] = None,
     host: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Address to listen on; other than loopback needs a token.")
+        str,
+        typer.Option(
+            metavar="ADDRESS", help="Address to listen on. Addresses other than loopback require a token."
+        ),
     ] = "127.0.0.1",
     port: Annotated[
-        int, typer.Option(min=0, max=65535, metavar="PORT", help="0 for one that is free.")
+        int, typer.Option(min=0, max=65535, metavar="PORT", help="Port to listen on; 0 selects a free port.")
     ] = 8000,
-    workers: Annotated[int, typer.Option(min=1, metavar="N", help="Processes that compute.")] = 2,
+    workers: Annotated[int, typer.Option(min=1, metavar="N", help="Number of worker processes.")] = 2,
     limit: Annotated[
         list[str] | None,
         typer.Option(
             "--limit",
             metavar="KEY=VALUE",
-            help="Another limit, e.g. timeout_s=5; may be repeated. docs/service.md lists them.",
+            help="Change a limit, for example timeout_s=5. You can repeat the option. docs/service.md lists the limits.",
             show_default=False,
         ),
     ] = None,
 ) -> None:
-    """Serve forecasts over HTTP, and the page, until interrupted.
+    """Serve the HTTP API and the web page until you interrupt the command.
 
-    Needs the extra `tripwatt[service]`. A token for other machines is read from TRIPWATT_TOKEN. Each request is one line
-    of JSON on standard error.
+    The command requires the extra `tripwatt[service]`. It reads the token for other machines from TRIPWATT_TOKEN. It logs
+    each request as one line of JSON to standard error.
     """
     try:
         import fastapi  # noqa: F401
         import uvicorn  # noqa: F401
     except ImportError as error:
         raise InvalidInput(
-            Fault("not installed", "tripwatt serve", str(error), "the extra: pip install 'tripwatt[service]'")
+            Fault("missing package", "tripwatt serve", str(error), fix="run pip install 'tripwatt[service]'")
         ) from error
     from tripwatt.service.serving import require_safe
     from tripwatt.service.serving import serve as run
@@ -96,12 +99,12 @@ def models_of(given: list[Path], folder: Path | None) -> dict[str, Path]:
     if folder is not None:
         inside = sorted(p.parent for p in folder.glob("*/metadata.json")) if folder.is_dir() else []
         if not inside:
-            faults.append(Fault("no models", "--models", str(folder), "a folder with models in it"))
+            faults.append(Fault("no models", "--models", str(folder), "a folder that contains models"))
         found += inside
     names = [place.resolve().name for place in found]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        faults.append(Fault("two models of one name", "MODEL", ", ".join(twice), "each name once"))
+        faults.append(Fault("duplicate model name", "MODEL", ", ".join(twice), "each name once"))
     if faults:
         raise InvalidInput(faults)
     return {name: place.resolve() for name, place in zip(names, found, strict=True)}

@@ -33,11 +33,14 @@ def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
     app.command(
         epilog=examples(
-            ("tripwatt transfer --from data/tum --to data/ved", "what an i3 teaches of a Leaf"),
-            ("tripwatt transfer --from data/ved --to data/tum --out back", "and the other way"),
+            (
+                "tripwatt transfer --from data/tum --to data/ved",
+                "forecast a Nissan Leaf with a model of a BMW i3",
+            ),
+            ("tripwatt transfer --from data/ved --to data/tum --out back", "the other way round"),
             (
                 "tripwatt transfer --from data/tum --to logs --dataset table --mapping my.toml --vehicle vw_id3",
-                "any tables of one car",
+                "forecast a car from your own tables",
             ),
         )
     )(transfer)
@@ -46,16 +49,23 @@ def add_commands(app: typer.Typer) -> None:
 def transfer(
     source: Annotated[
         Path,
-        typer.Option("--from", metavar="DATA", help="Trips of the car to learn from.", show_default=False),
+        typer.Option(
+            "--from", metavar="DATA", help="Trips of the first car, for training.", show_default=False
+        ),
     ],
     target: Annotated[
         Path,
-        typer.Option("--to", metavar="DATA", help="Trips of the car to forecast.", show_default=False),
+        typer.Option(
+            "--to", metavar="DATA", help="Trips of the second car, to forecast.", show_default=False
+        ),
     ],
     out: Annotated[
         Path,
         typer.Option(
-            "--out", "-o", metavar="FOLDER", help="Folder for the results; appears when all is written."
+            "--out",
+            "-o",
+            metavar="FOLDER",
+            help="Folder for the results. It is created when the run is complete.",
         ),
     ] = Path("transfer"),
     dataset: DatasetOption = None,
@@ -64,32 +74,36 @@ def transfer(
     overrides: SetOption = None,
     from_dataset: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="As --dataset, of the car to learn from.", show_default=False),
+        typer.Option(metavar="NAME", help="As --dataset, for the first car.", show_default=False),
     ] = None,
     from_mapping: Annotated[
         str | None,
-        typer.Option(
-            metavar="FILE.toml|NAME", help="As --mapping, of the car to learn from.", show_default=False
-        ),
+        typer.Option(metavar="FILE.toml|NAME", help="As --mapping, for the first car.", show_default=False),
     ] = None,
     from_vehicle: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME|FILE.toml", help="As --vehicle, of the car to learn from.", show_default=False
-        ),
+        typer.Option(metavar="NAME|FILE.toml", help="As --vehicle, for the first car.", show_default=False),
     ] = None,
     trips: Annotated[
-        str, typer.Option(metavar="K,K", help="Numbers of own trips to learn from.")
+        str, typer.Option(metavar="K,K", help="Numbers of trips of the second car to adapt to.")
     ] = DEFAULT_TRIPS,
-    draws: Annotated[int, typer.Option(min=1, metavar="N", help="Random draws of each number.")] = 200,
-    min_km: Annotated[float, typer.Option(metavar="KM", help="Shorter trips are left out.")] = 2.0,
-    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Makes the run identical.")] = 0,
+    draws: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Random draws for each number of trips.")
+    ] = 200,
+    min_km: Annotated[float, typer.Option(metavar="KM", help="Shortest trip to use.")] = 2.0,
+    seed: Annotated[
+        int,
+        typer.Option(
+            min=0, metavar="N", help="Seed of the random numbers. The same seed gives the same results."
+        ),
+    ] = 0,
     as_json: JsonOption = False,
 ) -> None:
-    """Train on one car, forecast another with none and with a few of its own trips, and score it.
+    """Train on one car, adapt to none or a few trips of a second car, and score the forecasts for it.
 
-    Learns from the first half of the second car's trips in time, scores the second half, and writes results.json,
-    trips.csv, report.html and its figures into OUT. --dataset, --mapping, --vehicle and --set are of the second car.
+    The command adapts to trips of the first half of the second car's record and scores the second half. It writes
+    results.json, trips.csv, report.html and the figures into OUT. --dataset, --mapping, --vehicle and --set describe the
+    second car.
     """
     from tripwatt.vehicles import load_vehicle, parse_overrides
 
@@ -159,7 +173,9 @@ def numbers_of(text: str) -> list[int]:
         numbers = [-1]
     if min(numbers) < 0:
         raise InvalidInput(
-            Fault("no such numbers of trips", "--trips", text, "whole numbers from 0 on, with commas")
+            Fault(
+                "invalid numbers of trips", "--trips", text, "whole numbers of 0 or more, separated by commas"
+            )
         )
     return numbers
 

@@ -101,7 +101,7 @@ def evaluate(
         return _evaluate_forecast(fleet, test_fleet, specs, vehicle, overrides, seed, n_jobs, keep, progress)
     if test_fleet is not None:
         raise InvalidInput(
-            Fault("other trips to score", "--test", f"protocol {protocol!r}", "protocol 'forecast'")
+            Fault("option not available", "--test", f"protocol {protocol!r}", "protocol 'forecast'")
         )
     physics = {name: load_vehicle(vehicle, preset, overrides) for name, preset in PHYSICS_PRESETS.items()}
     given = [f"{physics['physics'].name} with {key} = {value}" for key, value in (overrides or {}).items()]

@@ -176,11 +176,11 @@ def _tell(progress: Progress | None, done: int, steps: int) -> None:
 def _check(trips: Sequence[int], draws: int, min_distance_m: float) -> None:
     faults = []
     if not trips or min(trips) < 0:
-        faults.append(Fault("no such number of trips", "trips", str(list(trips)), "whole numbers from 0 on"))
+        faults.append(Fault("value out of range", "trips", str(list(trips)), "whole numbers of 0 or more"))
     if draws < 1:
-        faults.append(Fault("no such number of draws", "draws", str(draws), "1 or more"))
+        faults.append(Fault("value out of range", "draws", str(draws), "1 or more"))
     if not min_distance_m >= 0.0:
-        faults.append(Fault("no such distance", "min_distance_m", str(min_distance_m), "0 or more"))
+        faults.append(Fault("value out of range", "min_distance_m", str(min_distance_m), "0 or more"))
     if faults:
         raise InvalidInput(faults)
 
@@ -210,7 +210,7 @@ def _require(
     if learned < MIN_TRIPS:
         got = f"{learned} of {len(source.trips)} after the audit"
         faults.append(
-            Fault("too few trips to learn from", f"--from {source.name}", got, f"at least {MIN_TRIPS}")
+            Fault("too few trips to train on", f"--from {source.name}", got, f"at least {MIN_TRIPS}")
         )
     most = max((len(trips) for trips in by_car.values()), default=0)
     if most < MIN_CAR_TRIPS:

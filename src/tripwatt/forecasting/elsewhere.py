@@ -55,7 +55,9 @@ class Elsewhere:
             When it is not fitted or has none.
         """
         if model.fitted_ is None or model.scale_ is None or model.scores_ is None:
-            raise InvalidInput(Fault("model is not fitted", "base", "no training trips", "call fit first"))
+            raise InvalidInput(
+                Fault("model is not fitted", "base", "no training trips", fix="call fit first")
+            )
         return cls(Members.of(model.fitted_), model.scale_, model.scores_)
 
     @classmethod

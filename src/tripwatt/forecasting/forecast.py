@@ -317,7 +317,7 @@ class Forecast:
         else:
             where = f"columns {sorted(samples.columns)}"
             raise InvalidInput(
-                Fault("nothing measured", "observed samples", where, "voltage_v and current_a, or soc")
+                Fault("no measured energy", "observed samples", where, "voltage_v and current_a, or soc")
             )
         belief, rest_spread = self._updated(samples, until, weights, power, variance)
         anchor = None

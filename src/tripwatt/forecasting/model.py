@@ -136,7 +136,7 @@ class ForecastModel:
             With fewer than `MIN_TRIPS` trips.
         """
         if len(table) < MIN_TRIPS:
-            fix = "a model of another car can be adapted to fewer: tripwatt fit --base MODEL"
+            fix = "adapt a model of another car with tripwatt fit --base MODEL"
             raise InvalidInput(
                 Fault("too few trips", "training", str(len(table)), f"at least {MIN_TRIPS}", fix)
             )
@@ -214,7 +214,7 @@ class ForecastModel:
             or self.gain_ is None
         ):
             raise InvalidInput(
-                Fault("model is not fitted", "forecast", "no training trips", "call fit first")
+                Fault("model is not fitted", "forecast", "no training trips", fix="call fit first")
             )
         simulation = simulate_trip(self.vehicle, plan)
         table = block_table(plan, simulation)

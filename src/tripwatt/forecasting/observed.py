@@ -28,14 +28,14 @@ def since_departure(observed: pd.DataFrame, plan: Plan) -> pd.DataFrame:
     start = plan.start_s
     times = observed["time_s"] - start
     if len(times) and float(times.iloc[0]) < 0.0:
-        got, allowed = f"{float(observed['time_s'].iloc[0]):g} s", f"{start:g} s or later, as the trip"
+        got, allowed = f"{float(observed['time_s'].iloc[0]):g} s", f"{start:g} s or later"
         raise InvalidInput(Fault("measured before departure", "observed samples, time_s", got, allowed))
     if len(times) and plan.link_m is None:
         end = start + plan.duration_s if plan.end_s is None else plan.end_s
         first, last = (float(observed["time_s"].iloc[i]) for i in (0, -1))
         if first > end:
-            got, allowed = f"{first:g} to {last:g} s", f"{start:g} to {end:g} s, as the trip"
-            fix = "put them on the trip's clock"
+            got, allowed = f"{first:g} to {last:g} s", f"{start:g} to {end:g} s"
+            fix = "give times on the clock of the trip"
             raise InvalidInput(
                 Fault("measured after the trip", "observed samples, time_s", got, allowed, fix)
             )
@@ -60,7 +60,16 @@ def _require_sign(observed: pd.DataFrame, plan: Plan) -> None:
     power = (observed["voltage_v"] * observed["current_a"]).to_numpy(dtype=np.float64)
     found = apparent_mass(time, speed, power)
     if found is not None and found[1] < WRONG_SIGN:
-        got, allowed = "the battery would charge while the car accelerates", "+ where it discharges"
+        got, allowed = (
+            "the battery would charge while the car accelerates",
+            "positive when the battery discharges",
+        )
         raise InvalidInput(
-            Fault("the current has the wrong sign", "observed samples, current_a", got, allowed, "negate it")
+            Fault(
+                "current has the wrong sign",
+                "observed samples, current_a",
+                got,
+                allowed,
+                "reverse the sign of current_a",
+            )
         )

@@ -77,14 +77,17 @@ def _planned(route: LinkRoute | Track, where: str, speed_m_s: float | None, trip
     if speed_m_s is not None and not needs_speed(route):
         raise InvalidInput(_without_effect(where))
     if speed_m_s is None and needs_speed(route):
-        got, fix = "points without times and speeds", "give a speed: speed_m_s, or --speed KM/H"
+        got, fix = (
+            "points without times and speeds",
+            "give speed_m_s in Python, --speed KM/H on the command line",
+        )
         raise InvalidInput(Fault("speed is missing", where, got, "a mean speed for the track", fix))
     return plan_from_route(route, speed_m_s=speed_m_s, trip_id=trip_id)
 
 
 def _without_effect(where: str) -> Fault:
-    got = f"{where} holds its own times or speeds"
-    return Fault("speed has no effect", "speed_m_s", got, "only with a track without times and speeds")
+    got = f"{where} contains times or speeds"
+    return Fault("speed has no effect", "speed_m_s", got, "only for a track without times and speeds")
 
 
 def read_trips(path: Path | str, dataset: str = "tum", mapping: Path | str | None = None) -> tuple[Trip, ...]:

@@ -52,7 +52,7 @@ def model_parts(model: ForecastModel) -> dict[str, Part]:
     """
     process, scale, scores, gain = model.process_, model.scale_, model.scores_, model.gain_
     if model.fitted_ is None or process is None or scale is None or scores is None or gain is None:
-        raise InvalidInput(Fault("model is not fitted", "store", "no training trips", "call fit first"))
+        raise InvalidInput(Fault("model is not fitted", "store", "no training trips", fix="call fit first"))
     about, arrays = corrector_parts(model.fitted_)
     values = {
         "corrector": model.corrector,
@@ -86,7 +86,7 @@ def model_of_parts(parts: Mapping[str, Part]) -> ForecastModel:
         if values["block_s"] != BLOCK_S:
             got, allowed = f"blocks of {values['block_s']} s", f"blocks of {BLOCK_S:g} s"
             raise InvalidInput(
-                Fault("model of an older kind", "model.json, block_s", got, allowed, "fit again")
+                Fault("model of an older version", "model.json, block_s", got, allowed, "fit the model again")
             )
         process = values["process"]
         ranges = {
@@ -114,8 +114,8 @@ def model_of_parts(parts: Mapping[str, Part]) -> ForecastModel:
         )
     except (KeyError, TypeError) as error:
         got = f"{type(error).__name__}: {error}"
-        fix = "it was not written by save_model, or by a version whose models are not read"
-        raise InvalidInput(Fault("parts are not those of a forecaster", "model", got, "", fix)) from error
+        fix = "fit the model again with this version of tripwatt"
+        raise InvalidInput(Fault("parts do not make a forecast model", "model", got, "", fix)) from error
 
 
 def save_model(

@@ -215,7 +215,7 @@ class _Builder:
         if size < 2:
             fix = "leave the random effect out"
             raise InvalidInput(
-                Fault("one group only", term.label, f"level {levels.names[0]!r}", "two or more levels", fix)
+                Fault("only one group", term.label, f"level {levels.names[0]!r}", "two or more levels", fix)
             )
         names = [f"{term.label}.{i + 1}" for i in range(size)]
         block = Block(term.label, term, "random", names, [np.eye(size)])

@@ -304,7 +304,7 @@ def effects(
 
     faults = []
     if not 0 < level < 1:
-        faults.append(Fault("no coverage", "effects(level=)", str(level), "between 0 and 1"))
+        faults.append(Fault("value out of range", "effects(level=)", str(level), "between 0 and 1"))
     if points is not None and points < 2:
         faults.append(Fault("grid too coarse", "effects(points=)", str(points), "2 or more"))
     if faults:

@@ -290,7 +290,7 @@ def parse_formula(text: str) -> Formula:
     left, tilde, right = text.partition("~")
     if not tilde or "~" in right:
         count = text.count("~")
-        raise InvalidInput(Fault("a formula has one ~", repr(text), f"{count} of them", "response ~ terms"))
+        raise InvalidInput(Fault("wrong number of ~", repr(text), f"{count} of them", "response ~ terms"))
     if not right.strip():
         raise InvalidInput(Fault("no terms", f"right of ~ in {text!r}", "nothing", _TERMS_ALLOWED))
     # R writes a line break inside a sum freely; Python wants brackets for that, which shift nothing but column 0
@@ -326,7 +326,7 @@ def _response(reader: _Reader, left: str) -> str | None:
     if name and not _PLAIN_NAME.fullmatch(name):
         fix = "compute a transformed response beforehand, write odd names in `backticks`"
         reader.faults.append(
-            Fault("the response is no column", "left of ~ at character 1", name, "one column", fix)
+            Fault("response is not a column", "left of ~ at character 1", name, "one column", fix)
         )
     return name or None
 

@@ -78,7 +78,9 @@ def _fold(
     solution = solve(own.rows.subset(kept, active), y[kept], sums, stack, active, settings)
     if solution is None:
         where = f"without fold of row {out[0]}"
-        raise InvalidInput(Fault("model not identifiable", where, "singular system", "terms that differ"))
+        raise InvalidInput(
+            Fault("model not identifiable", where, "singular system", "linearly independent terms")
+        )
     beta = np.zeros(own.p)
     beta[active] = solution.beta
     training, piece = training_of(own, ~held), frame.iloc[out]
@@ -128,7 +130,7 @@ def leave_out(
     """
     count = int(folds.max()) + 1
     if count < 2:
-        raise InvalidInput(Fault("one group only", "leave_groups_out", "1 fold", "two or more"))
+        raise InvalidInput(Fault("only one group", "leave_groups_out", "1 fold", "two or more"))
     lagged = settings.ar1_rho is not None
     total = grouped_moments(design, y, groups, np.arange(len(y), dtype=np.intp), lagged)
     design, gram = identified(design, total.gram[0])

@@ -159,7 +159,7 @@ class GAMM(RegressorMixin, BaseEstimator):
                     "model not identifiable",
                     str(formula.response or "y"),
                     "singular system",
-                    "terms that differ",
+                    "linearly independent terms",
                 )
             )
         self._keep(design, values, family, solution, active, which)
@@ -304,13 +304,13 @@ class GAMM(RegressorMixin, BaseEstimator):
         if self.ar1_rho is not None:
             if not isinstance(family, Gaussian):
                 raise InvalidInput(
-                    Fault("ar1_rho needs gaussian errors", "GAMM(ar1_rho=)", family.name, "gaussian")
+                    Fault("autocorrelation needs gaussian errors", "GAMM(ar1_rho=)", family.name, "gaussian")
                 )
             good = self.ar1_rho == "estimate" or (not isinstance(self.ar1_rho, str) and -1 < self.ar1_rho < 1)
             if not good:
                 got = repr(self.ar1_rho)
                 raise InvalidInput(
-                    Fault("bad autocorrelation", "GAMM(ar1_rho=)", got, "'estimate' or within -1 to 1")
+                    Fault("invalid autocorrelation", "GAMM(ar1_rho=)", got, "'estimate' or within -1 to 1")
                 )
         return Settings(family, self.method, rho, self.ar1_rho, self.tolerance, self.max_iter)
 
@@ -327,7 +327,7 @@ class GAMM(RegressorMixin, BaseEstimator):
         if len(codes) != len(frame) or (codes < 0).any():
             got = f"{len(codes)} labels, {int((codes < 0).sum())} missing"
             raise InvalidInput(
-                Fault("bad groups", "groups=", got, f"a label for each of the {len(frame)} rows")
+                Fault("invalid groups", "groups=", got, f"a label for each of the {len(frame)} rows")
             )
         return codes
 
@@ -352,7 +352,9 @@ class GAMM(RegressorMixin, BaseEstimator):
         if len(values) != len(names) or not (np.isfinite(values) & (values > 0)).all():
             got = f"{len(values)} values"
             allowed = f"{len(names)} positive numbers for {', '.join(names)}"
-            raise InvalidInput(Fault("bad smoothing parameters", "GAMM(smoothing_parameters=)", got, allowed))
+            raise InvalidInput(
+                Fault("invalid smoothing parameters", "GAMM(smoothing_parameters=)", got, allowed)
+            )
         return np.log(values)
 
     def _keep(

@@ -139,7 +139,7 @@ def _basis(
     spread = spread / np.maximum(np.abs(spread).max(axis=0), 1e-300)
     if np.linalg.matrix_rank(spread, tol=1e-9 * len(spread)) < d:
         raise InvalidInput(
-            Fault("collinear covariates", label, "all points on a line", "covariates that vary apart")
+            Fault("collinear covariates", label, "all points on a line", "covariates that are not collinear")
         )
     return thin_plate(points.values, points.counts, k, order), notes
 
@@ -214,7 +214,9 @@ def build_tensor(term: Tensor, points: Points, centred: bool) -> Built:
     """
     ks = term.k if term.k is not None else (5,) * len(term.names)
     if len(ks) != len(term.names) or len(ks) < 2:
-        raise InvalidInput(Fault("wrong k", term.label, f"k={ks}", "one for each of two or more covariates"))
+        raise InvalidInput(
+            Fault("wrong number of k", term.label, f"k={ks}", "one for each of two or more covariates")
+        )
     parts = [_margin(term, points, j, k) for j, k in enumerate(ks)]
     margins = tuple(part[0] for part in parts)
     sizes = [margin.transform.shape[1] for margin in margins]

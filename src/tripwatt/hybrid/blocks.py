@@ -180,7 +180,7 @@ def _measured_power(measured: Trip, block: IntArray, plan: Plan, seconds: FloatA
     step_s = plan.step_s or float(np.median(np.diff(plan.array("time_s"))))
     if measured.step_s not in (None, step_s):
         got, allowed = f"blocks of {measured.step_s:g} s", f"raw samples, or blocks of {step_s:g} s"
-        raise InvalidInput(Fault("trip of other blocks", measured.trip_id, got, allowed))
+        raise InvalidInput(Fault("wrong time step", measured.trip_id, got, allowed))
     raw = measured if measured.step_s is not None else resample(measured, step_s)
     if "observed_energy_wh" not in raw:
         return None

@@ -49,11 +49,11 @@ class StoredTrees:
 
     def fit(self, table: BlockTable) -> NoReturn:
         """Not possible: only what prediction needs was stored."""
-        raise InvalidInput(Fault("a stored corrector cannot learn", "fit", "", "a fresh ForecastModel"))
+        raise InvalidInput(Fault("stored corrector cannot be fitted", "fit", fix="fit a new ForecastModel"))
 
     def again(self) -> NoReturn:
         """Not possible, as `fit`."""
-        raise InvalidInput(Fault("a stored corrector cannot learn", "again", "", "a fresh ForecastModel"))
+        raise InvalidInput(Fault("stored corrector cannot be fitted", "again", fix="fit a new ForecastModel"))
 
     def predict(self, table: BlockTable) -> FloatArray:
         """Residual power [W]."""
@@ -190,7 +190,7 @@ def _trees(corrector: PowerCorrector) -> StoredTrees:
     if not isinstance(corrector, LearnerCorrector) or not hasattr(corrector.model, "booster_"):
         got = type(corrector).__name__
         allowed = "linear, kriging, boosting, forest, ensemble or channels"
-        raise InvalidInput(Fault("this corrector cannot be stored", "corrector", got, allowed))
+        raise InvalidInput(Fault("corrector cannot be stored", "corrector", got, allowed))
     model = corrector.model
     lone = model.position_ < 0
     n_trees = int((~lone).sum())

@@ -74,7 +74,7 @@ def grid(mode: str = "both") -> tuple[Option, ...]:
 def require_mode(mode: str) -> None:
     """Raise `InvalidInput` for an unknown mode."""
     if mode not in MODES:
-        raise InvalidInput(Fault("unknown way to adapt", "mode", repr(mode), ", ".join(MODES)))
+        raise InvalidInput(Fault("unknown adaptation mode", "mode", repr(mode), ", ".join(MODES)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ class Members:
         found = tuple(k for member in inner for k in cls.of(member).correctors)
         if not found:
             got, allowed = type(corrector).__name__, "linear, kriging, ensemble or channels"
-            raise InvalidInput(Fault("this corrector cannot be transferred", "corrector", got, allowed))
+            raise InvalidInput(Fault("corrector cannot be transferred", "corrector", got, allowed))
         return cls(found)
 
     @property

@@ -75,11 +75,13 @@ class TransferredCorrector:
 
     def fit(self, table: BlockTable) -> NoReturn:
         """Not possible: it is adapted with `CarTransfer`, from the base."""
-        raise InvalidInput(Fault("a transferred corrector cannot learn", "fit", "", "a fresh adaptation"))
+        raise InvalidInput(Fault("transferred corrector cannot be fitted", "fit", fix="adapt the base again"))
 
     def again(self) -> NoReturn:
         """Not possible, as `fit`."""
-        raise InvalidInput(Fault("a transferred corrector cannot learn", "again", "", "a fresh adaptation"))
+        raise InvalidInput(
+            Fault("transferred corrector cannot be fitted", "again", fix="adapt the base again")
+        )
 
     def predict(self, table: BlockTable) -> FloatArray:
         """Residual power [W]."""

@@ -65,7 +65,7 @@ class _Pieces:
     def route(self, where: str, heights: tuple[FloatArray, FloatArray] | None, *flags: Flag) -> LinkRoute:
         if not self.length_m:
             raise InvalidInput(
-                Fault("no route", where, "no piece with a length and a time", "a route to drive")
+                Fault("no route", where, "no step with a length and a duration", "a route with steps")
             )
         self.length_m[-1] += self.left_m
         self.time_s[-1] += self.left_s
@@ -131,7 +131,10 @@ def route_from_osrm(answer: Mapping[str, Any], where: str = "OSRM answer") -> Li
             time = numbers(annotation["duration"], f"{place}, annotation, duration", least=0.0)
             if len(length) != len(time):
                 fault = Fault(
-                    "annotations disagree", place, f"{len(length)} and {len(time)}", "one duration a distance"
+                    "annotations of different lengths",
+                    place,
+                    f"{len(length)} and {len(time)}",
+                    "one duration for each distance",
                 )
                 raise InvalidInput(fault)
             longer = max(duration / float(time.sum()), 1.0) if time.sum() > 0 else 1.0
@@ -320,7 +323,12 @@ def _intervals(value: Any, points: int, where: str) -> list[tuple[int, int, floa
         start, end = (a_number(p, place, least=0.0) for p in parts[:2])
         if not (start == int(start) and end == int(end) and start <= end < points):
             raise InvalidInput(
-                Fault("no such points", place, f"{start:g} to {end:g}", f"0 to {points - 1}, ascending")
+                Fault(
+                    "point index out of range",
+                    place,
+                    f"{start:g} to {end:g}",
+                    f"0 to {points - 1}, ascending",
+                )
             )
         found.append(
             (int(start), int(end), a_number(parts[2] if parts[2] is not None else 0.0, place, least=0.0))

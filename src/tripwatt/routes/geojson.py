@@ -85,7 +85,7 @@ def track_from_geojson(document: Any, where: str) -> Track:
     lines: list[tuple[FloatArray, float, list[str]]] = []
     skipped = _collect(an_object(document, where), {}, where, lines, 0)
     if not lines:
-        raise InvalidInput(Fault("no line", where, "no LineString", "a GeoJSON text with a LineString"))
+        raise InvalidInput(Fault("no line", where, "no LineString", "a GeoJSON document with a LineString"))
     points = np.concatenate([line[0] for line in lines])
     require_on_earth(points[:, 0], points[:, 1], where)
     # the piece that joins two lines has the speed of the second one
@@ -155,11 +155,18 @@ def _texts(properties: dict[str, Any], number: int, where: str) -> list[str]:
     ]
     if len(flat) != number:
         raise InvalidInput(
-            Fault("times and points disagree", where, f"{len(flat)} times", f"{number}, one a point")
+            Fault(
+                "times and points differ in number",
+                where,
+                f"{len(flat)} times",
+                f"{number}, one for each point",
+            )
         )
     wrong = next((t for t in flat if not isinstance(t, str | None)), None)
     if wrong is not None:
-        raise InvalidInput(Fault("not a time", where, repr(wrong)[:40], "ISO 8601, as 2026-05-01T08:00:00Z"))
+        raise InvalidInput(
+            Fault("invalid time", where, repr(wrong)[:40], "ISO 8601, such as 2026-05-01T08:00:00Z")
+        )
     return [t or "" for t in flat]
 
 

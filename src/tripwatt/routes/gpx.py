@@ -66,11 +66,11 @@ def read_gpx(source: bytes | str | Path, *, where: str | None = None) -> Track:
     try:
         parser.Parse(data, True)
     except (expat.ExpatError, ValueError, LookupError) as error:  # the latter two for encodings
-        raise InvalidInput(Fault("not well-formed XML", name, str(error)[:120], "a GPX text")) from error
+        raise InvalidInput(Fault("not well-formed XML", name, str(error)[:120], "a GPX document")) from error
     candidates = [p for kind in ("trk", "rte") for p in reading.points[kind] if len(p) >= 2]
     if not candidates:
         raise InvalidInput(
-            Fault("no track", name, "no trk or rte of two points", "a GPX text with a track or a route")
+            Fault("no track", name, "no trk or rte with two points", "a GPX document with a track or a route")
         )
     flags = () if len(candidates) == 1 else (first_of("tracks and routes", len(candidates)),)
     chosen = candidates[0]
@@ -83,7 +83,10 @@ def read_gpx(source: bytes | str | Path, *, where: str | None = None) -> Track:
 def _refuse(name: str) -> None:
     raise InvalidInput(
         Fault(
-            "XML with a document type", name, "<!DOCTYPE ...>", "GPX without one: entities are not expanded"
+            "XML with a document type declaration",
+            name,
+            "<!DOCTYPE ...>",
+            "GPX without a document type declaration",
         )
     )
 

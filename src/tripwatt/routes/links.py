@@ -150,7 +150,7 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
     )
     for name, values, sound, allowed in rules:
         if values.shape != length.shape:
-            yield Fault("links disagree", name, f"shape {values.shape}", f"shape {length.shape} of length_m")
+            yield Fault("wrong shape", name, f"shape {values.shape}", f"shape {length.shape} of length_m")
         elif not sound.all():
             bad = np.flatnonzero(~sound)
             more = f" (and {len(bad) - 1} more links)" if len(bad) > 1 else ""
@@ -168,7 +168,7 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
             first = int(np.flatnonzero(wrong)[0])
             allowed = f"{column.minimum:g} to {column.maximum:g} m"
             yield Fault(
-                "elevation out of range", f"height {first + 1}", f"{route.elevation_m[first]:g} m", allowed
+                "elevation out of range", f"elevation {first + 1}", f"{route.elevation_m[first]:g} m", allowed
             )
 
 
@@ -204,9 +204,7 @@ def links_of_trip(trip: Recorded, length_m: float = 250.0) -> LinkRoute:
     time, speed = trip.array("time_s"), trip.array("speed_m_s")
     driven = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
     if not driven[-1] > 0:
-        raise InvalidInput(
-            Fault("the trip does not move", trip.trip_id, f"{driven[-1]:g} m", "more than 0 m")
-        )
+        raise InvalidInput(Fault("trip without distance", trip.trip_id, f"{driven[-1]:g} m", "more than 0 m"))
     number = max(1, round(driven[-1] / length_m))
     border = np.append(np.arange(number) * length_m, driven[-1])
     moves = np.concatenate(([True], np.diff(driven) > 0))

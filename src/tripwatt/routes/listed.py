@@ -161,7 +161,7 @@ def _some(faults: list[Fault]) -> list[Fault]:
     """All faults, or the first ones and how many more there are."""
     if len(faults) <= MOST_FAULTS:
         return faults
-    return [*faults[:MOST_FAULTS], Fault("more faults", "links", f"{len(faults) - MOST_FAULTS} more")]
+    return [*faults[:MOST_FAULTS], Fault("further faults", "links", f"{len(faults) - MOST_FAULTS} more")]
 
 
 def _row(link: Mapping[str, float | None], where: str, faults: list[Fault]) -> dict[str, float]:
@@ -180,15 +180,14 @@ def _row(link: Mapping[str, float | None], where: str, faults: list[Fault]) -> d
     if "length_m" not in row:
         faults.append(Fault("missing key", where, f"{sorted(row)}", "length_m"))
     if ("speed_m_s" in row) == ("travel_time_s" in row):
-        faults.append(Fault("how fast?", where, f"{sorted(row)}", "either speed_m_s or travel_time_s"))
+        what = "speed and travel time mixed" if "speed_m_s" in row else "speed is missing"
+        faults.append(Fault(what, where, f"{sorted(row)}", "either speed_m_s or travel_time_s"))
     if ("start_elevation_m" in row) != ("end_elevation_m" in row) or (
         "grade" in row and "end_elevation_m" in row
     ):
-        faults.append(
-            Fault(
-                "how steep?", where, f"{sorted(row)}", "either grade or start_elevation_m and end_elevation_m"
-            )
-        )
+        what = "grade and elevation mixed" if "grade" in row else "elevation at one end only"
+        allowed = "either grade or start_elevation_m and end_elevation_m"
+        faults.append(Fault(what, where, f"{sorted(row)}", allowed))
     for key, low in (("length_m", 0.0), ("speed_m_s", 0.0), ("travel_time_s", 0.0)):
         if row.get(key, 1.0) <= low:
             faults.append(Fault("link out of range", f"{where}, {key}", f"{row[key]:g}", "more than 0"))
@@ -228,7 +227,9 @@ def _elevation(
         height = np.column_stack((start, end)).ravel()
         if np.isfinite(grade).any():
             message = "grade on some links and elevation on others"
-            raise InvalidInput(Fault("how steep?", "links", message, "one of both on all links"))
+            raise InvalidInput(
+                Fault("grade and elevation mixed", "links", message, "the same one of the two on all links")
+            )
         there = np.isfinite(height)
         flags = () if there.all() else (Flag("elevation_interpolated", "links"),)
         return position[there], height[there], flags

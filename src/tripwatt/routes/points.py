@@ -95,7 +95,12 @@ def require_on_earth(latitude_deg: FloatArray, longitude_deg: FloatArray, where:
             more = f" (and {len(bad) - 1} more points)" if len(bad) > 1 else ""
             place = f"{where}, point {bad[0] + 1}, {name}"
             faults.append(
-                Fault("not on earth", place, f"{values[bad[0]]:g}°{more}", f"-{limit:g}° to {limit:g}°")
+                Fault(
+                    "coordinate out of range",
+                    place,
+                    f"{values[bad[0]]:g}°{more}",
+                    f"-{limit:g}° to {limit:g}°",
+                )
             )
     if faults:
         raise InvalidInput(faults)
@@ -144,7 +149,7 @@ def parse_json(data: bytes, where: str) -> Any:
     except RecursionError as error:
         raise InvalidInput(Fault("not JSON", where, "nested too deeply", "a route")) from error
     except ValueError as error:
-        raise InvalidInput(Fault("not JSON", where, str(error)[:120], "a JSON text in UTF-8")) from error
+        raise InvalidInput(Fault("not JSON", where, str(error)[:120], "a JSON document in UTF-8")) from error
 
 
 def an_object(value: Any, where: str) -> dict[str, Any]:

@@ -243,14 +243,14 @@ def _link_faults(
     )
     for name, values, sound, allowed in rules:
         if values.shape != length.shape:
-            yield Fault("links disagree", name, f"shape {values.shape}", f"shape {length.shape} of length_m")
+            yield Fault("wrong shape", name, f"shape {values.shape}", f"shape {length.shape} of length_m")
         elif not sound.all():
             first = int(np.flatnonzero(~sound)[0])
             yield Fault("link out of range", f"{name}, link {first + 1}", f"{values[first]}", allowed)
     if stop.shape == time.shape == length.shape and bool((stop >= time).any()):
         first = int(np.flatnonzero(stop >= time)[0])
         yield Fault(
-            "the stop takes all of the travel time",
+            "stop takes the whole travel time",
             f"stop_s, link {first + 1}",
             f"{stop[first]:g} s",
             f"less than {time[first]:g} s",

@@ -61,7 +61,7 @@ def route_from_table(data: bytes, where: str = "links") -> LinkRoute:
         if name not in LINK_KEYS
     ]
     faults += [
-        Fault("column twice", f"{where}, column {name!r}", f"{names.count(name)} times", "once")
+        Fault("duplicate column", f"{where}, column {name!r}", f"{names.count(name)} times", "once")
         for name in sorted({n for n in names if n in LINK_KEYS and names.count(n) > 1})
     ]
     if "length_m" not in names:

@@ -23,6 +23,7 @@ from tripwatt.routes.points import (
     require_on_earth,
 )
 from tripwatt.trips import COLUMNS, Departure, Flag, FloatArray, Plan, raise_faults, table_of
+from tripwatt.units import M_S_PER_KM_H
 
 DENSE_STEP_S: Final = 5.0
 """A track whose median step is at most this is a log of the drive; a sparser one gives links."""
@@ -81,7 +82,7 @@ class Track:
                 more = f" (and {len(back) - 1} more points)" if len(back) > 1 else ""
                 got = f"{-np.diff(self.time_s)[back[0]]:g} s back{more}"
                 faults.append(
-                    Fault("time goes back", f"track, point {back[0] + 2}", got, "times that do not decrease")
+                    Fault("time decreases", f"track, point {back[0] + 2}", got, "times that never decrease")
                 )
             span = float(self.time_s[-1] - self.time_s[0])
             if not 0 < span <= MOST_TRAVEL_TIME_S:
@@ -94,7 +95,7 @@ class Track:
                     )
                 )
         if not float(self.step_m.sum()) > 0:
-            faults.append(Fault("the track has no length", "track", "0 m", "two places"))
+            faults.append(Fault("track has no length", "track", "0 m", "two different places"))
         column = COLUMNS["elevation_m"]
         high = np.flatnonzero((self.elevation_m < column.minimum) | (self.elevation_m > column.maximum))
         if len(high):
@@ -157,7 +158,10 @@ def times_of(texts: list[str], where: str) -> tuple[FloatArray | None, dt.dateti
             moment = dt.datetime.fromisoformat(text)
         except ValueError as error:
             fault = Fault(
-                "not a time", f"{where}, point {k + 1}", repr(text[:40]), "ISO 8601, as 2026-05-01T08:00:00Z"
+                "invalid time",
+                f"{where}, point {k + 1}",
+                repr(text[:40]),
+                "ISO 8601, such as 2026-05-01T08:00:00Z",
             )
             raise InvalidInput(fault) from error
         moment = moment if moment.tzinfo is not None else moment.replace(tzinfo=dt.UTC)
@@ -204,10 +208,10 @@ def route_from_track(track: Track, speed_m_s: float | None = None) -> LinkRoute:
         if unknown.any() and speed_m_s is None:
             raise InvalidInput(
                 Fault(
-                    "how fast?",
+                    "speed is missing",
                     "track",
                     f"{int(unknown.sum())} pieces without time and speed",
-                    "a speed for them",
+                    "a mean speed for the track",
                     "give speed_m_s",
                 )
             )
@@ -287,8 +291,15 @@ def plan_from_track(
     speed = np.where(speed < STANDING_M_S, 0.0, speed)
     fast = np.flatnonzero(speed > FASTEST_LINK_M_S)
     if len(fast):
-        got = f"{speed[fast[0]]:.0f} m/s at {time[fast[0]]:g} s"
-        raise InvalidInput(Fault("the track jumps", "track", got, f"at most {FASTEST_LINK_M_S:g} m/s"))
+        got = f"{speed[fast[0]] / M_S_PER_KM_H:.0f} km/h at {time[fast[0]]:g} s"
+        raise InvalidInput(
+            Fault(
+                "implausible jump of the track",
+                "track",
+                got,
+                f"at most {FASTEST_LINK_M_S / M_S_PER_KM_H:g} km/h",
+            )
+        )
     position, height, flags = track.elevation()
     columns = {"time_s": time, "speed_m_s": speed}
     if position is not None and height is not None:

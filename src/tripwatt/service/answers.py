@@ -14,24 +14,24 @@ class Answer(BaseModel):
 
 
 class FlagAnswer(Answer):
-    """Something that was assumed, or that lies outside what the model has learned from."""
+    """An assumption, or a value outside the range of the training trips."""
 
-    code: str = Field(description="what it is, for programs")
-    subject: str = Field(description="the field or part that it is about")
-    value: float | str | None = Field(description="what was found or assumed, in `unit`")
+    code: str = Field(description="kind of flag")
+    subject: str = Field(description="field or component that the flag concerns")
+    value: float | str | None = Field(description="value found or assumed, in `unit`")
     unit: str
-    message: str = Field(description="the same in English")
+    message: str = Field(description="the flag as an English sentence")
 
 
 class Series(Answer):
-    """Along the route: a value at departure and at the end of every block; the band is the central 90 %."""
+    """Values at departure and at the end of every time step; low and high are the central 90 % interval."""
 
-    time_s: list[float] = Field(description="since departure [s]")
+    time_s: list[float] = Field(description="time since departure [s]")
     distance_m: list[float]
-    energy_wh: list[float] = Field(description="taken so far [Wh]")
+    energy_wh: list[float] = Field(description="energy since departure [Wh]")
     energy_low_wh: list[float]
     energy_high_wh: list[float]
-    displayed_soc: list[float] = Field(description="state of charge that the driver sees; below 0 = empty")
+    displayed_soc: list[float] = Field(description="displayed state of charge; below 0 the battery is empty")
     displayed_soc_low: list[float]
     displayed_soc_high: list[float]
 
@@ -40,19 +40,23 @@ class ForecastAnswer(Answer):
     """The forecast of a trip, as `tripwatt forecast --json` prints it."""
 
     trip: str
-    given: str = Field(description="what the forecast takes as known")
+    given: str = Field(description="what the forecast is conditional on")
     energy_wh: float = Field(description="energy at the battery terminals over the whole trip [Wh]")
-    quantiles_wh: dict[str, float] = Field(description="probability -> energy [Wh]")
-    soc_arrival: float = Field(description="displayed state of charge at the end; below 0 = it does not last")
+    quantiles_wh: dict[str, float] = Field(description="quantiles of the energy [Wh] by probability")
+    soc_arrival: float = Field(
+        description="displayed state of charge at arrival; below 0 the battery is empty before arrival"
+    )
     p_arrive: dict[str, float] = Field(
-        description="displayed state of charge -> probability to arrive with at least as much"
+        description="probability to arrive with at least this displayed state of charge"
     )
     series: Series
-    by_cause_wh: dict[str, float] = Field(description="cause -> energy [Wh]; they add up to energy_wh")
-    battery_loss_wh: float = Field(description="heat in the battery, on top of the energy [Wh]")
-    measured_until_s: float = Field(description="how much of the trip was measured [s]; 0 before departure")
+    by_cause_wh: dict[str, float] = Field(description="energy by cause [Wh]; the sum is energy_wh")
+    battery_loss_wh: float = Field(description="heat loss inside the battery, not part of energy_wh [Wh]")
+    measured_until_s: float = Field(
+        description="time up to which measurements are used [s]; 0 before departure"
+    )
     flags: list[FlagAnswer] = Field(
-        description="what was unknown, or lies outside the range of the training trips"
+        description="assumptions, and values outside the range of the training trips"
     )
 
 
@@ -60,22 +64,22 @@ class ProblemFault(Answer):
     """One thing that is wrong with an input."""
 
     what: str
-    where: str = Field(description="the field, or the place in an upload")
+    where: str = Field(description="field, or position in an upload")
     got: str | None = None
     allowed: str | None = None
     fix: str | None = None
 
 
 class ProblemDocument(Answer):
-    """RFC 9457: a request that is not answered, and why."""
+    """Problem document of RFC 9457."""
 
-    type: str = Field(description="the kind of problem, a path")
+    type: str = Field(description="kind of problem, as a path")
     title: str
     status: int
     detail: str | None = None
-    instance: str | None = Field(None, description="the request, as its X-Request-ID")
-    faults: list[ProblemFault] | None = Field(None, description="everything that is wrong with the input")
-    more_faults: int | None = Field(None, description="faults that are not listed")
+    instance: str | None = Field(None, description="X-Request-ID of the request")
+    faults: list[ProblemFault] | None = Field(None, description="all faults of the input")
+    more_faults: int | None = Field(None, description="number of faults that are not listed")
 
 
 class VehicleAnswer(Answer):
@@ -84,10 +88,12 @@ class VehicleAnswer(Answer):
     name: str
     title: str
     test_mass_kg: float
-    usable_energy_wh: float = Field(description="between 0 and 1 of the displayed state of charge [Wh]")
-    has_climate: bool = Field(description="whether its heating and cooling are simulated")
+    usable_energy_wh: float = Field(
+        description="energy between 0 and 1 of the displayed state of charge [Wh]"
+    )
+    has_climate: bool = Field(description="whether heating and cooling are simulated")
     models: list[str] = Field(
-        description="models that were fitted on it; others forecast it with much wider bands"
+        description="models fitted on this car; other models forecast it with much wider intervals"
     )
 
 
@@ -98,7 +104,7 @@ class VehiclesAnswer(Answer):
 
 
 class ModelAnswer(BaseModel):
-    """What a model says of itself: its metadata.json and its name here."""
+    """A model: its name in this service and its metadata."""
 
     name: str
     model: dict[str, Any]
@@ -108,13 +114,13 @@ class ModelAnswer(BaseModel):
 
 
 class ModelsAnswer(Answer):
-    """Models that requests may name, the first one being meant where none is named."""
+    """Models of this service; the first is the default."""
 
     models: list[ModelAnswer]
 
 
 class ExampleAnswer(Answer):
-    """A synthetic trip: computed, not driven."""
+    """A synthetic trip."""
 
     trip: str
     title: str
@@ -130,37 +136,39 @@ class ExampleTripAnswer(ExampleAnswer):
     """A synthetic trip with its samples."""
 
     request: dict[str, Any] = Field(description="a ForecastRequest")
-    observed: dict[str, list[float | None]] = Field(description="what was 'measured' on all of it")
+    observed: dict[str, list[float | None]] = Field(description="simulated measurements of the whole trip")
 
 
 class ExamplesAnswer(Answer):
-    """Synthetic trips to try the service with."""
+    """Synthetic trips as examples."""
 
     examples: list[ExampleAnswer]
 
 
 class ElevationAnswer(Answer):
-    """Heights along a route of links."""
+    """Elevation along a route of links."""
 
     position_m: list[float]
     elevation_m: list[float]
 
 
 class RouteAnswer(Answer):
-    """What an upload holds; `links` with `elevation`, or else `samples`, go into a ForecastRequest."""
+    """An uploaded route or trip. Send `links` with `elevation`, or `samples`, in a ForecastRequest."""
 
     samples: dict[str, list[float | None]] = Field(
-        description="the drive; for a planned road, how a driver would drive it"
+        description="speed trace; for a planned route, that of the driver model"
     )
-    links: list[dict[str, float]] | None = Field(description="the planned road; null for a logged drive")
+    links: list[dict[str, float]] | None = Field(
+        description="links of the planned route; null for a logged trip"
+    )
     elevation: ElevationAnswer | None
     duration_s: float
     distance_m: float
-    notes: list[FlagAnswer] = Field(description="what had to be assumed")
+    notes: list[FlagAnswer] = Field(description="assumptions")
 
 
 class HealthAnswer(Answer):
-    """How the service is."""
+    """State of the service."""
 
     status: str
-    workers: int = Field(description="processes that compute and are ready")
+    workers: int = Field(description="number of worker processes that are ready")

@@ -120,7 +120,7 @@ class Api:
         self.app = FastAPI(
             title="tripwatt",
             version=tripwatt.__version__,
-            summary="Forecasts the battery energy of an electric-car trip and says how sure it is.",
+            summary="Forecasts the battery energy of an electric-car trip with a prediction interval.",
             description=openapi.DESCRIPTION,
             docs_url=None,  # its page loads scripts from another host
             redoc_url=None,
@@ -195,15 +195,15 @@ class Api:
             add(path, handler, methods=[method], response_class=Response, response_model=None, **more)
 
     async def forecast(self, request: Request) -> Response:
-        """Forecast a trip from its speed trace or from a planned road."""
+        """Forecast a trip from a speed trace or from the links of a planned route."""
         return await self._job(request, {"kind": "forecast"}, await self._body(request, (JSON,)))
 
     async def update(self, request: Request) -> Response:
-        """Forecast the same trip again from what was measured so far."""
+        """Update the forecast of a trip with the samples measured so far."""
         return await self._job(request, {"kind": "update"}, await self._body(request, (JSON,)))
 
     async def batch(self, request: Request) -> Response:
-        """Forecast many trips: a request a line in, an answer or a problem a line out, in order."""
+        """Forecast many trips: one request per line in, one forecast or problem per line out, in the same order."""
         require_accepts(request, NDJSON)
         if self.batches >= self.settings.limits.batches:
             raise Problem("busy", "too many batches", headers={"Retry-After": "5"})
@@ -226,44 +226,44 @@ class Api:
         request: Request,
         speed_m_s: Annotated[
             float | None,
-            Query(gt=0, le=70, description="mean speed [m/s] where neither times nor speeds are known"),
+            Query(gt=0, le=70, description="mean speed [m/s] of a track without times and speeds"),
         ] = None,
     ) -> Response:
-        """Read a route or a trip: GPX, GeoJSON, a router's answer, links, or CSV of samples."""
+        """Read a route or a trip: GPX, GeoJSON, the response of a router, links, or samples as CSV."""
         body = await self._body(request, tuple(openapi.UPLOADS))
         speed = speed_m_s if speed_m_s is not None and math.isfinite(speed_m_s) else None
         return await self._job(request, {"kind": "route", "speed_m_s": speed}, body)
 
     async def get_models(self, request: Request) -> Response:
-        """Models that a request may name: what each takes in, where it comes from, how good it was."""
+        """List the models with their inputs, provenance and scores."""
         require_accepts(request, JSON)
         return Response(self.models, media_type=JSON)
 
     async def get_vehicles(self, request: Request) -> Response:
-        """Cars of the library, and which models forecast them."""
+        """List the cars of the library and the models fitted on each."""
         require_accepts(request, JSON)
         return Response(await self._kept("vehicles"), media_type=JSON)
 
     async def get_examples(self, request: Request) -> Response:
-        """Synthetic trips to try the service with: computed, not driven."""
+        """List synthetic trips as examples."""
         require_accepts(request, JSON)
         await self._kept("examples")
         return Response(self.kept["example list"], media_type=JSON)
 
     async def get_example(self, request: Request, trip: str) -> Response:
-        """One synthetic trip: a request for a forecast, and what was "measured" on it."""
+        """Return one synthetic trip: a request for a forecast, and the samples simulated for it."""
         require_accepts(request, JSON)
         await self._kept("examples")
         if f"example {trip}" not in self.kept:
-            raise Problem("not-found", "no such example")
+            raise Problem("not-found", "unknown example")
         return Response(self.kept[f"example {trip}"], media_type=JSON)
 
     async def healthz(self) -> Response:
-        """Whether the service answers at all."""
+        """Check that the service is alive."""
         return self._health("alive", 200)
 
     async def readyz(self) -> Response:
-        """Whether there is a worker that can forecast."""
+        """Check that a worker is ready to forecast."""
         if not self.crew.ready:
             raise Problem("busy", "no worker is ready", headers={"Retry-After": "1"})
         return self._health("ready", 200)
@@ -272,7 +272,7 @@ class Api:
         return Response(orjson.dumps({"status": status, "workers": self.crew.ready}), code, media_type=JSON)
 
     async def get_metrics(self) -> Response:
-        """Counts for Prometheus."""
+        """Return metrics for Prometheus."""
         return Response(self.metrics.render(), media_type=CONTENT_TYPE_LATEST)
 
     async def _body(self, request: Request, media_types: Sequence[str]) -> bytes:

@@ -35,7 +35,7 @@ def lines_of(body: bytes, limits: Limits) -> list[bytes]:
     """
     lines = [line for line in body.split(b"\n") if line.strip()]
     if not lines:
-        raise invalid([Fault("no trips", "body", "no line", "a ForecastRequest a line")])
+        raise invalid([Fault("no trips", "body", "no line", "one ForecastRequest per line")])
     if len(lines) > limits.batch:
         raise Problem("too-large", f"{len(lines)} trips; at most {limits.batch}")
     return lines

@@ -56,7 +56,7 @@ Samples = Annotated[
         _columns_schema(
             ["time_s", "speed_m_s"],
             LEAST_SAMPLES,
-            "Speed trace and road, a list for each column. Of other signals only the first sample counts.",
+            "Speed trace and road, one list per column. Other signals give only their first sample.",
         )
     ),
 ]
@@ -66,8 +66,8 @@ Measured = Annotated[
         _columns_schema(
             ["time_s"],
             LEAST_MEASURED,
-            "What was measured so far, on the trip's clock: voltage_v with current_a (+ discharges), or soc or "
-            "displayed_soc.",
+            "Samples measured so far, on the clock of the trip: voltage_v with current_a (positive when the battery "
+            "discharges), or soc or displayed_soc.",
         )
     ),
 ]
@@ -107,7 +107,7 @@ def _field(
 
 
 class Link(BaseModel):
-    """A piece of a planned road. Either `speed_m_s` or `travel_time_s`; either `grade` or both heights, or neither."""
+    """A link of a planned route. Give `speed_m_s` or `travel_time_s`. Give `grade`, both elevations, or neither."""
 
     model_config = ConfigDict(
         extra="forbid", json_schema_extra=_one_of(speed_m_s="number", travel_time_s="number")
@@ -125,12 +125,16 @@ class Link(BaseModel):
 
 
 class Elevation(BaseModel):
-    """Heights along a route of links, in place of those of the links."""
+    """Elevation along a route of links; replaces grades and elevations of the links."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
-    position_m: list[float] = Field(min_length=1, description="distances from the start, not falling [m]")
-    elevation_m: list[float] = Field(min_length=1, description="height above sea level at each [m]")
+    position_m: list[float] = Field(
+        min_length=1, description="distances from the start, never decreasing [m]"
+    )
+    elevation_m: list[float] = Field(
+        min_length=1, description="elevation above sea level at each position [m]"
+    )
 
 
 Links = Annotated[
@@ -141,7 +145,7 @@ Links = Annotated[
 
 
 class ForecastRequest(BaseModel):
-    """A trip to come: a speed trace (`samples`) or a planned road (`links`), and what is known at the door."""
+    """A trip to forecast: a speed trace (`samples`) or a planned route (`links`), and the state at departure."""
 
     model_config = ConfigDict(
         extra="forbid",
@@ -150,13 +154,11 @@ class ForecastRequest(BaseModel):
         json_schema_extra=_one_of(samples="object", links="array"),
     )
 
-    model: str | None = Field(
-        None, max_length=100, description="one of /v1/models; the first one if left out"
-    )
+    model: str | None = Field(None, max_length=100, description="one of /v1/models; default: the first one")
     vehicle: str | None = Field(
-        None, max_length=100, description="one of /v1/vehicles; the model's own car if left out"
+        None, max_length=100, description="one of /v1/vehicles; default: the car of the model"
     )
-    trip: str = Field("trip", min_length=1, max_length=100, description="name of the trip in the answer")
+    trip: str = Field("trip", min_length=1, max_length=100, description="name of the trip in the response")
     samples: Samples | None = None
     links: Links | None = None
     elevation: Elevation | None = None
@@ -170,7 +172,7 @@ class ForecastRequest(BaseModel):
 
 
 class UpdateRequest(ForecastRequest):
-    """The same trip, and what was measured on it so far."""
+    """A trip to forecast, with the samples measured so far."""
 
     observed: Measured
 
@@ -237,12 +239,23 @@ def route_of(links: Any, elevation: Elevation | None, limits: Limits) -> LinkRou
     position, height = np.array(elevation.position_m), np.array(elevation.elevation_m)
     faults = []
     if position.shape != height.shape or len(position) > limits.samples:
-        got = f"{len(position)} positions and {len(height)} heights"
-        faults.append(Fault("heights disagree", "elevation", got, f"as many, at most {limits.samples}"))
+        got = f"{len(position)} positions and {len(height)} elevations"
+        faults.append(
+            Fault(
+                "positions and elevations differ in number",
+                "elevation",
+                got,
+                f"equal numbers, at most {limits.samples}",
+            )
+        )
     if (np.diff(position) < 0).any() or position[0] < 0:
-        faults.append(Fault("position falls", "elevation.position_m", "", "0 m or more, not falling"))
+        faults.append(
+            Fault("position decreases", "elevation.position_m", "", "0 m or more, never decreasing")
+        )
     if any("start_elevation_m" in link or "grade" in link for link in links):
-        faults.append(Fault("two roads", "elevation", "links that have heights or grades", "one of both"))
+        faults.append(
+            Fault("elevation given twice", "elevation", "links with elevations or grades", "one of the two")
+        )
     if faults:
         raise InvalidInput(faults)
     flags = tuple(flag for flag in route.flags if flag != FLAT_ROAD)

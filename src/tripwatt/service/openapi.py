@@ -12,9 +12,9 @@ from pydantic.json_schema import models_json_schema
 from tripwatt.service import answers, bodies
 from tripwatt.service.problems import MEDIA_TYPE, TITLES
 
-DESCRIPTION: Final = """The same forecast as `tripwatt forecast --json`, with the same names. Numbers carry their unit in
-the name; those without are fractions. State of charge is what the driver sees. What is not given is unknown: it is
-flagged and widens the band. Every problem is a document of RFC 9457."""
+DESCRIPTION: Final = """The service returns the same forecast as `tripwatt forecast --json`, with the same field names. The
+suffix of a name is its unit; numbers without a suffix are fractions. State of charge is the displayed one. Fields that a
+request leaves out are unknown: the forecast flags them and its interval is wider. Errors are problem documents (RFC 9457)."""
 
 REFERENCE: Final = "#/components/schemas/"
 
@@ -121,7 +121,7 @@ def update() -> dict[str, Any]:
     """About `POST /v1/forecast/update`."""
     return {
         "responses": {
-            200: _answer(answers.ForecastAnswer, "The forecast, given what was measured"),
+            200: _answer(answers.ForecastAnswer, "The updated forecast"),
             **_problems(*ALWAYS, *BODY_PROBLEMS, *WORK_PROBLEMS),
         },
         "openapi_extra": _body(bodies.UpdateRequest, {"after 20 s": UPDATE}),
@@ -131,8 +131,8 @@ def update() -> dict[str, Any]:
 
 def batch() -> dict[str, Any]:
     """About `POST /v1/forecast/batch`."""
-    text = {"description": "a ForecastRequest a line"}
-    said = "A ForecastAnswer or a ProblemDocument a line, in the order of the requests"
+    text = {"description": "one ForecastRequest per line"}
+    said = "One ForecastAnswer or ProblemDocument per line, in the order of the requests"
     return {
         "responses": {
             200: {
@@ -152,7 +152,7 @@ def route() -> dict[str, Any]:
     """About `POST /v1/routes`."""
     return {
         "responses": {
-            200: _answer(answers.RouteAnswer, "What it holds"),
+            200: _answer(answers.RouteAnswer, "The route or trip"),
             **_problems(*ALWAYS, *BODY_PROBLEMS, *WORK_PROBLEMS),
         },
         "openapi_extra": {"requestBody": {"required": True, "content": dict(UPLOADS)}},
@@ -184,7 +184,7 @@ def health(*, ready: bool) -> dict[str, Any]:
     more = _problems("busy") if ready else {}
     return {
         "responses": {
-            200: _answer(answers.HealthAnswer, "It is"),
+            200: _answer(answers.HealthAnswer, "The service is ready" if ready else "The service is alive"),
             **_problems("bad-request", "internal"),
             **more,
         },
@@ -196,7 +196,10 @@ def metrics() -> dict[str, Any]:
     """About `GET /metrics`."""
     text = {"text/plain": {"schema": {"type": "string"}}}
     return {
-        "responses": {200: {"description": "Text for Prometheus", "content": text}, **_problems(*ALWAYS)},
+        "responses": {
+            200: {"description": "Metrics in the text format of Prometheus", "content": text},
+            **_problems(*ALWAYS),
+        },
         "tags": ["operation"],
     }
 

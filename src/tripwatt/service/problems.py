@@ -20,20 +20,20 @@ LONGEST_TEXT: Final = 300
 
 TITLES: Final[Mapping[str, tuple[int, str]]] = {
     "not-json": (400, "The body is not JSON"),
-    "bad-request": (400, "The request cannot be understood"),
-    "host-not-served": (400, "This host is not served here"),
-    "token-needed": (401, "A token is needed"),
-    "not-found": (404, "There is nothing here"),
-    "method-not-allowed": (405, "Not with this method"),
-    "not-acceptable": (406, "Not in an accepted format"),
+    "bad-request": (400, "The request is malformed"),
+    "host-not-served": (400, "The host is not served"),
+    "token-needed": (401, "A token is required"),
+    "not-found": (404, "The resource does not exist"),
+    "method-not-allowed": (405, "The method is not allowed"),
+    "not-acceptable": (406, "The accepted formats are not available"),
     "body-late": (408, "The body did not arrive in time"),
     "too-large": (413, "The body is too large"),
-    "media-type": (415, "The body is of another media type"),
-    "invalid-input": (422, "The input cannot be used"),
+    "media-type": (415, "The media type is not supported"),
+    "invalid-input": (422, "The input is invalid"),
     "too-many-requests": (429, "Too many requests"),
-    "internal": (500, "Something went wrong here"),
-    "busy": (503, "Too much is being computed"),
-    "timeout": (504, "The answer took too long"),
+    "internal": (500, "Internal error"),
+    "busy": (503, "The service is busy"),
+    "timeout": (504, "The computation timed out"),
 }
 """Kind of problem -> status and title; its type is the path `/problems/KIND`."""
 

@@ -30,7 +30,7 @@ async def body_of(request: Request, media_types: Sequence[str], limit: int, time
     require_media_type(request, media_types)
     said = request.headers.get("content-length", "0")
     if not said.isascii() or not said.isdigit():
-        raise Problem("bad-request", "Content-Length is no number")
+        raise Problem("bad-request", "Content-Length is not a number")
     if int(said) > limit:
         raise _too_large(limit)
     parts, size = [], 0
@@ -61,7 +61,7 @@ def require_media_type(request: Request, media_types: Sequence[str]) -> None:
         raise Problem("media-type", detail, headers={"Accept": ", ".join(media_types)})
     coding = request.headers.get("content-encoding", "identity").strip().lower()
     if coding not in ("", "identity"):
-        detail = "a body with Content-Encoding is not read: send it as it is"
+        detail = "Content-Encoding is not supported: send the body uncompressed"
         raise Problem("media-type", detail, headers={"Accept-Encoding": "identity"})
 
 

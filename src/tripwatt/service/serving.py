@@ -33,18 +33,23 @@ def require_safe(settings: Settings) -> None:
     >>> require_safe(Settings(host="0.0.0.0"))
     Traceback (most recent call last):
     ...
-    tripwatt.errors.InvalidInput: other machines could reach it: --host...
+    tripwatt.errors.InvalidInput: token is missing: --host...
     """
     faults = []
     if not is_loopback(settings.host) and not settings.token:
         fix = f"set {TOKEN_VARIABLE} to a token of {LEAST_TOKEN} characters or more"
         faults.append(
-            Fault("other machines could reach it", "--host", settings.host, "a loopback address", fix)
+            Fault("token is missing", "--host", settings.host, "a loopback address without a token", fix)
         )
     if settings.token and (len(settings.token) < LEAST_TOKEN or not settings.token.isprintable()):
         allowed = f"{LEAST_TOKEN} printable characters or more"
         faults.append(
-            Fault("the token is too weak", TOKEN_VARIABLE, f"{len(settings.token)} characters", allowed)
+            Fault(
+                "token is too short or not printable",
+                TOKEN_VARIABLE,
+                f"{len(settings.token)} characters",
+                allowed,
+            )
         )
     if settings.workers < 1:
         faults.append(Fault("no workers", "--workers", f"{settings.workers}", "1 or more"))
@@ -129,7 +134,7 @@ def serve(settings: Settings, started: Callable[[str], None] = lambda address: N
         server = Server(config)
         server.run(sockets=[listener])
     if not server.started:
-        raise InvalidInput(Fault("the service did not start", "workers", "see the log", ""))
+        raise InvalidInput(Fault("service did not start", "workers", fix="see the log"))
 
 
 def json_log(**record: Any) -> None:

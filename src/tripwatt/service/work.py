@@ -104,13 +104,13 @@ class Work:
         """The model that is asked for, on the car that is asked for, and what has to be said of that."""
         name = next(iter(self.models)) if asked.model is None else asked.model
         if name not in self.models:
-            raise InvalidInput(Fault("no such model", "model", repr(name), ", ".join(self.models)))
+            raise InvalidInput(Fault("unknown model", "model", repr(name), ", ".join(self.models)))
         model = self.models[name]
         if asked.vehicle in (None, model.vehicle.name):
             return model, ()
         if asked.vehicle not in vehicle_names():  # a name of the library and nothing else, never a file
             raise InvalidInput(
-                Fault("no such car", "vehicle", repr(asked.vehicle), ", ".join(vehicle_names()))
+                Fault("unknown car", "vehicle", repr(asked.vehicle), ", ".join(vehicle_names()))
             )
         if (name, asked.vehicle) not in self.elsewhere:
             self.elsewhere[name, asked.vehicle] = on_vehicle(model, asked.vehicle)
@@ -201,7 +201,5 @@ def _sound(answer: dict[str, Any]) -> dict[str, Any]:
         *answer["series"].values(),
     ]
     if not all(math.isfinite(sum(values)) for values in lists):  # one that is not spoils the sum
-        raise InvalidInput(
-            Fault("no forecast", "trip", "values that no car has", "a trip that can be driven")
-        )
+        raise InvalidInput(Fault("no forecast", "trip", "implausible results", "a trip that a car can drive"))
     return answer

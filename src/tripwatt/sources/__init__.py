@@ -49,14 +49,14 @@ def read_logs(path: Path | str, dataset: str = "tum", mapping: Path | str | None
     tripwatt.errors.InvalidInput: no such data set: dataset: got 'tmu'; allowed: tum...
     """
     if dataset not in DATASETS:
-        raise InvalidInput(Fault("no such data set", "dataset", repr(dataset), ", ".join(DATASETS)))
+        raise InvalidInput(Fault("unknown data set", "dataset", repr(dataset), ", ".join(DATASETS)))
     if dataset == "table":
         from tripwatt.sources.table import read_table
 
         return read_table(path, mapping)
     if mapping is not None:
         raise InvalidInput(
-            Fault("no mapping is used", "mapping", f"{mapping}", "only with the data set 'table'")
+            Fault("mapping has no effect", "mapping", f"{mapping}", "only with the data set 'table'")
         )
     module, _, name = DATASETS[dataset].partition(":")
     reader = cast(Callable[[Path], Fleet], getattr(import_module(module), name))
@@ -93,4 +93,4 @@ def check_folder(path: Path | str, dataset: str = "tum") -> FolderReport:
 
 def _require_fetchable(dataset: str) -> None:
     if dataset != "tum":
-        raise InvalidInput(Fault("no such data set", "dataset", repr(dataset), "tum"))
+        raise InvalidInput(Fault("unknown data set", "dataset", repr(dataset), "tum"))

@@ -117,7 +117,7 @@ def canonical_samples(
     lengths = {name: len(values) for name, values in known.items()}
     if len(set(lengths.values())) > 1:
         got = ", ".join(f"{name} has {n}" for name, n in lengths.items())
-        faults.append(Fault("columns of different lengths", where, got[:300], "one value a sample in each"))
+        faults.append(Fault("columns of different lengths", where, got[:300], "one value per sample in each"))
         raise InvalidInput(faults)
     samples = table_of(known)
     faults += _sample_faults(samples, where, least)
@@ -146,7 +146,7 @@ def _missing(names: Sequence[str], required: Sequence[str], where: str) -> list[
             where,
             f"columns {', '.join(names[:12])}",
             f"a column {name!r}",
-            "`tripwatt mapping apply` writes a log under our names",
+            "convert the log with `tripwatt mapping apply`",
         )
         for name in required
         if name not in names
@@ -161,7 +161,7 @@ def _name_faults(names: Sequence[str], where: str) -> Iterator[Fault]:
         fix = f"did you mean {near} in {COLUMNS[near].unit}?" if near else "rename the column or leave it out"
         yield Fault("unknown column or unit", f"{where}, column {name!r}", name, _allowed(), fix)
     for name in dict.fromkeys(n for n in names if names.count(n) > 1):
-        yield Fault("column twice", f"{where}, column {name!r}", f"{names.count(name)} times", "once")
+        yield Fault("duplicate column", f"{where}, column {name!r}", f"{names.count(name)} times", "once")
 
 
 def _nearest(name: str) -> str | None:

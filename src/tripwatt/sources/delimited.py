@@ -105,7 +105,7 @@ def open_delimited(path: Path, content: bytes | None = None) -> Delimited:
     cells = tuple(cell.strip() for cell in _fields(text, delimiter))
     if end < 0 or not data[end:].strip():
         raise InvalidInput(
-            Fault("no samples", f"{path}", f"a header of {len(cells)} columns and nothing below it", "rows")
+            Fault("no samples", f"{path}", f"a header of {len(cells)} columns without rows below", "rows")
         )
     data = data[: end + 1] + _without_headers(data[end + 1 :], header.strip(b"\r"), delimiter)
     return Delimited(path, cells, delimiter, data, end + 1, line)
@@ -289,11 +289,11 @@ def _is_number(cell: str) -> bool:
 def _cut_off_fault(source: Delimited, line: int, got: int, width: int, cells: Sequence[str]) -> Fault:
     position = min(got - 1, len(source.names) - 1)
     return Fault(
-        "the file is cut off",
+        "truncated file",
         source.where(line, source.names[position]),
         f"the last line ends in {_shown(cells[-1])}, field {got} of {width}",
         f"{width} fields and a line break",
-        "fetch the file again, or delete the last line to use what is there",
+        "fetch the file again, or delete the last line to use the rest",
     )
 
 

@@ -279,7 +279,7 @@ def _entry_faults(ours: str, entry: object, where: str) -> Iterator[Fault]:
         elif key == "optional" and not isinstance(value, bool):
             yield Fault("not true or false", f"{where}.{key}", repr(value), "true or false")
         elif key != "optional" and not isinstance(value, str):
-            yield Fault("not a text", f"{where}.{key}", repr(value), "a text in quotes")
+            yield Fault("not a string", f"{where}.{key}", repr(value), "a string in quotes")
     unit = str(entry.get("unit", _own_unit(ours)))
     allowed = [*UNITS[ours], *(TIME_STAMPS if ours == "time_s" else ())]
     if unit.lower() not in allowed:

@@ -128,8 +128,8 @@ def _checked(mapping: Path | str | ColumnMapping | None, first: Path) -> ColumnM
                 "no mapping",
                 "--mapping",
                 f"columns {', '.join(map(repr, open_table(first).names[:8]))}",
-                "a mapping, or columns with our names such as time_s, speed_m_s, voltage_v, current_a",
-                f"`tripwatt mapping suggest {first}` proposes one",
+                "a mapping, or columns with canonical names such as time_s, speed_m_s, voltage_v, current_a",
+                f"run `tripwatt mapping suggest {first}` to get a proposal",
             )
         )
     return parse_mapping("[columns]\n" + "\n".join(f'{n} = {{ column = "{n}" }}' for n in names), f"{first}")
@@ -196,7 +196,7 @@ def _stamps(table: Table, entry: Entry) -> tuple[FloatArray, list[dt.datetime | 
         place = f"{table.path} row {table.row(int(bad[0]))} column {entry.column!r}"
         got = repr(texts[int(bad[0])][:40]) + (f" (and {len(bad) - 1} more rows)" if len(bad) > 1 else "")
         fix = "" if entry.format else 'give the format in the mapping: format = "%d.%m.%Y %H:%M:%S"'
-        raise InvalidInput(Fault("not a time", place, got, allowed, fix))
+        raise InvalidInput(Fault("invalid time", place, got, allowed, fix))
     seconds = (stamps - pd.Timestamp(0, tz="UTC")).dt.total_seconds()
     values = np.asarray(seconds, dtype=np.float64)
     if entry.format and not re.search("%[djUVxcs]", entry.format):  # a clock without a day
@@ -338,7 +338,7 @@ def _range_faults(
 
 def _unit_hint(name: str, middle: float) -> str:
     if name == "voltage_v" and 9.0 <= middle <= 16.0:
-        return "this is the 12 V board net; map the traction battery's voltage"
+        return "map the voltage of the traction battery, not of the 12 V on-board system"
     return "check the unit in the mapping"
 
 
@@ -364,7 +364,7 @@ def _reused_id(
         i = int(back[0])
         where = f"{table.path} row {table.row(int(rows[i + 1]))}, trip {name}"
         got = f"the time starts again, {time[i + 1]:g} s after {time[i]:g} s"
-        yield Fault("two trips with one id", where, got, "one id a trip", "give each trip an id of its own")
+        yield Fault("duplicate trip id", where, got, "one id per trip", "give each trip its own id")
 
 
 def _trip(name: str, samples: pd.DataFrame, mapping: ColumnMapping, *, stamped: bool) -> Log:
@@ -433,7 +433,7 @@ def _twice(path: Path, files: Sequence[Path], trips: Sequence[Sequence[Log]]) ->
         for trip in its_trips:
             if trip.trip_id in seen:
                 got = f"{seen[trip.trip_id].name} and {file.name}"
-                yield Fault("two trips with one id", f"{path}, trip {trip.trip_id}", got, "one id a trip")
+                yield Fault("duplicate trip id", f"{path}, trip {trip.trip_id}", got, "one id per trip")
             seen.setdefault(trip.trip_id, file)
 
 
@@ -450,7 +450,7 @@ def _wrong_sign(trips: Sequence[Log], mapping: ColumnMapping) -> Iterator[Fault]
         name = (mapping.columns.get("current_a") or mapping.columns[POWER]).column
         now, right = ("discharge", "charge") if mapping.discharge_sign > 0 else ("charge", "discharge")
         yield Fault(
-            "the current has the wrong sign",
+            "current has the wrong sign",
             f"column {name!r}",
             f"the car would charge while it accelerates in most of {len(correlations)} trips",
             f'[current] positive = "{right}" in place of "{now}"',

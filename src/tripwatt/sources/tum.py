@@ -168,7 +168,7 @@ def _checked_columns(columns: Iterable[str] | None) -> frozenset[str] | None:
     asked = [columns] if isinstance(columns, str) else list(columns)
     known = {raw.ours for raw in RAW_COLUMNS}
     raise_faults(
-        Fault("no such column", "columns", repr(name), f"any of {', '.join(sorted(known))}")
+        Fault("unknown column", "columns", repr(name), f"any of {', '.join(sorted(known))}")
         for name in asked
         if name not in known
     )
@@ -184,7 +184,7 @@ def trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:
         When there is no such folder, it holds no trip, or two of its files are the same trip.
     """
     allowed = "a folder with TripA*.csv and TripB*.csv"
-    get_it = "`tripwatt fetch tum` says where to get the data"
+    get_it = "run `tripwatt fetch tum` for the source of the data"
     if not folder.exists():
         raise InvalidInput(Fault("no such folder", f"{folder}", "", allowed, get_it))
     if not folder.is_dir():
@@ -259,7 +259,7 @@ def _choose(source: Delimited, columns: frozenset[str] | None) -> dict[int, RawC
         if len(found) > 1:
             faults.append(
                 Fault(
-                    "column twice",
+                    "duplicate column",
                     f"{source.path} row {source.header_line} column {raw.name!r}",
                     f"columns {', '.join(str(p + 1) for p in found)}",
                     "one column of that name",
@@ -280,5 +280,5 @@ def _missing_column(source: Delimited, ours: str) -> Fault:
         f"{source.path} row {source.header_line}",
         f"{len(source.names)} columns: {shown}{more}",
         f"a column {names}",
-        "is this a file of the TUM set, with ';' or ',' between columns?" if len(source.names) < 4 else "",
+        "give a file of the TUM set with ';' or ',' between columns" if len(source.names) < 4 else "",
     )

@@ -103,7 +103,11 @@ def _sheet_rows(path: Path) -> list[Mapping[str, object]]:
                 ]
     raise InvalidInput(
         Fault(
-            "missing column", f"{path}", "no header with a column 'Trip'", "a row a trip, headed 'Trip'", fix
+            "missing column",
+            f"{path}",
+            "no header with a column 'Trip'",
+            "one row per trip under the heading 'Trip'",
+            fix,
         )
     )
 

@@ -128,7 +128,7 @@ def read_ved(folder: Path | str, *, n_jobs: int | None = None) -> Fleet:
 
 def _week_files(folder: Path) -> list[Path]:
     allowed = "a folder with VED_*_week.csv"
-    fix = "get the data from https://github.com/gsoh/VED and unpack them"
+    fix = "download the data from https://github.com/gsoh/VED and unpack them"
     if not folder.exists():
         raise InvalidInput(Fault("no such folder", f"{folder}", "", allowed, fix))
     if not folder.is_dir():
@@ -186,7 +186,7 @@ def _integer_keys(source: Delimited, values: Mapping[str, FloatArray]) -> tuple[
                 else f"{column[row]:g}"
             )
             where = source.where(source.header_line + 1 + row, name)
-            faults.append(Fault("not a number of a car, a trip or a day", where, got, "a whole number"))
+            faults.append(Fault("not a whole number", where, got, "a whole number"))
     raise_faults(faults)
     return values["VehId"].astype(np.int64), values["Trip"].astype(np.int64)
 
@@ -201,9 +201,7 @@ def _trips(weeks: list[_Week], with_engine: frozenset[int]) -> tuple[list[Log], 
             car, number = int(samples["car"].iloc[0]), int(samples["trip"].iloc[0])
             if (car, number) in seen:
                 files = f"{seen[car, number]} and {week.file}"
-                faults.append(
-                    Fault("two trips with one id", f"VehId {car}, Trip {number}", files, "one file")
-                )
+                faults.append(Fault("duplicate trip id", f"VehId {car}, Trip {number}", files, "one file"))
                 continue
             seen[car, number] = week.file
             if len(samples) < 2:

@@ -302,6 +302,4 @@ def require_unique_ids(drives: Iterable[Drive]) -> None:
     ids = pd.Series([drive.trip_id for drive in drives], dtype=object)
     twice = sorted(set(ids[ids.duplicated()]))
     if twice:
-        raise InvalidInput(
-            Fault("two trips with one id", "trips", ", ".join(map(str, twice)), "one id per trip")
-        )
+        raise InvalidInput(Fault("duplicate trip id", "trips", ", ".join(map(str, twice)), "one id per trip"))

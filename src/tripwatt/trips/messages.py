@@ -35,6 +35,38 @@ def name_of(field: str) -> str:
     return NAMES.get(field, field.replace("_", " "))
 
 
+SIGNALS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "speed_m_s": "speed",
+        "elevation_m": "elevation",
+        "ambient_temperature_degc": "outside temperature",
+        "cabin_temperature_degc": "cabin temperature",
+        "cabin_setpoint_degc": "cabin set-point",
+        "battery_temperature_degc": "battery temperature",
+        "voltage_v": "battery voltage",
+        "current_a": "battery current",
+        "soc": "state of charge",
+        "displayed_soc": "displayed state of charge",
+        "motor_torque_nm": "motor torque",
+        "heating_power_w": "heating power",
+        "requested_heating_power_w": "requested heating power",
+        "aircon_power_w": "power of the air conditioner",
+    }
+)
+"""Names for people of the signals of a log."""
+
+
+def signal_name(column: str) -> str:
+    """Name for people of a column of a log.
+
+    Examples
+    --------
+    >>> signal_name("current_a"), signal_name("grade")
+    ('battery current', 'grade')
+    """
+    return SIGNALS.get(column, column.replace("_", " "))
+
+
 def period(seconds: float) -> str:
     """A length of time in words.
 
@@ -54,7 +86,7 @@ def _number(flag: Flag) -> float:
 
 
 def _limit(what: str) -> Callable[[Flag], str]:
-    return lambda flag: f"the car cannot follow the speed for {period(_number(flag))}: {what}"
+    return lambda flag: f"the car cannot reach the speed of the trace for {period(_number(flag))}: {what}"
 
 
 def _state(what: str) -> Callable[[Flag], str]:
@@ -69,20 +101,20 @@ MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
         ),
         "usual_value_assumed": lambda f: f"{name_of(f.subject)} is unknown: the usual value is assumed",
         "soc_assumed": lambda f: f"state of charge at departure is unknown: {_number(f):.0%} is assumed",
-        "no_elevation": lambda f: "elevation is unknown: the road is taken as flat",
+        "no_elevation": lambda f: "elevation is unknown: a flat road is assumed",
         "no_trips_of_car": lambda f: (
-            f"no trips of this car are known: the forecast uses its published values and what was learned "
+            f"the model has no trips of this car: the forecast uses its published values and the correction learned "
             f"on a {f.subject}"
         ),
         "route_error_unknown": lambda f: (
-            "the model has not measured the error of planned routes: the interval is too narrow"
+            "the error of planned routes was not measured for this model: the interval is too narrow"
         ),
         "links_too_long": lambda f: (
-            f"links of {_number(f):.0f} m are longer than those the error of planned routes was measured with"
+            f"links of {_number(f):.0f} m are longer than the links with which the error of planned routes was measured"
         ),
         "file_value_kept": lambda f: (
-            f"{name_of(f.subject)} is {_number(f):.0f} °C, as in the file, although another outside temperature "
-            "was given"
+            f"{name_of(f.subject)} is {_number(f):.0f} °C as in the file; the outside temperature that you gave does not "
+            "change it"
         ),
         "motor_torque_limit": _limit("motor torque limit"),
         "motor_power_limit": _limit("motor power limit"),
@@ -92,22 +124,24 @@ MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
         "battery_over_full": _state("the battery is too full for regenerative braking"),
         "battery_over_voltage": _state("the battery voltage is above its limit"),
         "battery_not_settled": lambda f: "the simulated battery state did not converge",
-        "elevation_relative": lambda f: "elevation is counted from the departure, which is set to 0 m",
-        "times_ignored": lambda f: "times are ignored: the first or the last point has none",
-        "elevation_interpolated": lambda f: "elevation is interpolated over points without one",
-        "times_interpolated": lambda f: "times are interpolated over points without one",
+        "elevation_relative": lambda f: "elevation is relative to the departure, which is set to 0 m",
+        "times_ignored": lambda f: "times are ignored: the first or the last point has no time",
+        "elevation_interpolated": lambda f: "elevation is interpolated at points without elevation",
+        "times_interpolated": lambda f: "times are interpolated at points without time",
         "speed_assumed": lambda f: (
             f"{_number(f) / M_S_PER_KM_H:.0f} km/h is assumed where the track has no speed"
         ),
         "car_assumed": lambda f: (
             f"the car is unknown: {f.subject} is assumed; give --vehicle (see `tripwatt vehicles`)"
         ),
-        "synthetic": lambda f: "these trips are computed, not driven: no figure describes a real car",
+        "synthetic": lambda f: "the trips are synthetic: no figure describes a real car",
         "planted_faults": lambda f: (
             f"{_number(f):.0f} logs have a planted fault: a frozen signal, a current of the wrong sign, a filled gap; "
-            "tripwatt.synthetic.faulty_fleet gives their places"
+            "tripwatt.synthetic.faulty_fleet lists them"
         ),
-        "files_not_read": lambda f: f"{_number(f):.0f} CSV files are not named like a trip and were not read",
+        "files_not_read": lambda f: (
+            f"{_number(f):.0f} CSV files were not read: their names are not those of trips"
+        ),
         "trips_skipped": lambda f: (
             f"{_number(f):.0f} trips of combustion cars and hybrids, or without samples, were skipped"
         ),
@@ -115,10 +149,10 @@ MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
         "rows_without_time": lambda f: f"{f.subject}: {_number(f):.0f} rows without a time were left out",
         "rows_sorted": lambda f: f"{f.subject}: rows were sorted by their time stamps",
         "samples_missing": lambda f: (
-            f"{f.subject}: no samples for {_number(f):.0f} s; the audit treats what follows as another drive"
+            f"{f.subject}: no samples for {_number(f):.0f} s; the audit splits the trip there"
         ),
         "time_goes_back": lambda f: (
-            f"{f.subject}: the time goes back by {_number(f):.0f} s; if the file holds several trips, name their "
+            f"{f.subject}: the time decreases by {_number(f):.0f} s; if the file contains several trips, name their "
             "column under [trip] in the mapping"
         ),
         "no_energy": lambda f: (
@@ -126,17 +160,17 @@ MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
             "[battery] usable_capacity_kwh"
         ),
         "nominal_voltage": lambda f: (
-            f"{_number(f):g} V is used where no voltage was logged: only the power is measured"
+            f"no voltage was logged: {_number(f):g} V is assumed, only the power is measured"
         ),
         "energy_from_soc": lambda f: (
-            f"energy is the change of the state of charge times {f.subject}: its standard error is "
-            f"{_number(f):.0%} in the median trip"
+            f"energy is calculated from the state of charge and {f.subject}: the standard error of the median trip is "
+            f"{_number(f):.0%}"
         ),
         "sheet_missing": lambda f: (
             f"{f.subject} is missing: season, weather and departure of every trip are unknown"
         ),
         "sheet_row_twice": lambda f: f"{f.value} has two rows of {f.subject}: the first is used",
-        "sheet_row_missing": lambda f: f"{f.value} lacks {f.subject}: season and weather are unknown",
+        "sheet_row_missing": lambda f: f"{f.value} has no {f.subject}: season and weather are unknown",
         "same_departure": lambda f: (
             f"{f.value} gives {f.subject} the same time of departure: at least one is wrong"
         ),

@@ -116,10 +116,10 @@ def _base(name: str, place: str, faults: list[Fault], depth: int) -> dict[str, A
     if text is None:
         near = difflib.get_close_matches(name, bundled_bases(), n=1)
         fix = f"did you mean {near[0]!r}?" if near else ""
-        faults.append(Fault("nothing to take over", place, name, ", ".join(bundled_bases()), fix))
+        faults.append(Fault("unknown base", place, name, ", ".join(bundled_bases()), fix))
         return {}
     if depth >= DEEPEST_EXTENSION:
-        faults.append(Fault("files extend one another in a circle", place, name, "no circle"))
+        faults.append(Fault("circular extends", place, name, "files that do not extend one another"))
         return {}
     return _inherited(tomllib.loads(text), f"{name}.toml", faults, depth + 1)
 

@@ -296,7 +296,7 @@ def _unknown(what: str, where: str, got: str, allowed: Sequence[str] | Mapping[s
         f"unknown {what}",
         where,
         got,
-        ", ".join(sorted(allowed)) if len(allowed) < 12 else "a key of the documentation's parameter table",
+        ", ".join(sorted(allowed)) if len(allowed) < 12 else "a key of the parameter table in docs/model.md",
         f"did you mean {near[0]!r}?" if near else "",
     )
 
@@ -325,7 +325,7 @@ def _entry(section: str, key: str, raw: object, where: str, faults: list[Fault])
     before = len(faults)
     scaled = bool(field.metadata.get("scaled"))
     faults += [
-        _unknown("word in an entry", place, str(word), ENTRY_KEYS) for word in raw if word not in ENTRY_KEYS
+        _unknown("key of an entry", place, str(word), ENTRY_KEYS) for word in raw if word not in ENTRY_KEYS
     ]
     faults += [
         Fault(f"missing {word}", place, "nothing", "every entry has value, unit and source")
@@ -333,7 +333,7 @@ def _entry(section: str, key: str, raw: object, where: str, faults: list[Fault])
         if word not in raw
     ]
     if not str(raw.get("source", "")).strip():
-        faults.append(Fault("missing source", place, "nothing", "where the value comes from"))
+        faults.append(Fault("missing source", place, "nothing", "the source of the value"))
     faults += licence_faults(raw["licence"], f"{place}, licence") if "licence" in raw else []
     unit = field.metadata["unit"]
     if "unit" in raw and raw["unit"] != unit:
@@ -341,7 +341,7 @@ def _entry(section: str, key: str, raw: object, where: str, faults: list[Fault])
     if scaled and raw.get("scale") not in SCALES:
         faults.append(Fault("missing scale", place, repr(raw.get("scale")), " or ".join(map(repr, SCALES))))
     if not scaled and "scale" in raw:
-        faults.append(Fault("scale without meaning", place, repr(raw["scale"]), "no scale"))
+        faults.append(Fault("scale has no effect", place, repr(raw["scale"]), "no scale"))
     if "value" in raw:
         faults.extend(_value_faults(field, raw["value"], place))
     if len(faults) > before or "licence" not in raw:  # the file's missing licences are one fault
@@ -373,7 +373,7 @@ def _value_faults(field: dataclasses.Field[Any], value: object, place: str) -> I
     meta = field.metadata
     if "choice" in meta:
         if value not in meta["choice"]:
-            yield Fault("unknown word", place, repr(value), " or ".join(map(repr, meta["choice"])))
+            yield Fault("unknown value", place, repr(value), " or ".join(map(repr, meta["choice"])))
         return
     table = str(field.type).startswith("tuple")
     numbers = value if table and isinstance(value, Sequence) and not isinstance(value, str) else [value]
@@ -419,7 +419,7 @@ def _useless_overrides(road_load: RoadLoad, overrides: Mapping[str, float | str]
         if belongs != road_load.method:
             allowed = f"entries of the {road_load.method} road load"
             fix = f"also set road_load.method to {belongs!r}, which needs all of its entries"
-            yield Fault("override without effect", f"overrides, {key}", str(overrides[key]), allowed, fix)
+            yield Fault("override has no effect", f"overrides, {key}", str(overrides[key]), allowed, fix)
 
 
 def _with_method(road_load: RoadLoad, where: str, faults: list[Fault]) -> RoadLoad:
@@ -437,7 +437,9 @@ def _with_method(road_load: RoadLoad, where: str, faults: list[Fault]) -> RoadLo
     elif not road_load.method and len(complete) != 1:
         allowed = "either all of " + " or all of ".join(", ".join(keys) for keys in names.values())
         got = "both descriptions and no method" if complete else "no complete description"
-        faults.append(Fault("road load is not clear", place, got, allowed, "name `method` to choose"))
+        faults.append(
+            Fault("road load is incomplete or ambiguous", place, got, allowed, "choose one with `method`")
+        )
     elif not road_load.method:
         return dataclasses.replace(road_load, method=complete[0])
     return road_load
@@ -459,7 +461,7 @@ def _consistency_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]
         place = f"{where}, battery.{grid}"
         if len(x) != len(y):
             got = f"{len(x)} and {len(y)} values"
-            yield Fault("tables differ in length", f"{place} and {values}", got, "as many values")
+            yield Fault("tables differ in length", f"{place} and {values}", got, "equal numbers of values")
         if any(b <= a for a, b in itertools.pairwise(x)):
             yield Fault("table does not increase", place, str(list(x)), "increasing values")
     if any(b < a for a, b in itertools.pairwise(battery.ocv_v)):
@@ -467,7 +469,7 @@ def _consistency_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]
     if battery.min_cell_voltage_v >= battery.ocv_v[0]:
         got = f"{battery.min_cell_voltage_v:g} V and {battery.ocv_v[0]:g} V"
         yield Fault(
-            "empty cell is below its limit", f"{where}, battery.min_cell_voltage_v", got, "less than ocv_v"
+            "cell voltage limit too high", f"{where}, battery.min_cell_voltage_v", got, "less than ocv_v"
         )
     pairs = (
         ("regeneration", "zero_speed_m_s", "full_speed_m_s"),

@@ -47,7 +47,7 @@ def import_vehicle(path: str | Path, row: str | None = None) -> str:
     }
     reader = readers.get(file.suffix.lower())
     if reader is None:
-        raise InvalidInput(Fault("unknown kind of file", str(file), file.suffix, ", ".join(readers)))
+        raise InvalidInput(Fault("unknown file format", str(file), file.suffix, ", ".join(readers)))
     try:
         if file.stat().st_size > LARGEST_FILE_BYTES:
             size, most = f"{file.stat().st_size} bytes", f"at most {LARGEST_FILE_BYTES} bytes"

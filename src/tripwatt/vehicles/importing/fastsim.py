@@ -176,4 +176,5 @@ def _csv_row(lines: list[list[str]], where: str, row: str | None) -> dict[str, s
         if row is not None and row in (title, table.get("selection")):
             return table
     electric = [t for t, table in zip(titles, tables, strict=True) if table.get("veh_pt_type") == "BEV"]
-    raise InvalidInput(Fault("which row?", where, row or "no row", ", ".join(electric) or "a scenario name"))
+    what, got = ("no single vehicle", f"{len(tables)} rows") if row is None else ("unknown row", row)
+    raise InvalidInput(Fault(what, where, got, ", ".join(electric) or "a scenario name"))

@@ -58,7 +58,7 @@ def sumo_types(text: str, where: str) -> dict[str, dict[str, str]]:
 
     def refuse(name: str, *_: object) -> None:
         allowed = "plain XML without document type and entities"
-        raise InvalidInput(Fault("file may not define entities", where, name, allowed))
+        raise InvalidInput(Fault("XML with entities", where, name, allowed))
 
     parser = expat.ParserCreate()
     parser.StartElementHandler = start
@@ -80,9 +80,12 @@ def from_sumo(text: str, where: str, row: str | None) -> Found:
     types = sumo_types(re.sub(r"^\s*<\?xml[^>]*\?>", "", text, count=1), where)
     title = row if row is not None else (next(iter(types)) if len(types) == 1 else "")
     if title not in types:
-        raise InvalidInput(
-            Fault("which vehicle type?", where, row or "no id", ", ".join(types) or "a <vType>")
+        what, got = (
+            ("no single vehicle type", f"{len(types)} types")
+            if row is None
+            else ("unknown vehicle type", row)
         )
+        raise InvalidInput(Fault(what, where, got, ", ".join(types) or "a <vType>"))
     table = types[title]
     place = f"{where}, {title}"
     fields = Fields(table, place)
@@ -93,7 +96,7 @@ def from_sumo(text: str, where: str, row: str | None) -> Found:
     ]
     if table.get("emissionClass", "MMPEVEM") != "MMPEVEM":
         fields.faults.append(
-            Fault("another model", f"{place}, emissionClass", table["emissionClass"], "MMPEVEM")
+            Fault("unknown emission class", f"{place}, emissionClass", table["emissionClass"], "MMPEVEM")
         )
     mass_key = "vehicleMass" if "vehicleMass" in table else "mass"
     power_key = "maximumPower" if "maximumPower" in table else "device.battery.maxPower"
