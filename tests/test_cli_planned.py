@@ -170,7 +170,7 @@ def test_export_prints_the_curve_of_the_car(run: Run, tmp_path: Path, service: s
     car = load_vehicle("nissan_leaf_40")
     expected = EXPORTS[service](consumption_curve(car, Departure(soc=0.8, ambient_temperature_degc=-5.0)))
     assert json.loads(answer.out) == json.loads((tmp_path / "c.json").read_text()) == expected
-    assert "physics alone" in answer.err
+    assert "physics only" in answer.err
     query = run("export", service, "--vehicle", "nissan_leaf_40", "--ambient", -5, "--query")
     assert {k: v[0] for k, v in parse_qs(query.out.strip()).items()} == expected
 

@@ -140,7 +140,7 @@ def test_the_number_of_processes_changes_nothing(fleet):
 
 def test_too_few_trips_are_refused(fleet):
     with pytest.raises(InvalidInput, match="too few trips"):
-        evaluate(dataclasses.replace(fleet, trips=fleet.trips[:2]), models=("constant",), n_jobs=1)
+        evaluate(dataclasses.replace(fleet, logs=fleet.logs[:2]), models=("constant",), n_jobs=1)
 
 
 def test_unknown_names_are_refused(fleet):

@@ -347,7 +347,7 @@ def test_faults_are_planted_on_demand_alone_and_always_the_same():
     first, again = synthetic_fleet(5, seed=2, faults=True), faulty_fleet(5, seed=2)[0]
     for a, b in zip(first.trips, again.trips, strict=True):
         pd.testing.assert_frame_equal(a.samples, b.samples, check_exact=True)
-    assert any("planted fault" in note for note in first.notes)
+    assert [(note.code, note.value) for note in first.notes][-1] == ("planted_faults", 3.0)
     with pytest.raises(InvalidInput, match="too few trips for the faults"):
         faulty_fleet(2)
 
