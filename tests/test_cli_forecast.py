@@ -186,7 +186,7 @@ def test_fit_writes_a_model_that_forecast_and_inspect_take(run: Run, trip: Path,
     assert answer.code == 0
     assert "synthetic" in answer.out
     assert "given the driven speed trace" in answer.out
-    assert "is a synthetic trip" in answer.err
+    assert "the trips are synthetic" in answer.err
     own = json.loads(run("forecast", out, trip, "--json").out)
     default = json.loads(run("forecast", trip, "--json").out)
     assert own["energy_wh"] != default["energy_wh"]
