@@ -140,7 +140,7 @@ def test_energy_from_soc_with_its_uncertainty(tmp_path):
     bare = read_table(tmp_path / "drive.csv", parse_mapping(text.split("[battery]")[0], "my.toml"))
     assert bare.trips[0].observed_energy_wh is None
     assert any("no energy is measured" in note for note in map(message, bare.notes))
-    assert "no measured energy" in audit(bare).set_aside["drive"]
+    assert "the energy is not measured" in audit(bare).set_aside["drive"]
 
 
 def test_a_row_for_each_value(tmp_path):
