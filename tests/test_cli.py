@@ -322,7 +322,7 @@ def test_a_run_that_is_interrupted_resumes_to_the_identical_table(tables: Path, 
     os.killpg(process.pid, signal.SIGINT)
     _, said = process.communicate(timeout=300)
     assert process.returncode == 130
-    assert "the same command and --resume" in said
+    assert "continue with the same command and --resume" in said
     assert "Traceback" not in said
     assert not out.exists()
 

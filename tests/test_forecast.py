@@ -281,7 +281,7 @@ def test_samples_that_cannot_be_of_this_trip_are_refused(driven):
     before, half = driven
     with pytest.raises(InvalidInput, match="wrong sign"):
         before.update(half.assign(current_a=-half["current_a"]))
-    with pytest.raises(InvalidInput, match="trip's clock"):
+    with pytest.raises(InvalidInput, match="clock of the trip"):
         before.update(half.assign(time_s=half["time_s"] + 50_000.0))
 
 

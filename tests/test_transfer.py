@@ -208,7 +208,7 @@ def test_the_second_half_is_not_looked_at(first_car, second_car) -> None:
     ]
     runs = [
         evaluate_transfer(first_car, fleet, trips=(0, 2), draws=3, min_distance_m=0.0)
-        for fleet in (second_car, replace(second_car, trips=tuple(louder)))
+        for fleet in (second_car, replace(second_car, logs=tuple(louder)))
     ]
     before, after = (run.trips.set_index(["trip", "model"]) for run in runs)
     assert before["predicted_energy_wh"].to_list() == after["predicted_energy_wh"].to_list()
@@ -256,7 +256,7 @@ def base(i3, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_adapted_model_is_an_ordinary_one(base, second_car, leaf, tmp_path: Path) -> None:
     about, model = load_metadata(base), load_model(base)
     assert model.elsewhere_ is not None
-    few = replace(second_car, trips=second_car.trips[:1])
+    few = replace(second_car, logs=second_car.trips[:1])
     found, provenance, figures = adapted(few, leaf, model, about)
     assert provenance["base"]["sha256"] == about["sha256"]
     assert provenance["base"]["provenance"]["data"]["sha256"] == about["provenance"]["data"]["sha256"]

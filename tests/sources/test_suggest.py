@@ -112,7 +112,7 @@ def test_columns_that_no_name_explains_are_found_by_physics(tmp_path) -> None:
         "voltage_v": "a4",
         "current_a": "a3",
     }
-    assert all("no name says it" in g.why for g in suggestion.guesses)
+    assert all("no name matches" in g.why for g in suggestion.guesses)
     assert 'positive = "charge"' in suggestion.toml
     assert suggestion.unused == ("a5",)
     assert proposed(tmp_path / "x.csv").array("speed_m_s") == pytest.approx(d.v.to_numpy())

@@ -97,7 +97,7 @@ def stamp_format(texts: Sequence[str]) -> tuple[str, str] | None:
     ]
     if not fitting:
         return None
-    unclear = "" if len(fitting) == 1 else f"; CHECK, may be {' or '.join(fitting[1:3])}"
+    unclear = "" if len(fitting) == 1 else f"; CHECK: may be {' or '.join(fitting[1:3])}"
     return fitting[0], f"time stamps such as {some[0]}{unclear}"
 
 
@@ -111,7 +111,7 @@ def unit_of_values(ours: str, known: FloatArray) -> tuple[str, str]:
         return (
             ("km/h", f"{seen} are km/h rather than m/s")
             if high > 60.0
-            else ("m/s", f"{seen}: CHECK, m/s or km/h?")
+            else ("m/s", f"{seen}: CHECK: m/s or km/h")
         )
     if ours in ("soc", "displayed_soc", "grade"):
         return ("%", f"{seen} are percent") if high > 1.5 else ("1", f"{seen} are a fraction")
@@ -120,7 +120,7 @@ def unit_of_values(ours: str, known: FloatArray) -> tuple[str, str]:
             return "k", f"{seen} are kelvin"
         if high > 60.0 and "ambient" in ours:
             return "degf", f"{seen} are °F"
-        check = ": CHECK, °C or °F?" if high > 42.0 and "ambient" in ours else ""
+        check = "; CHECK: °C or °F" if high > 42.0 and "ambient" in ours else ""
         return "degc", f"{seen}{check}"
     if ours.endswith("_w"):
         return ("kw", f"{seen} are kW") if max(abs(low), abs(high)) < 1000.0 else ("w", f"{seen} are W")
@@ -162,13 +162,13 @@ def speed_unit(assumed: str, mass_kg: float) -> tuple[str, str]:
     }
     fitting = {u: m for u, m in masses.items() if LIGHTEST_KG <= m <= HEAVIEST_KG}
     if not fitting:
-        return assumed, f"CHECK: in {assumed} the car would weigh {mass_kg:.0f} kg"
+        return assumed, f"CHECK: in {assumed} the mass of the car is {mass_kg:.0f} kg"
     unit = min(fitting, key=lambda u: abs(np.log(fitting[u] / USUAL_KG)))
     others = ", ".join(f"{m:.0f} in {u}" for u, m in masses.items() if u != unit)
-    check = " CHECK, that is close" if len(fitting) > 1 else ""
+    check = "; CHECK: the masses are close" if len(fitting) > 1 else ""
     return (
         unit,
-        f"in {unit} the car reacts to its power like {fitting[unit]:.0f} kg ({others}, no car's){check}",
+        f"in {unit} the apparent mass of the car is {fitting[unit]:.0f} kg ({others}){check}",
     )
 
 
@@ -197,7 +197,7 @@ def best_flow(
         name = next((n for n, v in spare.items() if _is_pack_voltage(v)), None)
         if name is not None:
             voltage = spare.pop(name)
-            text = f"no name says it, but values of {np.nanmin(voltage):g} to {np.nanmax(voltage):g} are a battery's"
+            text = f"no name matches; values of {np.nanmin(voltage):g} to {np.nanmax(voltage):g} are those of a traction battery"
             found.append(("voltage_v", name, "v", text))
     volts = np.full(len(time), STAND_IN_V) if voltage is None else voltage
     speeds = (
@@ -232,17 +232,19 @@ def _matched(
             if answer is not None and (best is None or abs(answer[1]) > abs(best[1])):
                 best = (answer[0], answer[1], speed_name, flow_name)
     if best is None or abs(best[1]) < CLEAR:
-        return Flow(tuple(found), "discharge" if measured else "", "CHECK: too little driving to tell")
+        return Flow(tuple(found), "discharge" if measured else "", "CHECK: too little driving to decide")
     mass, correlation, speed_name, flow_name = best
     if (speed_name or flow_name) and abs(correlation) < SURE:
-        return Flow(tuple(found), "discharge" if measured else "", "CHECK: too little driving to tell")
+        return Flow(tuple(found), "discharge" if measured else "", "CHECK: too little driving to decide")
     if flow_name:
         text = (
-            f"no name says it, but it goes with speed times acceleration (correlation {abs(correlation):.2f})"
+            f"no name matches; correlated with speed times acceleration (correlation {abs(correlation):.2f})"
         )
         found.append(("current_a", flow_name, "a", text))
     if speed_name:
-        text = f"no name says it, but the flow of power goes with its change (correlation {abs(correlation):.2f})"
+        text = (
+            f"no name matches; its change is correlated with the power (correlation {abs(correlation):.2f})"
+        )
         found.append(("speed_m_s", speed_name, "m/s", text))
     sign = "discharge" if correlation > 0 else "charge"
     return Flow(tuple(found), sign, f"correlation of power with acceleration {correlation:.2f}", abs(mass))

@@ -45,8 +45,9 @@ LEAST_TIMES: Final = 0.08
 FURTHEST_KG: Final = (300.0, 9000.0)
 """A stated unit of speed is doubted when the car's mass is outside: grades and heaters blur it."""
 
-OWN_NAME: Final = "our own name"
-NAME_AND_UNIT: Final = "the name says what it is and the unit"
+OWN_NAME: Final = "canonical name"
+NAME_AND_UNIT: Final = "name and unit match"
+NAME_ONLY: Final = "name matches"
 
 _TRIP_NAME: Final = re.compile(
     r"^(trip|drive|journey|fahrt|ride|route|session|segment|track)( ?(id|no|nr|num|number|name|uid|uuid|index|idx))?$"
@@ -154,7 +155,7 @@ def _long(path: Path, table: Table) -> Suggestion | None:
             if ours == "time_s" or entry.column in signals:
                 guesses[ours] = Guess(ours, entry.column, entry.unit, f"of the shipped mapping {name!r}")
             elif likely:
-                why = f"CHECK: named like it, in place of {entry.column!r}"
+                why = f"CHECK: similar name, in place of {entry.column!r}"
                 guesses[ours] = Guess(ours, likely[0], entry.unit, why)
                 text = text.replace(f"column = {_quoted(entry.column)}", f"column = {_quoted(likely[0])}")
             elif not entry.optional:
@@ -234,7 +235,7 @@ def _with_unit(ours: str, name: str, table: Table, values: FloatArray | None) ->
     if said is not None and not (ours == "time_s" and known[0] > SINCE_1970):
         return Guess(ours, name, said, NAME_AND_UNIT) if _possible(ours, said, known) else None
     unit, why = unit_of_values(ours, known)
-    return Guess(ours, name, unit, f"named like it; {why}") if _possible(ours, unit, known) else None
+    return Guess(ours, name, unit, f"{NAME_ONLY}; {why}") if _possible(ours, unit, known) else None
 
 
 def _rising(table: Table, columns: Mapping[str, FloatArray], taken: set[str]) -> dict[str, Guess]:
@@ -248,7 +249,11 @@ def _rising(table: Table, columns: Mapping[str, FloatArray], taken: set[str]) ->
         steps = np.diff(columns[name])
         if len(steps) > 9 and (steps > 0).all() and np.quantile(steps, 0.9) <= 2.0 * np.median(steps):
             unit, why = unit_of_values("time_s", columns[name])
-            return {"time_s": Guess("time_s", name, unit, f"no name says it, but it rises evenly; {why}")}
+            return {
+                "time_s": Guess(
+                    "time_s", name, unit, f"no name matches; the values increase in even steps; {why}"
+                )
+            }
     return {}
 
 
@@ -308,9 +313,14 @@ def _with_doubt_of_fahrenheit(guesses: dict[str, Guess]) -> dict[str, Guess]:
     """A temperature without a unit beside miles or feet may be in °F."""
     ambient = guesses.get("ambient_temperature_degc")
     units = {guesses[ours].unit for ours in ("speed_m_s", "elevation_m") if ours in guesses}
-    if ambient is None or not units & {"mph", "ft"} or ambient.unit != "degc" or "named" not in ambient.why:
+    if (
+        ambient is None
+        or not units & {"mph", "ft"}
+        or ambient.unit != "degc"
+        or not ambient.why.startswith(NAME_ONLY)
+    ):
         return guesses
-    doubt = replace(ambient, why=f"{ambient.why}; CHECK, °F as the speed is in miles?")
+    doubt = replace(ambient, why=f"{ambient.why}; CHECK: may be °F, because other units are miles or feet")
     return {**guesses, ambient.ours: doubt}
 
 
@@ -347,7 +357,7 @@ def _file_settings(
     if missing and max(missing.values()) > SPARSE_SHARE:
         column = max(missing, key=lambda name: missing[name])
         lines.append(
-            f"hold_s = {HOLD_S}  # {missing[column]:.0%} of {_quoted(column)} is missing: the last value counts"
+            f"hold_s = {HOLD_S}  # {missing[column]:.0%} of {_quoted(column)} is missing: the last value is held"
         )
     return lines
 
@@ -364,9 +374,7 @@ def _render(
 ) -> str:
     lines = [f"# Proposed for {_comment(path.name)} from its header and values. Check every line."]
     if shipped:
-        lines.append(
-            f"# The columns are those of the shipped mapping {shipped!r}: --mapping {shipped} may do."
-        )
+        lines.append(f"# The columns are those of the shipped mapping {shipped!r}: try --mapping {shipped}.")
     lines += [f"# TO DO: add {what}" for what in missing]
     if unused:
         shown = ", ".join(_quoted(n) for n in unused[:12])
@@ -381,9 +389,7 @@ def _render(
     if trip:
         lines += ["", "[trip]", f"column = {_quoted(trip)}"]
     if POWER in guesses and "voltage_v" not in guesses:
-        note = (
-            "stands in where no voltage is logged; only its product with the current, the power, is measured"
-        )
+        note = "assumed, because no voltage is logged; only the power is measured"
         lines += ["", "[battery]", f"nominal_voltage_v = {STAND_IN_V:g}  # {note}"]
     if settings:
         lines += ["", "[file]", *settings]

@@ -97,11 +97,11 @@ class FolderReport:
             lines.append(f"missing: {', '.join(self.missing)}")
         lines += [str(fault) for faults in self.unreadable.values() for fault in faults]
         lines += [
-            f"shortened: {trip} has {got:.1f} s, the sheet says {said:.1f} s"
+            f"shortened: {trip} has {got:.1f} s, the sheet gives {said:.1f} s"
             for trip, (got, said) in self.shortened.items()
         ]
         if not self.overview:
-            lines.append(f"{OVERVIEW_NAME} is missing or unreadable: season and weather stay unknown")
+            lines.append(f"{OVERVIEW_NAME} is missing or unreadable: season and weather are unknown")
         lines += self.notes
         needed = len(REFERENCE_TRIPS)
         lines.append(f"reference trips: {needed - len(self.reference_missing)} of {needed}")
