@@ -4,6 +4,12 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("gate", derandomize=True)
+settings.register_profile("search")
+settings.load_profile(os.environ.get("TRIPWATT_HYPOTHESIS", "gate"))
+"""The gate draws the same examples in every run; TRIPWATT_HYPOTHESIS=search draws new ones."""
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -297,6 +297,6 @@ def test_fit_here_score_there(fleet):
 
 
 def test_too_few_trips_are_refused(fleet):
-    few = dataclasses.replace(fleet, trips=fleet.trips[:6])
+    few = dataclasses.replace(fleet, logs=fleet.logs[:6])
     with pytest.raises(InvalidInput, match="too few trips"):
         evaluate(few, protocol="forecast", models=("constant",), n_jobs=1)

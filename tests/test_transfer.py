@@ -256,7 +256,7 @@ def base(i3, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_adapted_model_is_an_ordinary_one(base, second_car, leaf, tmp_path: Path) -> None:
     about, model = load_metadata(base), load_model(base)
     assert model.elsewhere_ is not None
-    few = replace(second_car, logs=second_car.trips[:1])
+    few = replace(second_car, logs=second_car.logs[:1])
     found, provenance, figures = adapted(few, leaf, model, about)
     assert provenance["base"]["sha256"] == about["sha256"]
     assert provenance["base"]["provenance"]["data"]["sha256"] == about["provenance"]["data"]["sha256"]
