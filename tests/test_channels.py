@@ -7,9 +7,10 @@ import pandas as pd
 import pytest
 
 from tripwatt.hybrid import BlockTable, power_corrector
-from tripwatt.hybrid.blocks import DEPARTURE_COLUMNS, LINE_CAUSES
+from tripwatt.hybrid.blocks import LINE_CAUSES
 from tripwatt.hybrid.channels import climate_logged
 from tripwatt.hybrid.climate_log import logged_climate
+from tripwatt.trips import TEMPERATURES
 
 
 def test_logged_climate_adds_up_over_blocks_and_leaves_gaps_open():
@@ -49,8 +50,8 @@ def table() -> BlockTable:
     rows = trips * blocks
     ambient = np.repeat(rng.uniform(-10, 30, trips), blocks)
     features = {name: rng.uniform(0, 2000, rows) for name in (f"{c}_w" for c in LINE_CAUSES)}
-    features |= {name: np.repeat(rng.uniform(0, 30, trips), blocks) for name in DEPARTURE_COLUMNS[:5]}
-    features[DEPARTURE_COLUMNS[0]] = ambient
+    features |= {name: np.repeat(rng.uniform(0, 30, trips), blocks) for name in (*TEMPERATURES, "soc")}
+    features["ambient_temperature_degc"] = ambient
     features |= {
         "simulated_w": sum(features[f"{c}_w"] for c in LINE_CAUSES),
         "moved_w": rng.uniform(0, 9000, rows),

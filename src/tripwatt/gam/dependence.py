@@ -176,7 +176,7 @@ def autocorrelation(
     Examples
     --------
     >>> result = autocorrelation([1.0, -1.0, 1.0, -1.0], ["a", "a", "b", "b"], max_lag=1)
-    >>> result.correlation.tolist(), result.pairs.tolist()
+    >>> result.correlation.round(9).tolist(), result.pairs.tolist()
     ([-1.0], [2])
     """
     import pandas as pd

@@ -90,7 +90,7 @@ class Departure:
         raise_faults(scalar_faults({"soc": self.bms_soc}))
 
     @classmethod
-    def of_drive(cls, drive: Drive, context: Context) -> Departure:
+    def from_drive(cls, drive: Drive, context: Context) -> Departure:
         """What the first sample of a drive and its context tell.
 
         Raises
@@ -115,14 +115,14 @@ class Departure:
             started_at=context.started_at,
         )
 
-    def updated(self, other: Departure | None) -> Departure:
+    def merge(self, other: Departure | None) -> Departure:
         """The departure with the known fields of another in place of its own.
 
         A state of charge that a driver gives takes the place of the battery management's reading.
 
         Examples
         --------
-        >>> Departure(bms_soc=0.6, payload_mass_kg=80.0).updated(Departure(soc=0.8))
+        >>> Departure(bms_soc=0.6, payload_mass_kg=80.0).merge(Departure(soc=0.8))
         Departure(soc=0.8, payload_mass_kg=80.0)
         """
         if other is None:

@@ -152,7 +152,7 @@ class Recorded(Drive):
         InvalidInput
             When a value of the first sample is out of its bounds.
         """
-        return Departure.of_drive(self, self.context)
+        return Departure.from_drive(self, self.context)
 
     def between(self, from_s: float, to_s: float, *, trip_id: str | None = None) -> Self:
         """The part of a raw drive with `from_s <= time_s <= to_s`, its energy measured anew."""

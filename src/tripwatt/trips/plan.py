@@ -85,7 +85,7 @@ class Plan(Drive):
 
     def with_departure(self, departure: Departure | None) -> Plan:
         """The plan with the known fields of a departure in place of its own."""
-        return self if departure is None else replace(self, departure=self.departure.updated(departure))
+        return self if departure is None else replace(self, departure=self.departure.merge(departure))
 
     @property
     def has_road(self) -> bool:
@@ -180,7 +180,7 @@ def plan_from_samples(
     validate_samples(samples, trip_id)
     log = Recorded(trip_id, samples)
     own = replace(log.departure, payload_mass_kg=None, follows_trip=None)
-    return _plan(log, own.updated(departure), step_s)
+    return _plan(log, own.merge(departure), step_s)
 
 
 def _plan(drive: Drive, departure: Departure, step_s: float) -> Plan:
