@@ -25,12 +25,10 @@ from tripwatt.cli.options import (
 from tripwatt.cli.placing import write_text
 from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.trips.flags import Flag
-from tripwatt.trips.messages import period
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import Forecast, ForecastModel
-    from tripwatt.trips import Departure, Fleet, Plan
+    from tripwatt.trips import Departure, Flag, Fleet, Plan
 
 OPTION_OF: Final = {
     "soc": "--soc",
@@ -406,6 +404,8 @@ def options_named() -> Iterator[None]:
 
 def _still_warm(plan: Plan, asked: Departure) -> list[Flag]:
     """Temperatures of the file that are far from the outside temperature that was given."""
+    from tripwatt.trips import Flag
+
     ambient = asked.ambient_temperature_degc
     flags = []
     for name in ("cabin_temperature_degc", "battery_temperature_degc"):

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.trips.flags import Flag
 
 if TYPE_CHECKING:
-    from tripwatt.trips import Fleet
+    from tripwatt.trips import Flag, Fleet
 
 DataArgument = Annotated[
     Path | None,
@@ -147,6 +146,8 @@ def car_of(
         return CARS[dataset], ()
     if dataset is None and mapping is None and (not data.is_file() or data.name.lower().startswith("trip")):
         return CARS["tum"], ()
+    from tripwatt.trips import Flag  # pandas is slow to import
+
     return UNKNOWN_CAR, (Flag("car_assumed", UNKNOWN_CAR),)
 
 

@@ -14,8 +14,8 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
-from tripwatt.trips.flags import Flag
-from tripwatt.trips.messages import message
+    from tripwatt.trips import Flag
+
 
 UNBROKEN: Final = 1000
 """Width [characters] of what goes into a pipe or a file, where nobody needs lines to be broken."""
@@ -62,10 +62,16 @@ def print_table(
     shown.print(table)
 
 
+def _sentence(flag: Flag) -> str:
+    from tripwatt.trips.messages import message  # pandas is slow to import
+
+    return message(flag)
+
+
 def print_notes(notes: Iterable[str | Flag]) -> None:
     """Notes on standard error; a flag as its sentence."""
     for note in notes:
-        console().print(f"note: {message(note) if isinstance(note, Flag) else note}")
+        console().print(f"note: {note if isinstance(note, str) else _sentence(note)}")
 
 
 PROGRESS_EVERY_S: Final = 5.0

@@ -21,7 +21,6 @@ from tripwatt.cli.options import (
 from tripwatt.cli.placing import check_writable, unfinished_folder, write_whole
 from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.trips.messages import message
 
 if TYPE_CHECKING:
     from tripwatt.trips import Fleet
@@ -134,6 +133,8 @@ def transfer(
 
     with progress(shown) as advance:
         run = evaluate_transfer(fleets["source"], fleets["target"], **options, progress=advance)
+    from tripwatt.trips.messages import message
+
     said = [message(flag) for flag in (*from_note, *note)]
     run.results["notes"] += said
     with shown.status("writing the report"):
