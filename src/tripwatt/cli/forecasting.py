@@ -457,6 +457,7 @@ def _draw(found: Forecast, plot: Path) -> None:
 def _show_forecast(found: Forecast, reserve: float) -> None:
     from tripwatt.cli.sentences import chance, forecast_in_words
     from tripwatt.forecasting.plot import CAUSE_NAMES
+    from tripwatt.trips.messages import period
 
     low, high = found.interval(0.9)
     when = "before departure" if found.measured_until_s <= 0.0 else f"after {period(found.measured_until_s)}"
