@@ -21,9 +21,9 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from tripwatt.arrays import FloatArray
 from tripwatt.physics import simulate
 from tripwatt.physics.road_load import air_density
 from tripwatt.sources.mapping import M_S_PER_MPH
@@ -212,7 +212,7 @@ FILES: Final = {"UDDS": "udds.csv", "HWFET": "hwfet.csv", "US06": "us06.csv", "W
 
 
 @cache
-def schedule(cycle: str) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def schedule(cycle: str) -> tuple[FloatArray, FloatArray]:
     """Time [s] and speed [m/s] of a schedule, from the package `fastsim` or else from the development data.
 
     Raises

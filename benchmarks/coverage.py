@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tripwatt.evaluation.forecast_data import ForecastData
 from tripwatt.evaluation.forecast_scores import LEVELS
-from tripwatt.evaluation.forecast_sets import ForecastSet
 from tripwatt.forecasting import ForecastModel
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.vehicles import load_vehicle
@@ -32,11 +32,11 @@ class Covered:
 
 def synthetic_coverage(trips: int = 600, seed: int = SEED) -> Covered:
     car = load_vehicle("bmw_i3_60ah")
-    fleet = ForecastSet.of(synthetic_fleet(trips, seed=seed).trips, car)
+    fleet = ForecastData.from_trips(synthetic_fleet(trips, seed=seed).trips, car)
     folds = np.random.default_rng(seed).permutation(trips) % FOLDS
     inside, width, apes = [], [], []
     for fold in range(FOLDS):
-        model = ForecastModel(car).fit_blocks(fleet.blocks.take(np.flatnonzero(folds != fold)))
+        model = ForecastModel(car).fit_segments(fleet.segments.take(np.flatnonzero(folds != fold)))
         for i in np.flatnonzero(folds == fold):
             forecast = model.forecast(fleet.plans[i])
             observed = float(fleet.logs[i]["observed_energy_wh"].iloc[-1])

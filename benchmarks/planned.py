@@ -22,11 +22,15 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.measure import tum_folder
+from tripwatt.arrays import FloatArray
 from tripwatt.evaluation.forecast_scores import LEVELS, coverage_scores
 from tripwatt.evaluation.metrics import absolute_percentage_error, bootstrap_interval, summarise_errors
-from tripwatt.forecasting import Forecast, ForecastModel, linked_trips, plan_on_links, training_blocks
+from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.hybrid import segment_trips
+from tripwatt.routes import plan_on_links
 from tripwatt.sources import read_logs
-from tripwatt.trips import FloatArray, Trip
+from tripwatt.trips import Trip
+from tripwatt.uncertainty import linked_trips
 from tripwatt.vehicles import load_vehicle
 
 LINKS_M: Mapping[str, float | None] = {"driven trace": None, "250 m": 250.0, "1000 m": 1000.0}
@@ -39,11 +43,11 @@ PACKAGES = ("numpy", "scipy", "pandas", "scikit-learn", "lightgbm")
 def forecasts(trips: Sequence[Trip]) -> list[dict[str, Forecast]]:
     """Forecasts of every trip, by what is known of its speed, from a model that was fitted on the others."""
     car = load_vehicle("bmw_i3_60ah")
-    blocks, routes = training_blocks(trips, car), linked_trips(trips, car)
+    segments, routes = segment_trips(trips, car), linked_trips(trips, car)
     found: list[dict[str, Forecast]] = []
     for k, trip in enumerate(trips):
         others = np.delete(np.arange(len(trips)), k)
-        model = ForecastModel(car, seed=SEED).fit_blocks(blocks.take(others), routes=routes.take(others))
+        model = ForecastModel(car, seed=SEED).fit_segments(segments.take(others), routes=routes.take(others))
         found.append(
             {
                 name: model.forecast(trip if length is None else plan_on_links(trip, length))

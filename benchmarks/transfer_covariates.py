@@ -16,19 +16,19 @@ from pathlib import Path
 
 import numpy as np
 
+from tripwatt.arrays import FloatArray
 from tripwatt.auditing import audit
 from tripwatt.evaluation.transfer_scores import energy_error, paired_energy_error, resamples
-from tripwatt.forecasting.elsewhere import unknown_signals, without_signals
-from tripwatt.forecasting.model import training_blocks
-from tripwatt.hybrid import BlockTable
-from tripwatt.hybrid.power import LINES, KrigingCorrector
-from tripwatt.hybrid.transfer import Members, part_scales
+from tripwatt.forecasting.donor import unknown_inputs, without_inputs
+from tripwatt.hybrid import SegmentTable, segment_trips
+from tripwatt.hybrid.hierarchy import Members, term_scales
+from tripwatt.hybrid.power import LINES, GPCorrector
 from tripwatt.sources import read_logs
-from tripwatt.trips import FloatArray, Trip
+from tripwatt.trips import Trip
 from tripwatt.vehicles import Vehicle, load_vehicle
 
-PARTS = KrigingCorrector().parts
-SMOOTH = tuple(part for part in PARTS if part.kind == "smooth")
+PARTS = GPCorrector().terms
+SMOOTH = tuple(term for term in PARTS if term.kind == "smooth")
 Scales = Callable[[Members, Vehicle, Vehicle], FloatArray]
 
 
@@ -39,7 +39,7 @@ def as_watts(members: Members, source: Vehicle, target: Vehicle) -> FloatArray:
 def all_smooth(ratio: Callable[[Vehicle], float]) -> Scales:
     def scales(members: Members, source: Vehicle, target: Vehicle) -> FloatArray:
         factor = ratio(target) / ratio(source)
-        factors = [factor if part.kind == "smooth" else 1.0 for part in members.parts]
+        factors = [factor if term.kind == "smooth" else 1.0 for term in members.terms]
         return np.repeat(np.array(factors), members.sizes)
 
     return scales
@@ -54,31 +54,31 @@ def rated(car: Vehicle) -> float:
 
 
 VARIANTS = {
-    "car-free: causes as shares, speed per mass, climate per cabin heat": (PARTS, part_scales, True),
+    "car-free: causes as shares, speed per mass, climate per cabin heat": (PARTS, term_scales, True),
     "smooth parts in watts, as they are": (PARTS, as_watts, True),
     "smooth parts per mass": (PARTS, all_smooth(mass), True),
     "smooth parts as a fraction of rated power": (PARTS, all_smooth(rated), True),
     "shares of the simulated causes alone": (LINES, as_watts, True),
     "smooth parts in watts alone": (SMOOTH, as_watts, True),
-    "car-free, but nothing hidden from the first car": (PARTS, part_scales, False),
+    "car-free, but nothing hidden from the first car": (PARTS, term_scales, False),
 }
 
 
 def direction(
     source: Sequence[Trip], target: Sequence[Trip], cars: tuple[Vehicle, Vehicle]
 ) -> dict[str, object]:
-    hidden = unknown_signals(target)
-    scored = training_blocks(target[len(target) // 2 :], cars[1])
+    hidden = unknown_inputs(target)
+    scored = segment_trips(target[len(target) // 2 :], cars[1])
     observed = scored.totals_wh(scored.observed_power_w)
     simulated = scored.totals_wh(scored.simulated_w)
     index = resamples(len(observed), 0)
     learned = {
-        hide: training_blocks([without_signals(t, hidden if hide else ()) for t in source], cars[0])
+        hide: segment_trips([without_inputs(t, hidden if hide else ()) for t in source], cars[0])
         for hide in (True, False)
     }
     rows, first = [], None
     for name, (parts, scales, hide) in VARIANTS.items():
-        correction = _correction(KrigingCorrector(parts).fit(learned[hide]), scales, scored, cars)
+        correction = _correction(GPCorrector(parts).fit(learned[hide]), scales, scored, cars)
         half, full = (simulated + share * correction for share in (0.5, 1.0))
         first = half if first is None else first
         rows.append(
@@ -101,9 +101,9 @@ def direction(
 
 
 def _correction(
-    corrector: KrigingCorrector, scales: Scales, table: BlockTable, cars: tuple[Vehicle, Vehicle]
+    corrector: GPCorrector, scales: Scales, table: SegmentTable, cars: tuple[Vehicle, Vehicle]
 ) -> FloatArray:
-    members = Members.of(corrector)
+    members = Members.from_corrector(corrector)
     features = members.features(table) * scales(members, *cars) * members.familiarity(table)[:, None]
     return table.totals_wh(features @ members.weights)
 

@@ -16,20 +16,20 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from benchmarks.measure import ROOT, tum_folder
-from tripwatt.hybrid import BlockTable, block_table, power_corrector
+from tripwatt.hybrid import SegmentTable, power_corrector, segment_table
 from tripwatt.hybrid.calibrate import calibrate
-from tripwatt.hybrid.channels import (
-    CLIMATE_PARTS,
-    DRIVE_PARTS,
-    DRIVE_TREE_FEATURES,
-    ChannelCorrector,
-)
 from tripwatt.hybrid.power import (
     TREE_FEATURES,
     EnsembleCorrector,
-    KrigingCorrector,
+    GPCorrector,
     PowerCorrector,
     boosting_corrector,
+)
+from tripwatt.hybrid.split import (
+    CLIMATE_TERMS,
+    DRIVE_TERMS,
+    DRIVE_TREE_FEATURES,
+    SplitCorrector,
 )
 from tripwatt.physics import simulate_trip
 from tripwatt.sources import read_logs
@@ -41,16 +41,16 @@ FRACTIONS = (0.25, 0.5, 0.75)
 BEFORE = ("before_w", "before_acceleration_w")
 
 
-def channels(climate: PowerCorrector, drive: PowerCorrector) -> ChannelCorrector:
-    return ChannelCorrector(climate, drive, drive, True)
+def split(climate: PowerCorrector, drive: PowerCorrector) -> SplitCorrector:
+    return SplitCorrector(climate, drive, drive, True)
 
 
 def both(features: tuple[str, ...]) -> EnsembleCorrector:
-    return EnsembleCorrector([KrigingCorrector(DRIVE_PARTS), boosting_corrector(0, features)])
+    return EnsembleCorrector([GPCorrector(DRIVE_TERMS), boosting_corrector(0, features)])
 
 
-def climate() -> KrigingCorrector:
-    return KrigingCorrector(CLIMATE_PARTS, share_column="hvac_w")
+def climate() -> GPCorrector:
+    return GPCorrector(CLIMATE_TERMS, share_column="hvac_w")
 
 
 CLIMATE_TREE = (
@@ -61,36 +61,36 @@ CLIMATE_TREE = (
     *(c for c in TREE_FEATURES if "temperature" in c),
 )
 VARIANTS: Mapping[str, tuple[str, Callable[[], PowerCorrector]]] = {
-    "channels": ("climate and driving apart: the default", lambda: power_corrector("channels")),
-    "channels, driving by process": (
-        "both channels by Gaussian processes",
-        lambda: channels(climate(), KrigingCorrector(DRIVE_PARTS)),
+    "split": ("climate and driving separately: the default", lambda: power_corrector("split")),
+    "split, driving by process": (
+        "both by Gaussian processes",
+        lambda: split(climate(), GPCorrector(DRIVE_TERMS)),
     ),
-    "channels, driving by boosting": (
+    "split, driving by boosting": (
         "climate by process, driving by boosting",
-        lambda: channels(climate(), boosting_corrector(0, DRIVE_TREE_FEATURES)),
+        lambda: split(climate(), boosting_corrector(0, DRIVE_TREE_FEATURES)),
     ),
-    "channels, climate by boosting": (
+    "split, climate by boosting": (
         "climate by boosting, driving as in the default",
-        lambda: channels(boosting_corrector(0, CLIMATE_TREE), both(DRIVE_TREE_FEATURES)),
+        lambda: split(boosting_corrector(0, CLIMATE_TREE), both(DRIVE_TREE_FEATURES)),
     ),
-    "channels, block before": (
-        "the trees also see the simulated power of the block before",
-        lambda: channels(climate(), both((*DRIVE_TREE_FEATURES, *BEFORE))),
+    "split, segment before": (
+        "the trees also see the simulated power of the segment before",
+        lambda: split(climate(), both((*DRIVE_TREE_FEATURES, *BEFORE))),
     ),
-    "channels, time to the end": (
+    "split, time to the end": (
         "the trees also see the time to the end of the trip",
-        lambda: channels(climate(), both((*DRIVE_TREE_FEATURES, "to_end_s"))),
+        lambda: split(climate(), both((*DRIVE_TREE_FEATURES, "to_end_s"))),
     ),
-    "channels, trip's speed": (
+    "split, trip's speed": (
         "the trees also see the trip's mean speed",
-        lambda: channels(climate(), both((*DRIVE_TREE_FEATURES, "trip_speed_m_s"))),
+        lambda: split(climate(), both((*DRIVE_TREE_FEATURES, "trip_speed_m_s"))),
     ),
 }
-CALIBRATED = "channels on a calibrated car"
+CALIBRATED = "split on a calibrated car"
 
 
-def with_neighbours(table: BlockTable) -> BlockTable:
+def with_neighbours(table: SegmentTable) -> SegmentTable:
     """The table with the features that only variants look at."""
     first = np.zeros(len(table.hours), dtype=bool)
     first[table.offsets[:-1]] = True
@@ -104,13 +104,13 @@ def with_neighbours(table: BlockTable) -> BlockTable:
     return replace(table, features=features.assign(**extra))
 
 
-def tabulated(trips: list[Trip], car: Any) -> BlockTable:
+def tabulated(trips: list[Trip], car: Any) -> SegmentTable:
     plans = [plan_from_trip(trip) for trip in trips]
-    runs = [block_table(p, simulate_trip(car, p), t) for p, t in zip(plans, trips, strict=True)]
-    return with_neighbours(BlockTable.join(runs))
+    runs = [segment_table(p, simulate_trip(car, p), t) for p, t in zip(plans, trips, strict=True)]
+    return with_neighbours(SegmentTable.join(runs))
 
 
-def left_out(table: BlockTable, name: str, i: int) -> np.ndarray:
+def left_out(table: SegmentTable, name: str, i: int) -> np.ndarray:
     """Residual power that is left of trip i by a corrector of all others [W]."""
     train = np.delete(np.arange(len(table)), i)
     found = table.take([i])
@@ -121,10 +121,10 @@ def left_out_calibrated(trips: list[Trip], i: int) -> np.ndarray:
     car = load_vehicle("bmw_i3_60ah")
     others = [trip for j, trip in enumerate(trips) if j != i]
     own = calibrate(others, car).applied(car)
-    return left_out(tabulated([*others, trips[i]], own), "channels", len(others))
+    return left_out(tabulated([*others, trips[i]], own), "split", len(others))
 
 
-def figures(table: BlockTable, left: list[np.ndarray]) -> list[float]:
+def figures(table: SegmentTable, left: list[np.ndarray]) -> list[float]:
     """Mean APE and RMSE [kWh] of the total, then mean APE of the total with no update after each of `FRACTIONS`."""
     energy = table.totals_wh(table.observed_power_w)
     hours = [table.hours[a:b] for a, b in zip(table.offsets[:-1], table.offsets[1:], strict=True)]

@@ -84,8 +84,8 @@ def _default(parameter: Any) -> str:
     return f"`{default}`"
 
 
-def _cell(text: str) -> str:
-    return " ".join(text.split()).replace("|", BAR)
+def _cell(text: str | None) -> str:
+    return " ".join((text or "").split()).replace("|", BAR)
 
 
 def _paragraphs(text: str) -> list[str]:

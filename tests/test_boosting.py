@@ -5,9 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sklearn.utils.estimator_checks import check_estimator
 
-from tripwatt.boosting import ClusteredBoosting
-from tripwatt.correlation import WorkingCorrelation
 from tripwatt.errors import InvalidInput
+from tripwatt.learners.boosting import ClusteredBoosting
+from tripwatt.learners.correlation import WorkingCorrelation
 
 KINDS = ("independence", "exchangeable", "ar1")
 

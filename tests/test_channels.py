@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tripwatt.hybrid import BlockTable, power_corrector
-from tripwatt.hybrid.blocks import LINE_CAUSES
-from tripwatt.hybrid.channels import climate_logged
+from tripwatt.hybrid import SegmentTable, power_corrector
 from tripwatt.hybrid.climate_log import logged_climate
+from tripwatt.hybrid.segments import LINE_CAUSES
+from tripwatt.hybrid.split import climate_logged
 from tripwatt.trips import TEMPERATURES
 
 
@@ -43,30 +43,30 @@ def test_one_of_the_two_or_a_stuck_heater_says_nothing():
 
 
 @pytest.fixture
-def table() -> BlockTable:
+def table() -> SegmentTable:
     """Trips whose climate residual goes with the ambient temperature and whose driving residual with air drag."""
     rng = np.random.default_rng(1)
-    trips, blocks = 40, 20
-    rows = trips * blocks
-    ambient = np.repeat(rng.uniform(-10, 30, trips), blocks)
+    trips, segments = 40, 20
+    rows = trips * segments
+    ambient = np.repeat(rng.uniform(-10, 30, trips), segments)
     features = {name: rng.uniform(0, 2000, rows) for name in (f"{c}_w" for c in LINE_CAUSES)}
-    features |= {name: np.repeat(rng.uniform(0, 30, trips), blocks) for name in (*TEMPERATURES, "soc")}
+    features |= {name: np.repeat(rng.uniform(0, 30, trips), segments) for name in (*TEMPERATURES, "soc")}
     features["ambient_temperature_degc"] = ambient
     features |= {
         "simulated_w": sum(features[f"{c}_w"] for c in LINE_CAUSES),
         "moved_w": rng.uniform(0, 9000, rows),
         "speed_m_s": rng.uniform(0, 30, rows),
         "speed_change_m_s2": rng.uniform(0, 1, rows),
-        "time_s": np.tile(15.0 + 30.0 * np.arange(blocks), trips),
-        "trip_speed_m_s": np.repeat(rng.uniform(5, 25, trips), blocks),
+        "time_s": np.tile(15.0 + 30.0 * np.arange(segments), trips),
+        "trip_speed_m_s": np.repeat(rng.uniform(5, 25, trips), segments),
         "payload_mass_kg": np.zeros(rows),
     }
     frame = pd.DataFrame(features)
-    climate = 20.0 * (20.0 - ambient) + np.repeat(rng.normal(0, 60, trips), blocks)
-    drive = -0.15 * frame["air_w"].to_numpy() + np.repeat(rng.normal(0, 60, trips), blocks)
-    return BlockTable(
+    climate = 20.0 * (20.0 - ambient) + np.repeat(rng.normal(0, 60, trips), segments)
+    drive = -0.15 * frame["air_w"].to_numpy() + np.repeat(rng.normal(0, 60, trips), segments)
+    return SegmentTable(
         trip_ids=tuple(f"t{i}" for i in range(trips)),
-        offsets=np.arange(0, rows + 1, blocks),
+        offsets=np.arange(0, rows + 1, segments),
         features=frame,
         hours=np.full(rows, 30.0 / 3600.0),
         simulated_w=frame["simulated_w"].to_numpy(),
@@ -75,9 +75,9 @@ def table() -> BlockTable:
     )
 
 
-def test_each_channel_learns_its_own_and_the_parts_add_up(table: BlockTable):
+def test_each_channel_learns_its_own_and_the_parts_add_up(table: SegmentTable):
     train, test = table.take(range(30)), table.take(range(30, 40))
-    corrector = power_corrector("channels").fit(train)
+    corrector = power_corrector("split").fit(train)
     climate = corrector.predict_climate(test)
     assert climate is not None
     truth = 20.0 * (20.0 - test.features["ambient_temperature_degc"].to_numpy())
@@ -86,17 +86,17 @@ def test_each_channel_learns_its_own_and_the_parts_add_up(table: BlockTable):
     driving = corrector.predict(test) - climate
     assert abs(np.corrcoef(driving, truth)[0, 1]) < 0.5  # driving has not learned the climate once more
     assert np.mean(np.abs(driving + 0.15 * test.features["air_w"].to_numpy())) < 0.2 * np.mean(np.abs(truth))
-    mean, doubt = corrector.predict_with_doubt(test)
+    mean, doubt = corrector.predict_with_uncertainty(test)
     np.testing.assert_allclose(mean, corrector.predict(test))
     np.testing.assert_allclose(doubt @ doubt.T, (lambda L: L @ L.T)(corrector.uncertainty_factor(test)))
 
 
-def test_without_enough_logged_climate_one_corrector_learns_both(table: BlockTable):
+def test_without_enough_logged_climate_one_corrector_learns_both(table: SegmentTable):
     known = table.observed_hvac_w
     assert known is not None
     sparse = replace(table, observed_hvac_w=np.where(table.groups < 15, known, np.nan))
     assert climate_logged(sparse).sum() == 15
-    corrector = power_corrector("channels").fit(sparse)
+    corrector = power_corrector("split").fit(sparse)
     assert corrector.predict_climate(sparse) is None
     whole = power_corrector("ensemble").fit(sparse)
     np.testing.assert_allclose(corrector.predict(sparse), whole.predict(sparse))

@@ -344,7 +344,7 @@ def test_a_run_that_is_interrupted_resumes_to_the_identical_table(tables: Path, 
 
 KILLED = """
 import os, pathlib, signal, sys
-from tripwatt.cli.placing import unfinished_folder, write_whole
+from tripwatt.cli.output import unfinished_folder, write_whole
 
 out, die_at = pathlib.Path(sys.argv[1]), int(sys.argv[2])
 steps = 0
@@ -408,7 +408,7 @@ def test_a_kill_while_replacing_never_leaves_results_beside_files_of_another_run
 def test_a_failure_while_replacing_brings_the_older_files_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from tripwatt.cli.placing import unfinished_folder, write_whole
+    from tripwatt.cli.output import unfinished_folder, write_whole
     from tripwatt.errors import InvalidInput
 
     out = tmp_path / "out"

@@ -96,7 +96,7 @@ def test_the_package_knows_what_links_cost(run: Run, tmp_path: Path) -> None:
     path = routes(tmp_path)["links.json"]
     flags = json.loads(run("forecast", path, "--json").out)["flags"]
     assert not any("does not know" in flag for flag in flags)
-    assert load_model().route_doubt_.trips >= 50
+    assert load_model().uncertainty_.route.trips >= 50
 
 
 def test_a_model_and_the_options_count(run: Run, tmp_path: Path) -> None:

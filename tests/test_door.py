@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.trips import COLUMNS, QUANTITIES, Flag, Log, plan_from_samples
-from tripwatt.trips.messages import MESSAGES, message
+from tripwatt.trips.messages import MESSAGES, flag_to_dict, message
 
 ROOT = Path(__file__).resolve().parents[1]
 NAMES = {
@@ -96,7 +96,7 @@ def test_each_noun_shows_itself(model):
         assert json.loads(json.dumps(noun.to_dict())) == noun.to_dict()
     assert repr(departure) == "Departure(soc=0.8, ambient_temperature_degc=-5)"
     assert repr(plan) == "<Plan commute: 10.0 km in 9 min, links of 5200 m>"
-    assert repr(model) == f"<ForecastModel BMW i3 60 Ah, channels corrector, {len(model.trip_ids_)} trips>"
+    assert repr(model) == f"<ForecastModel BMW i3 60 Ah, split corrector, {len(model.trip_ids_)} trips>"
     assert f"{forecast.energy_wh / 1000.0:.2f} kWh" in repr(forecast)
 
 
@@ -180,7 +180,7 @@ def test_every_flag_has_a_sentence(code):
 )  # fmt: skip
 def test_sentences_have_the_figures_of_their_flags(flag, said):
     assert message(flag) == said
-    assert flag.to_dict() == {
+    assert flag_to_dict(flag) == {
         "code": flag.code,
         "subject": flag.subject,
         "value": flag.value,

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tripwatt.driver import DriverStyle, draw_dwell, reachable_speed, smooth_field, speed_profile
 from tripwatt.errors import InvalidInput
+from tripwatt.routes.driver import DriverStyle, draw_dwell, reachable_speed, smooth_field, speed_profile
 
 links = st.lists(
     st.tuples(

@@ -8,11 +8,12 @@ import pandas as pd
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.evaluation import MODEL_NAMES, evaluate, write_results
-from tripwatt.evaluation.protocols import PHYSICS_PRESETS, protocol_models
+from tripwatt.evaluation import Execution, choose_models, evaluate, find_protocol, write_results
+from tripwatt.evaluation.paper_protocol import PRESETS
 from tripwatt.evaluation.results import FOLD_COLUMNS
-from tripwatt.evaluation.run import _run_fold, _Task
-from tripwatt.hybrid import HybridModel, build_table
+from tripwatt.evaluation.table_models import TableTask
+from tripwatt.hybrid.trip_table import build_table
+from tripwatt.paper import HybridModel
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.vehicles import load_vehicle
 
@@ -26,13 +27,16 @@ def fleet():
 
 @pytest.fixture(scope="module")
 def table(fleet):
-    cars = {name: load_vehicle("bmw_i3_60ah", preset=preset) for name, preset in PHYSICS_PRESETS.items()}
+    cars = {name: load_vehicle("bmw_i3_60ah", preset=preset) for name, preset in PRESETS.items()}
     return build_table(fleet.trips, cars, step_s=5.0)
 
 
-@pytest.mark.parametrize("name", MODEL_NAMES)
+PAPER = find_protocol("paper")
+
+
+@pytest.mark.parametrize("name", [spec.name for spec in PAPER.models])
 def test_the_held_out_energy_does_not_move_its_prediction(table, name):
-    spec = protocol_models("paper", (name,))[0]
+    spec = choose_models(PAPER, (name,))[0]
     held_out, others = 4, [i for i in range(len(table)) if i != 4]
     rows = table.rows_of(np.array([held_out]))
     changed_wh = table.observed_wh.copy()
@@ -40,22 +44,22 @@ def test_the_held_out_energy_does_not_move_its_prediction(table, name):
     changed = dataclasses.replace(table, observed_wh=changed_wh)
 
     def predictions(which):
-        model = spec.build(0)
+        model = spec.make(0)
         if isinstance(model, HybridModel) and model.shares_folds:
             return model.predict_held_out(which, np.arange(len(which)))
         return model.fit(which.take(others)).predict(which)
 
     before, after = predictions(table), predictions(changed)
     np.testing.assert_array_equal(before[rows], after[rows])
-    if isinstance(spec.build(0), HybridModel) and spec.build(0).shares_folds:
+    if isinstance(spec.make(0), HybridModel) and spec.make(0).shares_folds:
         assert not np.array_equal(before, after), "the change must matter to the other trips' models"
 
 
 def test_corrections_start_from_the_simulation(table):
     for name in ("forest", "boosting"):
-        model = protocol_models("paper", (name,))[0].build(0).fit(table)
+        model = choose_models(PAPER, (name,))[0].make(0).fit(table)
         perfect = dataclasses.replace(table, observed_wh=table.simulated_wh["physics-paper"])
-        exact = protocol_models("paper", (name,))[0].build(0).fit(perfect).predict(perfect)
+        exact = choose_models(PAPER, (name,))[0].make(0).fit(perfect).predict(perfect)
         np.testing.assert_allclose(exact, table.simulated_wh["physics-paper"], atol=1e-6)
         assert not np.allclose(model.predict(table), table.simulated_wh["physics-paper"], atol=1.0)
 
@@ -67,12 +71,12 @@ def test_regressions_recover_their_own_law(table):
         + 30.0 * table.totals["cold_h"]
     )
     lawful = dataclasses.replace(table, observed_wh=truth.to_numpy())
-    model = protocol_models("paper", ("linear4",))[0].build(0).fit(lawful.take(range(8)))
+    model = choose_models(PAPER, ("linear4",))[0].make(0).fit(lawful.take(range(8)))
     np.testing.assert_allclose(model.predict(lawful), truth, rtol=1e-8, atol=1e-6)
 
 
 def test_results_hold_the_contract(fleet, tmp_path):
-    run = evaluate(fleet, models=FAST, n_jobs=1)
+    run = evaluate(fleet, models=FAST, execution=Execution(n_jobs=1))
     write_results(run, tmp_path)
     results = json.loads((tmp_path / "results.json").read_text())
     assert {"protocol", "seed", "versions", "audit", "evaluations", "paired"} <= set(results)
@@ -104,14 +108,14 @@ class Stop(Exception):
 
 
 def test_an_interrupted_run_resumes_to_the_identical_table(fleet, tmp_path):
-    whole = evaluate(fleet, models=FAST, n_jobs=1)
+    whole = evaluate(fleet, models=FAST, execution=Execution(n_jobs=1))
 
     def stop_half_way(finished, total):
         if finished > total // 2:
             raise Stop
 
     with pytest.raises(Stop):
-        evaluate(fleet, models=FAST, n_jobs=1, work_dir=tmp_path, progress=stop_half_way)
+        evaluate(fleet, models=FAST, execution=Execution(n_jobs=1, work_dir=tmp_path, progress=stop_half_way))
     kept = len(list(tmp_path.rglob("*.npz")))
     assert kept > 0
     broken = next(tmp_path.rglob("*.npz"))
@@ -120,10 +124,7 @@ def test_an_interrupted_run_resumes_to_the_identical_table(fleet, tmp_path):
     resumed = evaluate(
         fleet,
         models=FAST,
-        n_jobs=1,
-        work_dir=tmp_path,
-        resume=True,
-        progress=lambda done, total: seen.append(done),
+        execution=Execution(1, tmp_path, resume=True, progress=lambda done, total: seen.append(done)),
     )
     assert seen[0] == kept - 1, "finished folds are used, the broken one is run again"
     pd.testing.assert_frame_equal(resumed.folds, whole.folds)
@@ -133,14 +134,18 @@ def test_an_interrupted_run_resumes_to_the_identical_table(fleet, tmp_path):
 
 
 def test_the_number_of_processes_changes_nothing(fleet):
-    one = evaluate(fleet, models=("linear6", "forest"), n_jobs=1, seed=5)
-    two = evaluate(fleet, models=("linear6", "forest"), n_jobs=2, seed=5)
+    one = evaluate(fleet, models=("linear6", "forest"), seed=5, execution=Execution(n_jobs=1))
+    two = evaluate(fleet, models=("linear6", "forest"), seed=5, execution=Execution(n_jobs=2))
     pd.testing.assert_frame_equal(one.folds, two.folds)
 
 
 def test_too_few_trips_are_refused(fleet):
     with pytest.raises(InvalidInput, match="too few trips"):
-        evaluate(dataclasses.replace(fleet, logs=fleet.logs[:2]), models=("constant",), n_jobs=1)
+        evaluate(
+            dataclasses.replace(fleet, logs=fleet.logs[:2]),
+            models=("constant",),
+            execution=Execution(n_jobs=1),
+        )
 
 
 def test_unknown_names_are_refused(fleet):
@@ -153,7 +158,7 @@ def test_unknown_names_are_refused(fleet):
 @pytest.mark.parametrize("name", ["linear4", "boosting", "gamm"])
 def test_a_fold_is_fitted_without_its_own_trips(table, name):
     """Through the very function that the evaluation runs, not a copy of it."""
-    spec = protocol_models("paper", (name,))[0]
+    spec = choose_models(PAPER, (name,))[0]
     folds = np.arange(len(table), dtype=np.int64)
     rows = table.rows_of(np.array([4]))
     changed_wh = table.observed_wh.copy()
@@ -161,6 +166,7 @@ def test_a_fold_is_fitted_without_its_own_trips(table, name):
     changed = dataclasses.replace(table, observed_wh=changed_wh)
 
     def fold(which):
-        return _run_fold(_Task(0, spec, which, folds, (4,), 0), 4).predicted_wh
+        (found,) = TableTask(0, spec, which, folds, (4,), 0).run()
+        return found.predicted_wh
 
     np.testing.assert_array_equal(fold(table), fold(changed))

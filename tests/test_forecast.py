@@ -7,19 +7,19 @@ import pytest
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel
-from tripwatt.forecasting.gain import Gain
-from tripwatt.forecasting.process import (
-    Belief,
-    Blocks,
-    Channel,
-    HeldOutResidual,
-    ResidualProcess,
-    _Batch,
-)
-from tripwatt.forecasting.scale import TotalScale
-from tripwatt.forecasting.scores import Scores
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Trip
+from tripwatt.uncertainty.conformal import ConformalScores
+from tripwatt.uncertainty.process import (
+    ComponentProcess,
+    HeldOutResidual,
+    PowerPosterior,
+    ResidualProcess,
+    Segments,
+    _Batch,
+)
+from tripwatt.uncertainty.scale import TotalScale
+from tripwatt.uncertainty.shrinkage import UpdateShrinkage
 from tripwatt.vehicles import load_vehicle
 
 
@@ -30,7 +30,7 @@ def fleet():
 
 @pytest.fixture(scope="module")
 def model(fleet):
-    return ForecastModel(load_vehicle("bmw_i3_60ah"), corrector="kriging").fit(fleet.trips[:-2])
+    return ForecastModel(load_vehicle("bmw_i3_60ah"), corrector="gp").fit(fleet.trips[:-2])
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +97,7 @@ def test_an_update_knows_only_its_samples_and_shrinks_the_doubt(model, trip):
     updated = forecast.update(half)
     assert updated.sd_wh < forecast.sd_wh
     measured = Trip.from_samples("half", half.reset_index(drop=True)).observed_energy_wh
-    assert updated.measured_wh.sum() == pytest.approx(measured, rel=1e-6)
+    assert updated.measured.energy_wh.sum() == pytest.approx(measured, rel=1e-6)
     assert forecast.measured_until_s == 0.0, "the departure forecast is not changed"
 
 
@@ -105,7 +105,7 @@ def test_gaps_stay_open(model, trip):
     time = trip.samples["time_s"]
     gappy = trip.samples[(time < 100) | ((time > 300) & (time < 500))]
     updated = model.forecast(trip).update(gappy)
-    assert updated.measured_hours.sum() * 3600.0 == pytest.approx(300.0, abs=5.0)
+    assert updated.measured.hours.sum() * 3600.0 == pytest.approx(300.0, abs=5.0)
 
 
 def test_state_of_charge_alone_counts(model, trip):
@@ -137,53 +137,56 @@ def test_unusable_samples_are_refused(model, trip):
         ForecastModel(load_vehicle("bmw_i3_60ah")).fit(synthetic_fleet(n_trips=3).trips)
 
 
-def some_blocks(rng: np.random.Generator, n: int) -> Blocks:
-    return Blocks(
+def some_blocks(rng: np.random.Generator, n: int) -> Segments:
+    return Segments(
         15.0 + 30.0 * np.arange(n), np.full(n, 30.0), rng.uniform(0, 9000, n), rng.uniform(0, 3000, n)
     )
 
 
 PROCESS = ResidualProcess(
-    Channel(50.0, 0.02, 400.0, 90.0, 0.5), Channel(200.0, 0.1, 300.0, 300.0, 60.0, 2.0, 150.0), 1000.0, True
+    ComponentProcess(50.0, 0.02, 400.0, 90.0, 0.5),
+    ComponentProcess(200.0, 0.1, 300.0, 300.0, 60.0, 2.0, 150.0),
+    1000.0,
+    True,
 )
 
 
 def test_conditioning_is_exact_on_what_was_seen():
     rng = np.random.default_rng(0)
     n = 12
-    blocks = some_blocks(rng, n)
-    K = PROCESS.covariance(blocks)
+    segments = some_blocks(rng, n)
+    K = PROCESS.covariance(segments)
     seen, power = np.array([0, 3, 4]), rng.normal(0, 800, 3)
-    belief = Belief.of(K).given(np.eye(n)[seen], power, np.full(3, 1e-6))
+    belief = PowerPosterior.from_covariance(K).given(np.eye(n)[seen], power, np.full(3, 1e-6))
     np.testing.assert_allclose(belief.mean_w[seen], power, atol=1e-3)
     dense = K[:, seen] @ np.linalg.solve(K[np.ix_(seen, seen)], power)
     np.testing.assert_allclose(belief.mean_w, dense, rtol=1e-5, atol=1e-3)
 
 
-@pytest.mark.parametrize("channels", [("drive",), ("climate",), ("drive", "climate")])
-def test_likelihood_and_its_gradient_are_exact(channels: tuple[str, ...]):
+@pytest.mark.parametrize("components", [("drive",), ("climate",), ("drive", "climate")])
+def test_likelihood_and_its_gradient_are_exact(components: tuple[str, ...]):
     rng = np.random.default_rng(2)
     trips = [HeldOutResidual(some_blocks(rng, n), rng.normal(0, 600, n)) for n in (8, 12)]
-    batch = _Batch.of(trips, "whole")
-    values = np.array([dataclasses.astuple(getattr(PROCESS, name)) for name in channels])
-    cost, gradient = batch.cost(channels, values)
+    batch = _Batch.from_trips(trips, "joint")
+    values = np.array([dataclasses.astuple(getattr(PROCESS, name)) for name in components])
+    cost, gradient = batch.cost(components, values)
     for at in np.ndindex(values.shape):
         if values[at] == 0.0:
             continue
         up, down = values.copy(), values.copy()
         up[at] *= np.exp(1e-5)
         down[at] *= np.exp(-1e-5)
-        slope = (batch.cost(channels, up)[0] - batch.cost(channels, down)[0]) / 2e-5
+        slope = (batch.cost(components, up)[0] - batch.cost(components, down)[0]) / 2e-5
         assert gradient[at] == pytest.approx(slope, rel=1e-5, abs=1e-6)
     dense = 0.0
-    for trip in trips:  # pairs of blocks are merged before the likelihood is taken
-        pairs = np.kron(np.eye(len(trip.blocks) // 2), np.full((1, 2), 0.5))
-        b = trip.blocks
-        merged = Blocks(pairs @ b.time_s, 2 * (pairs @ b.step_s), pairs @ b.moved_w, pairs @ b.hvac_w)
+    for trip in trips:  # pairs of segments are merged before the likelihood is taken
+        pairs = np.kron(np.eye(len(trip.segments) // 2), np.full((1, 2), 0.5))
+        b = trip.segments
+        merged = Segments(pairs @ b.time_s, 2 * (pairs @ b.step_s), pairs @ b.moved_w, pairs @ b.hvac_w)
         K = np.zeros((len(merged), len(merged)))
-        if "drive" in channels:
+        if "drive" in components:
             K += PROCESS.drive.covariance(merged.time_s, merged.moved_w, np.sqrt(0.5) * merged.drive_noise_w)
-        if "climate" in channels:
+        if "climate" in components:
             K += PROCESS.climate.covariance(merged.time_s, merged.hvac_w, np.full(len(merged), np.sqrt(0.5)))
         left = pairs @ trip.residual_w
         dense += 0.5 * left @ np.linalg.solve(K, left) + 0.5 * np.linalg.slogdet(K)[1]
@@ -192,13 +195,14 @@ def test_likelihood_and_its_gradient_are_exact(channels: tuple[str, ...]):
 
 def test_scale_learns_what_errors_grow_with():
     rng = np.random.default_rng(3)
-    blocks = [
-        Blocks(np.arange(n) * 60.0, np.full(n, 60.0), np.full(n, 5000.0), np.zeros(n)) for n in range(4, 204)
+    segments = [
+        Segments(np.arange(n) * 60.0, np.full(n, 60.0), np.full(n, 5000.0), np.zeros(n))
+        for n in range(4, 204)
     ]
-    hours = np.array([b.hours.sum() for b in blocks])
-    errors = rng.standard_t(4, len(blocks)) * np.hypot(20.0, 300.0 * hours)
-    scale = TotalScale.of(blocks, errors)
-    short, long = scale.sd_wh(blocks[0]), scale.sd_wh(blocks[-1])
+    hours = np.array([b.hours.sum() for b in segments])
+    errors = rng.standard_t(4, len(segments)) * np.hypot(20.0, 300.0 * hours)
+    scale = TotalScale.from_errors(segments, errors)
+    short, long = scale.sd_wh(segments[0]), scale.sd_wh(segments[-1])
     assert short == pytest.approx(np.hypot(20.0, 300.0 * hours[0]), rel=0.5)
     assert long == pytest.approx(np.hypot(20.0, 300.0 * hours[-1]), rel=0.25)
 
@@ -208,41 +212,41 @@ def test_a_channel_that_explains_the_rest_is_taken_and_noise_is_not():
     n_trips, n = 60, 40
     held_out = []
     for _ in range(n_trips):
-        blocks = some_blocks(rng, n)
+        segments = some_blocks(rng, n)
         climate = np.full(n, rng.normal(0, 300))
-        held_out.append(HeldOutResidual(blocks, climate + rng.normal(0, 1500, n), climate))
+        held_out.append(HeldOutResidual(segments, climate + rng.normal(0, 1500, n), climate))
     errors = np.array([trip.error_wh for trip in held_out])
-    gain = Gain.of(PROCESS, held_out, np.full(n_trips, errors.std()))
-    assert gain.at("climate", 0.5) > 0.8
-    assert gain.at("drive", 0.25) < 0.5
-    assert gain.at("whole", 0.0) == 0.0
+    shrinkage = UpdateShrinkage.from_trips(PROCESS, held_out, np.full(n_trips, errors.std()))
+    assert shrinkage.at("climate", 0.5) > 0.8
+    assert shrinkage.at("drive", 0.25) < 0.5
+    assert shrinkage.at("joint", 0.0) == 0.0
 
 
 def test_intervals_on_the_way_are_as_wide_as_what_held_out_trips_leave():
     rng = np.random.default_rng(6)
     held_out = []
     for _ in range(80):
-        blocks = some_blocks(rng, 30)
+        segments = some_blocks(rng, 30)
         size = np.where(np.arange(30) < 15, 1.0, 3.0)  # the second half errs more than the process believes
-        errors = np.linalg.cholesky(PROCESS.covariance(blocks)) @ rng.standard_normal(30) * size
-        held_out.append(HeldOutResidual(blocks, errors))
-    own = np.array([PROCESS.sd_wh(trip.blocks) for trip in held_out])
-    gain = Gain.of(PROCESS, held_out, own)
-    rest = [trip.blocks.hours[15:] @ trip.residual_w[15:] for trip in held_out]
+        errors = np.linalg.cholesky(PROCESS.covariance(segments)) @ rng.standard_normal(30) * size
+        held_out.append(HeldOutResidual(segments, errors))
+    own = np.array([PROCESS.sd_wh(trip.segments) for trip in held_out])
+    shrinkage = UpdateShrinkage.from_trips(PROCESS, held_out, own)
+    rest = [trip.segments.hours[15:] @ trip.residual_w[15:] for trip in held_out]
     total = [trip.error_wh for trip in held_out]
     assert np.std(rest) > 0.5 * np.std(total)
-    assert gain.spread(False, 0.5) > 1.15
-    assert gain.spread(False, 0.0) == 1.0
+    assert shrinkage.sd_factor(False, 0.5) > 1.15
+    assert shrinkage.sd_factor(False, 0.0) == 1.0
 
 
 def test_measured_climate_on_the_way_is_told_from_driving(fleet):
     trips = [t for t in fleet.trips if t.has("heating_power_w") and t.has("aircon_power_w")]
     model = ForecastModel(load_vehicle("bmw_i3_60ah")).fit(trips[:-1])
-    assert model.process_ is not None
-    assert model.process_.apart
-    model.gain_ = Gain(
-        np.ones(6), np.ones(6), np.zeros(6), np.ones(6), np.ones(6)
-    )  # so few trips would not show that it helps
+    assert model.uncertainty_ is not None
+    assert model.uncertainty_.process.split
+    # so few trips would not show that an update helps
+    full = UpdateShrinkage(np.ones(6), np.ones(6), np.zeros(6), np.ones(6), np.ones(6))
+    model.uncertainty_ = dataclasses.replace(model.uncertainty_, shrinkage=full)
     before = model.forecast(trips[-1])
     half = trips[-1].samples.iloc[: len(trips[-1]) // 2]
     columns = ["time_s", "voltage_v", "current_a", "heating_power_w", "aircon_power_w"]
@@ -296,12 +300,12 @@ def test_conformal_factor_covers_exchangeable_errors():
     covered = []
     for _ in range(400):
         errors = rng.standard_t(3, 40)
-        covered.append(abs(errors[-1]) <= Scores.of(errors[:-1]).factor(0.9))
+        covered.append(abs(errors[-1]) <= ConformalScores.from_errors(errors[:-1]).factor(0.9))
     assert 0.86 <= np.mean(covered) <= 0.94
 
 
 def test_scores_and_probabilities_are_inverse():
-    scores = Scores.of(np.random.default_rng(0).standard_normal(30))
+    scores = ConformalScores.from_errors(np.random.default_rng(0).standard_normal(30))
     for level in (0.1, 0.5, 0.9, 0.96, 0.99):
         assert scores.probability(scores.factor(level)) == pytest.approx(0.5 + level / 2, abs=1e-9)
         assert scores.probability(-scores.factor(level)) == pytest.approx(0.5 - level / 2, abs=1e-9)

@@ -11,24 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tripwatt.errors import InvalidInput
-from tripwatt.forecasting import (
-    ForecastModel,
-    RouteDoubt,
-    linked_trips,
-    load_model,
-    plan_on_links,
-    save_model,
-    training_blocks,
-)
+from tripwatt.forecasting import ForecastModel, load_model, save_model
 from tripwatt.forecasting import model as model_module
-from tripwatt.forecasting.gain import CHANNELS, FRACTIONS, Gain
-from tripwatt.forecasting.planned import LENGTHS_M, MOST_TRIPS, along_the_plan
+from tripwatt.forecasting.measured import along_the_plan
 from tripwatt.forecasting.storage import model_of_parts, model_parts
-from tripwatt.hybrid import power_corrector
+from tripwatt.hybrid import power_corrector, segment_trips
 from tripwatt.physics import simulate_trip
-from tripwatt.routes import parse_route, plan_from_route, route_from_links
+from tripwatt.routes import parse_route, plan_from_route, plan_on_links, route_from_links
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Departure, Flag, plan_from_trip
+from tripwatt.uncertainty import RouteUncertainty, linked_trips
+from tripwatt.uncertainty.route import LENGTHS_M, MOST_TRIPS
+from tripwatt.uncertainty.shrinkage import COMPONENTS, FRACTIONS, UpdateShrinkage
 from tripwatt.vehicles import load_vehicle
 
 CAR = load_vehicle("bmw_i3_60ah")
@@ -44,27 +38,27 @@ def model(trips):
     return ForecastModel(CAR, "linear").fit(trips[:12])
 
 
-def without_doubt(model):
-    return dataclasses.replace(model, route_doubt_=None)
+def without_route_uncertainty(model):
+    return dataclasses.replace(model, uncertainty_=dataclasses.replace(model.uncertainty_, route=None))
 
 
 @settings(deadline=None)
 @given(st.lists(st.lists(st.floats(-0.5, 0.5), min_size=3, max_size=3), min_size=5, max_size=9))
 def test_doubt_is_the_mean_square_and_never_falls(differences):
     rows = np.array(differences)
-    doubt = RouteDoubt.of(np.vstack((rows, [[np.nan] * 3])))
-    assert doubt.trips == len(rows)
+    uncertainty = RouteUncertainty.from_differences(np.vstack((rows, [[np.nan] * 3])))
+    assert uncertainty.trips == len(rows)
     square = (rows**2).mean(axis=0)
-    assert doubt.share(LENGTHS_M[0]) ** 2 == pytest.approx(square[0])
-    assert doubt.share(LENGTHS_M[2]) ** 2 == pytest.approx(square.max())
-    grid = np.array([doubt.share(length) for length in np.linspace(0.0, 9000.0, 60)])
+    assert uncertainty.share(LENGTHS_M[0]) ** 2 == pytest.approx(square[0])
+    assert uncertainty.share(LENGTHS_M[2]) ** 2 == pytest.approx(square.max())
+    grid = np.array([uncertainty.share(length) for length in np.linspace(0.0, 9000.0, 60)])
     assert grid[0] == 0.0
     assert np.all(np.diff(grid) >= -1e-12)
 
 
 def test_too_few_trips_say_nothing():
-    assert RouteDoubt.of(np.full((4, 3), 0.1)) is None
-    assert RouteDoubt.of(np.full((9, 3), np.nan)) is None
+    assert RouteUncertainty.from_differences(np.full((4, 3), 0.1)) is None
+    assert RouteUncertainty.from_differences(np.full((9, 3), np.nan)) is None
 
 
 def test_the_cost_of_links_is_learned_on_trips_that_the_corrector_has_not_seen(trips, monkeypatch):
@@ -79,8 +73,8 @@ def test_the_cost_of_links_is_learned_on_trips_that_the_corrector_has_not_seen(t
             self.inner.fit(table)
             return self
 
-        def again(self):
-            return Spy(self.inner.again())
+        def clone_tuned(self):
+            return Spy(self.inner.clone_tuned())
 
         def look(self, table):
             assert not self.trained & set(table.trip_ids)
@@ -90,16 +84,16 @@ def test_the_cost_of_links_is_learned_on_trips_that_the_corrector_has_not_seen(t
         def predict(self, table):
             return self.inner.predict(self.look(table))
 
-        def predict_with_doubt(self, table):
-            return self.inner.predict_with_doubt(self.look(table))
+        def predict_with_uncertainty(self, table):
+            return self.inner.predict_with_uncertainty(self.look(table))
 
         def __getattr__(self, name):
             return getattr(self.inner, name)
 
     monkeypatch.setattr(model_module, "power_corrector", lambda name, seed: Spy(power_corrector(name, seed)))
-    table = training_blocks(trips[:9], CAR)
-    found = ForecastModel(CAR, "linear").fit_blocks(table, routes=linked_trips(trips[:9], CAR))
-    assert found.route_doubt_.trips == 9
+    table = segment_trips(trips[:9], CAR)
+    found = ForecastModel(CAR, "linear").fit_segments(table, routes=linked_trips(trips[:9], CAR))
+    assert found.uncertainty_.route.trips == 9
     # each trip: for its residual, on its driven trace, and on links of every length
     assert all(looked_at.count(trip.trip_id) == 2 + len(LENGTHS_M) for trip in trips[:9])
 
@@ -112,7 +106,7 @@ def test_measured_doubt_is_the_difference_of_the_two_forecasts(trips):
             return np.zeros(len(table.hours))
 
     some = trips[:3]
-    off = linked_trips(some, CAR).differences(Nothing(), training_blocks(some, CAR), np.array([2, 0]))
+    off = linked_trips(some, CAR).differences(Nothing(), segment_trips(some, CAR), np.array([2, 0]))
     for row, trip in zip(off, (some[2], some[0]), strict=True):
         base = simulate_trip(CAR, plan_from_trip(trip)).simulated_energy_wh
         on_links = [simulate_trip(CAR, plan_on_links(trip, m)).simulated_energy_wh for m in LENGTHS_M]
@@ -122,14 +116,14 @@ def test_measured_doubt_is_the_difference_of_the_two_forecasts(trips):
 
 def test_links_widen_and_the_driven_trace_does_not(model, trips):
     trip = trips[13]
-    assert model.forecast(trip).to_dict() == without_doubt(model).forecast(trip).to_dict()
+    assert model.forecast(trip).to_dict() == without_route_uncertainty(model).forecast(trip).to_dict()
     assert model.forecast(trip).given == "the driven speed trace"
     for length in (250.0, 1000.0):
         plan = plan_on_links(trip, length)
-        wide, narrow = model.forecast(plan), without_doubt(model).forecast(plan)
+        wide, narrow = model.forecast(plan), without_route_uncertainty(model).forecast(plan)
         assert wide.given == wide.to_dict()["given"] == "a planned route"
         assert wide.energy_wh == narrow.energy_wh
-        share = model.route_doubt_.share(plan.link_m)
+        share = model.uncertainty_.route.share(plan.link_m)
         extra = share * wide.energy_wh * wide.widening
         assert share > 0.0
         assert wide.sd_wh**2 == pytest.approx(narrow.sd_wh**2 + extra**2)
@@ -144,11 +138,12 @@ def test_on_the_way_the_doubt_of_the_route_goes(model, trips):
     plan = plan_on_links(trips[13], 1000.0)
     before = model.forecast(plan)
     observed = trips[13].samples[["time_s", "voltage_v", "current_a"]]
-    seconds = float(before.table.hours.sum() * 3600.0)
+    seconds = float(before.drive.table.hours.sum() * 3600.0)
     half = before.update(observed[observed["time_s"] <= 0.5 * seconds])
     assert half.given == "a planned route"
     assert half.sd_wh < before.sd_wh
-    assert half._cumulative_sd_wh[-1] > half._cumulative_sd_wh[0]
+    band = half.series()["energy_high_wh"] - half.series()["energy_low_wh"]
+    assert band.iloc[-1] > band.iloc[1]
 
 
 def test_what_a_route_assumed_is_flagged(model):
@@ -167,7 +162,7 @@ def test_stored_models_keep_the_doubt_and_older_ones_have_none(model, trips, tmp
     parts = json.loads(json.dumps({"model.json": model_parts(model)["model.json"]}))
     del parts["model.json"]["route_doubt"]
     older = model_of_parts({**model_parts(model), **parts})
-    assert older.route_doubt_ is None
+    assert older.uncertainty_.route is None
     assert older.forecast(trips[12]).to_dict() == model.forecast(trips[12]).to_dict()
 
 
@@ -177,7 +172,7 @@ def test_parked_logs_and_large_fleets(trips, monkeypatch):
     assert [len(tables) for tables in found.tables] == [3, 3, 0]
     assert found.take([2, 0]).tables[0] == ()
     assert MOST_TRIPS >= 100
-    monkeypatch.setattr("tripwatt.forecasting.planned.MOST_TRIPS", 2)
+    monkeypatch.setattr("tripwatt.uncertainty.route.MOST_TRIPS", 2)
     assert [len(tables) for tables in linked_trips(trips[:5], CAR).tables] == [3, 0, 0, 0, 3]
 
 
@@ -205,8 +200,13 @@ def test_a_late_car_has_the_rest_of_the_route_before_it(model, factor, waits_s):
     links = [{"length_m": 500.0, "speed_m_s": 6.0 + 8.0 * (k % 2)} for k in range(30)]
     plan = plan_from_route(route_from_links(links))
     same = np.ones(len(FRACTIONS))
-    nothing = Gain(**dict.fromkeys(CHANNELS, 0.0 * same), apart_spread=same, whole_spread=same)
-    before = dataclasses.replace(model.forecast(plan), gain=nothing)
+    nothing = UpdateShrinkage(
+        **dict.fromkeys(COMPONENTS, 0.0 * same), split_sd_factor=same, joint_sd_factor=same
+    )
+    before = model.forecast(plan)
+    before = dataclasses.replace(
+        before, uncertainty=dataclasses.replace(before.uncertainty, shrinkage=nothing)
+    )
     observed = late(plan, factor, waits_s, 4000.0)
     driven = np.concatenate(([0.0], np.cumsum(observed["speed_m_s"].to_numpy()[1:])))
     observed = observed[driven <= 7500.0]  # half of the way
@@ -217,8 +217,8 @@ def test_a_late_car_has_the_rest_of_the_route_before_it(model, factor, waits_s):
     rest = before.energy_wh - float(np.interp(7500.0, series["distance_m"], series["energy_wh"]))
     measured = float(observed["observed_energy_wh"].iloc[-1])
     # all that was measured counts, nothing twice; what is left is the plan's rest
-    left = after.energy_wh - after.measured_wh.sum()
-    assert after.measured_wh.sum() == pytest.approx(measured, rel=0.01)
+    left = after.energy_wh - after.measured.energy_wh.sum()
+    assert after.measured.energy_wh.sum() == pytest.approx(measured, rel=0.01)
     assert left == pytest.approx(rest, rel=0.03)
     assert float((after.open_hours * 3600.0).sum()) == pytest.approx(
         plan.duration_s - after.measured_until_s, abs=25.0

@@ -9,8 +9,9 @@ import pytest
 from scipy.stats import binomtest, norm
 
 from tripwatt.errors import InvalidInput
-from tripwatt.evaluation import evaluate, write_results
-from tripwatt.evaluation.forecast_run import ForecastTask, _fitted, reforecast, run_task
+from tripwatt.evaluation import Execution, choose_models, evaluate, find_protocol, write_results
+from tripwatt.evaluation.forecast_data import DATA_FEATURES, ForecastData, measured_log
+from tripwatt.evaluation.forecast_models import ForecastTask, fit_without_physics, reforecast
 from tripwatt.evaluation.forecast_scores import (
     FRACTIONS,
     LEVELS,
@@ -22,8 +23,6 @@ from tripwatt.evaluation.forecast_scores import (
     strata_of,
     update_scores,
 )
-from tripwatt.evaluation.forecast_sets import DATA_FEATURES, ForecastSet, measured_log
-from tripwatt.evaluation.protocols import protocol_models
 from tripwatt.forecasting import ForecastModel
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Trip, plan_from_trip
@@ -45,12 +44,12 @@ def car():
 
 @pytest.fixture(scope="module")
 def prepared(fleet, car):
-    return ForecastSet.of(fleet.trips, car)
+    return ForecastData.from_trips(fleet.trips, car)
 
 
 @pytest.fixture(scope="module", params=["linear", "ensemble"])
 def model(request, prepared, car):
-    return ForecastModel(car, corrector=request.param).fit_blocks(prepared.blocks.take(range(9)))
+    return ForecastModel(car, corrector=request.param).fit_segments(prepared.segments.take(range(9)))
 
 
 def randomised(trip: Trip, seed: int) -> Trip:
@@ -84,10 +83,10 @@ def test_departure_forecast_ignores_what_is_measured_later(fleet, model, car):
 def test_prepared_trips_hold_nothing_of_later_signals(fleet, car):
     trips = fleet.trips[:2]
     before, after = (
-        ForecastSet.of(some, car)
+        ForecastData.from_trips(some, car)
         for some in (trips, [keep_energy(t, randomised(t, i)) for i, t in enumerate(trips)])
     )
-    pd.testing.assert_frame_equal(before.blocks.features, after.blocks.features)
+    pd.testing.assert_frame_equal(before.segments.features, after.segments.features)
     pd.testing.assert_frame_equal(before.data_features, after.data_features)
     pd.testing.assert_frame_equal(before.table.totals, after.table.totals)
     np.testing.assert_array_equal(before.table.simulated_wh["physics"], after.table.simulated_wh["physics"])
@@ -212,21 +211,26 @@ def test_strata_divide_the_trips():
 
 def test_data_only_sees_nothing_simulated(prepared):
     assert not {c for c in DATA_FEATURES if c.endswith("_w")}
-    blocks = prepared.blocks
+    segments = prepared.segments
     wrong = dataclasses.replace(
-        blocks,
-        simulated_w=3.0 * blocks.simulated_w + 500.0,
-        features=blocks.features.assign(simulated_w=1.0, air_w=0.0, hvac_w=7.0),
+        segments,
+        simulated_w=3.0 * segments.simulated_w + 500.0,
+        features=segments.features.assign(simulated_w=1.0, air_w=0.0, hvac_w=7.0),
     )
     train, test = np.arange(8), np.arange(8, 11)
-    one, two = (_fitted("boosting-only", 0, b, prepared.data_features, train)(test) for b in (blocks, wrong))
+    one, two = (
+        fit_without_physics("boosting", 0, dataclasses.replace(prepared, segments=b), train)(test)
+        for b in (segments, wrong)
+    )
     np.testing.assert_array_equal(one, two)
 
 
 @pytest.fixture(scope="module")
 def whole(fleet, tmp_path_factory):
     folder = tmp_path_factory.mktemp("folds")
-    return evaluate(fleet, protocol="forecast", models=FAST, n_jobs=1, work_dir=folder), folder
+    return evaluate(
+        fleet, protocol="forecast", models=FAST, execution=Execution(n_jobs=1, work_dir=folder)
+    ), folder
 
 
 def test_results_hold_the_contract(whole, tmp_path):
@@ -253,17 +257,16 @@ def test_results_hold_the_contract(whole, tmp_path):
 def test_held_out_trips_do_not_move_their_own_forecast(prepared, car):
     """Nothing of an outer fold is in its centre, its width or its bounds; everything of the others is."""
     folds = np.arange(len(prepared))
-    (spec,) = protocol_models("forecast", ("hybrid",))
+    (spec,) = choose_models(find_protocol("forecast"), ("hybrid",))
 
     def run(held_out, observed_w):
-        blocks = dataclasses.replace(prepared.blocks, observed_w=observed_w)
+        segments = dataclasses.replace(prepared.segments, observed_w=observed_w)
         plans, logs = {held_out: prepared.plans[held_out]}, {held_out: prepared.logs[held_out]}
-        task = ForecastTask(0, spec, folds, (held_out,), 0, car, blocks=blocks, plans=plans, logs=logs)
-        (found,) = run_task(task)
+        (found,) = ForecastTask(0, spec, car, segments, folds, held_out, 0, plans, logs).run()
         return np.concatenate([found.predicted_wh, *(found.extra[k].ravel() for k in ("sd", "low", "high"))])
 
-    own = prepared.blocks.observed_power_w
-    louder = np.where(prepared.blocks.groups == 4, 1.7 * own + 300.0, own)
+    own = prepared.segments.observed_power_w
+    louder = np.where(prepared.segments.groups == 4, 1.7 * own + 300.0, own)
     np.testing.assert_array_equal(run(4, own), run(4, louder))
     assert not np.array_equal(run(5, own), run(5, louder))
 
@@ -275,7 +278,9 @@ def test_resumed_run_is_the_identical_one(fleet, whole):
     kept[0].write_bytes(b"half a file")
     for path in kept[1::3]:
         path.unlink()
-    again = evaluate(fleet, protocol="forecast", models=FAST, n_jobs=1, work_dir=folder, resume=True)
+    again = evaluate(
+        fleet, protocol="forecast", models=FAST, execution=Execution(n_jobs=1, work_dir=folder, resume=True)
+    )
     pd.testing.assert_frame_equal(again.folds, run.folds)
     pd.testing.assert_frame_equal(again.forecast.trips, run.forecast.trips)
     assert again.results["strata"] == run.results["strata"]
@@ -285,7 +290,11 @@ def test_resumed_run_is_the_identical_one(fleet, whole):
 def test_fit_here_score_there(fleet):
     other = synthetic_fleet(n_trips=4, seed=8)
     run = evaluate(
-        fleet, protocol="forecast", models=("physics", "power-linear", "hybrid"), n_jobs=1, test_fleet=other
+        fleet,
+        protocol="forecast",
+        models=("physics", "power-linear", "hybrid"),
+        test_fleet=other,
+        execution=Execution(n_jobs=1),
     )
     (evaluation,) = run.results["evaluations"]
     assert (evaluation["scheme"], evaluation["n_trips"]) == ("other_trips", 4)
@@ -299,4 +308,4 @@ def test_fit_here_score_there(fleet):
 def test_too_few_trips_are_refused(fleet):
     few = dataclasses.replace(fleet, logs=fleet.logs[:6])
     with pytest.raises(InvalidInput, match="too few trips"):
-        evaluate(few, protocol="forecast", models=("constant",), n_jobs=1)
+        evaluate(few, protocol="forecast", models=("constant",), execution=Execution(n_jobs=1))

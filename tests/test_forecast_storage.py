@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model, training_blocks
+from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model
 from tripwatt.forecasting.storage import model_folder, vehicle_of_part, vehicle_part
-from tripwatt.forecasting.training import data_digest, trained
+from tripwatt.forecasting.training import data_digest, train_model
+from tripwatt.hybrid import segment_trips
 from tripwatt.modelfile import read_model
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Fleet
@@ -32,12 +33,12 @@ def car():
 
 @pytest.fixture(scope="module")
 def table(fleet, car):
-    return training_blocks(fleet.trips[:10], car)
+    return segment_trips(fleet.trips[:10], car)
 
 
-@pytest.mark.parametrize("corrector", ["linear", "kriging", "boosting", "forest", "ensemble", "channels"])
+@pytest.mark.parametrize("corrector", ["linear", "gp", "boosting", "forest", "ensemble", "split"])
 def test_round_trip_is_identical(corrector: str, fleet, car, table, tmp_path: Path) -> None:
-    model = ForecastModel(car, corrector, seed=3).fit_blocks(table)
+    model = ForecastModel(car, corrector, seed=3).fit_segments(table)
     save_model(model, tmp_path / "model")
     again = load_model(tmp_path / "model")
     assert again.vehicle == model.vehicle
@@ -56,8 +57,8 @@ def test_round_trip_is_identical(corrector: str, fleet, car, table, tmp_path: Pa
 def test_what_cannot_be_stored_is_refused(car, table, tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match="not fitted"):
         save_model(ForecastModel(car), tmp_path / "model")
-    model = ForecastModel(car, "linear").fit_blocks(table)
-    model.fitted_ = object()  # type: ignore[assignment]
+    model = ForecastModel(car, "linear").fit_segments(table)
+    model.corrector_ = object()  # type: ignore[assignment]
     with pytest.raises(InvalidInput, match="cannot be stored"):
         save_model(model, tmp_path / "model")
     assert not list(tmp_path.iterdir())
@@ -100,15 +101,15 @@ def test_a_car_stored_before_licences_were_recorded_loads(car) -> None:
 def test_a_model_with_other_blocks_says_why_it_is_refused(
     car, table, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tripwatt.forecasting.storage.BLOCK_S", 10.0)
-    save_model(ForecastModel(car, "linear").fit_blocks(table), tmp_path / "model")
+    monkeypatch.setattr("tripwatt.forecasting.storage.SEGMENT_S", 10.0)
+    save_model(ForecastModel(car, "linear").fit_segments(table), tmp_path / "model")
     monkeypatch.undo()
     with pytest.raises(InvalidInput, match="block_s"):
         load_model(tmp_path / "model")
 
 
 def test_a_model_says_where_it_comes_from(fleet, car, tmp_path: Path) -> None:
-    model, provenance, figures = trained(fleet, car, corrector="linear", seed=2)
+    model, provenance, figures = train_model(fleet, car, corrector="linear", seed=2)
     save_model(model, tmp_path / "model", provenance=provenance, evaluation=figures)
     about = load_metadata(tmp_path / "model")
     assert about["provenance"]["trips_used"] == list(model.trip_ids_)
@@ -124,9 +125,9 @@ def test_a_model_says_where_it_comes_from(fleet, car, tmp_path: Path) -> None:
     by_id = {t.trip_id: t.observed_energy_wh for t in fleet.trips}
     assert all(r["observed_wh"] == pytest.approx(by_id[r["trip"]], rel=0.02) for r in rows)
     # each row was forecast without its trip: the model that has seen it errs less
-    table = training_blocks(fleet.trips, car)
-    assert model.fitted_ is not None
-    fitted = table.totals_wh(table.simulated_w + model.fitted_.predict(table))
+    table = segment_trips(fleet.trips, car)
+    assert model.corrector_ is not None
+    fitted = table.totals_wh(table.simulated_w + model.corrector_.predict(table))
     seen = np.mean(np.abs(fitted / table.totals_wh(table.observed_power_w) - 1.0))
     assert seen < figures["mape"]
 

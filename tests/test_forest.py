@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from sklearn.base import clone
 from sklearn.utils.estimator_checks import check_estimator
 
-from tripwatt.clusters import thinned_rows
 from tripwatt.errors import InvalidInput
-from tripwatt.forest import ClusteredForest
+from tripwatt.learners.clusters import thinned_rows
+from tripwatt.learners.forest import ClusteredForest
 
 
 def clustered(n_groups=24, n_rows=30, seed=0):

@@ -8,14 +8,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tripwatt.evaluation.insight import insight, outside_the_others
-from tripwatt.evaluation.protocols import protocol_models
 from tripwatt.gam import RandomEffects
-from tripwatt.hybrid import Table2Corrector, TripTable, build_table
+from tripwatt.hybrid import PhysicsOnly
+from tripwatt.hybrid.trip_table import TripTable, build_table
+from tripwatt.paper import HybridModel, Table2Corrector
+from tripwatt.paper.insight import insight, outside_the_others
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.vehicles import load_vehicle
 
-GAMM = protocol_models("paper", ("gamm",))
+GAMM = {"gamm": HybridModel(Table2Corrector(), "physics-paper")}
 
 
 @pytest.fixture(scope="module")
@@ -25,13 +26,13 @@ def table() -> TripTable:
 
 
 def test_gamm_is_kept_with_its_numbers(table: TripTable) -> None:
-    found = insight(table, GAMM, 0).gamm
+    found = insight(table, GAMM).gamm
     assert found is not None
     assert found.summary.n == len(found.diagnosis.qq.residual)
     assert found.row_step_s == 60 * found.full_step_s == 60.0
     (trips,) = (e for e in found.effects.values() if isinstance(e, RandomEffects))
     assert set(trips.level) == set(table.trip_ids)
-    model = GAMM[0].build(0).fit(table).corrector.model_
+    model = GAMM["gamm"].fit(table).corrector.model_
     by_number = dict(zip(model.levels_["trip"], model.coef_[model.blocks_[-1].slice], strict=True))
     shown = dict(zip(trips.level, trips.effect, strict=True))
     for number, name in enumerate(table.trip_ids):
@@ -39,7 +40,7 @@ def test_gamm_is_kept_with_its_numbers(table: TripTable) -> None:
 
 
 def test_a_weather_of_the_data_set_that_no_trip_has_is_shown_as_zero(table: TripTable) -> None:
-    found = insight(table, GAMM, 0, weathers=("never seen",)).gamm
+    found = insight(table, GAMM, weathers=("never seen",)).gamm
     assert found is not None
     never = found.summary.parametric.loc["weathernever seen"]
     assert never[["estimate", "std_error"]].tolist() == [0.0, 0.0]
@@ -47,7 +48,7 @@ def test_a_weather_of_the_data_set_that_no_trip_has_is_shown_as_zero(table: Trip
 
 
 def test_a_run_without_gamm_has_none(table: TripTable) -> None:
-    assert insight(table, protocol_models("paper", ("constant", "physics-paper")), 0).gamm is None
+    assert insight(table, {"physics-paper": PhysicsOnly("physics-paper")}).gamm is None
 
 
 def test_trips_outside_the_others_by_brute_force(table: TripTable) -> None:
@@ -91,7 +92,7 @@ def test_terms_that_cannot_vary_are_left_out_and_named(table: TripTable) -> None
         ambient_temperature_degc=20.0, weather=pd.Categorical(["sunny"] * len(table.covariates))
     )
     flat = replace(table, covariates=same)
-    found = insight(flat, GAMM, 0, weathers=("rainy",)).gamm
+    found = insight(flat, GAMM, weathers=("rainy",)).gamm
     assert found is not None
     assert set(found.left_out) == {
         "weather",

@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.kriging import ClusteredKriging, Part
+from tripwatt.learners.gp import AdditiveGP, KernelTerm
 
-PARTS = (Part(("dose",), "line", 10.0), Part(("age",), "smooth", 2.0))
+PARTS = (KernelTerm(("dose",), "line", 10.0), KernelTerm(("age",), "smooth", 2.0))
 
 
 def clusters(n=60, rows=8, seed=0, effect=0.3):
@@ -20,7 +20,7 @@ def clusters(n=60, rows=8, seed=0, effect=0.3):
 
 def test_line_and_smooth_are_recovered():
     X, truth, y, site = clusters()
-    model = ClusteredKriging(PARTS, effect_sd=1.0).fit(X, y, site)
+    model = AdditiveGP(PARTS, effect_sd=1.0).fit(X, y, site)
     assert np.sqrt(np.mean((model.predict(X) - truth) ** 2)) < 0.3 * truth.std()
     slope = np.diff(model.predict(pd.DataFrame({"dose": [1.0, 2.0], "age": [5.0, 5.0]})))[0]
     assert slope == pytest.approx(3.0, abs=0.5)
@@ -28,8 +28,8 @@ def test_line_and_smooth_are_recovered():
 
 def test_a_cluster_counts_once_however_often_it_was_sampled():
     X, _, y, site = clusters()
-    once = ClusteredKriging(PARTS, effect_sd=1.0).fit(X, y, site)
-    twice = ClusteredKriging(PARTS, effect_sd=1.0).fit(
+    once = AdditiveGP(PARTS, effect_sd=1.0).fit(X, y, site)
+    twice = AdditiveGP(PARTS, effect_sd=1.0).fit(
         pd.concat([X, X], ignore_index=True), np.tile(y, 2), np.tile(site, 2), weight=np.full(2 * len(y), 0.5)
     )
     np.testing.assert_allclose(twice.predict(X), once.predict(X), rtol=1e-6, atol=1e-6)
@@ -39,7 +39,7 @@ def test_clusters_that_stand_out_bend_the_t_less():
     X, truth, y, site = clusters(n=30)
     y = y + np.where(site < 3, 40.0, 0.0)
     errors = {
-        df: np.abs(ClusteredKriging(PARTS, effect_sd=1.0, df=df).fit(X, y, site).predict(X) - truth)[
+        df: np.abs(AdditiveGP(PARTS, effect_sd=1.0, df=df).fit(X, y, site).predict(X) - truth)[
             site >= 3
         ].mean()
         for df in (None, 4.0)
@@ -49,7 +49,7 @@ def test_clusters_that_stand_out_bend_the_t_less():
 
 def test_smooth_parts_stay_bounded_outside_the_range():
     X, _, y, site = clusters()
-    model = ClusteredKriging(PARTS, effect_sd=1.0).fit(X, y, site)
+    model = AdditiveGP(PARTS, effect_sd=1.0).fit(X, y, site)
     edge, far = (pd.DataFrame({"dose": [1.0], "age": [age]}) for age in (float(X["age"].max()), 1e6))
     assert model.predict(far)[0] == pytest.approx(model.predict(edge)[0])
     assert model.outside(far) == ["age"]
@@ -59,7 +59,7 @@ def test_smooth_parts_stay_bounded_outside_the_range():
 def test_doubt_is_smallest_where_the_data_are():
     X, _, y, site = clusters()
     X = X.assign(age=np.where(X["age"] > 6, X["age"] - 6, X["age"]))
-    model = ClusteredKriging(PARTS, effect_sd=1.0).fit(X, y, site)
+    model = AdditiveGP(PARTS, effect_sd=1.0).fit(X, y, site)
     factor = model.uncertainty_factor(pd.DataFrame({"dose": [1.0, 50.0], "age": [3.0, 3.0]}))
     near, far = (factor**2).sum(axis=1)
     assert far > 10.0 * near
@@ -67,8 +67,8 @@ def test_doubt_is_smallest_where_the_data_are():
 
 def test_arrays_hold_everything():
     X, _, y, site = clusters()
-    model = ClusteredKriging(PARTS, effect_sd=1.0).fit(X, y, site)
-    again = ClusteredKriging(PARTS, effect_sd=1.0).load_arrays(model.to_arrays())
+    model = AdditiveGP(PARTS, effect_sd=1.0).fit(X, y, site)
+    again = AdditiveGP(PARTS, effect_sd=1.0).load_arrays(model.to_arrays())
     np.testing.assert_array_equal(again.predict(X), model.predict(X))
     np.testing.assert_array_equal(again.uncertainty_factor(X), model.uncertainty_factor(X))
     assert all(a.dtype.kind in "fU" for a in model.to_arrays().values())
@@ -77,6 +77,6 @@ def test_arrays_hold_everything():
 def test_missing_columns_and_groups_are_named():
     X, _, y, site = clusters()
     with pytest.raises(InvalidInput, match=r"age(.|\n)*missing column|missing column(.|\n)*age"):
-        ClusteredKriging(PARTS, effect_sd=1.0).fit(X[["dose"]], y, site)
+        AdditiveGP(PARTS, effect_sd=1.0).fit(X[["dose"]], y, site)
     with pytest.raises(InvalidInput, match="too few groups"):
-        ClusteredKriging(PARTS, effect_sd=1.0).fit(X, y, np.zeros(len(X)))
+        AdditiveGP(PARTS, effect_sd=1.0).fit(X, y, np.zeros(len(X)))

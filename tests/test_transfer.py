@@ -12,17 +12,17 @@ import pytest
 from tripwatt.errors import InvalidInput
 from tripwatt.evaluation.transfer import evaluate_transfer
 from tripwatt.evaluation.transfer_scores import paired_energy_error, resamples, scored
-from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model, training_blocks
-from tripwatt.forecasting.adapting import adapt, adapted
-from tripwatt.forecasting.elsewhere import Elsewhere, unknown_signals, without_signals
-from tripwatt.forecasting.training import trained
-from tripwatt.hybrid import BlockTable, block_table, power_corrector
-from tripwatt.hybrid.channels import ChannelCorrector
+from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model
+from tripwatt.forecasting.donor import DonorModel, unknown_inputs, without_inputs
+from tripwatt.forecasting.training import donor_model, train_model
+from tripwatt.hybrid import SegmentTable, power_corrector, segment_table, segment_trips
+from tripwatt.hybrid.car_corrector import HierarchicalCorrector
+from tripwatt.hybrid.hierarchy import CarTransfer, Evidence, Members, grid, term_scales
 from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
-from tripwatt.hybrid.transfer import CarTransfer, Evidence, Members, grid, part_scales
-from tripwatt.hybrid.transferred import TransferredCorrector
+from tripwatt.hybrid.split import SplitCorrector
 from tripwatt.physics import simulate_trip
 from tripwatt.synthetic import synthetic_fleet
+from tripwatt.transfer import adapt_model, adaptation
 from tripwatt.trips import Fleet, Trip, plan_from_trip
 from tripwatt.vehicles import Vehicle, load_vehicle
 
@@ -67,21 +67,21 @@ def second_car(roads, leaf) -> Fleet:
 
 
 @pytest.fixture(scope="module")
-def origin(first_car, i3) -> Elsewhere:
-    return Elsewhere.learned(first_car.trips, i3)
+def origin(first_car, i3) -> DonorModel:
+    return donor_model(first_car.trips, i3)
 
 
 @pytest.fixture(scope="module")
-def blocks(second_car, leaf) -> tuple[list[Trip], BlockTable]:
+def segments(second_car, leaf) -> tuple[list[Trip], SegmentTable]:
     plans = [plan_from_trip(t) for t in second_car.trips]
     pairs = zip(plans, second_car.trips, strict=True)
-    return plans, BlockTable.join([block_table(p, simulate_trip(leaf, p), t) for p, t in pairs])
+    return plans, SegmentTable.join([segment_table(p, simulate_trip(leaf, p), t) for p, t in pairs])
 
 
 @pytest.fixture(scope="module")
-def evidence(origin, blocks, i3, leaf) -> tuple[CarTransfer, Evidence]:
-    plans, table = blocks
-    transfer = CarTransfer(origin.members, part_scales(origin.members, i3, leaf))
+def evidence(origin, segments, i3, leaf) -> tuple[CarTransfer, Evidence]:
+    plans, table = segments
+    transfer = CarTransfer(origin.members, term_scales(origin.members, i3, leaf))
     return transfer, transfer.evidence(table, sensitivities(plans, leaf, table), origin.variances_wh2(table))
 
 
@@ -111,9 +111,9 @@ def test_draws_and_posterior_are_one_model(evidence) -> None:
     assert np.sqrt(variance) == pytest.approx(draws.sd_wh[0], rel=1e-2)
 
 
-def test_far_from_the_known_nothing_is_corrected_and_more_is_doubted(origin, blocks, i3, leaf) -> None:
-    _, table = blocks
-    transfer = CarTransfer(origin.members, part_scales(origin.members, i3, leaf))
+def test_far_from_the_known_nothing_is_corrected_and_more_is_doubted(origin, segments, i3, leaf) -> None:
+    _, table = segments
+    transfer = CarTransfer(origin.members, term_scales(origin.members, i3, leaf))
     far = replace(table, features=table.features.assign(ambient_temperature_degc=80.0))
     none = np.zeros((len(table.hours), len(PARAMETERS)))
     near, away = (transfer.evidence(t, none, np.ones(len(t))) for t in (table, far))
@@ -127,9 +127,9 @@ def test_recovers_what_the_book_has_wrong(origin, roads, i3, leaf) -> None:
     trips = [driven_by(t, changed(leaf, TRUTH)) for t in roads[14:]]  # nothing in common with the first car
     plans = [plan_from_trip(t) for t in trips]
     pairs = zip(plans, trips, strict=True)
-    table = BlockTable.join([block_table(p, simulate_trip(leaf, p), t) for p, t in pairs])
+    table = SegmentTable.join([segment_table(p, simulate_trip(leaf, p), t) for p, t in pairs])
     free = tuple(p for p in PARAMETERS if p.name in TRUTH)
-    transfer = CarTransfer(origin.members, part_scales(origin.members, i3, leaf), free, "parameters")
+    transfer = CarTransfer(origin.members, term_scales(origin.members, i3, leaf), free, "parameters")
     # a log without any error of its own, so that the difference is all there is to be found
     sure = transfer.evidence(table, sensitivities(plans, leaf, table, free), np.full(len(table), 100.0))
     posterior = transfer.posterior(sure)
@@ -140,9 +140,9 @@ def test_recovers_what_the_book_has_wrong(origin, roads, i3, leaf) -> None:
         assert found[name][1] < 0.5 * next(p.width for p in free if p.name == name)
 
 
-def test_many_trips_forget_the_first_car(evidence, blocks) -> None:
+def test_many_trips_forget_the_first_car(evidence, segments) -> None:
     transfer, of_trips = evidence
-    _, table = blocks
+    _, table = segments
     n = len(table)
     observed = table.totals_wh(table.observed_power_w)
     errors = []
@@ -181,9 +181,9 @@ def test_a_changed_car_is_another_car(leaf) -> None:
 
 def test_hidden_signals_are_hidden() -> None:
     trip = synthetic_fleet(1, seed=1).trips[0]
-    assert unknown_signals([trip]) == ()
-    bare = without_signals(trip, ("battery_temperature_degc", "cabin_setpoint_degc"))
-    assert unknown_signals([bare]) == ("cabin_setpoint_degc", "battery_temperature_degc")
+    assert unknown_inputs([trip]) == ()
+    bare = without_inputs(trip, ("battery_temperature_degc", "cabin_setpoint_degc"))
+    assert unknown_inputs([bare]) == ("cabin_setpoint_degc", "battery_temperature_degc")
     assert bare.context.weather is None
 
 
@@ -194,7 +194,7 @@ def test_power_of_blocks_of_an_irregular_log(leaf) -> None:
     log = pd.DataFrame({"time_s": time, "speed_m_s": speed, "voltage_v": 360.0, "current_a": 5.0 + speed})
     trip = Trip.from_samples("irregular", log)
     plan = plan_from_trip(trip)
-    table = block_table(plan, simulate_trip(leaf, plan), trip)
+    table = segment_table(plan, simulate_trip(leaf, plan), trip)
     assert table.totals_wh(table.observed_power_w)[0] == pytest.approx(trip.observed_energy_wh, rel=1e-3)
 
 
@@ -246,8 +246,8 @@ def test_energy_errors() -> None:
 def base(i3, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A stored model of a car that logs cabin and battery temperature."""
     fleet = replace(synthetic_fleet(12, seed=8))
-    model, provenance, figures = trained(fleet, i3, corrector="kriging")
-    assert model.elsewhere_ is not None
+    model, provenance, figures = train_model(fleet, i3, corrector="gp")
+    assert model.donor_ is not None
     place = tmp_path_factory.mktemp("base") / "model"
     save_model(model, place, provenance=provenance, evaluation=figures)
     return place
@@ -255,13 +255,13 @@ def base(i3, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_adapted_model_is_an_ordinary_one(base, second_car, leaf, tmp_path: Path) -> None:
     about, model = load_metadata(base), load_model(base)
-    assert model.elsewhere_ is not None
+    assert model.donor_ is not None
     few = replace(second_car, logs=second_car.logs[:1])
-    found, provenance, figures = adapted(few, leaf, model, about)
+    found, provenance, figures = adapt_model(few, leaf, model, about)
     assert provenance["base"]["sha256"] == about["sha256"]
     assert provenance["base"]["provenance"]["data"]["sha256"] == about["provenance"]["data"]["sha256"]
     assert provenance["adapted"]["trips"] == figures["trips"] == 1
-    assert set(provenance["adapted"]["hidden"]) == set(model.elsewhere_.hidden)
+    assert set(provenance["adapted"]["hidden"]) == set(model.donor_.masked_inputs)
     save_model(found, tmp_path / "leaf", provenance=provenance, evaluation=figures)
     again = load_model(tmp_path / "leaf")
     trip = second_car.trips[-1]
@@ -275,7 +275,7 @@ def test_adapted_model_is_an_ordinary_one(base, second_car, leaf, tmp_path: Path
 
 def test_more_trips_are_surer_and_nearer(base, second_car, leaf) -> None:
     model, trip = load_model(base), second_car.trips[-1]
-    answers = [adapt(model, second_car.trips[:k], leaf).model.forecast(trip) for k in (1, 12)]
+    answers = [adaptation(model, second_car.trips[:k], leaf).model.forecast(trip) for k in (1, 12)]
     widths = [high - low for low, high in (a.interval(0.9) for a in answers)]
     assert widths[1] < 0.7 * widths[0]
     assert trip.observed_energy_wh is not None
@@ -287,36 +287,36 @@ def test_an_energy_from_the_state_of_charge_counts_less(base, second_car, leaf) 
     model, trip = load_model(base), second_car.trips[0]
     assert trip.observed_energy_wh is not None
     vague = replace(trip, observed_energy_std_wh=0.5 * trip.observed_energy_wh)
-    loads = [adapt(model, [t], leaf).parameters["base_load"][0] for t in (trip, vague)]
+    loads = [adaptation(model, [t], leaf).parameters["base_load"][0] for t in (trip, vague)]
     assert abs(loads[1]) < 0.5 * abs(loads[0])
 
 
 def test_what_cannot_be_adapted_is_refused(base, leaf, roads, i3) -> None:
     model = load_model(base)
     with pytest.raises(InvalidInput, match="no trips"):
-        adapt(model, [], leaf)
+        adaptation(model, [], leaf)
     with pytest.raises(InvalidInput, match="unknown adaptation mode"):
-        adapt(model, roads[:1], leaf, mode="all")
+        adaptation(model, roads[:1], leaf, mode="all")
     with pytest.raises(InvalidInput, match="not fitted"):
-        adapt(ForecastModel(i3), roads[:1], leaf)
+        adaptation(ForecastModel(i3), roads[:1], leaf)
     trees = ForecastModel(i3, "boosting").fit(roads[:9])
     with pytest.raises(InvalidInput, match="cannot be transferred"):
-        adapt(trees, roads[:1], leaf)
+        adaptation(trees, roads[:1], leaf)
 
 
-def test_every_corrector_with_a_process_goes_to_another_car(roads, blocks, i3, leaf) -> None:
-    _, table = blocks
-    logged = training_blocks(roads[:10], i3)
-    fitted = power_corrector("channels").fit(logged)
-    assert isinstance(fitted, ChannelCorrector)
-    assert fitted.apart_
-    members = Members.of(fitted)
+def test_every_corrector_with_a_process_goes_to_another_car(roads, segments, i3, leaf) -> None:
+    _, table = segments
+    logged = segment_trips(roads[:10], i3)
+    fitted = power_corrector("split").fit(logged)
+    assert isinstance(fitted, SplitCorrector)
+    assert fitted.split_
+    members = Members.from_corrector(fitted)
     assert len(members.correctors) == 2
     assert members.features(table) @ members.weights == pytest.approx(
         sum(c.model.predict(table.features) for c in members.correctors)
     )
-    transfer = CarTransfer(members, part_scales(members, i3, leaf), (), "effects")
+    transfer = CarTransfer(members, term_scales(members, i3, leaf), (), "effects")
     evidence = transfer.evidence(table, np.empty((len(table.hours), 0)), np.full(len(table), 1e4))
-    none = TransferredCorrector.of(transfer, transfer.posterior(evidence.take([])), frozenset())
+    none = HierarchicalCorrector.from_posterior(transfer, transfer.posterior(evidence.take([])), frozenset())
     expected = transfer.predict_draws(evidence, NOBODY, np.arange(len(table))).mean_wh[0]
     assert table.totals_wh(none.predict(table)) == pytest.approx(expected)

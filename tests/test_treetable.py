@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.treetable import TreeTable
+from tripwatt.learners.treetable import TreeTable
 
 
 @pytest.mark.parametrize("zero_as_missing", [False, True])
@@ -23,18 +23,18 @@ def test_sum_is_that_of_the_library(zero_as_missing: bool, missing_in_training: 
     fresh[rng.random(fresh.shape) < 0.2] = np.nan
     fresh[rng.random(fresh.shape) < 0.2] = 0.0
     fresh[0] = [1e-40, -1e-36, np.inf, -np.inf, 1e-34]
-    trees = TreeTable.of_text(booster.model_to_string(), 40)
+    trees = TreeTable.from_text(booster.model_to_string(), 40)
     for rows in (X, fresh):
         assert np.array_equal(trees.sum(rows), booster.predict(rows, raw_score=True))
-    again = TreeTable.of_arrays(trees.to_arrays())
+    again = TreeTable.from_arrays(trees.to_arrays())
     assert np.array_equal(again.sum(fresh), trees.sum(fresh))
 
 
 def test_no_tree_and_levels() -> None:
-    assert TreeTable.of_text("", 0).sum(np.ones((3, 2))).tolist() == [0.0, 0.0, 0.0]
+    assert TreeTable.from_text("", 0).sum(np.ones((3, 2))).tolist() == [0.0, 0.0, 0.0]
     rng = np.random.default_rng(0)
     X = rng.integers(0, 5, (300, 1)).astype(float)
     data = lightgbm.Dataset(X, np.isin(X[:, 0], [1, 3]).astype(float), categorical_feature=[0])
     booster = lightgbm.train({"verbosity": -1, "min_data_per_group": 1}, data, num_boost_round=1)
     with pytest.raises(InvalidInput, match="cannot be stored"):
-        TreeTable.of_text(booster.model_to_string(), 1)
+        TreeTable.from_text(booster.model_to_string(), 1)

@@ -2,14 +2,16 @@
 
 import pytest
 
-from tripwatt.evaluation import evaluate
+from tripwatt.evaluation import Execution, evaluate
 from tripwatt.sources import read_logs
 
 
 @pytest.fixture(scope="module")
 def main_row(data_dir):
     run = evaluate(
-        read_logs(data_dir / "tum", "tum"), models=("constant", "linear4", "linear6", "physics"), n_jobs=1
+        read_logs(data_dir / "tum", "tum"),
+        models=("constant", "linear4", "linear6", "physics"),
+        execution=Execution(n_jobs=1),
     )
     row = run.results["evaluations"][0]
     assert (row["scheme"], row["trips"], row["n_trips"]) == ("leave_one_trip_out", "reference", 58)

@@ -17,11 +17,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from tripwatt.api import adapt, fit, forecast, read_route, read_trips, simulate
     from tripwatt.auditing import audit
     from tripwatt.errors import InvalidInput
     from tripwatt.evaluation import evaluate
     from tripwatt.forecasting import Forecast, ForecastModel, load_model, save_model
-    from tripwatt.forecasting.request import adapt, fit, forecast, read_route, read_trips, simulate
     from tripwatt.sources import read_logs
     from tripwatt.synthetic import synthetic_fleet
     from tripwatt.trips import Departure, Plan, Trip
@@ -59,18 +59,18 @@ _HOMES: Final = {
     "InvalidInput": "errors",
     "Plan": "trips",
     "Trip": "trips",
-    "adapt": "forecasting.request",
+    "adapt": "api",
     "audit": "auditing",
     "evaluate": "evaluation",
-    "fit": "forecasting.request",
-    "forecast": "forecasting.request",
+    "fit": "api",
+    "forecast": "api",
     "load_model": "forecasting",
     "load_vehicle": "vehicles",
     "read_logs": "sources",
-    "read_route": "forecasting.request",
-    "read_trips": "forecasting.request",
+    "read_route": "api",
+    "read_trips": "api",
     "save_model": "forecasting",
-    "simulate": "forecasting.request",
+    "simulate": "api",
     "synthetic_fleet": "synthetic",
 }
 """Public name -> the module that holds it."""

@@ -16,10 +16,11 @@ from typing import Final
 
 import numpy as np
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.routes import plan_from_links, route_from_links
-from tripwatt.trips import Departure, Flag, FloatArray, Plan, table_of
+from tripwatt.trips import Departure, Flag, Plan, table_of
 from tripwatt.trips.messages import message
 from tripwatt.units import GRAVITY_M_S2, M_S_PER_KM_H, SECONDS_PER_HOUR, WH_PER_J
 from tripwatt.vehicles import Vehicle

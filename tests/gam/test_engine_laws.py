@@ -102,7 +102,7 @@ def test_many_degrees_of_freedom_meet_the_gaussian_fit(seed):
 @given(seed=seeds, nu=st.floats(3.1, 40), sigma=st.floats(0.1, 5))
 def test_derivatives_of_the_scaled_t(seed, nu, sigma):
     r = np.random.default_rng(seed).standard_t(3, 6) * sigma
-    theta, h = Theta.of(nu, sigma, 3.0), 1e-5
+    theta, h = Theta.from_estimates(nu, sigma, 3.0), 1e-5
     d = t_derivatives(r, theta)
     assert d.eta[0] == pytest.approx(student.logpdf(r, nu, scale=sigma), abs=1e-8)
     size = sigma ** -np.arange(5.0)

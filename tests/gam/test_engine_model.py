@@ -209,7 +209,7 @@ def test_it_is_an_estimator(frame):
 def test_discretised_points_stay_within_half_a_step():
     x = np.random.default_rng(0).normal(size=(5000, 2))
     limit = grid_limit(x, 1000)
-    points = Points.of(x, (limit, limit))
+    points = Points.from_values(x, (limit, limit))
     assert len(points.values) <= 10_000
     step = np.ptp(x, axis=0) / (limit - 1)
     assert (np.abs(points.values[points.index] - x) <= step / 2 + 1e-12).all()

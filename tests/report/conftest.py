@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tripwatt.evaluation.insight import GammInsight, insight
-from tripwatt.evaluation.protocols import protocol_models
 from tripwatt.gam import RandomEffects
-from tripwatt.hybrid import build_table
+from tripwatt.hybrid.trip_table import build_table
+from tripwatt.paper import HybridModel, Table2Corrector
+from tripwatt.paper.insight import GammInsight, insight
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.vehicles import load_vehicle
 
@@ -164,7 +164,9 @@ def fitted_gamm() -> GammInsight:
         step_s=2.0,
     )
     found = insight(
-        table.take(range(6)), protocol_models("paper", ("gamm",)), 0, weathers=("dark, little rainy",)
+        table.take(range(6)),
+        {"gamm": HybridModel(Table2Corrector(), "physics-paper")},
+        weathers=("dark, little rainy",),
     ).gamm
     assert found is not None
     return found

@@ -28,7 +28,7 @@ MODELS = [name for name in STYLES if name != "hybrid" and not name.startswith("p
 
 @pytest.fixture(scope="module")
 def view(run: SimpleNamespace) -> View:
-    return View.of(run)
+    return View.from_run(run)
 
 
 @pytest.fixture(scope="module")
@@ -279,7 +279,7 @@ def test_turning_a_pair_round_keeps_its_verdict(diff: float, low: float, high: f
 
 def test_sentences_follow_the_numbers(made_up: MakeRun) -> None:
     small = made_up("tum", trips=["a", "b", "c", "d"])
-    view = View.of(small)
+    view = View.from_run(small)
     best = view.best
     assert best is not None
     hybrids = {m: view.main["models"][m]["mape"] for m in ("physics4", "forest", "boosting")}

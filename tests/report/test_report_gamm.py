@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tripwatt.evaluation.insight import GammInsight
 from tripwatt.gam import CurveEffect, RandomEffects, SurfaceEffect
+from tripwatt.paper.insight import GammInsight
 from tripwatt.report import gamm, gamm_figures, running_time, sentences
 from tripwatt.report.panels import build_sections
 from tripwatt.report.view import View
@@ -33,7 +33,7 @@ def drawn(figure, gid: str):
 
 
 def panels_of(run: object) -> dict:
-    return {panel.key: panel for section in build_sections(View.of(run)) for panel in section.panels}
+    return {panel.key: panel for section in build_sections(View.from_run(run)) for panel in section.panels}
 
 
 def plain_cell(text: str) -> str:
@@ -132,7 +132,9 @@ def test_a_surface_that_the_data_do_not_determine_is_called_so(found: GammInsigh
 def test_qq_plot_keeps_the_extremes_and_its_line_is_the_fitted_distribution(found: GammInsight) -> None:
     qq = found.diagnosis.qq
     many = np.linspace(-4.0, 4.0, 5000) ** 3
-    figure = gamm_figures.plot_diagnosis(replace(found.diagnosis, qq=type(qq).of(many, qq.distribution)))
+    figure = gamm_figures.plot_diagnosis(
+        replace(found.diagnosis, qq=type(qq).from_residuals(many, qq.distribution))
+    )
     shown = np.asarray(drawn(figure, "qq").get_offsets())
     assert len(shown) < 1000
     assert {many.min(), many.max()} <= set(shown[:, 1])
@@ -177,7 +179,7 @@ def test_panels_name_the_rule_and_the_trips_it_concerns(run: SimpleNamespace) ->
     panels = panels_of(run)
     rule = panels["gamm-extrapolation"]
     assert "no effect grows" in rule.sentence
-    assert f"2 of {View.of(run).main['n_trips']} trips" in rule.sentence
+    assert f"2 of {View.from_run(run).main['n_trips']} trips" in rule.sentence
     assert [row[0] for row in rule.tables[0].rows] == run.gamm.outside["trip"].tolist()
     assert all(
         panels[key].figure for key in ("gamm-diagnosis", "gamm-smooths", "gamm-surface", "gamm-random")
@@ -192,7 +194,7 @@ def test_without_gamm_the_page_says_so(run: SimpleNamespace) -> None:
 
 
 def test_running_times_are_those_of_the_results(run: SimpleNamespace) -> None:
-    view = View.of(run)
+    view = View.from_run(run)
     models = view.main["models"]
     figure = running_time.plot_running_time(view)
     names = running_time.timed_models(view)
@@ -216,8 +218,8 @@ def test_runs_without_times_or_correctors_say_so() -> None:
 
 def test_why_our_physics_differs_is_said_of_the_papers_trips_and_car_alone(made_up: MakeRun) -> None:
     run = made_up("tum", trips=["a", "b", "c", "d"])
-    ours = View.of(run).main["models"]["physics-paper"]["mape"]
-    said = sentences.on_physics_gap(View.of(run))
+    ours = View.from_run(run).main["models"]["physics-paper"]["mape"]
+    said = sentences.on_physics_gap(View.from_run(run))
     assert f"{100 * ours:.1f}\u00a0%" in said
     assert "37.9\u00a0%" in said
     assert said.endswith("this table 4.")

@@ -189,7 +189,7 @@ def test_same_run_same_bytes(made_up: MakeRun, synthetic_html: str) -> None:
 @pytest.mark.parametrize("parts", [{}, {"gamm": None}, {"series": {}, "importances": None, "signals": None}])
 def test_no_panel_stands_alone_beside_an_empty_half(made_up: MakeRun, parts: dict) -> None:
     run = SimpleNamespace(**{**vars(made_up("tum", trips=["a", "b", "c"])), **parts})
-    for section in build_sections(View.of(run)):
+    for section in build_sections(View.from_run(run)):
         for wide, together in itertools.groupby(section.panels, key=lambda panel: panel.wide):
             assert wide or len(list(together)) >= 2, section.key
 

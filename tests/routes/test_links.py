@@ -24,7 +24,7 @@ from tripwatt.routes import (
     road_work,
     route_from_links,
 )
-from tripwatt.routes.listed import LINK_KEYS, _columns_with_faults, _sound_columns
+from tripwatt.routes.link_objects import LINK_KEYS, _columns_with_faults, _sound_columns
 from tripwatt.sources import read_logs
 from tripwatt.trips import Departure, Flag, Trip, plan_from_trip, resample
 from tripwatt.vehicles import load_vehicle

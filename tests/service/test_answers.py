@@ -16,7 +16,7 @@ from benchmarks.service_fuzz import seeds
 from benchmarks.service_process import Service
 
 from tripwatt.errors import InvalidInput
-from tripwatt.service.work import _sound
+from tripwatt.service.jobs import _sound
 
 LINKS = [
     {"length_m": 800.0, "speed_m_s": 8.5, "grade": 0.01},

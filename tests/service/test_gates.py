@@ -15,9 +15,9 @@ import pytest
 from benchmarks.service_process import TOKEN, Service, serving, wait_for
 
 from tripwatt.service import worker
+from tripwatt.service.jobs import Work
 from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Limits
-from tripwatt.service.work import Work
 
 JSON = {"Content-Type": "application/json"}
 

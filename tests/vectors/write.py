@@ -110,7 +110,7 @@ def _charge(forecast: Forecast, energy_wh: float) -> float:
     """Displayed charge at the end of a trip that takes so much."""
     battery = forecast.vehicle.battery
     window = battery.displayed_full_soc - battery.displayed_zero_soc
-    return forecast.soc_arrival - (energy_wh - forecast.energy_wh) / forecast.wh_per_soc / window
+    return forecast.soc_arrival - (energy_wh - forecast.energy_wh) / forecast.drive.wh_per_soc / window
 
 
 def _arrival(forecast: Forecast) -> dict[str, Any]:

@@ -9,9 +9,10 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.auditing.findings import BoolArray, Finding, FloatArray, array, has, whole
-from tripwatt.inertia import WRONG_SIGN, apparent_mass
+from tripwatt.arrays import BoolArray, FloatArray
+from tripwatt.auditing.findings import Finding, array, has, whole
 from tripwatt.trips import Recorded
+from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.trips.messages import signal_name
 from tripwatt.units import SECONDS_PER_HOUR
 

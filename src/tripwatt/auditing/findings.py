@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from tripwatt.arrays import BoolArray, FloatArray
 
 Consequence = Literal["trimmed", "split", "set aside", "noted"]
 

@@ -8,16 +8,8 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.auditing.findings import (
-    MEASURED,
-    BoolArray,
-    Consequence,
-    Finding,
-    FloatArray,
-    array,
-    has,
-    whole,
-)
+from tripwatt.arrays import BoolArray, FloatArray
+from tripwatt.auditing.findings import MEASURED, Consequence, Finding, array, has, whole
 from tripwatt.trips import COLUMNS
 from tripwatt.trips.messages import signal_name
 

@@ -8,7 +8,8 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.auditing.findings import Finding, FloatArray, array, has, whole
+from tripwatt.arrays import FloatArray
+from tripwatt.auditing.findings import Finding, array, has, whole
 
 FLAT_ROAD_M: Final = 2000.0
 """No road keeps one height to the last digit for so long."""

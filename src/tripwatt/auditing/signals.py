@@ -8,17 +8,8 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.auditing.findings import (
-    MEASURED,
-    BoolArray,
-    Cut,
-    Finding,
-    FloatArray,
-    array,
-    has,
-    runs,
-    whole,
-)
+from tripwatt.arrays import BoolArray, FloatArray
+from tripwatt.auditing.findings import MEASURED, Cut, Finding, array, has, runs, whole
 from tripwatt.trips.messages import signal_name
 from tripwatt.units import M_S_PER_KM_H
 

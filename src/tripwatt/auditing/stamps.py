@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
-from tripwatt.auditing.findings import Cut, Finding, FloatArray, array, whole
+from tripwatt.arrays import BoolArray, FloatArray, IntArray
+from tripwatt.auditing.findings import Cut, Finding, array, whole
 
 STRAY_SHARE: Final = 0.01
 """Up to this share of samples with a falling stamp are strays and go; more means that the clock was set back."""
@@ -54,13 +54,13 @@ def mend_stamps(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list
     return samples, cuts, findings
 
 
-def _repeated(trip_id: str, time: FloatArray, repeated: npt.NDArray[np.bool_]) -> Finding:
+def _repeated(trip_id: str, time: FloatArray, repeated: BoolArray) -> Finding:
     where = time[repeated]
     what = f"{int(repeated.sum())} samples have the time of the sample before and were left out"
     return Finding(trip_id, float(where.min()), float(where.max()), what, "noted")
 
 
-def _longest_increasing(values: FloatArray) -> npt.NDArray[np.int64]:
+def _longest_increasing(values: FloatArray) -> IntArray:
     """Indices of the longest strictly increasing subsequence (patience sorting, O(n log n))."""
     tails: list[float] = []
     tail_index: list[int] = []

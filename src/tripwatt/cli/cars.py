@@ -20,7 +20,7 @@ from tripwatt.cli.options import (
     examples,
     read_logs,
 )
-from tripwatt.cli.placing import write_text
+from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_json, print_notes, print_table
 from tripwatt.errors import Fault, InvalidInput
 
@@ -194,6 +194,7 @@ def simulate(
     """
     from tripwatt.physics import simulate_trip
     from tripwatt.trips import resample
+    from tripwatt.trips.messages import flag_to_dict
     from tripwatt.vehicles import load_vehicle, parse_overrides
 
     name, note = car_of(vehicle, data, dataset, mapping)
@@ -216,8 +217,8 @@ def simulate(
         "energy_by_cause_wh": causes,
         "soc_at_departure": float(run.soc[0]),
         "soc_at_arrival": float(run.soc[-1]),
-        "flags": [flag.to_dict() for flag in run.flags],
-        "notes": [flag.to_dict() for flag in (*note, *fleet.notes)],
+        "flags": [flag_to_dict(flag) for flag in run.flags],
+        "notes": [flag_to_dict(flag) for flag in (*note, *fleet.notes)],
     }
     if as_json:
         print_json(answer)

@@ -22,7 +22,7 @@ from tripwatt.cli.options import (
     gather,
     read_logs,
 )
-from tripwatt.cli.placing import check_writable, finished_folds, unfinished_folder, write_whole
+from tripwatt.cli.output import check_writable, finished_folds, unfinished_folder, write_whole
 from tripwatt.cli.printing import console, print_json, print_notes, progress
 from tripwatt.errors import Fault, InvalidInput
 
@@ -114,7 +114,6 @@ def evaluate(
         "models": names,
         "vehicle": car,
         "seed": seed,
-        "n_jobs": jobs,
     }
     fleet: list[Fleet] = []
 
@@ -123,7 +122,7 @@ def evaluate(
             fleet.append(read_logs(data, dataset, mapping, built_in_faults=True))
             options["test_fleet"] = None if test is None else read_logs(test, dataset, mapping)
 
-    gather(lambda: _check(options, overrides or []), lambda: check_writable(out), read)
+    gather(lambda: _check(options, overrides or [], jobs), lambda: check_writable(out), read)
     trips = replace(fleet[0], notes=(*fleet[0].notes, *note))
     shown.print(f"{len(trips)} trips read ({trips.name})")
     print_notes(note)
@@ -131,7 +130,7 @@ def evaluate(
     if resume and not finished_folds(unfinished):
         shown.print("--resume: this folder has no finished folds; the run starts from the beginning")
     try:
-        run = _run(trips, options, unfinished, resume)
+        run = _run(trips, options, jobs, unfinished, resume)
     except KeyboardInterrupt:
         typer.echo(
             "interrupted: the finished folds are kept; continue with the same command and --resume", err=True
@@ -146,14 +145,14 @@ def evaluate(
     _show(run, out, built_in=data is None, as_json=as_json)
 
 
-def _check(options: dict[str, Any], overrides: list[str]) -> None:
+def _check(options: dict[str, Any], overrides: list[str], n_jobs: int) -> None:
     """Everything that can be wrong with the options, before hours of work; settles the overrides."""
-    from tripwatt.evaluation.protocols import protocol_models
+    from tripwatt.evaluation import choose_models, find_protocol
     from tripwatt.vehicles import load_vehicle, parse_overrides
 
     def models() -> None:
         names = options["models"]
-        protocol_models(options["protocol"], None if names is None else tuple(names))
+        choose_models(find_protocol(options["protocol"]), names)
         if names == []:
             raise InvalidInput(Fault("no models", "--models", "an empty list", "names separated by commas"))
 
@@ -164,21 +163,19 @@ def _check(options: dict[str, Any], overrides: list[str]) -> None:
         load_vehicle(options["vehicle"], overrides=options.get("overrides"))
 
     def jobs() -> None:
-        if options["n_jobs"] < -1 or options["n_jobs"] == 0:
-            raise InvalidInput(
-                Fault("value out of range", "--jobs", str(options["n_jobs"]), "-1, or 1 or more")
-            )
+        if n_jobs < -1 or n_jobs == 0:
+            raise InvalidInput(Fault("value out of range", "--jobs", str(n_jobs), "-1, or 1 or more"))
 
     gather(models, given, car, jobs)
 
 
-def _run(fleet: Fleet, options: dict[str, Any], unfinished: Path, resume: bool) -> EvaluationRun:
+def _run(fleet: Fleet, options: dict[str, Any], jobs: int, unfinished: Path, resume: bool) -> EvaluationRun:
+    from tripwatt.evaluation import Execution
     from tripwatt.evaluation import evaluate as run_evaluation
 
     with progress(console()) as report_progress:
-        return run_evaluation(
-            fleet, **options, work_dir=unfinished / "folds", resume=resume, progress=report_progress
-        )
+        execution = Execution(jobs, unfinished / "folds", resume, report_progress)
+        return run_evaluation(fleet, **options, execution=execution)
 
 
 def _write(run: EvaluationRun, folder: Path) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from tripwatt.cli.options import SetOption, examples, gather
-from tripwatt.cli.placing import write_text
+from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import print_json, print_notes
 from tripwatt.errors import Fault, InvalidInput
 

@@ -22,7 +22,7 @@ from tripwatt.cli.options import (
     gather,
     read_logs,
 )
-from tripwatt.cli.placing import write_text
+from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
 from tripwatt.errors import Fault, InvalidInput
 
@@ -123,9 +123,9 @@ def fit(
     corrector: Annotated[
         str,
         typer.Option(
-            metavar="NAME", help="Statistical model: linear, kriging, boosting, forest, ensemble or channels."
+            metavar="NAME", help="Statistical model: linear, gp, boosting, forest, ensemble or split."
         ),
-    ] = "channels",
+    ] = "split",
     calibrate: Annotated[
         bool,
         typer.Option(
@@ -180,16 +180,16 @@ def fit(
     fleet = replace(fleets[0], notes=(*fleets[0].notes, *note))
     shown.print(f"{len(fleet.trips)} trips read ({fleet.name})")
     from tripwatt.forecasting.storage import save_model
-    from tripwatt.forecasting.training import trained
+    from tripwatt.forecasting.training import train_model
 
     if bases:
-        from tripwatt.forecasting.adapting import adapted
+        from tripwatt.transfer.adapting import adapt_model
 
         with shown.status("adapting the base"):
-            model, provenance, figures = adapted(fleet, cars[0], *bases[0])
+            model, provenance, figures = adapt_model(fleet, cars[0], *bases[0])
     else:
         with progress(shown) as advance:
-            model, provenance, figures = trained(
+            model, provenance, figures = train_model(
                 fleet,
                 cars[0],
                 corrector=corrector,
@@ -225,7 +225,7 @@ def _require_one_way(base: Path | None, calibrate: bool) -> None:
 def _show_fit(
     fleet: Fleet, out: Path, provenance: Mapping[str, Any], figures: dict[str, Any], as_json: bool
 ) -> None:
-    from tripwatt.forecasting.adapting import PROTOCOL
+    from tripwatt.transfer.adapting import PROTOCOL
 
     notes = provenance["data"]["notes"]
     if as_json:
@@ -353,8 +353,9 @@ def forecast(
     A driver model turns a planned route into a speed trace. The interval includes the error of this step, which was
     measured when the model was fitted. State of charge is the displayed one.
     """
-    from tripwatt.forecasting import load_model, read_route
-    from tripwatt.forecasting.unmeasured import on_vehicle
+    from tripwatt.api import read_route
+    from tripwatt.forecasting import load_model
+    from tripwatt.transfer.zero_shot import on_vehicle
     from tripwatt.trips import Departure
     from tripwatt.units import M_S_PER_KM_H
     from tripwatt.vehicles import load_vehicle
@@ -445,10 +446,8 @@ def _measured(path: Path) -> Any:
 
 
 def _draw(found: Forecast, plot: Path) -> None:
-    from tripwatt.forecasting.plot import plot_forecast
-
     try:
-        plot_forecast(found).savefig(plot, dpi=150)
+        found.plot().savefig(plot, dpi=150)
     except OSError as error:
         got = f"{plot}: {error.strerror or error}"
         raise InvalidInput(Fault("cannot write the image", "--plot", got, "a writable file")) from error
@@ -456,7 +455,7 @@ def _draw(found: Forecast, plot: Path) -> None:
 
 def _show_forecast(found: Forecast, reserve: float) -> None:
     from tripwatt.cli.sentences import chance, forecast_in_words
-    from tripwatt.forecasting.plot import CAUSE_NAMES
+    from tripwatt.forecasting.plots import CAUSE_NAMES
     from tripwatt.trips.messages import period
 
     low, high = found.interval(0.9)

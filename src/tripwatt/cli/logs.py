@@ -16,7 +16,7 @@ from tripwatt.cli.options import (
     examples,
     read_logs,
 )
-from tripwatt.cli.placing import write_text
+from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_json, print_notes, print_table
 
 mapping_app = typer.Typer(
@@ -81,6 +81,8 @@ def audit(
     fleet = read_logs(data, dataset, mapping, built_in_faults=True)
     found = run_audit(fleet)
     if as_json:
+        from tripwatt.trips.messages import flag_to_dict  # pandas is slow to import
+
         frame = found.frame()
         records = frame.astype(object).where(frame.notna(), None).to_dict("records")
         used = [t.trip_id for t in found.trips]
@@ -89,7 +91,7 @@ def audit(
                 "read": len(fleet.trips),
                 "used": used,
                 "findings": records,
-                "notes": [flag.to_dict() for flag in fleet.notes],
+                "notes": [flag_to_dict(flag) for flag in fleet.notes],
             }
         )
         return

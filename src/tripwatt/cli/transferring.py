@@ -18,7 +18,7 @@ from tripwatt.cli.options import (
     gather,
     read_logs,
 )
-from tripwatt.cli.placing import check_writable, unfinished_folder, write_whole
+from tripwatt.cli.output import check_writable, unfinished_folder, write_whole
 from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
 from tripwatt.errors import Fault, InvalidInput
 

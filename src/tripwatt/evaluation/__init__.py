@@ -1,20 +1,23 @@
-"""How well a model predicts trips that it has never seen: protocols, held-out runs, metrics, paired comparisons."""
+"""Errors of models on trips they were not fitted on: protocols, held-out runs, metrics, paired comparisons."""
 
+from tripwatt.evaluation.folds import Execution
 from tripwatt.evaluation.metrics import ErrorSummary, PairedDifference, paired_difference, summarise_errors
-from tripwatt.evaluation.protocols import MODEL_NAMES, PROTOCOLS, ModelSpec, protocol_models
+from tripwatt.evaluation.protocol import EvaluationProtocol, choose_models
 from tripwatt.evaluation.results import EvaluationRun, write_results
-from tripwatt.evaluation.run import evaluate
+from tripwatt.evaluation.run import DEFAULT_PROTOCOL, PROTOCOLS, evaluate, find_protocol
 
 __all__ = [
-    "MODEL_NAMES",
+    "DEFAULT_PROTOCOL",
     "PROTOCOLS",
     "ErrorSummary",
+    "EvaluationProtocol",
     "EvaluationRun",
-    "ModelSpec",
+    "Execution",
     "PairedDifference",
+    "choose_models",
     "evaluate",
+    "find_protocol",
     "paired_difference",
-    "protocol_models",
     "summarise_errors",
     "write_results",
 ]

@@ -8,12 +8,16 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
+from scipy import stats
 
+from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.evaluation.metrics import absolute_percentage_error, bootstrap_interval, paired_difference
-from tripwatt.trips import FloatArray
 
+FORECAST: Final = "hybrid"
+"""Name of the forecast in the files of the protocol."""
+WITHOUT_PHYSICS: Final = "boosting-only"
+"""Name of the data-only model in the files of the protocol."""
 LEVELS: Final = (0.5, 0.8, 0.9, 0.95)
 FRACTIONS: Final = (0.1, 0.25, 0.5, 0.75)
 TOTALS: Final = ("update", "soc_only", "no_update", "naive_gauge")
@@ -25,7 +29,7 @@ UPDATES: Final = (*TOTALS, "update_low", "update_high")
 
 @dataclass(frozen=True, eq=False)
 class ForecastInsight:
-    """Held-out forecasts of the model `hybrid` in the first evaluation.
+    """Held-out forecasts in the first hold-out.
 
     Attributes
     ----------
@@ -56,12 +60,8 @@ def clopper_pearson(hits: int, n: int, confidence: float = 0.95) -> tuple[float,
     >>> round(low, 3), round(high, 4)
     (0.555, 0.9975)
     """
-    from scipy.stats import beta
-
-    tail = (1.0 - confidence) / 2.0
-    low = 0.0 if hits == 0 else float(beta.ppf(tail, hits, n - hits + 1))
-    high = 1.0 if hits == n else float(beta.ppf(1.0 - tail, hits + 1, n - hits))
-    return low, high
+    found = stats.binomtest(hits, n).proportion_ci(confidence, method="exact")
+    return float(found.low), float(found.high)
 
 
 def crps(observed_wh: FloatArray, quantiles_wh: FloatArray) -> FloatArray:
@@ -209,7 +209,7 @@ class Stratum:
 
     by: str
     name: str
-    members: npt.NDArray[np.bool_]
+    members: BoolArray
 
 
 NET_DESCENT_M: Final = -10.0
@@ -266,11 +266,11 @@ def strata_scores(
     for stratum in strata:
         own = ape[stratum.members]
         row: dict[str, Any] = {"by": stratum.by, "stratum": stratum.name, "n_trips": len(own)}
-        row["hybrid"] = float(own.mean())
+        row[FORECAST] = float(own.mean())
         if ape_data is not None:
             other = ape_data[stratum.members]
             difference = paired_difference(own, other, seed)
-            row |= {"boosting-only": float(other.mean()), "diff": difference.diff}
+            row |= {WITHOUT_PHYSICS: float(other.mean()), "diff": difference.diff}
             row["diff_ci95"] = difference.ci95 if len(own) > 1 else None
         rows.append(row)
     return rows

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy import stats
 
-from tripwatt.trips import FloatArray
+from tripwatt.arrays import FloatArray
 
 BOOTSTRAP_DRAWS: Final = 10_000
 CONFIDENCE: Final = 0.95
@@ -82,10 +83,15 @@ def bootstrap_interval(values: FloatArray, seed: int, *, draws: int = BOOTSTRAP_
     >>> bootstrap_interval(np.full(5, 0.1), seed=0)
     (0.1, 0.1)
     """
-    index = np.random.default_rng(seed).integers(0, len(values), size=(draws, len(values)))
-    tail = 100.0 * (1.0 - CONFIDENCE) / 2.0
-    low, high = np.percentile(values[index].mean(axis=1), [tail, 100.0 - tail])
-    return round(float(low), 12), round(float(high), 12)
+    found = stats.bootstrap(
+        (values,),
+        np.mean,
+        n_resamples=draws,
+        confidence_level=CONFIDENCE,
+        method="percentile",
+        rng=np.random.default_rng(seed),
+    ).confidence_interval
+    return round(float(found.low), 12), round(float(found.high), 12)
 
 
 def summarise_errors(observed_wh: FloatArray, predicted_wh: FloatArray, seed: int) -> ErrorSummary:

@@ -9,28 +9,30 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 
+from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.auditing import audit
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.evaluation.forecast_sets import ForecastSet
+from tripwatt.evaluation.forecast_data import ForecastData
 from tripwatt.evaluation.transfer_scores import (
     curve_row,
     paired_energy_error,
     resamples,
     scored,
 )
-from tripwatt.forecasting.elsewhere import Elsewhere, unknown_signals, without_signals
+from tripwatt.forecasting.donor import DonorModel, unknown_inputs, without_inputs
 from tripwatt.forecasting.model import MIN_TRIPS
-from tripwatt.forecasting.training import versions
-from tripwatt.hybrid import IntArray, power_corrector
+from tripwatt.forecasting.training import donor_model, versions
+from tripwatt.hybrid import power_corrector
+from tripwatt.hybrid.hierarchy import MODES, CarTransfer, DrawsForecast, Evidence, term_scales
 from tripwatt.hybrid.parameters import PARAMETERS, sensitivities
 from tripwatt.hybrid.power import LearnerCorrector
-from tripwatt.hybrid.transfer import MODES, CarTransfer, DrawsForecast, Evidence, part_scales
-from tripwatt.trips import Fleet, FloatArray, Trip
+from tripwatt.trips import Fleet, Trip
 from tripwatt.trips.messages import message
 from tripwatt.vehicles import Vehicle, load_vehicle
 
@@ -38,8 +40,8 @@ TRIPS: Final = (0, 1, 2, 5, 10, 20, 50)
 DRAWS: Final = 200
 MIN_DISTANCE_M: Final = 2000.0
 MAIN_MODE: Final = "both"
-OWN: Final = ("kriging", "ensemble", "channels")
-"""Correctors of the models that a car trains on its own trips alone; the last is the default."""
+OWN: Final = MappingProxyType({"own-kriging": "gp", "own-ensemble": "ensemble", "own-channels": "split"})
+"""Name in the files -> corrector of a model trained on the scored car's own trips alone; the last is the default."""
 MIN_CAR_TRIPS: Final = 4
 """Fewest trips of a car that are cut into halves; a car with fewer is only shown, with nothing of its own learned."""
 
@@ -67,8 +69,8 @@ class TransferRun:
 class _Source:
     """The first car, seen as the second car's log would show it."""
 
-    prepared: ForecastSet
-    elsewhere: Elsewhere
+    prepared: ForecastData
+    elsewhere: DonorModel
     vehicle: Vehicle
 
 
@@ -78,7 +80,7 @@ class _Car:
 
     name: str
     trips: tuple[Trip, ...]
-    prepared: ForecastSet
+    prepared: ForecastData
     physical_w: FloatArray
     first: IntArray
     second: IntArray
@@ -86,13 +88,13 @@ class _Car:
     @property
     def observed_wh(self) -> FloatArray:
         """Of the scored trips."""
-        blocks = self.prepared.blocks
-        return blocks.totals_wh(blocks.observed_power_w)[self.second]
+        segments = self.prepared.segments
+        return segments.totals_wh(segments.observed_power_w)[self.second]
 
     def energies(self, correction_w: FloatArray) -> FloatArray:
-        """Energy of the scored trips with a correction of each block's power."""
-        blocks = self.prepared.blocks
-        return blocks.totals_wh(blocks.simulated_w + correction_w)[self.second]
+        """Energy of the scored trips with a correction of each segment's power."""
+        segments = self.prepared.segments
+        return segments.totals_wh(segments.simulated_w + correction_w)[self.second]
 
 
 def evaluate_transfer(
@@ -137,7 +139,7 @@ def evaluate_transfer(
     found = audit(target)
     by_car, notes = _by_car(found.trips, min_distance_m)
     _require(len(learned), source, by_car, target, min_distance_m)
-    hidden = unknown_signals([trip for trips_of in by_car.values() for trip in trips_of])
+    hidden = unknown_inputs([trip for trips_of in by_car.values() for trip in trips_of])
     steps = 1 + len(by_car)
     origin = _source(learned, hidden, cars[0], seed)
     _tell(progress, 1, steps)
@@ -152,7 +154,7 @@ def evaluate_transfer(
         "kind": "transfer",
         "from": _about(source, cars[0], len(learned)),
         "to": _about(target, cars[1], sum(len(t) for t in by_car.values())),
-        "hidden": [name for name in hidden if name not in unknown_signals(learned)],
+        "hidden": [name for name in hidden if name not in unknown_inputs(learned)],
         "given": "given the driven speed trace",
         "min_distance_m": min_distance_m,
         "draws": draws,
@@ -225,19 +227,19 @@ def _require(
 
 
 def _source(trips: Sequence[Trip], hidden: Sequence[str], vehicle: Vehicle, seed: int) -> _Source:
-    seen = [without_signals(trip, hidden) for trip in trips]
-    return _Source(ForecastSet.of(seen, vehicle), Elsewhere.learned(seen, vehicle, (), seed=seed), vehicle)
+    seen = [without_inputs(trip, hidden) for trip in trips]
+    return _Source(ForecastData.from_trips(seen, vehicle), donor_model(seen, vehicle, (), seed=seed), vehicle)
 
 
 def _car(name: str, trips: Sequence[Trip], vehicle: Vehicle) -> _Car:
-    prepared = ForecastSet.of(trips, vehicle)
+    prepared = ForecastData.from_trips(trips, vehicle)
     order = np.arange(len(trips), dtype=np.int64)
     half = len(trips) // 2 if len(trips) >= MIN_CAR_TRIPS else 0
     return _Car(
         name,
         tuple(trips),
         prepared,
-        sensitivities(prepared.plans, vehicle, prepared.blocks),
+        sensitivities(prepared.plans, vehicle, prepared.segments),
         order[:half],
         order[half:],
     )
@@ -261,7 +263,7 @@ def _evaluate_car(
     transfers = {mode: _transfer(source, vehicle, mode) for mode in MODES}
     evidence = {mode: _evidence(t, car, source) for mode, t in transfers.items()}
     models = {
-        "physics": car.energies(np.zeros(len(car.prepared.blocks.hours))),
+        "physics": car.energies(np.zeros(len(car.prepared.segments.hours))),
         **_transferred_as_is(car, source, seed),
         **_own_models(car, seed),
     }
@@ -301,7 +303,7 @@ def _evaluate_car(
     rows = [
         {
             "car": car.name,
-            "trip": car.prepared.blocks.trip_ids[i],
+            "trip": car.prepared.segments.trip_ids[i],
             "model": name,
             "observed_energy_wh": float(o),
             "predicted_energy_wh": float(p),
@@ -314,13 +316,13 @@ def _evaluate_car(
 
 def _transfer(source: _Source, vehicle: Vehicle, mode: str) -> CarTransfer:
     members = source.elsewhere.members
-    return CarTransfer(members, part_scales(members, source.vehicle, vehicle), PARAMETERS, mode)
+    return CarTransfer(members, term_scales(members, source.vehicle, vehicle), PARAMETERS, mode)
 
 
 def _evidence(transfer: CarTransfer, car: _Car, source: _Source) -> Evidence:
     """Of all trips of a car; what a draw may learn from is chosen by `_forecasts`."""
-    blocks = car.prepared.blocks
-    return transfer.evidence(blocks, car.physical_w, source.elsewhere.variances_wh2(blocks, car.trips))
+    segments = car.prepared.segments
+    return transfer.evidence(segments, car.physical_w, source.elsewhere.variances_wh2(segments, car.trips))
 
 
 def _forecasts(
@@ -338,16 +340,18 @@ def _forecasts(
 
 
 def _transferred_as_is(car: _Car, source: _Source, seed: int) -> dict[str, FloatArray]:
-    """Models of the first car used on the second without a second thought."""
+    """Models of the first car used on the second unchanged."""
     of_source, of_car = source.prepared, car.prepared
     learner = _learner(seed)
-    learner.fit(of_source.data_features, of_source.blocks.observed_power_w, groups=of_source.blocks.groups)
-    simulated = of_car.blocks.simulated_w
-    trees = power_corrector("boosting", seed).fit(of_source.blocks)
+    learner.fit(
+        of_source.data_features, of_source.segments.observed_power_w, groups=of_source.segments.groups
+    )
+    simulated = of_car.segments.simulated_w
+    trees = power_corrector("boosting", seed).fit(of_source.segments)
     return {
         "data-only": car.energies(np.asarray(learner.predict(of_car.data_features)) - simulated),
-        "kriging-as-is": car.energies(source.elsewhere.members.predict(of_car.blocks)),
-        "boosting-as-is": car.energies(trees.predict(of_car.blocks)),
+        "kriging-as-is": car.energies(source.elsewhere.members.predict(of_car.segments)),
+        "boosting-as-is": car.energies(trees.predict(of_car.segments)),
     }
 
 
@@ -355,14 +359,15 @@ def _own_models(car: _Car, seed: int) -> dict[str, FloatArray]:
     """Models of the car's own, trained on its whole first half."""
     if len(car.first) < MIN_TRIPS:
         return {}
-    first, blocks = car.prepared.blocks.take(car.first), car.prepared.blocks
+    first, segments = car.prepared.segments.take(car.first), car.prepared.segments
     models = {
-        f"own-{name}": car.energies(power_corrector(name, seed).fit(first).predict(blocks)) for name in OWN
+        name: car.energies(power_corrector(corrector, seed).fit(first).predict(segments))
+        for name, corrector in OWN.items()
     }
-    learner, rows = _learner(seed), np.isin(blocks.groups, car.first)
+    learner, rows = _learner(seed), np.isin(segments.groups, car.first)
     learner.fit(car.prepared.data_features[rows], first.observed_power_w, groups=first.groups)
     models["own-data-only"] = car.energies(
-        np.asarray(learner.predict(car.prepared.data_features)) - blocks.simulated_w
+        np.asarray(learner.predict(car.prepared.data_features)) - segments.simulated_w
     )
     return models
 
@@ -382,7 +387,7 @@ def _period(car: _Car, members: IntArray) -> list[str] | None:
 def _paired(models: Mapping[str, FloatArray], observed: FloatArray, index: IntArray) -> list[dict[str, Any]]:
     """Differences of the error that matter, over the same trips."""
     wanted = [("zero-shot", other) for other in ("physics", "data-only", "kriging-as-is", "boosting-as-is")]
-    wanted += [("zero-shot", f"own-{name}") for name in OWN]
+    wanted += [("zero-shot", name) for name in OWN]
     return [
         {"a": a, "b": b, **paired_energy_error(observed, models[a], models[b], index)}
         for a, b in wanted
@@ -407,7 +412,7 @@ def _bars(
         }
     }
     ten = next((row for row in curve if row["k"] == 10), None)
-    own = min((scores[f"own-{m}"]["error"] for m in OWN if f"own-{m}" in scores), default=None)
+    own = min((scores[m]["error"] for m in OWN if m in scores), default=None)
     if ten is not None and own:
         bars["ten_trips_within_15_percent_of_own"] = {
             "met": bool(ten["error"] <= 1.15 * own),

@@ -6,9 +6,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.hybrid import IntArray
-from tripwatt.hybrid.transfer import DrawsForecast
-from tripwatt.trips import FloatArray
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.hybrid.hierarchy import DrawsForecast
 
 RESAMPLES: Final = 4000
 BAND: Final = 0.9

@@ -16,14 +16,10 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.forecasting.elsewhere import Elsewhere
-from tripwatt.forecasting.gain import Gain
-from tripwatt.forecasting.model import ForecastModel, Range
-from tripwatt.forecasting.planned import RouteDoubt
-from tripwatt.forecasting.process import Channel, ResidualProcess
-from tripwatt.forecasting.scale import TotalScale
-from tripwatt.forecasting.scores import Scores
-from tripwatt.hybrid.blocks import BLOCK_S
+from tripwatt.forecasting.donor import DonorModel
+from tripwatt.forecasting.model import ForecastModel
+from tripwatt.forecasting.ranges import Range
+from tripwatt.hybrid.segments import SEGMENT_S
 from tripwatt.hybrid.stored import (
     Stored,
     corrector_of_parts,
@@ -33,10 +29,31 @@ from tripwatt.hybrid.stored import (
 )
 from tripwatt.modelfile import Part, read_metadata, read_model, write_model
 from tripwatt.trips import COLUMNS, QUANTITIES, REQUIRED_COLUMNS, ROUTE_COLUMNS, SIGNALS
+from tripwatt.uncertainty import (
+    ConformalScores,
+    ResidualProcess,
+    RouteUncertainty,
+    TotalScale,
+    UncertaintyModel,
+    UpdateShrinkage,
+)
+from tripwatt.uncertainty.process import ComponentProcess
 from tripwatt.vehicles import Vehicle, vehicle_from_document
 
 GIVEN: Final = "given the driven speed trace"
 """What every figure of a forecast is on condition of."""
+
+_SHRINKAGE: Final = {
+    "climate": "climate",
+    "drive": "drive",
+    "whole": "joint",
+    "apart_spread": "split_sd_factor",
+    "whole_spread": "joint_sd_factor",
+}
+"""Key in the file -> field of `UpdateShrinkage`."""
+
+_OLD_CORRECTORS: Final = {"kriging": "gp", "channels": "split"}
+"""Name in older files -> name of the corrector."""
 
 DEFAULT_MODEL: Final = "bmw_i3_tum"
 """The model that comes with the package."""
@@ -50,25 +67,26 @@ def model_parts(model: ForecastModel) -> dict[str, Part]:
     InvalidInput
         For a model that is not fitted, or whose corrector cannot be stored.
     """
-    process, scale, scores, gain = model.process_, model.scale_, model.scores_, model.gain_
-    if model.fitted_ is None or process is None or scale is None or scores is None or gain is None:
-        raise InvalidInput(Fault("model is not fitted", "store", "no training trips", fix="call fit first"))
-    about, arrays = corrector_parts(model.fitted_)
+    corrector, uncertainty = model.fitted_parts("store")
+    about, arrays = corrector_parts(corrector)
+    process = asdict(uncertainty.process)
+    process["apart"] = process.pop("split")
+    shrinkage = uncertainty.shrinkage
     values = {
         "corrector": model.corrector,
         "seed": model.seed,
-        "block_s": BLOCK_S,
+        "block_s": SEGMENT_S,
         "fitted": about,
-        "process": asdict(process) | {"climate_limit_w": _finite(process.climate_limit_w)},
-        "scale": scale.values.tolist(),
-        "scores": scores.values.tolist(),
-        "gain": {field.name: getattr(gain, field.name).tolist() for field in fields(gain)},
-        "route_doubt": _doubt_part(model.route_doubt_),
+        "process": process | {"climate_limit_w": _finite(uncertainty.process.climate_limit_w)},
+        "scale": uncertainty.scale.values.tolist(),
+        "scores": uncertainty.scores.values.tolist(),
+        "gain": {key: getattr(shrinkage, name).tolist() for key, name in _SHRINKAGE.items()},
+        "route_doubt": _route_part(uncertainty.route),
         "ranges": {n: [_finite(r.low), _finite(r.high), r.sd] for n, r in model.ranges_.items()},
         "trip_ids": list(model.trip_ids_),
     }
-    if model.elsewhere_ is not None:
-        values["elsewhere"], more = _elsewhere_part(model.elsewhere_)
+    if model.donor_ is not None:
+        values["elsewhere"], more = _donor_part(model.donor_)
         arrays |= more
     return {"model.json": values, "vehicle.json": vehicle_part(model.vehicle), **arrays}
 
@@ -83,8 +101,8 @@ def model_of_parts(parts: Mapping[str, Part]) -> ForecastModel:
     """
     try:
         values: Mapping[str, Any] = parts["model.json"]
-        if values["block_s"] != BLOCK_S:
-            got, allowed = f"blocks of {values['block_s']} s", f"blocks of {BLOCK_S:g} s"
+        if values["block_s"] != SEGMENT_S:
+            got, allowed = f"segments of {values['block_s']} s", f"segments of {SEGMENT_S:g} s"
             raise InvalidInput(
                 Fault("model of an older version", "model.json, block_s", got, allowed, "fit the model again")
             )
@@ -95,22 +113,26 @@ def model_of_parts(parts: Mapping[str, Part]) -> ForecastModel:
         }
         return ForecastModel(
             vehicle=vehicle_of_part(parts["vehicle.json"]),
-            corrector=values["corrector"],
+            corrector=_OLD_CORRECTORS.get(values["corrector"], values["corrector"]),
             seed=values["seed"],
-            fitted_=corrector_of_parts(values["fitted"], parts),
-            process_=ResidualProcess(
-                drive=Channel(**process["drive"]),
-                climate=Channel(**process["climate"]),
-                climate_limit_w=_bound(process["climate_limit_w"], math.inf),
-                apart=process["apart"],
+            corrector_=corrector_of_parts(values["fitted"], parts),
+            uncertainty_=UncertaintyModel(
+                process=ResidualProcess(
+                    drive=ComponentProcess(**process["drive"]),
+                    climate=ComponentProcess(**process["climate"]),
+                    climate_limit_w=_bound(process["climate_limit_w"], math.inf),
+                    split=process["apart"],
+                ),
+                scale=TotalScale(np.array(values["scale"], dtype=np.float64)),
+                scores=ConformalScores(np.array(values["scores"], dtype=np.float64)),
+                shrinkage=UpdateShrinkage(
+                    **{n: np.array(values["gain"][k], dtype=np.float64) for k, n in _SHRINKAGE.items()}
+                ),
+                route=_route_of_part(values.get("route_doubt")),
             ),
-            scale_=TotalScale(np.array(values["scale"], dtype=np.float64)),
-            scores_=Scores(np.array(values["scores"], dtype=np.float64)),
-            gain_=Gain(**{name: np.array(v, dtype=np.float64) for name, v in values["gain"].items()}),
-            route_doubt_=_doubt_of_part(values.get("route_doubt")),
             ranges_=ranges,
             trip_ids_=tuple(values["trip_ids"]),
-            elsewhere_=_elsewhere_of_part(values["elsewhere"], parts) if "elsewhere" in values else None,
+            donor_=_donor_of_part(values["elsewhere"], parts) if "elsewhere" in values else None,
         )
     except (KeyError, TypeError) as error:
         got = f"{type(error).__name__}: {error}"
@@ -290,22 +312,22 @@ def vehicle_of_part(part: Mapping[str, Any]) -> Vehicle:
     return replace(vehicle, preset=part["preset"])
 
 
-def _elsewhere_part(elsewhere: Elsewhere) -> Stored:
-    about, arrays = members_parts(elsewhere.members, "corrector-elsewhere")
+def _donor_part(donor: DonorModel) -> Stored:
+    about, arrays = members_parts(donor.members, "corrector-elsewhere")
     values = {
         "fitted": about,
-        "scale": elsewhere.scale.values.tolist(),
-        "scores": elsewhere.scores.values.tolist(),
-        "hidden": list(elsewhere.hidden),
+        "scale": donor.scale.values.tolist(),
+        "scores": donor.scores.values.tolist(),
+        "hidden": list(donor.masked_inputs),
     }
     return values, arrays
 
 
-def _elsewhere_of_part(values: Mapping[str, Any], parts: Mapping[str, Part]) -> Elsewhere:
-    return Elsewhere(
+def _donor_of_part(values: Mapping[str, Any], parts: Mapping[str, Part]) -> DonorModel:
+    return DonorModel(
         members_of_parts(values["fitted"], parts),
         TotalScale(np.array(values["scale"], dtype=np.float64)),
-        Scores(np.array(values["scores"], dtype=np.float64)),
+        ConformalScores(np.array(values["scores"], dtype=np.float64)),
         tuple(values["hidden"]),
     )
 
@@ -335,19 +357,19 @@ def _take_values(document: dict[str, dict[str, Any]], vehicle: Vehicle) -> None:
             }
 
 
-def _doubt_part(doubt: RouteDoubt | None) -> dict[str, Any] | None:
-    if doubt is None:
+def _route_part(route: RouteUncertainty | None) -> dict[str, Any] | None:
+    if route is None:
         return None
-    lengths, variances = doubt.length_m.tolist(), doubt.variance.tolist()
-    return {"length_m": lengths, "variance": variances, "trips": doubt.trips}
+    lengths, variances = route.length_m.tolist(), route.variance.tolist()
+    return {"length_m": lengths, "variance": variances, "trips": route.trips}
 
 
-def _doubt_of_part(part: Mapping[str, Any] | None) -> RouteDoubt | None:
+def _route_of_part(part: Mapping[str, Any] | None) -> RouteUncertainty | None:
     """Models of older versions have none."""
     if part is None:
         return None
     length, variance = (np.array(part[name], dtype=np.float64) for name in ("length_m", "variance"))
-    return RouteDoubt(length, variance, part["trips"])
+    return RouteUncertainty(length, variance, part["trips"])
 
 
 def _finite(value: float) -> float | None:

@@ -11,8 +11,9 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.auditing import audit
-from tripwatt.forecasting.elsewhere import elsewhere_of
+from tripwatt.forecasting.donor import MASKABLE, DonorModel, unknown_inputs, without_inputs
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel, HeldOut
+from tripwatt.hybrid import TRANSFERABLE, segment_trips
 from tripwatt.hybrid.calibrate import calibrate
 from tripwatt.trips import COLUMNS, Fleet, Trip
 from tripwatt.trips.messages import message
@@ -21,7 +22,7 @@ from tripwatt.vehicles import Vehicle
 PACKAGES: Final = ("tripwatt", "numpy", "scipy", "pandas", "scikit-learn", "lightgbm")
 
 
-def trained(
+def train_model(
     fleet: Fleet,
     vehicle: Vehicle,
     *,
@@ -61,7 +62,7 @@ def trained(
     --------
     >>> from tripwatt.synthetic import synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
-    >>> found = trained(synthetic_fleet(9), load_vehicle("bmw_i3_60ah"), corrector="linear")
+    >>> found = train_model(synthetic_fleet(9), load_vehicle("bmw_i3_60ah"), corrector="linear")
     >>> found[1]["data"]["name"], found[2]["trips"]
     ('synthetic', 9)
     """
@@ -69,7 +70,7 @@ def trained(
     found_values = calibrate(found.trips, vehicle) if calibrated else None
     car = vehicle if found_values is None else found_values.applied(vehicle)
     model = ForecastModel(car, corrector, seed).fit(found.trips, progress=progress)
-    model.elsewhere_ = elsewhere_of(model, found.trips)
+    model.donor_ = train_donor(found.trips, model)
     provenance = {
         "data": {
             "name": fleet.name,
@@ -87,6 +88,30 @@ def trained(
         **versions(),
     }
     return model, provenance, held_out_figures(model.held_out_)
+
+
+def train_donor(trips: Sequence[Trip], model: ForecastModel) -> DonorModel | None:
+    """The donor model of a fitted model; None where the trips have no input to mask or its corrector cannot donate.
+
+    Parameters
+    ----------
+    trips : sequence of Trip
+        The training trips of the model.
+    model : ForecastModel
+    """
+    masked = tuple(name for name in MASKABLE if name not in unknown_inputs(trips))
+    if not masked or model.corrector not in TRANSFERABLE:
+        return None
+    return donor_model(trips, model.vehicle, masked, seed=model.seed)
+
+
+def donor_model(
+    trips: Sequence[Trip], vehicle: Vehicle, masked_inputs: Sequence[str] = MASKABLE, *, seed: int = 0
+) -> DonorModel:
+    """Simulate and learn trips with some inputs masked, with one Gaussian process for the whole residual."""
+    masked = [without_inputs(trip, masked_inputs) for trip in trips]
+    model = ForecastModel(vehicle, "gp", seed).fit_segments(segment_trips(masked, vehicle))
+    return model.as_donor(masked_inputs)
 
 
 def versions() -> dict[str, Any]:

@@ -9,15 +9,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol, TypeAlias
+from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import BSpline
 from scipy.linalg import eigh, solve_banded
 from scipy.sparse.linalg import eigsh
 
-Array: TypeAlias = npt.NDArray[np.float64]
+from tripwatt.arrays import FloatArray
 
 MAX_KNOTS = 2000
 """Most distinct points that a thin plate eigenbasis is built from."""
@@ -35,10 +34,10 @@ class Basis(Protocol):
         """Dimension of the space that the penalty does not see."""
 
     @property
-    def penalty(self) -> Array:
+    def penalty(self) -> FloatArray:
         """Penalty matrix, (k, k)."""
 
-    def matrix(self, x: Array) -> Array:
+    def matrix(self, x: FloatArray) -> FloatArray:
         """Columns at the points `x` (n, d), as (n, k)."""
 
 
@@ -75,22 +74,22 @@ class PSpline:
         return self.order
 
     @cached_property
-    def knots(self) -> Array:
+    def knots(self) -> FloatArray:
         """The k + 4 even knots."""
         margin = 0.001 * (self.high - self.low)
         step = (self.high - self.low + 2 * margin) / (self.k - 3)
         return self.low - margin + step * np.arange(-3.0, self.k + 1.0)
 
     @property
-    def penalty(self) -> Array:
+    def penalty(self) -> FloatArray:
         """Crossproduct of the difference matrix, (k, k)."""
         differences = np.diff(np.eye(self.k), n=self.order, axis=0)
         return differences.T @ differences
 
-    def matrix(self, x: Array) -> Array:
+    def matrix(self, x: FloatArray) -> FloatArray:
         """B-splines at `x` (n, 1), as (n, k); constant continuation beyond the knots."""
         inside = np.clip(x[:, 0], self.knots[3], self.knots[-4])
-        values: Array = BSpline.design_matrix(inside, self.knots, 3).toarray()
+        values: FloatArray = BSpline.design_matrix(inside, self.knots, 3).toarray()
         return values
 
 
@@ -104,7 +103,7 @@ class CubicRegression:
         Increasing knots.
     """
 
-    knots: Array
+    knots: FloatArray
 
     @property
     def k(self) -> int:
@@ -117,7 +116,7 @@ class CubicRegression:
         return 2
 
     @cached_property
-    def _second_derivatives(self) -> tuple[Array, Array]:
+    def _second_derivatives(self) -> tuple[FloatArray, FloatArray]:
         """Map from values to second derivatives at the knots (k, k), and the differences D (k - 2, k)."""
         h = np.diff(self.knots)
         D = np.zeros((self.k - 2, self.k))
@@ -130,13 +129,13 @@ class CubicRegression:
         return np.vstack([np.zeros(self.k), inner, np.zeros(self.k)]), D
 
     @property
-    def penalty(self) -> Array:
+    def penalty(self) -> FloatArray:
         """Integrated squared second derivative, (k, k)."""
         F, D = self._second_derivatives
         S = D.T @ F[1:-1]
         return np.asarray((S + S.T) / 2)
 
-    def matrix(self, x: Array) -> Array:
+    def matrix(self, x: FloatArray) -> FloatArray:
         """Values at `x` (n, 1) as (n, k); constant continuation beyond the knots."""
         F, _ = self._second_derivatives
         v = np.clip(x[:, 0], self.knots[0], self.knots[-1])
@@ -173,11 +172,11 @@ class ThinPlate:
         Order m of the derivatives in the penalty, 2 m > d.
     """
 
-    knots: Array
-    shift: Array
-    loadings: Array
-    scale: Array
-    penalty: Array
+    knots: FloatArray
+    shift: FloatArray
+    loadings: FloatArray
+    scale: FloatArray
+    penalty: FloatArray
     order: int
 
     @property
@@ -190,7 +189,7 @@ class ThinPlate:
         """Number of polynomials of a total degree below `order`."""
         return self.k - int(self.loadings.shape[1])
 
-    def matrix(self, x: Array) -> Array:
+    def matrix(self, x: FloatArray) -> FloatArray:
         """Columns at `x` (n, d), as (n, k)."""
         centred = x - self.shift
         out = np.empty((len(x), self.k))
@@ -217,11 +216,11 @@ def _exponents(d: int, order: int) -> list[tuple[int, ...]]:
     return out
 
 
-def _polynomials(x: Array, order: int) -> Array:
+def _polynomials(x: FloatArray, order: int) -> FloatArray:
     return np.stack([np.prod(x ** np.array(e), axis=1) for e in _exponents(x.shape[1], order)], axis=1)
 
 
-def _radial(x: Array, knots: Array, order: int) -> Array:
+def _radial(x: FloatArray, knots: FloatArray, order: int) -> FloatArray:
     """Thin plate function of the distances between `x` (n, d) and `knots` (m, d) (Wood 2003, eq. 2)."""
     d = x.shape[1]
     if d == 1:
@@ -242,7 +241,7 @@ def _radial(x: Array, knots: Array, order: int) -> Array:
     return np.asarray(constant / 2 * square ** (power // 2) * logarithm)
 
 
-def _trailing_null_space(C: Array) -> Array:
+def _trailing_null_space(C: FloatArray) -> FloatArray:
     """Orthonormal Z (k, k - M) with C Z = 0, from Householder reflections that leave [0, T] (Gill, Murray & Wright)."""
     M, k = C.shape
     work, Q = C.copy(), np.eye(k)
@@ -258,7 +257,7 @@ def _trailing_null_space(C: Array) -> Array:
     return Q[:, : k - M]
 
 
-def _largest_eigenpairs(E: Array, k: int) -> tuple[Array, Array]:
+def _largest_eigenpairs(E: FloatArray, k: int) -> tuple[FloatArray, FloatArray]:
     """The `k` eigenpairs of largest modulus, eigenvalues in descending order."""
     n = len(E)
     if n <= 400 or k > n // 4:
@@ -273,7 +272,7 @@ def _largest_eigenpairs(E: Array, k: int) -> tuple[Array, Array]:
     return values, vectors * np.where(vectors[0] < 0, -1.0, 1.0)
 
 
-def _basis_knots(points: Array) -> tuple[Array, Array]:
+def _basis_knots(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Knots (m, d) and weights (m,): the points, or the means of an even grid's cells and how many points each has."""
     if len(points) <= MAX_KNOTS:
         return points, np.ones(len(points))
@@ -293,7 +292,7 @@ def _basis_knots(points: Array) -> tuple[Array, Array]:
     return np.stack(sums, axis=1) / counts[:, None], counts.astype(np.float64)
 
 
-def thin_plate(points: Array, counts: Array, k: int, order: int) -> ThinPlate:
+def thin_plate(points: FloatArray, counts: FloatArray, k: int, order: int) -> ThinPlate:
     """Thin plate regression spline on distinct points.
 
     Parameters
@@ -335,6 +334,6 @@ def thin_plate(points: Array, counts: Array, k: int, order: int) -> ThinPlate:
     return ThinPlate(knots, shift, loadings, scale, (S + S.T) / 2, order)
 
 
-def cubic_regression(points: Array, k: int) -> CubicRegression:
+def cubic_regression(points: FloatArray, k: int) -> CubicRegression:
     """Cubic regression spline with knots at even quantiles of the distinct values `points` (n,)."""
     return CubicRegression(np.quantile(points, np.linspace(0, 1, k)))

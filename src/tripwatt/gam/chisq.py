@@ -10,11 +10,11 @@ exponentially, so that the trapezoidal rule gives full *relative* accuracy with 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from tripwatt.arrays import FloatArray
 
 __all__ = ["weighted_chi2_sf"]
-
-_FloatArray = NDArray[np.float64]
 
 
 def weighted_chi2_sf(q: float, weights: ArrayLike, df: ArrayLike | None = None) -> float:
@@ -64,7 +64,7 @@ def weighted_chi2_sf(q: float, weights: ArrayLike, df: ArrayLike | None = None) 
     return float(min(max(_liu(q, lam, h) if p is None else p, 0.0), 1.0))
 
 
-def _inversion(q: float, lam: _FloatArray, h: _FloatArray) -> float | None:
+def _inversion(q: float, lam: FloatArray, h: FloatArray) -> float | None:
     """The inversion integral for q >= 0 and some positive weight; None where it does not settle."""
     c = _saddle(q, lam, h)
     d = 1 - 2 * lam * c
@@ -74,7 +74,7 @@ def _inversion(q: float, lam: _FloatArray, h: _FloatArray) -> float | None:
     bend = float(np.clip(third * width**3 / 3, 0.25, 2.0))
     top = float(-0.5 * (h * np.log(d)).sum() - q * c - np.log(c))
 
-    def integrand(x: _FloatArray) -> _FloatArray:
+    def integrand(x: FloatArray) -> FloatArray:
         s = c + width * (1j * np.sinh(x) + bend * (np.cosh(x) - 1))
         slope = width * (1j * np.cosh(x) + bend * np.sinh(x))
         logs = (h[:, None] * np.log(1 - 2 * lam[:, None] * s)).sum(
@@ -93,7 +93,7 @@ def _inversion(q: float, lam: _FloatArray, h: _FloatArray) -> float | None:
     return None
 
 
-def _saddle(q: float, lam: _FloatArray, h: _FloatArray) -> float:
+def _saddle(q: float, lam: FloatArray, h: FloatArray) -> float:
     """Minimum over 0 < s < 1/(2 max lam) of log M(s) - s q - log s: a convex function, by bracketed root."""
     from scipy.optimize import brentq
 
@@ -113,7 +113,7 @@ def _saddle(q: float, lam: _FloatArray, h: _FloatArray) -> float:
     return end * (high if slope(high) <= 0 else float(brentq(slope, low, high, xtol=1e-15, rtol=1e-10)))
 
 
-def _liu(q: float, lam: _FloatArray, h: _FloatArray) -> float:
+def _liu(q: float, lam: FloatArray, h: FloatArray) -> float:
     """Liu, Tang & Zhang (2009, Comput. Stat. Data Anal. 53:853): a noncentral chi-square with four right cumulants."""
     from scipy.stats import chi2, ncx2
 

@@ -12,8 +12,8 @@ import numpy.typing as npt
 import pandas as pd
 from scipy.spatial import cKDTree
 
+from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.gam.bases import Array
 from tripwatt.gam.formula import nearest
 
 Index: TypeAlias = npt.NDArray[np.intp]
@@ -47,7 +47,7 @@ def missing_columns(frame: pd.DataFrame, wanted: Iterable[str]) -> list[Fault]:
     ]
 
 
-def numbers(frame: pd.DataFrame, name: str, label: str) -> tuple[Array, list[Fault]]:
+def numbers(frame: pd.DataFrame, name: str, label: str) -> tuple[FloatArray, list[Fault]]:
     """A finite numeric column (n,) and what is wrong with it.
 
     Parameters
@@ -92,10 +92,10 @@ class Levels:
     """
 
     names: tuple[str, ...]
-    share: Array
+    share: FloatArray
 
     @classmethod
-    def of(cls, column: pd.Series[Any], given: tuple[str, ...] | None = None) -> Levels:
+    def from_column(cls, column: pd.Series[Any], given: tuple[str, ...] | None = None) -> Levels:
         """Levels of a column: those given, else its categories, else its values, sorted."""
         if given is not None:
             names = tuple(map(str, given))
@@ -115,7 +115,7 @@ class Levels:
         table = np.array([position.get(str(value), -1) for value in values] + [-1], dtype=np.intp)
         return table[codes]
 
-    def rows(self, codes: Index) -> Array:
+    def rows(self, codes: Index) -> FloatArray:
         """Indicator rows (L + 1, L) to be indexed by codes: a level unseen in training has the mean of training rows."""
         table = np.vstack([np.eye(len(self.names)), self.share])
         table[:-1][self.share == 0] = self.share
@@ -134,12 +134,12 @@ class Points:
     counts : ndarray (m,)
     """
 
-    values: Array
+    values: FloatArray
     index: Index
-    counts: Array
+    counts: FloatArray
 
     @classmethod
-    def of(cls, x: Array, limits: tuple[int | None, ...] | None = None) -> Points:
+    def from_values(cls, x: FloatArray, limits: tuple[int | None, ...] | None = None) -> Points:
         """Distinct points of rows `x` (n, d), each covariate rounded to an even grid of at most so many values."""
         wanted = limits if limits is not None else (None,) * x.shape[1]
         axes = [_distinct(x[:, j], limit) for j, limit in enumerate(wanted)]
@@ -158,14 +158,14 @@ class Points:
         )
 
 
-def grid_limit(x: Array, limit: int) -> int:
+def grid_limit(x: FloatArray, limit: int) -> int:
     """Values per covariate that keep the distinct points of rows `x` (n, d) at `MAX_JOINT` or fewer."""
-    while limit > 20 and len(Points.of(x, (limit,) * x.shape[1]).values) > MAX_JOINT:
+    while limit > 20 and len(Points.from_values(x, (limit,) * x.shape[1]).values) > MAX_JOINT:
         limit = limit * 3 // 4
     return limit
 
 
-def _distinct(x: Array, limit: int | None) -> tuple[Array, Index]:
+def _distinct(x: FloatArray, limit: int | None) -> tuple[FloatArray, Index]:
     """Sorted distinct values, or an even grid of at most `limit` values, and the position of each row."""
     index, values = pd.factorize(x, sort=True)
     if limit is None or len(values) <= limit:
@@ -174,7 +174,7 @@ def _distinct(x: Array, limit: int | None) -> tuple[Array, Index]:
     step = (high - low) / (limit - 1)
     cell = np.rint((values - low) / step).astype(np.intp)
     used, position = np.unique(cell, return_inverse=True)
-    grid: Array = np.asarray(low + step * used, dtype=np.float64)
+    grid: FloatArray = np.asarray(low + step * used, dtype=np.float64)
     grid[0], grid[-1] = low, high
     return grid, position.astype(np.intp)[index]
 
@@ -189,20 +189,20 @@ class Support:
         Distinct training points.
     """
 
-    points: Array
+    points: FloatArray
 
     @cached_property
-    def low(self) -> Array:
+    def low(self) -> FloatArray:
         """Smallest value of each covariate (d,)."""
         return np.asarray(self.points.min(axis=0))
 
     @cached_property
-    def high(self) -> Array:
+    def high(self) -> FloatArray:
         """Largest value of each covariate (d,)."""
         return np.asarray(self.points.max(axis=0))
 
     @cached_property
-    def _span(self) -> Array:
+    def _span(self) -> FloatArray:
         span = self.high - self.low
         return np.where(span > 0, span, 1.0)
 
@@ -210,7 +210,7 @@ class Support:
     def _tree(self) -> Any:
         return cKDTree((self.points - self.low) / self._span)
 
-    def outside(self, x: Array) -> npt.NDArray[np.bool_]:
+    def outside(self, x: FloatArray) -> BoolArray:
         """Rows of `x` (n, d) out of the range of a covariate or, on a surface, far from all training points."""
         slack = 1e-9 * self._span
         out = ((x < self.low - slack) | (x > self.high + slack)).any(axis=1)
@@ -219,7 +219,7 @@ class Support:
             out |= distance > REACH * (1 + 1e-9)
         return np.asarray(out)
 
-    def clamped(self, x: Array) -> Array:
+    def clamped(self, x: FloatArray) -> FloatArray:
         """Rows of `x` (n, d) moved to the range and, on a surface, to within `REACH` of the nearest training point."""
         inside = np.clip(x, self.low, self.high)
         if x.shape[1] == 1:
@@ -254,7 +254,7 @@ class Training:
     levels: Mapping[str, Levels]
     within: Mapping[ByPart, Support]
 
-    def members(self, frame: pd.DataFrame, by: str, level: str | None) -> npt.NDArray[np.bool_]:
+    def members(self, frame: pd.DataFrame, by: str, level: str | None) -> BoolArray:
         """Rows (n,) of a frame that a by-smooth speaks of."""
         if level is None:
             return np.asarray(frame[by].to_numpy(dtype=np.float64) != 0)
@@ -266,9 +266,9 @@ class Training:
         Rows are moved, not terms: terms that share a covariate, and may cancel where there are no data, all see the
         same point. Ranges come first, those of a row's levels next, surfaces last.
         """
-        moved: dict[str, Array] = {}
+        moved: dict[str, FloatArray] = {}
 
-        def current(names: tuple[str, ...]) -> Array:
+        def current(names: tuple[str, ...]) -> FloatArray:
             columns = [moved.get(name, frame[name].to_numpy(dtype=np.float64)) for name in names]
             return np.stack(columns, axis=1)
 
@@ -283,7 +283,7 @@ class Training:
         return frame.assign(**moved)
 
 
-def response(frame: pd.DataFrame, y: object, name: str | None) -> Array:
+def response(frame: pd.DataFrame, y: object, name: str | None) -> FloatArray:
     """The response (n,) from an argument or a column; raises for what cannot be fitted."""
     if y is None:
         if name is None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.gam.figures import BLUE, GREY, axes_or_new
 
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from tripwatt.gam.model import GAMM
 
 __all__ = ["Autocorrelation", "autocorrelation", "concurvity"]
-
-_FloatArray = NDArray[np.float64]
 
 
 def concurvity(model: GAMM) -> pd.DataFrame:
@@ -66,9 +65,7 @@ def concurvity(model: GAMM) -> pd.DataFrame:
     ).rename_axis("term")
 
 
-def _concurvity(
-    factor: _FloatArray, coef: _FloatArray, inside: NDArray[np.intp]
-) -> tuple[float, float, float]:
+def _concurvity(factor: FloatArray, coef: FloatArray, inside: NDArray[np.intp]) -> tuple[float, float, float]:
     """Worst, observed and estimate of the columns `inside` of X, from any A with A'A = X'X."""
     alive = np.flatnonzero((factor**2).sum(axis=0) > 0)
     inside = np.intersect1d(inside, alive)
@@ -84,7 +81,7 @@ def _concurvity(
     return min(worst, 1.0), min(observed, 1.0), min(estimate, 1.0)
 
 
-def _orthonormal(a: _FloatArray) -> _FloatArray:
+def _orthonormal(a: FloatArray) -> FloatArray:
     """Basis of the column space; columns that repeat others add nothing to it."""
     u, size, _ = np.linalg.svd(a / np.linalg.norm(a, axis=0), full_matrices=False)
     return np.asarray(u[:, size > 1e-8 * size[0]], dtype=float)
@@ -105,11 +102,11 @@ class Autocorrelation:
     """
 
     lag: NDArray[np.intp]
-    correlation: _FloatArray
+    correlation: FloatArray
     pairs: NDArray[np.intp]
 
     @property
-    def bound(self) -> _FloatArray:
+    def bound(self) -> FloatArray:
         """Twice the standard error of each correlation if the rows were independent."""
         return np.asarray(2 / np.sqrt(np.maximum(self.pairs, 1)), dtype=float)
 
@@ -206,7 +203,7 @@ def autocorrelation(
     return Autocorrelation(lags, correlation, pairs)
 
 
-def _pooled(earlier: _FloatArray, later: _FloatArray) -> float:
+def _pooled(earlier: FloatArray, later: FloatArray) -> float:
     """Correlation about 0 of pairs, between -1 and 1; 0 where a side is 0 throughout."""
     sizes = float(np.linalg.norm(earlier)), float(np.linalg.norm(later))
     if min(sizes) == 0.0:

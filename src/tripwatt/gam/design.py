@@ -10,12 +10,10 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.gam.bases import Array
-from tripwatt.gam.blocks import Block, Extrapolation
 from tripwatt.gam.covariates import (
     EXACT_ROWS,
     MAX_JOINT,
@@ -32,9 +30,10 @@ from tripwatt.gam.covariates import (
     missing_levels,
     numbers,
 )
+from tripwatt.gam.fitted_terms import Block, Extrapolation
 from tripwatt.gam.penalties import PenaltyStack
 from tripwatt.gam.smoothers import Built, build_smooth, build_tensor
-from tripwatt.gam.tables import Part, TableRows
+from tripwatt.gam.tables import IndexedColumns, TableRows
 from tripwatt.gam.terms import Formula, Parametric, RandomEffect, Smooth, Tensor
 
 
@@ -68,14 +67,14 @@ class Design:
     empty: list[int] = field(default_factory=list)
     joint: dict[tuple[str, ...], Points] = field(default_factory=dict)
     codes: dict[str, Index] = field(default_factory=dict)
-    members: dict[ByPart, npt.NDArray[np.bool_]] = field(default_factory=dict)
+    members: dict[ByPart, BoolArray] = field(default_factory=dict)
 
     @property
     def p(self) -> int:
         """Number of coefficients."""
         return self.rows.p
 
-    def active(self, gram_diagonal: Array) -> Index:
+    def active(self, gram_diagonal: FloatArray) -> Index:
         """Coefficients that data or penalties determine."""
         alive = gram_diagonal > 0
         alive[self.empty] = False
@@ -86,7 +85,7 @@ class Design:
 
     def penalty_stack(self, active: Index) -> tuple[PenaltyStack, list[int]]:
         """Penalties of the active coefficients, and which of the model's smoothing parameters they are."""
-        terms: list[tuple[int, list[Array]]] = []
+        terms: list[tuple[int, list[FloatArray]]] = []
         which: list[int] = []
         j = 0
         position = {int(column): i for i, column in enumerate(active)}
@@ -141,16 +140,16 @@ class _Builder:
     ) -> None:
         self.formula, self.frame, self.limit, self.extrapolation = formula, frame, limit, extrapolation
         self.blocks: list[Block] = []
-        self.pieces: list[tuple[list[Block], Array, Index, Array | None]] = []
+        self.pieces: list[tuple[list[Block], FloatArray, Index, FloatArray | None]] = []
         self.notes: list[str] = []
         self.joint: dict[tuple[str, ...], Points] = {}
         self.codes: dict[str, Index] = {}
         self.levels: dict[str, Levels] = {}
         self.supports: dict[tuple[str, ...], Support] = {}
-        self.members: dict[ByPart, npt.NDArray[np.bool_]] = {}
+        self.members: dict[ByPart, BoolArray] = {}
         self.grids = self._grids()
 
-    def _covariates(self, names: tuple[str, ...]) -> Array:
+    def _covariates(self, names: tuple[str, ...]) -> FloatArray:
         return np.stack([self.frame[name].to_numpy(dtype=np.float64) for name in names], axis=1)
 
     def _grids(self) -> dict[str, int]:
@@ -168,13 +167,13 @@ class _Builder:
     def points(self, names: tuple[str, ...]) -> Points:
         if names not in self.joint:
             limits = tuple(self.grids.get(name, self.limit) for name in names)
-            self.joint[names] = Points.of(self._covariates(names), limits)
+            self.joint[names] = Points.from_values(self._covariates(names), limits)
             self.supports[names] = Support(self.joint[names].values)
         return self.joint[names]
 
     def factor(self, name: str, given: tuple[str, ...] | None, label: str) -> tuple[Levels, Index]:
         if name not in self.levels or given is not None:
-            self.levels[name] = Levels.of(self.frame[name], given)
+            self.levels[name] = Levels.from_column(self.frame[name], given)
             self.codes[name] = self.levels[name].codes(self.frame[name])
             if (self.codes[name] < 0).any():
                 row = int(np.argmax(self.codes[name] < 0))
@@ -248,7 +247,7 @@ class _Builder:
             self.members[term.names, term.by, level] = codes == i
         m, q = built.table.shape
         if m * q * len(blocks) ** 2 <= 4_000_000:
-            table: Array = np.kron(np.eye(len(blocks)), built.table).astype(np.float64)
+            table: FloatArray = np.kron(np.eye(len(blocks)), built.table).astype(np.float64)
             self.pieces.append((blocks, table, codes * m + points.index, None))
             return
         padded = np.vstack([built.table, np.zeros(q)])
@@ -286,7 +285,7 @@ class _Builder:
             self.formula, self.blocks, rows, training, self.notes, [], self.joint, self.codes, self.members
         )
 
-    def _nested(self, parts: list[Part]) -> list[Part]:
+    def _nested(self, parts: list[IndexedColumns]) -> list[IndexedColumns]:
         """Curves written into the table of a surface that has their covariate: one index instead of two."""
         index_of = {id(points.index): names for names, points in self.joint.items()}
         wide = [part for part in parts if len(index_of.get(id(part.index), ())) > 1 and part.scale is None]
@@ -302,7 +301,7 @@ class _Builder:
             surface = self.joint[index_of[id(home.index)]]
             position = np.empty(len(surface.values), dtype=np.intp)
             position[surface.index] = part.index  # all rows of a point share the value of the curve
-            merged = Part(
+            merged = IndexedColumns(
                 np.concatenate([home.columns, part.columns]),
                 np.hstack([home.table, part.table[position]]),
                 home.index,
@@ -311,7 +310,7 @@ class _Builder:
             wide = [merged if w is home else w for w in wide]
         return out
 
-    def _parts(self) -> list[Part]:
+    def _parts(self) -> list[IndexedColumns]:
         """Parts, with all factors and the intercept merged over their joint levels where those are few."""
         plain = [
             piece
@@ -319,7 +318,7 @@ class _Builder:
             if all(b.kind == "random" or b.contrast is not None or b.term is None for b in piece[0])
         ]
         parts = [
-            Part(_columns(blocks), table, index, scale)
+            IndexedColumns(_columns(blocks), table, index, scale)
             for blocks, table, index, scale in self.pieces
             if not any(blocks is piece[0] for piece in plain)
         ]
@@ -332,11 +331,11 @@ class _Builder:
         _, first = np.unique(code, return_index=True)
         if len(first) > MAX_JOINT:
             return parts + [
-                Part(_columns(blocks), table, index, scale) for blocks, table, index, scale in plain
+                IndexedColumns(_columns(blocks), table, index, scale) for blocks, table, index, scale in plain
             ]
         table = np.hstack([table[index[first]] for _, table, index, _ in plain])
         columns = np.concatenate([_columns(blocks) for blocks, _, _, _ in plain])
-        return [*parts, Part(columns, table, code.astype(np.intp), None)]
+        return [*parts, IndexedColumns(columns, table, code.astype(np.intp), None)]
 
 
 def _columns(blocks: list[Block]) -> Index:

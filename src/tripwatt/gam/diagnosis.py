@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.gam.dependence import Autocorrelation, autocorrelation, concurvity
 from tripwatt.gam.figures import BLUE, GREY, RED, axes_or_new, new_figure, thinned
 
@@ -34,10 +35,8 @@ __all__ = [
     "diagnosis",
 ]
 
-_FloatArray = NDArray[np.float64]
 
-
-def _scatter(ax: Axes, x: _FloatArray, y: _FloatArray) -> None:
+def _scatter(ax: Axes, x: FloatArray, y: FloatArray) -> None:
     keep = thinned(x.size)
     # the extremes are what such a figure is looked at for
     keep = np.union1d(keep, np.concatenate([np.argsort(y)[:10], np.argsort(y)[-10:]]))
@@ -64,14 +63,14 @@ class ErrorDistribution:
         """Name in figures."""
         return "normal" if np.isnan(self.nu) else f"t with {self.nu:.3g} df"
 
-    def quantile(self, p: _FloatArray) -> _FloatArray:
+    def quantile(self, p: FloatArray) -> FloatArray:
         """Quantiles at probabilities `p`."""
         from scipy import stats
 
         q = stats.norm.ppf(p) if np.isnan(self.nu) else stats.t.ppf(p, self.nu)
         return np.asarray(self.sigma * q, dtype=float)
 
-    def density(self, x: _FloatArray) -> _FloatArray:
+    def density(self, x: FloatArray) -> FloatArray:
         """Density at `x`."""
         from scipy import stats
 
@@ -99,17 +98,17 @@ class QuantileQuantile:
         The fitted distribution.
     """
 
-    residual: _FloatArray
-    theoretical: _FloatArray
+    residual: FloatArray
+    theoretical: FloatArray
     distribution: ErrorDistribution
 
     @classmethod
-    def of(cls, residual: _FloatArray, distribution: ErrorDistribution) -> QuantileQuantile:
+    def from_residuals(cls, residual: FloatArray, distribution: ErrorDistribution) -> QuantileQuantile:
         """Sort residuals (n,) and find their quantiles."""
         n = residual.size
         return cls(np.sort(residual), distribution.quantile((np.arange(n) + 0.5) / n), distribution)
 
-    def band(self, at: NDArray[np.intp] | None = None) -> tuple[_FloatArray, _FloatArray]:
+    def band(self, at: NDArray[np.intp] | None = None) -> tuple[FloatArray, FloatArray]:
         """Where 95 % of each ordered residual would lie, were the rows independent.
 
         Parameters
@@ -168,8 +167,8 @@ class ResidualsAgainstPredictor:
     linear_predictor, residual : ndarray (n,)
     """
 
-    linear_predictor: _FloatArray
-    residual: _FloatArray
+    linear_predictor: FloatArray
+    residual: FloatArray
 
     def frame(self) -> pd.DataFrame:
         """The numbers: ``linear_predictor``, ``residual``."""
@@ -204,15 +203,15 @@ class ResidualHistogram:
         Name of the fitted distribution.
     """
 
-    edges: _FloatArray
-    count: NDArray[np.int64]
-    expected: _FloatArray
+    edges: FloatArray
+    count: IntArray
+    expected: FloatArray
     below: int
     above: int
     distribution: str
 
     @classmethod
-    def of(cls, residual: _FloatArray, distribution: ErrorDistribution) -> ResidualHistogram:
+    def from_residuals(cls, residual: FloatArray, distribution: ErrorDistribution) -> ResidualHistogram:
         """Bin residuals (n,) after Freedman & Diaconis, at most 60 bins."""
         low, q1, q3, high = np.quantile(residual, [0.002, 0.25, 0.75, 0.998])
         width = 2 * (q3 - q1) / residual.size ** (1 / 3)
@@ -263,8 +262,8 @@ class ResponseAgainstFitted:
     fitted, response : ndarray (n,)
     """
 
-    fitted: _FloatArray
-    response: _FloatArray
+    fitted: FloatArray
+    response: FloatArray
 
     def frame(self) -> pd.DataFrame:
         """The numbers: ``fitted``, ``response``."""
@@ -344,8 +343,8 @@ def diagnosis(model: GAMM) -> Diagnosis:
     residual = np.asarray(model.residuals_, dtype=float)
     fitted = np.asarray(model.fitted_values_, dtype=float)
     return Diagnosis(
-        QuantileQuantile.of(residual, distribution),
+        QuantileQuantile.from_residuals(residual, distribution),
         ResidualsAgainstPredictor(np.asarray(model.linear_predictor_, dtype=float), residual),
-        ResidualHistogram.of(residual, distribution),
+        ResidualHistogram.from_residuals(residual, distribution),
         ResponseAgainstFitted(fitted, fitted + residual),
     )

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.gam.figures import BLUE, GREY, RED, axes_or_new, new_figure
 from tripwatt.gam.terms import RandomEffect, Smooth, Tensor
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from tripwatt.gam.blocks import Block
+    from tripwatt.gam.fitted_terms import Block
     from tripwatt.gam.model import GAMM
 
 __all__ = [
@@ -34,7 +34,6 @@ __all__ = [
     "plot_effects",
 ]
 
-_FloatArray = NDArray[np.float64]
 _TOO_FAR: Final = 0.1  # of the range of the data: what lies farther from every point is not shown
 _CELLS: Final = 400  # per covariate, finer than a figure shows
 
@@ -57,12 +56,12 @@ class CurveEffect:
 
     label: str
     covariate: str
-    x: _FloatArray
-    effect: _FloatArray
-    std_error: _FloatArray
+    x: FloatArray
+    effect: FloatArray
+    std_error: FloatArray
     multiplier: float
     edf: float
-    rug: _FloatArray = field(default_factory=lambda: np.zeros(0))
+    rug: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def frame(self) -> pd.DataFrame:
         """The numbers: the covariate, ``effect``, ``std_error``, ``lower``, ``upper``."""
@@ -113,12 +112,12 @@ class SurfaceEffect:
 
     label: str
     covariates: tuple[str, str]
-    x: _FloatArray
-    y: _FloatArray
-    effect: _FloatArray
-    std_error: _FloatArray
+    x: FloatArray
+    y: FloatArray
+    effect: FloatArray
+    std_error: FloatArray
     edf: float
-    points: _FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
+    points: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
     at: Mapping[str, float] = field(default_factory=dict)
 
     def frame(self) -> pd.DataFrame:
@@ -173,9 +172,9 @@ class RandomEffects:
 
     label: str
     level: tuple[str, ...]
-    effect: _FloatArray
-    std_error: _FloatArray
-    theoretical: _FloatArray
+    effect: FloatArray
+    std_error: FloatArray
+    theoretical: FloatArray
     edf: float
     sd: float
 
@@ -224,8 +223,8 @@ class FactorEffect:
 
     label: str
     level: tuple[str, ...]
-    effect: _FloatArray
-    std_error: _FloatArray
+    effect: FloatArray
+    std_error: FloatArray
     multiplier: float
     reference: str = ""
 
@@ -329,9 +328,7 @@ def effects(
     return found
 
 
-def _evaluated(
-    model: GAMM, block: Block, columns: Mapping[str, _FloatArray]
-) -> tuple[_FloatArray, _FloatArray]:
+def _evaluated(model: GAMM, block: Block, columns: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
     """Effect of a block and its standard error where its covariates have these values."""
     import pandas as pd
 
@@ -344,7 +341,7 @@ def _evaluated(
     return matrix @ model.coef_[at], np.sqrt(np.clip(variance, 0.0, None))
 
 
-def _rows(block: Block, frame: pd.DataFrame, names: tuple[str, ...]) -> _FloatArray:
+def _rows(block: Block, frame: pd.DataFrame, names: tuple[str, ...]) -> FloatArray:
     """Covariates of the rows that a block has a say in."""
     if block.by is not None:
         by = frame[block.by]
@@ -352,7 +349,7 @@ def _rows(block: Block, frame: pd.DataFrame, names: tuple[str, ...]) -> _FloatAr
     return frame[list(names)].to_numpy(dtype=float)
 
 
-def _cells(points: _FloatArray, low: _FloatArray, high: _FloatArray) -> _FloatArray:
+def _cells(points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """Points (n, 2) thinned to one for each cell of a fine grid."""
     step = np.where(high > low, high - low, 1.0) / _CELLS
     cell = np.rint((points - low) / step).astype(np.int64)
@@ -360,7 +357,7 @@ def _cells(points: _FloatArray, low: _FloatArray, high: _FloatArray) -> _FloatAr
     return points[first]
 
 
-def _grid(model: GAMM, name: str, points: int) -> _FloatArray:
+def _grid(model: GAMM, name: str, points: int) -> FloatArray:
     low, high = model.ranges_[name]
     return np.linspace(float(low), float(high), points)
 

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import digamma, gammaln, polygamma
 
-from tripwatt.gam.bases import Array
+from tripwatt.arrays import BoolArray, FloatArray
 
 LOG_EXCESS_DF = (math.log(1e-9), math.log(1e7))
 """Bounds of log(nu - min_df): beyond the lower one nu is reported as at its bound, the upper one is gaussian."""
@@ -66,18 +65,18 @@ class ScaledT:
         """Name in tables."""
         return "scat"
 
-    def loglik(self, residual: Array, nu: float, sigma: float) -> float:
+    def loglik(self, residual: FloatArray, nu: float, sigma: float) -> float:
         """Log-likelihood of residuals (n,), summed."""
         n = len(residual)
         return n * _log_constant(nu, sigma) - (nu + 1) / 2 * float(
             np.log1p((residual / sigma) ** 2 / nu).sum()
         )
 
-    def deviance(self, residual: Array, nu: float) -> Array:
+    def deviance(self, residual: FloatArray, nu: float) -> FloatArray:
         """Contribution (n,) of each residual over sigma to the deviance: (nu + 1) log(1 + r^2 / nu)."""
         return np.asarray((nu + 1) * np.log1p(residual**2 / nu))
 
-    def score(self, residual: Array, nu: float, sigma: float) -> Array:
+    def score(self, residual: FloatArray, nu: float, sigma: float) -> FloatArray:
         """Derivative (n,) of the log-likelihood in the linear predictor."""
         return np.asarray((nu + 1) * residual / (nu * sigma**2 + residual**2))
 
@@ -102,7 +101,7 @@ class Theta:
     min_df: float
 
     @classmethod
-    def of(cls, nu: float, sigma: float, min_df: float) -> Theta:
+    def from_estimates(cls, nu: float, sigma: float, min_df: float) -> Theta:
         """From nu and sigma."""
         low, high = LOG_EXCESS_DF
         excess = math.log(max(nu - min_df, math.exp(low)))
@@ -128,7 +127,7 @@ class Theta:
         """Whether nu sits on its lower bound."""
         return self.nu - self.min_df < 1e-3
 
-    def jacobian(self) -> tuple[Array, Array, Array, Array]:
+    def jacobian(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """First (2,) and second (2, 2) derivatives of nu, and of t = sigma sqrt(nu), in the two parameters."""
         nu, a = self.nu, math.exp(self.excess)
         t = self.sigma * math.sqrt(nu)
@@ -153,12 +152,12 @@ class TDerivatives:
         Orders 0 to 2 in the predictor, twice in the parameters.
     """
 
-    eta: Array
-    eta_theta: Array
-    eta_theta2: Array
+    eta: FloatArray
+    eta_theta: FloatArray
+    eta_theta2: FloatArray
 
 
-def t_derivatives(residual: Array, theta: Theta) -> TDerivatives:
+def t_derivatives(residual: FloatArray, theta: Theta) -> TDerivatives:
     """All derivatives that Laplace REML with an exact Hessian needs.
 
     Parameters
@@ -179,23 +178,23 @@ def t_derivatives(residual: Array, theta: Theta) -> TDerivatives:
     powers = [2 * (-1) ** (j - 1) * math.factorial(j - 1) * inverse**j for j in range(1, 5)]
     h = -(nu + 1) / 2
 
-    def of_log(order_u: int, order_t: int) -> Array:
+    def from_log(order_u: int, order_t: int) -> FloatArray:
         if order_u + order_t == 0:
             return np.asarray(f)
         return np.asarray((1j**order_t * powers[order_u + order_t - 1]).real)
 
     sign = [1.0, -1.0, 1.0, -1.0, 1.0]
-    eta = np.array([h * sign[j] * of_log(j, 0) for j in range(5)])
+    eta = np.array([h * sign[j] * from_log(j, 0) for j in range(5)])
     eta[0] += gammaln((nu + 1) / 2) - gammaln(nu / 2) - math.log(math.pi) / 2 + nu * math.log(t)
     c1 = (digamma((nu + 1) / 2) - digamma(nu / 2)) / 2
     c2 = (polygamma(1, (nu + 1) / 2) - polygamma(1, nu / 2)) / 4
-    in_nu = np.array([-0.5 * sign[j] * of_log(j, 0) for j in range(4)])
+    in_nu = np.array([-0.5 * sign[j] * from_log(j, 0) for j in range(4)])
     in_nu[0] += c1 + math.log(t)
-    in_t = np.array([h * sign[j] * of_log(j, 1) for j in range(4)])
+    in_t = np.array([h * sign[j] * from_log(j, 1) for j in range(4)])
     in_t[0] += nu / t
-    in_nu_t = np.array([-0.5 * sign[j] * of_log(j, 1) for j in range(3)])
+    in_nu_t = np.array([-0.5 * sign[j] * from_log(j, 1) for j in range(3)])
     in_nu_t[0] += 1 / t
-    in_t_t = np.array([h * sign[j] * of_log(j, 2) for j in range(3)])
+    in_t_t = np.array([h * sign[j] * from_log(j, 2) for j in range(3)])
     in_t_t[0] -= nu / t**2
     nu1, nu2, t1, t2 = theta.jacobian()
     first = in_nu[:, None] * nu1[:, None] + in_t[:, None] * t1[:, None]
@@ -210,7 +209,7 @@ def t_derivatives(residual: Array, theta: Theta) -> TDerivatives:
     return TDerivatives(eta, first, second)
 
 
-def theta_objective(residual: Array, theta: Theta) -> tuple[float, Array, Array]:
+def theta_objective(residual: FloatArray, theta: Theta) -> tuple[float, FloatArray, FloatArray]:
     """Log-likelihood of residuals (n,) with its gradient (2,) and Hessian (2, 2) in the parameters of `Theta`."""
     nu = theta.nu
     t = theta.sigma * math.sqrt(nu)
@@ -240,7 +239,7 @@ def theta_objective(residual: Array, theta: Theta) -> tuple[float, Array, Array]
     return float(value), gradient, hessian
 
 
-def fit_theta(residual: Array, theta: Theta, free: tuple[bool, bool], steps: int = 50) -> Theta:
+def fit_theta(residual: FloatArray, theta: Theta, free: tuple[bool, bool], steps: int = 50) -> Theta:
     """Maximum likelihood of shape and scale given residuals (n,), by Newton with step halving.
 
     Parameters
@@ -282,7 +281,7 @@ def fit_theta(residual: Array, theta: Theta, free: tuple[bool, bool], steps: int
     return theta
 
 
-def _ascent(gradient: Array, hessian: Array, active: npt.NDArray[np.bool_]) -> Array:
+def _ascent(gradient: FloatArray, hessian: FloatArray, active: BoolArray) -> FloatArray:
     """Newton step on the active parameters, made to ascend, at most 3 long in each."""
     step = np.zeros(2)
     values, vectors = np.linalg.eigh(-hessian[np.ix_(active, active)])

@@ -15,13 +15,13 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from scipy.linalg import lapack
 
-from tripwatt.gam.bases import Array
+from tripwatt.arrays import FloatArray
 from tripwatt.gam.penalties import PenaltyStack
 
 LOG_RATIO = (-25.0, 22.0)
 """Bounds of log(smoothing parameter) about the value at which penalty and data weigh alike."""
 
-Value: TypeAlias = tuple[float, Array, Array]
+Value: TypeAlias = tuple[float, FloatArray, FloatArray]
 
 
 class Rows(Protocol):
@@ -30,16 +30,16 @@ class Rows(Protocol):
     n: int
     p: int
 
-    def predictor(self, beta: Array) -> Array:
+    def predictor(self, beta: FloatArray) -> FloatArray:
         """X beta for beta (p,) or (p, q)."""
 
-    def transpose(self, v: Array) -> Array:
+    def transpose(self, v: FloatArray) -> FloatArray:
         """X' v for v (n,) or (n, q)."""
 
-    def gram(self, weights: Array | None = None) -> Array:
+    def gram(self, weights: FloatArray | None = None) -> FloatArray:
         """X' W X, (p, p)."""
 
-    def leverage(self, K: Array) -> Array:
+    def leverage(self, K: FloatArray) -> FloatArray:
         """Diagonal (n,) of X K X'."""
 
 
@@ -51,23 +51,23 @@ class DenseRows:
     X : ndarray (n, p)
     """
 
-    def __init__(self, X: Array) -> None:
+    def __init__(self, X: FloatArray) -> None:
         self.X = X
         self.n, self.p = X.shape
 
-    def predictor(self, beta: Array) -> Array:
+    def predictor(self, beta: FloatArray) -> FloatArray:
         """X beta."""
         return np.asarray(self.X @ beta)
 
-    def transpose(self, v: Array) -> Array:
+    def transpose(self, v: FloatArray) -> FloatArray:
         """X' v."""
         return np.asarray(self.X.T @ v)
 
-    def gram(self, weights: Array | None = None) -> Array:
+    def gram(self, weights: FloatArray | None = None) -> FloatArray:
         """X' W X."""
         return np.asarray(self.X.T @ (self.X if weights is None else weights[:, None] * self.X))
 
-    def leverage(self, K: Array) -> Array:
+    def leverage(self, K: FloatArray) -> FloatArray:
         """Diagonal of X K X'."""
         return np.asarray(np.einsum("ij,ij->i", self.X @ K, self.X))
 
@@ -90,8 +90,8 @@ class NormalEquations:
         Log determinant of a whitening of the rows, zero without one.
     """
 
-    gram: Array
-    cross: Array
+    gram: FloatArray
+    cross: FloatArray
     square: float
     n: float
     log_jacobian: float = 0.0
@@ -124,16 +124,16 @@ class Solution:
         Of the score in `rho` at the end.
     """
 
-    beta: Array
-    rho: Array
+    beta: FloatArray
+    rho: FloatArray
     scale: float
     score: float
-    covariance: Array
-    information: Array
+    covariance: FloatArray
+    information: FloatArray
     converged: bool
     n_iter: int
     message: str
-    gradient: Array
+    gradient: FloatArray
     nu: float = math.nan
     sigma: float = math.nan
     ar1_rho: float = 0.0
@@ -144,11 +144,11 @@ class Solution:
 class Factor:
     """Inverse and log determinant of a positive definite matrix, scaled to a unit diagonal first."""
 
-    inverse: Array
+    inverse: FloatArray
     log_determinant: float
 
     @classmethod
-    def of(cls, A: Array) -> Factor | None:
+    def from_matrix(cls, A: FloatArray) -> Factor | None:
         """Factor `A` (p, p), or None where it is not positive definite to working precision."""
         diagonal = np.diag(A)
         if not np.all(np.isfinite(diagonal)) or diagonal.min(initial=np.inf) <= 0:
@@ -169,15 +169,15 @@ class Evaluation:
     """REML score of a gaussian working model with what it is made of, rotated coordinates."""
 
     value: float
-    gradient: Array
-    hessian: Array
-    beta: Array
+    gradient: FloatArray
+    hessian: FloatArray
+    beta: FloatArray
     factor: Factor
     scale: float
 
 
 def gaussian_score(
-    data: NormalEquations, stack: PenaltyStack, rho: Array, scale: float | None, derivatives: bool = True
+    data: NormalEquations, stack: PenaltyStack, rho: FloatArray, scale: float | None, derivatives: bool = True
 ) -> Evaluation | None:
     """REML score (Wood 2011, eq. 4) of a gaussian model with its derivatives in `rho`.
 
@@ -197,7 +197,7 @@ def gaussian_score(
     Evaluation or None
         None where the penalised crossproduct is not positive definite.
     """
-    factor = Factor.of(stack.add_to(data.gram, rho))
+    factor = Factor.from_matrix(stack.add_to(data.gram, rho))
     if factor is None:
         return None
     K = factor.inverse
@@ -228,8 +228,13 @@ def gaussian_score(
 
 
 def newton_step(
-    gradient: Array, hessian: Array, x: Array, lower: Array, upper: Array, longest: float = 5.0
-) -> Array:
+    gradient: FloatArray,
+    hessian: FloatArray,
+    x: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    longest: float = 5.0,
+) -> FloatArray:
     """Descent step: Newton where the Hessian is positive, its absolute value elsewhere, within bounds."""
     free = ~(((x <= lower) & (gradient > 0)) | ((x >= upper) & (gradient < 0)))
     step = np.zeros_like(x)
@@ -245,13 +250,13 @@ def newton_step(
 
 
 def minimise(
-    score: Callable[[Array], Value | None],
-    start: Array,
-    lower: Array,
-    upper: Array,
+    score: Callable[[FloatArray], Value | None],
+    start: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
     tolerance: float,
     max_iter: int,
-) -> tuple[Array, Value, int, bool, str]:
+) -> tuple[FloatArray, Value, int, bool, str]:
     """Newton's method with step halving and bounds.
 
     Parameters
@@ -292,7 +297,7 @@ def minimise(
     return x, current, max_iter, False, f"{max_iter} Newton steps with halving did not converge"
 
 
-def bounds(gram_diagonal: Array, stack: PenaltyStack) -> tuple[Array, Array]:
+def bounds(gram_diagonal: FloatArray, stack: PenaltyStack) -> tuple[FloatArray, FloatArray]:
     """Lowest and highest log smoothing parameters that still mean something next to the data."""
     middle = np.array(
         [
@@ -306,7 +311,7 @@ def bounds(gram_diagonal: Array, stack: PenaltyStack) -> tuple[Array, Array]:
 def fit_gaussian(
     data: NormalEquations,
     stack: PenaltyStack,
-    rho: Array | None = None,
+    rho: FloatArray | None = None,
     fixed: bool = False,
     scale: float | None = None,
     tolerance: float = 1e-7,
@@ -341,7 +346,7 @@ def fit_gaussian(
         x, n_iter, converged, message = start, 0, True, "smoothing parameters were given"
     else:
 
-        def score(x: Array) -> Value | None:
+        def score(x: FloatArray) -> Value | None:
             found = gaussian_score(data, stack, x, scale)
             return None if found is None else (found.value, found.gradient, found.hessian)
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from tripwatt.gam.bases import Array
-from tripwatt.gam.blocks import Block
+from tripwatt.arrays import FloatArray
 from tripwatt.gam.covariates import Index
 from tripwatt.gam.design import Design
-from tripwatt.gam.tables import Part, TableRows
+from tripwatt.gam.fitted_terms import Block
+from tripwatt.gam.tables import IndexedColumns, TableRows
 from tripwatt.gam.terms import Smooth, Tensor
 
 NULL_TOLERANCE = 1e-12
@@ -20,7 +20,7 @@ INVOLVED = 1e-4
 """Share of a nil direction below which a block has no part in it."""
 
 
-def _nil_directions(design: Design, gram: Array, active: Index) -> tuple[Array, Array]:
+def _nil_directions(design: Design, gram: FloatArray, active: Index) -> tuple[FloatArray, FloatArray]:
     """Orthonormal nil directions (p, r) of the scaled crossproduct, and the scale (p,)."""
     total = gram.copy()
     for block in design.blocks:
@@ -48,7 +48,7 @@ def _place(block: Block) -> int:
     )
 
 
-def identified(design: Design, gram: Array) -> tuple[Design, Array]:
+def identified(design: Design, gram: FloatArray) -> tuple[Design, FloatArray]:
     """The design without the directions that nothing determines, and its crossproduct.
 
     A direction shared by several terms is taken from the one with most covariates, then from the later one; of
@@ -86,7 +86,7 @@ def identified(design: Design, gram: Array) -> tuple[Design, Array]:
     return design, gram
 
 
-def _reduced(design: Design, gram: Array, block: Block, Z: Array) -> tuple[Design, Array]:
+def _reduced(design: Design, gram: FloatArray, block: Block, Z: FloatArray) -> tuple[Design, FloatArray]:
     """Map the columns of one block by Z (q, r) throughout the design."""
     where = block.slice
     before, after = np.arange(where.start), np.arange(where.stop, design.p)
@@ -115,7 +115,7 @@ def _reduced(design: Design, gram: Array, block: Block, Z: Array) -> tuple[Desig
     return replace(design, blocks=blocks, rows=rows, empty=empty), gram
 
 
-def _reduced_part(part: Part, first: int, last: int, gone: int, Z: Array) -> Part:
+def _reduced_part(part: IndexedColumns, first: int, last: int, gone: int, Z: FloatArray) -> IndexedColumns:
     inside = (part.columns >= first) & (part.columns < last)
     outside = part.columns[~inside]
     moved = outside - np.where(outside >= last, gone, 0)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tripwatt.arrays import FloatArray
 from tripwatt.gam.chisq import weighted_chi2_sf
 from tripwatt.gam.families import Gaussian
 
@@ -32,7 +33,6 @@ __all__ = [
     "total_penalty",
 ]
 
-_FloatArray = NDArray[np.float64]
 _WHOLE: Final = 1e-6  # a reference df this close to a whole number is one
 _RANK: Final = 1e-8  # relative size below which an eigenvalue is rounding
 _LEFT: Final = 1e-7  # share of a column, less than which the other terms' rounding can leave of it
@@ -57,7 +57,7 @@ class TermTest:
     p_value: float
 
 
-def _tail(total: float, weights: _FloatArray, residual_df: float | None) -> float:
+def _tail(total: float, weights: FloatArray, residual_df: float | None) -> float:
     """Pr(sum w chi2_1 > total), or of the ratio to chi2/df where the scale is estimated on `residual_df`."""
     if residual_df is None:
         return weighted_chi2_sf(total, weights)
@@ -66,9 +66,9 @@ def _tail(total: float, weights: _FloatArray, residual_df: float | None) -> floa
 
 
 def smooth_test(
-    coef: _FloatArray,
-    vp: _FloatArray,
-    factor: _FloatArray,
+    coef: FloatArray,
+    vp: FloatArray,
+    factor: FloatArray,
     ref_df: float,
     residual_df: float | None = None,
 ) -> TermTest:
@@ -132,9 +132,9 @@ def smooth_test(
 
 
 def random_effect_test(
-    coef: _FloatArray,
-    gram: _FloatArray,
-    penalty: _FloatArray,
+    coef: FloatArray,
+    gram: FloatArray,
+    penalty: FloatArray,
     term: slice,
     others: Sequence[slice] = (),
     scale: float = 1.0,
@@ -204,19 +204,19 @@ def random_effect_test(
     return TermTest(float(weights.size), total if residual_df is None else total / weights.size, p)
 
 
-def _rank(a: _FloatArray, size: _FloatArray) -> int:
+def _rank(a: FloatArray, size: FloatArray) -> int:
     """Rank of what profiling left of a crossproduct whose diagonal was `size`."""
     d = np.where(size > 0, size, 1.0) ** 0.5
     return int((np.linalg.eigvalsh(a / np.outer(d, d)) > _LEFT).sum())
 
 
 def _null_model(
-    gram: _FloatArray,
-    penalty: _FloatArray,
+    gram: FloatArray,
+    penalty: FloatArray,
     alive: NDArray[np.intp],
     index: NDArray[np.intp],
     random: NDArray[np.intp],
-) -> tuple[_FloatArray, _FloatArray]:
+) -> tuple[FloatArray, FloatArray]:
     """Covariance of b without its own variance (per unit scale), and X'W(I + Z_o Psi Z_o')WX."""
     g = gram[np.ix_(alive, alive)]
     at = np.searchsorted(alive, index)
@@ -230,7 +230,7 @@ def _null_model(
     return covariance, gram + gram[:, random] @ _solve(psi_inverse, gram[random])
 
 
-def _solve(a: _FloatArray, b: _FloatArray) -> _FloatArray:
+def _solve(a: FloatArray, b: FloatArray) -> FloatArray:
     """Solve a symmetric non-negative system; scaled to unit diagonal, through eigenvalues if it is singular."""
     diagonal = np.diag(a)
     d = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
@@ -248,7 +248,7 @@ def _solve(a: _FloatArray, b: _FloatArray) -> _FloatArray:
     return np.asarray(solution / d[:, None], dtype=float)
 
 
-def total_penalty(model: GAMM) -> _FloatArray:
+def total_penalty(model: GAMM) -> FloatArray:
     """Penalty of a fitted model, smoothing parameters included.
 
     Parameters

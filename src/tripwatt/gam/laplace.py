@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tripwatt.gam.bases import Array
+from tripwatt.arrays import FloatArray
 from tripwatt.gam.families import LOG_EXCESS_DF, ScaledT, TDerivatives, Theta, t_derivatives
 from tripwatt.gam.fit import Factor, Rows, Solution, Value, bounds, minimise
 from tripwatt.gam.penalties import PenaltyStack
@@ -22,8 +22,8 @@ from tripwatt.gam.penalties import PenaltyStack
 class Mode:
     """Coefficients that maximise the penalised likelihood at given smoothing parameters, shape and scale."""
 
-    beta: Array
-    residual: Array
+    beta: FloatArray
+    residual: FloatArray
     factor: Factor
     derivatives: TDerivatives
     value: float
@@ -42,27 +42,29 @@ class LaplaceModel:
         Start of the coefficients, rotated coordinates.
     """
 
-    def __init__(self, rows: Rows, y: Array, stack: PenaltyStack, family: ScaledT, beta: Array) -> None:
+    def __init__(
+        self, rows: Rows, y: FloatArray, stack: PenaltyStack, family: ScaledT, beta: FloatArray
+    ) -> None:
         self.rows, self.y, self.stack, self.family, self.beta = rows, y, stack, family, beta
 
-    def _objective(self, beta: Array, rho: Array, theta: Theta) -> tuple[float, Array]:
+    def _objective(self, beta: FloatArray, rho: FloatArray, theta: Theta) -> tuple[float, FloatArray]:
         """Penalised negative log-likelihood, and the residual (n,)."""
         r = self.y - self.rows.predictor(self.stack.restored(beta))
         penalty = float((self.stack.products(rho, beta).T @ beta).sum()) / 2
         return penalty - self.family.loglik(r, theta.nu, theta.sigma), r
 
-    def mode(self, rho: Array, theta: Theta, max_iter: int = 200) -> Mode | None:
+    def mode(self, rho: FloatArray, theta: Theta, max_iter: int = 200) -> Mode | None:
         """Newton for the coefficients; expected weights where the observed information is indefinite."""
         beta = self.beta
         value, r = self._objective(beta, rho, theta)
         for _ in range(max_iter):
             d = t_derivatives(r, theta)
             g = self.stack.rotated(self.rows.transpose(d.eta[1])) - self.stack.products(rho, beta).sum(axis=1)
-            observed = Factor.of(self._information(-d.eta[2], rho))
+            observed = Factor.from_matrix(self._information(-d.eta[2], rho))
             factor = observed
             if factor is None:
                 c = self.family.expected_weight(theta.nu, theta.sigma)
-                factor = Factor.of(self._information(np.maximum(-d.eta[2], 0.05 * c), rho))
+                factor = Factor.from_matrix(self._information(np.maximum(-d.eta[2], 0.05 * c), rho))
             if factor is None:
                 return None
             step = factor.inverse @ g
@@ -78,10 +80,10 @@ class LaplaceModel:
             beta, value, r = beta + step, trial, trial_r
         return None
 
-    def _information(self, weights: Array, rho: Array) -> Array:
+    def _information(self, weights: FloatArray, rho: FloatArray) -> FloatArray:
         return self.stack.add_to(self.stack.rotated_both(self.rows.gram(weights)), rho)
 
-    def score(self, rho: Array, theta: Theta) -> tuple[float, Mode] | None:
+    def score(self, rho: FloatArray, theta: Theta) -> tuple[float, Mode] | None:
         """Score at given parameters, with the mode that belongs to it."""
         mode = self.mode(rho, theta)
         if mode is None:
@@ -90,7 +92,7 @@ class LaplaceModel:
         constant = self.stack.null_dim / 2 * math.log(2 * math.pi)
         return mode.value + (mode.factor.log_determinant - log_s) / 2 - constant, mode
 
-    def value(self, rho: Array, theta: Theta) -> Value | None:
+    def value(self, rho: FloatArray, theta: Theta) -> Value | None:
         """Score with exact gradient and Hessian in (rho, log(nu - min_df), log sigma)."""
         found = self.score(rho, theta)
         if found is None:
@@ -98,7 +100,7 @@ class LaplaceModel:
         value, mode = found
         return value, *self._derivatives(rho, mode)
 
-    def _derivatives(self, rho: Array, mode: Mode) -> tuple[Array, Array]:
+    def _derivatives(self, rho: FloatArray, mode: Mode) -> tuple[FloatArray, FloatArray]:
         stack, d, K, M = self.stack, mode.derivatives, mode.factor.inverse, self.stack.size
         restored = stack.restored(K)
         leverage = self.rows.leverage(stack.restored(restored.T))
@@ -123,8 +125,11 @@ class LaplaceModel:
         return gradient, (hessian + hessian.T) / 2
 
     def _curvature(
-        self, rho: Array, mode: Mode, parts: tuple[Array, Array, Array, list[Array], list[Array], Array]
-    ) -> Array:
+        self,
+        rho: FloatArray,
+        mode: Mode,
+        parts: tuple[FloatArray, FloatArray, FloatArray, list[FloatArray], list[FloatArray], FloatArray],
+    ) -> FloatArray:
         """Everything of the Hessian that does not come from log|S|+ or the diagonal of the penalty term."""
         beta1, eta1, V, A1, products, leverage = parts
         stack, d, M = self.stack, mode.derivatives, self.stack.size
@@ -162,9 +167,9 @@ class LaplaceModel:
 
 def fit_laplace(
     model: LaplaceModel,
-    rho: Array,
+    rho: FloatArray,
     theta: Theta,
-    gram: Array,
+    gram: FloatArray,
     fixed: bool = False,
     tolerance: float = 1e-6,
     max_iter: int = 100,
@@ -197,12 +202,12 @@ def fit_laplace(
     lower = np.concatenate([lower, [max(LOG_EXCESS_DF[0], math.log(1e-5)), x0[-1] - 50]])
     upper = np.concatenate([upper, [LOG_EXCESS_DF[1], x0[-1] + 50]])
 
-    def whole(x: Array) -> tuple[Array, Theta]:
+    def whole(x: FloatArray) -> tuple[FloatArray, Theta]:
         full = x0.copy()
         full[free] = x
         return full[:M], Theta(float(full[M]), float(full[M + 1]), family.min_df)
 
-    def score(x: Array) -> Value | None:
+    def score(x: FloatArray) -> Value | None:
         found = model.value(*whole(x))
         return None if found is None else (found[0], found[1][free], found[2][np.ix_(free, free)])
 
@@ -219,7 +224,7 @@ def fit_laplace(
         return None
     value, mode = found
     information = family.expected_weight(best.nu, best.sigma) * gram
-    expected = Factor.of(stack.add_to(information, best_rho))
+    expected = Factor.from_matrix(stack.add_to(information, best_rho))
     return Solution(
         beta=stack.restored(mode.beta),
         rho=best_rho,

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.gam.bases import Array
 from tripwatt.gam.covariates import Index, Levels, Support, Training
 from tripwatt.gam.design import Design
 from tripwatt.gam.identify import identified
@@ -20,7 +19,7 @@ DEAD = 1e-10
 """Share of a column's sum of squares below which a downdate has left nothing but rounding."""
 
 
-def grouped_moments(design: Design, y: Array, groups: Index, rows: Index, lagged: bool) -> Moments:
+def grouped_moments(design: Design, y: FloatArray, groups: Index, rows: Index, lagged: bool) -> Moments:
     """Sums over `rows`, group by group where lagged products are wanted."""
     if not lagged:
         return moments(design.rows, y, rows, False)
@@ -32,7 +31,7 @@ def grouped_moments(design: Design, y: Array, groups: Index, rows: Index, lagged
     return total
 
 
-def training_of(design: Design, rows: npt.NDArray[np.bool_]) -> Training:
+def training_of(design: Design, rows: BoolArray) -> Training:
     """What prediction may know when only `rows` (n,) were seen: their ranges, their levels."""
     supports = {}
     for names, points in design.joint.items():
@@ -55,12 +54,12 @@ def training_of(design: Design, rows: npt.NDArray[np.bool_]) -> Training:
 def _fold(
     design: Design,
     frame: pd.DataFrame,
-    y: Array,
+    y: FloatArray,
     groups: Index,
-    held: npt.NDArray[np.bool_],
+    held: BoolArray,
     total: Moments,
     settings: Settings,
-) -> tuple[Array, dict[str, float]]:
+) -> tuple[FloatArray, dict[str, float]]:
     """Predictions of the rows held out, and how the fit without them went."""
     lagged = len(total.gram) > 1
     out, kept = np.flatnonzero(held).astype(np.intp), np.flatnonzero(~held).astype(np.intp)
@@ -103,8 +102,8 @@ def _fold(
 
 
 def leave_out(
-    design: Design, frame: pd.DataFrame, y: Array, groups: Index, folds: Index, settings: Settings
-) -> tuple[Array, pd.DataFrame]:
+    design: Design, frame: pd.DataFrame, y: FloatArray, groups: Index, folds: Index, settings: Settings
+) -> tuple[FloatArray, pd.DataFrame]:
     """Predict each fold from all other rows.
 
     Parameters

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.gam.bases import Array
 from tripwatt.gam.families import Family, Gaussian
 from tripwatt.gam.fit import DenseRows, Solution
 from tripwatt.gam.moments import Moments
@@ -16,9 +16,9 @@ from tripwatt.gam.solve import Method, Settings, solve
 
 
 def fit_matrix(
-    X: Array,
-    penalties: Sequence[tuple[int, int, Array]],
-    y: Array,
+    X: FloatArray,
+    penalties: Sequence[tuple[int, int, FloatArray]],
+    y: FloatArray,
     family: Family | None = None,
     method: Method = "fREML",
     smoothing_parameters: Sequence[float] | None = None,
@@ -71,7 +71,7 @@ def fit_matrix(
         faults.append(Fault("wrong length", "y", f"{len(y)} values", f"{n} rows of X"))
     if faults:
         raise InvalidInput(faults)
-    terms: dict[int, list[Array]] = {}
+    terms: dict[int, list[FloatArray]] = {}
     order: dict[int, list[int]] = {}
     for j, (first, _, S) in enumerate(penalties):
         terms.setdefault(first, []).append(np.asarray(S, dtype=np.float64))

@@ -7,17 +7,16 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
 
+from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.gam.bases import Array
-from tripwatt.gam.blocks import Extrapolation
 from tripwatt.gam.covariates import Index, missing_columns, numbers, response
 from tripwatt.gam.design import Design, build_design
 from tripwatt.gam.families import Family, Gaussian, ScaledT
 from tripwatt.gam.fit import Solution
+from tripwatt.gam.fitted_terms import Extrapolation
 from tripwatt.gam.identify import identified
 from tripwatt.gam.leaveout import grouped_moments, leave_out
 from tripwatt.gam.moments import Moments
@@ -222,7 +221,7 @@ class GAMM(RegressorMixin, BaseEstimator):
             return (out, pd.DataFrame(error, index=frame.index, columns=labels)) if se else out
         return (fit.sum(axis=1), total) if se else fit.sum(axis=1)
 
-    def extrapolated(self, frame: pd.DataFrame) -> npt.NDArray[np.bool_]:
+    def extrapolated(self, frame: pd.DataFrame) -> BoolArray:
         """Rows (n,) with a covariate outside its training range or a level that training did not have."""
         self._complete(frame, (), None)
         out = np.zeros(len(frame), dtype=bool)
@@ -240,7 +239,7 @@ class GAMM(RegressorMixin, BaseEstimator):
 
     def leave_groups_out(
         self, frame: pd.DataFrame, y: object = None, groups: object = None, folds: object = None
-    ) -> Array:
+    ) -> FloatArray:
         """Predict every row from a fit without its group.
 
         Smoothing parameters, shape and scale are estimated anew in every fold, from a start that knows nothing of
@@ -297,7 +296,7 @@ class GAMM(RegressorMixin, BaseEstimator):
             raise InvalidInput(faults)
         return known[self.family]
 
-    def _settings(self, family: Family, rho: Array | None) -> Settings:
+    def _settings(self, family: Family, rho: FloatArray | None) -> Settings:
         if self.extrapolation not in ("clamp", "linear"):
             got = repr(self.extrapolation)
             raise InvalidInput(Fault("unknown extrapolation", "GAMM(extrapolation=)", got, "clamp or linear"))
@@ -331,11 +330,11 @@ class GAMM(RegressorMixin, BaseEstimator):
             )
         return codes
 
-    def _moments(self, design: Design, y: Array, groups: Index | None) -> Moments:
+    def _moments(self, design: Design, y: FloatArray, groups: Index | None) -> Moments:
         codes = groups if groups is not None else np.zeros(len(y), dtype=np.intp)
         return grouped_moments(design, y, codes, np.arange(len(y), dtype=np.intp), self.ar1_rho is not None)
 
-    def _given(self, design: Design) -> Array | None:
+    def _given(self, design: Design) -> FloatArray | None:
         """Given smoothing parameters as logs, in the order of the design."""
         if self.smoothing_parameters is None:
             return None
@@ -358,7 +357,13 @@ class GAMM(RegressorMixin, BaseEstimator):
         return np.log(values)
 
     def _keep(
-        self, design: Design, y: Array, family: Family, solution: Solution, active: Index, which: list[int]
+        self,
+        design: Design,
+        y: FloatArray,
+        family: Family,
+        solution: Solution,
+        active: Index,
+        which: list[int],
     ) -> None:
         """Set the fitted attributes."""
         found: Results = results(design, y, family, solution, active)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tripwatt.gam.bases import Array
+from tripwatt.arrays import FloatArray
 from tripwatt.gam.covariates import Index
 from tripwatt.gam.fit import NormalEquations
 from tripwatt.gam.penalties import PenaltyStack
@@ -33,9 +33,9 @@ class Moments:
         Rows, and how many of them begin a group.
     """
 
-    gram: Array
-    cross: Array
-    square: Array
+    gram: FloatArray
+    cross: FloatArray
+    square: FloatArray
     n: float
     firsts: float
 
@@ -59,7 +59,7 @@ class Moments:
             self.firsts + other.firsts,
         )
 
-    def mixture(self, rho: float) -> Array:
+    def mixture(self, rho: float) -> FloatArray:
         """Weights (s,) of the sums at autocorrelation `rho`."""
         if len(self.gram) == 1:
             return np.ones(1)
@@ -75,7 +75,7 @@ class Moments:
         return NormalEquations(stack.rotated_both(gram), cross, float(mix @ self.square), self.n, jacobian)
 
 
-def moments(rows: TableRows, y: Array, order: Index, lagged: bool) -> Moments:
+def moments(rows: TableRows, y: FloatArray, order: Index, lagged: bool) -> Moments:
     """Sums over the rows `order`, which are consecutive in time and of one group when `lagged`.
 
     Parameters

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eigh, qr, solve_triangular
 
-from tripwatt.gam.bases import Array
+from tripwatt.arrays import FloatArray
 
 RANK_TOLERANCE = 1e-9
 
@@ -41,9 +41,9 @@ class PenaltyBlock:
     start: int
     stop: int
     rank: int
-    rotation: Array
-    matrices: list[Array]
-    diagonal: Array | None
+    rotation: FloatArray
+    matrices: list[FloatArray]
+    diagonal: FloatArray | None
     log_volume: float
 
     @property
@@ -52,7 +52,7 @@ class PenaltyBlock:
         return slice(self.start, self.start + self.rank)
 
     @classmethod
-    def of(cls, start: int, matrices: list[Array]) -> PenaltyBlock:
+    def from_matrices(cls, start: int, matrices: list[FloatArray]) -> PenaltyBlock:
         """Rotate the penalties (m, m) of a block that starts at coefficient `start`."""
         total = sum((S / np.linalg.norm(S) for S in matrices), np.zeros_like(matrices[0]))
         values, vectors = eigh((total + total.T) / 2)
@@ -75,7 +75,7 @@ class PenaltyBlock:
             volume = 2 * float(np.linalg.slogdet(W)[1])
         return cls(start, start + len(total), rank, vectors, inner, both, volume)
 
-    def log_determinant(self, rho: Array) -> tuple[float, Array, Array]:
+    def log_determinant(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """log|S|+ with its gradient and Hessian in the log smoothing parameters `rho` of the block."""
         if self.diagonal is not None:
             logs = np.where(
@@ -91,7 +91,7 @@ class PenaltyBlock:
             return float((top + np.log(sums)).sum()) - self.log_volume, gradient, hessian
         return self._log_determinant_of_many(rho)
 
-    def _log_determinant_of_many(self, rho: Array) -> tuple[float, Array, Array]:
+    def _log_determinant_of_many(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """By QR of the stacked, sorted square roots: row scaling does no harm there."""
         order = np.argsort(-rho)
         roots = []
@@ -114,10 +114,10 @@ class Penalty:
     """One penalty in rotated coordinates: its coefficients, its matrix and, where it is diagonal, that diagonal."""
 
     where: slice
-    matrix: Array
-    diagonal: Array | None
+    matrix: FloatArray
+    diagonal: FloatArray | None
 
-    def times(self, M: Array) -> Array:
+    def times(self, M: FloatArray) -> FloatArray:
         """Penalty times the rows `where` of a vector or matrix M (r, ...)."""
         if self.diagonal is not None:
             return np.asarray(self.diagonal * M if M.ndim == 1 else self.diagonal[:, None] * M)
@@ -141,9 +141,9 @@ class PenaltyStack:
     (1, 2)
     """
 
-    def __init__(self, p: int, terms: list[tuple[int, list[Array]]]) -> None:
+    def __init__(self, p: int, terms: list[tuple[int, list[FloatArray]]]) -> None:
         self.p = p
-        self.blocks = [PenaltyBlock.of(start, matrices) for start, matrices in terms]
+        self.blocks = [PenaltyBlock.from_matrices(start, matrices) for start, matrices in terms]
         self.penalties: list[Penalty] = []
         self.members: list[npt.NDArray[np.intp]] = []
         for block in self.blocks:
@@ -156,7 +156,7 @@ class PenaltyStack:
         self.rank = sum(block.rank for block in self.blocks)
         self.null_dim = p - self.rank
 
-    def rotated(self, M: Array) -> Array:
+    def rotated(self, M: FloatArray) -> FloatArray:
         """A vector (p,) or the rows of a matrix (p, q) in rotated coordinates."""
         out = M.copy()
         for block in self.blocks:
@@ -164,11 +164,11 @@ class PenaltyStack:
             out[where] = block.rotation.T @ M[where]
         return out
 
-    def rotated_both(self, M: Array) -> Array:
+    def rotated_both(self, M: FloatArray) -> FloatArray:
         """A crossproduct (p, p) in rotated coordinates."""
         return np.ascontiguousarray(self.rotated(self.rotated(M).T))
 
-    def restored(self, M: Array) -> Array:
+    def restored(self, M: FloatArray) -> FloatArray:
         """Rotated vector or rows back in the coordinates of the model."""
         out = M.copy()
         for block in self.blocks:
@@ -176,11 +176,11 @@ class PenaltyStack:
             out[where] = block.rotation @ M[where]
         return out
 
-    def restored_both(self, M: Array) -> Array:
+    def restored_both(self, M: FloatArray) -> FloatArray:
         """A covariance (p, p) back in the coordinates of the model."""
         return self.restored(self.restored(M).T)
 
-    def add_to(self, M: Array, rho: Array) -> Array:
+    def add_to(self, M: FloatArray, rho: FloatArray) -> FloatArray:
         """M (p, p) plus the penalties with log smoothing parameters `rho`."""
         out = M.copy()
         for penalty, r in zip(self.penalties, rho, strict=True):
@@ -191,7 +191,7 @@ class PenaltyStack:
                 out[penalty.where, penalty.where] += np.exp(r) * penalty.matrix
         return out
 
-    def log_determinant(self, rho: Array) -> tuple[float, Array, Array]:
+    def log_determinant(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """log|S|+ with gradient (M,) and Hessian (M, M) in `rho`."""
         value, gradient, hessian = 0.0, np.zeros(self.size), np.zeros((self.size, self.size))
         for block, index in zip(self.blocks, self.members, strict=True):
@@ -201,14 +201,14 @@ class PenaltyStack:
             hessian[np.ix_(index, index)] = h
         return value, gradient, hessian
 
-    def products(self, rho: Array, beta: Array) -> Array:
+    def products(self, rho: FloatArray, beta: FloatArray) -> FloatArray:
         """Columns lambda_j S_j beta, as (p, M)."""
         out = np.zeros((self.p, self.size))
         for j, (penalty, r) in enumerate(zip(self.penalties, rho, strict=True)):
             out[penalty.where, j] = np.exp(r) * penalty.times(beta[penalty.where])
         return out
 
-    def traces(self, rho: Array, K: Array) -> tuple[Array, Array]:
+    def traces(self, rho: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
         """lambda_j tr(K S_j) as (M,) and lambda_i lambda_j tr(K S_i K S_j) as (M, M), K symmetric (p, p)."""
         products = [
             np.exp(r) * penalty.times(K[penalty.where]).T

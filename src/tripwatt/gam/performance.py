@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tripwatt.gam.bases import Array
+from tripwatt.arrays import FloatArray
 from tripwatt.gam.families import LOG_EXCESS_DF, ScaledT, Theta, fit_theta
 from tripwatt.gam.fit import (
     Evaluation,
@@ -48,24 +48,24 @@ class TData:
     """
 
     rows: Rows
-    y: Array
-    gram: Array
-    cross: Array
+    y: FloatArray
+    gram: FloatArray
+    cross: FloatArray
 
 
 @dataclass(frozen=True)
 class State:
     """Where the iteration stands: rotated coefficients, log smoothing parameters, shape and scale."""
 
-    beta: Array
-    rho: Array
+    beta: FloatArray
+    rho: FloatArray
     theta: Theta
 
-    def packed(self) -> Array:
+    def packed(self) -> FloatArray:
         """As one vector."""
         return np.concatenate([self.beta, self.rho, [self.theta.excess, self.theta.log_sigma]])
 
-    def unpacked(self, x: Array, lower: Array, upper: Array) -> State:
+    def unpacked(self, x: FloatArray, lower: FloatArray, upper: FloatArray) -> State:
         """From one vector, smoothing parameters and shape within their bounds."""
         p = len(self.beta)
         low, high = LOG_EXCESS_DF
@@ -79,7 +79,7 @@ class Pass:
 
     state: State
     working: Evaluation
-    weights: Array
+    weights: FloatArray
     data: NormalEquations
 
 
@@ -99,7 +99,7 @@ class PerformanceIteration:
         self.data, self.stack, self.family, self.fixed = data, stack, family, fixed
         self.free = (family.nu is None, family.sigma is None)
 
-    def start(self, rho: Array | None) -> State | None:
+    def start(self, rho: FloatArray | None) -> State | None:
         """Gaussian fit, and the scaled t that its residuals look like."""
         d = self.data
         normal = NormalEquations(d.gram, d.cross, float(d.y @ d.y), d.rows.n)
@@ -108,15 +108,15 @@ class PerformanceIteration:
             return None
         sigma = self.family.sigma if self.family.sigma is not None else 0.8 * float(np.sqrt(first.scale))
         nu = self.family.nu if self.family.nu is not None else self.family.min_df + 2.0
-        theta = Theta.of(nu, max(sigma, 1e-150), self.family.min_df)
+        theta = Theta.from_estimates(nu, max(sigma, 1e-150), self.family.min_df)
         moved = first.rho if self.fixed else first.rho - np.log(first.scale)
         return State(self.stack.rotated(first.beta), moved, theta)
 
-    def residual(self, state: State) -> Array:
+    def residual(self, state: State) -> FloatArray:
         """Response minus the predictor of a state, (n,)."""
         return np.asarray(self.data.y - self.data.rows.predictor(self.stack.restored(state.beta)))
 
-    def advance(self, state: State, lower: Array, upper: Array, near: bool = False) -> Pass | None:
+    def advance(self, state: State, lower: FloatArray, upper: FloatArray, near: bool = False) -> Pass | None:
         """One pass: shape and scale, working response, smoothing parameters, coefficients."""
         d = self.data
         r = self.residual(state)
@@ -142,8 +142,14 @@ class PerformanceIteration:
         return Pass(State(found.beta, rho, theta), found, np.concatenate([diagonal, curvature, ends]), normal)
 
     def _smoothed(
-        self, normal: NormalEquations, here: Evaluation, rho: Array, lower: Array, upper: Array, near: bool
-    ) -> tuple[Evaluation, Array]:
+        self,
+        normal: NormalEquations,
+        here: Evaluation,
+        rho: FloatArray,
+        lower: FloatArray,
+        upper: FloatArray,
+        near: bool,
+    ) -> tuple[Evaluation, FloatArray]:
         """One Newton step of the working model's score, halved until it descends; a short one near the end is trusted."""
         step = newton_step(here.gradient, here.hessian, rho, lower, upper)
         if near and float(np.abs(step).max()) < SHORT:
@@ -228,14 +234,14 @@ class Mixing:
 
     def __init__(self, close: float, memory: int = 6) -> None:
         self.memory, self.close = memory, close
-        self.change: Array | None = None
+        self.change: FloatArray | None = None
         self.plain, self.patience = 0, 10
-        self.points: list[Array] = []
-        self.images: list[Array] = []
+        self.points: list[FloatArray] = []
+        self.images: list[FloatArray] = []
         self.best, self.landmark, self.mixed = np.inf, np.inf, 0
-        self.best_image: Array = np.empty(0)
+        self.best_image: FloatArray = np.empty(0)
 
-    def next(self, x: Array, fx: Array, weights: Array) -> Array:
+    def next(self, x: FloatArray, fx: FloatArray, weights: FloatArray) -> FloatArray:
         """Where to evaluate next, given the map's value `fx` at `x` and weights of the components."""
         change = weights * (fx - x)
         size, largest = float(np.linalg.norm(change)), float(np.abs(change).max(initial=0.0))
@@ -267,7 +273,7 @@ class Mixing:
             self.landmark = self.best
         return self._mixture(fx, weights, largest) if len(self.points) > 1 else fx
 
-    def _mixture(self, fx: Array, weights: Array, largest: float) -> Array:
+    def _mixture(self, fx: FloatArray, weights: FloatArray, largest: float) -> FloatArray:
         P, F = np.array(self.points), np.array(self.images)
         R = (F - P) * weights
         dR, dF = np.diff(R, axis=0), np.diff(F, axis=0)

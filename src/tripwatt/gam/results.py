@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from tripwatt.gam.bases import Array
+from tripwatt.arrays import FloatArray
 from tripwatt.gam.covariates import Index
 from tripwatt.gam.design import Design
 from tripwatt.gam.families import Family, Gaussian
@@ -19,13 +19,13 @@ from tripwatt.gam.fit import Solution
 class Results:
     """Fitted quantities; the model has each as an attribute with a trailing underscore."""
 
-    coef: Array
-    Vp: Array
-    Ve: Array
-    F: Array
-    edf: Array
-    edf1: Array
-    R: Array
+    coef: FloatArray
+    Vp: FloatArray
+    Ve: FloatArray
+    F: FloatArray
+    edf: FloatArray
+    edf1: FloatArray
+    R: FloatArray
     scale: float
     nu: float
     sigma: float
@@ -40,15 +40,15 @@ class Results:
     r2: float
     n: int
     residual_df: float
-    linear_predictor: Array
-    fitted_values: Array
-    residuals: Array
+    linear_predictor: FloatArray
+    fitted_values: FloatArray
+    residuals: FloatArray
     converged: bool
     n_iter: int
     message: str
 
 
-def _square_root(M: Array) -> Array:
+def _square_root(M: FloatArray) -> FloatArray:
     """R with R'R = M, upper triangular where M is positive definite."""
     try:
         return np.asarray(np.linalg.cholesky(M).T)
@@ -58,7 +58,7 @@ def _square_root(M: Array) -> Array:
 
 
 def _likelihood(
-    family: Family, residual: Array, y: Array, nu: float, sigma: float
+    family: Family, residual: FloatArray, y: FloatArray, nu: float, sigma: float
 ) -> tuple[float, float, float]:
     """Log-likelihood, deviance and deviance of the best constant."""
     n = len(y)
@@ -77,7 +77,7 @@ def _likelihood(
     return family.loglik(residual, nu, sigma), deviance, float(best.fun)
 
 
-def results(design: Design, y: Array, family: Family, solution: Solution, active: Index) -> Results:
+def results(design: Design, y: FloatArray, family: Family, solution: Solution, active: Index) -> Results:
     """Everything a fit says of its coefficients and of the data.
 
     Parameters

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.gam.bases import Array, Basis, PSpline, cubic_regression, thin_plate
+from tripwatt.gam.bases import Basis, PSpline, cubic_regression, thin_plate
 from tripwatt.gam.covariates import Points
 from tripwatt.gam.terms import Smooth, Tensor
 
@@ -23,13 +24,13 @@ class Margin:
     """
 
     basis: Basis
-    transform: Array
+    transform: FloatArray
 
-    def matrix(self, x: Array) -> Array:
+    def matrix(self, x: FloatArray) -> FloatArray:
         """Columns at `x` (n, d), as (n, q)."""
         return np.asarray(self.basis.matrix(x) @ self.transform)
 
-    def reduced(self, Z: Array) -> Margin:
+    def reduced(self, Z: FloatArray) -> Margin:
         """The same smooth with its columns mapped by Z (q, r)."""
         return Margin(self.basis, self.transform @ Z)
 
@@ -45,16 +46,16 @@ class TensorProduct:
     """
 
     margins: tuple[Margin, ...]
-    transform: Array
+    transform: FloatArray
 
-    def matrix(self, x: Array) -> Array:
+    def matrix(self, x: FloatArray) -> FloatArray:
         """Columns at `x` (n, d), as (n, r)."""
         out = self.margins[0].matrix(x[:, :1])
         for j, margin in enumerate(self.margins[1:], start=1):
             out = (out[:, :, None] * margin.matrix(x[:, j : j + 1])[:, None, :]).reshape(len(x), -1)
         return np.asarray(out @ self.transform)
 
-    def reduced(self, Z: Array) -> TensorProduct:
+    def reduced(self, Z: FloatArray) -> TensorProduct:
         """The same smooth with its columns mapped by Z (r, s)."""
         return TensorProduct(self.margins, self.transform @ Z)
 
@@ -76,18 +77,18 @@ class Built:
     """
 
     smoother: Smoother
-    table: Array
-    penalties: list[Array]
+    table: FloatArray
+    penalties: list[FloatArray]
     notes: list[str]
 
 
-def sum_to_zero(means: Array) -> Array:
+def sum_to_zero(means: FloatArray) -> FloatArray:
     """Orthonormal Z (k, k - 1) with means' Z = 0, by one Householder reflection."""
     Q, _ = np.linalg.qr(means[:, None], mode="complete")
     return np.asarray(Q[:, 1:])
 
 
-def _scaled(S: Array, table: Array) -> Array:
+def _scaled(S: FloatArray, table: FloatArray) -> FloatArray:
     """Penalty with the norm of the columns' crossproduct, so that smoothing parameters are comparable."""
     size = float(np.abs(table).sum(axis=1).max()) ** 2
     return np.asarray(S * (size / float(np.abs(S).sum(axis=0).max())))
@@ -180,10 +181,10 @@ def build_smooth(term: Smooth, points: Points, centred: bool) -> Built:
     return Built(Margin(basis, Z), table @ Z, [Z.T @ S @ Z], notes)
 
 
-def _margin(term: Tensor, points: Points, column: int, k: int) -> tuple[Margin, Array, list[str]]:
+def _margin(term: Tensor, points: Points, column: int, k: int) -> tuple[Margin, FloatArray, list[str]]:
     """A margin parametrised by its values at even points (Wood 2006), centred for a pure interaction, and its penalty."""
     values, index = np.unique(points.values[:, column], return_inverse=True)
-    counts: Array = np.bincount(index, weights=points.counts).astype(np.float64)
+    counts: FloatArray = np.bincount(index, weights=points.counts).astype(np.float64)
     own = Points(values[:, None], index.astype(np.intp), counts)
     basis, notes = _basis(term.basis, own, k, term.m, term.label, term.names[column])
     T = np.eye(basis.k)
@@ -224,7 +225,7 @@ def build_tensor(term: Tensor, points: Points, centred: bool) -> Built:
     table = product.matrix(points.values)
     penalties = []
     for j, part in enumerate(parts):
-        S: Array = np.ones((1, 1))
+        S: FloatArray = np.ones((1, 1))
         for i, size in enumerate(sizes):
             S = np.asarray(np.kron(S, part[1] if i == j else np.eye(size)), dtype=np.float64)
         penalties.append(_scaled(S, table))

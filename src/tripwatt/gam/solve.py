@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from tripwatt.gam.bases import Array
+from tripwatt.arrays import FloatArray
 from tripwatt.gam.covariates import Index
 from tripwatt.gam.families import Family, Gaussian, ScaledT, Theta
 from tripwatt.gam.fit import NormalEquations, Rows, Solution, fit_gaussian
@@ -43,7 +43,7 @@ class Settings:
 
     family: Family
     method: Method = "fREML"
-    rho: Array | None = None
+    rho: FloatArray | None = None
     ar1_rho: float | Literal["estimate"] | None = None
     tolerance: float = 1e-3
     max_iter: int = 400
@@ -78,7 +78,7 @@ def _autoregressive(
         rho = float(settings.ar1_rho or 0.0)
         found = _gaussian(sums.normal(stack, active, rho), stack, settings, scale)
         return None if found is None else replace(found, ar1_rho=rho)
-    last: dict[str, Array] = {}
+    last: dict[str, FloatArray] = {}
 
     def score(z: float) -> float:
         solution = fit_gaussian(
@@ -102,7 +102,7 @@ def _autoregressive(
     return _autoregressive(sums, stack, active, replace(settings, ar1_rho=rho), scale)
 
 
-def _thinned(rows: Rows, y: Array, stack: PenaltyStack, settings: Settings) -> State | None:
+def _thinned(rows: Rows, y: FloatArray, stack: PenaltyStack, settings: Settings) -> State | None:
     """A start from every so many-th row, where there are many rows; None where that is no use."""
     step = rows.n // THIN_ROWS
     if step < 2 or not isinstance(rows, TableRows):
@@ -117,12 +117,12 @@ def _thinned(rows: Rows, y: Array, stack: PenaltyStack, settings: Settings) -> S
     found = None if start is None else iteration.run(start, 100 * settings.tolerance, settings.max_iter)
     if found is None:
         return None
-    theta = Theta.of(found.nu, found.sigma, family.min_df)
+    theta = Theta.from_estimates(found.nu, found.sigma, family.min_df)
     return State(stack.rotated(found.beta), found.rho, theta)
 
 
 def _scaled_t(
-    rows: Rows, y: Array, data: NormalEquations, stack: PenaltyStack, settings: Settings
+    rows: Rows, y: FloatArray, data: NormalEquations, stack: PenaltyStack, settings: Settings
 ) -> Solution | None:
     family = settings.family
     assert isinstance(family, ScaledT)
@@ -136,12 +136,12 @@ def _scaled_t(
     if first is None or not exact:
         return first
     model = LaplaceModel(rows, y, stack, family, stack.rotated(first.beta))
-    theta = Theta.of(first.nu, first.sigma, family.min_df)
+    theta = Theta.from_estimates(first.nu, first.sigma, family.min_df)
     return fit_laplace(model, first.rho, theta, data.gram, fixed, max_iter=settings.max_iter)
 
 
 def solve(
-    rows: Rows, y: Array, sums: Moments, stack: PenaltyStack, active: Index, settings: Settings
+    rows: Rows, y: FloatArray, sums: Moments, stack: PenaltyStack, active: Index, settings: Settings
 ) -> Solution | None:
     """Fit the active coefficients.
 

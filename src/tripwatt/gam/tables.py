@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tripwatt.gam.bases import Array
+from tripwatt.arrays import FloatArray
 from tripwatt.gam.covariates import Index
 
 CHUNK = 4096
@@ -18,13 +18,13 @@ CHUNK = 4096
 
 
 @dataclass(frozen=True)
-class Part:
+class IndexedColumns:
     """Blocks that share an index: columns, a table (m, q), each row's position in it, and a multiplier."""
 
     columns: Index
-    table: Array
+    table: FloatArray
     index: Index
-    scale: Array | None = None
+    scale: FloatArray | None = None
 
 
 class TableRows:
@@ -32,12 +32,12 @@ class TableRows:
 
     Parameters
     ----------
-    parts : list of Part
+    parts : list of IndexedColumns
     n, p : int
         Rows and columns.
     """
 
-    def __init__(self, parts: list[Part], n: int, p: int) -> None:
+    def __init__(self, parts: list[IndexedColumns], n: int, p: int) -> None:
         self.parts, self.n, self.p = parts, n, p
 
     def subset(self, rows: Index | None = None, columns: Index | None = None) -> TableRows:
@@ -45,7 +45,7 @@ class TableRows:
         parts = self.parts
         if rows is not None:
             parts = [
-                Part(q.columns, q.table, q.index[rows], None if q.scale is None else q.scale[rows])
+                IndexedColumns(q.columns, q.table, q.index[rows], None if q.scale is None else q.scale[rows])
                 for q in parts
             ]
         p = self.p
@@ -56,11 +56,11 @@ class TableRows:
             for q in parts:
                 good = position[q.columns] >= 0
                 if good.any():
-                    kept.append(Part(position[q.columns[good]], q.table[:, good], q.index, q.scale))
+                    kept.append(IndexedColumns(position[q.columns[good]], q.table[:, good], q.index, q.scale))
             parts, p = kept, len(columns)
         return TableRows(parts, self.n if rows is None else len(rows), p)
 
-    def predictor(self, beta: Array) -> Array:
+    def predictor(self, beta: FloatArray) -> FloatArray:
         """X beta for beta (p,) or (p, q)."""
         out = np.zeros((self.n, *beta.shape[1:]))
         for q in self.parts:
@@ -70,7 +70,7 @@ class TableRows:
             out += piece
         return out
 
-    def transpose(self, v: Array) -> Array:
+    def transpose(self, v: FloatArray) -> FloatArray:
         """X' v for v (n,) or (n, q)."""
         if v.ndim == 2:
             return np.stack([self.transpose(np.ascontiguousarray(column)) for column in v.T], axis=1)
@@ -80,7 +80,7 @@ class TableRows:
             out[q.columns] += q.table.T @ np.bincount(q.index, weights=weights, minlength=len(q.table))
         return out
 
-    def dense(self, rows: slice | Index) -> Array:
+    def dense(self, rows: slice | Index) -> FloatArray:
         """Rows of X as an array."""
         first = self.parts[0].index[rows]
         out = np.zeros((len(first), self.p))
@@ -97,7 +97,7 @@ class TableRows:
     def _chunks(self) -> list[slice]:
         return [slice(start, min(start + CHUNK, self.n)) for start in range(0, self.n, CHUNK)]
 
-    def gram(self, weights: Array | None = None) -> Array:
+    def gram(self, weights: FloatArray | None = None) -> FloatArray:
         """X' W X, (p, p)."""
         out = np.zeros((self.p, self.p))
         for rows in self._chunks():
@@ -105,7 +105,7 @@ class TableRows:
             out += X.T @ X if weights is None else (weights[rows, None] * X).T @ X
         return out
 
-    def leverage(self, K: Array) -> Array:
+    def leverage(self, K: FloatArray) -> FloatArray:
         """Diagonal (n,) of X K X'."""
         out = np.empty(self.n)
         for rows in self._chunks():

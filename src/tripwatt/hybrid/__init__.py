@@ -1,44 +1,28 @@
-"""Where physics meets statistics: simulated energy plus a learned correction.
+"""Where physics meets statistics: simulated energy, and what is learned of its error.
 
-`cumulative` corrects the cumulative energy, as the paper does; `power` corrects the power of short blocks from what
-is known before departure. In both ``residual = observed - simulated`` and ``predicted = simulated + correction``.
+`trip_table` holds trips sample by sample, `segments` in short time bins; `power` corrects the power of segments from
+what is known before departure. In both ``residual = observed - simulated`` and ``predicted = simulated + correction``.
 """
 
-from tripwatt.hybrid.blocks import BLOCK_S, BlockTable, block_table
-from tripwatt.hybrid.correctors import POWER_CORRECTORS, power_corrector
-from tripwatt.hybrid.cumulative import (
-    COVARIATES,
-    TABLE2,
-    Corrector,
-    DataOnly,
-    EnergyModel,
-    EnergyRegression,
-    HybridModel,
-    IntArray,
-    PhysicsOnly,
-    Table2Corrector,
-    TripTable,
-    build_table,
-)
+from tripwatt.hybrid.baselines import EnergyRegression, PhysicsOnly
+from tripwatt.hybrid.correctors import POWER_CORRECTORS, TRANSFERABLE, power_corrector
 from tripwatt.hybrid.power import PowerCorrector
+from tripwatt.hybrid.segments import SEGMENT_S, SegmentTable, segment_table, segment_trips
+from tripwatt.hybrid.trip_table import COVARIATES, EnergyModel, TripTable, build_table
 
 __all__ = [
-    "BLOCK_S",
     "COVARIATES",
     "POWER_CORRECTORS",
-    "TABLE2",
-    "BlockTable",
-    "Corrector",
-    "DataOnly",
+    "SEGMENT_S",
+    "TRANSFERABLE",
     "EnergyModel",
     "EnergyRegression",
-    "HybridModel",
-    "IntArray",
     "PhysicsOnly",
     "PowerCorrector",
-    "Table2Corrector",
+    "SegmentTable",
     "TripTable",
-    "block_table",
     "build_table",
     "power_corrector",
+    "segment_table",
+    "segment_trips",
 ]

@@ -8,11 +8,11 @@ from typing import Final
 
 import numpy as np
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.hybrid.blocks import BlockTable, block_table
 from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
-from tripwatt.physics import simulate_trip
-from tripwatt.trips import FloatArray, Trip, plan_from_trip
+from tripwatt.hybrid.segments import segment_trips
+from tripwatt.trips import Trip, plan_from_trip
 from tripwatt.vehicles import Vehicle
 
 TAIL_DF: Final = 4.0
@@ -55,7 +55,7 @@ def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
     """Most probable changes of the car's uncertain values, from the energies of whole trips.
 
     The residual of each trip's energy is linear in small changes; each change is normal around 0 with its published
-    width, the trips' errors follow a t distribution whose scale is estimated along. Blocks within a trip are far from
+    width, the trips' errors follow a t distribution whose scale is estimated along. Segments within a trip are far from
     independent, so only totals count. O(samples) for each value and a few solutions of a small system.
 
     Parameters
@@ -77,8 +77,8 @@ def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
     >>> sorted(found.changes) == sorted(p.name for p in PARAMETERS)
     True
     """
-    silent = [t.trip_id for t in trips if t.observed_energy_wh is None]
-    faults = [Fault("no measured energy", name, "", "voltage and current") for name in silent]
+    unmeasured = [t.trip_id for t in trips if t.observed_energy_wh is None]
+    faults = [Fault("no measured energy", name, "", "voltage and current") for name in unmeasured]
     if len(trips) < LEAST_TRIPS:
         faults.append(
             Fault("too few trips to calibrate a car", "training", str(len(trips)), f"at least {LEAST_TRIPS}")
@@ -86,12 +86,7 @@ def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
     if faults:
         raise InvalidInput(faults)
     plans = [plan_from_trip(trip) for trip in trips]
-    table = BlockTable.join(
-        [
-            block_table(plan, simulate_trip(vehicle, plan), trip)
-            for plan, trip in zip(plans, trips, strict=True)
-        ]
-    )
+    table = segment_trips(trips, vehicle)
     by_change = sensitivities(plans, vehicle, table)
     totals = np.column_stack([table.totals_wh(column) for column in by_change.T])
     width = np.array([parameter.width for parameter in PARAMETERS])

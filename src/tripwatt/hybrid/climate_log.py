@@ -7,14 +7,14 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
+from tripwatt.arrays import FloatArray
 from tripwatt.auditing.signals import blank_stuck_heater
-from tripwatt.trips import FloatArray
 
 CLIMATE_COLUMNS: Final = ("heating_power_w", "aircon_power_w")
 TOLD_BY: Final = (*CLIMATE_COLUMNS, "requested_heating_power_w")
 """What `logged_climate` looks at: the requested power tells whether the heater's signal is stuck."""
 LEAST_SHARE: Final = 0.5
-"""Share of a block's time that has to be logged before its mean counts."""
+"""Share of a segment's time that has to be logged before its mean counts."""
 
 
 def logged_climate(samples: pd.DataFrame, edges_s: FloatArray) -> FloatArray | None:
@@ -24,12 +24,12 @@ def logged_climate(samples: pd.DataFrame, edges_s: FloatArray) -> FloatArray | N
     ----------
     samples : DataFrame
         Raw samples with `time_s` on the clock of the edges.
-    edges_s : ndarray, shape (blocks + 1,)
+    edges_s : ndarray, shape (segments + 1,)
 
     Returns
     -------
-    ndarray or None, shape (blocks,)
-        [W]; NaN where a block was not logged for long enough. None without both columns, or when the heater's signal
+    ndarray or None, shape (segments,)
+        [W]; NaN where a segment was not logged for long enough. None without both columns, or when the heater's signal
         is stuck: one of the two alone says nothing of their sum.
 
     Examples

@@ -7,29 +7,32 @@ from types import MappingProxyType
 from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.hybrid.channels import channel_corrector
 from tripwatt.hybrid.power import (
     LINES,
     EnsembleCorrector,
     GammCorrector,
-    KrigingCorrector,
+    GPCorrector,
     PowerCorrector,
     boosting_corrector,
     forest_corrector,
 )
+from tripwatt.hybrid.split import split_corrector
 
 POWER_CORRECTORS: Final[Mapping[str, Callable[[int], PowerCorrector]]] = MappingProxyType(
     {
-        "linear": lambda seed: KrigingCorrector(LINES),
-        "kriging": lambda seed: KrigingCorrector(),
+        "linear": lambda seed: GPCorrector(LINES),
+        "gp": lambda seed: GPCorrector(),
         "boosting": boosting_corrector,
         "forest": forest_corrector,
         "gamm": lambda seed: GammCorrector(),
-        "channels": channel_corrector,
-        "ensemble": lambda seed: EnsembleCorrector([KrigingCorrector(), boosting_corrector(seed)]),
+        "split": split_corrector,
+        "ensemble": lambda seed: EnsembleCorrector([GPCorrector(), boosting_corrector(seed)]),
     }
 )
-"""Correctors of power by name; each makes a fresh one from a seed."""
+"""Name -> a fresh corrector, made from a seed."""
+
+TRANSFERABLE: Final = ("linear", "gp", "ensemble", "split")
+"""Correctors with a Gaussian process: these can be put on another car."""
 
 
 def power_corrector(name: str, seed: int = 0) -> PowerCorrector:

@@ -13,9 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.hybrid.blocks import BlockTable, block_table
+from tripwatt.arrays import FloatArray
+from tripwatt.hybrid.segments import SegmentTable, segment_table
 from tripwatt.physics import Simulation, simulate_trip
-from tripwatt.trips import FloatArray, Plan
+from tripwatt.trips import Plan
 from tripwatt.vehicles import Vehicle
 from tripwatt.vehicles.loading import Entry
 
@@ -139,11 +140,11 @@ def changed(vehicle: Vehicle, changes: Mapping[str, float], *, source: str = "")
 def sensitivities(
     plans: Sequence[Plan],
     vehicle: Vehicle,
-    table: BlockTable,
+    table: SegmentTable,
     parameters: Sequence[Parameter] = PARAMETERS,
     simulate: Callable[[Vehicle, Plan], Simulation] = simulate_trip,
 ) -> FloatArray:
-    """Power of each block by a relative change of 1 of each parameter [W], shape (rows, parameters).
+    """Power of each segment by a relative change of 1 of each parameter [W], shape (rows, parameters).
 
     A parameter with entries of its own is changed by 2 % and the trip is simulated again; the others multiply a
     cause. O(samples) for each.
@@ -153,14 +154,14 @@ def sensitivities(
     plans : sequence of Trip
         In the order of the table.
     vehicle : Vehicle
-    table : BlockTable
-        Their blocks with the car as it is.
+    table : SegmentTable
+        Their segments with the car as it is.
     """
     columns = []
     for parameter in parameters:
         if parameter.keys and parameter.name != "base_load":
             other = changed(vehicle, {parameter.name: _STEP})
-            power = np.concatenate([block_table(plan, simulate(other, plan)).simulated_w for plan in plans])
+            power = np.concatenate([segment_table(plan, simulate(other, plan)).simulated_w for plan in plans])
             columns.append((power - table.simulated_w) / _STEP)
         else:
             causes = [f"{cause}_w" for cause in parameter.causes]

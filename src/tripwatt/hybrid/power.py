@@ -1,4 +1,4 @@
-"""Correct power: the residual power of short blocks, learned from what is known before departure."""
+"""Correct power: the residual power of short segments, learned from what is known before departure."""
 
 from __future__ import annotations
 
@@ -8,43 +8,44 @@ from typing import Any, Final, Protocol, Self
 import numpy as np
 import pandas as pd
 
-from tripwatt.hybrid.blocks import LINE_CAUSES, BlockTable
-from tripwatt.kriging import ClusteredKriging, Part
-from tripwatt.trips import TEMPERATURES, FloatArray
+from tripwatt.arrays import FloatArray
+from tripwatt.hybrid.segments import LINE_CAUSES, SegmentTable
+from tripwatt.learners.gp import AdditiveGP, KernelTerm
+from tripwatt.trips import TEMPERATURES
 
 
 class PowerCorrector(Protocol):
-    """Learns the residual power of blocks."""
+    """Learns the residual power of segments."""
 
-    def fit(self, table: BlockTable) -> Self:
+    def fit(self, table: SegmentTable) -> Self:
         """Learn from the trips of a table."""
         ...
 
-    def again(self) -> PowerCorrector:
-        """A fresh corrector with the settings that `fit` chose, to fit on a part of the same trips."""
+    def clone_tuned(self) -> PowerCorrector:
+        """An unfitted copy with the settings that `fit` chose, to fit on a part of the same trips."""
         ...
 
-    def predict(self, table: BlockTable) -> FloatArray:
+    def predict(self, table: SegmentTable) -> FloatArray:
         """Residual power of each row [W]."""
         ...
 
-    def uncertainty_factor(self, table: BlockTable) -> FloatArray:
-        """`L` with `L @ L.T` the covariance of what the corrector does not know, shape (rows, any)."""
+    def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
+        """`L` with `L @ L.T` the covariance of the corrector's own uncertainty [W²], shape (rows, any)."""
         ...
 
-    def predict_with_doubt(self, table: BlockTable) -> tuple[FloatArray, FloatArray]:
+    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
         """`predict` and `uncertainty_factor` at once."""
         ...
 
-    def predict_climate(self, table: BlockTable) -> FloatArray | None:
-        """The part of `predict` that is climate control [W]; None for a corrector that does not tell it apart."""
+    def predict_climate(self, table: SegmentTable) -> FloatArray | None:
+        """The part of `predict` that is climate control [W]; None for a joint corrector."""
         ...
 
 
 _AMBIENT, _CABIN, _SETPOINT, _BATTERY = TEMPERATURES
 _SMOOTH_W: Final = 100.0
 _SMOOTH: Final = tuple(
-    Part(columns, "smooth", _SMOOTH_W, length)
+    KernelTerm(columns, "smooth", _SMOOTH_W, length)
     for columns, length in (
         ((_AMBIENT,), 1.0),
         ((_CABIN,), 1.0),
@@ -59,52 +60,54 @@ _SMOOTH: Final = tuple(
         ((_AMBIENT, _CABIN, _SETPOINT, _BATTERY, "trip_speed_m_s"), 1.5),
     )
 )
-LINES: Final = tuple(Part((f"{cause}_w",), "line", 0.1) for cause in LINE_CAUSES)
+LINES: Final = tuple(KernelTerm((f"{cause}_w",), "line", 0.1) for cause in LINE_CAUSES)
 """Each cause of the simulation may be off by about 10 %: a calibration of the physics that is shrunk to none."""
 
 
-class _Whole:
-    """A corrector that does not tell climate control from driving."""
+class _Joint:
+    """A corrector of climate control and driving jointly."""
 
-    def predict_climate(self, table: BlockTable) -> FloatArray | None:
-        """Not told apart."""
+    def predict_climate(self, table: SegmentTable) -> FloatArray | None:
+        """None: both are corrected jointly."""
         return None
 
 
-class _OneByOne(_Whole):
-    """Both answers, when one does not help with the other."""
+class _OneByOne(_Joint):
+    """Prediction and uncertainty one after the other."""
 
-    def predict_with_doubt(self: PowerCorrector, table: BlockTable) -> tuple[FloatArray, FloatArray]:
+    def predict_with_uncertainty(self: PowerCorrector, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
         """`predict` and `uncertainty_factor`."""
         return self.predict(table), self.uncertainty_factor(table)
 
 
-class KrigingCorrector(_Whole):
+class GPCorrector(_Joint):
     """Additive Gaussian process: calibrated causes plus smooth functions of the departure state.
 
-    The trips' totals decide how much, because rows of a trip are far from independent. The rows decide when: what is
-    left within a trip, less the trip's mean, is regressed on the same features, also less their trip's mean, so that
-    it moves energy along the trip and never changes the total.
+    The weights are learned from the trips' totals, because rows of a trip are far from independent. The course along
+    the trip is learned from the rows: the remaining residual less the trip's mean is regressed on the same features,
+    also less their trip's mean. It moves energy along the trip and does not change the total.
     """
 
     def __init__(
-        self, parts: tuple[Part, ...] = (*LINES, *_SMOOTH), share_column: str = "simulated_w"
+        self, terms: tuple[KernelTerm, ...] = (*LINES, *_SMOOTH), share_column: str = "simulated_w"
     ) -> None:
-        self._take(parts, share_column)
+        self._set_terms(terms, share_column)
 
-    def _take(self, parts: tuple[Part, ...], share_column: str) -> None:
-        self.parts = parts
+    def _set_terms(self, terms: tuple[KernelTerm, ...], share_column: str) -> None:
+        self.terms = terms
         self.share_column = share_column
-        self.model = ClusteredKriging(parts, effect_sd=220.0, share_column=share_column, share_sd=0.05)
+        self.model = AdditiveGP(terms, effect_sd=220.0, share_column=share_column, share_sd=0.05)
         self.shape = np.empty(0)
 
-    def fit(self, table: BlockTable) -> Self:
+    def fit(self, table: SegmentTable) -> Self:
         """Learn from trip totals, then from the rows within trips. O(rows x features^2).
 
-        Parts with a column that no row knows are left out.
+        Terms with a column that no row has are left out.
         """
         known = {name for name, column in table.features.items() if bool(column.notna().any())}
-        self._take(tuple(part for part in self.parts if known.issuperset(part.columns)), self.share_column)
+        self._set_terms(
+            tuple(term for term in self.terms if known.issuperset(term.columns)), self.share_column
+        )
         self.model.fit(table.features, table.residual_w, table.groups, table.hours)
         features, prior = self.model.features(table.features)
         left = table.residual_w - self.model.predict(table.features)
@@ -114,24 +117,24 @@ class KrigingCorrector(_Whole):
         self.shape = np.linalg.solve(gram, X.T @ r)
         return self
 
-    def again(self) -> KrigingCorrector:
-        """The same parts."""
-        return KrigingCorrector(self.parts, self.share_column)
+    def clone_tuned(self) -> GPCorrector:
+        """The same terms."""
+        return GPCorrector(self.terms, self.share_column)
 
-    def predict(self, table: BlockTable) -> FloatArray:
+    def predict(self, table: SegmentTable) -> FloatArray:
         """Residual power [W]."""
         return self._mean(self.model.features(table.features)[0], table)
 
-    def uncertainty_factor(self, table: BlockTable) -> FloatArray:
+    def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
         """From the posterior of the process."""
         return self.model.uncertainty_factor(table.features)
 
-    def predict_with_doubt(self, table: BlockTable) -> tuple[FloatArray, FloatArray]:
+    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
         """Both from the same features."""
         features, _ = self.model.features(table.features)
-        return self._mean(features, table), self.model.doubt(features)
+        return self._mean(features, table), self.model.factor(features)
 
-    def _mean(self, features: FloatArray, table: BlockTable) -> FloatArray:
+    def _mean(self, features: FloatArray, table: SegmentTable) -> FloatArray:
         return self.model.mean(features) + less_trip_mean(features @ self.shape[:, None], table)[:, 0]
 
 
@@ -139,7 +142,7 @@ _SHAPE_SHARE: Final = 4.0
 """Prior variance of the shape's weights, over that of the totals' weights: twice as far from the simulation."""
 
 
-def less_trip_mean(values: FloatArray, table: BlockTable) -> FloatArray:
+def less_trip_mean(values: FloatArray, table: SegmentTable) -> FloatArray:
     """Columns less their mean over the time of each trip, shape (rows, columns)."""
     sums = np.add.reduceat(values * table.hours[:, None], table.offsets[:-1], axis=0)
     means = sums / np.add.reduceat(table.hours, table.offsets[:-1])[:, None]
@@ -147,7 +150,7 @@ def less_trip_mean(values: FloatArray, table: BlockTable) -> FloatArray:
 
 
 class LearnerCorrector(_OneByOne):
-    """A scikit-learn style learner on block rows, each trip weighing the same."""
+    """A scikit-learn style learner on segment rows, each trip weighing the same."""
 
     def __init__(
         self,
@@ -161,24 +164,24 @@ class LearnerCorrector(_OneByOne):
         self.features = TREE_FEATURES if features is None else features
         self.model = make(settings or {})
 
-    def fit(self, table: BlockTable) -> Self:
-        """Learn from block rows, the trip as the cluster."""
+    def fit(self, table: SegmentTable) -> Self:
+        """Learn from segment rows, the trip as the cluster."""
         self.model.fit(self.columns(table), table.residual_w, groups=table.groups)
         return self
 
-    def again(self) -> LearnerCorrector:
-        """The same learner with its choice made."""
+    def clone_tuned(self) -> LearnerCorrector:
+        """An unfitted copy with the settings that `fit` chose."""
         return LearnerCorrector(self.make, self.tuned, self.tuned(self.model), self.features)
 
-    def predict(self, table: BlockTable) -> FloatArray:
+    def predict(self, table: SegmentTable) -> FloatArray:
         """Residual power [W]."""
         return np.asarray(self.model.predict(self.columns(table)), dtype=np.float64)
 
-    def uncertainty_factor(self, table: BlockTable) -> FloatArray:
-        """A tree does not say what it does not know."""
+    def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
+        """Zeros: trees have no uncertainty of their own."""
         return np.zeros((len(table.hours), 1))
 
-    def columns(self, table: BlockTable) -> pd.DataFrame:
+    def columns(self, table: SegmentTable) -> pd.DataFrame:
         """What the learner sees of a table."""
         return table.features[list(self.features)]
 
@@ -197,39 +200,39 @@ TREE_FEATURES: Final = (
 )
 
 
-class EnsembleCorrector(_Whole):
-    """Mean of several correctors; what is not known is the first one's."""
+class EnsembleCorrector(_Joint):
+    """Mean of several correctors; the uncertainty is that of the first."""
 
     def __init__(self, members: Sequence[PowerCorrector]) -> None:
         self.members = tuple(members)
 
-    def fit(self, table: BlockTable) -> Self:
+    def fit(self, table: SegmentTable) -> Self:
         """Fit each member."""
         for member in self.members:
             member.fit(table)
         return self
 
-    def again(self) -> EnsembleCorrector:
-        """The members with their choices made."""
-        return EnsembleCorrector([m.again() for m in self.members])
+    def clone_tuned(self) -> EnsembleCorrector:
+        """Copies of the members with the settings that `fit` chose."""
+        return EnsembleCorrector([m.clone_tuned() for m in self.members])
 
-    def predict(self, table: BlockTable) -> FloatArray:
+    def predict(self, table: SegmentTable) -> FloatArray:
         """Mean residual power [W]."""
         return np.asarray(np.mean([m.predict(table) for m in self.members], axis=0))
 
-    def uncertainty_factor(self, table: BlockTable) -> FloatArray:
+    def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
         """Of the first member."""
         return self.members[0].uncertainty_factor(table)
 
-    def predict_with_doubt(self, table: BlockTable) -> tuple[FloatArray, FloatArray]:
+    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
         """The first member does both at once."""
-        mean, doubt = self.members[0].predict_with_doubt(table)
-        return np.asarray(np.mean([mean, *(m.predict(table) for m in self.members[1:])], axis=0)), doubt
+        mean, uncertainty = self.members[0].predict_with_uncertainty(table)
+        return np.asarray(np.mean([mean, *(m.predict(table) for m in self.members[1:])], axis=0)), uncertainty
 
 
 def boosting_corrector(seed: int, features: tuple[str, ...] | None = None) -> LearnerCorrector:
-    """Clustered boosting on block rows, fresh."""
-    from tripwatt.boosting import ClusteredBoosting
+    """Clustered boosting on segment rows, fresh."""
+    from tripwatt.learners.boosting import ClusteredBoosting
 
     def make(settings: Mapping[str, Any]) -> Any:
         base = {
@@ -248,8 +251,8 @@ def boosting_corrector(seed: int, features: tuple[str, ...] | None = None) -> Le
 
 
 def forest_corrector(seed: int) -> LearnerCorrector:
-    """Clustered forest on block rows, fresh."""
-    from tripwatt.forest import ClusteredForest
+    """Clustered forest on segment rows, fresh."""
+    from tripwatt.learners.forest import ClusteredForest
 
     def make(settings: Mapping[str, Any]) -> Any:
         return ClusteredForest(n_trees=200, random_state=seed, max_rows_per_group=None, **settings)
@@ -258,14 +261,14 @@ def forest_corrector(seed: int) -> LearnerCorrector:
 
 
 class GammCorrector(_OneByOne):
-    """The GAMM engine on block power: smooths of the departure state and the drive, a random effect per trip."""
+    """The GAMM engine on segment power: smooths of the departure state and the drive, a random effect per trip."""
 
     FORMULA: Final = (
         "y ~ s(ambient_temperature_degc, k=6) + s(cabin_temperature_degc, k=6) + s(battery_temperature_degc, k=6) + "
         's(time_s, k=6) + s(speed_m_s, k=6) + s(simulated_w, k=6) + s(hvac_w, k=6) + s(trip, bs="re")'
     )
 
-    def fit(self, table: BlockTable) -> Self:
+    def fit(self, table: SegmentTable) -> Self:
         """Gaussian errors, REML."""
         from tripwatt.gam import GAMM
 
@@ -273,18 +276,18 @@ class GammCorrector(_OneByOne):
         self.model = GAMM(self.FORMULA).fit(self._frame(table, trips=True), table.residual_w)
         return self
 
-    def again(self) -> GammCorrector:
+    def clone_tuned(self) -> GammCorrector:
         """The same formula."""
         return GammCorrector()
 
-    def predict(self, table: BlockTable) -> FloatArray:
+    def predict(self, table: SegmentTable) -> FloatArray:
         """Residual power [W]; the random effect of a new trip is 0."""
         return np.asarray(self.model.predict(self._frame(table)), dtype=np.float64)
 
-    def uncertainty_factor(self, table: BlockTable) -> FloatArray:
+    def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
         """Not given."""
         return np.zeros((len(table.hours), 1))
 
-    def _frame(self, table: BlockTable, *, trips: bool = False) -> pd.DataFrame:
+    def _frame(self, table: SegmentTable, *, trips: bool = False) -> pd.DataFrame:
         frame = table.features.fillna(self.medians_.fillna(0.0).to_dict())
         return frame.assign(trip=table.groups.astype(str)) if trips else frame

@@ -9,15 +9,15 @@ from typing import Any, Final, NoReturn
 import numpy as np
 import numpy.typing as npt
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.hybrid.blocks import BlockTable
-from tripwatt.hybrid.channels import ChannelCorrector
-from tripwatt.hybrid.power import EnsembleCorrector, KrigingCorrector, LearnerCorrector, PowerCorrector
-from tripwatt.hybrid.transfer import Members
-from tripwatt.hybrid.transferred import TransferredCorrector
-from tripwatt.kriging import Part
-from tripwatt.treetable import TreeTable
-from tripwatt.trips import FloatArray
+from tripwatt.hybrid.car_corrector import HierarchicalCorrector
+from tripwatt.hybrid.hierarchy import Members
+from tripwatt.hybrid.power import EnsembleCorrector, GPCorrector, LearnerCorrector, PowerCorrector
+from tripwatt.hybrid.segments import SegmentTable
+from tripwatt.hybrid.split import SplitCorrector
+from tripwatt.learners.gp import KernelTerm
+from tripwatt.learners.treetable import TreeTable
 
 Arrays = Mapping[str, npt.NDArray[Any]]
 Stored = tuple[dict[str, Any], dict[str, dict[str, npt.NDArray[Any]]]]
@@ -47,15 +47,17 @@ class StoredTrees:
     rest: float
     divisor: int | None
 
-    def fit(self, table: BlockTable) -> NoReturn:
+    def fit(self, table: SegmentTable) -> NoReturn:
         """Not possible: only what prediction needs was stored."""
         raise InvalidInput(Fault("stored corrector cannot be fitted", "fit", fix="fit a new ForecastModel"))
 
-    def again(self) -> NoReturn:
+    def clone_tuned(self) -> NoReturn:
         """Not possible, as `fit`."""
-        raise InvalidInput(Fault("stored corrector cannot be fitted", "again", fix="fit a new ForecastModel"))
+        raise InvalidInput(
+            Fault("stored corrector cannot be fitted", "clone_tuned", fix="fit a new ForecastModel")
+        )
 
-    def predict(self, table: BlockTable) -> FloatArray:
+    def predict(self, table: SegmentTable) -> FloatArray:
         """Residual power [W]."""
         values, names = table.features.to_numpy(dtype=np.float64), table.features.columns.tolist()
         X = values[:, [names.index(c) for c in self.columns]]
@@ -64,16 +66,16 @@ class StoredTrees:
             return np.asarray(self.start + total + self.rest)
         return np.asarray(total + self.rest) / self.divisor
 
-    def uncertainty_factor(self, table: BlockTable) -> FloatArray:
-        """A tree does not say what it does not know."""
+    def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
+        """Zeros: trees have no uncertainty of their own."""
         return np.zeros((len(table.hours), 1))
 
-    def predict_with_doubt(self, table: BlockTable) -> tuple[FloatArray, FloatArray]:
+    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
         """`predict` and `uncertainty_factor`."""
         return self.predict(table), self.uncertainty_factor(table)
 
-    def predict_climate(self, table: BlockTable) -> FloatArray | None:
-        """Not told apart."""
+    def predict_climate(self, table: SegmentTable) -> FloatArray | None:
+        """None: the trees correct climate control and driving jointly."""
         return None
 
 
@@ -95,19 +97,19 @@ def corrector_parts(corrector: PowerCorrector, name: str = "corrector") -> Store
         stored = [corrector_parts(member, f"{name}-{i}") for i, member in enumerate(corrector.members)]
         arrays = {part: values for _, parts in stored for part, values in parts.items()}
         return {"kind": "ensemble", "members": [about for about, _ in stored]}, arrays
-    if isinstance(corrector, ChannelCorrector):
-        if not corrector.apart_:
-            return corrector_parts(corrector.whole, name)
-        channels = ("climate", corrector.climate), ("drive", corrector.drive)
-        told = {channel: corrector_parts(its, f"{name}-{channel}") for channel, its in channels}
-        arrays = {part: values for _, parts in told.values() for part, values in parts.items()}
-        return {"kind": "channels", **{channel: about for channel, (about, _) in told.items()}}, arrays
+    if isinstance(corrector, SplitCorrector):
+        if not corrector.split_:
+            return corrector_parts(corrector.joint, name)
+        both = ("climate", corrector.climate), ("drive", corrector.drive)
+        stored_both = {key: corrector_parts(one, f"{name}-{key}") for key, one in both}
+        arrays = {part: values for _, parts in stored_both.values() for part, values in parts.items()}
+        return {"kind": "channels", **{key: about for key, (about, _) in stored_both.items()}}, arrays
     part = f"{name}.npz"
-    if isinstance(corrector, KrigingCorrector):
+    if isinstance(corrector, GPCorrector):
         about: dict[str, Any] = {"kind": "kriging", "arrays": part, "share_column": corrector.share_column}
-        about["parts"] = [asdict(p) | {"columns": list(p.columns)} for p in corrector.parts]
+        about["parts"] = [asdict(t) | {"columns": list(t.columns)} for t in corrector.terms]
         return about, {part: {**corrector.model.to_arrays(), _SHAPE: corrector.shape}}
-    if isinstance(corrector, TransferredCorrector):
+    if isinstance(corrector, HierarchicalCorrector):
         members, arrays = members_parts(corrector.base, f"{name}-base")
         about = {"kind": "transferred", "arrays": part, "base": members, "share": corrector.share}
         own: dict[str, npt.NDArray[Any]] = {
@@ -140,11 +142,11 @@ def corrector_of_parts(about: Mapping[str, Any], parts: Mapping[str, Arrays]) ->
     if kind == "ensemble":
         return EnsembleCorrector([corrector_of_parts(member, parts) for member in about["members"]])
     if kind == "channels":
-        climate, drive = (corrector_of_parts(about[channel], parts) for channel in ("climate", "drive"))
-        return ChannelCorrector(climate, drive, drive, True)
+        climate, drive = (corrector_of_parts(about[key], parts) for key in ("climate", "drive"))
+        return SplitCorrector(climate, drive, drive, True)
     if kind == "kriging":
-        its_parts = tuple(Part(**{**p, "columns": tuple(p["columns"])}) for p in about["parts"])
-        corrector = KrigingCorrector(its_parts, about["share_column"])
+        terms = tuple(KernelTerm(**{**p, "columns": tuple(p["columns"])}) for p in about["parts"])
+        corrector = GPCorrector(terms, about["share_column"])
         arrays = dict(parts[about["arrays"]])
         corrector.shape = arrays.pop(_SHAPE)
         corrector.model.load_arrays(arrays)
@@ -153,10 +155,10 @@ def corrector_of_parts(about: Mapping[str, Any], parts: Mapping[str, Arrays]) ->
         base = members_of_parts(about["base"], parts)
         own = parts[about["arrays"]]
         factor = own["factor"].astype(np.float64)
-        return TransferredCorrector(base, own["scales"], own["mean"], factor, float(about["share"]))
+        return HierarchicalCorrector(base, own["scales"], own["mean"], factor, float(about["share"]))
     if kind == "trees":
         return StoredTrees(
-            TreeTable.of_arrays(parts[about["arrays"]]),
+            TreeTable.from_arrays(parts[about["arrays"]]),
             tuple(about["columns"]),
             float(about["start"]),
             float(about["rest"]),
@@ -183,19 +185,19 @@ def members_parts(
 def members_of_parts(about: Sequence[Mapping[str, Any]], parts: Mapping[str, Arrays]) -> Members:
     """Reverse of `members_parts`."""
     found = [corrector_of_parts(member, parts) for member in about]
-    return Members(tuple(c for c in found if isinstance(c, KrigingCorrector)))
+    return Members(tuple(c for c in found if isinstance(c, GPCorrector)))
 
 
 def _trees(corrector: PowerCorrector) -> StoredTrees:
     if not isinstance(corrector, LearnerCorrector) or not hasattr(corrector.model, "booster_"):
         got = type(corrector).__name__
-        allowed = "linear, kriging, boosting, forest, ensemble or channels"
+        allowed = "linear, gp, boosting, forest, ensemble or split"
         raise InvalidInput(Fault("corrector cannot be stored", "corrector", got, allowed))
     model = corrector.model
     lone = model.position_ < 0
     n_trees = int((~lone).sum())
     text = "" if model.booster_ is None else model.booster_.model_to_string(num_iteration=-1)
-    trees = TreeTable.of_text(text, n_trees)
+    trees = TreeTable.from_text(text, n_trees)
     if hasattr(model, "steps_"):
         rest = float(model.steps_[lone].sum())
         return StoredTrees(trees, corrector.features, float(model.start_), rest, None)

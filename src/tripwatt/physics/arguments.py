@@ -6,12 +6,10 @@ import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-import numpy.typing as npt
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault
 from tripwatt.trips import COLUMNS
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def argument_faults(

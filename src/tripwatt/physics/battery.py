@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.physics.thermal import Relaxation
 from tripwatt.units import SECONDS_PER_HOUR, ZERO_CELSIUS_K
 from tripwatt.vehicles import Battery
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 MOLAR_GAS_CONSTANT_J_MOL_K: Final = 8.314462618
 """CODATA 2018."""

@@ -11,11 +11,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from tripwatt.arrays import FloatArray
 from tripwatt.vehicles import Climate
-
-FloatArray = npt.NDArray[np.float64]
 
 CONTROL_STEP_S: Final = 10.0
 """Step of the climate control; the cabin's air answers in about a minute."""

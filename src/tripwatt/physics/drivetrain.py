@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.vehicles import Drivetrain, Regeneration
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 def motor_loss(torque_nm: FloatArray, speed_rad_s: FloatArray, drivetrain: Drivetrain) -> FloatArray:

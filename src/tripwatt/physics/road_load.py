@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from tripwatt.arrays import FloatArray
 from tripwatt.physics.thermal import Relaxation
 from tripwatt.units import (
     DRY_AIR_GAS_CONSTANT_J_KG_K,
@@ -17,8 +17,6 @@ from tripwatt.units import (
     ZERO_CELSIUS_K,
 )
 from tripwatt.vehicles import Tyres
-
-FloatArray = npt.NDArray[np.float64]
 
 GRADE_BIN_M: Final = 20.0
 """Length of the pieces of road over which a logged elevation is averaged [m]."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import numpy.typing as npt
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
 from tripwatt.physics.arguments import argument_faults
 from tripwatt.physics.battery import BatteryRun, discharge, shifted
@@ -31,7 +32,6 @@ from tripwatt.vehicles import Vehicle
 if TYPE_CHECKING:
     import pandas as pd
 
-FloatArray = npt.NDArray[np.float64]
 
 CAUSES: Final = (
     "air",

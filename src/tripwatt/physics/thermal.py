@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from tripwatt.arrays import FloatArray
 
 LONGEST_BLOCK: Final = 200.0
 """Time constants solved at once; exp(200) is far from overflow and sums of one sign lose no digits."""

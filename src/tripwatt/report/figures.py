@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
+from tripwatt.arrays import FloatArray
 from tripwatt.report.models import PAPER, covariate_words, model_style, ordered
 from tripwatt.report.style import (
     INK,
     PAPER_COLOUR,
     RULE,
-    FloatArray,
     cut_at,
     mark_beyond,
     model_rows,

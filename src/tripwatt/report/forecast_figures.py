@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import pandas as pd
 
+from tripwatt.arrays import FloatArray
 from tripwatt.report.models import model_style
-from tripwatt.report.style import INK, RULE, FloatArray, new_figure, percent_axis, styled
+from tripwatt.report.style import INK, RULE, new_figure, percent_axis, styled
 from tripwatt.report.view import Record, plain
 
 if TYPE_CHECKING:

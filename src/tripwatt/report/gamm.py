@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from tripwatt.arrays import BoolArray
 from tripwatt.gam.covariates import REACH
 from tripwatt.gam.effects import CurveEffect, FactorEffect, RandomEffects, SurfaceEffect
 from tripwatt.report.models import COVARIATES
@@ -17,10 +18,8 @@ from tripwatt.report.tables import DASH, Table, number
 from tripwatt.report.view import natural_key, plain
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from tripwatt.evaluation.insight import GammInsight
     from tripwatt.gam.effects import Effect
+    from tripwatt.paper.insight import GammInsight
 
 PAPER_TABLE2_SOURCE: Final = "arXiv:2405.10984, Table 2"
 
@@ -242,7 +241,7 @@ def on_curves(curves: Sequence[CurveEffect], observed_wh: float) -> str:
     return text
 
 
-def _on_data(curve: CurveEffect) -> npt.NDArray[np.bool_]:
+def _on_data(curve: CurveEffect) -> BoolArray:
     """Grid points between the first and the last row that a smooth speaks of."""
     low, high = (curve.rug.min(), curve.rug.max()) if curve.rug.size else (-np.inf, np.inf)
     return np.asarray((curve.x >= low) & (curve.x <= high))

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.gam.figures import RED
 from tripwatt.report.gamm import axis_of, in_words, is_determined, not_determined
 from tripwatt.report.models import model_style
-from tripwatt.report.style import INK, RULE, FloatArray, new_figure, styled
+from tripwatt.report.style import INK, RULE, new_figure, styled
 from tripwatt.report.view import plain
 from tripwatt.units import SECONDS_PER_MINUTE
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -28,7 +28,7 @@ MOST_POINTS: Final = 700
 """Points of one scatter; the extremes are always among them."""
 
 
-def _kept(values: FloatArray) -> npt.NDArray[np.int64]:
+def _kept(values: FloatArray) -> IntArray:
     """Row numbers of at most `MOST_POINTS` values, evenly spread, with the ten lowest and highest."""
     n = len(values)
     even = np.linspace(0, n - 1, min(n, MOST_POINTS)).round().astype(np.int64)

@@ -53,7 +53,7 @@ def render_report(run: object) -> str:
     str
         One document without a reference to any other file or host.
     """
-    view = View.of(run)
+    view = View.from_run(run)
     sections = build_sections(view)
     return _page(view, sections, {key: svg for key, svg, _ in _drawings(sections, png=False)})
 
@@ -68,7 +68,7 @@ def write_report(run: object, out: Path) -> None:
     out : Path
         The folder; made when it is not there. Figures that an earlier report left and this one lacks are removed.
     """
-    view = View.of(run)
+    view = View.from_run(run)
     sections = build_sections(view)
     drawings = list(_drawings(sections, png=True))
     page = _page(view, sections, {key: svg for key, svg, _ in drawings})

@@ -18,7 +18,7 @@ from tripwatt.report.view import Record, View, of_evaluation
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from tripwatt.evaluation.insight import GammInsight
+    from tripwatt.paper.insight import GammInsight
 
 
 @dataclass(frozen=True)

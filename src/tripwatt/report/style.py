@@ -12,8 +12,8 @@ from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any, Final, ParamSpec
 
 import numpy as np
-import numpy.typing as npt
 
+from tripwatt.arrays import FloatArray
 from tripwatt.report.models import model_style
 from tripwatt.report.view import plain
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FloatArray = npt.NDArray[np.float64]
 P = ParamSpec("P")
 
 INK: Final = "#1f2328"

@@ -9,14 +9,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from tripwatt.arrays import FloatArray
 from tripwatt.report.models import PAPER_MAPE, model_style, ordered
 
 if TYPE_CHECKING:
     from tripwatt.evaluation.forecast_scores import ForecastInsight
-    from tripwatt.evaluation.insight import GammInsight
+    from tripwatt.paper.insight import GammInsight
 
 Record = Mapping[str, Any]
 
@@ -141,7 +141,7 @@ def without_repeats(evaluations: Sequence[Record]) -> list[Record]:
 _TIMES: Final = ("fit_s", "predict_ms")
 
 
-def signed_errors(folds: pd.DataFrame, model: str) -> npt.NDArray[np.float64]:
+def signed_errors(folds: pd.DataFrame, model: str) -> FloatArray:
     """(predicted - observed) / observed of a model, one finite value per trip, in the order of `folds`."""
     rows = folds[folds["model"] == model]
     observed = rows["observed_energy_wh"].to_numpy(dtype=np.float64)
@@ -188,7 +188,7 @@ class View:
     forecast: ForecastInsight | None = None
 
     @classmethod
-    def of(cls, run: object) -> View:
+    def from_run(cls, run: object) -> View:
         """Read a run, whatever optional part it lacks."""
         folds = _frame(run, "folds")
         series = getattr(run, "series", None) or {}

@@ -1,19 +1,19 @@
 """A planned trip: links, a recorded track or a router's answer, and the speed profile that a driver makes of them."""
 
-from tripwatt.routes.answers import ROUTERS, is_route, parse_route, read_answer
 from tripwatt.routes.calibrate import calibrate_style, road_work
 from tripwatt.routes.geojson import ROAD_SPEED_M_S, read_geojson
 from tripwatt.routes.gpx import read_gpx
+from tripwatt.routes.link_objects import route_from_links
+from tripwatt.routes.link_table import is_links_table, route_from_table
 from tripwatt.routes.links import (
     LinkRoute,
     join_routes,
     links_of_trip,
     plan_from_links,
 )
-from tripwatt.routes.listed import route_from_links
-from tripwatt.routes.plan import plan_from_route
+from tripwatt.routes.plan import plan_from_route, plan_on_links
 from tripwatt.routes.profile import LinkStyle, link_profile
-from tripwatt.routes.table import is_links_table, route_from_table
+from tripwatt.routes.responses import ROUTERS, is_route, parse_route, read_answer
 from tripwatt.routes.tracks import (
     Track,
     needs_speed,
@@ -38,6 +38,7 @@ __all__ = [
     "plan_from_links",
     "plan_from_route",
     "plan_from_track",
+    "plan_on_links",
     "read_answer",
     "read_geojson",
     "read_gpx",

@@ -8,10 +8,11 @@ from typing import Final
 
 import numpy as np
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes.links import links_of_trip, plan_from_links
 from tripwatt.routes.profile import LinkStyle
-from tripwatt.trips import FloatArray, Plan, Trip
+from tripwatt.trips import Plan, Trip
 from tripwatt.units import GRAVITY_M_S2
 
 LINK_LENGTHS_M: Final = (250.0, 1000.0)

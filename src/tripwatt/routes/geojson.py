@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes.links import FASTEST_LINK_M_S
 from tripwatt.routes.points import (
@@ -22,7 +23,7 @@ from tripwatt.routes.points import (
     require_on_earth,
 )
 from tripwatt.routes.tracks import Track, times_of
-from tripwatt.trips import Flag, FloatArray
+from tripwatt.trips import Flag
 from tripwatt.units import M_S_PER_KM_H
 
 ROAD_SPEED_M_S: Final[Mapping[str, float]] = MappingProxyType(

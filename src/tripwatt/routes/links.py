@@ -10,9 +10,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes.profile import LinkStyle, link_profile
-from tripwatt.trips import COLUMNS, LINK_COLUMNS, Flag, FloatArray, Plan, Recorded, raise_faults, table_of
+from tripwatt.trips import COLUMNS, LINK_COLUMNS, Flag, Plan, Recorded, raise_faults, table_of
 
 MOST_LINKS: Final = 200_000
 """Links of one route; a router's answer has one for each piece between two nodes of the map."""
@@ -286,7 +287,7 @@ def plan_from_links(
     return replace(plan, step_s=step_s)
 
 
-def _stretches(route: LinkRoute) -> npt.NDArray[np.int64]:
+def _stretches(route: LinkRoute) -> IntArray:
     """Index of the first link of each stretch: short links go with what follows, the last one with what went before."""
     if float(route.length_m.min()) >= SHORTEST_STRETCH_M:
         return np.arange(len(route), dtype=np.int64)
@@ -302,14 +303,14 @@ def _stretches(route: LinkRoute) -> npt.NDArray[np.int64]:
     return np.array(first, dtype=np.int64)
 
 
-def _stops(route: LinkRoute, first: npt.NDArray[np.int64], last: npt.NDArray[np.int64]) -> FloatArray:
+def _stops(route: LinkRoute, first: IntArray, last: IntArray) -> FloatArray:
     """Given standstill at the end of each stretch; unknown as soon as one of its links does not know."""
     unknown = np.add.reduceat(np.isnan(route.stop_s).astype(np.float64), first) > 0
     end = route.stop_s[last]
     return np.where(unknown & ~(end > 0), np.nan, np.nan_to_num(end, nan=0.0))
 
 
-def _moving_speeds(route: LinkRoute, first: npt.NDArray[np.int64]) -> FloatArray:
+def _moving_speeds(route: LinkRoute, first: IntArray) -> FloatArray:
     """Length over the sum of the moving times of a stretch, unknown as soon as one of its links does not know."""
     return np.asarray(
         np.add.reduceat(route.length_m, first)
@@ -318,7 +319,7 @@ def _moving_speeds(route: LinkRoute, first: npt.NDArray[np.int64]) -> FloatArray
     )
 
 
-def _limits(route: LinkRoute, first: npt.NDArray[np.int64]) -> FloatArray | None:
+def _limits(route: LinkRoute, first: IntArray) -> FloatArray | None:
     """Highest speed limit of each stretch, unknown as soon as one of its links does not know."""
     return (
         None

@@ -1,13 +1,15 @@
-"""Whatever a route came as, the plan of the drive on it."""
+"""Plans from any kind of route."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from tripwatt.routes.links import LinkRoute, plan_from_links
+from tripwatt.routes.links import LinkRoute, links_of_trip, plan_from_links
 from tripwatt.routes.profile import LinkStyle
 from tripwatt.routes.tracks import Track, plan_from_track, route_from_track
-from tripwatt.trips import Plan
+from tripwatt.trips import Plan, Trip
 
 
 def plan_from_route(
@@ -52,3 +54,17 @@ def plan_from_route(
             return plan_from_track(route, trip_id=trip_id, step_s=step_s)
         route = route_from_track(route, speed_m_s)
     return plan_from_links(route, trip_id=trip_id, style=style, rng=rng, step_s=step_s)
+
+
+def plan_on_links(trip: Trip, length_m: float) -> Plan:
+    """Plan of a recorded trip of which only links of one length are known, with their mean speeds.
+
+    Travel times of the links include every standstill; elevation is known at their ends, stops are not.
+
+    Raises
+    ------
+    InvalidInput
+        When the trip does not move, or faster than a link can be.
+    """
+    plan = plan_from_links(links_of_trip(trip, length_m), trip_id=trip.trip_id)
+    return replace(plan.with_departure(trip.departure), start_s=float(trip.array("time_s")[0]))

@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.trips import FloatArray
 
 EARTH_RADIUS_M: Final = 6_371_008.8
 """Mean radius of the earth (IUGG, GRS 80)."""

@@ -17,17 +17,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.driver import (
-    DriverStyle,
-    FloatArray,
-    SpeedProfile,
-    draw_dwell,
-    profile_over_time,
-    reachable_speed,
-)
+from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput
-
-IntArray = npt.NDArray[np.int64]
+from tripwatt.routes.driver import DriverStyle, SpeedProfile, draw_dwell, profile_over_time, reachable_speed
 
 REFERENCE_LENGTH_M: Final = 250.0
 """Length of a link to which `LinkStyle.street_speed_m_s` refers [m]."""
@@ -198,7 +190,7 @@ def link_profile(
     faults = tuple(_link_faults(length, time, stop, moving, limit, step_s))
     if faults:
         raise InvalidInput(faults)
-    course = _Course.of(length, time, stop, moving, limit, style, rng)
+    course = _Course.from_links(length, time, stop, moving, limit, style, rng)
     speed, driving_s = course.solve()
     return profile_over_time(
         course.position, speed, driving_s, course.waiting(speed, driving_s, rng), course.ends, step_s
@@ -276,7 +268,7 @@ class _Course:
     most_delay: FloatArray
 
     @classmethod
-    def of(
+    def from_links(
         cls,
         length: FloatArray,
         time: FloatArray,
@@ -387,7 +379,7 @@ class _Course:
         return speed, driving_s
 
     @property
-    def can_wait(self) -> npt.NDArray[np.bool_]:
+    def can_wait(self) -> BoolArray:
         """Whether a link has a place at which time to spare is spent standing."""
         can = np.equal(self.most_delay, 1.0)
         can[[0, -1]] |= self.most_delay[[0, -1]] == 0.0
@@ -450,7 +442,7 @@ def _number_of_dips(
     length: FloatArray,
     time: FloatArray,
     free: FloatArray,
-    unknown: npt.NDArray[np.bool_],
+    unknown: BoolArray,
     style: LinkStyle,
 ) -> IntArray:
     """How often the car slows down or stops on each link: once, and more often if the time left over asks for it."""

@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes.links import (
     FASTEST_LINK_M_S,
@@ -22,7 +23,7 @@ from tripwatt.routes.points import (
     haversine_m,
     require_on_earth,
 )
-from tripwatt.trips import COLUMNS, Departure, Flag, FloatArray, Plan, raise_faults, table_of
+from tripwatt.trips import COLUMNS, Departure, Flag, Plan, raise_faults, table_of
 from tripwatt.units import M_S_PER_KM_H
 
 DENSE_STEP_S: Final = 5.0

@@ -24,10 +24,10 @@ from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.service import answers, openapi
 from tripwatt.service.batching import answers as batch_answers
 from tripwatt.service.batching import lines_of
-from tripwatt.service.crew import Crew
-from tripwatt.service.gates import Gate
+from tripwatt.service.compression import Packing
 from tripwatt.service.metrics import Metrics
-from tripwatt.service.packing import Packing
+from tripwatt.service.middleware import Gate
+from tripwatt.service.pool import Crew
 from tripwatt.service.problems import MEDIA_TYPE, Problem, invalid
 from tripwatt.service.receiving import body_of, require_accepts
 from tripwatt.service.settings import Settings

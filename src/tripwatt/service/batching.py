@@ -11,8 +11,8 @@ from typing import Final
 import orjson
 
 from tripwatt.errors import Fault
-from tripwatt.service.crew import Crew
 from tripwatt.service.metrics import Metrics
+from tripwatt.service.pool import Crew
 from tripwatt.service.problems import Problem, invalid
 from tripwatt.service.settings import Limits
 

@@ -12,12 +12,13 @@ import orjson
 import pandas as pd
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError, WithJsonSchema
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes import LinkRoute, route_from_links
 from tripwatt.routes.links import FLAT_ROAD
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import LEAST_SAMPLES, canonical_samples
-from tripwatt.trips import COLUMNS, LINK_COLUMNS, QUANTITIES, Column, FloatArray
+from tripwatt.trips import COLUMNS, LINK_COLUMNS, QUANTITIES, Column
 
 LEAST_MEASURED: Final = 2
 LEAST_DURATION_S: Final = 1.0

@@ -19,10 +19,10 @@ import orjson
 from tripwatt.errors import InvalidInput
 from tripwatt.service.bodies import NotJson
 from tripwatt.service.frames import packed, read_frame
+from tripwatt.service.jobs import Work
 from tripwatt.service.problems import Problem, invalid
 from tripwatt.service.serving import json_log
 from tripwatt.service.settings import Limits
-from tripwatt.service.work import Work
 
 
 def answer(work: Work, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
@@ -55,7 +55,7 @@ def main() -> None:
     if first is None:
         return
     models = {name: Path(folder) for name, folder in first[0]["models"].items()}
-    work = Work.of(models, Limits(**first[0]["limits"]))
+    work = Work.from_folders(models, Limits(**first[0]["limits"]))
     work.warm_up()
     gc.collect()
     gc.freeze()

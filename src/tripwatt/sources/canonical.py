@@ -10,13 +10,13 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.sources.columnar import CsvTable, Table, open_table
 from tripwatt.sources.delimited import open_delimited
 from tripwatt.trips import (
     COLUMNS,
     REQUIRED_COLUMNS,
-    FloatArray,
     is_sound,
     raise_faults,
     structure_faults,

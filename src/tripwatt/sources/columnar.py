@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import Final, Protocol
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.sources.delimited import Delimited, open_delimited, read_numbers, read_texts
 from tripwatt.trips import raise_faults
-
-FloatArray = npt.NDArray[np.float64]
 
 SUFFIXES: Final = (".csv", ".tsv", ".txt", ".parquet")
 PROSE: Final = ".txt"

@@ -15,13 +15,11 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
-
-FloatArray = npt.NDArray[np.float64]
 
 DELIMITERS: Final = ";,\t|"
 LARGEST_NUMBER: Final = 1e15

@@ -12,15 +12,13 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
-from tripwatt.inertia import apparent_mass
+from tripwatt.arrays import FloatArray
 from tripwatt.sources.mapping import M_S_PER_MPH, POWER
 from tripwatt.trips import COLUMNS
+from tripwatt.trips.inertia import apparent_mass
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_HOUR
-
-FloatArray = npt.NDArray[np.float64]
 
 CLEAR: Final = 0.3
 """Correlation of power with acceleration above which its direction is clear."""

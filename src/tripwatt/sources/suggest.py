@@ -14,8 +14,8 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import InvalidInput
 from tripwatt.sources.columnar import Table, open_table, table_files
 from tripwatt.sources.delimited import column_key
@@ -31,8 +31,6 @@ from tripwatt.sources.evidence import (
 from tripwatt.sources.mapping import POWER, TIME_STAMPS, UNITS, load_mapping, shipped_mappings, shipped_text
 from tripwatt.sources.naming import NAMES, candidates, unit_in, words
 from tripwatt.trips import COLUMNS
-
-FloatArray = npt.NDArray[np.float64]
 
 SPARSE_SHARE: Final = 0.2
 """With more missing values than this in a measured column the logger writes what changes."""
@@ -191,7 +189,7 @@ def _numbers(table: Table) -> dict[str, FloatArray]:
     return columns
 
 
-def _trip_column(table: Table, columns: Mapping[str, FloatArray]) -> tuple[str | None, npt.NDArray[np.int64]]:
+def _trip_column(table: Table, columns: Mapping[str, FloatArray]) -> tuple[str | None, IntArray]:
     """A column that tells trips apart by its name, and the number of each row's trip."""
     for name in table.names:
         if _TRIP_NAME.match(words(name)):
@@ -283,7 +281,7 @@ def _clock(guesses: Mapping[str, Guess], columns: Mapping[str, FloatArray], rows
 
 
 def _drive_by_drive(
-    guesses: Mapping[str, Guess], columns: Mapping[str, FloatArray], groups: npt.NDArray[np.int64]
+    guesses: Mapping[str, Guess], columns: Mapping[str, FloatArray], groups: IntArray
 ) -> dict[str, tuple[str, FloatArray]]:
     """What is known of speed, voltage, current and power, in our units as far as they are known; of the longest trip."""
     longest = groups == int(np.argmax(np.bincount(groups))) if len(groups) else np.zeros(0, bool)

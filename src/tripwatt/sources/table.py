@@ -14,11 +14,10 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.sources.columnar import Table, open_table, table_files
 from tripwatt.sources.delimited import column_key
 from tripwatt.sources.mapping import (
@@ -31,8 +30,7 @@ from tripwatt.sources.mapping import (
     parse_mapping,
 )
 from tripwatt.trips import COLUMNS, Context, Flag, Fleet, Log, raise_faults
-
-FloatArray = npt.NDArray[np.float64]
+from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
 
 WRONG_SHARE: Final = 0.01
 """Up to this share of impossible values are a sensor's dropouts and the audit's affair; more is a wrong unit."""
@@ -342,7 +340,7 @@ def _unit_hint(name: str, middle: float) -> str:
     return "check the unit in the mapping"
 
 
-def _gap_notes(table: Table, name: str, samples: pd.DataFrame, rows: npt.NDArray[np.int64]) -> Iterator[Flag]:
+def _gap_notes(table: Table, name: str, samples: pd.DataFrame, rows: IntArray) -> Iterator[Flag]:
     step = np.diff(np.asarray(samples["time_s"]))
     for i in np.flatnonzero(step > GAP_S)[:3]:
         where = f"{table.path.name} row {table.row(int(rows[i + 1]))}, trip {name}"
@@ -354,9 +352,7 @@ def _gap_notes(table: Table, name: str, samples: pd.DataFrame, rows: npt.NDArray
         yield Flag("time_goes_back", where, float(-step[i]), "s")
 
 
-def _reused_id(
-    table: Table, name: str, samples: pd.DataFrame, rows: npt.NDArray[np.int64]
-) -> Iterator[Fault]:
+def _reused_id(table: Table, name: str, samples: pd.DataFrame, rows: IntArray) -> Iterator[Fault]:
     """An id under which the time starts again."""
     time = np.asarray(samples["time_s"])
     back = np.flatnonzero(np.diff(time) < -GAP_S)

@@ -16,8 +16,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
@@ -34,8 +32,6 @@ from tripwatt.trips import (
     structure_faults,
 )
 from tripwatt.units import M_S_PER_KM_H
-
-FloatArray = npt.NDArray[np.float64]
 
 CITATION: Final = (
     'M. Steinstraeter, J. Buberger, D. Trifonov, "Battery and Heating Data in Real Driving Cycles", '

@@ -18,15 +18,13 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.sources.delimited import Delimited, column_key, open_delimited, read_numbers
 from tripwatt.trips import COLUMNS, Context, Flag, Fleet, Log, raise_faults
 from tripwatt.units import M_S_PER_KM_H
-
-FloatArray = npt.NDArray[np.float64]
 
 CITATION: Final = (
     'G. S. Oh, D. J. LeBlanc, H. Peng, "Vehicle Energy Dataset (VED), a Large-Scale Dataset for Vehicle Energy '
@@ -171,7 +169,7 @@ def _positions(source: Delimited) -> Mapping[str, int]:
     return {name: found[column_key(name)] for name in (*needed, *_ENGINE) if column_key(name) in found}
 
 
-def _integer_keys(source: Delimited, values: Mapping[str, FloatArray]) -> tuple[npt.NDArray[np.int64], ...]:
+def _integer_keys(source: Delimited, values: Mapping[str, FloatArray]) -> tuple[IntArray, ...]:
     """Car and trip number of every row."""
     faults = []
     for name in _KEYS:

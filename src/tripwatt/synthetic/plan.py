@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.driver import DriverStyle
+from tripwatt.routes.driver import DriverStyle
 
 N_DRIVERS: Final = 6
 DAYS_PER_SEASON: Final = 90

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-from tripwatt.driver import SpeedProfile, draw_dwell, smooth_field, speed_profile
+from tripwatt.arrays import FloatArray
+from tripwatt.routes.driver import SpeedProfile, draw_dwell, smooth_field, speed_profile
 from tripwatt.synthetic.plan import ROADS, WHEEL, Plan, stream
 from tripwatt.units import M_S_PER_KM_H
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from tripwatt.arrays import FloatArray
 from tripwatt.synthetic.plan import SENSORS, Plan, stream
 from tripwatt.synthetic.roads import Drive
 from tripwatt.synthetic.world import Truth
 from tripwatt.units import M_S_PER_KM_H
 from tripwatt.vehicles import Vehicle
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def quantised(values: FloatArray, step: float) -> FloatArray:

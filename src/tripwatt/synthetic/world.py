@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-from tripwatt.driver import smooth_field
+from tripwatt.arrays import FloatArray
 from tripwatt.physics import simulate
 from tripwatt.physics.battery import BatteryRun, discharge
+from tripwatt.routes.driver import smooth_field
 from tripwatt.synthetic.plan import AIR, NOISE, WORLD, Plan, stream
 from tripwatt.synthetic.roads import Drive
 from tripwatt.units import (
@@ -26,8 +26,6 @@ from tripwatt.units import (
     ZERO_CELSIUS_K,
 )
 from tripwatt.vehicles import Battery, Vehicle
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,8 @@
 """Drives as data: `Log` as it came, `Trip` after its audit, `Plan` to come, and what is known at the `Departure`."""
 
+from tripwatt.trips.context import Context
 from tripwatt.trips.departure import ASKED, SIGNALS, TEMPERATURES, Departure
-from tripwatt.trips.drive import Context, Drive, Log, Recorded, Trip, require_unique_ids, resample
+from tripwatt.trips.drive import Drive
 from tripwatt.trips.flags import Flag
 from tripwatt.trips.fleet import Fleet
 from tripwatt.trips.plan import ROUTE_COLUMNS, Plan, plan_from_samples, plan_from_trip
@@ -12,7 +13,6 @@ from tripwatt.trips.schema import (
     QUANTITIES,
     REQUIRED_COLUMNS,
     Column,
-    FloatArray,
     is_sound,
     raise_faults,
     scalar_faults,
@@ -20,6 +20,7 @@ from tripwatt.trips.schema import (
     validate_samples,
     value_faults,
 )
+from tripwatt.trips.trip import Log, Recorded, Trip, require_unique_ids, resample
 
 __all__ = [
     "ASKED",
@@ -36,7 +37,6 @@ __all__ = [
     "Drive",
     "Flag",
     "Fleet",
-    "FloatArray",
     "Log",
     "Plan",
     "Recorded",

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
+from tripwatt.trips.context import Context
+from tripwatt.trips.drive import Drive
 from tripwatt.trips.schema import raise_faults, scalar_faults
 from tripwatt.trips.showing import html_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from tripwatt.trips.drive import Context, Drive
 
 SIGNALS: Final[Mapping[str, str]] = {
     "ambient_temperature_degc": "ambient_temperature_degc",

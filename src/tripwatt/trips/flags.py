@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,15 +30,3 @@ class Flag:
     subject: str
     value: float | str | None = None
     unit: str = ""
-
-    def to_dict(self) -> dict[str, Any]:
-        """The four fields and the English `message`, as the command line and the service give them in JSON."""
-        from tripwatt.trips.messages import message  # the sentences are of no use to most callers
-
-        return {
-            "code": self.code,
-            "subject": self.subject,
-            "value": self.value,
-            "unit": self.unit,
-            "message": message(self),
-        }

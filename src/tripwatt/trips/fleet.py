@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from tripwatt.trips.drive import Recorded, Trip
 from tripwatt.trips.flags import Flag
+from tripwatt.trips.trip import Recorded, Trip
 
 
 @dataclass(frozen=True, slots=True, repr=False)

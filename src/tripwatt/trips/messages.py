@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -196,6 +197,17 @@ def message(flag: Flag) -> str:
     """
     made = MESSAGES.get(flag.code)
     return made(flag) if made else " ".join(filter(None, (f"{flag.code}: {flag.subject}", *_value(flag))))
+
+
+def flag_to_dict(flag: Flag) -> dict[str, Any]:
+    """The four fields of a flag and its English `message`, as the command line and the service give them in JSON.
+
+    Examples
+    --------
+    >>> flag_to_dict(Flag("links_too_long", "links", 6000.0, "m"))["code"]
+    'links_too_long'
+    """
+    return {**asdict(flag), "message": message(flag)}
 
 
 def _value(flag: Flag) -> tuple[Any, ...]:

@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
+from tripwatt.arrays import FloatArray
 from tripwatt.trips.departure import Departure
-from tripwatt.trips.drive import Drive, Recorded
+from tripwatt.trips.drive import Drive
 from tripwatt.trips.flags import Flag
-from tripwatt.trips.messages import message
+from tripwatt.trips.messages import flag_to_dict, message
 from tripwatt.trips.samples import block_means
-from tripwatt.trips.schema import FloatArray, validate_samples
+from tripwatt.trips.schema import validate_samples
 from tripwatt.trips.showing import html_table, journey
+from tripwatt.trips.trip import Recorded
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -100,7 +102,7 @@ class Plan(Drive):
             "link_m": self.link_m,
             "duration_s": self.duration_s,
             "distance_m": self.distance_m,
-            "flags": [flag.to_dict() for flag in self.flags],
+            "flags": [flag_to_dict(flag) for flag in self.flags],
             "samples": self._columns(),
         }
 

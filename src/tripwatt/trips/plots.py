@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from tripwatt.trips.drive import Drive
 from tripwatt.units import M_S_PER_KM_H
-
-if TYPE_CHECKING:
-    from tripwatt.trips.drive import Drive
 
 LINE: Final = "#0b5c8a"
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from tripwatt.trips.schema import FloatArray
+from tripwatt.arrays import FloatArray
 from tripwatt.units import WH_PER_J
 
 

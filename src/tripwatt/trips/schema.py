@@ -13,12 +13,10 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from tripwatt.arrays import IntArray
 from tripwatt.errors import Fault, InvalidInput
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +167,7 @@ def value_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
         )
 
 
-def _and_more(rows: npt.NDArray[np.int64]) -> str:
+def _and_more(rows: IntArray) -> str:
     return f" (and {len(rows) - 1} more rows)" if len(rows) > 1 else ""
 
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
+from tripwatt.arrays import FloatArray
 from tripwatt.units import GRAVITY_M_S2
+
+Number = TypeVar("Number", float, FloatArray)
 
 
 def quantity(
@@ -183,11 +186,11 @@ class Battery:
     displayed_zero_soc: float = quantity("1", 0.0, 0.5, "soc at which the driver sees 0")
     displayed_full_soc: float = quantity("1", 0.5, 1.0, "soc at which the driver sees 1")
 
-    def soc_from_displayed(self, displayed_soc: float) -> float:
+    def soc_from_displayed(self, displayed_soc: Number) -> Number:
         """State of charge of the battery management for what the driver sees."""
         return self.displayed_zero_soc + displayed_soc * (self.displayed_full_soc - self.displayed_zero_soc)
 
-    def displayed_from_soc(self, soc: float) -> float:
+    def displayed_from_soc(self, soc: Number) -> Number:
         """What the driver sees, for a state of charge of the battery management; not clipped."""
         return (soc - self.displayed_zero_soc) / (self.displayed_full_soc - self.displayed_zero_soc)
 

@@ -1,0 +1,133 @@
+"""Size of the code without blanks, comments and docstrings: ``python -m benchmarks.code_size [FOLDER]``.
+
+Prints code lines by room, the distribution of function lengths, and the largest functions, classes and argument lists.
+FOLDER is a checkout of the project, by default this one; run it on two checkouts to compare them.
+"""
+
+from __future__ import annotations
+
+import ast
+import io
+import sys
+import tokenize
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+MOST_FUNCTION: Final = 60
+MOST_CLASS: Final = 250
+MOST_ARGUMENTS: Final = 8
+P90_FUNCTION: Final = 24
+
+Function = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A function or class: where it is, its lines of code, its positional and keyword arguments."""
+
+    where: str
+    lines: int
+    arguments: int = 0
+    public: bool = True
+
+
+def code_rows(source: str) -> set[int]:
+    """Numbers of the rows with code: no blanks, comments or docstrings."""
+    skipped = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT}
+    rows: set[int] = set()
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type not in skipped and token.type != tokenize.ENDMARKER:
+            rows.update(range(token.start[0], token.end[0] + 1))
+    for node in ast.walk(ast.parse(source)):
+        if (
+            isinstance(node, ast.Expr)
+            and isinstance(node.value, ast.Constant)
+            and isinstance(node.value.value, str)
+        ):
+            rows -= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+    return rows
+
+
+def pieces(path: Path, root: Path) -> Iterator[tuple[str, Piece]]:
+    """Functions and classes of a file, each as (kind, piece)."""
+    source = path.read_text("utf-8")
+    rows, tree = code_rows(source), ast.parse(source)
+    place = path.relative_to(root).as_posix()
+    inside: dict[ast.AST, str] = {}
+    for node in ast.walk(tree):
+        for child in ast.iter_child_nodes(node):
+            if isinstance(node, ast.ClassDef | Function):
+                inside[child] = f"{inside.get(node, '')}{node.name}."
+            elif node in inside:
+                inside[child] = inside[node]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ClassDef | Function):
+            first = node.lineno if isinstance(node, ast.ClassDef) else node.body[0].lineno
+            lines = len(rows & set(range(first, (node.end_lineno or node.lineno) + 1)))
+            name = f"{inside.get(node, '')}{node.name}"
+            where, public = (
+                f"{place}:{node.lineno} {name}",
+                not any(p.startswith("_") for p in name.split(".")),
+            )
+            if isinstance(node, ast.ClassDef):
+                yield "class", Piece(where, lines, 0, public)
+            else:
+                yield "function", Piece(where, lines, _arguments(node), public)
+
+
+def _arguments(node: Function) -> int:
+    names = [a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
+    return len([name for name in names if name not in ("self", "cls")])
+
+
+def main() -> int:
+    """Print the tables."""
+    folders = [argument for argument in sys.argv[1:] if not argument.startswith("-")]
+    root = Path(folders[0] if folders else Path(__file__).parents[1]).resolve()
+    source = root / "src" / "tripwatt"
+    by_room: Counter[str] = Counter()
+    found: dict[str, list[Piece]] = {"function": [], "class": []}
+    for path in sorted(source.rglob("*.py")):
+        parts = path.relative_to(source).parts
+        by_room[parts[0] if len(parts) > 1 else path.stem] += len(code_rows(path.read_text("utf-8")))
+        for kind, piece in pieces(path, source):
+            found[kind].append(piece)
+    functions, classes = found["function"], found["class"]
+    for room, lines in by_room.most_common():
+        print(f"{room:14s}{lines:7d}")
+    print(f"{'all':14s}{sum(by_room.values()):7d}")
+    sizes = np.array([piece.lines for piece in functions])
+    print(
+        f"functions: {len(sizes)}, median {np.median(sizes):g}, p90 {np.percentile(sizes, 90):g} "
+        f"(at most {P90_FUNCTION}), over {MOST_FUNCTION}: {int((sizes > MOST_FUNCTION).sum())}"
+    )
+    print(f"classes: {len(classes)}, over {MOST_CLASS}: {sum(c.lines > MOST_CLASS for c in classes)}")
+    wide = [
+        f
+        for f in functions
+        if f.public
+        and f.arguments > MOST_ARGUMENTS
+        and "__init__" not in f.where
+        and not f.where.startswith("cli/")
+    ]
+    print(f"public functions with more than {MOST_ARGUMENTS} arguments: {len(wide)}")
+    for title, chosen in (
+        ("longest functions", sorted(functions, key=lambda p: -p.lines)[:12]),
+        ("largest classes", sorted(classes, key=lambda p: -p.lines)[:8]),
+    ):
+        print(f"\n{title}")
+        for piece in chosen:
+            print(f"{piece.lines:6d}  {piece.where}")
+    print("\nmost arguments")
+    for piece in sorted(wide, key=lambda p: -p.arguments):
+        print(f"{piece.arguments:6d}  {piece.where}")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

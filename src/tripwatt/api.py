@@ -1,0 +1,239 @@
+"""What a person asks for: files read into plans and trips, and the forecast of a plan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from tripwatt.auditing import audit
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecasting.forecast import Forecast
+from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel
+from tripwatt.forecasting.storage import load_model
+from tripwatt.physics import Simulation, simulate_trip
+from tripwatt.routes import (
+    is_route,
+    needs_speed,
+    parse_route,
+    plan_from_route,
+    route_from_links,
+)
+from tripwatt.routes.links import LinkRoute
+from tripwatt.routes.tracks import Track
+from tripwatt.sources import read_logs
+from tripwatt.sources.canonical import read_canonical
+from tripwatt.transfer.adapting import adaptation
+from tripwatt.transfer.zero_shot import on_vehicle
+from tripwatt.trips import Departure, Fleet, Plan, Trip, plan_from_samples, plan_from_trip
+from tripwatt.vehicles import Vehicle, load_vehicle
+
+
+def read_route(
+    source: Path | str | bytes | Sequence[Mapping[str, float | None]],
+    *,
+    speed_m_s: float | None = None,
+    trip_id: str | None = None,
+) -> Plan:
+    """Read the drive to come. O(bytes).
+
+    Parameters
+    ----------
+    source : path, bytes or sequence of mapping
+        A file or its content: links as CSV or JSON, GPX, GeoJSON, a saved response of OSRM, Valhalla,
+        openrouteservice or GraphHopper; or a driven speed trace as CSV or Parquet with canonical columns, of whose
+        other signals the first sample becomes the departure. Or links themselves, as `route_from_links` takes them.
+    speed_m_s : float, optional
+        Mean speed [m/s] of a track without times and speeds.
+    trip_id : str, optional
+        Name of the plan; that of the file when not given.
+
+    Returns
+    -------
+    Plan
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of the file; also when a track needs a speed, or a speed is given that has no effect.
+
+    Examples
+    --------
+    >>> read_route([{"length_m": 5000.0, "speed_m_s": 20.0}], trip_id="commute")
+    <Plan commute: 5.0 km in 4 min, links of 5000 m>
+    """
+    named = trip_id or (Path(source).stem if isinstance(source, str | Path) else "route")
+    if not isinstance(source, str | Path | bytes):
+        return _planned(route_from_links(source), "links", speed_m_s, named)
+    if isinstance(source, bytes) or is_route(source):
+        where = "route" if isinstance(source, bytes) else Path(source).name
+        return _planned(parse_route(source), where, speed_m_s, named)
+    if speed_m_s is not None:
+        raise InvalidInput(_without_effect(Path(source).name))
+    return plan_from_samples(read_canonical(source), named)
+
+
+def _planned(route: LinkRoute | Track, where: str, speed_m_s: float | None, trip_id: str) -> Plan:
+    if speed_m_s is not None and not needs_speed(route):
+        raise InvalidInput(_without_effect(where))
+    if speed_m_s is None and needs_speed(route):
+        got, fix = (
+            "points without times and speeds",
+            "give speed_m_s in Python, --speed KM/H on the command line",
+        )
+        raise InvalidInput(Fault("speed is missing", where, got, "a mean speed for the track", fix))
+    return plan_from_route(route, speed_m_s=speed_m_s, trip_id=trip_id)
+
+
+def _without_effect(where: str) -> Fault:
+    got = f"{where} contains times or speeds"
+    return Fault("speed has no effect", "speed_m_s", got, "only for a track without times and speeds")
+
+
+def read_trips(path: Path | str, dataset: str = "tum", mapping: Path | str | None = None) -> tuple[Trip, ...]:
+    """Read logs, audit them, and keep the sound drives: `read_logs`, then `audit`.
+
+    Parameters
+    ----------
+    path, dataset, mapping
+        As for `read_logs`.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of the data set.
+    """
+    return audit(read_logs(path, dataset, mapping)).trips
+
+
+def forecast(
+    plan: Plan | Trip,
+    departure: Departure | None = None,
+    *,
+    model: ForecastModel | Path | str | None = None,
+    vehicle: Vehicle | str | None = None,
+) -> Forecast:
+    """Forecast a drive: `ForecastModel.forecast` of a stored model, on its own car or on another.
+
+    Parameters
+    ----------
+    plan : Plan or Trip
+        From `read_route`.
+    departure : Departure, optional
+        Its known fields take the place of those of the plan.
+    model : ForecastModel or path, optional
+        The model that comes with the package when not given.
+    vehicle : Vehicle or str, optional
+        A car other than the model's own. No trips of it are known, so the interval is wider.
+
+    Raises
+    ------
+    InvalidInput
+        As `load_model`, `load_vehicle` and `ForecastModel.forecast`.
+
+    Examples
+    --------
+    >>> plan = read_route([{"length_m": 5000.0, "speed_m_s": 20.0}])
+    >>> forecast(plan, Departure(soc=0.8, ambient_temperature_degc=-5)).plan.departure
+    Departure(soc=0.8, ambient_temperature_degc=-5)
+    """
+    fitted = model if isinstance(model, ForecastModel) else load_model(model)
+    own, flags = on_vehicle(fitted, vehicle)
+    found = own.forecast(plan, departure)
+    return replace(found, flags=(*flags, *found.flags)) if flags else found
+
+
+def fit(
+    trips: Fleet | Sequence[Trip],
+    vehicle: Vehicle | str,
+    *,
+    corrector: str = DEFAULT_CORRECTOR,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> ForecastModel:
+    """Fit a forecasting model on the trips of one car.
+
+    Parameters
+    ----------
+    trips : Fleet or sequence of Trip
+        A fleet is audited first.
+    vehicle : Vehicle or str
+        The car, or the name of one of the library.
+    corrector : str
+        One of `tripwatt.hybrid.POWER_CORRECTORS`.
+    seed : int
+        The same seed gives the same model.
+    progress : callable, optional
+        Called with (finished fits, all fits).
+
+    Raises
+    ------
+    InvalidInput
+        With fewer than eight trips, or trips without measured energy.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> fit(synthetic_fleet(9), "bmw_i3_60ah", corrector="linear")
+    <ForecastModel BMW i3 60 Ah, linear corrector, 9 trips>
+    """
+    model = ForecastModel(_car(vehicle), corrector, seed)
+    return model.fit(_sound(trips), progress=progress)
+
+
+def adapt(
+    base: ForecastModel, trips: Fleet | Sequence[Trip], vehicle: Vehicle | str, *, mode: str = "both"
+) -> ForecastModel:
+    """Adapt a model of one car to another, with a few trips of that car.
+
+    Parameters
+    ----------
+    base : ForecastModel
+        Fitted, with a corrector that holds a Gaussian process.
+    trips : Fleet or sequence of Trip
+        At least one with measured energy; a fleet is audited first.
+    vehicle : Vehicle or str
+        The new car, or the name of one of the library.
+    mode : {"both", "effects", "parameters"}
+        What may differ: terms of the corrector, physical parameters of the car, or both.
+
+    Raises
+    ------
+    InvalidInput
+        When the base cannot be transferred, or a trip has no measured energy.
+    """
+    return adaptation(base, _sound(trips), _car(vehicle), mode=mode).model
+
+
+def simulate(trip: Plan | Trip, vehicle: Vehicle | str, departure: Departure | None = None) -> Simulation:
+    """Simulate a drive with a car: physics alone, nothing learned. O(samples).
+
+    Parameters
+    ----------
+    trip : Plan or Trip
+    vehicle : Vehicle or str
+        A car, or the name of one of the library.
+    departure : Departure, optional
+        Its known fields take the place of those of the plan.
+
+    Raises
+    ------
+    InvalidInput
+        When the drive cannot be simulated.
+
+    Examples
+    --------
+    >>> run = simulate(read_route([{"length_m": 5000.0, "speed_m_s": 20.0}]), "vw_id3")
+    >>> bool(run.simulated_energy_wh > 0.0)
+    True
+    """
+    plan = trip if isinstance(trip, Plan) else plan_from_trip(trip)
+    return simulate_trip(_car(vehicle), plan.with_departure(departure))
+
+
+def _car(vehicle: Vehicle | str) -> Vehicle:
+    return vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
+
+
+def _sound(trips: Fleet | Sequence[Trip]) -> Sequence[Trip]:
+    return audit(trips).trips if isinstance(trips, Fleet) else trips

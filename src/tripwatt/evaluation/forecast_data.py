@@ -1,0 +1,182 @@
+"""Trips as the forecast protocol needs them: what is known at departure, and a small log of what was measured.
+
+Prepared once and small, so that a fold costs no second reading, resampling or simulation of raw trips.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import FloatArray
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.hybrid import SegmentTable, segment_trips
+from tripwatt.hybrid.climate_log import TOLD_BY
+from tripwatt.hybrid.segments import SEGMENT_S
+from tripwatt.hybrid.trip_table import TripTable, build_table
+from tripwatt.trips import (
+    ROUTE_COLUMNS,
+    SIGNALS,
+    TEMPERATURES,
+    Plan,
+    Trip,
+    observed_cumulative_energy,
+    plan_from_trip,
+)
+from tripwatt.vehicles import Vehicle
+
+CHARGE_COLUMNS: Final = ("soc", "displayed_soc")
+DATA_FEATURES: Final = (
+    "speed_m_s",
+    "speed_change_m_s2",
+    "kinetic_m2_s3",
+    "climb_m_s",
+    "time_s",
+    "trip_speed_m_s",
+    "payload_mass_kg",
+    "winter",
+    *TEMPERATURES,
+)
+"""What the data-only model sees of a segment: the speed trace, the road and the departure, nothing simulated."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForecastData:
+    """Some trips, prepared.
+
+    Attributes
+    ----------
+    vehicle : Vehicle
+    table : TripTable
+        Block means of 1 s; every column but the road is its first raw sample. For the baselines.
+    segments : SegmentTable
+        For the models of power.
+    data_features : DataFrame, (rows of `segments`, DATA_FEATURES)
+    plans : tuple of Plan
+    logs : tuple of DataFrame
+        From `measured_log`.
+    """
+
+    vehicle: Vehicle
+    table: TripTable
+    segments: SegmentTable
+    data_features: pd.DataFrame
+    plans: tuple[Plan, ...]
+    logs: tuple[pd.DataFrame, ...]
+
+    @classmethod
+    def from_trips(cls, trips: Sequence[Trip], vehicle: Vehicle) -> ForecastData:
+        """Prepare raw trips with measured energy. O(samples)."""
+        trips = _distinct(trips)
+        table = build_table([at_departure_only(trip) for trip in trips], {"physics": vehicle})
+        plans = tuple(map(plan_from_trip, trips))
+        segments = segment_trips(trips, vehicle)
+        logs = tuple(measured_log(trip) for trip in trips)
+        return cls(vehicle, table, segments, _data_features(segments, plans), plans, logs)
+
+    def __len__(self) -> int:
+        return len(self.plans)
+
+    def slim(self) -> ForecastData:
+        """Segments and data features alone: cheap to send to a process."""
+        return replace(self, table=self.table.take([]), plans=(), logs=())
+
+
+def at_departure_only(trip: Trip) -> Trip:
+    """A raw trip in which every signal but road and measured energy is constant: its first sample.
+
+    Columns that no departure knows are dropped.
+    """
+    kept = [c for c in (*ROUTE_COLUMNS, "voltage_v", "current_a", "observed_energy_wh") if c in trip]
+    first = {c: float(trip.array(c)[0]) for c in SIGNALS.values() if c in trip}
+    return replace(trip, samples=trip.samples[kept].assign(**first))
+
+
+def measured_log(trip: Trip, step_s: float = 1.0) -> pd.DataFrame:
+    """What was measured by each second of a trip: raw samples, none of them interpolated.
+
+    Parameters
+    ----------
+    trip : Trip
+        Raw samples with measured energy.
+    step_s : float
+        One row at most for each step: the last sample that is not after it.
+
+    Returns
+    -------
+    DataFrame
+        `time_s` since departure, `observed_energy_wh`, `distance_m`, and the states of charge and the powers of
+        climate control that the trip has. A row depends on no sample after it.
+
+    Examples
+    --------
+    >>> samples = pd.DataFrame({"time_s": [5.0, 5.4, 6.1, 7.0], "speed_m_s": 1.0, "voltage_v": 360.0, "current_a": 10.0})
+    >>> log = measured_log(Trip.from_samples("t", samples))
+    >>> [round(float(t), 6) for t in log["time_s"]]
+    [0.0, 0.4, 2.0]
+    """
+    raw = trip.samples
+    cumulative = observed_cumulative_energy(raw)
+    if cumulative is None:
+        raise InvalidInput(Fault("no measured energy", trip.trip_id, "", "voltage and current of each trip"))
+    time = trip.array("time_s") - float(trip.array("time_s")[0])
+    speed = trip.array("speed_m_s")
+    distance = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
+    known = np.isfinite(cumulative)
+    if {"voltage_v", "current_a"} <= set(raw.columns):
+        # energy under a gap is bridged with the sample after it, so rows in the gap would look ahead
+        known &= np.isfinite(trip.array("voltage_v") * trip.array("current_a"))
+    rows = np.flatnonzero(known)
+    steps = np.arange(0.0, time[rows[-1]], step_s)
+    last = np.clip(np.searchsorted(time[rows], steps + 1e-9, side="right") - 1, 0, None)
+    rows = rows[np.unique(np.append(last, len(rows) - 1))]
+    log = {"time_s": time[rows], "observed_energy_wh": cumulative[rows], "distance_m": distance[rows]}
+    log |= {c: trip.array(c)[rows] for c in (*CHARGE_COLUMNS, *TOLD_BY) if c in trip}
+    return pd.DataFrame(log)
+
+
+def _data_features(segments: SegmentTable, plans: Sequence[Plan]) -> pd.DataFrame:
+    """`DATA_FEATURES` of each segment."""
+    climbs, kinetic = [], []
+    for i, plan in enumerate(plans):
+        rows = slice(int(segments.offsets[i]), int(segments.offsets[i + 1]))
+        seconds = segments.hours[rows] * 3600.0
+        height = _height(plan)
+        climbs.append(_change(height, plan, seconds))
+        kinetic.append(_change(0.5 * plan.array("speed_m_s") ** 2, plan, seconds))
+    own = {"climb_m_s": np.concatenate(climbs), "kinetic_m2_s3": np.concatenate(kinetic)}
+    return segments.features.assign(**own)[list(DATA_FEATURES)]
+
+
+def _height(plan: Plan) -> FloatArray:
+    if "elevation_m" in plan:
+        return plan.array("elevation_m")
+    if "grade" in plan:
+        step = np.diff(plan.array("time_s"), prepend=plan.array("time_s")[0])
+        return np.asarray(np.cumsum(plan.array("grade") * plan.array("speed_m_s") * step))
+    return np.full(len(plan), np.nan)
+
+
+def _change(values: FloatArray, plan: Plan, seconds: FloatArray) -> FloatArray:
+    """Change per second over each segment of a plan."""
+    time = plan.array("time_s") - plan.array("time_s")[0]
+    edges = np.minimum(np.arange(len(seconds) + 1) * SEGMENT_S, time[-1])
+    edges[-1] = time[-1]
+    return np.asarray(np.diff(np.interp(edges, time, values)) / seconds)
+
+
+def _distinct(trips: Sequence[Trip]) -> list[Trip]:
+    """Trips of two fleets may bear one id; the later one is told apart by a mark."""
+    seen: set[str] = set()
+    named = []
+    for trip in trips:
+        name = trip.trip_id
+        while name in seen:
+            name += "'"
+        seen.add(name)
+        named.append(trip if name == trip.trip_id else replace(trip, trip_id=name))
+    return named

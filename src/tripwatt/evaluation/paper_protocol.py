@@ -1,0 +1,248 @@
+"""The protocol of arXiv:2405.10984: cumulative energy, correctors of the paper's physics, leave one trip out.
+
+The correctors always stand on `physics-paper`, also when the default physics gets better. Inside the fold their
+settings are chosen by what the table scores: the absolute error at the end of the trip.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import FloatArray
+from tripwatt.auditing import Audit, audit
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.evaluation.protocol import (
+    LEAVE_ONE_DAY_OUT,
+    LEAVE_ONE_TRIP_OUT,
+    CarChoice,
+    FoldResult,
+    HoldOut,
+    ModelSpec,
+    Prepared,
+    ReportSection,
+)
+from tripwatt.evaluation.results import EvaluationRun, about_run, fold_frame, paired_summary, summary_of
+from tripwatt.evaluation.table_models import (
+    CONSTANT,
+    LINEAR4,
+    LINEAR6,
+    PHYSICS,
+    PHYSICS4,
+    PHYSICS_PAPER,
+    TableModel,
+)
+from tripwatt.hybrid import TripTable, build_table
+from tripwatt.paper import correctors
+from tripwatt.paper.insight import insight
+from tripwatt.physics import simulate_trip
+from tripwatt.trips import Fleet, Trip, value_faults
+from tripwatt.trips.messages import message
+from tripwatt.vehicles import Vehicle, load_vehicle
+
+MIN_FOLDS: Final = 3
+
+PRESETS: Final[Mapping[str, str]] = MappingProxyType({"physics-paper": "paper", "physics": "default"})
+"""Name of the simulated energy -> preset of the vehicle."""
+
+PUBLISHED: Final[Mapping[str, float]] = MappingProxyType(
+    {"physics-paper": 0.379, "gamm": 0.115, "forest": 0.106, "boosting": 0.103}
+)
+"""Mean errors from leave-one-trip-out in the paper's Table 3, by our names of the models."""
+
+
+class PaperProtocol:
+    """See `tripwatt.evaluation.protocol.EvaluationProtocol`."""
+
+    name = "paper"
+    title = "the models of arXiv:2405.10984 on cumulative energy"
+    models: tuple[ModelSpec, ...] = (
+        CONSTANT,
+        LINEAR4,
+        LINEAR6,
+        PHYSICS_PAPER,
+        PHYSICS,
+        PHYSICS4,
+        TableModel("gamm", "hybrid, GAMM with Student's t errors", correctors.gamm, "physics-paper"),
+        TableModel("forest", "hybrid, clustered forest", correctors.forest, "physics-paper"),
+        TableModel("boosting", "hybrid, clustered boosting", correctors.boosting, "physics-paper"),
+        TableModel("boosting-only", "boosting without physics", correctors.boosting_without_physics),
+    )
+    sections = (
+        ReportSection("result", "Result", ("table", "mean-errors", "legend", "sets", "full-tables")),
+        ReportSection(
+            "errors", "Errors of every model", ("error-distribution", "error-boxes", "benchmark-boxes")
+        ),
+        ReportSection("trips", "Trip by trip", ("trip-energy", "trip-errors", "all-trips")),
+        ReportSection("comparison", "Differences between the models", ("paired-differences",)),
+        ReportSection(
+            "audit", "Trips that were used, and reasons why others were not", ("audit-findings", "trips-used")
+        ),
+        ReportSection(
+            "gamm",
+            "The GAMM",
+            (
+                "gamm-summary",
+                "gamm-diagnosis",
+                "gamm-autocorrelation",
+                "gamm-smooths",
+                "gamm-surface",
+                "gamm-random",
+                "gamm-extrapolation",
+            ),
+        ),
+        ReportSection(
+            "inside", "Inside the models", ("importances", "learning-curve", "signals", "running-time")
+        ),
+    )
+    focus: str | None = None
+    published = PUBLISHED
+    given = ""
+
+    def extra(self, specs: Sequence[ModelSpec]) -> tuple[ModelSpec, ...]:
+        """None."""
+        return ()
+
+    def prepare(self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice) -> Prepared:
+        """Each set of trips under leave-one-trip-out, and the main set under leave-one-day-out."""
+        if test_fleet is not None:
+            raise InvalidInput(
+                Fault("option not available", "--test", f"protocol {self.name!r}", "protocol 'forecast'")
+            )
+        cars = {name: load_vehicle(car.name, preset, car.overrides) for name, preset in PRESETS.items()}
+        given = [
+            f"{cars['physics'].name} with {key} = {value}" for key, value in (car.overrides or {}).items()
+        ]
+        audited = audit(fleet)
+        hold_outs, notes = _hold_outs(fleet, audited, cars)
+        return Prepared(hold_outs, fleet, None, audited, cars, (*map(message, fleet.notes), *given, *notes))
+
+    def assemble(
+        self, prepared: Prepared, results: Sequence[FoldResult], specs: Sequence[ModelSpec], seed: int
+    ) -> EvaluationRun:
+        """Errors of the totals, predictions along the trips, battery signals, and the inside of the correctors."""
+        hold_outs = prepared.hold_outs
+        predictions = _predictions(hold_outs, results, specs)
+        frames = [
+            fold_frame(h, {name: rows[h.table.last_rows] for name, rows in predictions[i].items()}, specs)
+            for i, h in enumerate(hold_outs)
+        ]
+        summaries = [
+            summary_of(h, frames[i], [r for r in results if r.evaluation == i], specs, seed)
+            for i, h in enumerate(hold_outs)
+        ]
+        weathers = {t.context.weather for t in prepared.fleet.trips if t.context.weather is not None}
+        own = {spec.name: spec.make(seed) for spec in specs if isinstance(spec, TableModel)}
+        inside = insight(hold_outs[0].table, own, weathers=sorted(weathers))
+        found: dict[str, Any] = {
+            **about_run(self.name, prepared, specs, seed),
+            "evaluations": summaries,
+            "paired": paired_summary(hold_outs[0], frames[0], specs, seed),
+        }
+        return EvaluationRun(
+            results=found,
+            folds=pd.concat(frames, ignore_index=True),
+            series=_series(hold_outs[0].table, predictions[0]),
+            signals=_signals(hold_outs[0].table.trips, prepared.cars["physics"]),
+            learning_curves=inside.learning_curves,
+            importances=inside.importances,
+            gamm=inside.gamm,
+        )
+
+
+def _hold_outs(fleet: Fleet, audited: Audit, cars: Mapping[str, Vehicle]) -> tuple[list[HoldOut], list[str]]:
+    usable, notes = _usable(fleet.trips)
+    sets: dict[str, Sequence[Trip]] = {
+        "reference": fleet.reference_trips(),
+        "audited": audited.trips,
+        "all": usable,
+    }
+    found: list[HoldOut] = []
+    for name, trips in sets.items():
+        if not trips:
+            if name == "reference" and fleet.reference is not None:
+                notes.append(f"none of the reference trips of the data set {fleet.name!r} is here")
+            continue
+        table = build_table(trips, cars)
+        found.append(HoldOut(LEAVE_ONE_TRIP_OUT, name, table, np.arange(len(table), dtype=np.int64)))
+    if not found or max(len(h.table) for h in found) < MIN_FOLDS:
+        got = f"{len(audited.trips)} of {len(fleet.trips)}"
+        fault = Fault(
+            "too few trips after the audit", fleet.name, got, f"at least {MIN_FOLDS} with measured energy"
+        )
+        raise InvalidInput(fault)
+    main = found[0]
+    days = [t.context.day for t in main.table.trips]
+    if any(day is None for day in days) or len(set(days)) < MIN_FOLDS:
+        notes.append("leave-one-day-out left out: the dates of the trips are unknown or fewer than three")
+    else:
+        _, folds = np.unique(np.array([str(day) for day in days]), return_inverse=True)
+        found.append(HoldOut(LEAVE_ONE_DAY_OUT, main.trips, main.table, folds.astype(np.int64)))
+    notes.extend(main.table.notes)
+    return found, notes
+
+
+def _usable(trips: Sequence[Trip]) -> tuple[list[Trip], list[str]]:
+    """Unaudited trips that can be simulated and scored at all; the others are named."""
+    usable, notes = [], []
+    for trip in trips:
+        faults = list(value_faults(trip.samples, trip.trip_id))
+        if trip.observed_energy_wh is None or not trip.observed_energy_wh > 0:
+            faults.append(Fault("no measured, positive energy", trip.trip_id))
+        if faults:
+            notes.append(f"unaudited row leaves out {faults[0]}")
+        else:
+            usable.append(trip)
+    return usable, notes
+
+
+def _predictions(
+    hold_outs: Sequence[HoldOut], fold_results: Sequence[FoldResult], specs: Sequence[ModelSpec]
+) -> list[dict[str, FloatArray]]:
+    predictions = [
+        {spec.name: np.full(len(e.table.observed_wh), np.nan) for spec in specs} for e in hold_outs
+    ]
+    for result in fold_results:
+        hold_out = hold_outs[result.evaluation]
+        rows = hold_out.table.rows_of(np.flatnonzero(hold_out.folds == result.fold))
+        predictions[result.evaluation][result.model][rows] = result.predicted_wh
+    return predictions
+
+
+def _series(table: TripTable, predictions: Mapping[str, FloatArray]) -> dict[str, pd.DataFrame]:
+    frames = {}
+    for i, trip in enumerate(table.trips):
+        rows = slice(int(table.offsets[i]), int(table.offsets[i + 1]))
+        frames[trip.trip_id] = pd.DataFrame(
+            {
+                "time_s": trip.array("time_s"),
+                "speed_m_s": trip.array("speed_m_s"),
+                "observed_energy_wh": table.observed_wh[rows],
+            }
+            | {name: values[rows] for name, values in predictions.items()}
+        )
+    return frames
+
+
+def _signals(trips: Sequence[Trip], vehicle: Vehicle) -> pd.DataFrame:
+    """RMSE of the simulated battery signals, default preset; NaN where a trip lacks the measurement."""
+    pairs = {
+        "current_rmse_a": ("current_a", "battery_current_a"),
+        "voltage_rmse_v": ("voltage_v", "terminal_voltage_v"),
+        "battery_temperature_rmse_degc": ("battery_temperature_degc", "battery_temperature_degc"),
+        "soc_rmse": ("soc", "soc"),
+    }
+    rows = []
+    for trip in trips:
+        simulation = simulate_trip(vehicle, trip)
+        row: dict[str, Any] = {"trip": trip.trip_id}
+        for name, (measured, simulated) in pairs.items():
+            error = (trip.array(measured) if measured in trip else np.nan) - getattr(simulation, simulated)
+            known = error[np.isfinite(error)]
+            row[name] = float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
+        rows.append(row)
+    return pd.DataFrame(rows)

@@ -1,0 +1,335 @@
+"""Samples that were measured on the way, read for an update: checked, put on the plan's clock, taken by segment."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import FloatArray
+from tripwatt.auditing.signals import blank_stuck_heater
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecasting.expected import ExpectedDrive
+from tripwatt.hybrid.climate_log import CLIMATE_COLUMNS
+from tripwatt.trips import Plan, observed_cumulative_energy, raise_faults, structure_faults, value_faults
+from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
+from tripwatt.uncertainty.process import EXACT_W2, ResidualProcess
+from tripwatt.units import SECONDS_PER_HOUR
+from tripwatt.vehicles.parts import Battery
+
+GAP_S: Final = 15.0
+"""Segments under a longer gap between two samples are unmeasured."""
+SOC_STEP: Final = 0.005
+"""Smallest resolution that a logged state of charge is taken to have."""
+CAPACITY_SD: Final = 0.03
+"""Relative standard deviation of the energy of a unit of state of charge: ageing and temperature."""
+MOST_STRETCH: Final = 1.5
+"""On a planned route, the power of a segment that took longer than this many times its planned time is not used."""
+MIN_COVER: Final = 0.8
+"""Share of a segment that has to be measured before its power is used: within a segment, power changes with every
+change of speed, so a part of it is a poor estimate of the rest."""
+FILL_S: Final = 5.0
+DRIVEN_S: Final = "driven_s"
+"""Column of the car's own clock beside that of its plan."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What was measured of a trip on the way.
+
+    Attributes
+    ----------
+    until_s : float
+        Time up to which the trip was measured [s since departure].
+    energy_wh, hours : ndarray or None, shape (segments,)
+        Measured energy of each segment and for how long it was measured; None where only the state of charge is known.
+    anchor : (float, float) or None
+        Time [s] and state of charge (battery management's) of the last reading.
+    """
+
+    until_s: float
+    energy_wh: FloatArray | None = None
+    hours: FloatArray | None = None
+    anchor: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class PowerReadings:
+    """Mean powers that samples show: linear functions of the power of segments, with independent errors.
+
+    Attributes
+    ----------
+    weights : ndarray, shape (readings, segments)
+    power_w : ndarray, shape (readings,)
+    variance_w2 : ndarray, shape (readings,)
+    """
+
+    weights: FloatArray
+    power_w: FloatArray
+    variance_w2: FloatArray
+
+
+def checked_samples(observed: pd.DataFrame, plan: Plan) -> pd.DataFrame:
+    """Samples timed from the departure, without faults and on the clock of the plan.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of the samples.
+    """
+    samples = observed if "speed_m_s" in observed else observed.assign(speed_m_s=0.0)
+    raise_faults(structure_faults(samples, "observed samples"))
+    raise_faults(value_faults(samples, "observed samples"))
+    return along_the_plan(samples, plan) if "speed_m_s" in observed else samples
+
+
+def read_measured(
+    samples: pd.DataFrame, drive: ExpectedDrive, process: ResidualProcess
+) -> tuple[Measured, PowerReadings]:
+    """What samples show of each segment. O(samples + segments^2).
+
+    Raises
+    ------
+    InvalidInput
+        When the samples have neither energy nor a state of charge.
+    """
+    time = np.asarray(samples["time_s"], dtype=np.float64)
+    soc = _measured_soc(samples, drive.vehicle.battery)
+    anchor = None
+    if soc is not None and np.isfinite(soc).any():
+        last = int(np.flatnonzero(np.isfinite(soc))[-1])
+        anchor = (float(time[last]), float(soc[last]))
+    cumulative = measured_energy(samples)
+    if cumulative is not None:
+        until = float(time[np.flatnonzero(np.isfinite(cumulative))[-1]])
+        energy, hours = _by_segment(cumulative, time, drive)
+        driven_s = np.interp(drive.edges_s, time, samples[DRIVEN_S]) if DRIVEN_S in samples else None
+        return Measured(until, energy, hours, anchor), _from_power(energy, hours, drive, process, driven_s)
+    if soc is not None:
+        return Measured(float(time[-1]), anchor=anchor), _from_soc(time, soc, drive)
+    where = f"columns {sorted(samples.columns)}"
+    raise InvalidInput(
+        Fault("no measured energy", "observed samples", where, "voltage_v and current_a, or soc")
+    )
+
+
+def _measured_soc(samples: pd.DataFrame, battery: Battery) -> FloatArray | None:
+    if "soc" in samples and samples["soc"].notna().any():
+        return np.asarray(samples["soc"], dtype=np.float64)
+    if "displayed_soc" in samples and samples["displayed_soc"].notna().any():
+        return battery.soc_from_displayed(np.asarray(samples["displayed_soc"], dtype=np.float64))
+    return None
+
+
+def _edges_to(drive: ExpectedDrive, end_s: float) -> FloatArray:
+    """Edges of the segments, the last one no earlier than the last sample."""
+    edges = drive.edges_s.copy()
+    edges[-1] = max(edges[-1], end_s)
+    return edges
+
+
+def _by_segment(
+    cumulative_wh: FloatArray, time_s: FloatArray, drive: ExpectedDrive
+) -> tuple[FloatArray, FloatArray]:
+    """Energy [Wh] and time [h] of each segment that the samples cover; long gaps cover nothing."""
+    known = np.isfinite(cumulative_wh)
+    cumulative_wh, time_s = cumulative_wh[known], time_s[known]
+    step = np.diff(time_s)
+    sound = step <= GAP_S
+    edges = _edges_to(drive, float(time_s[-1]))
+    seconds = np.concatenate(([0.0], np.cumsum(np.where(sound, step, 0.0))))
+    gained = np.concatenate(([0.0], np.cumsum(np.where(sound, np.diff(cumulative_wh), 0.0))))
+    covered = np.diff(np.interp(edges, time_s, seconds))
+    return np.diff(np.interp(edges, time_s, gained)), covered / SECONDS_PER_HOUR
+
+
+def _from_power(
+    energy_wh: FloatArray,
+    hours: FloatArray,
+    drive: ExpectedDrive,
+    process: ResidualProcess,
+    driven_s: FloatArray | None,
+) -> PowerReadings:
+    """Mean power of each segment that was measured for long enough.
+
+    `driven_s` is the car's own clock at the edges, None where it is the plan's.
+    """
+    share = np.minimum(hours / drive.table.hours, 1.0)
+    counts = share >= MIN_COVER
+    if driven_s is not None:
+        counts &= np.diff(driven_s) <= MOST_STRETCH * drive.segments.step_s
+    seen = np.flatnonzero(counts)
+    noise = (process.drive.noise * drive.segments.drive_noise_w[seen]) ** 2
+    variance = (1.0 - share[seen]) * noise + EXACT_W2
+    return PowerReadings(np.eye(len(drive.segments))[seen], energy_wh[seen] / hours[seen], variance)
+
+
+def _from_soc(time_s: FloatArray, soc: FloatArray, drive: ExpectedDrive) -> PowerReadings:
+    """Mean power between readings of the state of charge that differ by a few steps."""
+    known = np.isfinite(soc)
+    time_s, soc = time_s[known], soc[known]
+    changes = np.unique(np.concatenate(([0], np.flatnonzero(np.diff(soc) != 0) + 1)))
+    resolution = max(float(np.min(np.abs(np.diff(soc[changes])))) if len(changes) > 1 else SOC_STEP, SOC_STEP)
+    marks = [0]
+    for k in changes[1:]:
+        if abs(soc[k] - soc[marks[-1]]) >= 3.0 * resolution:
+            marks.append(int(k))
+    if len(marks) < 2:
+        empty = np.empty(0)
+        return PowerReadings(np.empty((0, len(drive.segments))), empty, empty)
+    edges = _edges_to(drive, float(time_s[-1]))
+    weights, power, variance = [], [], []
+    for a, b in itertools.pairwise(marks):
+        inside = np.clip(np.minimum(edges[1:], time_s[b]) - np.maximum(edges[:-1], time_s[a]), 0.0, None)
+        hours = (time_s[b] - time_s[a]) / SECONDS_PER_HOUR
+        taken = (soc[a] - soc[b]) * drive.wh_per_soc
+        error_wh2 = (resolution * drive.wh_per_soc) ** 2 / 6.0 + (CAPACITY_SD * taken) ** 2
+        weights.append(inside / (time_s[b] - time_s[a]))
+        power.append(taken / hours)
+        variance.append(error_wh2 / hours**2)
+    return PowerReadings(np.array(weights), np.array(power), np.array(variance))
+
+
+def since_departure(observed: pd.DataFrame, plan: Plan) -> pd.DataFrame:
+    """Samples measured on the way, on the clock of a plan, with their times since its departure.
+
+    Raises
+    ------
+    InvalidInput
+        When they begin before the trip or after it, or their current has the wrong sign.
+
+    Examples
+    --------
+    >>> from tripwatt.trips import plan_from_samples
+    >>> plan = plan_from_samples(pd.DataFrame({"time_s": [60.0, 61.0], "speed_m_s": [0.0, 1.0]}))
+    >>> since_departure(pd.DataFrame({"time_s": [60.0, 61.0], "soc": [0.5, 0.5]}), plan)["time_s"].tolist()
+    [0.0, 1.0]
+    """
+    start = plan.start_s
+    times = observed["time_s"] - start
+    if len(times) and float(times.iloc[0]) < 0.0:
+        got, allowed = f"{float(observed['time_s'].iloc[0]):g} s", f"{start:g} s or later"
+        raise InvalidInput(Fault("measured before departure", "observed samples, time_s", got, allowed))
+    if len(times) and plan.link_m is None:
+        end = start + plan.duration_s if plan.end_s is None else plan.end_s
+        first, last = (float(observed["time_s"].iloc[i]) for i in (0, -1))
+        if first > end:
+            got, allowed = f"{first:g} to {last:g} s", f"{start:g} to {end:g} s"
+            fix = "give times on the clock of the trip"
+            raise InvalidInput(
+                Fault("measured after the trip", "observed samples, time_s", got, allowed, fix)
+            )
+    found = observed.assign(time_s=times)
+    _require_sign(found, plan)
+    return found
+
+
+def _require_sign(observed: pd.DataFrame, plan: Plan) -> None:
+    """Refuse a current with which the battery would charge while the car accelerates."""
+    if not {"voltage_v", "current_a"} <= set(observed.columns):
+        return
+    time = observed["time_s"].to_numpy(dtype=np.float64)
+    own = "speed_m_s" in observed
+    if not own and plan.link_m is not None:
+        return  # nobody knows how fast the car was
+    speed = (
+        observed["speed_m_s"].to_numpy(dtype=np.float64)
+        if own
+        else np.interp(time, plan.array("time_s"), plan.array("speed_m_s"))
+    )
+    power = (observed["voltage_v"] * observed["current_a"]).to_numpy(dtype=np.float64)
+    found = apparent_mass(time, speed, power)
+    if found is not None and found[1] < WRONG_SIGN:
+        got, allowed = (
+            "the battery would charge while the car accelerates",
+            "positive when the battery discharges",
+        )
+        raise InvalidInput(
+            Fault(
+                "current has the wrong sign",
+                "observed samples, current_a",
+                got,
+                allowed,
+                "reverse the sign of current_a",
+            )
+        )
+
+
+def along_the_plan(samples: pd.DataFrame, plan: Plan) -> pd.DataFrame:
+    """Samples of a drive on the clock of its plan: each at the time at which the plan is where the car was. O(samples).
+
+    A car that is late on a planned route has more of it before it than the clock says. Where the car stands longer than
+    planned, the energy counts and the plan's clock waits. A driven trace needs no change.
+
+    Parameters
+    ----------
+    samples : DataFrame
+        Sound samples since departure with the car's speed.
+    plan : Plan
+
+    Returns
+    -------
+    DataFrame
+        `time_s`, `driven_s` by the car's own clock, and what was measured of `observed_energy_wh`, `soc`, `displayed_soc` and the powers of climate control.
+    """
+    if plan.link_m is None:
+        return samples
+    there, at = _distance(plan.array("time_s") - plan.array("time_s")[0], plan.array("speed_m_s"))
+    moves = np.concatenate(([True], np.diff(there) > 0.0))
+    time, speed = (samples[name].to_numpy(dtype=np.float64) for name in ("time_s", "speed_m_s"))
+    driven = _distance(time, speed)[0] + float(np.interp(time[0], at, there))
+    clock = np.interp(driven, there[moves], at[moves])
+    states = {n: samples[n].to_numpy(dtype=np.float64) for n in ("soc", "displayed_soc") if n in samples}
+    sound = blank_stuck_heater(samples, "")[0]  # by the log's own clock
+    powers = {n: sound[n].to_numpy(dtype=np.float64) for n in CLIMATE_COLUMNS if n in sound}
+    energy = measured_energy(samples)
+    # of a standstill the last sample counts, and the first of all, from which energy is counted
+    last = np.append(np.diff(clock) > 0.0, True)
+    kept = np.flatnonzero(last)
+    if kept[0] != 0:
+        clock[kept[0]] += min(1e-3, 0.5 * (clock[kept[1]] - clock[0]) if len(kept) > 1 else 1e-3)
+        kept = np.concatenate(([0], kept))
+    # where the plan waits and the car did not, nothing is missing
+    wait = np.diff(clock[kept])
+    gap = np.maximum.reduceat(np.diff(time), kept[:-1]) if len(kept) > 1 else np.empty(0)
+    parts = np.where((wait > FILL_S) & (gap <= GAP_S), np.ceil(wait / FILL_S), 1.0).astype(np.int64)
+    first = np.repeat(np.arange(len(parts)), parts)
+    place = np.append(
+        first + (np.arange(len(first)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[first],
+        len(parts),
+    )
+    order = np.arange(len(kept))
+    found = {"time_s": np.interp(place, order, clock[kept]), DRIVEN_S: np.interp(place, order, time[kept])}
+    if energy is not None:
+        found["observed_energy_wh"] = np.interp(place, order, energy[kept])
+    found |= {name: np.interp(place, order, values[kept]) for name, values in powers.items()}
+    whole = place == np.floor(place)
+    for name, values in states.items():
+        found[name] = np.where(whole, values[kept][place.astype(np.int64)], np.nan)
+    return pd.DataFrame(found)
+
+
+def measured_energy(samples: pd.DataFrame) -> FloatArray | None:
+    """As `observed_cumulative_energy`, but NaN where voltage or current are missing for longer than `GAP_S`."""
+    energy = observed_cumulative_energy(samples)
+    if energy is None:
+        return None
+    pair = {"voltage_v", "current_a"} <= set(samples.columns)
+    names = ["voltage_v", "current_a"] if pair else ["observed_energy_wh"]
+    known = np.isfinite(samples[names].to_numpy(dtype=np.float64)).all(axis=1)
+    time, at = samples["time_s"].to_numpy(dtype=np.float64), np.flatnonzero(known)
+    if not len(at):
+        return None
+    after = np.searchsorted(at, np.arange(len(time)))
+    inside = (after > 0) & (after < len(at))
+    before, after = at[np.maximum(after - 1, 0)], at[np.minimum(after, len(at) - 1)]
+    bridged = inside & (time[after] - time[before] <= GAP_S)
+    return np.where(known | (bridged & pair), energy, np.nan)
+
+
+def _distance(time: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Distance driven at each time [m], and the times."""
+    return np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time)))), time

@@ -1,0 +1,153 @@
+"""One forecast as a picture: energy and state of charge along the way with their bands, and the energy by cause."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.trips import Departure, Plan, table_of
+from tripwatt.units import M_S_PER_KM_H
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Interval(Protocol):
+    """As much of a forecast as `plot_model` needs."""
+
+    @property
+    def energy_wh(self) -> float:
+        """Energy of the trip [Wh]."""
+        ...
+
+    def interval(self, level: float) -> tuple[float, float]:
+        """Central interval [Wh]."""
+        ...
+
+
+CAUSE_NAMES: Final = {
+    "air": "air drag",
+    "rolling": "rolling",
+    "climb": "climb",
+    "acceleration": "change of speed",
+    "friction_brakes": "friction brakes",
+    "drivetrain": "drivetrain",
+    "base_load": "base load",
+    "hvac": "climate",
+    "shortfall": "not delivered",
+    "learned_correction": "learned correction",
+}
+"""Names for people of the causes of `Forecast.by_cause_wh`."""
+
+_LINE, _ABOVE, _BELOW, _TOTAL = "#0b5c8a", "#c8553d", "#3a7d44", "#444444"
+
+
+def plot_forecast(
+    series: pd.DataFrame, by_cause_wh: Mapping[str, float], title: str, measured_until_s: float = 0.0
+) -> Figure:
+    """Energy and displayed state of charge along the trip with 90 % bands, and a waterfall of the causes.
+
+    Parameters
+    ----------
+    series : DataFrame
+        `Forecast.series`.
+    by_cause_wh : mapping of str to float
+        `Forecast.by_cause_wh`.
+    title : str
+    measured_until_s : float
+        Time up to which the trip was measured [s since departure]; 0 before departure.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.0, 6.4), layout="constrained")
+    grid = figure.add_gridspec(2, 2, width_ratios=[1.0, 1.15])
+    energy = figure.add_subplot(grid[0, 0])
+    soc = figure.add_subplot(grid[1, 0], sharex=energy)
+    minutes = series["time_s"] / 60.0
+    for axis, name, scale, label in (
+        (energy, "energy", 1e-3, "energy [kWh]"),
+        (soc, "soc", 100.0, "displayed state of charge [%]"),
+    ):
+        middle = "energy_wh" if name == "energy" else "displayed_soc"
+        low, high = (
+            (f"{name}_low_wh", f"{name}_high_wh") if name == "energy" else (f"{middle}_low", f"{middle}_high")
+        )
+        axis.fill_between(minutes, series[low] * scale, series[high] * scale, color=_LINE, alpha=0.2, lw=0)
+        axis.plot(minutes, series[middle] * scale, color=_LINE)
+        if measured_until_s > 0.0:
+            axis.axvline(measured_until_s / 60.0, color=_TOTAL, lw=1, ls=":")
+        axis.set_ylabel(label)
+    soc.set_xlabel("time [min]")
+    energy.set_title("with the central 90 %", fontsize="medium")
+    _waterfall(figure.add_subplot(grid[:, 1]), by_cause_wh)
+    figure.suptitle(title)
+    return figure
+
+
+MODEL_SPEEDS_KM_H: Final = (20, 30, 50, 70, 90, 110, 130)
+MODEL_AMBIENT_DEGC: Final = (-10.0, 5.0, 20.0)
+MODEL_DRIVE_M: Final = 20_000.0
+
+
+def plot_model(forecast: Callable[[Plan, Departure], Interval], car: str) -> Figure:
+    """Forecast consumption of a flat drive of 20 km at constant speeds and three outside temperatures.
+
+    Parameters
+    ----------
+    forecast : callable
+        `ForecastModel.forecast`.
+    car : str
+        Its name.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.0, 4.4), layout="constrained")
+    axis = figure.subplots()
+    for ambient, colour, marker in zip(MODEL_AMBIENT_DEGC, (_LINE, _TOTAL, _ABOVE), "so^", strict=True):
+        departure = Departure(
+            soc=0.9,
+            ambient_temperature_degc=ambient,
+            cabin_temperature_degc=ambient,
+            battery_temperature_degc=ambient,
+        )
+        found = [forecast(_constant(speed), departure) for speed in MODEL_SPEEDS_KM_H]
+        km = MODEL_DRIVE_M / 1000.0
+        low, high = np.array([one.interval(0.9) for one in found]).T / km / 10.0
+        middle = np.array([one.energy_wh for one in found]) / km / 10.0
+        axis.fill_between(MODEL_SPEEDS_KM_H, low, high, color=colour, alpha=0.15, lw=0)
+        axis.plot(
+            MODEL_SPEEDS_KM_H, middle, color=colour, marker=marker, ms=4, label=f"{ambient:.0f} °C outside"
+        )
+    axis.set_xlabel("constant speed [km/h]")
+    axis.set_ylabel("consumption [kWh/100 km]")
+    axis.set_title(f"{car}: flat road, with the central 90 %", fontsize="medium")
+    axis.legend()
+    return figure
+
+
+def _constant(speed_km_h: float) -> Plan:
+    speed = speed_km_h * M_S_PER_KM_H
+    time = np.arange(0.0, MODEL_DRIVE_M / speed + 1.0)
+    samples = {"time_s": time, "speed_m_s": np.full(len(time), speed), "grade": np.zeros(len(time))}
+    return Plan.from_samples(f"{speed_km_h:g} km/h", table_of(samples))
+
+
+def _waterfall(axis: Any, by_cause_wh: Mapping[str, float]) -> None:
+    values = {k: v / 1000.0 for k, v in by_cause_wh.items() if k != "shortfall" or abs(v) >= 0.5}
+    sizes = np.array(list(values.values()))
+    ends = np.cumsum(sizes)
+    places = np.arange(len(sizes))
+    axis.barh(places, sizes, left=ends - sizes, color=np.where(sizes >= 0, _ABOVE, _BELOW))
+    axis.barh(len(sizes), ends[-1], color=_TOTAL)
+    for place, (end, size) in enumerate(zip(ends, sizes, strict=True)):
+        axis.annotate(
+            f"{size:+.2f}", (max(end, end - size), place), (4, 0), textcoords="offset points", va="center"
+        )
+    axis.annotate(f"{ends[-1]:.2f}", (ends[-1], len(sizes)), (4, 0), textcoords="offset points", va="center")
+    axis.set_yticks([*places, len(sizes)], [*(CAUSE_NAMES.get(k, k) for k in values), "total"])
+    axis.invert_yaxis()
+    axis.margins(x=0.15)
+    axis.set_xlabel("energy at the battery terminals [kWh]")

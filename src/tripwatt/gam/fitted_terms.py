@@ -1,0 +1,150 @@
+"""One fitted piece of a model, and its columns at any rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import FloatArray
+from tripwatt.gam.covariates import Points, Support, Training
+from tripwatt.gam.smoothers import Smoother
+from tripwatt.gam.terms import Parametric, RandomEffect, Smooth, Tensor, Term
+
+Extrapolation = Literal["clamp", "linear"]
+
+
+@dataclass
+class Block:
+    """One fitted piece of a model: a term, or one level of a by-factor smooth.
+
+    Attributes
+    ----------
+    label : str
+        As in tables, e.g. ``s(time):seasonwinter``.
+    term : Term
+    kind : {"parametric", "smooth", "tensor", "random"}
+    names : list of str
+        Names of the coefficients.
+    penalties : list of ndarray (q, q)
+        In the coordinates of the block.
+    null_dim, rank : int
+        Dimensions that the penalties together do not see, and do see.
+    start : int
+        First coefficient.
+    smoother : Smoother or None
+    by, level : str or None
+        By-variable, and the level this block belongs to.
+    training : Training
+        What prediction falls back on.
+    extrapolation : {"clamp", "linear"}
+    """
+
+    label: str
+    term: Term | None
+    kind: Literal["parametric", "smooth", "tensor", "random"]
+    names: list[str]
+    penalties: list[FloatArray]
+    start: int = 0
+    smoother: Smoother | None = None
+    by: str | None = None
+    level: str | None = None
+    contrast: FloatArray | None = None
+    training: Training = field(default_factory=lambda: Training({}, {}, {}))
+    extrapolation: Extrapolation = "clamp"
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return len(self.names)
+
+    @property
+    def slice(self) -> slice:
+        """Its coefficients."""
+        return slice(self.start, self.start + self.size)
+
+    @property
+    def rank(self) -> int:
+        """Dimension of the penalised space."""
+        if not self.penalties:
+            return 0
+        total = sum((S / np.linalg.norm(S) for S in self.penalties), np.zeros_like(self.penalties[0]))
+        values = np.linalg.eigvalsh(total)
+        return int((values > 1e-9 * values[-1]).sum())
+
+    @property
+    def null_dim(self) -> int:
+        """Dimension of the unpenalised space."""
+        return self.size - self.rank
+
+    def matrix(self, frame: pd.DataFrame, training: Training | None = None) -> FloatArray:
+        """Columns of the block at the rows of a frame.
+
+        Parameters
+        ----------
+        frame : DataFrame
+            Columns of the term, finite.
+        training : Training, optional
+            Rows that count as known, when they are not those of the fit.
+
+        Returns
+        -------
+        ndarray (n, size)
+        """
+        known = training if training is not None else self.training
+        if self.term is None:
+            return np.ones((len(frame), 1))
+        if isinstance(self.term, RandomEffect):
+            if self.term.name not in frame.columns:
+                return np.zeros((len(frame), self.size))
+            codes = self.training.levels[self.term.name].codes(frame[self.term.name])
+            return np.asarray(np.vstack([np.eye(self.size), np.zeros(self.size)])[codes])
+        if isinstance(self.term, Parametric):
+            return self._parametric(frame, self.term.name, known)
+        return self._smooth(frame, known)
+
+    def _parametric(self, frame: pd.DataFrame, name: str, known: Training) -> FloatArray:
+        if self.contrast is None:
+            values = frame[name].to_numpy(dtype=np.float64)[:, None]
+            return values if self.extrapolation == "linear" else known.supports[(name,)].clamped(values)
+        levels = known.levels[name]
+        return np.asarray(levels.rows(levels.codes(frame[name])) @ self.contrast)
+
+    def _smooth(self, frame: pd.DataFrame, known: Training) -> FloatArray:
+        assert isinstance(self.term, Smooth | Tensor)
+        assert self.smoother is not None
+        weight = self._by_weight(frame, known)
+        out = np.zeros((len(frame), self.size))
+        used = np.flatnonzero(weight)
+        names = list(self.term.names)
+        x = frame[names].to_numpy(dtype=np.float64)[used]
+        if not len(x):
+            return out
+        points = Points.from_values(x)
+        support = known.supports[self.term.names]
+        table = self.smoother.matrix(support.clamped(points.values))
+        if self.extrapolation == "linear" and points.values.shape[1] == 1:
+            table = table + self._slope(points.values, support)
+        out[used] = table[points.index] * weight[used, None]
+        return out
+
+    def _slope(self, x: FloatArray, support: Support) -> FloatArray:
+        """What a straight continuation beyond the range adds to the clamped columns."""
+        assert self.smoother is not None
+        low, high = support.low, support.high
+        h = 1e-4 * (high - low)
+        ends = np.stack([low, low + h, high - h, high])
+        B = self.smoother.matrix(ends)
+        below, above = np.minimum(x - low, 0.0), np.maximum(x - high, 0.0)
+        return np.asarray(below * (B[1] - B[0]) / h + above * (B[3] - B[2]) / h)
+
+    def _by_weight(self, frame: pd.DataFrame, known: Training) -> FloatArray:
+        if self.by is None:
+            return np.ones(len(frame))
+        if self.level is None:
+            return frame[self.by].to_numpy(dtype=np.float64)
+        levels = known.levels[self.by]
+        column = levels.rows(levels.codes(frame[self.by]))
+        return np.asarray(column[:, levels.names.index(self.level)])

@@ -1,0 +1,103 @@
+"""A corrector on another car than the one it was fitted on, ready to correct and to be stored."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, NoReturn
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.hybrid.hierarchy import CarTransfer, Members, Posterior
+from tripwatt.hybrid.power import less_trip_mean
+from tripwatt.hybrid.segments import SegmentTable
+
+_SMALLEST: Final = 1e-8
+"""Directions of the doubt with less of the largest variance than this are dropped."""
+
+
+@dataclass(frozen=True, eq=False)
+class HierarchicalCorrector:
+    """Correction = what cars have in common, faded outside of the known, plus the car's own part.
+
+    Attributes
+    ----------
+    base : Members
+        Of the first car.
+    scales : ndarray, shape (features,)
+        From `term_scales`.
+    mean : ndarray, shape (3 x features,)
+        Weights of (in common, own, lost).
+    factor : ndarray, shape (3 x features, any)
+        ``factor @ factor.T`` is their covariance.
+    share : float
+        Share in common; the base's shape within a trip is taken by it.
+    """
+
+    base: Members
+    scales: FloatArray
+    mean: FloatArray
+    factor: FloatArray
+    share: float
+
+    @classmethod
+    def from_posterior(
+        cls, transfer: CarTransfer, posterior: Posterior, calibrated: frozenset[str]
+    ) -> HierarchicalCorrector:
+        """From what is believed of the second car.
+
+        Parameters
+        ----------
+        transfer : CarTransfer
+        posterior : Posterior
+        calibrated : frozenset of str
+            Parameters whose mean the car's values have taken. The mean of the others, and the doubt of all, becomes
+            that of the causes that they multiply.
+        """
+        names = [term.columns[0] if term.kind == "line" else "" for term in transfer.members.terms]
+        features = len(transfer.scales)
+        starts = np.concatenate(([0], np.cumsum(transfer.members.sizes)))[:-1]
+        onto = np.hstack([np.eye(3 * features), np.zeros((3 * features, len(transfer.parameters)))])
+        moved = onto.copy()
+        for j, parameter in enumerate(transfer.parameters):
+            for cause in parameter.causes:
+                if f"{cause}_w" in names:
+                    row = features + int(starts[names.index(f"{cause}_w")])
+                    onto[row, 3 * features + j] = 1.0
+                    moved[row, 3 * features + j] = float(parameter.name not in calibrated)
+        covariance = onto @ posterior.covariance @ onto.T
+        values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
+        kept = values > _SMALLEST * max(float(values[-1]), 0.0)
+        factor = vectors[:, kept] * np.sqrt(values[kept])
+        factor = np.asarray(factor, dtype=np.float32).astype(np.float64)  # as it is stored: half the size
+        return cls(transfer.members, transfer.scales, moved @ posterior.mean, factor, posterior.share)
+
+    def fit(self, table: SegmentTable) -> NoReturn:
+        """Not possible: it is adapted with `CarTransfer`, from the base."""
+        raise InvalidInput(Fault("transferred corrector cannot be fitted", "fit", fix="adapt the base again"))
+
+    def clone_tuned(self) -> NoReturn:
+        """Not possible, as `fit`."""
+        raise InvalidInput(
+            Fault("transferred corrector cannot be fitted", "clone_tuned", fix="adapt the base again")
+        )
+
+    def predict(self, table: SegmentTable) -> FloatArray:
+        """Residual power [W]."""
+        return self.predict_with_uncertainty(table)[0]
+
+    def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
+        """`L` with `L @ L.T` the covariance of what is not known of the second car."""
+        return self.predict_with_uncertainty(table)[1]
+
+    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
+        """`predict` and `uncertainty_factor`."""
+        segments = CarTransfer(self.base, self.scales).rows(table)
+        rows = np.hstack(segments)
+        shape = self.share * less_trip_mean(segments[0] @ self.base.shape[:, None], table)[:, 0]
+        return rows @ self.mean + shape, rows @ self.factor
+
+    def predict_climate(self, table: SegmentTable) -> FloatArray | None:
+        """Not told apart: what is the car's own is learned from totals alone."""
+        return None

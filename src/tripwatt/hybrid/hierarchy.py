@@ -1,0 +1,490 @@
+"""From one car to another: what a corrector of one car says of a second, and how a few trips of it change that.
+
+The corrector is a Gaussian process, linear in weights `w` of known features. Its posterior on the first car has mean
+`m` and covariance `C`; its variances before any trip, found by marginal likelihood, are `V`. Of another car
+
+    w' = rho w + own,   own ~ N(0, tau^2 (1 - rho^2) V),   theta ~ N(0, kappa^2 W),
+    residual energy of trip i = x_i' w' + s_i' theta + error_i,   error_i ~ N(0, lambda * n_i).
+
+`rho` is the share of the correction that cars have in common, `theta` the relative error of a few physical parameters
+with published widths `W` (`tripwatt.hybrid.parameters`), `tau` and `kappa` how much cars differ in the one and the other,
+and `n_i` the variance of a trip that the first car's held-out trips let expect. One car tells nothing of how alike
+cars are, so `rho`, `tau`, `kappa` and `lambda` have flat priors on a grid and are integrated by their marginal likelihood on the second car's trips (empirical
+Bayes without a choice: Gelman et al., Bayesian Data Analysis, section 5.4; Rasmussen and Williams 2006, section 5.2).
+Without a trip half of the correction is taken. The absolute error is convex in the share, so half of a correction is
+never worse than the mean of none and all of it.
+
+Outside of what the first car has seen the share fades: `rho` of a segment is multiplied by exp(-d^2 / 2) with d the
+distance from the range of each covariate in its standard deviations; what is lost comes back as variance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.hybrid.parameters import PARAMETERS, Parameter
+from tripwatt.hybrid.power import EnsembleCorrector, GPCorrector, PowerCorrector
+from tripwatt.hybrid.segments import SegmentTable
+from tripwatt.hybrid.split import SplitCorrector
+from tripwatt.learners.gp import KernelTerm
+from tripwatt.vehicles import Vehicle
+
+SHARES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
+OWN_SCALES: Final = (0.0, 0.25, 0.5, 1.0, 2.0)
+BOOK_SCALES: Final = (0.0, 1.0)
+NOISE_SCALES: Final = (0.5, 1.0, 2.0, 4.0, 8.0)
+MODES: Final = ("effects", "parameters", "both")
+"""What a car may have of its own: terms of the corrector, physical parameters, or both."""
+
+_DRIVING: Final = frozenset({"speed_m_s", "speed_change_m_s2", "trip_speed_m_s"})
+_CLIMATE: Final = frozenset({"ambient_temperature_degc", "cabin_temperature_degc", "cabin_setpoint_degc"})
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """One point of the grid: share in common, scales of what is own and of book values, of the error's variance."""
+
+    share: float
+    own: float
+    book: float
+    noise: float
+
+
+def grid(mode: str = "both") -> tuple[Option, ...]:
+    """Every option of a mode, all of the same weight before any trip.
+
+    Examples
+    --------
+    >>> len(grid("both")), {o.book for o in grid("effects")}
+    (250, {0.0})
+    """
+    own = OWN_SCALES if mode != "parameters" else (0.0,)
+    book = BOOK_SCALES if mode != "effects" else (0.0,)
+    return tuple(Option(r, t, b, n) for r in SHARES for t in own for b in book for n in NOISE_SCALES)
+
+
+def require_mode(mode: str) -> None:
+    """Raise `InvalidInput` for an unknown mode."""
+    if mode not in MODES:
+        raise InvalidInput(Fault("unknown adaptation mode", "mode", repr(mode), ", ".join(MODES)))
+
+
+@dataclass(frozen=True, eq=False)
+class Members:
+    """The Gaussian processes of a corrector, side by side: one, or one for each channel.
+
+    Attributes
+    ----------
+    correctors : tuple of GPCorrector
+    """
+
+    correctors: tuple[GPCorrector, ...]
+
+    @classmethod
+    def from_corrector(cls, corrector: PowerCorrector) -> Members:
+        """Those of any corrector: only they say what they do not know.
+
+        Raises
+        ------
+        InvalidInput
+            When there is none.
+        """
+        if isinstance(corrector, GPCorrector):
+            return cls((corrector,))
+        inner: tuple[PowerCorrector, ...] = ()
+        if isinstance(corrector, EnsembleCorrector):
+            inner = tuple(m for m in corrector.members if isinstance(m, GPCorrector))
+        elif isinstance(corrector, SplitCorrector):
+            inner = (corrector.climate, corrector.drive) if corrector.split_ else (corrector.joint,)
+        found = tuple(k for member in inner for k in cls.from_corrector(member).correctors)
+        if not found:
+            got, allowed = type(corrector).__name__, "linear, gp, ensemble or split"
+            raise InvalidInput(Fault("corrector cannot be transferred", "corrector", got, allowed))
+        return cls(found)
+
+    @property
+    def terms(self) -> tuple[KernelTerm, ...]:
+        """Terms of all of them."""
+        return tuple(term for corrector in self.correctors for term in corrector.terms)
+
+    @property
+    def sizes(self) -> list[int]:
+        """Number of features of each term."""
+        return [
+            1 if term.kind == "line" else corrector.model.whiteners_[i].shape[1]
+            for corrector in self.correctors
+            for i, term in enumerate(corrector.terms)
+        ]
+
+    @property
+    def weights(self) -> FloatArray:
+        """Posterior mean of the weights, shape (features,)."""
+        return np.concatenate([c.model.weights_ for c in self.correctors])
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Posterior covariance of the weights, shape (features, features); separate correctors are independent."""
+        from scipy.linalg import block_diag
+
+        return np.asarray(block_diag(*(c.model.factor_ @ c.model.factor_.T for c in self.correctors)))
+
+    @property
+    def variances(self) -> FloatArray:
+        """Variance of each weight before any trip, shape (features,)."""
+        by_term = [c.model.variances_[: len(c.terms)] for c in self.correctors]
+        return np.repeat(np.concatenate(by_term), self.sizes)
+
+    @property
+    def shape(self) -> FloatArray:
+        """Weights of the shape within a trip, shape (features,)."""
+        return np.concatenate([c.shape for c in self.correctors])
+
+    def features(self, table: SegmentTable) -> FloatArray:
+        """Features of each row [W], shape (rows, features)."""
+        return np.hstack([c.model.features(table.features)[0] for c in self.correctors])
+
+    def predict(self, table: SegmentTable) -> FloatArray:
+        """Residual power [W] of the first car's correction, as it is."""
+        return np.asarray(np.sum([c.predict(table) for c in self.correctors], axis=0))
+
+    def familiarity(self, table: SegmentTable) -> FloatArray:
+        """How near each row is to what was learned from: 1 inside, towards 0 far outside, shape (rows,)."""
+        distances: dict[str, FloatArray] = {}
+        for corrector in self.correctors:
+            model = corrector.model
+            for name in {c for term in corrector.terms if term.kind == "smooth" for c in term.columns}:
+                values = np.asarray(table.features[name], dtype=np.float64)
+                low, high = model.ranges_[name]
+                beyond = np.maximum(low - values, values - high) / model.sds_[name]
+                beyond = np.where(np.isfinite(beyond), np.maximum(beyond, 0.0), 0.0)
+                distances[name] = np.minimum(beyond, distances.get(name, np.inf))
+        squared = np.sum([d**2 for d in distances.values()], axis=0) if distances else 0.0
+        return np.exp(-0.5 * np.broadcast_to(squared, len(table.hours)))
+
+
+def term_scales(members: Members, source: Vehicle, target: Vehicle) -> FloatArray:
+    """Factor of each weight's feature from one car to the other, shape (features,).
+
+    A line multiplies a simulated cause and knows no car. A smooth part is in watts: one of speed goes with the mass
+    of the car, one of the climate's temperatures with the heat that the cabin loses at standstill.
+    """
+    mass = target.body.test_mass_kg / source.body.test_mass_kg
+    heat = 1.0
+    if source.climate is not None and target.climate is not None:
+        heat = (target.climate.shell_w_k + target.climate.fresh_air_low_w_k) / (
+            source.climate.shell_w_k + source.climate.fresh_air_low_w_k
+        )
+    factors = []
+    for term in members.terms:
+        columns = set(term.columns)
+        factor = 1.0
+        if term.kind == "smooth" and columns & _CLIMATE:
+            factor = heat
+        elif term.kind == "smooth" and columns & _DRIVING:
+            factor = mass
+        factors.append(factor)
+    return np.repeat(np.array(factors), members.sizes)
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Trips of the second car as the model sees them: energies of trips, linear in the weights.
+
+    Attributes
+    ----------
+    world, own, lost : ndarray, shape (trips, features)
+        Features of what is in common (faded outside of the known), of the car's own part, of what faded [Wh].
+    physical : ndarray, shape (trips, parameters)
+        Energy by a relative change of 1 of each parameter [Wh].
+    noise_wh2 : ndarray, shape (trips,)
+        Variance of a trip that the first car's held-out trips let expect.
+    residual_wh : ndarray, shape (trips,)
+        Observed minus simulated; NaN where nothing was measured.
+    """
+
+    world: FloatArray
+    own: FloatArray
+    lost: FloatArray
+    physical: FloatArray
+    noise_wh2: FloatArray
+    residual_wh: FloatArray
+
+    def take(self, members: Sequence[int] | IntArray) -> Evidence:
+        """Some of the trips."""
+        index = np.asarray(members, dtype=np.int64)
+        return Evidence(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
+
+
+@dataclass(frozen=True, eq=False)
+class CarTransfer:
+    """A corrector of one car, on its way to another.
+
+    Attributes
+    ----------
+    members : Members
+        Fitted on the first car.
+    scales : ndarray, shape (features,)
+        From `term_scales`.
+    parameters : tuple of Parameter
+    mode : str
+        One of `MODES`.
+    """
+
+    members: Members
+    scales: FloatArray
+    parameters: tuple[Parameter, ...] = PARAMETERS
+    mode: str = "both"
+
+    def evidence(self, table: SegmentTable, physical_w: FloatArray, noise_wh2: FloatArray) -> Evidence:
+        """Trips of the second car. O(rows x features).
+
+        Parameters
+        ----------
+        table : SegmentTable
+        physical_w : ndarray, shape (rows, parameters)
+            From `sensitivities`.
+        noise_wh2 : ndarray, shape (trips,)
+        """
+        rows = self.rows(table)
+        residual = np.full(len(table), np.nan)
+        if table.observed_w is not None:
+            residual = table.totals_wh(table.residual_w)
+        world, own, lost, physical = (_totals(table, segment) for segment in (*rows, physical_w))
+        return Evidence(world, own, lost, physical, noise_wh2, residual)
+
+    def rows(self, table: SegmentTable) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Features of segments [W]: in common, own, lost; each of shape (rows, features)."""
+        features = self.members.features(table) * self.scales
+        trust = self.members.familiarity(table)[:, None]
+        return features * trust, features, features * np.sqrt(1.0 - trust**2)
+
+    def posterior(self, evidence: Evidence) -> Posterior:
+        """What is believed of the second car's weights after its trips, the grid integrated.
+
+        O(options x trips x features + trips x features^2 x options that count).
+        """
+        prior = grid(self.mode)
+        weights = self._weights(evidence, prior)
+        total = sum(o.noise * w for o, w in zip(prior, weights, strict=True))
+        counting = [(o, w) for o, w in zip(prior, weights, strict=True) if w >= _NEGLIGIBLE]
+        kept = sum(w for _, w in counting)
+        features, common, diagonal = self._stacked(evidence), 0.0, np.zeros(0)
+        means, gains = [], []
+        for option, weight in counting:
+            share = np.sqrt(weight / kept)
+            mean, gain, own = self._conditioned(evidence, features, option)
+            means.append(share * mean)
+            gains.append(share * gain)
+            common += weight / kept * option.share**2
+            diagonal = own * weight / kept + (diagonal if len(diagonal) else 0.0)
+        stacked, known = np.array(means), np.hstack(gains)
+        centre = np.sqrt([w / kept for _, w in counting]) @ stacked
+        covariance = stacked.T @ stacked - np.outer(centre, centre) - known @ known.T
+        n = len(self.scales)
+        covariance[:n, :n] += common * self.members.covariance
+        covariance[np.diag_indices(len(centre))] += diagonal
+        return Posterior(centre, covariance, prior, weights, float(total))
+
+    def left_out(self, evidence: Evidence) -> tuple[FloatArray, FloatArray]:
+        """Mean and variance [Wh, Wh²] of each trip's residual energy given all others, without its own error.
+
+        The grid is weighted by the others as well: p(y_others) = p(y) / p(y_i | y_others). O(options x trips^3).
+        """
+        y, noise = evidence.residual_wh, evidence.noise_wh2
+        logs, means, variances = [], [], []
+        for option, mean, kernel in self._kernels(evidence, grid(self.mode)):
+            covariance = kernel + np.diag(option.noise * noise)
+            inverse = np.linalg.inv(covariance)
+            variance = 1.0 / np.diag(inverse)
+            error = (inverse @ (y - mean)) * variance
+            own = -0.5 * error**2 / variance - 0.5 * np.log(variance)
+            logs.append(_log_likelihood(y - mean, covariance) - own)
+            means.append(y - error)
+            variances.append(np.maximum(variance - option.noise * noise, 0.0))
+        weight = np.exp(np.array(logs) - np.max(logs, axis=0))
+        weight /= weight.sum(axis=0)
+        centre = (weight * np.array(means)).sum(axis=0)
+        spread = (weight * (np.array(variances) + np.array(means) ** 2)).sum(axis=0) - centre**2
+        return centre, np.maximum(spread, 0.0)
+
+    def predict_draws(self, evidence: Evidence, draws: IntArray, score: IntArray) -> DrawsForecast:
+        """Residual energy of some trips, given each of many draws of k other trips. O(options x draws x k^3).
+
+        Parameters
+        ----------
+        evidence : Evidence
+        draws : ndarray of int, shape (draws, k)
+            The trips that are known; k may be 0.
+        score : ndarray of int, shape (trips,)
+            The trips to predict.
+        """
+        prior = grid(self.mode)
+        everything = [
+            _given_draws(mean, kernel, option.noise * evidence.noise_wh2, evidence.residual_wh, draws, score)
+            for option, mean, kernel in self._kernels(evidence, prior)
+        ]
+        log_weight = np.array([e[2] for e in everything])
+        weight = np.exp(log_weight - log_weight.max(axis=0))
+        weight /= weight.sum(axis=0)
+        means, variances = np.array([e[0] for e in everything]), np.array([e[1] for e in everything])
+        mean = np.einsum("od,ods->ds", weight, means)
+        noise = np.array([o.noise for o in prior])[:, None, None] * evidence.noise_wh2[score]
+        second = np.einsum("od,ods->ds", weight, variances + noise + means**2)
+        share = weight.T @ np.array([o.share for o in prior])
+        return DrawsForecast(mean, np.sqrt(np.maximum(second - mean**2, 0.0)), share)
+
+    def _kernels(
+        self, evidence: Evidence, prior: Sequence[Option]
+    ) -> Iterator[tuple[Option, FloatArray, FloatArray]]:
+        """Mean and covariance of the trips' residual energies before any of them, for each option."""
+        before, posterior = self.members.variances, self.members.covariance
+        world, physics = evidence.world, evidence.physical
+        common = (world @ posterior) @ world.T
+        own = (evidence.own * before) @ evidence.own.T
+        lost = (evidence.lost * before) @ evidence.lost.T
+        physical = (physics * self._widths()) @ physics.T
+        centre = world @ self.members.weights
+        for option in prior:
+            mine = option.own**2 * (1.0 - option.share**2) * own + option.book**2 * physical
+            yield option, option.share * centre, option.share**2 * (common + lost) + mine
+
+    def _weights(self, evidence: Evidence, prior: Sequence[Option]) -> FloatArray:
+        """Posterior probability of each option."""
+        y = evidence.residual_wh
+        logs = np.zeros(len(prior))
+        if len(y):
+            for i, (option, mean, kernel) in enumerate(self._kernels(evidence, prior)):
+                logs[i] = _log_likelihood(y - mean, kernel + np.diag(option.noise * evidence.noise_wh2))
+        weights = np.exp(logs - logs.max())
+        return np.asarray(weights / weights.sum())
+
+    def _stacked(self, evidence: Evidence) -> FloatArray:
+        return np.hstack([evidence.world, evidence.own, evidence.lost, evidence.physical])
+
+    def _conditioned(
+        self, evidence: Evidence, features: FloatArray, option: Option
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Mean of (common, own, lost, parameters) under one option, and two parts of their covariance.
+
+        `L` with ``L @ L.T`` what the trips took of it, and its diagonal before them beside what is in common.
+        """
+        before, n = self.members.variances, len(self.scales)
+        mean = np.concatenate([option.share * self.members.weights, np.zeros(features.shape[1] - n)])
+        own = option.own**2 * (1.0 - option.share**2) * before
+        diagonal = np.concatenate(
+            [np.zeros(n), own, option.share**2 * before, option.book**2 * self._widths()]
+        )
+        cross = diagonal[:, None] * features.T
+        cross[:n] += option.share**2 * self._common_cross(evidence)
+        total = features @ cross + np.diag(option.noise * evidence.noise_wh2)
+        factor = np.linalg.inv(np.linalg.cholesky(total)).T  # inverse of the total is factor @ factor.T
+        gain = cross @ factor
+        return mean + gain @ (factor.T @ (evidence.residual_wh - features @ mean)), gain, diagonal
+
+    def _common_cross(self, evidence: Evidence) -> FloatArray:
+        segments, start, products = self.members.correctors, 0, []
+        for corrector in segments:
+            factor = corrector.model.factor_
+            part = evidence.world[:, start : start + len(factor)]
+            products.append(factor @ (factor.T @ part.T))
+            start += len(factor)
+        return np.vstack(products)
+
+    def _widths(self) -> FloatArray:
+        return np.array([p.width**2 for p in self.parameters])
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """What is believed of a car after some of its trips.
+
+    Attributes
+    ----------
+    mean, covariance : ndarray, shapes (3 x features + parameters,) and its square
+        Of the weights in common, the car's own, those of what faded, and the parameters' relative changes.
+    options, weights : tuple of Option, ndarray
+        The grid and its posterior probabilities.
+    noise_scale : float
+        Mean of the error's variance over that of the first car.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    options: tuple[Option, ...]
+    weights: FloatArray
+    noise_scale: float
+
+    @property
+    def share(self) -> float:
+        """Mean of the share in common."""
+        return float(sum(o.share * w for o, w in zip(self.options, self.weights, strict=True)))
+
+    def parameters(self, names: Sequence[str]) -> Mapping[str, tuple[float, float]]:
+        """Relative change of each parameter and its standard deviation."""
+        n = len(names)
+        if not n:
+            return MappingProxyType({})
+        sd = np.sqrt(np.maximum(np.diag(self.covariance)[-n:], 0.0))
+        return MappingProxyType(
+            {k: (float(m), float(s)) for k, m, s in zip(names, self.mean[-n:], sd, strict=True)}
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class DrawsForecast:
+    """Residual energies [Wh] given each draw: mean and standard deviation of shape (draws, trips), and the share."""
+
+    mean_wh: FloatArray
+    sd_wh: FloatArray
+    share: FloatArray
+
+
+_NEGLIGIBLE: Final = 1e-4
+
+
+def _totals(table: SegmentTable, rows_w: FloatArray) -> FloatArray:
+    """Energy of each trip [Wh] of every column."""
+    return np.asarray(np.add.reduceat(rows_w * table.hours[:, None], table.offsets[:-1], axis=0))
+
+
+def _log_likelihood(error: FloatArray, covariance: FloatArray) -> float:
+    factor = np.linalg.cholesky(covariance)
+    z = np.linalg.solve(factor, error)
+    return float(-0.5 * z @ z - np.log(np.diag(factor)).sum())
+
+
+def _given_draws(
+    mean: FloatArray,
+    kernel: FloatArray,
+    noise: FloatArray,
+    residual: FloatArray,
+    draws: IntArray,
+    score: IntArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Mean and variance of the scored trips, shape (draws, trips), and log marginal likelihood of each draw."""
+    n_draws, k = draws.shape
+    before = np.diag(kernel)[score]
+    if not k:
+        return (
+            np.broadcast_to(mean[score], (n_draws, len(score))),
+            np.broadcast_to(before, (n_draws, len(score))),
+            np.zeros(n_draws),
+        )
+    inner = kernel[draws[:, :, None], draws[:, None, :]]
+    inner[:, range(k), range(k)] += noise[draws]
+    inverse = np.linalg.inv(np.linalg.cholesky(inner))
+    z = np.einsum("dij,dj->di", inverse, (residual - mean)[draws])
+    cross = np.einsum("dij,djs->dis", inverse, kernel[draws[:, :, None], score[None, None, :]])
+    log_likelihood = -0.5 * (z**2).sum(axis=1) + np.log(inverse[:, range(k), range(k)]).sum(axis=1)
+    return (
+        mean[score] + np.einsum("dis,di->ds", cross, z),
+        np.maximum(before - (cross**2).sum(axis=1), 0.0),
+        log_likelihood,
+    )

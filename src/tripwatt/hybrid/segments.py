@@ -1,0 +1,219 @@
+"""A plan cut into short segments: the rows on which residual power is learned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.hybrid.climate_log import logged_climate
+from tripwatt.physics import Simulation, simulate_trip
+from tripwatt.physics.simulate import CAUSES
+from tripwatt.trips import TEMPERATURES, Plan, Trip, plan_from_trip, resample
+from tripwatt.trips.plan import frame_of
+from tripwatt.units import SECONDS_PER_HOUR
+from tripwatt.vehicles import Vehicle
+
+SEGMENT_S: Final = 30.0
+"""Length of the segments: a few changes of speed, so that the residual is about the car and not about its timing."""
+
+LINE_CAUSES: Final = tuple(cause for cause in CAUSES if cause != "shortfall")
+"""Causes whose simulated power the correctors may scale; `shortfall` is no property of the car."""
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentTable:
+    """Segments of trips as one flat table: rows of trip i are ``offsets[i]:offsets[i + 1]``.
+
+    Attributes
+    ----------
+    trip_ids : tuple of str
+    offsets : ndarray of int, shape (trips + 1,)
+    features : DataFrame, (rows, features)
+        Known before departure; NaN where unknown.
+    hours : ndarray, shape (rows,)
+        Length of each segment [h].
+    simulated_w : ndarray, shape (rows,)
+    observed_w : ndarray or None, shape (rows,)
+        Measured power at the battery terminals.
+    observed_hvac_w : ndarray or None, shape (rows,)
+        Measured power of climate control; NaN where it was not logged.
+    """
+
+    trip_ids: tuple[str, ...]
+    offsets: IntArray
+    features: pd.DataFrame
+    hours: FloatArray
+    simulated_w: FloatArray
+    observed_w: FloatArray | None = None
+    observed_hvac_w: FloatArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.trip_ids)
+
+    @property
+    def groups(self) -> IntArray:
+        """Index of the trip that each row belongs to, shape (rows,)."""
+        return np.repeat(np.arange(len(self), dtype=np.int64), np.diff(self.offsets))
+
+    @property
+    def observed_power_w(self) -> FloatArray:
+        """Measured power [W], shape (rows,); refuses a table without it."""
+        if self.observed_w is None:
+            raise InvalidInput(
+                Fault("no measured energy", "trips", "none", "voltage and current of each trip")
+            )
+        return self.observed_w
+
+    @property
+    def residual_w(self) -> FloatArray:
+        """Observed minus simulated power [W], shape (rows,)."""
+        return self.observed_power_w - self.simulated_w
+
+    @property
+    def climate_residual_w(self) -> FloatArray:
+        """Observed minus simulated power of climate control [W], shape (rows,); NaN where it was not logged."""
+        if self.observed_hvac_w is None:
+            return np.full(len(self.hours), np.nan)
+        return np.asarray(self.observed_hvac_w - self.features["hvac_w"].to_numpy())
+
+    def take(self, members: Sequence[int] | IntArray) -> SegmentTable:
+        """The table of some of the trips. O(their rows)."""
+        index = np.asarray(members, dtype=np.int64)
+        rows = np.concatenate([np.arange(self.offsets[i], self.offsets[i + 1]) for i in index])
+        return SegmentTable(
+            trip_ids=tuple(self.trip_ids[i] for i in index),
+            offsets=np.concatenate(([0], np.cumsum(np.diff(self.offsets)[index]))),
+            features=self.features.iloc[rows].reset_index(drop=True),
+            hours=self.hours[rows],
+            simulated_w=self.simulated_w[rows],
+            observed_w=None if self.observed_w is None else self.observed_w[rows],
+            observed_hvac_w=None if self.observed_hvac_w is None else self.observed_hvac_w[rows],
+        )
+
+    def totals_wh(self, power_w: FloatArray) -> FloatArray:
+        """Energy of each trip [Wh] of a power at each row, shape (trips,)."""
+        return np.add.reduceat(power_w * self.hours, self.offsets[:-1])
+
+    @classmethod
+    def join(cls, tables: Sequence[SegmentTable]) -> SegmentTable:
+        """One table of several."""
+        observed = [t.observed_w for t in tables]
+        climate = [
+            np.full(len(t.hours), np.nan) if t.observed_hvac_w is None else t.observed_hvac_w for t in tables
+        ]
+        return cls(
+            trip_ids=tuple(i for t in tables for i in t.trip_ids),
+            offsets=np.concatenate(([0], np.cumsum([len(t.hours) for t in tables]))).astype(np.int64),
+            features=pd.concat([t.features for t in tables], ignore_index=True),
+            hours=np.concatenate([t.hours for t in tables]),
+            simulated_w=np.concatenate([t.simulated_w for t in tables]),
+            observed_w=None
+            if any(o is None for o in observed)
+            else np.concatenate([o for o in observed if o is not None]),
+            observed_hvac_w=None
+            if all(t.observed_hvac_w is None for t in tables)
+            else np.concatenate(climate),
+        )
+
+
+def segment_table(
+    plan: Plan, simulation: Simulation, measured: Trip | None = None, *, segment_s: float = SEGMENT_S
+) -> SegmentTable:
+    """Segments of one trip, from its plan and simulation; with the measured power where there is a measured trip.
+
+    Parameters
+    ----------
+    plan : Plan
+    simulation : Simulation
+        Of the plan.
+    measured : Trip, optional
+        The raw trip; its cumulative energy is read at the ends of the segments.
+    """
+    time = plan.array("time_s")
+    step = np.diff(time, prepend=time[0] - np.median(np.diff(time)))
+    segment = np.minimum(
+        np.floor((time - time[0]) / segment_s).astype(np.int64),
+        max(int((time[-1] - time[0]) // segment_s - 0.5), 0),
+    )
+    n = int(segment[-1]) + 1
+    seconds = np.asarray(np.bincount(segment, step, n), dtype=np.float64)
+
+    def mean(values: FloatArray) -> FloatArray:
+        return np.bincount(segment, values * step, n) / seconds
+
+    speed, departure = plan.array("speed_m_s"), plan.departure
+    features: dict[str, Any] = {
+        "simulated_w": mean(simulation.battery_power_w),
+        **{f"{cause}_w": mean(simulation.power_by_cause_w[cause]) for cause in LINE_CAUSES},
+        "moved_w": mean(np.abs(simulation.wheel_power_w)),
+        "speed_m_s": mean(speed),
+        "speed_change_m_s2": mean(np.abs(np.diff(speed, prepend=speed[0])) / np.maximum(step, 1e-9)),
+        "time_s": mean(time - time[0]),
+        "trip_speed_m_s": float((speed * step).sum() / step.sum()),
+        "payload_mass_kg": departure.payload_mass_kg or 0.0,
+        **{name: _known(getattr(departure, name)) for name in TEMPERATURES},
+        "soc": _known(departure.bms_soc),
+        "winter": {"winter": 1.0, "summer": 0.0}.get(departure.season or "", np.nan),
+    }
+    return SegmentTable(
+        trip_ids=(plan.trip_id,),
+        offsets=np.array([0, n]),
+        features=frame_of({name: np.broadcast_to(values, n) for name, values in features.items()}),
+        hours=seconds / SECONDS_PER_HOUR,
+        simulated_w=np.asarray(features["simulated_w"]),
+        observed_w=None if measured is None else _measured_power(measured, segment, plan, seconds),
+        observed_hvac_w=None if measured is None else _measured_climate(measured, seconds),
+    )
+
+
+def segment_trips(trips: Sequence[Trip], vehicle: Vehicle) -> SegmentTable:
+    """Segments of recorded trips, their measured power beside the simulated one. O(samples).
+
+    Raises
+    ------
+    InvalidInput
+        When there is no trip or one has no measured energy.
+    """
+    unmeasured = [t.trip_id for t in trips if t.observed_energy_wh is None]
+    faults = [Fault("no measured energy", name, "", "voltage and current") for name in unmeasured]
+    if not trips:
+        faults.append(Fault("no trips", "training", "0", "at least 1 with measured energy"))
+    if faults:
+        raise InvalidInput(faults)
+    plans = [plan_from_trip(trip) for trip in trips]
+    return SegmentTable.join(
+        [
+            segment_table(plan, simulate_trip(vehicle, plan), trip)
+            for plan, trip in zip(plans, trips, strict=True)
+        ]
+    )
+
+
+def _known(value: float | None) -> float:
+    return np.nan if value is None else value
+
+
+def _measured_power(measured: Trip, segment: IntArray, plan: Plan, seconds: FloatArray) -> FloatArray | None:
+    """Mean measured power of each segment [W]; the segments' energies add up to the trip's energy."""
+    step_s = plan.step_s or float(np.median(np.diff(plan.array("time_s"))))
+    if measured.step_s not in (None, step_s):
+        got, allowed = f"segments of {measured.step_s:g} s", f"raw samples, or segments of {step_s:g} s"
+        raise InvalidInput(Fault("wrong time step", measured.trip_id, got, allowed))
+    raw = measured if measured.step_s is not None else resample(measured, step_s)
+    if "observed_energy_wh" not in raw:
+        return None
+    cumulative = raw.array("observed_energy_wh")
+    ends = np.append(np.flatnonzero(np.diff(segment)), len(segment) - 1)
+    return np.asarray(np.diff(cumulative[ends], prepend=0.0) / (seconds / SECONDS_PER_HOUR))
+
+
+def _measured_climate(measured: Trip, seconds: FloatArray) -> FloatArray | None:
+    """Mean measured power of climate control in each segment [W]; None when it was not logged."""
+    start = float(measured.array("time_s")[0])
+    return logged_climate(measured.samples, start + np.concatenate(([0.0], np.cumsum(seconds))))

@@ -1,0 +1,160 @@
+"""Climate control and driving corrected separately.
+
+A log with the power of heater and air conditioner splits the residual in two. The power of climate control depends on
+temperatures and time, the power of driving on road and speed. Learned separately, neither is disturbed by the noise of
+the other, and each is updated on the way by its own measurements. Where too few trips log climate control, one
+corrector learns both jointly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final, Self
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.hybrid.power import (
+    TREE_FEATURES,
+    EnsembleCorrector,
+    GPCorrector,
+    PowerCorrector,
+    boosting_corrector,
+)
+from tripwatt.hybrid.segments import LINE_CAUSES, SegmentTable
+from tripwatt.learners.gp import KernelTerm
+from tripwatt.trips import TEMPERATURES
+
+LEAST_LOGGED: Final = 8
+"""Fewest trips with logged climate control for a separate correction."""
+LEAST_LOGGED_SHARE: Final = 0.5
+"""Their least share of all trips."""
+
+_AMBIENT, _CABIN, _SETPOINT, _BATTERY = TEMPERATURES
+CLIMATE_TERMS: Final = (
+    KernelTerm(("hvac_w",), "line", 0.3),
+    *(
+        KernelTerm(columns, "smooth", 200.0, length)
+        for columns, length in (
+            ((_AMBIENT,), 1.0),
+            ((_CABIN,), 1.0),
+            ((_SETPOINT,), 1.0),
+            (("time_s",), 1.0),
+            ((_AMBIENT, _CABIN, "time_s"), 1.0),
+            ((_AMBIENT, _SETPOINT), 1.0),
+            ((_AMBIENT, _CABIN, _SETPOINT), 1.5),
+        )
+    ),
+)
+"""Terms of the climate correction: a share of the simulated power (sd 30 %) and smooth functions of the state."""
+
+DRIVE_TERMS: Final = (
+    *(KernelTerm((f"{cause}_w",), "line", 0.1) for cause in LINE_CAUSES if cause != "hvac"),
+    *(
+        KernelTerm(columns, "smooth", 100.0, length)
+        for columns, length in (
+            ((_AMBIENT,), 1.0),
+            ((_BATTERY,), 1.0),
+            (("time_s",), 1.0),
+            (("speed_m_s",), 1.0),
+            (("speed_change_m_s2",), 1.0),
+            ((_AMBIENT, _BATTERY), 1.0),
+            ((_AMBIENT, "time_s"), 1.0),
+            ((_AMBIENT, _BATTERY, "trip_speed_m_s"), 1.5),
+        )
+    ),
+)
+"""Terms of the driving correction: those of the joint corrector without the cabin's."""
+
+DRIVE_TREE_FEATURES: Final = tuple(n for n in TREE_FEATURES if n not in ("hvac_w", _CABIN, _SETPOINT))
+
+
+class SplitCorrector:
+    """One corrector for climate control and one for driving, or one for both where climate control is not logged.
+
+    Parameters
+    ----------
+    climate, drive, joint : PowerCorrector
+        `joint` learns the undivided residual where too few trips log their climate control.
+    split : bool or None
+        Whether to correct separately; None decides by the trips of `fit`.
+
+    Attributes
+    ----------
+    split_ : bool
+    """
+
+    def __init__(
+        self,
+        climate: PowerCorrector,
+        drive: PowerCorrector,
+        joint: PowerCorrector,
+        split: bool | None = None,
+    ) -> None:
+        self.climate = climate
+        self.drive = drive
+        self.joint = joint
+        self.split = split
+        self.split_ = bool(split)
+
+    def fit(self, table: SegmentTable) -> Self:
+        """Learn climate control from the trips that log it, then driving from the remaining residual of all trips."""
+        logged = climate_logged(table)
+        enough = int(logged.sum()) >= LEAST_LOGGED and float(logged.mean()) >= LEAST_LOGGED_SHARE
+        self.split_ = enough if self.split is None else self.split
+        if not self.split_:
+            self.joint.fit(table)
+            return self
+        own = replace(
+            table, simulated_w=table.features["hvac_w"].to_numpy(), observed_w=table.observed_hvac_w
+        )
+        self.climate.fit(own.take(np.flatnonzero(logged)))
+        residual = table.climate_residual_w
+        residual = np.where(logged[table.groups], residual, self.climate.predict(table))
+        self.drive.fit(replace(table, observed_w=table.observed_power_w - residual))
+        return self
+
+    def clone_tuned(self) -> SplitCorrector:
+        """Unfitted copies with the settings that `fit` chose."""
+        if self.split_:
+            return SplitCorrector(self.climate.clone_tuned(), self.drive.clone_tuned(), self.joint, True)
+        return SplitCorrector(self.climate, self.drive, self.joint.clone_tuned(), False)
+
+    def predict(self, table: SegmentTable) -> FloatArray:
+        """Residual power [W]."""
+        if not self.split_:
+            return self.joint.predict(table)
+        return self.climate.predict(table) + self.drive.predict(table)
+
+    def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
+        """Side by side: the covariances of independent corrections add up."""
+        if not self.split_:
+            return self.joint.uncertainty_factor(table)
+        parts = [one.uncertainty_factor(table) for one in (self.climate, self.drive)]
+        return np.hstack(parts)
+
+    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
+        """Both at once."""
+        if not self.split_:
+            return self.joint.predict_with_uncertainty(table)
+        climate, drive = (one.predict_with_uncertainty(table) for one in (self.climate, self.drive))
+        return climate[0] + drive[0], np.hstack([climate[1], drive[1]])
+
+    def predict_climate(self, table: SegmentTable) -> FloatArray | None:
+        """Correction of climate control [W]; None where both are corrected jointly."""
+        return self.climate.predict(table) if self.split_ else None
+
+
+def climate_logged(table: SegmentTable) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Whether a trip logs the power of its climate control in every segment, shape (trips,)."""
+    known = np.isfinite(table.climate_residual_w).astype(np.int64)
+    return np.asarray(np.minimum.reduceat(known, table.offsets[:-1]) == 1)
+
+
+def split_corrector(seed: int) -> SplitCorrector:
+    """The default: an additive Gaussian process for climate control; its mean with boosting for driving and jointly."""
+    return SplitCorrector(
+        GPCorrector(CLIMATE_TERMS, share_column="hvac_w"),
+        EnsembleCorrector([GPCorrector(DRIVE_TERMS), boosting_corrector(seed, DRIVE_TREE_FEATURES)]),
+        EnsembleCorrector([GPCorrector(), boosting_corrector(seed)]),
+    )

@@ -1,0 +1,243 @@
+"""Trips as one flat table, so that no model walks over trips, and what a model of their energy is."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, Protocol, Self
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.physics import simulate_trip
+from tripwatt.trips import Trip, require_unique_ids, resample
+from tripwatt.units import SECONDS_PER_HOUR
+from tripwatt.vehicles import Vehicle
+
+COVARIATES: Final = (
+    "time_s",
+    "speed_m_s",
+    "ambient_temperature_degc",
+    "elevation_difference_m",
+    "season",
+    "weather",
+)
+"""Covariates of the paper's correctors; those that no trip knows are dropped and said so."""
+
+COMFORT_TEMPERATURE_DEGC: Final = 20.0
+"""Threshold of the linear baselines: heating below, cooling above (same value as for the peers' figures)."""
+
+UNKNOWN_LEVEL: Final = "unknown"
+
+
+@dataclass(frozen=True, eq=False)
+class TripTable:
+    """Trips as one flat table: rows of trip i are ``offsets[i]:offsets[i + 1]``.
+
+    Attributes
+    ----------
+    trips : tuple of Trip
+        Resampled trips, in order.
+    offsets : ndarray of int, shape (trips + 1,)
+    covariates : DataFrame, (rows, covariates)
+        Numbers as float64, season and weather as categories.
+    observed_wh : ndarray, shape (rows,)
+        Measured cumulative energy [Wh]; its last value per trip is the trip's observed energy.
+    simulated_wh : mapping of str to ndarray, shape (rows,)
+        Simulated cumulative energy [Wh] by the name of the physics preset.
+    totals : DataFrame, (rows, 6)
+        Running sums that the linear baselines use: km, hours, cold and hot hours, cubed speed, acceleration work.
+    notes : tuple of str
+        Covariates that were dropped, and why.
+    """
+
+    trips: tuple[Trip, ...]
+    offsets: IntArray
+    covariates: pd.DataFrame
+    observed_wh: FloatArray
+    simulated_wh: Mapping[str, FloatArray]
+    totals: pd.DataFrame
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.trips)
+
+    @property
+    def trip_ids(self) -> tuple[str, ...]:
+        """Ids of the trips, in order."""
+        return tuple(t.trip_id for t in self.trips)
+
+    @property
+    def groups(self) -> IntArray:
+        """Index of the trip that each row belongs to, shape (rows,)."""
+        return np.repeat(np.arange(len(self), dtype=np.int64), np.diff(self.offsets))
+
+    @property
+    def last_rows(self) -> IntArray:
+        """Row at the end of each trip, shape (trips,)."""
+        return self.offsets[1:] - 1
+
+    def simulated(self, preset: str | None) -> FloatArray:
+        """Simulated cumulative energy under a preset [Wh], shape (rows,); zeros for None."""
+        if preset is None:
+            return np.zeros(len(self.observed_wh))
+        return self.simulated_wh[preset]
+
+    def rows_of(self, members: IntArray) -> IntArray:
+        """Row numbers of the given trips, in their order."""
+        if not len(members):
+            return np.empty(0, np.int64)
+        return np.concatenate([np.arange(self.offsets[i], self.offsets[i + 1]) for i in members])
+
+    def take(self, members: Sequence[int] | IntArray) -> TripTable:
+        """The table of some of the trips. O(their rows)."""
+        index = np.asarray(members, dtype=np.int64)
+        rows = self.rows_of(index)
+        lengths = np.diff(self.offsets)[index]
+        return replace(
+            self,
+            trips=tuple(self.trips[i] for i in index),
+            offsets=np.concatenate(([0], np.cumsum(lengths))),
+            covariates=self.covariates.iloc[rows].reset_index(drop=True),
+            observed_wh=self.observed_wh[rows],
+            simulated_wh={name: values[rows] for name, values in self.simulated_wh.items()},
+            totals=self.totals.iloc[rows].reset_index(drop=True),
+        )
+
+    def without_samples(self) -> TripTable:
+        """The same table without the trips' own samples, which no model looks at: cheap to send to a process."""
+        return replace(self, trips=tuple(replace(t, samples=t.samples.iloc[:0]) for t in self.trips))
+
+    def digest(self) -> str:
+        """SHA-256 of everything that a model can see, to tell whether stored folds still belong to these trips."""
+        sha = hashlib.sha256("\n".join(self.trip_ids).encode())
+        for values in (
+            self.offsets,
+            self.observed_wh,
+            *(self.simulated_wh[k] for k in sorted(self.simulated_wh)),
+        ):
+            sha.update(np.ascontiguousarray(values).tobytes())
+        sha.update(pd.util.hash_pandas_object(self.covariates, index=False).to_numpy().tobytes())
+        return sha.hexdigest()
+
+
+def build_table(trips: Sequence[Trip], physics: Mapping[str, Vehicle], *, step_s: float = 1.0) -> TripTable:
+    """Resample and simulate the trips and lay them side by side. O(samples x presets).
+
+    Parameters
+    ----------
+    trips : sequence of Trip
+        Raw trips with a measured energy.
+    physics : mapping of str to Vehicle
+        The car under each physics preset, e.g. ``{"physics-paper": ..., "physics": ...}``.
+    step_s : float
+        Length of the block means [s].
+
+    Raises
+    ------
+    InvalidInput
+        When there is no trip, two share an id, or one has no measured, positive energy.
+    """
+    require_unique_ids(trips)
+    faults = [
+        Fault(
+            "no measured energy",
+            t.trip_id,
+            f"{t.observed_energy_wh} Wh",
+            "voltage and current, energy above 0 Wh",
+        )
+        for t in trips
+        if t.observed_energy_wh is None or not t.observed_energy_wh > 0
+    ]
+    if not trips:
+        faults.append(Fault("no trips", "trips", "0", "at least one"))
+    if faults:
+        raise InvalidInput(faults)
+    blocks = tuple(resample(trip, step_s) for trip in trips)
+    covariates, notes = _covariates(blocks)
+    return TripTable(
+        trips=blocks,
+        offsets=np.concatenate(([0], np.cumsum([len(b) for b in blocks]))).astype(np.int64),
+        covariates=covariates,
+        observed_wh=np.concatenate([b.array("observed_energy_wh") for b in blocks]),
+        simulated_wh={
+            name: np.concatenate([simulate_trip(vehicle, b).energy_wh for b in blocks])
+            for name, vehicle in physics.items()
+        },
+        totals=pd.concat([_totals(b) for b in blocks], ignore_index=True),
+        notes=notes,
+    )
+
+
+def _covariates(blocks: Sequence[Trip]) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    lengths = [len(b) for b in blocks]
+
+    def numbers(column: str) -> FloatArray:
+        return np.concatenate([b.array(column) if column in b else np.full(len(b), np.nan) for b in blocks])
+
+    def levels(values: Sequence[str | None]) -> pd.Series[Any]:
+        known = [UNKNOWN_LEVEL if v is None else v for v in values]
+        categories = pd.CategoricalDtype(sorted(set(known)))
+        return pd.Series(np.repeat(np.asarray(known, dtype=object), lengths)).astype(categories)
+
+    elevation = numbers("elevation_m")
+    starts = np.concatenate(([0], np.cumsum(lengths)[:-1]))
+    frame = pd.DataFrame(
+        {
+            "time_s": numbers("time_s"),
+            "speed_m_s": numbers("speed_m_s"),
+            "ambient_temperature_degc": numbers("ambient_temperature_degc"),
+            "elevation_difference_m": elevation - np.repeat(elevation[starts], lengths),
+            "season": levels([b.context.season for b in blocks]),
+            "weather": levels([b.context.weather for b in blocks]),
+        }
+    )
+    unknown = [
+        name
+        for name in COVARIATES
+        if frame[name].isna().all()
+        or (frame[name].dtype == "category" and set(frame[name]) == {UNKNOWN_LEVEL})
+    ]
+    notes = tuple(f"covariate {name} dropped: no trip knows it" for name in unknown)
+    return frame.drop(columns=unknown), notes
+
+
+def _totals(block: Trip) -> pd.DataFrame:
+    """Running sums of the linear baselines along one trip; the ambient temperature is the trip's mean."""
+    time, speed = block.array("time_s"), block.array("speed_m_s")
+    step = np.diff(time, prepend=time[0])
+    hours = (time - time[0]) / SECONDS_PER_HOUR
+    ambient = (
+        float(np.nanmean(block.array("ambient_temperature_degc")))
+        if block.has("ambient_temperature_degc")
+        else COMFORT_TEMPERATURE_DEGC
+    )
+    increments = np.diff(speed, prepend=speed[0])
+    return pd.DataFrame(
+        {
+            "distance_km": np.cumsum(speed * step) / 1000.0,
+            "duration_h": hours,
+            "cold_h": hours * max(0.0, COMFORT_TEMPERATURE_DEGC - ambient),
+            "hot_h": hours * max(0.0, ambient - COMFORT_TEMPERATURE_DEGC),
+            "cubed_speed": np.cumsum(speed**3 * step),
+            "acceleration_work": np.cumsum(np.maximum(increments, 0.0) * speed),
+        }
+    )
+
+
+class EnergyModel(Protocol):
+    """Anything that predicts the cumulative energy of trips."""
+
+    simulation: str | None
+    """Physics preset that the prediction starts from; None without physics."""
+
+    def fit(self, table: TripTable) -> Self:
+        """Learn from the trips of the table."""
+        ...
+
+    def predict(self, table: TripTable) -> FloatArray:
+        """Cumulative energy at each row [Wh], shape (rows,)."""
+        ...

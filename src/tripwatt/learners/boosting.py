@@ -1,0 +1,508 @@
+"""Boosted trees as a marginal model of clustered rows (generalised estimating equations).
+
+Each round fits a tree to the working residuals V_i^-1 (y_i - F(x_i)) of the groups and gives its leaves the
+values that solve the estimating equation sum_i Z_i' V_i^-1 (y_i - F_i - Z_i b) = 0 (Liang & Zeger 1986; Friedman
+2001). The number of rounds is chosen by leaving groups out. See `docs/learners.md`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, Self
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from joblib import Parallel, delayed
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils.validation import check_is_fitted
+
+from tripwatt.arrays import BoolArray, FloatArray, IntArray
+from tripwatt.learners.clusters import Clusters, GroupLoss, Loss, ScoreRows, folds_of, thinned_rows
+from tripwatt.learners.correlation import LARGEST, Correlation
+from tripwatt.learners.rounds import Path, boost, fill_losses, written
+from tripwatt.learners.trees import (
+    Sample,
+    about_columns,
+    as_text_array,
+    booster_array,
+    booster_of,
+    checked,
+    column_blocks,
+    column_names,
+    from_text_array,
+    permutation_losses,
+    prepared,
+    restore_columns,
+    seed_of,
+    settings_of,
+    sum_of_trees,
+    validated,
+)
+
+DEFAULT_GRID: dict[str, list[Any]] = {"max_leaf_nodes": [3, 6], "min_leaf_weight": [1.0, 4.0]}
+_SETTINGS = (
+    "learning_rate",
+    "max_leaf_nodes",
+    "max_depth",
+    "min_leaf_weight",
+    "max_features",
+    "subsample",
+    "correlation",
+)
+
+
+class ClusteredBoosting(RegressorMixin, BaseEstimator):
+    """Gradient boosting of trees as a marginal, GEE-type model, stopped by leave-groups-out cross-validation.
+
+    Parameters
+    ----------
+    n_rounds : int
+        Most rounds.
+    learning_rate : float
+        Shrinkage of each tree.
+    max_leaf_nodes, max_depth : int, int or None
+        Size of a tree.
+    min_leaf_weight : float
+        Least weight of a leaf, counted in groups.
+    max_features : float
+        Share of the columns that each split may choose from.
+    subsample : float
+        Share of the groups that each round learns from (whole groups; Friedman 2002).
+    correlation : {"independence", "exchangeable", "ar1"}
+        Working correlation of the rows of a group; ar1 goes by their order.
+    start : {"mean", "zero"}
+        F_0: the mean of the target (solving the estimating equation), or 0.
+    group_weight : {"equal", "rows"}
+        Weight of a group: the same for each, or in proportion to its rows.
+    max_rows_per_group : int or None
+        Learn from at most so many rows of a group, evenly spaced.
+    max_bins : int
+        Most bins of a column; edges depend on X alone.
+    n_folds : int or None
+        Folds (of whole groups) of the cross-validation that chooses the number of rounds and the setting;
+        None takes all `n_rounds` of the base setting.
+    patience : int
+        A fold stops when its error has not improved for so many rounds.
+    param_grid : dict, "default" or None
+        Values of `learning_rate`, `max_leaf_nodes`, `max_depth`, `min_leaf_weight`, `max_features`, `subsample`,
+        `correlation` to choose from.
+    loss : {"squared", "absolute"} or callable
+        Error of a group in the cross-validation. Each group weighs the same.
+    score_rows : {"all", "last"}
+        Rows of a group that are scored.
+    n_jobs : int or None
+        Processes of `leave_groups_out`; the result does not depend on it.
+    random_state : int, RandomState or None
+        Seed of folds and draws.
+
+    Attributes
+    ----------
+    n_rounds_ : int
+        Chosen number of rounds.
+    best_params_ : dict
+        Chosen setting.
+    learning_curve_ : DataFrame
+        `round, fold, error` of the chosen setting.
+    correlation_parameter_ : float
+        rho after the last round.
+
+    References
+    ----------
+    Liang & Zeger 1986, Longitudinal data analysis using generalized linear models, Biometrika 73.
+    Friedman 2001, Greedy function approximation: a gradient boosting machine, Annals of Statistics 29.
+    Friedman 2002, Stochastic gradient boosting, Computational Statistics & Data Analysis 38.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> subject = np.repeat(np.arange(30), 20)
+    >>> dose = rng.uniform(0, 1, 600)
+    >>> response = np.where(dose > 0.5, 2.0, 0.0) + rng.normal(0, 1, 30)[subject]
+    >>> model = ClusteredBoosting(correlation="exchangeable", random_state=0)
+    >>> model = model.fit(dose[:, None], response, groups=subject)
+    >>> bool(np.diff(model.predict([[0.2], [0.8]]))[0] > 1.8)
+    True
+    """
+
+    def __init__(
+        self,
+        n_rounds: int = 300,
+        *,
+        learning_rate: float = 0.1,
+        max_leaf_nodes: int = 6,
+        max_depth: int | None = None,
+        min_leaf_weight: float = 1.0,
+        max_features: float = 1.0,
+        subsample: float = 1.0,
+        correlation: Correlation = "independence",
+        start: Literal["mean", "zero"] = "mean",
+        group_weight: Literal["equal", "rows"] = "equal",
+        max_rows_per_group: int | None = 60,
+        max_bins: int = 255,
+        n_folds: int | None = 5,
+        patience: int = 50,
+        param_grid: Mapping[str, Sequence[Any]] | Literal["default"] | None = None,
+        loss: Loss = "squared",
+        score_rows: ScoreRows = "all",
+        n_jobs: int | None = None,
+        random_state: Any = None,
+    ) -> None:
+        self.n_rounds = n_rounds
+        self.learning_rate = learning_rate
+        self.max_leaf_nodes = max_leaf_nodes
+        self.max_depth = max_depth
+        self.min_leaf_weight = min_leaf_weight
+        self.max_features = max_features
+        self.subsample = subsample
+        self.correlation = correlation
+        self.start = start
+        self.group_weight = group_weight
+        self.max_rows_per_group = max_rows_per_group
+        self.max_bins = max_bins
+        self.n_folds = n_folds
+        self.patience = patience
+        self.param_grid = param_grid
+        self.loss = loss
+        self.score_rows = score_rows
+        self.n_jobs = n_jobs
+        self.random_state = random_state
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True
+        tags.non_deterministic = False
+        return tags
+
+    def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
+        """Choose setting and rounds by leaving groups out, then fit all rows.
+
+        Parameters
+        ----------
+        X : array-like or DataFrame of shape (n_rows, n_columns)
+            Covariates; text and categorical columns of a DataFrame are levels. NaN is missing.
+        y : array-like of shape (n_rows,)
+            Target.
+        groups : array-like of shape (n_rows,), optional
+            Group of each row, rows of a group in their order; without it each row is its own group.
+
+        Returns
+        -------
+        ClusteredBoosting
+            Itself.
+
+        Errors
+        ------
+        InvalidInput for settings out of range, ValueError for malformed arrays.
+        """
+        sample, clusters, _, seed = self._prepared(X, y, groups)
+        settings = self._settings()
+        self.learning_curve_ = pd.DataFrame({"round": [], "fold": [], "error": []})
+        best, n_rounds = 0, self.n_rounds
+        if self.n_folds is not None and sample.n_groups > 1:
+            block = _blocks(sample.n_groups, self.n_folds, seed)
+            everything = np.ones(sample.n_groups, dtype=bool)
+            errors = [self._fold_errors(sample, setting, block, everything, seed) for setting in settings]
+            best, n_rounds = _choice(errors)
+            self.learning_curve_ = _learning_curve(errors[best], block)
+        chosen = self._base() | settings[best]
+        path = boost(sample, chosen, np.ones(sample.n_groups, dtype=bool), n_rounds, seed, start=self.start)
+        self.groups_ = clusters.labels
+        self.best_params_ = chosen
+        self.n_rounds_ = n_rounds
+        self.correlation_parameter_ = path.rho
+        self._keep(path)
+        return self
+
+    def predict(self, X: Any) -> FloatArray:
+        """F(x) after the chosen number of rounds, shape (n_rows,)."""
+        check_is_fitted(self, "steps_")
+        rows, _ = validated(self, X, None, reset=False)
+        return self._raw(rows)
+
+    def staged_predict(self, X: Any) -> FloatArray:
+        """F(x) after each round, shape (n_rounds_, n_rows)."""
+        check_is_fitted(self, "steps_")
+        rows, _ = validated(self, X, None, reset=False)
+        steps = np.array(
+            [
+                np.full(len(rows), value) if tree < 0 else sum_of_trees(self.booster_, rows, int(tree), 1)
+                for tree, value in zip(self.position_, self.steps_, strict=True)
+            ]
+        ).reshape(len(self.steps_), len(rows))
+        return np.asarray(self.start_ + np.cumsum(steps, axis=0))
+
+    def permutation_importance(
+        self,
+        X: Any,
+        y: Any,
+        groups: Any = None,
+        *,
+        columns: Mapping[str, Sequence[str]] | None = None,
+        n_repeats: int = 5,
+    ) -> pd.DataFrame:
+        """Rise of the loss when a covariate is permuted over the rows; give rows that were not fitted.
+
+        Parameters
+        ----------
+        X, y, groups
+            As in `fit`.
+        columns : dict, optional
+            Name -> columns to permute together (say, the indicators of one factor); default each alone.
+        n_repeats : int
+            Number of permutations of each.
+
+        Returns
+        -------
+        DataFrame
+            `covariate, importance, std`, the most important first.
+        """
+        check_is_fitted(self, "steps_")
+        rows, target = validated(self, X, None, reset=False)[0], np.asarray(y, dtype=float)
+        codes = Clusters.from_groups(groups, len(rows)).codes
+        kept = thinned_rows(codes, self.max_rows_per_group)
+        loss = GroupLoss(target[kept], codes[kept], self.loss, self.score_rows)
+        blocks = column_blocks(column_names(self), columns)
+        rng = np.random.default_rng(seed_of(self.random_state))
+        return permutation_losses(self._raw, rows[kept], loss, blocks, n_repeats, rng)
+
+    def leave_groups_out(self, X: Any, y: Any, groups: Any = None, folds: Any = None) -> FloatArray:
+        """Prediction of each row by a model that is fitted and tuned without the row's fold.
+
+        Every fold gets a fit of its own. For the choice of setting and rounds the folds are put into blocks: a
+        model without the blocks b and c scores c for the folds of b, and b for the folds of c. So the folds of
+        a block share their choice, and no choice has seen the fold it is for (nor the rest of its block).
+
+        Parameters
+        ----------
+        X, y, groups
+            As in `fit`.
+        folds : array-like of shape (n_rows,), optional
+            Fold of each row, constant within a group; default each group is a fold.
+
+        Returns
+        -------
+        ndarray of shape (n_rows,)
+            Predictions. Attributes `fold_labels_`, `fold_params_`, `fold_rounds_` say what each fold used.
+        """
+        sample, clusters, rows, seed = self._prepared(X, y, groups)
+        fold_labels, fold_of_group = folds_of(folds, clusters)
+        settings = self._settings()
+        with Parallel(n_jobs=self.n_jobs) as parallel:
+            choices = self._shared_choices(sample, settings, fold_of_group, len(fold_labels), seed, parallel)
+            fold_of_row = fold_of_group[clusters.codes]
+            jobs = [
+                delayed(self._predicted)(
+                    sample,
+                    self._base() | settings[setting],
+                    fold_of_group != fold,
+                    rounds,
+                    seed,
+                    rows[fold_of_row == fold],
+                )
+                for fold, (setting, rounds) in enumerate(choices)
+            ]
+            results = parallel(jobs)
+        prediction = np.empty(len(rows))
+        for fold, values in enumerate(results):
+            prediction[fold_of_row == fold] = values
+        self.fold_labels_ = fold_labels
+        self.fold_params_ = [self._base() | settings[setting] for setting, _ in choices]
+        self.fold_rounds_ = np.array([rounds for _, rounds in choices])
+        return prediction
+
+    def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """The fitted model as plain arrays: numbers, and bytes of JSON and of LightGBM's text format."""
+        check_is_fitted(self, "steps_")
+        about = {
+            **about_columns(self),
+            "n_rounds": int(self.n_rounds_),
+            "correlation_parameter": float(self.correlation_parameter_),
+            "start": float(self.start_),
+        }
+        return {
+            "about": as_text_array(about),
+            "booster": booster_array(self.booster_),
+            "position": self.position_,
+            "steps": self.steps_,
+            "learning_curve": self.learning_curve_.to_numpy(dtype=float),
+        }
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
+        """Reverse of `to_arrays`; predictions are the same to the last bit."""
+        about = from_text_array(arrays["about"])
+        model = cls(**about["settings"])
+        restore_columns(model, about)
+        model.n_rounds_, model.start_ = about["n_rounds"], about["start"]
+        model.correlation_parameter_ = about["correlation_parameter"]
+        model.booster_ = booster_of(arrays["booster"])
+        model.position_, model.steps_ = arrays["position"], arrays["steps"]
+        model.learning_curve_ = pd.DataFrame(arrays["learning_curve"], columns=["round", "fold", "error"])
+        return model
+
+    def _prepared(self, X: Any, y: Any, groups: Any) -> tuple[Sample, Clusters, FloatArray, int]:
+        checked(self, _ALLOWED)
+        return (*prepared(self, X, y, groups), seed_of(self.random_state))
+
+    def _base(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in _SETTINGS}
+
+    def _settings(self) -> list[dict[str, Any]]:
+        grid = DEFAULT_GRID if isinstance(self.param_grid, str) else self.param_grid
+        return settings_of(self._base(), grid)
+
+    def _raw(self, rows: FloatArray) -> FloatArray:
+        lone = self.position_ < 0
+        total = sum_of_trees(self.booster_, rows, 0, int((~lone).sum()))
+        return np.asarray(self.start_ + total + self.steps_[lone].sum())
+
+    def _keep(self, path: Path) -> None:
+        self.start_ = path.start
+        self.booster_, self.position_, self.steps_ = written(path)
+
+    def _predicted(
+        self,
+        sample: Sample,
+        setting: dict[str, Any],
+        allowed: BoolArray,
+        n_rounds: int,
+        seed: int,
+        rows: FloatArray,
+    ) -> FloatArray:
+        """Fit the allowed groups and predict `rows`."""
+        path = boost(sample, setting, allowed, n_rounds, seed, start=self.start)
+        booster, position, steps = written(path)
+        total = sum_of_trees(booster, rows, 0, int((position >= 0).sum()))
+        return np.asarray(path.start + total + steps[position < 0].sum())
+
+    def _scored_path(
+        self,
+        sample: Sample,
+        setting: dict[str, Any],
+        inside: BoolArray,
+        seed: int,
+        scored: Sequence[IntArray],
+    ) -> Path:
+        """Boost some groups, scoring others, until the others stop improving."""
+        return boost(
+            sample,
+            setting,
+            inside,
+            self.n_rounds,
+            seed,
+            start=self.start,
+            patience=self.patience,
+            scored=scored,
+        )
+
+    def _fold_errors(
+        self, sample: Sample, setting: dict[str, Any], block: IntArray, allowed: BoolArray, seed: int
+    ) -> FloatArray:
+        """Loss of each group after each round when its block is left out, shape (n_rounds, n_groups)."""
+        errors = np.full((self.n_rounds, sample.n_groups), np.nan)
+        for left_out in np.unique(block[allowed]):
+            inside = allowed & (block != left_out)
+            groups = np.flatnonzero(allowed & (block == left_out))
+            if not inside.any():
+                continue
+            path = self._scored_path(sample, self._base() | setting, inside, seed, [groups])
+            fill_losses(errors, path, groups, path.ends[0])
+        return errors
+
+    def _shared_choices(
+        self,
+        sample: Sample,
+        settings: list[dict[str, Any]],
+        fold_of_group: IntArray,
+        n_folds: int,
+        seed: int,
+        parallel: Parallel,
+    ) -> list[tuple[int, int]]:
+        """Setting and number of rounds of each fold."""
+        if self.n_folds is None or n_folds < 3:
+            return [(0, self.n_rounds)] * n_folds
+        block_of_fold = _blocks(n_folds, 2 * self.n_folds, seed)
+        block = block_of_fold[fold_of_group]
+        n_blocks = int(block.max()) + 1
+        pairs = [(b, c) for b in range(n_blocks) for c in range(b + 1, n_blocks)]
+        jobs = [
+            delayed(self._pair_errors)(sample, self._base() | setting, block, pair, seed)
+            for setting in settings
+            for pair in pairs
+        ]
+        results = parallel(jobs)
+        errors = np.full((n_blocks, len(settings), self.n_rounds, sample.n_groups), np.nan)
+        for index, (of_first, of_second) in enumerate(results):
+            setting, (b, c) = index // len(pairs), pairs[index % len(pairs)]
+            errors[c, setting][:, block == b] = of_first
+            errors[b, setting][:, block == c] = of_second
+        chosen = [_choice(list(errors[b])) for b in range(n_blocks)]
+        return [chosen[b] for b in block_of_fold]
+
+    def _pair_errors(
+        self, sample: Sample, setting: dict[str, Any], block: IntArray, pair: tuple[int, int], seed: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """Losses by round of the groups of two blocks, by a model without both."""
+        scored = [np.flatnonzero(block == b) for b in pair]
+        inside = (block != pair[0]) & (block != pair[1])
+        errors = np.full((self.n_rounds, sample.n_groups), np.nan)
+        path = self._scored_path(sample, setting, inside, seed, scored)
+        for groups, end in zip(scored, path.ends, strict=True):
+            fill_losses(errors, path, groups, end)
+        return errors[:, scored[0]], errors[:, scored[1]]
+
+
+_ALLOWED = {
+    "n_rounds": ("an integer >= 1", lambda v: v >= 1),
+    "learning_rate": ("a number in (0, 1]", lambda v: 0 < v <= 1),
+    "max_leaf_nodes": ("an integer >= 2", lambda v: v >= 2),
+    "max_depth": ("None or an integer >= 1", lambda v: v is None or v >= 1),
+    "min_leaf_weight": ("a number >= 0", lambda v: v >= 0),
+    "max_features": ("a share in (0, 1]", lambda v: 0 < v <= 1),
+    "subsample": ("a share in (0, 1]", lambda v: 0 < v <= 1),
+    "correlation": ("one of " + ", ".join(LARGEST), lambda v: v in LARGEST),
+    "start": ("'mean' or 'zero'", lambda v: v in ("mean", "zero")),
+    "group_weight": ("'equal' or 'rows'", lambda v: v in ("equal", "rows")),
+    "max_rows_per_group": ("None or an integer >= 1", lambda v: v is None or v >= 1),
+    "max_bins": ("an integer >= 2", lambda v: v >= 2),
+    "n_folds": ("None or an integer >= 2", lambda v: v is None or v >= 2),
+    "patience": ("an integer >= 1", lambda v: v >= 1),
+    "param_grid": (
+        "None, 'default' or a dict",
+        lambda v: v is None or v == "default" or isinstance(v, Mapping),
+    ),
+    "loss": ("'squared', 'absolute' or a function", lambda v: callable(v) or v in ("squared", "absolute")),
+    "score_rows": ("'all' or 'last'", lambda v: v in ("all", "last")),
+}
+
+
+def _blocks(n: int, n_blocks: int, seed: int) -> IntArray:
+    """Assign n items at random to blocks of nearly equal size."""
+    return np.random.default_rng([seed, 3]).permutation(np.arange(n) % min(n, n_blocks))
+
+
+def _choice(errors: Sequence[FloatArray]) -> tuple[int, int]:
+    """Setting and number of rounds of the least mean error over groups, among rounds that all groups reached."""
+    best, n_rounds, least = 0, 1, np.inf
+    for index, error in enumerate(errors):
+        scored = ~np.isnan(error[0])
+        curve = error[:, scored].mean(axis=1)
+        if not scored.any() or np.isnan(curve).all():
+            continue
+        at = int(np.nanargmin(curve))
+        if curve[at] < least:
+            best, n_rounds, least = index, at + 1, float(curve[at])
+    return best, n_rounds
+
+
+def _learning_curve(errors: FloatArray, block: IntArray) -> pd.DataFrame:
+    """Mean error of each fold after each round, long."""
+    parts = []
+    for fold in np.unique(block):
+        curve = errors[:, block == fold].mean(axis=1)
+        reached = ~np.isnan(curve)
+        parts.append(
+            pd.DataFrame({"round": np.flatnonzero(reached) + 1, "fold": fold, "error": curve[reached]})
+        )
+    return pd.concat(parts, ignore_index=True)

@@ -1,0 +1,479 @@
+"""A random forest for clustered rows: whole groups are drawn, left out and scored.
+
+Each tree sees a bootstrap of groups (Karpievitch et al. 2009), so a group that was not drawn is out of bag with
+all of its rows and the out-of-bag error is an error on new groups. The same property gives leave-one-group-out
+predictions without refits, see `ClusteredForest.leave_groups_out`. See `docs/learners.md`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, Self
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils.validation import check_is_fitted
+
+from tripwatt.arrays import BoolArray, FloatArray, IntArray
+from tripwatt.learners.clusters import (
+    Clusters,
+    GroupLoss,
+    Loss,
+    ScoreRows,
+    folds_of,
+    mean_over_groups,
+    thinned_rows,
+)
+from tripwatt.learners.trees import (
+    Sample,
+    Trees,
+    TreeShape,
+    about_columns,
+    as_text_array,
+    booster_array,
+    booster_of,
+    checked,
+    column_blocks,
+    column_names,
+    from_text_array,
+    permutation_losses,
+    plain,
+    prepared,
+    restore_columns,
+    seed_of,
+    settings_of,
+    sum_of_trees,
+    validated,
+)
+
+DEFAULT_GRID: dict[str, list[Any]] = {"max_leaf_nodes": [6, 12, 24], "max_features": [0.34, 0.67, 1.0]}
+_SETTINGS = ("max_leaf_nodes", "max_depth", "min_leaf_weight", "max_features")
+_CHUNK = 16_384  # rows whose leaf numbers are held at a time
+
+
+@dataclass(frozen=True)
+class _Grown:
+    """A forest of one setting.
+
+    `leaves` and `values` have one row per tree: the leaf of each sample row, the value of each leaf.
+    """
+
+    setting: dict[str, Any]
+    trees: Trees
+    counts: IntArray
+    leaves: IntArray
+    values: FloatArray
+
+    def sample_predictions(self) -> FloatArray:
+        return np.take_along_axis(self.values, self.leaves, axis=1)
+
+    def predict(self, X: FloatArray, used: BoolArray) -> FloatArray:
+        """Mean over the trees `used`."""
+        result = np.empty(len(X))
+        for start in range(0, len(X), _CHUNK):
+            rows = slice(start, start + _CHUNK)
+            leaves = self.trees.leaves(X[rows])[used]
+            result[rows] = np.take_along_axis(self.values[used], leaves, axis=1).mean(axis=0)
+        return result
+
+
+class ClusteredForest(RegressorMixin, BaseEstimator):
+    """Random forest with subject-level bootstrap, tuned by its out-of-bag error by group.
+
+    Parameters
+    ----------
+    n_trees : int
+        Number of trees, of each setting that is tried.
+    max_leaf_nodes, max_depth : int, int or None
+        Size of a tree.
+    min_leaf_weight : float
+        Least weight of a leaf, counted in groups: 2.0 means that two drawn groups' worth of rows lie in it.
+    max_features : float
+        Share of the columns that each split may choose from.
+    group_weight : {"equal", "rows"}
+        Weight of a drawn group: the same for each, or in proportion to its rows. Drawn twice weighs twice.
+    max_rows_per_group : int or None
+        Learn from at most so many rows of a group, evenly spaced, the first and the last among them. Neighbouring
+        rows of a long series say the same: thinning them changes the fit little and the time a lot. None
+        takes all rows. Prediction is for all rows.
+    max_bins : int
+        Most bins of a column; edges depend on X alone.
+    param_grid : dict, "default" or None
+        Values of `max_leaf_nodes`, `max_depth`, `min_leaf_weight`, `max_features` to choose from.
+    loss : {"squared", "absolute"} or callable
+        Error of a group when settings are compared: mean over its rows, or `loss(y, prediction) -> float`.
+        Each group weighs the same.
+    score_rows : {"all", "last"}
+        Rows of a group that are scored.
+    min_oob_trees : int
+        Fewest out-of-bag trees that a prediction (or a score) by leave-groups-out may rest on.
+    random_state : int, RandomState or None
+        Seed of the draws.
+
+    Attributes
+    ----------
+    groups_ : ndarray of shape (n_groups,)
+        Labels of the groups.
+    oob_error_ : ndarray of shape (n_groups,)
+        Out-of-bag loss of each group under the chosen setting; NaN if it was in every bag.
+    best_params_ : dict
+        The chosen setting.
+    cv_results_ : dict
+        `params` and `error` of every setting tried.
+
+    References
+    ----------
+    Karpievitch, Hill, Leclerc, Dabney, Almeida 2009, An introspective comparison of random forest-based
+    classifiers for the analysis of cluster-correlated data by way of RF++, PLoS ONE 4(9).
+    Breiman 2001, Random forests, Machine Learning 45.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> subject = np.repeat(np.arange(30), 20)
+    >>> dose = rng.uniform(0, 1, 600)
+    >>> response = np.where(dose > 0.5, 2.0, 0.0) + rng.normal(0, 1, 30)[subject]
+    >>> forest = ClusteredForest(n_trees=100, random_state=0).fit(dose[:, None], response, groups=subject)
+    >>> bool(np.diff(forest.predict([[0.2], [0.8]]))[0] > 1.0)
+    True
+    """
+
+    def __init__(
+        self,
+        n_trees: int = 500,
+        *,
+        max_leaf_nodes: int = 12,
+        max_depth: int | None = None,
+        min_leaf_weight: float = 1.0,
+        max_features: float = 1.0,
+        group_weight: Literal["equal", "rows"] = "equal",
+        max_rows_per_group: int | None = 60,
+        max_bins: int = 255,
+        param_grid: Mapping[str, Sequence[Any]] | Literal["default"] | None = "default",
+        loss: Loss = "squared",
+        score_rows: ScoreRows = "all",
+        min_oob_trees: int = 15,
+        random_state: Any = None,
+    ) -> None:
+        self.n_trees = n_trees
+        self.max_leaf_nodes = max_leaf_nodes
+        self.max_depth = max_depth
+        self.min_leaf_weight = min_leaf_weight
+        self.max_features = max_features
+        self.group_weight = group_weight
+        self.max_rows_per_group = max_rows_per_group
+        self.max_bins = max_bins
+        self.param_grid = param_grid
+        self.loss = loss
+        self.score_rows = score_rows
+        self.min_oob_trees = min_oob_trees
+        self.random_state = random_state
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True
+        tags.non_deterministic = False
+        return tags
+
+    def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
+        """Grow and tune the forest.
+
+        Parameters
+        ----------
+        X : array-like or DataFrame of shape (n_rows, n_columns)
+            Covariates; text and categorical columns of a DataFrame are levels. NaN is missing.
+        y : array-like of shape (n_rows,)
+            Target.
+        groups : array-like of shape (n_rows,), optional
+            Group of each row; without it each row is its own.
+
+        Returns
+        -------
+        ClusteredForest
+            Itself.
+
+        Errors
+        ------
+        InvalidInput for settings out of range, ValueError for malformed arrays.
+        """
+        sample, clusters, _, seed = self._prepared(X, y, groups)
+        counts = _bootstrap(self.n_trees, np.ones(sample.n_groups, dtype=bool), seed)
+        forests = [self._grow(sample, counts, setting, seed) for setting in self._settings()]
+        out_of_bag = counts == 0
+        errors = [_oob_losses(forest, sample, out_of_bag) for forest in forests]
+        means = np.array([mean_over_groups(error) for error in errors])
+        best = int(np.argmin(means))
+        self.groups_ = clusters.labels
+        self.counts_ = counts
+        self.best_params_ = self._base() | forests[best].setting
+        self.cv_results_ = {"params": [f.setting for f in forests], "error": means}
+        self.oob_error_ = errors[best]
+        self._keep(forests[best])
+        return self
+
+    def predict(self, X: Any) -> FloatArray:
+        """Mean of all trees, shape (n_rows,)."""
+        check_is_fitted(self, "booster_")
+        rows, _ = validated(self, X, None, reset=False)
+        total = sum_of_trees(self.booster_, rows, 0, int((self.position_ >= 0).sum()))
+        return np.asarray(total + self.values_[self.position_ < 0, 0].sum()) / len(self.position_)
+
+    def predict_oob(self, X: Any, groups: Any) -> FloatArray:
+        """Prediction of each row by the trees that did not see its group (all trees for a new group).
+
+        Parameters
+        ----------
+        X : array-like or DataFrame of shape (n_rows, n_columns)
+            Covariates.
+        groups : array-like of shape (n_rows,)
+            Group of each row; labels as in `fit`.
+
+        Returns
+        -------
+        ndarray of shape (n_rows,)
+            NaN where a group was in every bag.
+        """
+        check_is_fitted(self, "booster_")
+        rows, _ = validated(self, X, None, reset=False)
+        return self._oob_sum(rows, Clusters.from_groups(groups, len(rows)))
+
+    def permutation_importance(
+        self,
+        X: Any,
+        y: Any,
+        groups: Any = None,
+        *,
+        columns: Mapping[str, Sequence[str]] | None = None,
+        n_repeats: int = 5,
+    ) -> pd.DataFrame:
+        """Rise of the out-of-bag loss when a covariate is permuted over the rows.
+
+        Parameters
+        ----------
+        X, y, groups
+            As in `fit`; groups that `fit` saw are predicted by their out-of-bag trees.
+        columns : dict, optional
+            Name -> columns to permute together (say, the indicators of one factor); default each alone.
+        n_repeats : int
+            Number of permutations of each.
+
+        Returns
+        -------
+        DataFrame
+            `covariate, importance, std`, the most important first.
+        """
+        check_is_fitted(self, "booster_")
+        rows, target = validated(self, X, None, reset=False)[0], np.asarray(y, dtype=float)
+        clusters = Clusters.from_groups(groups, len(rows))
+        kept = thinned_rows(clusters.codes, self.max_rows_per_group)
+        part = Clusters(clusters.labels, clusters.codes[kept])
+        loss = GroupLoss(target[kept], part.codes, self.loss, self.score_rows)
+        blocks = column_blocks(column_names(self), columns)
+        rng = np.random.default_rng(seed_of(self.random_state))
+        return permutation_losses(lambda Z: self._oob_sum(Z, part), rows[kept], loss, blocks, n_repeats, rng)
+
+    def leave_groups_out(self, X: Any, y: Any, groups: Any = None, folds: Any = None) -> FloatArray:
+        """Prediction of each row by a forest that is grown and tuned without the row's fold.
+
+        Given that a fold's groups were not drawn, a bootstrap of all groups is a bootstrap of the others: the
+        trees in which they are out of bag are the forest of the fold. A setting is chosen for a fold by the
+        trees that are out of bag for the fold and for the group that is scored. Folds with fewer than
+        `min_oob_trees` such trees get a forest of their own.
+
+        Parameters
+        ----------
+        X, y, groups
+            As in `fit`.
+        folds : array-like of shape (n_rows,), optional
+            Fold of each row, constant within a group; default each group is a fold.
+
+        Returns
+        -------
+        ndarray of shape (n_rows,)
+            Predictions. Attributes `fold_labels_`, `fold_params_`, `fold_refitted_` say what each fold used.
+        """
+        sample, clusters, rows, seed = self._prepared(X, y, groups)
+        fold_labels, fold_of_group = folds_of(folds, clusters)
+        counts = _bootstrap(self.n_trees, np.ones(sample.n_groups, dtype=bool), seed)
+        held = fold_of_group == np.arange(len(fold_labels))[:, None]  # (n_folds, n_groups)
+        without = (counts @ held.T == 0).T  # (n_folds, n_trees)
+        needed = without.astype(int) @ (counts == 0) + np.where(held, self.n_trees, 0)
+        enough = needed.min(axis=1) >= self.min_oob_trees
+        if len(fold_labels) < 2:
+            enough[:] = False
+        forests = [self._grow(sample, counts, setting, seed) for setting in self._settings()]
+        best = self._choices(forests, sample, held, without)
+        fold_of_row = fold_of_group[clusters.codes]
+        prediction = np.empty(len(rows))
+        for fold in range(len(fold_labels)):
+            inside = fold_of_row == fold
+            if enough[fold]:
+                chosen, used = forests[best[fold]], without[fold]
+            else:
+                chosen, used = self._refitted(sample, ~held[fold], seed + fold + 1)
+                best[fold] = [f.setting for f in forests].index(chosen.setting)
+            prediction[inside] = chosen.predict(rows[inside], used)
+        self.fold_labels_ = fold_labels
+        self.fold_params_ = [self._base() | forests[choice].setting for choice in best]
+        self.fold_refitted_ = ~enough
+        return prediction
+
+    def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """The fitted forest as plain arrays: numbers, and bytes of JSON and of LightGBM's text format."""
+        check_is_fitted(self, "booster_")
+        about = {
+            **about_columns(self),
+            "groups": plain(self.groups_),
+        }
+        return {
+            "about": as_text_array(about),
+            "booster": booster_array(self.booster_),
+            "position": self.position_,
+            "values": self.values_,
+            "counts": self.counts_,
+            "oob_error": self.oob_error_,
+        }
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
+        """Reverse of `to_arrays`; predictions are the same to the last bit."""
+        about = from_text_array(arrays["about"])
+        forest = cls(**about["settings"])
+        restore_columns(forest, about)
+        forest.groups_ = np.array(about["groups"])
+        forest.booster_ = booster_of(arrays["booster"])
+        forest.position_, forest.values_ = arrays["position"], arrays["values"]
+        forest.counts_, forest.oob_error_ = arrays["counts"], arrays["oob_error"]
+        return forest
+
+    def _prepared(self, X: Any, y: Any, groups: Any) -> tuple[Sample, Clusters, FloatArray, int]:
+        checked(self, _ALLOWED)
+        return (*prepared(self, X, y, groups), seed_of(self.random_state))
+
+    def _base(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in _SETTINGS}
+
+    def _settings(self) -> list[dict[str, Any]]:
+        grid = DEFAULT_GRID if isinstance(self.param_grid, str) else self.param_grid
+        return settings_of(self._base(), grid)
+
+    def _grow(self, sample: Sample, counts: IntArray, setting: dict[str, Any], seed: int) -> _Grown:
+        trees = sample.grower.start(TreeShape(**(self._base() | setting)))
+        seeds = np.random.default_rng(seed).integers(1, 2**31 - 1, len(counts))
+        weights = counts[:, sample.codes] * sample.weight
+        for tree_seed, weight in zip(seeds, weights, strict=True):
+            # the product would carry a NaN or the sign of a zero of a target that was not drawn
+            gradient = np.where(weight > 0, weight * sample.y, 0.0)
+            trees.grow(gradient, weight, int(tree_seed))
+        leaves = trees.leaves(sample.grower.X)
+        n_leaves = int(leaves.max()) + 1
+        flat = (leaves + n_leaves * np.arange(len(leaves))[:, None]).ravel()
+        size = n_leaves * len(leaves)
+        total = np.bincount(flat, (weights * np.where(weights > 0, sample.y, 0.0)).ravel(), size)
+        weight_in = np.bincount(flat, weights.ravel(), size)
+        values = np.divide(total, weight_in, out=np.zeros(size), where=weight_in > 0)
+        return _Grown(setting, trees, counts, leaves, values.reshape(len(leaves), n_leaves))
+
+    def _refitted(self, sample: Sample, allowed: BoolArray, seed: int) -> tuple[_Grown, BoolArray]:
+        """Forest of the allowed groups alone, tuned by its own out-of-bag error.
+
+        A third of the trees is enough to choose: a group is out of bag in 1/e of them, whereas the shortcut
+        scores with the 1/e^2 of all trees that are out of bag for the fold as well.
+        """
+        counts = _bootstrap(self.n_trees, allowed, seed)
+        settings = self._settings()
+        best = 0
+        if len(settings) > 1:
+            few = counts[: max(1, len(counts) // 3)]
+            trials = [self._grow(sample, few, setting, seed) for setting in settings]
+            losses = [_oob_losses(trial, sample, few == 0)[allowed] for trial in trials]
+            best = int(np.argmin([mean_over_groups(loss) for loss in losses]))
+        return self._grow(sample, counts, settings[best], seed), np.ones(len(counts), dtype=bool)
+
+    def _choices(
+        self, forests: list[_Grown], sample: Sample, held: BoolArray, without: BoolArray
+    ) -> IntArray:
+        """Best setting of each fold, by trees out of bag for the fold and for the group that is scored."""
+        if len(forests) == 1:
+            return np.zeros(len(held), dtype=np.int64)
+        out_of_bag = forests[0].counts == 0
+        errors = np.array([_nested_losses(forest, sample, out_of_bag, without) for forest in forests])
+        errors[:, held] = np.nan
+        return np.asarray(np.argmin([[mean_over_groups(e) for e in error] for error in errors], axis=0))
+
+    def _keep(self, forest: _Grown) -> None:
+        """Write the leaf values into the booster, so that it alone predicts."""
+        self.booster_ = forest.trees.booster
+        self.position_ = np.array(forest.trees.position, dtype=np.int64)
+        self.values_ = forest.values
+        widths = forest.leaves.max(axis=1) + 1
+        for tree, position in enumerate(self.position_):
+            if position >= 0:
+                for leaf in range(widths[tree]):
+                    self.booster_.set_leaf_output(int(position), leaf, float(forest.values[tree, leaf]))
+
+    def _oob_sum(self, rows: FloatArray, clusters: Clusters) -> FloatArray:
+        known = pd.Index(self.groups_).get_indexer(pd.Index(clusters.labels))
+        used = np.where(known >= 0, self.counts_[:, known] == 0, True)[:, clusters.codes]
+        result = np.empty(len(rows))
+        for start in range(0, len(rows), _CHUNK):
+            part = slice(start, start + _CHUNK)
+            leaves = np.zeros((len(self.position_), len(rows[part])), dtype=np.int64)
+            split = self.position_ >= 0
+            if split.any():
+                found = self.booster_.predict(rows[part], pred_leaf=True, num_threads=1)
+                leaves[split] = np.asarray(found).reshape(leaves.shape[1], -1).T
+            values = np.take_along_axis(self.values_, leaves, axis=1)
+            result[part] = _masked_mean(values, used[:, part])
+        return result
+
+
+_ALLOWED = {
+    "n_trees": ("an integer >= 1", lambda v: v >= 1),
+    "max_leaf_nodes": ("an integer >= 2", lambda v: v >= 2),
+    "max_depth": ("None or an integer >= 1", lambda v: v is None or v >= 1),
+    "min_leaf_weight": ("a number >= 0", lambda v: v >= 0),
+    "max_features": ("a share in (0, 1]", lambda v: 0 < v <= 1),
+    "group_weight": ("'equal' or 'rows'", lambda v: v in ("equal", "rows")),
+    "max_rows_per_group": ("None or an integer >= 1", lambda v: v is None or v >= 1),
+    "max_bins": ("an integer >= 2", lambda v: v >= 2),
+    "param_grid": (
+        "None, 'default' or a dict",
+        lambda v: v is None or v == "default" or isinstance(v, Mapping),
+    ),
+    "loss": ("'squared', 'absolute' or a function", lambda v: callable(v) or v in ("squared", "absolute")),
+    "score_rows": ("'all' or 'last'", lambda v: v in ("all", "last")),
+    "min_oob_trees": ("an integer >= 1", lambda v: v >= 1),
+}
+
+
+def _bootstrap(n_trees: int, allowed: BoolArray, seed: int) -> IntArray:
+    """How often each tree draws each group, shape (n_trees, n_groups)."""
+    rng = np.random.default_rng([seed, 1])
+    members = np.flatnonzero(allowed)
+    draws = members[rng.integers(0, members.size, (n_trees, members.size))]
+    flat = draws + allowed.size * np.arange(n_trees)[:, None]
+    return np.bincount(flat.ravel(), minlength=n_trees * allowed.size).reshape(n_trees, allowed.size)
+
+
+def _masked_mean(values: FloatArray, used: BoolArray) -> FloatArray:
+    """Mean over the trees (first axis) that are used; NaN where none is."""
+    n_used = used.sum(axis=0)
+    total = (values * used).sum(axis=0)
+    return np.asarray(np.divide(total, n_used, out=np.full(n_used.shape, np.nan), where=n_used > 0))
+
+
+def _oob_losses(forest: _Grown, sample: Sample, out_of_bag: BoolArray) -> FloatArray:
+    """Out-of-bag loss of each group, shape (n_groups,)."""
+    return sample.loss(_masked_mean(forest.sample_predictions(), out_of_bag[:, sample.codes]))
+
+
+def _nested_losses(forest: _Grown, sample: Sample, out_of_bag: BoolArray, without: BoolArray) -> FloatArray:
+    """Loss of each group by the trees that saw neither it nor the fold, shape (n_folds, n_groups)."""
+    fold_trees = without.astype(float)
+    total = fold_trees @ (forest.sample_predictions() * out_of_bag[:, sample.codes])
+    n_used = (fold_trees @ out_of_bag.astype(float))[:, sample.codes]
+    return sample.loss(np.divide(total, n_used, out=np.full(total.shape, np.nan), where=n_used > 0))

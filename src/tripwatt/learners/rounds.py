@@ -1,0 +1,130 @@
+"""The rounds of boosting by estimating equations: one tree a round, its leaves solved for under V^-1."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tripwatt.arrays import BoolArray, FloatArray, IntArray
+from tripwatt.learners.correlation import WorkingCorrelation
+from tripwatt.learners.trees import Sample, Trees, TreeShape
+
+
+@dataclass
+class Path:
+    """One run of boosting: `values[t]` are the leaf values of round t, `losses[t]` the loss of each group after it."""
+
+    start: float
+    trees: Trees
+    values: list[FloatArray] = field(default_factory=list)
+    losses: list[FloatArray] = field(default_factory=list)
+    ends: list[int] = field(default_factory=list)
+    rho: float = 0.0
+
+
+class _Patience:
+    """Stops a set of groups whose mean loss has not improved for so many rounds; `end` is its last round."""
+
+    def __init__(self, groups: IntArray, patience: int) -> None:
+        self.groups, self.patience = groups, patience
+        self.end = self.best_round = 0
+        self.best = np.inf
+        self.running = True
+
+    def update(self, losses: FloatArray) -> bool:
+        if self.running:
+            self.end += 1
+            mean = float(losses[self.groups].mean())
+            if mean < self.best:
+                self.best, self.best_round = mean, self.end
+            self.running = self.end - self.best_round < self.patience
+        return self.running
+
+
+def boost(
+    sample: Sample,
+    setting: dict[str, Any],
+    allowed: BoolArray,
+    n_rounds: int,
+    seed: int,
+    *,
+    start: str,
+    patience: int = 1,
+    scored: Sequence[IntArray] = (),
+) -> Path:
+    """Boost on the allowed groups; with `scored` sets of groups, stop once all of them stopped improving."""
+    inside = allowed[sample.codes]
+    weight = np.where(inside, sample.weight, 0.0)
+    y = np.where(inside, sample.y, 0.0)
+    shape = TreeShape(**{name: setting[name] for name in TreeShape.__dataclass_fields__})
+    path = Path(0.0, sample.grower.start(shape))
+    working = WorkingCorrelation(setting["correlation"], sample.codes, weight)
+    if start == "mean":
+        working.estimate(np.where(inside, y - np.average(y, weights=weight), 0.0))
+        one = np.zeros(y.size, dtype=np.int64)
+        path.start = float(working.solve(y).sum() / working.normal_matrix(one, 1)[0, 0])
+    fitted = np.full(y.size, path.start)
+    rng = np.random.default_rng([seed, 2])
+    watched = [_Patience(groups, patience) for groups in scored]
+    for _ in range(n_rounds):
+        drawn = rng.random(sample.n_groups) < setting["subsample"]
+        tree_seed = int(rng.integers(1, 2**31 - 1))
+        residual = np.where(inside, y - fitted, 0.0)
+        working.estimate(residual)
+        round_weight = weight
+        if setting["subsample"] < 1.0 and (drawn & allowed).any():
+            round_weight = np.where(drawn[sample.codes], weight, 0.0)
+        fitted = fitted + _round(path, working, residual, round_weight, setting, tree_seed, sample)
+        if watched:
+            path.losses.append(sample.loss(fitted))
+            running = [watch.update(path.losses[-1]) for watch in watched]
+            if not any(running):
+                break
+    path.ends = [watch.end for watch in watched]
+    path.rho = working.rho
+    return path
+
+
+def _round(
+    path: Path,
+    working: WorkingCorrelation,
+    residual: FloatArray,
+    weight: FloatArray,
+    setting: dict[str, Any],
+    tree_seed: int,
+    sample: Sample,
+) -> FloatArray:
+    """Add a tree; the step of every row of the sample."""
+    current = working
+    if weight is not working.weight:
+        current = WorkingCorrelation(working.kind, working.codes, weight)
+        current.rho = working.rho
+    gradient = current.solve(residual)
+    path.trees.grow(gradient, weight, tree_seed)
+    leaf = path.trees.leaves(sample.grower.X, first=len(path.trees.position) - 1)[0]
+    n_leaves = int(leaf.max()) + 1
+    normal = current.normal_matrix(leaf, n_leaves)
+    empty = np.diag(normal) <= 0
+    normal[empty, empty] = 1.0
+    score = np.bincount(leaf, gradient, n_leaves)
+    values = setting["learning_rate"] * np.linalg.solve(normal, score)
+    path.values.append(values)
+    return np.asarray(values[leaf])
+
+
+def fill_losses(errors: FloatArray, path: Path, groups: IntArray, end: int) -> None:
+    """Write the losses of `groups` up to the round where they alone would have stopped."""
+    errors[:end, groups] = np.array(path.losses)[:end, groups]
+
+
+def written(path: Path) -> tuple[Any, IntArray, FloatArray]:
+    """Booster with the leaf values of the path, tree -> its place there, first value of each tree."""
+    position = np.array(path.trees.position, dtype=np.int64)
+    for place, values in zip(position, path.values, strict=True):
+        if place >= 0:
+            for leaf, value in enumerate(values):
+                path.trees.booster.set_leaf_output(int(place), leaf, float(value))
+    return path.trees.booster, position, np.array([values[0] for values in path.values])

@@ -1,0 +1,357 @@
+"""What the two tree learners for clustered rows share: the trees, the sample they grow on, checks and storage.
+
+The trees are LightGBM's; only its histogram tree is used, one tree per call, with
+gradients and weights of our own.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from sklearn.utils import check_random_state
+from sklearn.utils.validation import validate_data
+
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.learners.clusters import Clusters, Columns, GroupLoss, row_weights, thinned_rows
+
+
+@dataclass(frozen=True)
+class TreeShape:
+    """What a single tree may look like; weights are counted in groups."""
+
+    max_leaf_nodes: int = 16
+    max_depth: int | None = None
+    min_leaf_weight: float = 0.5
+    max_features: float = 1.0
+
+    def parameters(self) -> dict[str, Any]:
+        """LightGBM's words for it."""
+        return {
+            "objective": "none",
+            "learning_rate": 1.0,
+            "num_leaves": int(self.max_leaf_nodes),
+            "max_depth": -1 if self.max_depth is None else int(self.max_depth),
+            "min_sum_hessian_in_leaf": float(self.min_leaf_weight) * (1.0 - 1e-6),
+            "feature_fraction_bynode": float(self.max_features),
+            "min_data_in_leaf": 1,
+            "min_data_per_group": 1,
+            "max_cat_threshold": 64,
+            "cat_l2": 1.0,  # one group's weight: a level has to convince by more than one group
+            "cat_smooth": 1.0,
+            **_QUIET,
+        }
+
+
+_QUIET = {"num_threads": 1, "deterministic": True, "force_row_wise": True, "verbosity": -1}
+
+
+class TreeGrower:
+    """Histogram trees on one table, one tree per call; the table is binned once and shared.
+
+    Parameters
+    ----------
+    X : ndarray of shape (n_rows, n_columns)
+        Encoded columns; NaN is missing.
+    categorical : list of int
+        Positions of the columns that hold codes of levels.
+    max_bins : int
+        Most bins of a column. Bin edges depend on `X` alone.
+    """
+
+    def __init__(self, X: FloatArray, categorical: list[int], max_bins: int) -> None:
+        import lightgbm
+
+        self.X = X
+        self._arguments = (X, categorical, max_bins)
+        parameters = {
+            "max_bin": int(max_bins),
+            "min_data_in_bin": 1,
+            "feature_pre_filter": False,
+            "bin_construct_sample_cnt": max(len(X), 2),
+            **_QUIET,
+        }
+        self._data = lightgbm.Dataset(
+            X, np.zeros(len(X)), categorical_feature=categorical, params=parameters, free_raw_data=False
+        )
+        self._data.construct()
+        self._barren = all(self._data.feature_num_bin(column) < 2 for column in range(X.shape[1]))
+
+    def __reduce__(self) -> tuple[type[TreeGrower], tuple[Any, ...]]:
+        return (type(self), self._arguments)  # the library's handle cannot travel to another process
+
+    def start(self, shape: TreeShape) -> Trees:
+        """An empty sequence of trees of one shape on this table."""
+        return Trees(None if self._barren else self._data, shape)
+
+
+class Trees:
+    """A growing sequence of trees; tree `t` may be a lone leaf, which the library does not keep."""
+
+    def __init__(self, data: Any | None, shape: TreeShape) -> None:
+        self._data = data
+        self._parameters = shape.parameters()
+        self._reseed = shape.max_features < 1.0
+        self.position: list[int] = []  # of tree t in the booster, -1 for a lone leaf
+        self._restart()
+
+    def _restart(self) -> None:
+        import lightgbm
+
+        self.booster: Any = None if self._data is None else lightgbm.Booster(self._parameters, self._data)
+        self._n_kept = 0
+
+    def grow(self, gradient: FloatArray, weight: FloatArray, seed: int) -> bool:
+        """Add the tree that fits `gradient / weight` by weighted least squares; False if it is a lone leaf.
+
+        The seed restarts the draw of columns, so that a tree depends on nothing but its own arguments.
+        """
+        if self.booster is None:  # no column has two values
+            self.position.append(-1)
+            return False
+        if self._reseed:
+            self.booster.reset_parameter({"feature_fraction_seed": seed})
+        finished = self.booster.update(fobj=lambda _prediction, _data: (-gradient, weight))
+        if finished:
+            if self._n_kept == 0:
+                self._restart()  # a lone first tree would stay in the booster
+            self.position.append(-1)
+            return False
+        self.position.append(self._n_kept)
+        self._n_kept += 1
+        return True
+
+    def leaves(self, X: FloatArray, first: int = 0) -> IntArray:
+        """Leaf of each row in each tree from `first` on, shape (n_trees - first, n_rows)."""
+        wanted = np.array(self.position[first:], dtype=np.int64)
+        result = np.zeros((wanted.size, len(X)), dtype=np.int64)
+        split = wanted >= 0
+        if split.any():
+            kept = self.booster.predict(
+                X,
+                start_iteration=int(wanted[split][0]),
+                num_iteration=int(split.sum()),
+                pred_leaf=True,
+                num_threads=1,
+            )
+            result[split] = np.asarray(kept).reshape(len(X), -1).T
+        return result
+
+
+@dataclass(frozen=True)
+class Sample:
+    """The rows that are learned from, sorted by group, and how groups are scored.
+
+    Attributes
+    ----------
+    grower : TreeGrower
+        Trees on the covariates.
+    y, codes, weight : ndarray of shape (n_rows,)
+        Target, group and weight of each row.
+    loss : GroupLoss
+        Error by group.
+    n_groups : int
+        Number of groups.
+    """
+
+    grower: TreeGrower
+    y: FloatArray
+    codes: IntArray
+    weight: FloatArray
+    loss: GroupLoss
+    n_groups: int
+
+
+def prepared(estimator: Any, X: Any, y: Any, groups: Any) -> tuple[Sample, Clusters, FloatArray]:
+    """Check the input of `fit`, thin it and bin it: the sample, the groups of all rows, all encoded rows."""
+    rows, target = validated(estimator, X, y, reset=True)
+    assert target is not None
+    clusters = Clusters.from_groups(groups, len(rows))
+    kept = thinned_rows(clusters.codes, estimator.max_rows_per_group)
+    codes = clusters.codes[kept]
+    categorical = estimator.columns_.categorical_positions(column_names(estimator))
+    sample = Sample(
+        grower=TreeGrower(rows[kept], categorical, estimator.max_bins),
+        y=target[kept],
+        codes=codes,
+        weight=row_weights(codes, estimator.group_weight),
+        loss=GroupLoss(target[kept], codes, estimator.loss, estimator.score_rows),
+        n_groups=clusters.n_groups,
+    )
+    return sample, clusters, rows
+
+
+def about_columns(estimator: Any) -> dict[str, Any]:
+    """What a fitted estimator knows of its columns and settings, as JSON knows it."""
+    settings = estimator.get_params(deep=False)
+    return {
+        # what JSON cannot hold is left out, so that its default stands
+        "settings": {k: plain(v) for k, v in settings.items() if v is None or plain(v) is not None},
+        "best_params": plain(estimator.best_params_),
+        "levels": plain(estimator.columns_.levels),
+        "n_features_in": int(estimator.n_features_in_),
+        "feature_names_in": plain(getattr(estimator, "feature_names_in_", None)),
+    }
+
+
+def restore_columns(estimator: Any, about: Mapping[str, Any]) -> None:
+    """Reverse of `about_columns`, on an unfitted estimator of the same settings."""
+    estimator.best_params_ = about["best_params"]
+    estimator.columns_ = Columns(about["levels"])
+    estimator.n_features_in_ = about["n_features_in"]
+    if about["feature_names_in"] is not None:
+        estimator.feature_names_in_ = np.array(about["feature_names_in"], dtype=object)
+
+
+def sum_of_trees(booster: Any, X: FloatArray, first: int, n_trees: int) -> FloatArray:
+    """Sum of `n_trees` trees of a booster from tree `first` on, shape (n_rows,)."""
+    if n_trees <= 0 or booster is None:
+        return np.zeros(len(X))
+    return np.asarray(
+        booster.predict(X, start_iteration=first, num_iteration=n_trees, raw_score=True, num_threads=1),
+        dtype=float,
+    )
+
+
+def validated(estimator: Any, X: Any, y: Any, *, reset: bool) -> tuple[FloatArray, FloatArray | None]:
+    """Encode and check a table, and a target if there is one, in scikit-learn's manner.
+
+    Errors
+    ------
+    ValueError for wrong shapes, infinite values or missing targets, as scikit-learn words them.
+    """
+    if reset:
+        estimator.columns_ = Columns.from_frame(X)
+    encoded = estimator.columns_.encode(X)
+    options: dict[str, Any] = {"dtype": np.float64, "ensure_all_finite": "allow-nan", "reset": reset}
+    if not reset:
+        return validate_data(estimator, encoded, **options), None
+    encoded, target = validate_data(estimator, encoded, y, y_numeric=True, **options)
+    return encoded, np.asarray(target, dtype=float)
+
+
+def column_names(estimator: Any) -> list[str]:
+    """Names of the columns an estimator was fitted on, `x0, x1, ...` where the table had none."""
+    names = getattr(estimator, "feature_names_in_", None)
+    return [f"x{i}" for i in range(estimator.n_features_in_)] if names is None else [str(n) for n in names]
+
+
+def settings_of(base: Mapping[str, Any], grid: Mapping[str, Sequence[Any]] | None) -> list[dict[str, Any]]:
+    """All combinations of a grid on top of the base settings; unknown names are refused, all at once."""
+    from itertools import product
+
+    if not grid:
+        return [{}]
+    unknown = [name for name in grid if name not in base]
+    if unknown:
+        raise InvalidInput(
+            [
+                Fault("unknown setting in param_grid", name, allowed=", ".join(sorted(base)))
+                for name in unknown
+            ]
+        )
+    return [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
+
+
+def checked(estimator: Any, allowed: Mapping[str, tuple[str, Callable[[Any], bool]]]) -> None:
+    """Refuse settings that make no sense, all at once: name -> (what is allowed, test)."""
+    faults = []
+    for name, (text, test) in allowed.items():
+        value = getattr(estimator, name)
+        try:
+            sound = bool(test(value))
+        except TypeError:
+            sound = False
+        if not sound:
+            faults.append(
+                Fault("setting out of range", f"{type(estimator).__name__}({name}=)", repr(value), text)
+            )
+    if faults:
+        raise InvalidInput(faults)
+
+
+def permutation_losses(
+    predict: Callable[[FloatArray], FloatArray],
+    X: FloatArray,
+    loss: GroupLoss,
+    blocks: Mapping[str, Sequence[int]],
+    n_repeats: int,
+    rng: np.random.Generator,
+) -> pd.DataFrame:
+    """Rise of the mean group loss when a block of columns is permuted over the rows (Breiman 2001).
+
+    Returns
+    -------
+    DataFrame
+        One row per block: `covariate, importance, std` (over the repeats), the most important first.
+    """
+    reference = loss(predict(X)).mean()
+    rows = []
+    for name, positions in blocks.items():
+        rises = []
+        for _ in range(n_repeats):
+            shuffled = X.copy()
+            shuffled[:, list(positions)] = X[rng.permutation(len(X))][:, list(positions)]
+            rises.append(loss(predict(shuffled)).mean() - reference)
+        rows.append({"covariate": name, "importance": float(np.mean(rises)), "std": float(np.std(rises))})
+    return pd.DataFrame(rows).sort_values("importance", ascending=False, ignore_index=True)
+
+
+def column_blocks(names: Sequence[str], columns: Mapping[str, Sequence[str]] | None) -> dict[str, list[int]]:
+    """Positions of the columns that are permuted together: each alone, or as `columns` says."""
+    if columns is None:
+        return {name: [position] for position, name in enumerate(names)}
+    faults = [
+        Fault("unknown column", f"columns[{block!r}]", name, ", ".join(names))
+        for block, members in columns.items()
+        for name in members
+        if name not in names
+    ]
+    if faults:
+        raise InvalidInput(faults)
+    return {block: [list(names).index(name) for name in members] for block, members in columns.items()}
+
+
+def as_text_array(value: Any) -> npt.NDArray[np.uint8]:
+    """JSON as bytes in an array, so that a model is arrays and nothing else."""
+    return np.frombuffer(json.dumps(value).encode(), dtype=np.uint8).copy()
+
+
+def from_text_array(array: npt.NDArray[np.uint8]) -> Any:
+    """Reverse of `as_text_array`."""
+    return json.loads(array.tobytes().decode())
+
+
+def booster_array(booster: Any) -> npt.NDArray[np.uint8]:
+    """LightGBM's documented text format, as bytes (empty: no trees)."""
+    text = "" if booster is None else booster.model_to_string(num_iteration=-1)
+    return np.frombuffer(text.encode(), dtype=np.uint8).copy()
+
+
+def booster_of(array: npt.NDArray[np.uint8]) -> Any:
+    """Reverse of `booster_array`."""
+    import lightgbm
+
+    return lightgbm.Booster(model_str=array.tobytes().decode()) if array.size else None
+
+
+def plain(value: Any) -> Any:
+    """A setting as JSON knows it; what JSON cannot hold (a generator, a function) becomes None."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [plain(v) for v in value]
+    return value if value is None or isinstance(value, bool | int | float | str) else None
+
+
+def seed_of(random_state: Any) -> int:
+    """An integer seed out of whatever scikit-learn takes for one."""
+    return int(check_random_state(random_state).randint(2**31 - 2))

@@ -1,0 +1,121 @@
+"""Grown trees as plain arrays, and their sum evaluated with NumPy alone: what a stored model needs, and no more.
+
+A tree that LightGBM grew is read once from its documented text format. The sum over trees is the library's to the
+last bit: the same comparisons, the same values, added in the same order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from tripwatt.arrays import BoolArray, FloatArray, IntArray
+from tripwatt.errors import Fault, InvalidInput
+
+_DEFAULT_LEFT, _MISSING = 2, 12
+_ZERO_IS_MISSING, _NAN_IS_MISSING = 4, 8
+_ZERO: Final = 1e-35
+"""LightGBM takes smaller values for zero."""
+_FIELDS: Final = ("split_feature", "threshold", "decision", "left", "right", "leaf_value")
+
+
+@dataclass(frozen=True, eq=False)
+class TreeTable:
+    """Trees with numeric splits, shorter ones filled up.
+
+    Attributes
+    ----------
+    split_feature, threshold, decision : ndarray, shape (trees, splits)
+        Column, threshold and LightGBM's decision bits of each split.
+    left, right : ndarray of int, shape (trees, splits)
+        Next split, or ``-1 - leaf``.
+    leaf_value : ndarray, shape (trees, leaves)
+    """
+
+    split_feature: IntArray
+    threshold: FloatArray
+    decision: IntArray
+    left: IntArray
+    right: IntArray
+    leaf_value: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.leaf_value)
+
+    @classmethod
+    def from_text(cls, text: str, n_trees: int) -> Self:
+        """The first trees of a model in LightGBM's text format. O(trees x leaves).
+
+        Raises
+        ------
+        InvalidInput
+            When the text holds fewer trees, or a tree splits on levels or has linear leaves.
+        """
+        trees = [_fields(block) for block in text.split("\nTree=")[1 : n_trees + 1]]
+        if len(trees) < n_trees:
+            raise InvalidInput(Fault("too few trees", "LightGBM text", str(len(trees)), str(n_trees)))
+        if any(int(t.get("num_cat", "0")) or int(t.get("is_linear", "0")) for t in trees):
+            raise InvalidInput(Fault("trees cannot be stored", "LightGBM text", "levels", "numeric splits"))
+        splits = max([1, *(len(t.get("split_feature", "").split()) for t in trees)])
+        arrays: dict[str, npt.NDArray[Any]] = {}
+        sources = ("split_feature", "threshold", "decision_type", "left_child", "right_child")
+        for name, source in zip(_FIELDS[:5], sources, strict=True):
+            kind = np.float64 if name == "threshold" else np.int64
+            # a lone leaf is a split whose both sides are leaf 0
+            arrays[name] = np.full((n_trees, splits), -1 if name in ("left", "right") else 0, dtype=kind)
+            for row, tree in enumerate(trees):
+                values = tree.get(source, "").split()
+                arrays[name][row, : len(values)] = [kind(v) for v in values]
+        arrays["leaf_value"] = np.zeros((n_trees, splits + 1))
+        for row, tree in enumerate(trees):
+            values = tree["leaf_value"].split()
+            arrays["leaf_value"][row, : len(values)] = [float(v) for v in values]
+        return cls(**arrays)
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
+        """Reverse of `to_arrays`."""
+        return cls(**{name: arrays[name] for name in _FIELDS})
+
+    def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """The fields by name."""
+        return {name: getattr(self, name) for name in _FIELDS}
+
+    def sum(self, X: FloatArray) -> FloatArray:
+        """Sum of all trees, shape (rows,), for rows of shape (rows, columns). O(trees x rows x depth)."""
+        if not len(self):
+            return np.zeros(len(X))
+        splits = self.split_feature.shape[1]
+        first = splits * np.arange(len(self))[:, None]
+        rows, cells = np.arange(len(X)), np.ascontiguousarray(X.T).ravel()
+        with_missing = bool(np.isnan(cells).any() or (self.decision & _ZERO_IS_MISSING).any())
+        node = np.zeros((len(self), len(X)), dtype=np.int64)
+        while (inside := node >= 0).any():
+            split = first + np.maximum(node, 0)
+            value = cells.take(self.split_feature.take(split) * len(X) + rows)
+            goes_left = self._goes_left(value, split) if with_missing else value <= self.threshold.take(split)
+            node = np.where(inside, np.where(goes_left, self.left.take(split), self.right.take(split)), node)
+        # a running sum adds tree after tree; a plain sum may add in pairs
+        leaves = (splits + 1) * np.arange(len(self))[:, None] - 1 - node
+        return np.asarray(np.cumsum(self.leaf_value.take(leaves), axis=0)[-1])
+
+    def _goes_left(self, value: FloatArray, split: IntArray) -> BoolArray:
+        """LightGBM's decision at splits, for values that may be missing."""
+        decision = self.decision.take(split)
+        missing = decision & _MISSING
+        unknown = np.isnan(value)
+        value = np.where(unknown & (missing != _NAN_IS_MISSING), 0.0, value)
+        absent = (unknown & (missing == _NAN_IS_MISSING)) | (
+            (missing == _ZERO_IS_MISSING) & (np.abs(value) <= _ZERO)
+        )
+        return np.where(absent, (decision & _DEFAULT_LEFT) > 0, value <= self.threshold.take(split))
+
+
+def _fields(block: str) -> dict[str, str]:
+    """`key=value` lines of one tree."""
+    pairs = (line.split("=", 1) for line in block.split("\n\n")[0].splitlines()[1:] if "=" in line)
+    return dict(pairs)

@@ -1,0 +1,6 @@
+"""The method of arXiv:2405.10984: cumulative energy simulated, its residual learned with the trip as the cluster."""
+
+from tripwatt.paper.models import Corrector, DataOnly, HybridModel
+from tripwatt.paper.table2 import TABLE2, Table2Corrector
+
+__all__ = ["TABLE2", "Corrector", "DataOnly", "HybridModel", "Table2Corrector"]

@@ -1,0 +1,36 @@
+"""The paper's hybrid models, ready to fit: each corrects the cumulative energy of the simulation `physics-paper`."""
+
+from __future__ import annotations
+
+from tripwatt.learners.boosting import ClusteredBoosting
+from tripwatt.learners.forest import ClusteredForest
+from tripwatt.paper.models import DataOnly, HybridModel
+from tripwatt.paper.table2 import Table2Corrector
+
+SIMULATION = "physics-paper"
+"""Name of the simulated energy that the correctors start from."""
+
+
+def gamm(seed: int = 0) -> HybridModel:
+    """The GAMM of Table 2 with Student's t errors; it draws no random numbers."""
+    return HybridModel(Table2Corrector(), SIMULATION)
+
+
+def forest(seed: int = 0) -> HybridModel:
+    """The forest with subject-level bootstrap, scored by the absolute error at the end of the trip."""
+    learner = ClusteredForest(random_state=seed, score_rows="last", loss="absolute")
+    return HybridModel(learner, SIMULATION, shares_folds=True)
+
+
+def boosting(seed: int = 0) -> HybridModel:
+    """Boosting as a marginal model, scored by the absolute error at the end of the trip."""
+    return HybridModel(_boosting(seed), SIMULATION, shares_folds=True)
+
+
+def boosting_without_physics(seed: int = 0) -> HybridModel:
+    """The same boosting on the observed energy."""
+    return DataOnly(_boosting(seed), shares_folds=True)
+
+
+def _boosting(seed: int) -> ClusteredBoosting:
+    return ClusteredBoosting(random_state=seed, score_rows="last", loss="absolute")

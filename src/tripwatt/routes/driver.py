@@ -1,0 +1,403 @@
+"""How a driver turns a route into speed over time: limits, comfort, stops, and a hand that is never quite steady.
+
+A route is a row of links, each with a length, a speed that is allowed or expected on it, and a time of standstill at
+its end. The speed over *distance* is found first, by one pass forwards (how fast can the car have become?) and one
+backwards (how fast may it be to make the next limit?). Both are running minima of a potential, so that no loop over
+samples is needed. Only then does distance become time.
+
+These are pure functions of arrays and know neither cars nor trips: whether the car can follow is for the physics to say.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.errors import Fault, InvalidInput
+
+GRID_SPACING_M: Final = 4.0
+"""Longest cell of the distance grid [m]: one metre per second at walking pace is resolved, memory stays small."""
+
+SLOWEST_SHARE: Final = 0.4
+"""Share of the aimed speed that fluctuation never goes below: a stop is a matter of the route, not of unsteadiness."""
+
+PEDAL_TIME_S: Final = 1.5
+"""Time [s] at the links' speed over which the pressure on a pedal changes while speeding up or braking."""
+
+LEAST_EFFORT: Final = 0.3
+"""Share of the comfortable acceleration that the pressure never goes below."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriverStyle:
+    """How somebody drives.
+
+    The acceleration that a driver asks for falls with speed as `acceleration_m_s2 / (1 + (v / v_half)²)`, with
+    `v_half = half_acceleration_speed_m_s`; braking is equally firm at every speed. The defaults are a choice, near the
+    1.48 m/s² at which EPA's urban schedule (UDDS) both speeds up and brakes at most, and far from the 3.8 and 3.1 m/s²
+    of its aggressive one (US06).
+
+    Attributes
+    ----------
+    acceleration_m_s2 : float
+        Acceleration from standstill [m/s²], the most this driver ever asks for.
+    deceleration_m_s2 : float
+        Deceleration when braking [m/s²], positive.
+    half_acceleration_speed_m_s : float
+        Speed [m/s] at which half of the acceleration is left.
+    speed_share : float
+        Share of a link's speed that the driver aims at, in (0, 1].
+    fluctuation : float
+        Standard deviation of the aimed speed's logarithm; the pressure on the pedals varies with it. 0 is a perfectly
+        steady foot.
+    fluctuation_time_s : float
+        Time [s] at the links' speed over which the fluctuation forgets itself.
+    dwell_mean_s : float
+        Mean standstill at a stop [s].
+    """
+
+    acceleration_m_s2: float = 1.6
+    deceleration_m_s2: float = 1.5
+    half_acceleration_speed_m_s: float = 20.0
+    speed_share: float = 0.97
+    fluctuation: float = 0.06
+    fluctuation_time_s: float = 10.0
+    dwell_mean_s: float = 20.0
+
+    def __post_init__(self) -> None:
+        faults = []
+        for name in (f.name for f in fields(self)):
+            value = getattr(self, name)
+            zero_allowed = name in {"fluctuation", "dwell_mean_s"}
+            if not (math.isfinite(value) and (value > 0 or (zero_allowed and value == 0))):
+                allowed = "0 or more" if zero_allowed else "more than 0"
+                faults.append(Fault("driver style out of range", name, f"{value}", allowed))
+        if self.speed_share > 1:
+            faults.append(
+                Fault("driver style out of range", "speed_share", f"{self.speed_share}", "at most 1")
+            )
+        if faults:
+            raise InvalidInput(faults)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SpeedProfile:
+    """Speed over time along a route, in equal steps, from standstill to standstill.
+
+    Attributes
+    ----------
+    time_s : ndarray, shape (samples,)
+        0, step, 2 step, ... [s]; the last sample is the first one at which the car has arrived.
+    speed_m_s : ndarray, shape (samples,)
+        Speed at that instant [m/s].
+    position_m : ndarray, shape (samples,)
+        Distance driven until then [m]; the last is the length of the route.
+    link : ndarray of int, shape (samples,)
+        Index of the link on which the car is; at a stop the link that it has just driven.
+    """
+
+    time_s: FloatArray
+    speed_m_s: FloatArray
+    position_m: FloatArray
+    link: IntArray
+
+
+def draw_dwell(
+    stop_probability: npt.ArrayLike, style: DriverStyle, rng: np.random.Generator, *, minimum_s: float = 2.0
+) -> FloatArray:
+    """Standstill at the end of each link, where one comes to pass. O(links).
+
+    Parameters
+    ----------
+    stop_probability : array_like, shape (links,)
+        Chance in [0, 1] that the car has to stop at the end of the link.
+    style : DriverStyle
+        Its `dwell_mean_s` is the mean of the exponential that the standstill follows.
+    rng : numpy.random.Generator
+    minimum_s : float
+        Shortest standstill [s].
+
+    Returns
+    -------
+    ndarray, shape (links,)
+        Standstill [s], 0 where the car does not stop.
+
+    Raises
+    ------
+    InvalidInput
+        When a probability is not one.
+
+    Examples
+    --------
+    >>> draw_dwell([0.0, 1.0], DriverStyle(dwell_mean_s=0.0), np.random.default_rng(1))
+    array([0., 2.])
+    """
+    probability = np.asarray(stop_probability, dtype=np.float64)
+    wrong = ~((probability >= 0) & (probability <= 1))
+    if wrong.any():
+        first = int(np.flatnonzero(wrong)[0])
+        where = f"stop_probability, link {first + 1}"
+        raise InvalidInput(Fault("not a probability", where, f"{probability[first]}", "0 to 1"))
+    stops = rng.random(probability.shape) < probability
+    extra_s = rng.exponential(1.0, probability.shape) * max(style.dwell_mean_s - minimum_s, 0.0)
+    return np.where(stops, minimum_s + extra_s, 0.0)
+
+
+def speed_profile(
+    length_m: npt.ArrayLike,
+    speed_m_s: npt.ArrayLike,
+    *,
+    dwell_s: npt.ArrayLike | None = None,
+    style: DriverStyle | None = None,
+    rng: np.random.Generator | None = None,
+    step_s: float = 1.0,
+) -> SpeedProfile:
+    """Drive a route from standstill to standstill. O(length / 4 m + samples).
+
+    Speed never exceeds the speed of a link, never rises faster than the style's acceleration at standstill nor falls
+    faster than its deceleration, and is 0 at both ends of the route and at every stop. Between two points of the
+    distance grid the acceleration is constant.
+
+    Parameters
+    ----------
+    length_m : array_like, shape (links,)
+        Length of each link [m].
+    speed_m_s : array_like, shape (links,)
+        Speed allowed or expected on each link while moving [m/s].
+    dwell_s : array_like, shape (links,), optional
+        Standstill at the end of each link [s], 0 = the car does not stop there; none without it. A stop
+        shorter than `step_s` may fall between two samples.
+    style : DriverStyle, optional
+    rng : numpy.random.Generator, optional
+        Source of the fluctuation; without it the foot is steady and the result has no randomness. The draws do not
+        depend on `step_s`.
+    step_s : float
+        Time between two samples [s].
+
+    Returns
+    -------
+    SpeedProfile
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of the route.
+
+    Examples
+    --------
+    >>> profile = speed_profile([100.0, 400.0], [8.0, 14.0], dwell_s=[5.0, 0.0])
+    >>> round(float(profile.position_m[-1]), 6), float(profile.speed_m_s.max()) <= 14.0
+    (500.0, True)
+    """
+    style = style or DriverStyle()
+    length = np.atleast_1d(np.asarray(length_m, dtype=np.float64))
+    speed = np.atleast_1d(np.asarray(speed_m_s, dtype=np.float64))
+    dwell = np.zeros_like(length) if dwell_s is None else np.atleast_1d(np.asarray(dwell_s, dtype=np.float64))
+    faults = tuple(_route_faults(length, speed, dwell, step_s))
+    if faults:
+        raise InvalidInput(faults)
+
+    # two cells at least: a link between two stops needs a point at which the car moves
+    cells = np.maximum(np.ceil(length / GRID_SPACING_M), 2).astype(np.int64)
+    ends = np.cumsum(cells)
+    position = np.concatenate(([0.0], np.cumsum(np.repeat(length / cells, cells))))
+    allowed = _allowed_at_nodes(np.repeat(speed, cells))
+    at_speed_s = np.concatenate(([0.0], np.cumsum(np.repeat(length / cells / speed, cells))))
+    if rng is not None:
+        steadiness = np.exp(style.fluctuation * _smooth_noise(at_speed_s, style.fluctuation_time_s, rng))
+        pressure = 1.0 - 2.0 * style.fluctuation * (1.0 + _smooth_noise(at_speed_s, PEDAL_TIME_S, rng))
+        effort = np.clip(pressure[1:], LEAST_EFFORT, 1.0)
+    else:
+        steadiness, effort = np.ones_like(position), None
+    share = style.speed_share * steadiness
+    share = np.where(
+        share > 1.0, 2.0 - share, share
+    )  # turned back at the limit, where clipping would cruise on it
+    aimed = allowed * np.maximum(share, SLOWEST_SHARE * style.speed_share)
+    stops = ends[dwell > 0]
+    aimed[0] = aimed[-1] = 0.0
+    aimed[stops] = 0.0
+
+    node_speed = reachable_speed(position, aimed, style, effort)
+    driving_s = np.diff(position) * 2.0 / (node_speed[1:] + node_speed[:-1])
+    waiting_s = np.zeros_like(position)
+    waiting_s[ends] = dwell
+    return profile_over_time(position, node_speed, driving_s, waiting_s, ends, step_s)
+
+
+def reachable_speed(
+    position_m: FloatArray, aimed_m_s: FloatArray, style: DriverStyle, effort: FloatArray | None = None
+) -> FloatArray:
+    """Highest speed at each point that keeps to the aimed speed there and to the driver's comfort on the way. O(n).
+
+    With an acceleration `a(v)` the potential `u(v) = ∫ v / a(v) dv` grows by at most one metre per metre driven, so
+    the highest `u` at `s` is the minimum over all earlier points `s'` of `u(s') + s - s'`: a running minimum. The
+    same holds backwards for braking.
+
+    Parameters
+    ----------
+    position_m : ndarray, shape (n,)
+        Increasing [m].
+    aimed_m_s : ndarray, shape (n,)
+        Speed that the driver would like at each point [m/s].
+    style : DriverStyle
+    effort : ndarray, shape (n - 1,), optional
+        Share of the style's acceleration and deceleration used between two points, in (0, 1]; all of it without.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Speed [m/s].
+
+    Examples
+    --------
+    >>> style = DriverStyle(acceleration_m_s2=2.0, deceleration_m_s2=1.0, half_acceleration_speed_m_s=1e9)
+    >>> reachable_speed(np.array([0.0, 4.0, 8.0]), np.array([0.0, 9.0, 0.0]), style)
+    array([0.        , 2.82842712, 0.        ])
+    """
+    # a(v) = a0 / (1 + v²/h²) gives a0 u = v²/2 + v⁴/(4 h²), which inverts in closed form
+    room = position_m
+    if effort is not None:
+        room = np.zeros(len(position_m))
+        np.cumsum(effort * (position_m[1:] - position_m[:-1]), out=room[1:])
+    half_squared = style.half_acceleration_speed_m_s**2
+    squared = aimed_m_s**2
+    uphill = squared**2
+    uphill /= 4.0 * half_squared
+    uphill += squared / 2.0
+    uphill /= style.acceleration_m_s2
+    uphill -= room
+    np.minimum.accumulate(uphill, out=uphill)
+    uphill += room
+    # the rationalised root of the quadratic, exact also where v << h
+    scaled = np.maximum(uphill, 0.0, out=uphill)
+    scaled *= 2.0 * style.acceleration_m_s2
+    divisor = 2.0 * scaled
+    divisor /= half_squared
+    divisor += 1.0
+    np.sqrt(divisor, out=divisor)
+    divisor += 1.0
+    scaled *= 2.0
+    scaled /= divisor
+    np.minimum(squared, scaled, out=squared)
+    downhill = squared / (2.0 * style.deceleration_m_s2)
+    downhill += room
+    downhill = np.minimum.accumulate(downhill[::-1])[::-1]
+    downhill -= room
+    np.maximum(downhill, 0.0, out=downhill)
+    downhill *= 2.0 * style.deceleration_m_s2
+    np.minimum(squared, downhill, out=squared)
+    return np.sqrt(squared, out=squared)
+
+
+def _route_faults(length: FloatArray, speed: FloatArray, dwell: FloatArray, step_s: float) -> Iterator[Fault]:
+    if not (math.isfinite(step_s) and step_s > 0):
+        yield Fault("step out of range", "step_s", f"{step_s}", "more than 0 s")
+    if length.ndim != 1 or not length.size:
+        yield Fault("no route", "length_m", f"shape {length.shape}", "one dimension, at least one link")
+    for name, values, zero_allowed in (
+        ("length_m", length, False),
+        ("speed_m_s", speed, False),
+        ("dwell_s", dwell, True),
+    ):
+        if values.shape != length.shape:
+            yield Fault("wrong shape", name, f"shape {values.shape}", f"shape {length.shape} of length_m")
+            continue
+        wrong = ~(np.isfinite(values) & ((values > 0) | (zero_allowed & (values == 0))))
+        if wrong.any():
+            first = int(np.flatnonzero(wrong)[0])
+            allowed = "finite, 0 or more" if zero_allowed else "finite, more than 0"
+            yield Fault("link out of range", f"{name}, link {first + 1}", f"{values.flat[first]}", allowed)
+
+
+def _allowed_at_nodes(cell_speed: FloatArray) -> FloatArray:
+    """Where two cells meet the slower one rules, so that neither's limit is broken."""
+    padded = np.concatenate((cell_speed[:1], cell_speed, cell_speed[-1:]))
+    return np.minimum(padded[1:], padded[:-1])
+
+
+def _smooth_noise(at: FloatArray, memory: float, rng: np.random.Generator) -> FloatArray:
+    return np.interp(at, *smooth_field(float(at[-1]), memory, rng))
+
+
+def smooth_field(extent: float, memory: float, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """A smooth random function of distance or time, mean 0 and variance 1, on a regular grid. O(extent / memory).
+
+    A stationary Gaussian process with the once differentiable covariance `(1 + d/l) exp(-d/l)` (Matérn 3/2), as an
+    autoregression of order two on ten points per length.
+
+    Parameters
+    ----------
+    extent : float
+        End of the grid, at least.
+    memory : float
+        Correlation length `l`, in the unit of `extent`.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    position, value : ndarrays of equal shape
+        Grid from 0 and the function's values there.
+    """
+    from scipy.signal import lfilter
+
+    points_per_length, burn_in = 10, 80
+    n = math.ceil(extent / memory * points_per_length) + 2
+    pole = math.exp(-1.0 / points_per_length)
+    # variance of 1 / (1 - p z)² driven by white noise of variance 1
+    variance = (1.0 + pole**2) / (1.0 - pole**2) ** 3
+    raw = lfilter([1.0], [1.0, -2.0 * pole, pole**2], rng.standard_normal(n + burn_in))[burn_in:]
+    position = np.arange(n, dtype=np.float64) * (memory / points_per_length)
+    return position, np.asarray(raw / math.sqrt(variance), dtype=np.float64)
+
+
+def profile_over_time(
+    position: FloatArray,
+    node_speed: FloatArray,
+    driving_s: FloatArray,
+    waiting_s: FloatArray,
+    ends: IntArray,
+    step_s: float,
+) -> SpeedProfile:
+    """Distance to time: each node has an arrival and, after its standstill, a departure; in between v is linear in t.
+
+    Parameters
+    ----------
+    position, node_speed : ndarray, shape (nodes,)
+        Distance from the start [m] and speed there [m/s].
+    driving_s : ndarray, shape (nodes - 1,)
+        Time from each node to the next [s].
+    waiting_s : ndarray, shape (nodes,)
+        Standstill at each node [s]; not 0 only where the speed is 0.
+    ends : ndarray of int, shape (links,)
+        Index of the node at which each link ends.
+    step_s : float
+        Time between two samples [s].
+
+    Examples
+    --------
+    >>> at, speed = np.array([0.0, 4.0, 8.0]), np.array([0.0, 4.0, 0.0])
+    >>> profile_over_time(at, speed, np.array([2.0, 2.0]), np.array([1.0, 0.0, 0.0]), np.array([2]), 1.0).speed_m_s
+    array([0., 0., 2., 4., 2., 0.])
+    """
+    arrival = np.concatenate(([0.0], np.cumsum(driving_s + waiting_s[:-1])))
+    departure = arrival + waiting_s
+    n_steps = math.ceil(float(departure[-1]) / step_s - 1e-9)
+    time = np.arange(n_steps + 1, dtype=np.float64) * step_s
+    cell = np.clip(np.searchsorted(departure, time, side="right") - 1, 0, len(driving_s) - 1)
+    # a sample between arrival and departure of the next node stands there
+    into_s = np.minimum(np.maximum(time - departure[cell], 0.0), driving_s[cell])
+    slope = (node_speed[cell + 1] - node_speed[cell]) / driving_s[cell]
+    there = into_s >= driving_s[cell]
+    there[-1] = True  # the last sample has arrived, whatever the last bit of its time says
+    speed = np.where(there, node_speed[cell + 1], node_speed[cell] + slope * into_s)
+    driven = position[cell] + into_s * (node_speed[cell] + 0.5 * slope * into_s)
+    driven = np.where(there, position[cell + 1], driven)
+    link = np.searchsorted(ends, cell, side="right")
+    return SpeedProfile(time, speed, driven, np.asarray(link, dtype=np.int64))

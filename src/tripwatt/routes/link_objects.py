@@ -1,0 +1,240 @@
+"""Links as a user writes them: objects or rows with a length, a speed or a time, and a slope."""
+
+from __future__ import annotations
+
+import difflib
+import itertools
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from types import NoneType
+from typing import Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.routes.links import FLAT_ROAD, MOST_LINKS, LinkRoute
+from tripwatt.trips import LINK_COLUMNS, Flag, raise_faults
+
+MOST_FAULTS: Final = 50
+"""So many faults of links are named; of the rest the number."""
+
+STEEPEST_LINK: Final = LINK_COLUMNS["grade"].maximum
+"""Largest grade of a link; the steepest streets of the world have 0.35."""
+
+RELATIVE_ELEVATION: Final = Flag("elevation_relative", "road")
+
+LINK_KEYS: Final = frozenset(
+    {
+        "length_m",
+        "speed_m_s",
+        "travel_time_s",
+        "grade",
+        "start_elevation_m",
+        "end_elevation_m",
+        "stop_s",
+        "moving_speed_m_s",
+        "speed_limit_m_s",
+    }
+)
+"""What a link may say of itself, see `route_from_links`."""
+
+
+def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
+    """A route from links as a user writes them. O(links).
+
+    Parameters
+    ----------
+    links : iterable of mapping
+        Each with `length_m` [m] and either `speed_m_s`, the mean speed including every standstill [m/s], or
+        `travel_time_s` [s]. Optional: `stop_s`, the standstill at the end of the link (part of the travel time; 0 says
+        that the car does not stop), `moving_speed_m_s`, the speed while nothing stands in the way, `speed_limit_m_s`,
+        and either `grade` or `start_elevation_m` and `end_elevation_m` [m]. None counts as not given.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of every link.
+
+    Examples
+    --------
+    >>> route = route_from_links([{"length_m": 500.0, "speed_m_s": 10.0, "grade": 0.02},
+    ...                           {"length_m": 1000.0, "travel_time_s": 60.0, "grade": -0.01}])
+    >>> route.duration_s, route.elevation_at([500.0, 1500.0]), route.flags[0].code
+    (110.0, array([10.,  0.]), 'elevation_relative')
+    """
+    given = list(itertools.islice(links, MOST_LINKS + 1))
+    columns = _sound_columns(given)
+    if columns is None:
+        columns = _columns_with_faults(given)
+    length = columns["length_m"]
+    with np.errstate(over="ignore"):  # what is beyond all bounds is named below
+        time = np.where(
+            np.isnan(columns["travel_time_s"]), length / columns["speed_m_s"], columns["travel_time_s"]
+        )
+    position, height, flags = _elevation(columns)
+    limit = columns["speed_limit_m_s"]
+    return LinkRoute(
+        length,
+        time,
+        columns["stop_s"],
+        columns["moving_speed_m_s"],
+        position,
+        height,
+        flags,
+        limit if np.isfinite(limit).any() else None,
+    )
+
+
+def _sound_columns(links: Sequence[object]) -> dict[str, FloatArray] | None:
+    """Columns of links without any fault of their own, NaN where not given; None where one has to be looked at alone."""
+    if not 0 < len(links) <= MOST_LINKS:
+        return None
+    rows = [link for link in links if type(link) is dict and link.keys() <= LINK_KEYS]
+    if len(rows) < len(links):
+        return None
+    lists = {name: [row.get(name) for row in rows] for name in LINK_KEYS}
+    if not all(set(map(type, values)) <= {float, int, NoneType} for values in lists.values()):
+        return None
+    try:
+        columns = {name: np.array(values, dtype=np.float64) for name, values in lists.items()}
+    except OverflowError:
+        return None
+    there = {name: ~np.isnan(values) for name, values in columns.items()}
+    heights = there["end_elevation_m"]
+    with np.errstate(invalid="ignore"):
+        sound = (
+            there["length_m"].all()
+            and (there["speed_m_s"] != there["travel_time_s"]).all()
+            and (there["start_elevation_m"] == heights).all()
+            and not (there["grade"] & heights).any()
+            and not any((columns[name] <= 0).any() for name in ("length_m", "speed_m_s", "travel_time_s"))
+            and not (np.abs(columns["grade"]) > STEEPEST_LINK).any()
+            and not any(np.isinf(values).any() for values in columns.values())
+            # a NaN that was given is a fault, unlike one that stands for nothing
+            and all(there[name].sum() == len(rows) - lists[name].count(None) for name in LINK_KEYS)
+        )
+    return columns if sound else None
+
+
+def _columns_with_faults(links: Sequence[Mapping[str, float | None]]) -> dict[str, FloatArray]:
+    """Columns of links, NaN where not given, or every fault of theirs."""
+    faults: list[Fault] = []
+    rows = [_row(link, f"link {k}", faults) for k, link in enumerate(links[:MOST_LINKS], start=1)]
+    if len(links) > MOST_LINKS:
+        faults.append(Fault("too many links", "links", f"more than {MOST_LINKS}", f"at most {MOST_LINKS}"))
+    raise_faults(_some(faults))
+    if not rows:
+        raise InvalidInput(Fault("no links", "links", "0", "at least one link"))
+    return {name: np.array([row.get(name, np.nan) for row in rows]) for name in LINK_KEYS}
+
+
+ALLOWED_KEYS: Final = ", ".join(sorted(LINK_KEYS))
+
+
+def unit_hint(key: object) -> str:
+    """Our name of the same quantity, whatever the unit of the key; empty where there is none.
+
+    Examples
+    --------
+    >>> unit_hint("speed_km_h"), unit_hint("length_km"), unit_hint("colour")
+    ('did you mean speed_m_s?', 'did you mean length_m?', '')
+    """
+    name = str(key).lower()[:60]
+    same = [ours for ours in sorted(LINK_KEYS) if _stem(ours) == _stem(name)]
+    near = same or difflib.get_close_matches(name, LINK_KEYS, n=1, cutoff=0.8)
+    return f"did you mean {near[0]}?" if near else ""
+
+
+def _stem(name: str) -> str:
+    for ending in ("_m_s", "_km_h", "_kmh", "_kph", "_mph", "_km", "_m", "_ft", "_s", "_min", "_h"):
+        if name.endswith(ending):
+            return name.removesuffix(ending)
+    return name
+
+
+def harmless(key: str) -> float:
+    """What stands in for a value that is no number, so that it is not called missing or out of range as well."""
+    return 0.0 if key in ("grade", "stop_s") else 1.0
+
+
+def _some(faults: list[Fault]) -> list[Fault]:
+    """All faults, or the first ones and how many more there are."""
+    if len(faults) <= MOST_FAULTS:
+        return faults
+    return [*faults[:MOST_FAULTS], Fault("further faults", "links", f"{len(faults) - MOST_FAULTS} more")]
+
+
+def _row(link: Mapping[str, float | None], where: str, faults: list[Fault]) -> dict[str, float]:
+    if not isinstance(link, Mapping):
+        faults.append(Fault("not a link", where, repr(link)[:60], "an object with length_m and speed_m_s"))
+        return {}
+    row: dict[str, float] = {}
+    for key, value in link.items():
+        if key not in LINK_KEYS:
+            faults.append(Fault("unknown key", where, repr(key)[:60], ALLOWED_KEYS, unit_hint(key)))
+        elif isinstance(value, bool) or not isinstance(value, int | float | None):
+            faults.append(Fault("not a number", f"{where}, {key}", repr(value)[:60], "a number"))
+            row[key] = harmless(key)
+        elif value is not None:
+            row[key] = _finite(value, f"{where}, {key}", faults)
+    if "length_m" not in row:
+        faults.append(Fault("missing key", where, f"{sorted(row)}", "length_m"))
+    if ("speed_m_s" in row) == ("travel_time_s" in row):
+        what = "speed and travel time mixed" if "speed_m_s" in row else "speed is missing"
+        faults.append(Fault(what, where, f"{sorted(row)}", "either speed_m_s or travel_time_s"))
+    if ("start_elevation_m" in row) != ("end_elevation_m" in row) or (
+        "grade" in row and "end_elevation_m" in row
+    ):
+        what = "grade and elevation mixed" if "grade" in row else "elevation at one end only"
+        allowed = "either grade or start_elevation_m and end_elevation_m"
+        faults.append(Fault(what, where, f"{sorted(row)}", allowed))
+    for key, low in (("length_m", 0.0), ("speed_m_s", 0.0), ("travel_time_s", 0.0)):
+        if row.get(key, 1.0) <= low:
+            faults.append(Fault("link out of range", f"{where}, {key}", f"{row[key]:g}", "more than 0"))
+    if abs(row.get("grade", 0.0)) > STEEPEST_LINK:
+        faults.append(
+            Fault(
+                "grade out of range",
+                f"{where}, grade",
+                f"{row['grade']:g}",
+                f"-{STEEPEST_LINK} to {STEEPEST_LINK}",
+            )
+        )
+    return row
+
+
+def _finite(value: float, where: str, faults: list[Fault]) -> float:
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        faults.append(Fault("not a finite number", where, repr(value)[:60], "a finite number"))
+        return harmless(where.rpartition(", ")[2])
+    return number
+
+
+def _elevation(
+    columns: Mapping[str, FloatArray],
+) -> tuple[FloatArray | None, FloatArray | None, tuple[Flag, ...]]:
+    """Heights at the ends of the links, from grades or from heights; a link without either is level or joins its neighbours."""
+    border = np.concatenate(([0.0], np.cumsum(columns["length_m"])))
+    start, end, grade = columns["start_elevation_m"], columns["end_elevation_m"], columns["grade"]
+    known = np.isfinite(start)
+    if known.any():
+        # links may disagree by a step where they meet, so that each keeps its own two heights
+        position = np.column_stack((border[:-1], border[1:])).ravel()
+        height = np.column_stack((start, end)).ravel()
+        if np.isfinite(grade).any():
+            message = "grade on some links and elevation on others"
+            raise InvalidInput(
+                Fault("grade and elevation mixed", "links", message, "the same one of the two on all links")
+            )
+        there = np.isfinite(height)
+        flags = () if there.all() else (Flag("elevation_interpolated", "links"),)
+        return position[there], height[there], flags
+    if np.isfinite(grade).any():
+        rise = np.nan_to_num(grade, nan=0.0) * columns["length_m"]
+        return border, np.concatenate(([0.0], np.cumsum(rise))), (RELATIVE_ELEVATION,)
+    return None, None, (FLAT_ROAD,)

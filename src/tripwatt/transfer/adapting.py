@@ -1,0 +1,284 @@
+"""A fitted model on another car: what the base knows, that car's own physics, and a few of its trips."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.auditing import audit
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecasting.donor import DonorModel, unknown_inputs
+from tripwatt.forecasting.model import ForecastModel, HeldOut
+from tripwatt.forecasting.ranges import NEVER_KNOWN, Range, training_ranges
+from tripwatt.forecasting.training import data_digest, held_out_figures, versions
+from tripwatt.hybrid import SegmentTable, segment_trips
+from tripwatt.hybrid.car_corrector import HierarchicalCorrector
+from tripwatt.hybrid.hierarchy import CarTransfer, Evidence, Posterior, require_mode, term_scales
+from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
+from tripwatt.trips import Fleet, Trip, plan_from_trip
+from tripwatt.trips.messages import message
+from tripwatt.uncertainty.conformal import ConformalScores
+from tripwatt.uncertainty.scale import TAIL_DF, TotalScale
+from tripwatt.vehicles import Vehicle
+
+TRANSFERRED: Final = "transferred"
+"""Name of the corrector of an adapted model."""
+
+BASE_TRIPS: Final = 10.0
+"""Weight of the base's scores beside the own trips', in trips: the fewest that show a 90 % interval at all."""
+
+_LEVELS: Final = 40
+"""ConformalScores that an adapted model keeps."""
+
+T_VARIANCE: Final = TAIL_DF / (TAIL_DF - 2.0)
+"""Variance of the t distribution whose scale a `TotalScale` is."""
+
+PROTOCOL: Final = "own trips, each left out of the adaptation"
+
+
+@dataclass(frozen=True, eq=False)
+class Adaptation:
+    """A model on its new car, and what was learned on the way.
+
+    Attributes
+    ----------
+    model : ForecastModel
+    posterior : Posterior
+    parameters : mapping of str to (float, float)
+        Relative change of each physical parameter and its standard deviation.
+    masked_inputs : tuple of str
+        Inputs that the new car's log lacks, masked in the donor model.
+    """
+
+    model: ForecastModel
+    posterior: Posterior
+    parameters: Mapping[str, tuple[float, float]]
+    masked_inputs: tuple[str, ...]
+
+
+def adaptation(
+    base: ForecastModel, trips: Sequence[Trip], vehicle: Vehicle, *, mode: str = "both"
+) -> Adaptation:
+    """Put a fitted model on another car, with that car's trips. O(options x features^2 + trips^3).
+
+    Parameters
+    ----------
+    base : ForecastModel
+        Fitted, with a corrector that holds a Gaussian process: linear, gp, ensemble or split.
+    trips : sequence of Trip
+        Of the new car, at least one, with measured energy.
+    vehicle : Vehicle
+        The new car as its book says.
+    mode : {"both", "effects", "parameters"}
+        What the car may have of its own: terms of the corrector, physical parameters, or both.
+
+    Returns
+    -------
+    Adaptation
+        Its model forecasts like any other. Mass, rolling, air and base load of its car are calibrated.
+
+    Raises
+    ------
+    InvalidInput
+        When the base cannot be transferred, or a trip has no measured energy.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> trips = synthetic_fleet(n_trips=12).trips
+    >>> base = ForecastModel(load_vehicle("bmw_i3_60ah"), corrector="linear").fit(trips[:10])
+    >>> found = adaptation(base, trips[10:11], load_vehicle("nissan_leaf_24"))
+    >>> found.model.vehicle.title, len(found.model.trip_ids_)
+    ('Nissan Leaf 24 kWh', 1)
+    """
+    require_mode(mode)
+    _require_trips(trips)
+    _, own = base.fitted_parts("base")
+    donor, masked = _donor(base, trips)
+    plans = [plan_from_trip(trip) for trip in trips]
+    table = segment_trips(trips, vehicle)
+    scales = term_scales(donor.members, base.vehicle, vehicle)
+    transfer = CarTransfer(donor.members, scales, PARAMETERS, mode)
+    evidence = transfer.evidence(
+        table, sensitivities(plans, vehicle, table), donor.variances_wh2(table, trips)
+    )
+    posterior = transfer.posterior(evidence)
+    found = posterior.parameters([p.name for p in PARAMETERS])
+    calibrated = {p.name: found[p.name][0] for p in PARAMETERS if p.keys}
+    told = f"calibrated on {len(trips)} trip{'s' if len(trips) > 1 else ''} of the car"
+    own_car = changed(vehicle, calibrated, source=told) if mode != "effects" else vehicle
+    corrector = HierarchicalCorrector.from_posterior(transfer, posterior, frozenset(calibrated))
+    scores, held_out = _scores(transfer, evidence, posterior, donor.scores, table)
+    uncertainty = replace(
+        own,
+        process=replace(own.process, split=False),
+        scale=adapted_scale(donor.scale, posterior.noise_scale),
+        scores=scores,
+    )
+    model = ForecastModel(
+        vehicle=own_car,
+        corrector=TRANSFERRED,
+        seed=base.seed,
+        corrector_=corrector,
+        uncertainty_=uncertainty,
+        ranges_=_joined(base.ranges_, training_ranges(table), masked),
+        trip_ids_=table.trip_ids,
+        held_out_=held_out,
+    )
+    return Adaptation(model, posterior, found, masked)
+
+
+def adapt_model(
+    fleet: Fleet,
+    vehicle: Vehicle,
+    base: ForecastModel,
+    about_base: Mapping[str, Any],
+    *,
+    mode: str = "both",
+) -> tuple[ForecastModel, dict[str, Any], dict[str, Any]]:
+    """Audit a car's logs, adapt a stored model to the sound trips, and keep where both come from.
+
+    Parameters
+    ----------
+    fleet : Fleet
+    vehicle : Vehicle
+    base : ForecastModel
+    about_base : mapping
+        The base's metadata, as `load_metadata` gives them.
+    mode : str
+        As for `adaptation`.
+
+    Returns
+    -------
+    model, provenance, evaluation
+        As of `train_model`; the provenance nests the base's with its digest.
+    """
+    found = audit(fleet)
+    done = adaptation(base, found.trips, vehicle, mode=mode)
+    digest = data_digest(found.trips)
+    provenance = {
+        "data": {
+            "name": fleet.name,
+            "citation": fleet.citation,
+            "notes": [*map(message, fleet.notes), *_cars(found.trips)],
+            "logs": len(fleet),
+            "sha256": digest,
+        },
+        "trips_used": list(done.model.trip_ids_),
+        "audit": [str(finding) for finding in found.findings],
+        "seed": base.seed,
+        **versions(),
+        "adapted": {
+            "trips": len(found.trips),
+            "mode": mode,
+            "hidden": list(done.masked_inputs),
+            "share_in_common": done.posterior.share,
+            "noise_scale": done.posterior.noise_scale,
+            "parameters": {k: {"change": m, "sd": s} for k, (m, s) in done.parameters.items()}
+            if mode != "effects"
+            else {},
+        },
+        "base": {
+            "sha256": about_base["sha256"],
+            "tripwatt": about_base["tripwatt"],
+            "model": dict(about_base["model"]),
+            "provenance": dict(about_base["provenance"]),
+        },
+    }
+    return done.model, provenance, {**held_out_figures(done.model.held_out_), "protocol": PROTOCOL}
+
+
+def _cars(trips: Sequence[Trip]) -> list[str]:
+    """What is to be said where several cars count as one."""
+    cars = sorted({trip.context.car for trip in trips if trip.context.car is not None})
+    return [f"cars {', '.join(cars)} count as one car"] if len(cars) > 1 else []
+
+
+def _require_trips(trips: Sequence[Trip]) -> None:
+    faults = [
+        Fault("no measured energy", t.trip_id, "", "voltage and current")
+        for t in trips
+        if t.observed_energy_wh is None
+    ]
+    if not trips:
+        faults.append(Fault("no trips", "adaptation", "0 after the audit", "at least 1 with measured energy"))
+    if faults:
+        raise InvalidInput(faults)
+
+
+def _donor(base: ForecastModel, trips: Sequence[Trip]) -> tuple[DonorModel, tuple[str, ...]]:
+    """The donor model for the new car, learned with no more inputs than its log has, and the masked inputs."""
+    usual = base.as_donor()
+    used = {column for term in usual.members.terms for column in term.columns}
+    missing = tuple(name for name in unknown_inputs(trips) if name in used)
+    if missing and base.donor_ is not None:
+        return base.donor_, base.donor_.masked_inputs
+    return usual, missing
+
+
+def adapted_scale(base: TotalScale, noise_scale: float) -> TotalScale:
+    """The scale of an adapted model's totals: the base's error, wider by what own trips say; its own corrector_variance in full."""
+    factor = np.sqrt(noise_scale * T_VARIANCE)
+    return TotalScale(np.append(base.values[:3] * factor, 1.0))
+
+
+def _scores(
+    transfer: CarTransfer,
+    evidence: Evidence,
+    posterior: Posterior,
+    base: ConformalScores,
+    table: SegmentTable,
+) -> tuple[ConformalScores, tuple[HeldOut, ...]]:
+    """Standardised errors: the base's, spread by what is believed of the error's scale, and those of own trips.
+
+    Own trips are left out in turn. The base counts as `BASE_TRIPS` of them, so that one trip alone neither narrows
+    nor blows up an interval.
+    """
+    scale = posterior.noise_scale
+    centre, corrector_variance = transfer.left_out(evidence)
+    error = evidence.residual_wh - centre
+    own = error / np.sqrt(scale * evidence.noise_wh2 + corrector_variance)
+    noise = np.array([option.noise for option in posterior.options])
+    spread = np.sqrt(noise / scale)
+    usual = base.values / np.sqrt(T_VARIANCE)
+    values = np.concatenate([(usual[:, None] * spread).ravel(), np.abs(own)])
+    share = BASE_TRIPS / (BASE_TRIPS + len(own))
+    weight = np.concatenate(
+        [
+            np.tile(share * posterior.weights / len(base.values), len(base.values)),
+            np.full(len(own), (1.0 - share) / len(own)),
+        ]
+    )
+    observed = table.totals_wh(table.observed_power_w)
+    held_out = tuple(
+        HeldOut(name, float(o), float(o - e), float(s))
+        for name, o, e, s in zip(table.trip_ids, observed, error, own, strict=True)
+    )
+    return ConformalScores.from_errors(weighted_quantiles(values, weight).tolist()), held_out
+
+
+def weighted_quantiles(values: FloatArray, weight: FloatArray) -> FloatArray:
+    """Values at evenly spread levels of a weighted sample."""
+    order = np.argsort(values)
+    level = np.cumsum(weight[order]) - 0.5 * weight[order]
+    return np.asarray(np.interp((np.arange(_LEVELS) + 1.0) / (_LEVELS + 1.0), level, values[order]))
+
+
+def _joined(base: Mapping[str, Range], own: Mapping[str, Range], masked: Sequence[str]) -> dict[str, Range]:
+    """What either car has shown; a masked signal was shown by none."""
+    joined = {}
+    for name, old in base.items():
+        new = own.get(name, old)
+        joined[name] = (
+            NEVER_KNOWN
+            if name in masked
+            else Range(min(old.low, new.low), max(old.high, new.high), old.sd)
+            if np.isfinite(new.low)
+            else old
+        )
+    return joined

@@ -1,0 +1,96 @@
+"""A fitted model on another car of which no trip was measured: that car's own physics, and what cars have in common.
+
+It is the adaptation of `adapting` before its first trip: how much of the correction cars share, how wrong a car's book
+is and how much larger the error may be are as uncertain as they are before anything was seen, and all of that is in
+the interval.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tripwatt.forecasting.model import ForecastModel
+from tripwatt.hybrid.car_corrector import HierarchicalCorrector
+from tripwatt.hybrid.hierarchy import CarTransfer, Evidence, term_scales
+from tripwatt.hybrid.parameters import PARAMETERS
+from tripwatt.transfer.adapting import T_VARIANCE, TRANSFERRED, adapted_scale, weighted_quantiles
+from tripwatt.trips import Flag
+from tripwatt.uncertainty.conformal import ConformalScores
+from tripwatt.vehicles import Vehicle, load_vehicle
+
+
+def zero_shot_model(base: ForecastModel, vehicle: Vehicle) -> ForecastModel:
+    """Put a fitted model on a car that nobody has measured.
+
+    Parameters
+    ----------
+    base : ForecastModel
+        Fitted, with a corrector that holds a Gaussian process.
+    vehicle : Vehicle
+
+    Returns
+    -------
+    ForecastModel
+        Its intervals hold the doubt of the car's book values and of what cars have in common.
+
+    Raises
+    ------
+    InvalidInput
+        When the base cannot be transferred.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> trips = synthetic_fleet(n_trips=12).trips
+    >>> base = ForecastModel(load_vehicle("bmw_i3_60ah"), corrector="linear").fit(trips[:11])
+    >>> own, other = base.forecast(trips[11]), zero_shot_model(base, load_vehicle("nissan_leaf_24")).forecast(trips[11])
+    >>> bool(other.sd_wh > own.sd_wh)
+    True
+    """
+    _, own = base.fitted_parts("base")
+    donor = base.as_donor()
+    transfer = CarTransfer(donor.members, term_scales(donor.members, base.vehicle, vehicle))
+    features, nothing = np.empty((0, len(transfer.scales))), np.empty(0)
+    evidence = Evidence(features, features, features, np.empty((0, len(PARAMETERS))), nothing, nothing)
+    posterior = transfer.posterior(evidence)
+    spread = np.sqrt([option.noise / posterior.noise_scale for option in posterior.options])
+    values = (donor.scores.values[:, None] / np.sqrt(T_VARIANCE) * spread).ravel()  # as in `adapted_scale`
+    weight = np.tile(posterior.weights / len(donor.scores.values), len(donor.scores.values))
+    uncertainty = replace(
+        own,
+        process=replace(own.process, split=False),
+        scale=adapted_scale(donor.scale, posterior.noise_scale),
+        scores=ConformalScores.from_errors(weighted_quantiles(values, weight).tolist()),
+    )
+    return ForecastModel(
+        vehicle=vehicle,
+        corrector=TRANSFERRED,
+        seed=base.seed,
+        corrector_=HierarchicalCorrector.from_posterior(transfer, posterior, frozenset()),
+        uncertainty_=uncertainty,
+        ranges_=base.ranges_,
+    )
+
+
+def on_vehicle(model: ForecastModel, vehicle: Vehicle | str | None) -> tuple[ForecastModel, tuple[Flag, ...]]:
+    """A model on the car that is asked for, and the flag of a car without trips.
+
+    Parameters
+    ----------
+    model : ForecastModel
+    vehicle : Vehicle or str, optional
+        A car, or the name of one of the library; the model's own when not given.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such car, or the model cannot be transferred.
+    """
+    name = vehicle.name if isinstance(vehicle, Vehicle) else vehicle
+    if name is None or name == model.vehicle.name:
+        return model, ()
+    car = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(name)
+    return zero_shot_model(model, car), (Flag("no_trips_of_car", model.vehicle.title),)

@@ -1,0 +1,49 @@
+"""What is known of a drive as a whole."""
+
+from __future__ import annotations
+
+import datetime as dt
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What is known of a drive as a whole. None means unknown, never zero.
+
+    Attributes
+    ----------
+    season : {"summer", "winter"} or None
+    weather : str or None
+        One of the data set's own levels, in lower case.
+    started_at : datetime or None
+        Local time of departure; its date is the day of leave-one-day-out.
+    route : str or None
+    cabin_setpoint_degc : float or None
+        Set-point [°C] at departure.
+    payload_mass_kg : float
+        Load on top of the vehicle's test mass [kg].
+    follows_trip : bool
+        Whether the log states that the trip directly follows another one.
+    remarks : str
+        Free text from the source.
+    car : str or None
+        Which car of a data set of several drove it; None where the set has one car.
+    driver : str or None
+        Who drove, where the source tells.
+    """
+
+    season: str | None = None
+    weather: str | None = None
+    started_at: dt.datetime | None = None
+    route: str | None = None
+    cabin_setpoint_degc: float | None = None
+    payload_mass_kg: float = 0.0
+    follows_trip: bool = False
+    remarks: str = ""
+    car: str | None = None
+    driver: str | None = None
+
+    @property
+    def day(self) -> dt.date | None:
+        """Date of departure, None when unknown."""
+        return None if self.started_at is None else self.started_at.date()

@@ -1,0 +1,61 @@
+"""Newton's second law as a check of a log: the mass that would make its power fit its acceleration."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+
+BIN_S: Final = 1.0
+SHORTEST_MOVING_S: Final = 120.0
+MOVING_M_S: Final = 1.0
+LONGEST_SPAN_S: Final = 10.0
+WRONG_SIGN: Final = -0.3
+"""Correlation of power with speed times acceleration below which the current has the wrong sign."""
+
+
+def apparent_mass(time: FloatArray, speed: FloatArray, power: FloatArray) -> tuple[float, float] | None:
+    """Slope [kg] of battery power over speed times acceleration, and their correlation.
+
+    From power = ... + mass x speed x acceleration / efficiency. A speed in a wrong unit enters squared, a power in a
+    wrong unit or with a wrong sign directly, so that a wrong unit makes a mass that no car has. The means over
+    blocks of a second keep the noise of differences down.
+
+    Parameters
+    ----------
+    time, speed, power : ndarray, shape (samples,)
+        [s], [m/s] and [W, + discharges]; missing values are left out.
+
+    Returns
+    -------
+    (float, float) or None
+        None when less than two minutes of motion are left, or nothing varies.
+
+    Examples
+    --------
+    >>> time = np.arange(0.0, 600.0)
+    >>> speed = 15.0 + 5.0 * np.sin(time / 8.0)
+    >>> mass, correlation = apparent_mass(time, speed, 1500.0 * speed * np.gradient(speed, time) + 3000.0)
+    >>> round(mass, -1), round(correlation, 2)
+    (1500.0, 1.0)
+    """
+    known = np.isfinite(power) & np.isfinite(speed) & np.isfinite(time)
+    if known.sum() < 3:
+        return None
+    time, speed, power = time[known], speed[known], power[known]
+    block = np.floor((time - time[0]) / BIN_S + 1e-6).astype(np.int64)
+    _, index, count = np.unique(block, return_inverse=True, return_counts=True)
+    t, v, p = (np.bincount(index, weights=x) / count for x in (time, speed, power))
+    span = t[2:] - t[:-2]
+    inertia = 0.5 * (v[2:] ** 2 - v[:-2] ** 2) / span
+    moving = (v[1:-1] > MOVING_M_S) & (span < LONGEST_SPAN_S)
+    if float(np.sum(0.5 * span[moving])) < SHORTEST_MOVING_S:
+        return None
+    x = inertia[moving] - inertia[moving].mean()
+    y = p[1:-1][moving] - p[1:-1][moving].mean()
+    variance = float(x @ x)
+    if variance <= 0.0 or not np.any(y):
+        return None
+    return float(x @ y) / variance, float(x @ y) / float(np.sqrt(variance * (y @ y)))

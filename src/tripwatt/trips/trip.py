@@ -1,0 +1,207 @@
+"""Drives that took place: a `Log` as it came, a `Trip` after its audit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.trips.departure import Departure
+from tripwatt.trips.samples import block_means, observed_cumulative_energy, observed_energy
+from tripwatt.trips.schema import raise_faults, structure_faults, validate_samples
+from tripwatt.trips.showing import html_table, journey
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+from tripwatt.trips.context import Context
+from tripwatt.trips.drive import Drive
+
+
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Recorded(Drive):
+    """A drive that took place: its context and what was measured of its energy.
+
+    Attributes
+    ----------
+    context : Context
+    observed_energy_wh : float or None
+        Measured energy of the whole drive [Wh], from the raw samples; None without voltage and current.
+    step_s : float or None
+        Length of the steps [s] after `resample`, None for raw samples. After `resample`, the samples also hold
+        `observed_energy_wh`, the measured cumulative energy at the end of each step.
+    observed_energy_std_wh : float or None
+        Standard error of `observed_energy_wh` [Wh] where it was not measured at the terminals but taken from the
+        state of charge; None otherwise.
+    """
+
+    context: Context = field(default_factory=Context)
+    observed_energy_wh: float | None = None
+    step_s: float | None = None
+    observed_energy_std_wh: float | None = None
+
+    @property
+    def departure(self) -> Departure:
+        """What was known when the car left: the first sample, and the context.
+
+        Raises
+        ------
+        InvalidInput
+            When a value of the first sample is out of its bounds.
+        """
+        return Departure.from_drive(self, self.context)
+
+    def between(self, from_s: float, to_s: float, *, trip_id: str | None = None) -> Self:
+        """The part of a raw drive with `from_s <= time_s <= to_s`, its energy measured anew."""
+        time = self.samples["time_s"]
+        part = self.samples[(time >= from_s) & (time <= to_s)].reset_index(drop=True)
+        return replace(
+            self, trip_id=trip_id or self.trip_id, samples=part, observed_energy_wh=observed_energy(part)
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values: identity, sums, context and the samples by column."""
+        context = {name: value for name, value in asdict(self.context).items() if value not in (None, "")}
+        if self.context.started_at is not None:
+            context["started_at"] = self.context.started_at.isoformat()
+        return {
+            "trip": self.trip_id,
+            "duration_s": self.duration_s,
+            "distance_m": self.distance_m,
+            "observed_energy_wh": self.observed_energy_wh,
+            "context": context,
+            "samples": self._columns(),
+        }
+
+    def plot(self) -> Figure:
+        """Speed, and elevation and measured energy where they are known, over time."""
+        from tripwatt.trips.plots import plot_drive  # matplotlib is slow to import
+
+        energy = (
+            self.array("observed_energy_wh")
+            if "observed_energy_wh" in self
+            else observed_cumulative_energy(self.samples)
+        )
+        return plot_drive(self, self._title(), energy)
+
+    def _title(self) -> str:
+        energy = self.observed_energy_wh
+        measured = "energy not measured" if energy is None else f"{energy / 1000.0:.2f} kWh measured"
+        return f"{self.trip_id}: {journey(self.distance_m, self.duration_s)}, {measured}"
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self._title()}, {len(self)} samples>"
+
+    def _repr_html_(self) -> str:
+        known = self.departure.to_dict().items()
+        rows = [("samples", f"{len(self)}"), ("columns", ", ".join(self.samples.columns))]
+        return html_table(
+            f"{type(self).__name__} {self._title()}", [*rows, *((name, str(value)) for name, value in known)]
+        )
+
+
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Log(Recorded):
+    """A drive as it was logged: its table is sound, its values may still be wrong. `tripwatt.auditing` judges them.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> Log.from_samples("A", pd.DataFrame({"time_s": [0.0, 60.0], "speed_m_s": [10.0, 10.0]}))
+    <Log A: 0.6 km in 60 s, energy not measured, 2 samples>
+    """
+
+    @classmethod
+    def from_samples(cls, trip_id: str, samples: pd.DataFrame, context: Context | None = None) -> Log:
+        """A log whose table can be one.
+
+        Raises
+        ------
+        InvalidInput
+            When a required column is missing, is not numeric, or is too short.
+        """
+        raise_faults(structure_faults(samples, trip_id))
+        return cls(trip_id, samples, context or Context(), observed_energy(samples))
+
+
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Trip(Recorded):
+    """One sound drive that took place.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> samples = pd.DataFrame({"time_s": [0.0, 3600.0], "speed_m_s": [0.0, 0.0],
+    ...                         "voltage_v": [360.0, 360.0], "current_a": [1.0, 1.0]})
+    >>> Trip.from_samples("parked", samples)
+    <Trip parked: 0.0 km in 1 h 00 min, 0.36 kWh measured, 2 samples>
+    """
+
+    @classmethod
+    def from_samples(cls, trip_id: str, samples: pd.DataFrame, context: Context | None = None) -> Trip:
+        """Validate raw samples and measure their energy. O(samples).
+
+        Raises
+        ------
+        InvalidInput
+            With every fault of the samples.
+        """
+        validate_samples(samples, trip_id)
+        return cls(trip_id, samples, context or Context(), observed_energy(samples))
+
+    @classmethod
+    def from_log(cls, log: Recorded) -> Trip:
+        """A log taken as it is, without an audit or a check of its values."""
+        return cls(
+            log.trip_id,
+            log.samples,
+            log.context,
+            log.observed_energy_wh,
+            log.step_s,
+            log.observed_energy_std_wh,
+        )
+
+
+def resample(trip: Trip, step_s: float = 1.0) -> Trip:
+    """Block means of every column over steps of `step_s` seconds from the first sample. O(samples).
+
+    A block without samples is interpolated between its neighbours. `time_s` is the mean time of the block and
+    starts near 0; the column `observed_energy_wh` is the measured cumulative energy at the end of the block, from
+    the raw samples, so that its last value is the trip's `observed_energy_wh` to the last bit.
+
+    Raises
+    ------
+    InvalidInput
+        When `step_s` is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> time = np.arange(0.0, 3.0, 0.1)
+    >>> trip = Trip.from_samples("t", pd.DataFrame({"time_s": time, "speed_m_s": np.floor(time + 1e-9)}))
+    >>> resample(trip).array("speed_m_s")
+    array([0., 1., 2.])
+    """
+    if not step_s > 0:
+        raise InvalidInput(Fault("step out of range", "step_s", f"{step_s}", "more than 0 s"))
+    time = trip.array("time_s") - float(trip.samples["time_s"].iloc[0])
+    n_blocks, means = block_means(time, {c: trip.array(c) for c in trip.samples.columns}, step_s)
+    samples = pd.DataFrame(means)
+    cumulative = observed_cumulative_energy(trip.samples)
+    if cumulative is not None:
+        ends = np.minimum(np.arange(1, n_blocks + 1) * step_s, time[-1])
+        samples["observed_energy_wh"] = np.interp(ends, time, cumulative)
+    return replace(trip, samples=samples, step_s=step_s)
+
+
+def require_unique_ids(drives: Iterable[Drive]) -> None:
+    """Raise `InvalidInput` when two drives share an id."""
+    ids = pd.Series([drive.trip_id for drive in drives], dtype=object)
+    twice = sorted(set(ids[ids.duplicated()]))
+    if twice:
+        raise InvalidInput(Fault("duplicate trip id", "trips", ", ".join(map(str, twice)), "one id per trip"))

@@ -1,0 +1,40 @@
+"""Trips that were held out of a fit of the corrector, as the uncertainty model takes them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.hybrid import PowerCorrector, SegmentTable
+from tripwatt.uncertainty.process import HeldOutResidual, Segments
+from tripwatt.units import SECONDS_PER_HOUR
+
+
+def process_segments(table: SegmentTable, uncertainty_w: FloatArray) -> Segments:
+    """Segments of one trip as the residual process takes them.
+
+    Parameters
+    ----------
+    table : SegmentTable
+        Of one trip.
+    uncertainty_w : ndarray, shape (segments, any)
+        From `PowerCorrector.uncertainty_factor`.
+    """
+    features = table.features
+    return Segments(
+        time_s=features["time_s"].to_numpy(dtype=np.float64),
+        step_s=table.hours * SECONDS_PER_HOUR,
+        moved_w=features["moved_w"].to_numpy(dtype=np.float64),
+        hvac_w=features["hvac_w"].to_numpy(dtype=np.float64),
+        corrector_sd_wh=float(np.linalg.norm(table.hours @ uncertainty_w)),
+    )
+
+
+def held_out_residual(corrector: PowerCorrector, table: SegmentTable) -> HeldOutResidual:
+    """Residual power of one trip under a corrector that was fitted without it."""
+    correction, uncertainty = corrector.predict_with_uncertainty(table)
+    segments = process_segments(table, uncertainty)
+    climate = corrector.predict_climate(table)
+    left = None if climate is None else table.climate_residual_w - climate
+    logged = left is not None and bool(np.isfinite(left).all())
+    return HeldOutResidual(segments, table.residual_w - correction, left if logged else None)

@@ -1,0 +1,360 @@
+"""The residual power of a trip as a Gaussian process over its segments, in two components: driving and climate control.
+
+The residual power of segment t is ``r_t = d_t + c_t``. Each component is ``u + v s_t + g_t z_t + w_t``: a constant `u` and
+a share `v` of the power `s` that the component moves, both of the whole trip (driver, wind, load, set-point), 0 for a
+new trip and known better with every segment that was driven; a drift `z` with an exponential covariance; and `w`, new in
+every segment. At departure a climate control is far from its steady state, so its drift starts wider by ``g_t``. The
+energy to come is a sum over segments: its variance counts the correlation along the trip and is never a root of summed
+variances.
+
+Where the log has the power of climate control, each component is fitted and updated separately. A burst of a heater
+tells little of the power to come, so the observed climate residual is limited.
+
+Conditioning is the textbook formula for a Gaussian vector of which linear functions were observed (Rasmussen and
+Williams 2006, section 2.2): it is the same for measured power, for missing or late samples, and for a state of
+charge read now and then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tripwatt.arrays import BoolArray, FloatArray
+from tripwatt.units import SECONDS_PER_HOUR
+
+_LOG_BOUND: Final = 4.6  # parameters stay within a factor of 100 of their start
+_STARTS: Final = {
+    "drive": (100.0, 0.05, 300.0, 200.0, 0.5, 0.0, 1.0),
+    "climate": (200.0, 0.15, 300.0, 200.0, 50.0, 2.0, 200.0),
+}
+"""Where the search of each component's values starts, in the order of `ComponentProcess`."""
+_LIMIT_SHARE: Final = 0.95
+"""Share of the segments whose climate residual lies within the limit."""
+EXACT_W2: Final = 1.0
+"""Variance of a fully measured segment's power, which keeps the system well conditioned."""
+MOVED_SHARE: Final = 0.3
+FLOOR_W: Final = 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """Segments of one trip, as the process sees them.
+
+    Attributes
+    ----------
+    time_s : ndarray, shape (segments,)
+        Middle of each segment.
+    step_s : ndarray, shape (segments,)
+        Length of each segment.
+    moved_w : ndarray, shape (segments,)
+        Power at the wheels, drawn or given back.
+    hvac_w : ndarray, shape (segments,)
+        Simulated power of climate control.
+    corrector_sd_wh : float
+        Standard deviation of the corrector's own uncertainty of the trip's energy [Wh].
+    """
+
+    time_s: FloatArray
+    step_s: FloatArray
+    moved_w: FloatArray
+    hvac_w: FloatArray
+    corrector_sd_wh: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def hours(self) -> FloatArray:
+        """Length of each segment [h]."""
+        return self.step_s / SECONDS_PER_HOUR
+
+    @property
+    def drive_noise_w(self) -> FloatArray:
+        """Scale of what is new in every segment of the driving component: it grows with the power that is moved [W]."""
+        return FLOOR_W + MOVED_SHARE * self.moved_w
+
+
+@dataclass(frozen=True, slots=True)
+class ComponentProcess:
+    """Covariance of one component's residual power.
+
+    Attributes
+    ----------
+    constant_sd_w : float
+        Standard deviation of the trip's constant [W].
+    share_sd : float
+        Standard deviation of the trip's share of the power that the component moves.
+    drift_sd_w, drift_time_s : float
+        Standard deviation [W] and correlation time [s] of the drift.
+    noise : float
+        Standard deviation of what is new in each segment, over the component's scale of it.
+    onset, onset_time_s : float
+        The drift's variance is ``1 + onset² exp(-t / onset_time_s)`` times as large t seconds after departure.
+    """
+
+    constant_sd_w: float
+    share_sd: float
+    drift_sd_w: float
+    drift_time_s: float
+    noise: float
+    onset: float = 0.0
+    onset_time_s: float = 1.0
+
+    def covariance(self, time_s: FloatArray, size_w: FloatArray, noise_w: FloatArray) -> FloatArray:
+        """Covariance [W²], shape (segments, segments)."""
+        lag = np.abs(time_s[:, None] - time_s)
+        start = np.sqrt(1.0 + self.onset**2 * np.exp(-time_s / self.onset_time_s))
+        covariance = self.drift_sd_w**2 * np.exp(-lag / self.drift_time_s) * np.outer(start, start)
+        covariance += self.constant_sd_w**2 + self.share_sd**2 * np.outer(size_w, size_w)
+        covariance[np.diag_indices(len(time_s))] += (self.noise * noise_w) ** 2
+        return np.asarray(covariance)
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualProcess:
+    """Covariance of the residual power.
+
+    Attributes
+    ----------
+    drive, climate : ComponentProcess
+    climate_limit_w : float
+        Measured climate power counts as no further than this from what was expected [W].
+    split : bool
+        Whether the components were fitted separately, on logged climate control.
+    """
+
+    drive: ComponentProcess
+    climate: ComponentProcess
+    climate_limit_w: float
+    split: bool
+
+    def drive_covariance(self, segments: Segments) -> FloatArray:
+        """Of the driving component [W²], shape (segments, segments)."""
+        return self.drive.covariance(segments.time_s, segments.moved_w, segments.drive_noise_w)
+
+    def climate_covariance(self, segments: Segments) -> FloatArray:
+        """Of the climate component [W²], shape (segments, segments)."""
+        return self.climate.covariance(segments.time_s, segments.hvac_w, np.ones(len(segments)))
+
+    def covariance(self, segments: Segments) -> FloatArray:
+        """Of both [W²], shape (segments, segments)."""
+        return self.drive_covariance(segments) + self.climate_covariance(segments)
+
+    def sd_wh(self, segments: Segments) -> float:
+        """Standard deviation of the trip's energy [Wh]."""
+        return float(np.sqrt(segments.hours @ self.covariance(segments) @ segments.hours))
+
+    def limited(self, climate_w: FloatArray) -> FloatArray:
+        """Climate residual within the limit [W]."""
+        return np.clip(climate_w, -self.climate_limit_w, self.climate_limit_w)
+
+
+@dataclass(frozen=True, eq=False)
+class PowerPosterior:
+    """Distribution of a trip's residual power, before departure or on the way.
+
+    Attributes
+    ----------
+    mean_w : ndarray, shape (segments,)
+    covariance_w2 : ndarray, shape (segments, segments)
+    """
+
+    mean_w: FloatArray
+    covariance_w2: FloatArray
+
+    @classmethod
+    def from_covariance(cls, covariance_w2: FloatArray) -> PowerPosterior:
+        """Before anything was observed: mean 0."""
+        return cls(np.zeros(len(covariance_w2)), covariance_w2)
+
+    def __add__(self, other: PowerPosterior) -> PowerPosterior:
+        """The sum of two independent parts."""
+        return PowerPosterior(self.mean_w + other.mean_w, self.covariance_w2 + other.covariance_w2)
+
+    def given(self, weights: FloatArray, observed: FloatArray, variance: FloatArray) -> PowerPosterior:
+        """Posterior after linear functions of the residual power were observed. O(segments^2 x observations).
+
+        Parameters
+        ----------
+        weights : ndarray, shape (observations, segments)
+            Each observation is ``weights @ residual power`` plus an independent error.
+        observed : ndarray, shape (observations,)
+        variance : ndarray, shape (observations,)
+            Variance of the error of each observation.
+        """
+        if not len(observed):
+            return self
+        cross = self.covariance_w2 @ weights.T
+        total = weights @ cross + np.diag(variance)
+        scale = np.sqrt(np.diag(total))
+        gain = np.linalg.solve(total / np.outer(scale, scale), (cross / scale).T).T / scale
+        covariance = self.covariance_w2 - gain @ cross.T
+        return PowerPosterior(
+            self.mean_w + gain @ (observed - weights @ self.mean_w), 0.5 * (covariance + covariance.T)
+        )
+
+    def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Mean and standard deviation of the cumulative residual energy at the end of each segment [Wh]."""
+        mean = np.cumsum(self.mean_w * hours)
+        scaled = self.covariance_w2 * np.outer(hours, hours)
+        variance = np.diag(np.cumsum(np.cumsum(scaled, axis=0), axis=1))
+        return mean, np.sqrt(np.maximum(variance, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOutResidual:
+    """Residual power of a trip that the mean model has not seen.
+
+    Attributes
+    ----------
+    segments : Segments
+    residual_w : ndarray, shape (segments,)
+        Observed minus predicted power.
+    climate_w : ndarray or None, shape (segments,)
+        Its part of climate control; None where the corrector is joint or climate control was not logged throughout.
+    """
+
+    segments: Segments
+    residual_w: FloatArray
+    climate_w: FloatArray | None = None
+
+    @property
+    def error_wh(self) -> float:
+        """Observed minus predicted energy of the trip [Wh]."""
+        return float(self.segments.hours @ self.residual_w)
+
+
+def fit_process(trips: Sequence[HeldOutResidual]) -> ResidualProcess:
+    """Maximum likelihood of the process over trips that its mean model has not seen.
+
+    Where trips log climate control, each component is fitted separately on those trips; else both on the sum.
+    Segments are merged in pairs and all trips are solved at once, by exact gradients. O(trips x segments^3) a step.
+    """
+    split = [trip for trip in trips if trip.climate_w is not None]
+    if not split:
+        drive, climate = _fitted(_Batch.from_trips(trips, "joint"), ("drive", "climate"))
+        return ResidualProcess(drive, climate, float("inf"), split=False)
+    seen = np.concatenate([np.abs(trip.climate_w) for trip in split if trip.climate_w is not None])
+    limit = float(np.quantile(seen, _LIMIT_SHARE))
+    (climate,) = _fitted(_Batch.from_trips(split, "climate", limit), ("climate",))
+    (drive,) = _fitted(_Batch.from_trips(split, "drive"), ("drive",))
+    return ResidualProcess(drive, climate, limit, split=True)
+
+
+def _fitted(batch: _Batch, components: tuple[str, ...]) -> list[ComponentProcess]:
+    from scipy.optimize import minimize
+
+    starts = np.array([_STARTS[name] for name in components])
+    free = starts > 0.0
+    free[:, -1] &= starts[:, -2] > 0.0
+    start = np.log(starts[free])
+
+    def cost(logs: FloatArray) -> tuple[float, FloatArray]:
+        values = starts.copy()
+        values[free] = np.exp(logs)
+        value, gradient = batch.cost(components, values)
+        # a weak pull to the start keeps an effect that no trip shows from running off to 0
+        pull = (logs - start) / 2.0
+        return value + 0.5 * float(pull @ pull), gradient[free] + pull / 2.0
+
+    bounds = [(value - _LOG_BOUND, value + _LOG_BOUND) for value in start]
+    starts[free] = np.exp(
+        minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 80}).x
+    )
+    return [ComponentProcess(*map(float, row)) for row in starts]
+
+
+def _merged(segments: Segments, residual_w: FloatArray) -> tuple[Segments, FloatArray, FloatArray]:
+    """Two segments in one: means by time; the noise of a mean is that of independent parts, here relative to one segment's."""
+    start = np.arange(0, len(segments), 2)
+    step = np.add.reduceat(segments.step_s, start)
+    share = segments.step_s / np.repeat(step, np.diff(np.append(start, len(segments))))
+
+    def mean(values: FloatArray) -> FloatArray:
+        return np.asarray(np.add.reduceat(values * share, start))
+
+    merged = Segments(
+        mean(segments.time_s), step, mean(segments.moved_w), mean(segments.hvac_w), segments.corrector_sd_wh
+    )
+    return merged, mean(residual_w), np.sqrt(np.add.reduceat(share**2, start))
+
+
+@dataclass(frozen=True, eq=False)
+class _Batch:
+    """Trips side by side, shorter ones filled up with segments that carry no information."""
+
+    real: BoolArray
+    residual: FloatArray
+    time: FloatArray
+    size: dict[str, FloatArray]
+    noise: dict[str, FloatArray]
+
+    @classmethod
+    def from_trips(cls, trips: Sequence[HeldOutResidual], what: str, limit_w: float = np.inf) -> _Batch:
+        """`what` is the residual to explain: all of it, its climate part (within a limit) or its driving part."""
+        rows = []
+        for trip in trips:
+            left, climate = trip.residual_w, trip.climate_w
+            if what != "joint" and climate is not None:
+                left = np.clip(climate, -limit_w, limit_w) if what == "climate" else left - climate
+            rows.append(_merged(trip.segments, left))
+        shape = len(rows), max(len(segments) for segments, _, _ in rows)
+        real = np.zeros(shape, dtype=bool)
+        residual, time, moved, hvac = (np.zeros(shape) for _ in range(4))
+        drive_noise, climate_noise = np.zeros(shape), np.zeros(shape)
+        for i, (segments, left, rest) in enumerate(rows):
+            k = len(segments)
+            real[i, :k], residual[i, :k], time[i, :k] = True, left, segments.time_s
+            moved[i, :k], hvac[i, :k] = segments.moved_w, segments.hvac_w
+            drive_noise[i, :k], climate_noise[i, :k] = rest * segments.drive_noise_w, rest
+        size = {"drive": moved, "climate": hvac}
+        return cls(real, residual, time, size, {"drive": drive_noise, "climate": climate_noise})
+
+    def cost(self, components: Sequence[str], values: FloatArray) -> tuple[float, FloatArray]:
+        """Negative log likelihood but for a constant, and its gradient by the logarithms of the values."""
+        pairs = self.real[:, :, None] & self.real[:, None, :]
+        lag = np.where(pairs, np.abs(self.time[:, :, None] - self.time[:, None, :]), np.inf)
+        diagonal = np.arange(self.real.shape[1])
+        covariance = np.zeros_like(lag)
+        covariance[:, diagonal, diagonal] += np.where(self.real, 0.0, 1.0)
+        drifts, starts = [], []
+        for name, (constant, share, sd, time, noise, onset, onset_time) in zip(
+            components, values, strict=True
+        ):
+            early = onset**2 * np.exp(-self.time / onset_time)
+            start = np.sqrt(1.0 + early)
+            drift = sd**2 * np.exp(-lag / time) * start[:, :, None] * start[:, None, :]
+            size = share * self.size[name]
+            covariance += drift + np.where(pairs, constant**2, 0.0) + size[:, :, None] * size[:, None, :]
+            covariance[:, diagonal, diagonal] += (noise * self.noise[name]) ** 2
+            drifts.append(drift)
+            starts.append(early / (1.0 + early))
+        factor = np.linalg.cholesky(covariance)
+        inverse = np.linalg.inv(covariance)
+        alpha = (inverse @ self.residual[:, :, None])[:, :, 0]
+        value = 0.5 * float(np.sum(alpha * self.residual)) + float(
+            np.log(factor[:, diagonal, diagonal]).sum()
+        )
+        inner = inverse - alpha[:, :, None] * alpha[:, None, :]
+        finite = np.where(pairs, lag, 0.0)
+        gradient = np.zeros_like(values)
+        real = self.real.astype(np.float64)
+        for row, (name, drift, weight) in enumerate(zip(components, drifts, starts, strict=True)):
+            constant, share, _, time, noise, _, onset_time = values[row]
+            size = share * self.size[name]
+            pulled = inner * drift
+            by_start = pulled.sum(axis=2)
+            gradient[row] = (
+                constant**2 * np.einsum("ti,tij,tj->", real, inner, real, optimize=True),
+                np.einsum("ti,tij,tj->", size, inner, size, optimize=True),
+                pulled.sum(),
+                0.5 * np.sum(pulled * finite) / time,
+                np.sum(inner[:, diagonal, diagonal] * (noise * self.noise[name]) ** 2),
+                np.sum(by_start * weight),
+                0.5 * np.sum(by_start * weight * self.time) / onset_time,
+            )
+        return value, gradient

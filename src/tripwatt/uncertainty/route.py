@@ -1,0 +1,141 @@
+"""What a planned route adds to the uncertainty: links tell the speed less well than a driven trace.
+
+While a model is fitted, each training trip is cut into links as a router gives them, a driver model makes a speed
+trace of the links, and the corrector without that trip predicts both: the driven trace and the one made from links.
+The relative difference of the two energies is the error that links cause. Its mean square, by the length of the
+links, is the variance that a forecast of a planned route adds to that of a driven trace. The mean difference is part
+of it: no forecast is shifted.
+
+The links of the training trips have the travel times that were driven. The error of a router's travel times is not
+included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.errors import InvalidInput
+from tripwatt.hybrid import PowerCorrector, SegmentTable, segment_table
+from tripwatt.physics import simulate_trip
+from tripwatt.routes import plan_on_links
+from tripwatt.trips import Trip
+from tripwatt.vehicles import Vehicle
+
+LENGTHS_M: Final = (250.0, 1000.0, 4000.0)
+"""Lengths of links for which the error is measured."""
+
+MOST_TRIPS: Final = 200
+"""Largest number of training trips that are cut into links: three variances need no more."""
+
+LEAST_TRIPS: Final = 5
+
+
+@dataclass(frozen=True, eq=False)
+class RouteUncertainty:
+    """Relative variance that links add to the energy of a trip, by their length.
+
+    Attributes
+    ----------
+    length_m : ndarray, shape (lengths,)
+        Ascending.
+    variance : ndarray, shape (lengths,)
+        Of the energy over the forecast energy; never falls with the length.
+    trips : int
+        Trips that it was measured on.
+
+    Examples
+    --------
+    >>> route = RouteUncertainty(np.array([250.0, 1000.0]), np.array([0.0004, 0.0016]), 20)
+    >>> round(route.share(250.0), 6), round(route.share(625.0) ** 2, 6), route.share(0.0), round(route.share(9e9), 6)
+    (0.02, 0.001, 0.0, 0.04)
+    """
+
+    length_m: FloatArray
+    variance: FloatArray
+    trips: int
+
+    @classmethod
+    def from_differences(cls, differences: FloatArray) -> RouteUncertainty | None:
+        """From relative differences, shape (trips, `LENGTHS_M`), NaN where there is none; None with too few trips."""
+        known = differences[np.isfinite(differences).all(axis=1)]
+        if len(known) < LEAST_TRIPS:
+            return None
+        variance = np.maximum.accumulate(np.mean(known**2, axis=0))
+        return cls(np.array(LENGTHS_M), variance, len(known))
+
+    def share(self, link_m: float) -> float:
+        """Standard deviation over the energy for links of a length.
+
+        The variance is linear in between and from 0 m; beyond the longest length it stays.
+        """
+        length, variance = np.concatenate(([0.0], self.length_m)), np.concatenate(([0.0], self.variance))
+        return float(np.sqrt(np.interp(link_m, length, variance)))
+
+
+@dataclass(frozen=True, eq=False)
+class LinkedTrips:
+    """Training trips as their links make them.
+
+    Attributes
+    ----------
+    tables : tuple of tuple of SegmentTable
+        For each trip its segments on links of every length of `LENGTHS_M`, or nothing where it was not cut.
+    """
+
+    tables: tuple[tuple[SegmentTable, ...], ...]
+
+    def take(self, members: Sequence[int] | IntArray) -> LinkedTrips:
+        """Those of some of the trips."""
+        return LinkedTrips(tuple(self.tables[int(i)] for i in members))
+
+    def differences(self, corrector: PowerCorrector, driven: SegmentTable, members: IntArray) -> FloatArray:
+        """(energy on links - energy on the driven trace) / the latter, as a corrector that knows neither sees them.
+
+        Parameters
+        ----------
+        corrector : PowerCorrector
+            Fitted without these trips.
+        driven : SegmentTable
+            All trips, on their driven traces.
+        members : ndarray of int
+            Which of them.
+
+        Returns
+        -------
+        ndarray, shape (members, lengths)
+            NaN for trips that were not cut.
+        """
+        found = np.full((len(members), len(LENGTHS_M)), np.nan)
+        cut = [k for k, i in enumerate(members) if self.tables[int(i)]]
+        if not cut:
+            return found
+        on_links = SegmentTable.join([table for k in cut for table in self.tables[int(members[k])]])
+        base = _energies(corrector, driven.take(members[cut]))[:, None]
+        found[cut] = _energies(corrector, on_links).reshape(len(cut), len(LENGTHS_M)) / base - 1.0
+        return found
+
+
+def _energies(corrector: PowerCorrector, table: SegmentTable) -> FloatArray:
+    return table.totals_wh(table.simulated_w + corrector.predict(table))
+
+
+def linked_trips(trips: Sequence[Trip], vehicle: Vehicle) -> LinkedTrips:
+    """Cut trips into links and let a driver drive these. O(samples) for each length.
+
+    Of more than `MOST_TRIPS` trips, so many are cut, evenly chosen. Trips that do not move are not.
+    """
+    chosen = {int(i) for i in np.linspace(0, len(trips) - 1, min(len(trips), MOST_TRIPS)).round()}
+    return LinkedTrips(tuple(_on_links(t, vehicle) if i in chosen else () for i, t in enumerate(trips)))
+
+
+def _on_links(trip: Trip, vehicle: Vehicle) -> tuple[SegmentTable, ...]:
+    try:
+        plans = [plan_on_links(trip, length) for length in LENGTHS_M]
+        return tuple(segment_table(plan, simulate_trip(vehicle, plan)) for plan in plans)
+    except InvalidInput:  # a log that is no drive as a route knows it says nothing of routes
+        return ()

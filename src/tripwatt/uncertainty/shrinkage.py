@@ -1,0 +1,151 @@
+"""Shrinkage of an update on the way: the share of the process's update that held-out trips support."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tripwatt.arrays import BoolArray, FloatArray
+from tripwatt.uncertainty.conformal import ConformalScores
+from tripwatt.uncertainty.process import EXACT_W2, HeldOutResidual, PowerPosterior, ResidualProcess
+
+FRACTIONS: Final = (0.1, 0.25, 0.375, 0.5, 0.75, 0.9)
+SURE: Final = 1.645
+"""Standard errors to the lower end of a one-sided confidence interval of 95 %."""
+LEAST: Final = 0.1
+"""A smaller share is no reason to change a forecast."""
+COMPONENTS: Final = ("climate", "drive", "joint")
+_POINT: Final = 0.9
+_LEAST_TRIPS: Final = 5
+
+
+@dataclass(frozen=True, eq=False)
+class UpdateShrinkage:
+    """Share of the process's update of the rest that is taken, by the fraction of the trip that was measured.
+
+    The share is the one that explains the standardised errors of the rest over held-out trips best, at the lower
+    end of its confidence interval: only an improvement beyond chance counts. It lies between 0 (the departure forecast of the
+    rest stands) and 1 (the process is right), and never falls as more is measured. Climate control, which is measured
+    separately, comes first; driving explains the remainder. `joint` is for samples without the power of climate control.
+
+    The intervals on the way are scaled by a factor: the 90 % point of the standardised errors of the rest over that of
+    the errors before departure.
+
+    Attributes
+    ----------
+    climate, drive, joint : ndarray, shape (len(FRACTIONS),)
+    split_sd_factor, joint_sd_factor : ndarray, shape (len(FRACTIONS),)
+        Factor of the standard deviation of the rest, with separate and with joint components.
+
+    Examples
+    --------
+    >>> half, same = np.array([0.0, 0.0, 0.5, 0.5, 1.0, 1.0]), np.ones(6)
+    >>> UpdateShrinkage(half, half, half, same, same).at("drive", 0.3125)
+    0.25
+    """
+
+    climate: FloatArray
+    drive: FloatArray
+    joint: FloatArray
+    split_sd_factor: FloatArray
+    joint_sd_factor: FloatArray
+
+    @classmethod
+    def from_trips(
+        cls, process: ResidualProcess, trips: Sequence[HeldOutResidual], scale_wh: FloatArray
+    ) -> UpdateShrinkage:
+        """Learn from held-out trips; `scale_wh` is the standard deviation of each total. O(trips x segments^3)."""
+        shares = np.zeros((len(FRACTIONS), len(COMPONENTS)))
+        sd_factors = np.ones((len(FRACTIONS), 2))
+        split = np.array([process.split and trip.climate_w is not None for trip in trips])
+        own = np.array([process.sd_wh(trip.segments) for trip in trips])
+        before = _point(np.array([trip.error_wh for trip in trips]) / scale_wh)
+        for row, fraction in enumerate(FRACTIONS):
+            truth, climate, drive, joint, split_sd, joint_sd = np.array(
+                [_rest(process, trip, fraction) for trip in trips]
+            ).T
+            shares[row, 2] = _best_share(truth, joint, scale_wh)
+            if split.any():
+                shares[row, 0] = _best_share(truth[split], climate[split], scale_wh[split])
+                left = truth - shares[row, 0] * climate
+                shares[row, 1] = _best_share(left[split], drive[split], scale_wh[split])
+            shares[: row + 1] = np.maximum.accumulate(shares[: row + 1], axis=0)
+            errors = (
+                truth - climate * shares[row, 0] - drive * shares[row, 1],
+                truth - joint * shares[row, 2],
+            )
+            for column, (left, sd) in enumerate(zip(errors, (split_sd, joint_sd), strict=True)):
+                known = (sd > 0.0) & (split if column == 0 else True)
+                if known.sum() >= _LEAST_TRIPS and before > 0.0:
+                    sd_factors[row, column] = _point((left * own)[known] / (sd * scale_wh)[known]) / before
+        return cls(*shares.T, *sd_factors.T)
+
+    def at(self, component: str, fraction: float) -> float:
+        """Share of a component at a measured fraction of the trip."""
+        values: FloatArray = getattr(self, component)
+        return float(np.interp(fraction, (0.0, *FRACTIONS), np.concatenate(([0.0], values))))
+
+    def sd_factor(self, split: bool, fraction: float) -> float:
+        """Factor of the standard deviation of the rest at a measured fraction of the trip."""
+        values = self.split_sd_factor if split else self.joint_sd_factor
+        return float(np.interp(fraction, (0.0, *FRACTIONS), np.concatenate(([1.0], values))))
+
+    def applied(
+        self, component: str, posterior: PowerPosterior, ahead: BoolArray, fraction: float
+    ) -> PowerPosterior:
+        """The posterior with the mean of every segment of which a part is still to come taken by the share."""
+        kept = np.where(ahead, self.at(component, fraction), 1.0)
+        return PowerPosterior(posterior.mean_w * kept, posterior.covariance_w2)
+
+
+def _rest(
+    process: ResidualProcess, trip: HeldOutResidual, fraction: float
+) -> tuple[float, float, float, float, float, float]:
+    """Energy of the rest beyond the departure forecast [Wh].
+
+    Observed; expected by climate, driving and both jointly; and its standard deviation, split and joint.
+    """
+    segments, left = trip.segments, trip.residual_w
+    share = np.cumsum(segments.step_s) / segments.step_s.sum()
+    seen = np.flatnonzero(share <= fraction + 1e-9)
+    weights, exact = np.eye(len(segments))[seen], np.full(len(seen), EXACT_W2)
+    hours = np.where(share > fraction + 1e-9, segments.hours, 0.0)
+
+    def expected(covariance: FloatArray, residual_w: FloatArray) -> tuple[float, float]:
+        posterior = PowerPosterior.from_covariance(covariance).given(weights, residual_w[seen], exact)
+        return float(hours @ posterior.mean_w), float(hours @ posterior.covariance_w2 @ hours)
+
+    climate_covariance, drive_covariance = (
+        process.climate_covariance(segments),
+        process.drive_covariance(segments),
+    )
+    joint = expected(climate_covariance + drive_covariance, left)
+    climate = drive = (0.0, 0.0)
+    if process.split and trip.climate_w is not None:
+        climate = expected(climate_covariance, process.limited(trip.climate_w))
+        drive = expected(drive_covariance, left - trip.climate_w)
+    split_sd, joint_sd = np.sqrt(np.maximum([climate[1] + drive[1], joint[1]], 0.0))
+    return float(hours @ left), climate[0], drive[0], joint[0], float(split_sd), float(joint_sd)
+
+
+def _point(errors: FloatArray) -> float:
+    """Half width of the central 90 % interval of standardised errors."""
+    return ConformalScores.from_errors(errors.tolist()).factor(_POINT)
+
+
+def _best_share(truth: FloatArray, expected: FloatArray, scale_wh: FloatArray) -> float:
+    """Share of `expected` that explains `truth`, held in 0..1.
+
+    Regression of standardised errors through the origin: the lower end of the slope's one-sided confidence interval.
+    """
+    t, x = truth / scale_wh, expected / scale_wh
+    size = float(x @ x)
+    if size <= 0.0:
+        return 0.0
+    slope = float(x @ t) / size
+    error = float(np.sqrt(np.mean((t - slope * x) ** 2) / size))
+    share = float(np.clip(slope - SURE * error, 0.0, 1.0))
+    return share if share >= LEAST else 0.0
