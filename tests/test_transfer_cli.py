@@ -116,7 +116,7 @@ def test_transfer_refuses_with_every_fault(
 def test_transfer_to_a_table(
     logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from tripwatt.cli import transferring
+    from tripwatt.cli import transfer as transferring
 
     fleet = synthetic_fleet(9, seed=12)
     table = ("--dataset", "table", "--mapping", str(logs.parent / "my.toml"), "--vehicle", "nissan_leaf_24")

@@ -1,4 +1,4 @@
-"""What a person asks for: files read into plans and trips, and the forecast of a plan."""
+"""The verbs of the library: read plans and trips, simulate, fit, adapt, forecast."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from benchmarks.service_fuzz import fuzz
 from benchmarks.service_process import Service, serving, wait_for
 from benchmarks.service_schema import conformance
 
-from tripwatt.cli.serving import models_of, serve
+from tripwatt.cli.serve import models_of, serve
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.storage import model_folder
 from tripwatt.service.problems import TITLES

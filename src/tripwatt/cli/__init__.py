@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 import tripwatt
-from tripwatt.cli import cars, evaluating, exporting, forecasting, logs, serving, transferring
+from tripwatt.cli import cars, evaluate, export, forecast, logs, models, serve, transfer
 from tripwatt.errors import TripwattError
 
 __all__ = ["app", "main"]
@@ -41,13 +41,14 @@ def _main(
     pass
 
 
-evaluating.add_commands(app)
-forecasting.add_commands(app)
-transferring.add_commands(app)
+evaluate.add_commands(app)
+models.add_commands(app)
+forecast.add_commands(app)
+transfer.add_commands(app)
 logs.add_commands(app)
 cars.add_commands(app)
-exporting.add_commands(app)
-serving.add_commands(app)
+export.add_commands(app)
+serve.add_commands(app)
 
 
 def main() -> None:

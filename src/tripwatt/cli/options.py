@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Final
@@ -63,6 +65,17 @@ SetOption = Annotated[
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 
+OPTION_OF: Final = {
+    "soc": "--soc",
+    "ambient_temperature_degc": "--ambient",
+    "cabin_setpoint_degc": "--setpoint",
+    "cabin_temperature_degc": "--cabin-temperature",
+    "battery_temperature_degc": "--battery-temperature",
+    "payload_mass_kg": "--payload",
+    "speed_m_s": "--speed",
+    "vehicle": "--vehicle",
+}
+"""Field of a departure, or argument of the library -> the option that gives it."""
 CARS: Final[Mapping[str, str]] = MappingProxyType(
     {"synthetic": "bmw_i3_60ah", "tum": "bmw_i3_60ah", "ved": "nissan_leaf_24"}
 )
@@ -72,7 +85,7 @@ BUILT_IN_TRIPS: Final = 24
 """Trips of the built-in fleet with planted faults: as many as a first run evaluates in little more than a minute."""
 
 UNKNOWN_CAR: Final = "bmw_i3_60ah"
-"""The car of a table that is not said to be another's; the commands note it."""
+"""The car that is assumed for a table without --vehicle; the commands note it."""
 
 
 def read_logs(
@@ -166,6 +179,16 @@ def gather(*checks: Callable[[], object]) -> None:
             faults += error.faults
     if faults:
         raise InvalidInput(faults)
+
+
+@contextmanager
+def options_named() -> Iterator[None]:
+    """Faults of what options give, under the names of the options."""
+    try:
+        yield
+    except InvalidInput as error:
+        named = [replace(fault, where=OPTION_OF.get(fault.where, fault.where)) for fault in error.faults]
+        raise InvalidInput(named) from error
 
 
 def examples(*lines: tuple[str, str]) -> str:

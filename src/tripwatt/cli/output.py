@@ -1,4 +1,4 @@
-"""Outputs appear whole or not at all: they are written elsewhere first, then renamed into their place."""
+"""Outputs appear complete or not at all: they are written to another name first and then renamed."""
 
 from __future__ import annotations
 

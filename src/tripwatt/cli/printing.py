@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 UNBROKEN: Final = 1000
-"""Width [characters] of what goes into a pipe or a file, where nobody needs lines to be broken."""
+"""Width [characters] of what goes into a pipe or a file, where lines are not broken."""
 
 
 def console(stream: TextIO | None = None) -> Console:

@@ -89,7 +89,7 @@ class ForecastData:
 def at_departure_only(trip: Trip) -> Trip:
     """A raw trip in which every signal but road and measured energy is constant: its first sample.
 
-    Columns that no departure knows are dropped.
+    Columns that are not part of a departure are dropped.
     """
     kept = [c for c in (*ROUTE_COLUMNS, "voltage_v", "current_a", "observed_energy_wh") if c in trip]
     first = {c: float(trip.array(c)[0]) for c in SIGNALS.values() if c in trip}
@@ -170,7 +170,7 @@ def _change(values: FloatArray, plan: Plan, seconds: FloatArray) -> FloatArray:
 
 
 def _distinct(trips: Sequence[Trip]) -> list[Trip]:
-    """Trips of two fleets may bear one id; the later one is told apart by a mark."""
+    """Trips of two fleets may have one id; the later one gets a mark."""
     seen: set[str] = set()
     named = []
     for trip in trips:

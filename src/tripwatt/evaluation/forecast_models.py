@@ -337,7 +337,7 @@ def reforecast(forecast: Forecast, log: pd.DataFrame, fraction: float) -> list[f
     forecast : Forecast
         Before departure.
     log : DataFrame
-        From `measured_log`; rows after the cut are not looked at, except that the gauge knows the whole distance.
+        From `measured_log`; rows after the cut are not used, except that the gauge needs the whole distance.
     fraction : float
 
     Returns

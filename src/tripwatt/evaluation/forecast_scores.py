@@ -137,7 +137,7 @@ def crps_scores(
     -------
     dict
         `crps_wh`; `crps_same_width_wh` with the mean standard deviation for every trip; `crps_best_same_width_wh` with
-        the one standard deviation that would have scored best, which nobody knows beforehand.
+        the one standard deviation that would have scored best, which is known in hindsight alone.
     """
 
     def score(sd: FloatArray) -> float:

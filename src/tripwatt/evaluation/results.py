@@ -77,7 +77,7 @@ class EvaluationRun:
 
 
 def about_run(protocol: str, prepared: Prepared, specs: Sequence[ModelSpec], seed: int) -> dict[str, Any]:
-    """The part of `results.json` that says what was evaluated."""
+    """The part of `results.json` about what was evaluated."""
     shown = prepared.scored_fleet
     return {
         "protocol": protocol,

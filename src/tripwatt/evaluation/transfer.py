@@ -2,7 +2,7 @@
 
 Everything about the second car is learned from the first half of its trips in time and scored on the second half. The
 k trips are drawn at random from the first half, many times. The first car's trips are seen as the second car's log
-would show them: signals that it lacks are hidden before the first car is simulated and learned.
+would show them: inputs that it lacks are masked before the first car is simulated and learned.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ MAIN_MODE: Final = "both"
 OWN: Final = MappingProxyType({"own-kriging": "gp", "own-ensemble": "ensemble", "own-channels": "split"})
 """Name in the files -> corrector of a model trained on the scored car's own trips alone; the last is the default."""
 MIN_CAR_TRIPS: Final = 4
-"""Fewest trips of a car that are cut into halves; a car with fewer is only shown, with nothing of its own learned."""
+"""Fewest trips of a car that are cut into halves; a car with fewer has no model of its own."""
 
 Progress = Callable[[int, int], None]
 
@@ -67,10 +67,10 @@ class TransferRun:
 
 @dataclass(frozen=True, eq=False)
 class _Source:
-    """The first car, seen as the second car's log would show it."""
+    """The first car with the inputs that the second car's log has."""
 
     prepared: ForecastData
-    elsewhere: DonorModel
+    donor: DonorModel
     vehicle: Vehicle
 
 
@@ -101,23 +101,22 @@ def evaluate_transfer(
     source: Fleet,
     target: Fleet,
     *,
-    source_vehicle: str | Vehicle = "bmw_i3_60ah",
-    target_vehicle: str | Vehicle = "nissan_leaf_24",
+    vehicles: tuple[str | Vehicle, str | Vehicle] = ("bmw_i3_60ah", "nissan_leaf_24"),
     trips: Sequence[int] = TRIPS,
     draws: int = DRAWS,
     min_distance_m: float = MIN_DISTANCE_M,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> TransferRun:
-    """Train on one car, forecast another with none and with k of its own trips, and score it beside other ways.
+    """Train on one car, forecast another with none and with k of its own trips, and score it beside other models.
 
     Parameters
     ----------
     source, target : Fleet
         Raw trips. Of the source the reference trips, else those that the audit keeps; of the target those that the
         audit keeps, each of its cars by itself.
-    source_vehicle, target_vehicle : str or Vehicle
-        Their cars, as for `load_vehicle`.
+    vehicles : (str or Vehicle, str or Vehicle)
+        The cars of source and target, as for `load_vehicle`.
     trips : sequence of int
         Numbers k of own trips.
     draws : int
@@ -134,27 +133,27 @@ def evaluate_transfer(
         When an argument cannot be used or too few trips are left.
     """
     _check(trips, draws, min_distance_m)
-    cars = [v if isinstance(v, Vehicle) else load_vehicle(v) for v in (source_vehicle, target_vehicle)]
+    cars = [v if isinstance(v, Vehicle) else load_vehicle(v) for v in vehicles]
     learned = list(source.reference_trips() or audit(source).trips)
     found = audit(target)
     by_car, notes = _by_car(found.trips, min_distance_m)
     _require(len(learned), source, by_car, target, min_distance_m)
-    hidden = unknown_inputs([trip for trips_of in by_car.values() for trip in trips_of])
+    masked = unknown_inputs([trip for trips_of in by_car.values() for trip in trips_of])
     steps = 1 + len(by_car)
-    origin = _source(learned, hidden, cars[0], seed)
-    _tell(progress, 1, steps)
+    origin = _source(learned, masked, cars[0], seed)
+    _report(progress, 1, steps)
     described, rows = [], []
     for number, (name, own) in enumerate(by_car.items()):
         car = _car(name, own, cars[1])
         about, predicted = _evaluate_car(car, origin, cars[1], sorted({*trips}), draws, seed)
         described.append(about)
         rows += predicted
-        _tell(progress, 2 + number, steps)
+        _report(progress, 2 + number, steps)
     results = {
         "kind": "transfer",
         "from": _about(source, cars[0], len(learned)),
         "to": _about(target, cars[1], sum(len(t) for t in by_car.values())),
-        "hidden": [name for name in hidden if name not in unknown_inputs(learned)],
+        "hidden": [name for name in masked if name not in unknown_inputs(learned)],
         "given": "given the driven speed trace",
         "min_distance_m": min_distance_m,
         "draws": draws,
@@ -170,7 +169,7 @@ def evaluate_transfer(
     return TransferRun(results, pd.DataFrame(rows))
 
 
-def _tell(progress: Progress | None, done: int, steps: int) -> None:
+def _report(progress: Progress | None, done: int, steps: int) -> None:
     if progress is not None:
         progress(done, steps)
 
@@ -226,9 +225,11 @@ def _require(
         raise InvalidInput(faults)
 
 
-def _source(trips: Sequence[Trip], hidden: Sequence[str], vehicle: Vehicle, seed: int) -> _Source:
-    seen = [without_inputs(trip, hidden) for trip in trips]
-    return _Source(ForecastData.from_trips(seen, vehicle), donor_model(seen, vehicle, (), seed=seed), vehicle)
+def _source(trips: Sequence[Trip], masked: Sequence[str], vehicle: Vehicle, seed: int) -> _Source:
+    trips = [without_inputs(trip, masked) for trip in trips]
+    return _Source(
+        ForecastData.from_trips(trips, vehicle), donor_model(trips, vehicle, (), seed=seed), vehicle
+    )
 
 
 def _car(name: str, trips: Sequence[Trip], vehicle: Vehicle) -> _Car:
@@ -258,7 +259,7 @@ def _about(fleet: Fleet, vehicle: Vehicle, used: int) -> dict[str, Any]:
 def _evaluate_car(
     car: _Car, source: _Source, vehicle: Vehicle, trips: Sequence[int], draws: int, seed: int
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """Everything that is said of one car, and its trips' predictions."""
+    """The results of one car, and its trips' predictions."""
     observed = car.observed_wh
     transfers = {mode: _transfer(source, vehicle, mode) for mode in MODES}
     evidence = {mode: _evidence(t, car, source) for mode, t in transfers.items()}
@@ -315,14 +316,14 @@ def _evaluate_car(
 
 
 def _transfer(source: _Source, vehicle: Vehicle, mode: str) -> CarTransfer:
-    members = source.elsewhere.members
+    members = source.donor.members
     return CarTransfer(members, term_scales(members, source.vehicle, vehicle), PARAMETERS, mode)
 
 
 def _evidence(transfer: CarTransfer, car: _Car, source: _Source) -> Evidence:
     """Of all trips of a car; what a draw may learn from is chosen by `_forecasts`."""
     segments = car.prepared.segments
-    return transfer.evidence(segments, car.physical_w, source.elsewhere.variances_wh2(segments, car.trips))
+    return transfer.evidence(segments, car.physical_w, source.donor.variances_wh2(segments, car.trips))
 
 
 def _forecasts(
@@ -350,7 +351,7 @@ def _transferred_as_is(car: _Car, source: _Source, seed: int) -> dict[str, Float
     trees = power_corrector("boosting", seed).fit(of_source.segments)
     return {
         "data-only": car.energies(np.asarray(learner.predict(of_car.data_features)) - simulated),
-        "kriging-as-is": car.energies(source.elsewhere.members.predict(of_car.segments)),
+        "kriging-as-is": car.energies(source.donor.members.predict(of_car.segments)),
         "boosting-as-is": car.energies(trees.predict(of_car.segments)),
     }
 
@@ -402,7 +403,7 @@ def _bars(
     observed: FloatArray,
     index: IntArray,
 ) -> dict[str, Any]:
-    """What was asked of the transfer, with what came out."""
+    """The questions of the transfer and their results."""
     pair = paired_energy_error(observed, models["zero-shot"], models["physics"], index)
     bars: dict[str, Any] = {
         "zero_shot_better_than_physics": {

@@ -1,4 +1,4 @@
-"""A donor model: what a model of one car gives to cars of which fewer signals are logged.
+"""A donor model: the part of a model of one car that is used for cars with fewer logged signals.
 
 A correction that was learned with a known cabin and battery temperature belongs to a car that was simulated from them.
 Without these signals the car is simulated from assumed temperatures, and its residual is another one. The trips of the

@@ -234,7 +234,7 @@ def _require_sign(observed: pd.DataFrame, plan: Plan) -> None:
     time = observed["time_s"].to_numpy(dtype=np.float64)
     own = "speed_m_s" in observed
     if not own and plan.link_m is not None:
-        return  # nobody knows how fast the car was
+        return  # the car's speed is unknown
     speed = (
         observed["speed_m_s"].to_numpy(dtype=np.float64)
         if own
@@ -261,8 +261,8 @@ def _require_sign(observed: pd.DataFrame, plan: Plan) -> None:
 def along_the_plan(samples: pd.DataFrame, plan: Plan) -> pd.DataFrame:
     """Samples of a drive on the clock of its plan: each at the time at which the plan is where the car was. O(samples).
 
-    A car that is late on a planned route has more of it before it than the clock says. Where the car stands longer than
-    planned, the energy counts and the plan's clock waits. A driven trace needs no change.
+    A car that is late on a planned route has more of it to go than its time tells. Where the car stands longer than
+    planned, its energy counts and the plan's clock stands still. A driven trace needs no change.
 
     Parameters
     ----------

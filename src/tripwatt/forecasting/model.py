@@ -108,7 +108,7 @@ class ForecastModel:
         ----------
         table : SegmentTable
         routes : LinkedTrips, optional
-            The same trips on links, for the doubt of planned routes.
+            The same trips on links, for the uncertainty of planned routes.
         progress : callable, optional
             Called with (finished fits, all fits).
 

@@ -97,7 +97,7 @@ def model_of_parts(parts: Mapping[str, Part]) -> ForecastModel:
     Raises
     ------
     InvalidInput
-        For parts that this version cannot forecast with, saying why.
+        For parts that do not make a model of this version, with the reason.
     """
     try:
         values: Mapping[str, Any] = parts["model.json"]
@@ -304,7 +304,7 @@ def vehicle_of_part(part: Mapping[str, Any]) -> Vehicle:
     Raises
     ------
     InvalidInput
-        With every entry that this version does not know or that it misses.
+        With every unknown or missing entry.
     """
     # Models stored before licences were recorded have none in their entries.
     document = {**part["document"], "name": part["title"], "licence": "not-stated"}
@@ -373,7 +373,7 @@ def _route_of_part(part: Mapping[str, Any] | None) -> RouteUncertainty | None:
 
 
 def _finite(value: float) -> float | None:
-    """JSON knows no infinity: None."""
+    """None for an infinite value, which JSON cannot hold."""
     return value if math.isfinite(value) else None
 
 

@@ -1,4 +1,4 @@
-"""From a fleet of logs to a fitted model that knows where it comes from."""
+"""Train a model on a fleet of logs, with its provenance."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def train_model(
     calibrated: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[ForecastModel, dict[str, Any], dict[str, Any]]:
-    """Audit logs, fit on the sound trips, and keep what a stored model says of itself.
+    """Audit logs, fit on the sound trips, and collect the metadata of a stored model.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Calibrate a few uncertain values of a car on its own logged trips, shrunk to what its book says."""
+"""Calibrate a few uncertain values of a car on its own logged trips, shrunk to the published values."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Calibration:
     changes : dict of str to float
         By name of `PARAMETERS`.
     sd : dict of str to float
-        How sure each is; its prior width where the trips say nothing.
+        Standard deviation of each; its prior width where the trips carry no information.
     trips : int
     """
 
@@ -43,11 +43,11 @@ class Calibration:
 
     def __str__(self) -> str:
         """One line for people."""
-        said = [f"{name} {change:+.0%} (± {self.sd[name]:.0%})" for name, change in self.changes.items()]
-        return f"calibrated on {self.trips} trips: {', '.join(said)}"
+        values = [f"{name} {change:+.0%} (± {self.sd[name]:.0%})" for name, change in self.changes.items()]
+        return f"calibrated on {self.trips} trips: {', '.join(values)}"
 
     def applied(self, vehicle: Vehicle) -> Vehicle:
-        """The car with the changed values; what has no entry of its own is left to the corrector."""
+        """The car with the changed values; parameters without an entry of their own stay."""
         return changed(vehicle, self.changes, source=f"calibrated on {self.trips} trips")
 
 

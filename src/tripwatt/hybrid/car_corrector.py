@@ -14,12 +14,12 @@ from tripwatt.hybrid.power import less_trip_mean
 from tripwatt.hybrid.segments import SegmentTable
 
 _SMALLEST: Final = 1e-8
-"""Directions of the doubt with less of the largest variance than this are dropped."""
+"""Directions of the covariance with less of the largest variance than this are dropped."""
 
 
 @dataclass(frozen=True, eq=False)
 class HierarchicalCorrector:
-    """Correction = what cars have in common, faded outside of the known, plus the car's own part.
+    """Correction of the second car: the common part, faded outside the training range, and the car's own part.
 
     Attributes
     ----------
@@ -45,14 +45,14 @@ class HierarchicalCorrector:
     def from_posterior(
         cls, transfer: CarTransfer, posterior: Posterior, calibrated: frozenset[str]
     ) -> HierarchicalCorrector:
-        """From what is believed of the second car.
+        """From the posterior of the second car.
 
         Parameters
         ----------
         transfer : CarTransfer
         posterior : Posterior
         calibrated : frozenset of str
-            Parameters whose mean the car's values have taken. The mean of the others, and the doubt of all, becomes
+            Parameters whose mean the car's values have taken. The mean of the others, and the uncertainty of all, becomes
             that of the causes that they multiply.
         """
         names = [term.columns[0] if term.kind == "line" else "" for term in transfer.members.terms]
@@ -99,5 +99,5 @@ class HierarchicalCorrector:
         return rows @ self.mean + shape, rows @ self.factor
 
     def predict_climate(self, table: SegmentTable) -> FloatArray | None:
-        """Not told apart: what is the car's own is learned from totals alone."""
+        """None: the car's own part is learned from totals alone."""
         return None

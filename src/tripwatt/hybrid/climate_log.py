@@ -1,4 +1,4 @@
-"""Climate power as a log has it: heater and air conditioner, where both are logged and can be believed."""
+"""Climate power as a log has it: heater and air conditioner, where both are logged and plausible."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tripwatt.auditing.signals import blank_stuck_heater
 
 CLIMATE_COLUMNS: Final = ("heating_power_w", "aircon_power_w")
 TOLD_BY: Final = (*CLIMATE_COLUMNS, "requested_heating_power_w")
-"""What `logged_climate` looks at: the requested power tells whether the heater's signal is stuck."""
+"""Columns that `logged_climate` reads: the requested power shows whether the heater's signal is stuck."""
 LEAST_SHARE: Final = 0.5
 """Share of a segment's time that has to be logged before its mean counts."""
 
@@ -30,7 +30,7 @@ def logged_climate(samples: pd.DataFrame, edges_s: FloatArray) -> FloatArray | N
     -------
     ndarray or None, shape (segments,)
         [W]; NaN where a segment was not logged for long enough. None without both columns, or when the heater's signal
-        is stuck: one of the two alone says nothing of their sum.
+        is stuck: one of the two alone is not their sum.
 
     Examples
     --------

@@ -1,15 +1,15 @@
-"""From one car to another: what a corrector of one car says of a second, and how a few trips of it change that.
+"""A corrector of one car for a second car: a hierarchical model, conditioned on a few trips of the second car.
 
 The corrector is a Gaussian process, linear in weights `w` of known features. Its posterior on the first car has mean
-`m` and covariance `C`; its variances before any trip, found by marginal likelihood, are `V`. Of another car
+`m` and covariance `C`; its prior variances, estimated by marginal likelihood, are `V`. For another car
 
     w' = rho w + own,   own ~ N(0, tau^2 (1 - rho^2) V),   theta ~ N(0, kappa^2 W),
     residual energy of trip i = x_i' w' + s_i' theta + error_i,   error_i ~ N(0, lambda * n_i).
 
 `rho` is the share of the correction that cars have in common, `theta` the relative error of a few physical parameters
 with published widths `W` (`tripwatt.hybrid.parameters`), `tau` and `kappa` how much cars differ in the one and the other,
-and `n_i` the variance of a trip that the first car's held-out trips let expect. One car tells nothing of how alike
-cars are, so `rho`, `tau`, `kappa` and `lambda` have flat priors on a grid and are integrated by their marginal likelihood on the second car's trips (empirical
+and `n_i` the variance of a trip as estimated from the first car's held-out trips. One car carries no information about
+how much cars differ, so `rho`, `tau`, `kappa` and `lambda` have flat priors on a grid and are integrated by their marginal likelihood on the second car's trips (empirical
 Bayes without a choice: Gelman et al., Bayesian Data Analysis, section 5.4; Rasmussen and Williams 2006, section 5.2).
 Without a trip half of the correction is taken. The absolute error is convex in the share, so half of a correction is
 never worse than the mean of none and all of it.
@@ -41,7 +41,7 @@ OWN_SCALES: Final = (0.0, 0.25, 0.5, 1.0, 2.0)
 BOOK_SCALES: Final = (0.0, 1.0)
 NOISE_SCALES: Final = (0.5, 1.0, 2.0, 4.0, 8.0)
 MODES: Final = ("effects", "parameters", "both")
-"""What a car may have of its own: terms of the corrector, physical parameters, or both."""
+"""What may differ between cars: terms of the corrector, physical parameters, or both."""
 
 _DRIVING: Final = frozenset({"speed_m_s", "speed_change_m_s2", "trip_speed_m_s"})
 _CLIMATE: Final = frozenset({"ambient_temperature_degc", "cabin_temperature_degc", "cabin_setpoint_degc"})
@@ -89,7 +89,7 @@ class Members:
 
     @classmethod
     def from_corrector(cls, corrector: PowerCorrector) -> Members:
-        """Those of any corrector: only they say what they do not know.
+        """Those of any corrector; the other members have no uncertainty of their own.
 
         Raises
         ------
@@ -172,8 +172,8 @@ class Members:
 def term_scales(members: Members, source: Vehicle, target: Vehicle) -> FloatArray:
     """Factor of each weight's feature from one car to the other, shape (features,).
 
-    A line multiplies a simulated cause and knows no car. A smooth part is in watts: one of speed goes with the mass
-    of the car, one of the climate's temperatures with the heat that the cabin loses at standstill.
+    A line multiplies a simulated cause and needs no scale. A smooth term is in watts: one of speed is scaled by the
+    mass of the car, one of the climate's temperatures by the heat loss of the cabin at standstill.
     """
     mass = target.body.test_mass_kg / source.body.test_mass_kg
     heat = 1.0
@@ -195,12 +195,12 @@ def term_scales(members: Members, source: Vehicle, target: Vehicle) -> FloatArra
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Trips of the second car as the model sees them: energies of trips, linear in the weights.
+    """Trips of the second car: their energies, linear in the weights.
 
     Attributes
     ----------
     world, own, lost : ndarray, shape (trips, features)
-        Features of what is in common (faded outside of the known), of the car's own part, of what faded [Wh].
+        Features of the common part (faded outside the training range), of the car's own part, of what faded [Wh].
     physical : ndarray, shape (trips, parameters)
         Energy by a relative change of 1 of each parameter [Wh].
     noise_wh2 : ndarray, shape (trips,)
@@ -224,7 +224,7 @@ class Evidence:
 
 @dataclass(frozen=True, eq=False)
 class CarTransfer:
-    """A corrector of one car, on its way to another.
+    """A corrector of one car, transferred to another.
 
     Attributes
     ----------
@@ -266,7 +266,7 @@ class CarTransfer:
         return features * trust, features, features * np.sqrt(1.0 - trust**2)
 
     def posterior(self, evidence: Evidence) -> Posterior:
-        """What is believed of the second car's weights after its trips, the grid integrated.
+        """Posterior of the second car's weights given its trips, integrated over the grid.
 
         O(options x trips x features + trips x features^2 x options that count).
         """
@@ -389,8 +389,8 @@ class CarTransfer:
         return mean + gain @ (factor.T @ (evidence.residual_wh - features @ mean)), gain, diagonal
 
     def _common_cross(self, evidence: Evidence) -> FloatArray:
-        segments, start, products = self.members.correctors, 0, []
-        for corrector in segments:
+        start, products = 0, []
+        for corrector in self.members.correctors:
             factor = corrector.model.factor_
             part = evidence.world[:, start : start + len(factor)]
             products.append(factor @ (factor.T @ part.T))
@@ -403,7 +403,7 @@ class CarTransfer:
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """What is believed of a car after some of its trips.
+    """Posterior of a car's weights and parameters after some of its trips.
 
     Attributes
     ----------

@@ -109,7 +109,7 @@ def changed(vehicle: Vehicle, changes: Mapping[str, float], *, source: str = "")
     changes : mapping of str to float
         Name of a parameter -> relative change, e.g. ``{"mass": 0.03}``.
     source : str
-        Said of every changed entry.
+        Source of every changed entry.
 
     Examples
     --------
@@ -129,10 +129,10 @@ def changed(vehicle: Vehicle, changes: Mapping[str, float], *, source: str = "")
                 continue
             vehicle = replace(vehicle, **{section: replace(part, **{name: value * factor})})
             if key in entries:
-                told = source or f"book value times {factor:.3f}"
+                changed_by = source or f"book value times {factor:.3f}"
                 old: Entry = entries[key]
                 entries[key] = replace(
-                    old, value=value * factor, source=f"{told}; book value {value:g}: {old.source}"
+                    old, value=value * factor, source=f"{changed_by}; book value {value:g}: {old.source}"
                 )
     return replace(vehicle, entries=MappingProxyType(entries))
 

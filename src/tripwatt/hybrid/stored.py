@@ -136,7 +136,7 @@ def corrector_of_parts(about: Mapping[str, Any], parts: Mapping[str, Arrays]) ->
     Raises
     ------
     InvalidInput
-        For a kind of corrector that this version does not know.
+        For an unknown kind of corrector.
     """
     kind = about["kind"]
     if kind == "ensemble":

@@ -25,7 +25,7 @@ COVARIATES: Final = (
     "season",
     "weather",
 )
-"""Covariates of the paper's correctors; those that no trip knows are dropped and said so."""
+"""Covariates of the paper's correctors; those that no trip has are dropped, with a note."""
 
 COMFORT_TEMPERATURE_DEGC: Final = 20.0
 """Threshold of the linear baselines: heating below, cooling above (same value as for the peers' figures)."""
@@ -112,7 +112,7 @@ class TripTable:
         return replace(self, trips=tuple(replace(t, samples=t.samples.iloc[:0]) for t in self.trips))
 
     def digest(self) -> str:
-        """SHA-256 of everything that a model can see, to tell whether stored folds still belong to these trips."""
+        """SHA-256 of every input of a model: stored folds belong to trips of the same digest."""
         sha = hashlib.sha256("\n".join(self.trip_ids).encode())
         for values in (
             self.offsets,
@@ -201,7 +201,7 @@ def _covariates(blocks: Sequence[Trip]) -> tuple[pd.DataFrame, tuple[str, ...]]:
         if frame[name].isna().all()
         or (frame[name].dtype == "category" and set(frame[name]) == {UNKNOWN_LEVEL})
     ]
-    notes = tuple(f"covariate {name} dropped: no trip knows it" for name in unknown)
+    notes = tuple(f"covariate {name} dropped: no trip has it" for name in unknown)
     return frame.drop(columns=unknown), notes
 
 

@@ -1,4 +1,4 @@
-"""What the learners say of themselves, each fitted once on all trips of the main evaluation. It scores nothing."""
+"""The inside of the learners, each fitted once on all trips of the main hold-out: curves, importances, the GAMM."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class GammInsight:
         `trip, covariate, share`: the trips that leave the training data of a fit without them, and with which share
         of their rows.
     left_out : tuple of str
-        Terms of the formula whose covariates no trip knows or that never vary.
+        Terms of the formula whose covariates no trip has or that never vary.
     """
 
     summary: Summary
@@ -74,7 +74,7 @@ class Insight:
 
 
 def insight(table: TripTable, models: Mapping[str, EnergyModel], *, weathers: Sequence[str] = ()) -> Insight:
-    """Fit each learner once on the whole table and ask it what it has learned.
+    """Fit each learner once on the whole table: learning curves, importances and the GAMM's tables.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def insight(table: TripTable, models: Mapping[str, EnergyModel], *, weathers: Se
     models : mapping of str to EnergyModel
         Unfitted models by name.
     weathers : sequence of str
-        Every weather that the data set knows. One without a row in the table is a level without data: 0.00 (0.00).
+        Every weather of the data set. One without a row in the table is a level without data: 0.00 (0.00).
     """
     curves, importances, gamm = [], [], None
     for name, model in models.items():
@@ -115,7 +115,7 @@ def _with_levels(table: TripTable, weathers: Sequence[str]) -> TripTable:
 
 
 def gamm_insight(model: HybridModel, table: TripTable) -> GammInsight:
-    """Fit a hybrid with the GAMM on a table, and keep what a reader wants to know of it.
+    """Fit a hybrid with the GAMM on a table, and keep its tables, residuals and effects.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def gamm_insight(model: HybridModel, table: TripTable) -> GammInsight:
 
 
 def _named(effect: Effect, trip_ids: Sequence[str]) -> Effect:
-    """Random effects under the names of the trips; the engine knows them by number."""
+    """Random effects under the names of the trips; in the engine they are numbers."""
     if not isinstance(effect, RandomEffects):
         return effect
     return replace(effect, level=tuple(trip_ids[int(number)] for number in effect.level))

@@ -19,7 +19,7 @@ from tripwatt.hybrid.trip_table import TripTable
 
 
 class Corrector(Protocol):
-    """What a hybrid asks of a learner: scikit-learn's fit and predict, with the trip as the cluster."""
+    """What a hybrid needs of a learner: scikit-learn's fit and predict, with the trip as the cluster."""
 
     def fit(self, X: Any, y: Any, groups: Any = None) -> Any:
         """Learn `y` from the columns of `X`; rows of one group belong together."""

@@ -29,7 +29,8 @@ TABLE2: Final = (
 class Table2Corrector:
     """The paper's GAMM with Student's t errors (its Table 2) as a corrector.
 
-    Terms whose covariates no trip knows, or that are the same in all training rows, are left out. A missing value counts as the training rows' median (a trip
+    Terms whose covariates no trip has, or that are the same in all training rows, are left out. A missing value counts
+    as the training rows' median (a trip
     without elevation counts as flat). Unseen weather and covariates outside the training range follow the engine's
     rule, which is bounded: the mean effect, and the range's edge.
 
@@ -44,7 +45,7 @@ class Table2Corrector:
     model_ : GAMM
         The fitted engine, for summary, diagnosis and effects.
     left_out_ : tuple of str
-        Terms of `TABLE2` that the training rows cannot tell.
+        Terms of `TABLE2` that the training rows do not determine.
     """
 
     every_rows: int = 60

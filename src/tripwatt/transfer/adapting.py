@@ -1,4 +1,4 @@
-"""A fitted model on another car: what the base knows, that car's own physics, and a few of its trips."""
+"""A fitted model adapted to another car: that car's own physics, the base's correction, and a few trips."""
 
 from __future__ import annotations
 
@@ -72,9 +72,9 @@ def adaptation(
     trips : sequence of Trip
         Of the new car, at least one, with measured energy.
     vehicle : Vehicle
-        The new car as its book says.
+        The new car with its published values.
     mode : {"both", "effects", "parameters"}
-        What the car may have of its own: terms of the corrector, physical parameters, or both.
+        What may differ between the cars: terms of the corrector, physical parameters, or both.
 
     Returns
     -------
@@ -110,8 +110,8 @@ def adaptation(
     posterior = transfer.posterior(evidence)
     found = posterior.parameters([p.name for p in PARAMETERS])
     calibrated = {p.name: found[p.name][0] for p in PARAMETERS if p.keys}
-    told = f"calibrated on {len(trips)} trip{'s' if len(trips) > 1 else ''} of the car"
-    own_car = changed(vehicle, calibrated, source=told) if mode != "effects" else vehicle
+    source = f"calibrated on {len(trips)} trip{'s' if len(trips) > 1 else ''} of the car"
+    own_car = changed(vehicle, calibrated, source=source) if mode != "effects" else vehicle
     corrector = HierarchicalCorrector.from_posterior(transfer, posterior, frozenset(calibrated))
     scores, held_out = _scores(transfer, evidence, posterior, donor.scores, table)
     uncertainty = replace(
@@ -194,7 +194,7 @@ def adapt_model(
 
 
 def _cars(trips: Sequence[Trip]) -> list[str]:
-    """What is to be said where several cars count as one."""
+    """A note where several cars count as one."""
     cars = sorted({trip.context.car for trip in trips if trip.context.car is not None})
     return [f"cars {', '.join(cars)} count as one car"] if len(cars) > 1 else []
 
@@ -222,7 +222,7 @@ def _donor(base: ForecastModel, trips: Sequence[Trip]) -> tuple[DonorModel, tupl
 
 
 def adapted_scale(base: TotalScale, noise_scale: float) -> TotalScale:
-    """The scale of an adapted model's totals: the base's error, wider by what own trips say; its own corrector_variance in full."""
+    """Scale of an adapted model's totals: the base's errors times the noise of own trips; the corrector's uncertainty in full."""
     factor = np.sqrt(noise_scale * T_VARIANCE)
     return TotalScale(np.append(base.values[:3] * factor, 1.0))
 
@@ -234,7 +234,7 @@ def _scores(
     base: ConformalScores,
     table: SegmentTable,
 ) -> tuple[ConformalScores, tuple[HeldOut, ...]]:
-    """Standardised errors: the base's, spread by what is believed of the error's scale, and those of own trips.
+    """Standardised errors: the base's, over the posterior of the error's scale, and those of own trips.
 
     Own trips are left out in turn. The base counts as `BASE_TRIPS` of them, so that one trip alone neither narrows
     nor blows up an interval.
@@ -270,7 +270,7 @@ def weighted_quantiles(values: FloatArray, weight: FloatArray) -> FloatArray:
 
 
 def _joined(base: Mapping[str, Range], own: Mapping[str, Range], masked: Sequence[str]) -> dict[str, Range]:
-    """What either car has shown; a masked signal was shown by none."""
+    """Ranges over the trips of both cars; a masked input has none."""
     joined = {}
     for name, old in base.items():
         new = own.get(name, old)

@@ -22,7 +22,7 @@ from tripwatt.vehicles import Vehicle, load_vehicle
 
 
 def zero_shot_model(base: ForecastModel, vehicle: Vehicle) -> ForecastModel:
-    """Put a fitted model on a car that nobody has measured.
+    """Put a fitted model on a car without a measured trip.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def zero_shot_model(base: ForecastModel, vehicle: Vehicle) -> ForecastModel:
     Returns
     -------
     ForecastModel
-        Its intervals hold the doubt of the car's book values and of what cars have in common.
+        Its intervals contain the uncertainty of the car's published values and of what cars have in common.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def zero_shot_model(base: ForecastModel, vehicle: Vehicle) -> ForecastModel:
 
 
 def on_vehicle(model: ForecastModel, vehicle: Vehicle | str | None) -> tuple[ForecastModel, tuple[Flag, ...]]:
-    """A model on the car that is asked for, and the flag of a car without trips.
+    """A model on the chosen car, and the flag of a car without trips.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ energy to come is a sum over segments: its variance counts the correlation along
 variances.
 
 Where the log has the power of climate control, each component is fitted and updated separately. A burst of a heater
-tells little of the power to come, so the observed climate residual is limited.
+does not last, so the observed climate residual is limited.
 
 Conditioning is the textbook formula for a Gaussian vector of which linear functions were observed (Rasmussen and
 Williams 2006, section 2.2): it is the same for measured power, for missing or late samples, and for a state of

@@ -1,4 +1,4 @@
-"""What a planned route adds to the uncertainty: links tell the speed less well than a driven trace.
+"""The uncertainty that a planned route adds: links describe the speed less well than a driven trace.
 
 While a model is fitted, each training trip is cut into links as a router gives them, a driver model makes a speed
 trace of the links, and the corrector without that trip predicts both: the driven trace and the one made from links.
@@ -79,7 +79,7 @@ class RouteUncertainty:
 
 @dataclass(frozen=True, eq=False)
 class LinkedTrips:
-    """Training trips as their links make them.
+    """Training trips as made from their links.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ class LinkedTrips:
         return LinkedTrips(tuple(self.tables[int(i)] for i in members))
 
     def differences(self, corrector: PowerCorrector, driven: SegmentTable, members: IntArray) -> FloatArray:
-        """(energy on links - energy on the driven trace) / the latter, as a corrector that knows neither sees them.
+        """(energy on links - energy on the driven trace) / the latter, by a corrector that was fitted on neither.
 
         Parameters
         ----------
@@ -137,5 +137,5 @@ def _on_links(trip: Trip, vehicle: Vehicle) -> tuple[SegmentTable, ...]:
     try:
         plans = [plan_on_links(trip, length) for length in LENGTHS_M]
         return tuple(segment_table(plan, simulate_trip(vehicle, plan)) for plan in plans)
-    except InvalidInput:  # a log that is no drive as a route knows it says nothing of routes
+    except InvalidInput:  # a log that cannot be cut into links has no link error
         return ()

@@ -24,6 +24,7 @@ from tripwatt.errors import Fault, InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.trips import Fleet
+    from tripwatt.vehicles import Vehicle
 
 DEFAULT_TRIPS = "0,1,2,5,10,20,50"
 
@@ -114,6 +115,7 @@ def transfer(
     car, note = car_of(vehicle, target, dataset, mapping)
     from_car, from_note = car_of(from_vehicle, source, from_dataset, from_mapping)
     fleets: dict[str, Fleet] = {}
+    vehicles: list[Vehicle] = []
     options: dict[str, Any] = {"draws": draws, "min_distance_m": 1000.0 * min_km, "seed": seed}
 
     def read(key: str, place: Path, of: str | None, columns: str | None) -> None:
@@ -122,8 +124,8 @@ def transfer(
 
     gather(
         lambda: options.update(trips=numbers_of(trips)),
-        lambda: options.update(source_vehicle=load_vehicle(from_car)),
-        lambda: options.update(target_vehicle=load_vehicle(car, overrides=parse_overrides(overrides or []))),
+        lambda: vehicles.append(load_vehicle(from_car)),
+        lambda: vehicles.append(load_vehicle(car, overrides=parse_overrides(overrides or []))),
         lambda: check_writable(out),
         lambda: read("source", source, from_dataset, from_mapping),
         lambda: read("target", target, dataset, mapping),
@@ -132,18 +134,24 @@ def transfer(
     from tripwatt.report.transfer import write_transfer
 
     with progress(shown) as advance:
-        run = evaluate_transfer(fleets["source"], fleets["target"], **options, progress=advance)
+        run = evaluate_transfer(
+            fleets["source"],
+            fleets["target"],
+            vehicles=(vehicles[0], vehicles[1]),
+            **options,
+            progress=advance,
+        )
     from tripwatt.trips.messages import message
 
-    said = [message(flag) for flag in (*from_note, *note)]
-    run.results["notes"] += said
+    notes = [message(flag) for flag in (*from_note, *note)]
+    run.results["notes"] += notes
     with shown.status("writing the report"):
         write_whole(lambda folder: write_transfer(run, folder), out, unfinished_folder(out))
     _show(run.results, out, as_json)
 
 
 def dataset_of(place: Path, dataset: str | None, mapping: str | None) -> str | None:
-    """The data set that is said, or that the names of a folder's files tell.
+    """The given data set, or the one that the names of a folder's files show.
 
     Examples
     --------

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from tripwatt.cli.options import SetOption, examples, gather
+from tripwatt.cli.options import SetOption, examples, gather, options_named
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import print_json, print_notes
 from tripwatt.errors import Fault, InvalidInput
@@ -125,25 +125,24 @@ def _command(service: str) -> Callable[..., None]:
 def _curve(
     model: Path | None, vehicle: str | None, overrides: list[str], departure: dict[str, Any]
 ) -> tuple[ConsumptionCurve, list[str]]:
-    from tripwatt.cli.forecasting import options_named
     from tripwatt.export import consumption_curve
     from tripwatt.trips import Departure
 
     cars: list[tuple[Vehicle, Callable[[Plan], float] | None, list[str]]] = []
-    asked: list[Departure] = []
+    departures: list[Departure] = []
     with options_named():
         gather(
             lambda: cars.append(_car(model, vehicle, overrides)),
-            lambda: asked.append(Departure(**departure)),
+            lambda: departures.append(Departure(**departure)),
         )
     car, correction, notes = cars[0]
-    return consumption_curve(car, asked[0], correction=correction), notes
+    return consumption_curve(car, departures[0], correction=correction), notes
 
 
 def _car(
     model: Path | None, vehicle: str | None, overrides: list[str]
 ) -> tuple[Vehicle, Callable[[Plan], float] | None, list[str]]:
-    """The car, what was learned about it, and what to say of that."""
+    """The car, its learned correction, and notes about that."""
     from tripwatt.vehicles import load_vehicle, parse_overrides
 
     if vehicle is not None:

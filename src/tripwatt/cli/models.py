@@ -1,0 +1,276 @@
+"""Commands of models: fit or adapt one, describe one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tripwatt.cli.options import (
+    DataArgument,
+    DatasetOption,
+    JsonOption,
+    MappingOption,
+    SetOption,
+    VehicleOption,
+    car_of,
+    examples,
+    gather,
+    read_logs,
+)
+from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
+from tripwatt.errors import Fault, InvalidInput
+
+if TYPE_CHECKING:
+    from tripwatt.forecasting import ForecastModel
+    from tripwatt.trips import Fleet
+
+
+def add_commands(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command(
+        epilog=examples(
+            ("tripwatt fit data/tum --out my-model", "fit on your copy of the TUM trips"),
+            (
+                "tripwatt fit logs --mapping my.toml --vehicle vw_id3 --out my-model",
+                "fit on tables of one car",
+            ),
+            (
+                "tripwatt fit logs --mapping my.toml --vehicle nissan_leaf_24 --base i3-model --out leaf-model",
+                "adapt the model of one car to another car with a few of its trips",
+            ),
+            ("tripwatt fit --out example-model", "fit on the synthetic fleet, to try the commands"),
+        )
+    )(fit)
+    app.command(
+        epilog=examples(
+            ("tripwatt inspect", "describe the bundled model"),
+            ("tripwatt inspect my-model --json", "print all metadata of your model"),
+        )
+    )(inspect)
+
+
+def fit(
+    data: DataArgument = None,
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="MODEL",
+            help="Folder of the model. It is created when the fit is complete.",
+        ),
+    ] = Path("model"),
+    dataset: DatasetOption = None,
+    mapping: MappingOption = None,
+    vehicle: VehicleOption = None,
+    overrides: SetOption = None,
+    corrector: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME", help="Statistical model: linear, gp, boosting, forest, ensemble or split."
+        ),
+    ] = "split",
+    calibrate: Annotated[
+        bool,
+        typer.Option(
+            "--calibrate",
+            help="Calibrate mass, rolling resistance, air drag and base load of the car on the trips before the fit. The "
+            "estimates are shrunk towards the published values.",
+        ),
+    ] = False,
+    base: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MODEL",
+            help="Adapt this model of another car to the trips. A few trips are enough. --corrector and --seed are then "
+            "taken from this model.",
+            show_default=False,
+        ),
+    ] = None,
+    seed: Annotated[
+        int,
+        typer.Option(
+            min=0, metavar="N", help="Seed of the random numbers. The same seed gives the same model."
+        ),
+    ] = 0,
+    as_json: JsonOption = False,
+) -> None:
+    """Fit a forecasting model on logged trips and write it as a folder.
+
+    The command audits the trips, fits on the sound ones, and estimates the uncertainty of forecasts from held-out trips.
+    It writes the arrays of the model and metadata.json with inputs, provenance, scores and checksums.
+    """
+    from tripwatt.modelfile import require_place
+    from tripwatt.vehicles import load_vehicle, parse_overrides
+
+    shown = console()
+    car, note = car_of(vehicle, data, dataset, mapping)
+    fleets: list[Fleet] = []
+    cars: list[Any] = []
+    bases: list[tuple[ForecastModel, dict[str, Any]]] = []
+
+    def read() -> None:
+        with shown.status("reading trips"):
+            fleets.append(read_logs(data, dataset, mapping))
+
+    gather(
+        lambda: None if base is None else bases.append(_stored(base)),
+        lambda: _require_storable(corrector),
+        lambda: _require_one_way(base, calibrate),
+        lambda: cars.append(load_vehicle(car, overrides=parse_overrides(overrides or []))),
+        lambda: require_place(out),
+        read,
+    )
+    fleet = replace(fleets[0], notes=(*fleets[0].notes, *note))
+    shown.print(f"{len(fleet.trips)} trips read ({fleet.name})")
+    from tripwatt.forecasting.storage import save_model
+    from tripwatt.forecasting.training import train_model
+
+    if bases:
+        from tripwatt.transfer.adapting import adapt_model
+
+        with shown.status("adapting the base"):
+            model, provenance, figures = adapt_model(fleet, cars[0], *bases[0])
+    else:
+        with progress(shown) as advance:
+            model, provenance, figures = train_model(
+                fleet,
+                cars[0],
+                corrector=corrector,
+                seed=seed,
+                calibrated=calibrate,
+                progress=advance,
+            )
+    save_model(model, out, provenance=provenance, evaluation=figures)
+    _show_fit(fleet, out, provenance, figures, as_json)
+
+
+def _stored(folder: Path) -> tuple[ForecastModel, dict[str, Any]]:
+    """A stored model and its metadata."""
+    from tripwatt.forecasting import load_metadata, load_model
+
+    return load_model(folder), load_metadata(folder, check_parts=False)
+
+
+def _require_storable(corrector: str) -> None:
+    from tripwatt.hybrid import POWER_CORRECTORS
+
+    storable = [name for name in POWER_CORRECTORS if name != "gamm"]
+    if corrector not in storable:
+        raise InvalidInput(Fault("unknown corrector", "--corrector", corrector, ", ".join(storable)))
+
+
+def _require_one_way(base: Path | None, calibrate: bool) -> None:
+    if base is not None and calibrate:
+        fix = "remove --calibrate; --base includes the calibration of the car"
+        raise InvalidInput(Fault("conflicting options", "--calibrate", "with --base", "one of the two", fix))
+
+
+def _show_fit(
+    fleet: Fleet, out: Path, provenance: Mapping[str, Any], figures: dict[str, Any], as_json: bool
+) -> None:
+    from tripwatt.transfer.adapting import PROTOCOL
+
+    notes = provenance["data"]["notes"]
+    if as_json:
+        brief = {k: v for k, v in figures.items() if k != "by_trip"}
+        print_json({"model": str(out), "data": fleet.name, "evaluation": brief, "notes": notes})
+        return
+    how = "adapted to" if figures.get("protocol") == PROTOCOL else "fitted on"
+    typer.echo(f"model: {out}, {how} {figures['trips']} trips ({fleet.name})")
+    typer.echo(
+        f"held-out trips: mean error {figures['mape']:.1%}, RMSE {figures['rmse_wh'] / 1000.0:.3f} kWh, "
+        f"{figures['given']}"
+    )
+    print_notes(notes)
+
+
+def inspect(
+    model: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="MODEL",
+            help="Folder of a model. Default: the bundled model.",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Show the inputs, the provenance and the scores of a model, and verify its checksums."""
+    from tripwatt.forecasting import load_metadata
+
+    about = load_metadata(model)
+    if as_json:
+        print_json(about)
+        return
+    print_table("Model", ("", "value"), _about_rows(about), folding=("value",))
+    columns = ("input", "unit", "allowed", "range in training", "required")
+    rows = [
+        (
+            entry["name"],
+            entry["unit"],
+            _range(entry["minimum"], entry["maximum"]),
+            _range(*entry["training"]) if "training" in entry else "",
+            ("yes" if entry["required"] else "no")
+            + (", first sample" if entry["samples"] == "first" else ""),
+        )
+        for entry in about["contract"]["inputs"]
+    ]
+    print_table("Inputs", columns, rows)
+
+
+def _about_rows(about: dict[str, Any]) -> list[tuple[str, str]]:
+    fitted, origin, figures = about["model"], about["provenance"], about["evaluation"]
+    rows = [
+        ("format", f"{about['format_version']}, written by tripwatt {about['tripwatt']}"),
+        ("car", f"{fitted['vehicle_title']} ({fitted['vehicle']}, preset {fitted['vehicle_preset']})"),
+        ("corrector", f"{fitted['corrector']}, seed {fitted['seed']}, {fitted['trips']} trips"),
+    ]
+    if "data" in origin:
+        rows.append(("data", f"{origin['data']['name']}, SHA-256 {origin['data']['sha256']}"))
+        rows += [("citation", origin["data"]["citation"])] if origin["data"]["citation"] else []
+        rows += [("note", note) for note in origin["data"]["notes"]]
+    if "adapted" in origin:
+        rows += _adapted_rows(origin)
+    if "mape" in figures:
+        rows.append(
+            (
+                "held-out trips",
+                f"mean error {figures['mape']:.1%}, RMSE {figures['rmse_wh'] / 1000.0:.3f} kWh, "
+                f"bias {figures['bias_wh']:+.0f} Wh on {figures['trips']} trips, {figures['given']}",
+            )
+        )
+        rows.append(("protocol", figures["protocol"]))
+    rows.append(
+        ("parts", ", ".join(f"{name} ({part['bytes']} bytes)" for name, part in about["parts"].items()))
+    )
+    return rows
+
+
+def _adapted_rows(origin: dict[str, Any]) -> list[tuple[str, str]]:
+    """Where an adapted model comes from, and what its own trips changed."""
+    how, base = origin["adapted"], origin["base"]
+    changes = [
+        f"{name.replace('_', ' ')} {value['change']:+.1%} (standard deviation {value['sd']:.1%})"
+        for name, value in how["parameters"].items()
+    ]
+    about = base["model"]
+    return [
+        (
+            "base",
+            f"{about['vehicle_title']}, {about['corrector']}, {about['trips']} trips, SHA-256 {base['sha256']}",
+        ),
+        (
+            "adapted",
+            f"with {how['trips']} own trips; {how['share_in_common']:.0%} of the base's correction is shared",
+        ),
+        *([("car against published values", ", ".join(changes))] if changes else []),
+    ]
+
+
+def _range(low: float | None, high: float | None) -> str:
+    return f"{'-' if low is None else f'{low:g}'} to {'-' if high is None else f'{high:g}'}"
