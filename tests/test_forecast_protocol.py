@@ -9,9 +9,10 @@ import pytest
 from scipy.stats import binomtest, norm
 
 from tripwatt.errors import InvalidInput
-from tripwatt.evaluation import Execution, choose_models, evaluate, find_protocol, write_results
+from tripwatt.evaluation import Execution, choose_models, evaluate, write_results
 from tripwatt.evaluation.forecast_data import DATA_FEATURES, ForecastData, measured_log
 from tripwatt.evaluation.forecast_models import ForecastTask, fit_without_physics, reforecast
+from tripwatt.evaluation.forecast_protocol import ForecastProtocol
 from tripwatt.evaluation.forecast_scores import (
     FRACTIONS,
     LEVELS,
@@ -29,7 +30,10 @@ from tripwatt.trips import Trip, plan_from_trip
 from tripwatt.vehicles import load_vehicle
 
 ROAD = ("time_s", "speed_m_s", "elevation_m")
-FAST = ("constant", "physics", "physics4", "power-linear", "hybrid")
+FAST = ("constant", "physics", "physics4", "power-ensemble", "hybrid")
+
+
+QUICK = ForecastProtocol(corrector="linear")
 
 
 @pytest.fixture(scope="module")
@@ -229,7 +233,7 @@ def test_data_only_sees_nothing_simulated(prepared):
 def whole(fleet, tmp_path_factory):
     folder = tmp_path_factory.mktemp("folds")
     return evaluate(
-        fleet, protocol="forecast", models=FAST, execution=Execution(n_jobs=1, work_dir=folder)
+        fleet, protocol=QUICK, models=FAST, execution=Execution(n_jobs=1, work_dir=folder)
     ), folder
 
 
@@ -257,7 +261,7 @@ def test_results_hold_the_contract(whole, tmp_path):
 def test_held_out_trips_do_not_move_their_own_forecast(prepared, car):
     """Nothing of an outer fold is in its centre, its width or its bounds; everything of the others is."""
     folds = np.arange(len(prepared))
-    (spec,) = choose_models(find_protocol("forecast"), ("hybrid",))
+    (spec,) = choose_models(QUICK, ("hybrid",))
 
     def run(held_out, observed_w):
         segments = dataclasses.replace(prepared.segments, observed_w=observed_w)
@@ -279,7 +283,7 @@ def test_resumed_run_is_the_identical_one(fleet, whole):
     for path in kept[1::3]:
         path.unlink()
     again = evaluate(
-        fleet, protocol="forecast", models=FAST, execution=Execution(n_jobs=1, work_dir=folder, resume=True)
+        fleet, protocol=QUICK, models=FAST, execution=Execution(n_jobs=1, work_dir=folder, resume=True)
     )
     pd.testing.assert_frame_equal(again.folds, run.folds)
     pd.testing.assert_frame_equal(again.forecast.trips, run.forecast.trips)
@@ -291,8 +295,8 @@ def test_fit_here_score_there(fleet):
     other = synthetic_fleet(n_trips=4, seed=8)
     run = evaluate(
         fleet,
-        protocol="forecast",
-        models=("physics", "power-linear", "hybrid"),
+        protocol=QUICK,
+        models=("physics", "power-ensemble", "hybrid"),
         test_fleet=other,
         execution=Execution(n_jobs=1),
     )

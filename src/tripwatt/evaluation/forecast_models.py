@@ -176,11 +176,14 @@ class ForecastSpec:
     Attributes
     ----------
     name, title : str
+    corrector : str
+        One of `tripwatt.hybrid.POWER_CORRECTORS`.
     simulation : str
     """
 
     name: str
     title: str
+    corrector: str
     simulation: str | None = "physics"
 
     def folds(self, hold_out: HoldOut) -> frozenset[int]:
@@ -228,7 +231,7 @@ class ForecastTask:
     def run(self) -> list[FoldResult]:
         """Fit model and uncertainty without the fold; forecast and update its trips."""
         test = np.flatnonzero(self.folds == self.fold)
-        model = ForecastModel(self.vehicle, seed=self.seed)
+        model = ForecastModel(self.vehicle, self.spec.corrector, self.seed)
         began = time.perf_counter()
         model.fit_segments(self.segments.take(np.flatnonzero(self.folds != self.fold)))
         fitted = time.perf_counter()

@@ -51,36 +51,37 @@ from tripwatt.vehicles import Vehicle, load_vehicle
 MIN_DAYS: Final = 3
 CURVE: Final = "learning-curve"
 
-_DEFAULT: Final = PowerModel(
-    FORECAST,
-    "default physics + climate and driving corrected separately, by Gaussian processes and boosting",
-    DEFAULT_CORRECTOR,
+_TITLES: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "linear": "default physics, each cause scaled",
+        "gp": "default physics + additive Gaussian process on power",
+        "boosting": "default physics + boosting on power",
+        "forest": "default physics + forest on power",
+        "gamm": "default physics + GAMM on power",
+        "ensemble": "default physics + mean of Gaussian process and boosting on power",
+        "split": "default physics + climate and driving corrected separately, by Gaussian processes and boosting",
+    }
 )
+_NAMES: Final[Mapping[str, str]] = MappingProxyType({"gp": "power-kriging", "split": "power-channels"})
+"""Corrector -> its name in the files where it is not power-CORRECTOR."""
+
+_BASELINES: Final = tuple(TotalModel(model) for model in (CONSTANT, LINEAR4, LINEAR6, PHYSICS, PHYSICS4))
 _DATA_ONLY: Final = PowerModel(
     WITHOUT_PHYSICS, "boosting on the power of segments, without physics", "boosting", None
 )
 
 
 class ForecastProtocol:
-    """See `tripwatt.evaluation.protocol.EvaluationProtocol`. The centre of the forecast is the default corrector."""
+    """See `tripwatt.evaluation.protocol.EvaluationProtocol`.
+
+    Parameters
+    ----------
+    corrector : str
+        Corrector of the forecast; the others are models beside it.
+    """
 
     name = "forecast"
     title = "the forecast before departure and on the way, beside models of power"
-    models: tuple[ModelSpec, ...] = (
-        *(TotalModel(model) for model in (CONSTANT, LINEAR4, LINEAR6, PHYSICS, PHYSICS4)),
-        _DATA_ONLY,
-        PowerModel("power-linear", "default physics, each cause scaled", "linear"),
-        PowerModel("power-kriging", "default physics + additive Gaussian process on power", "gp"),
-        PowerModel("power-boosting", "default physics + boosting on power", "boosting"),
-        PowerModel("power-forest", "default physics + forest on power", "forest"),
-        PowerModel("power-gamm", "default physics + GAMM on power", "gamm"),
-        PowerModel(
-            "power-ensemble",
-            "default physics + mean of Gaussian process and boosting on power",
-            "ensemble",
-        ),
-        ForecastSpec(FORECAST, f"the forecast: {_DEFAULT.title}, with intervals and updates"),
-    )
     sections = (
         ReportSection("result", "Result", ("table", "mean-errors", "legend", "sets", "full-tables")),
         ReportSection("sure", "Uncertainty", ("coverage", "pit", "widths", "crps")),
@@ -98,9 +99,24 @@ class ForecastProtocol:
     published: Mapping[str, float] = MappingProxyType({})
     given = GIVEN
 
+    def __init__(self, corrector: str = DEFAULT_CORRECTOR) -> None:
+        self.centre = PowerModel(FORECAST, _TITLES[corrector], corrector)
+        self.models: tuple[ModelSpec, ...] = (
+            *_BASELINES,
+            _DATA_ONLY,
+            *(
+                PowerModel(_NAMES.get(name, f"power-{name}"), title, name)
+                for name, title in _TITLES.items()
+                if name != corrector
+            ),
+            ForecastSpec(
+                FORECAST, f"the forecast: {self.centre.title}, with intervals and updates", corrector
+            ),
+        )
+
     def extra(self, specs: Sequence[ModelSpec]) -> tuple[ModelSpec, ...]:
         """The learning curve, where both of its models were chosen."""
-        curves = {model.name: model for model in (_DEFAULT, _DATA_ONLY)}
+        curves = {model.name: model for model in (self.centre, _DATA_ONLY)}
         return (LearningCurve(CURVE, CURVE, curves),) if curves.keys() <= {s.name for s in specs} else ()
 
     def prepare(self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice) -> Prepared:

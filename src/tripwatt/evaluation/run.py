@@ -46,7 +46,7 @@ def find_protocol(name: str) -> EvaluationProtocol:
 def evaluate(
     fleet: Fleet,
     *,
-    protocol: str = DEFAULT_PROTOCOL,
+    protocol: str | EvaluationProtocol = DEFAULT_PROTOCOL,
     models: Sequence[str] | None = None,
     vehicle: str = "bmw_i3_60ah",
     overrides: Mapping[str, float | str] | None = None,
@@ -60,7 +60,7 @@ def evaluate(
     ----------
     fleet : Fleet
         Raw trips of one car.
-    protocol : {"paper", "forecast"}
+    protocol : {"paper", "forecast"} or EvaluationProtocol
     models : sequence of str, optional
         Some of the protocol's models; all by default.
     vehicle : str
@@ -79,7 +79,7 @@ def evaluate(
     InvalidInput
         On an unknown protocol, model, vehicle or override, or when too few trips are left.
     """
-    chosen = find_protocol(protocol)
+    chosen = find_protocol(protocol) if isinstance(protocol, str) else protocol
     specs = choose_models(chosen, models)
     prepared = chosen.prepare(fleet, test_fleet, CarChoice(vehicle, overrides))
     results = run_folds(prepared.hold_outs, specs, chosen.extra(specs), seed, execution or Execution())
