@@ -11,7 +11,7 @@ import io
 import sys
 import tokenize
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -85,10 +85,39 @@ def _arguments(node: Function) -> int:
     return len([name for name in names if name not in ("self", "cls")])
 
 
-def main() -> int:
-    """Print the tables."""
-    folders = [argument for argument in sys.argv[1:] if not argument.startswith("-")]
-    root = Path(folders[0] if folders else Path(__file__).parents[1]).resolve()
+@dataclass(frozen=True, slots=True)
+class Sizes:
+    """Sizes of one checkout.
+
+    Attributes
+    ----------
+    by_room : mapping of str to int
+        Lines of code.
+    functions, classes : tuple of Piece
+        The longest first.
+    """
+
+    by_room: Mapping[str, int]
+    functions: tuple[Piece, ...]
+    classes: tuple[Piece, ...]
+
+    @property
+    def p90(self) -> float:
+        """Length that nine of ten functions do not exceed."""
+        return float(np.percentile([piece.lines for piece in self.functions], 90))
+
+    @property
+    def wide(self) -> list[Piece]:
+        """Public functions with too many arguments; commands and constructors of estimators aside."""
+        return [
+            f
+            for f in sorted(self.functions, key=lambda p: -p.arguments)
+            if f.public and f.arguments > MOST_ARGUMENTS and not f.where.startswith("cli/")
+        ]
+
+
+def measure(root: Path) -> Sizes:
+    """Sizes of the package in a checkout."""
     source = root / "src" / "tripwatt"
     by_room: Counter[str] = Counter()
     found: dict[str, list[Piece]] = {"function": [], "class": []}
@@ -97,34 +126,35 @@ def main() -> int:
         by_room[parts[0] if len(parts) > 1 else path.stem] += len(code_rows(path.read_text("utf-8")))
         for kind, piece in pieces(path, source):
             found[kind].append(piece)
-    functions, classes = found["function"], found["class"]
-    for room, lines in by_room.most_common():
+    longest = {kind: tuple(sorted(all_, key=lambda p: -p.lines)) for kind, all_ in found.items()}
+    return Sizes(by_room, longest["function"], longest["class"])
+
+
+def main() -> int:
+    """Print the tables."""
+    root = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parents[1]).resolve()
+    sizes = measure(root)
+    for room, lines in sorted(sizes.by_room.items(), key=lambda item: -item[1]):
         print(f"{room:14s}{lines:7d}")
-    print(f"{'all':14s}{sum(by_room.values()):7d}")
-    sizes = np.array([piece.lines for piece in functions])
+    print(f"{'all':14s}{sum(sizes.by_room.values()):7d}")
+    lengths = [piece.lines for piece in sizes.functions]
     print(
-        f"functions: {len(sizes)}, median {np.median(sizes):g}, p90 {np.percentile(sizes, 90):g} "
-        f"(at most {P90_FUNCTION}), over {MOST_FUNCTION}: {int((sizes > MOST_FUNCTION).sum())}"
+        f"functions: {len(lengths)}, median {np.median(lengths):g}, p90 {sizes.p90:g} (at most {P90_FUNCTION}), "
+        f"over {MOST_FUNCTION}: {sum(n > MOST_FUNCTION for n in lengths)}"
     )
-    print(f"classes: {len(classes)}, over {MOST_CLASS}: {sum(c.lines > MOST_CLASS for c in classes)}")
-    wide = [
-        f
-        for f in functions
-        if f.public
-        and f.arguments > MOST_ARGUMENTS
-        and "__init__" not in f.where
-        and not f.where.startswith("cli/")
-    ]
-    print(f"public functions with more than {MOST_ARGUMENTS} arguments: {len(wide)}")
+    print(
+        f"classes: {len(sizes.classes)}, over {MOST_CLASS}: {sum(c.lines > MOST_CLASS for c in sizes.classes)}"
+    )
+    print(f"public functions with more than {MOST_ARGUMENTS} arguments: {len(sizes.wide)}")
     for title, chosen in (
-        ("longest functions", sorted(functions, key=lambda p: -p.lines)[:12]),
-        ("largest classes", sorted(classes, key=lambda p: -p.lines)[:8]),
+        ("longest functions", sizes.functions[:12]),
+        ("largest classes", sizes.classes[:8]),
     ):
         print(f"\n{title}")
         for piece in chosen:
             print(f"{piece.lines:6d}  {piece.where}")
     print("\nmost arguments")
-    for piece in sorted(wide, key=lambda p: -p.arguments):
+    for piece in sizes.wide:
         print(f"{piece.arguments:6d}  {piece.where}")
     return 0
 
