@@ -12,7 +12,20 @@ SIMULATION = "physics-paper"
 
 
 def gamm(seed: int = 0) -> HybridModel:
-    """The GAMM of Table 2 with Student's t errors; it draws no random numbers."""
+    """The GAMM of Table 2 with Student's t errors; it draws no random numbers.
+
+    Examples
+    --------
+    >>> from tripwatt.hybrid import build_table
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle("bmw_i3_60ah", preset="paper")
+    >>> table = build_table(synthetic_fleet(6, seed=3).trips, {"physics-paper": car}, step_s=5.0)
+    >>> model = gamm().fit(table.take(range(5)))
+    >>> held_out = table.take([5])
+    >>> model.predict(held_out).shape == held_out.observed_wh.shape
+    True
+    """
     return HybridModel(Table2Corrector(), SIMULATION)
 
 
