@@ -12,20 +12,7 @@ SIMULATION = "physics-paper"
 
 
 def gamm(seed: int = 0) -> HybridModel:
-    """The GAMM of Table 2 with Student's t errors; it draws no random numbers.
-
-    Examples
-    --------
-    >>> from tripwatt.hybrid import build_table
-    >>> from tripwatt.synthetic import synthetic_fleet
-    >>> from tripwatt.vehicles import load_vehicle
-    >>> car = load_vehicle("bmw_i3_60ah", preset="paper")
-    >>> table = build_table(synthetic_fleet(6, seed=3).trips, {"physics-paper": car}, step_s=5.0)
-    >>> model = gamm().fit(table.take(range(5)))
-    >>> held_out = table.take([5])
-    >>> model.predict(held_out).shape == held_out.observed_wh.shape
-    True
-    """
+    """The GAMM of Table 2 with Student's t errors; it draws no random numbers."""
     return HybridModel(Table2Corrector(), SIMULATION)
 
 
@@ -36,7 +23,20 @@ def forest(seed: int = 0) -> HybridModel:
 
 
 def boosting(seed: int = 0) -> HybridModel:
-    """Boosting as a marginal model, scored by the absolute error at the end of the trip."""
+    """Boosting as a marginal model, scored by the absolute error at the end of the trip.
+
+    Examples
+    --------
+    >>> from tripwatt.hybrid import build_table
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle("bmw_i3_60ah", preset="paper")
+    >>> table = build_table(synthetic_fleet(6, seed=3).trips, {"physics-paper": car}, step_s=10.0)
+    >>> model = boosting().fit(table.take(range(5)))
+    >>> held_out = table.take([5])
+    >>> model.predict(held_out).shape == held_out.observed_wh.shape
+    True
+    """
     return HybridModel(_boosting(seed), SIMULATION, shares_folds=True)
 
 
