@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from tripwatt.report.tables import Table, number, span
-from tripwatt.report.transfer import curve_table, models_table, said_of_curve, said_of_models
+from tripwatt.report.transfer_panels import curve_table, models_table, said_of_curve, said_of_models
 
 ROOT = Path(__file__).resolve().parent
 RESULTS, IMAGES, PAGE = ROOT / "results", ROOT / "images", ROOT / "transfer.md"

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from tripwatt.physics.simulate import Simulation
-from tripwatt.report import planned
-from tripwatt.report.readme import BEGIN, END, FORECAST_BEGIN, FORECAST_END, PAPER_BEGIN, PAPER_END
+from tripwatt.report.readme import PAGE, markers
 from tripwatt.trips import COLUMNS, Context
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -40,8 +39,8 @@ def test_index_lists_every_page() -> None:
     assert [p.name for p in DOCS.glob("*.md") if p.name != "index.md" and f"]({p.name})" not in index] == []
 
 
-README_PLACES = ((BEGIN, END), ("<!-- example:begin -->", "<!-- example:end -->"))
-PAGE_PLACES = ((PAPER_BEGIN, PAPER_END), (FORECAST_BEGIN, FORECAST_END), (planned.BEGIN, planned.END))
+README_PLACES = (markers("results"), markers("example"))
+PAGE_PLACES = tuple(map(markers, PAGE))
 
 
 @pytest.mark.parametrize(

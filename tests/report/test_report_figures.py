@@ -16,11 +16,21 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from tripwatt.errors import InvalidInput
-from tripwatt.report import figures, render_table, sentences, tables, update_readme, update_results_page
+from tripwatt.report import render_table, update_readme, update_results_page
 from tripwatt.report.models import MODELS as STYLES
-from tripwatt.report.panels import build_sections, paired_with
+from tripwatt.report.panels import (
+    build_sections,
+    correctors,
+    error_distribution,
+    mean_errors,
+    paired,
+    results_table,
+    trips,
+)
+from tripwatt.report.short_table import short_list
 from tripwatt.report.style import WIDTH_IN, style_context
 from tripwatt.report.view import View
+from tripwatt.report.words import compared
 
 MakeRun = Callable[..., SimpleNamespace]
 MODELS = [name for name in STYLES if name != "hybrid" and not name.startswith("power-")]
@@ -63,7 +73,7 @@ def test_main_evaluation_is_one_trip_out_on_the_reference_trips(view: View) -> N
 
 
 def test_distribution_shows_the_signed_error_of_every_trip(folds: pd.DataFrame) -> None:
-    figure = figures.plot_error_distribution(folds)
+    figure = error_distribution.plot_error_distribution(folds)
     for number, model in enumerate(MODELS):
         rows = folds[folds["model"] == model]
         expected = rows["predicted_energy_wh"] / rows["observed_energy_wh"] - 1
@@ -74,7 +84,7 @@ def test_distribution_shows_the_signed_error_of_every_trip(folds: pd.DataFrame) 
 def test_box_plot_shows_every_trip_or_counts_it(folds: pd.DataFrame) -> None:
     far = folds.copy()
     far.loc[(far["model"] == "boosting-only") & (far["trip"] == "A01"), "ape"] = 9.0
-    figure = figures.plot_error_boxes(far)
+    figure = error_distribution.plot_error_boxes(far)
     for number, model in enumerate(MODELS):
         expected = far.loc[far["model"] == model, "ape"].to_numpy()
         shown = np.asarray(by_gid(figure, f"trips-{number}").get_offsets())[:, 0]
@@ -83,12 +93,12 @@ def test_box_plot_shows_every_trip_or_counts_it(folds: pd.DataFrame) -> None:
 
 
 def test_means_and_paired_differences_are_those_of_the_results(view: View) -> None:
-    means = figures.plot_mean_errors(view.evaluations, paper=view.paper_mape)
+    means = mean_errors.plot_mean_errors(view.evaluations, paper=view.published)
     for number, evaluation in enumerate(view.evaluations):
         for row, model in enumerate(MODELS):
             assert by_gid(means, f"mean-{number}-{row}").get_xdata()[0] == evaluation["models"][model]["mape"]
     pairs = view.paired_of(view.main)
-    differences = figures.plot_paired_differences(pairs)
+    differences = paired.plot_paired_differences(pairs)
     assert [by_gid(differences, f"pair-{i}").get_xdata()[0] for i in range(len(pairs))] == [
         p["diff"] for p in pairs
     ]
@@ -101,7 +111,7 @@ def test_energy_along_the_trip_ends_where_the_fold_says(view: View, folds: pd.Da
     assert selected[0][2] == errors.min()
     assert selected[2][2] == errors.max()
     assert abs((errors < selected[1][2]).sum() - (errors > selected[1][2]).sum()) <= 1
-    figure = figures.plot_trip_energy(view.series, selected, str(view.best))
+    figure = trips.plot_trip_energy(view.series, selected, str(view.best), simulated="physics-paper")
     for number, (_, trip, _) in enumerate(selected):
         rows = folds[folds["trip"] == trip].set_index("model")
         ends = {
@@ -116,7 +126,7 @@ def test_energy_along_the_trip_ends_where_the_fold_says(view: View, folds: pd.Da
 
 
 def test_errors_by_trip_are_sorted_and_complete(folds: pd.DataFrame) -> None:
-    figure = figures.plot_trip_errors(folds, "boosting", "physics-paper")
+    figure = trips.plot_trip_errors(folds, "boosting", "physics-paper")
     expected = folds[folds["model"] == "boosting"].set_index("trip")["ape"].sort_values(ascending=False)
     np.testing.assert_allclose(by_gid(figure, "own").get_xdata(), expected)
     other = folds[folds["model"] == "physics-paper"].set_index("trip")["ape"]
@@ -126,11 +136,11 @@ def test_errors_by_trip_are_sorted_and_complete(folds: pd.DataFrame) -> None:
 
 def test_learning_curve_and_importances(view: View) -> None:
     curves = view.learning_curves
-    drawn = figures.plot_learning_curves(curves)
+    drawn = correctors.plot_learning_curves(curves)
     for number, model in enumerate(("boosting", "boosting-only")):
         mean = curves[curves["model"] == model].groupby("rounds")["error"].mean()
         np.testing.assert_allclose(by_gid(drawn, f"mean-{number}").get_ydata(), mean)
-    figure = figures.plot_importances(view.importances)
+    figure = correctors.plot_importances(view.importances)
     bars = figure.findobj(lambda a: (a.get_gid() or "").startswith("importance-0-"))
     forest = view.importances[view.importances["model"] == "forest"]["importance"]
     assert [b.get_width() for b in bars] == sorted(forest, reverse=True)
@@ -139,15 +149,17 @@ def test_learning_curve_and_importances(view: View) -> None:
 def test_no_text_of_a_figure_leaves_it_or_covers_its_neighbour(view: View, folds: pd.DataFrame) -> None:
     selected = view.selected_trips()
     drawn = [
-        figures.plot_mean_errors(view.evaluations, paper=view.paper_mape, synthetic=True),
-        figures.plot_error_distribution(folds, note="note", synthetic=True),
-        figures.plot_error_boxes(folds, paper=view.paper_mape, synthetic=True),
-        figures.plot_trip_energy(view.series, selected, "boosting", synthetic=True),
-        figures.plot_trip_errors(folds, "boosting", "physics-paper", synthetic=True),
-        figures.plot_paired_differences(view.paired_of(view.main)[:9], synthetic=True),
-        figures.plot_paired_differences(paired_with(view.paired_of(view.main), view.best), synthetic=True),
-        figures.plot_learning_curves(view.learning_curves, synthetic=True),
-        figures.plot_importances(view.importances, synthetic=True),
+        mean_errors.plot_mean_errors(view.evaluations, paper=view.published, synthetic=True),
+        error_distribution.plot_error_distribution(folds, note="note", synthetic=True),
+        error_distribution.plot_error_boxes(folds, paper=view.published, synthetic=True),
+        trips.plot_trip_energy(view.series, selected, "boosting", simulated="physics-paper", synthetic=True),
+        trips.plot_trip_errors(folds, "boosting", "physics-paper", synthetic=True),
+        paired.plot_paired_differences(view.paired_of(view.main)[:9], synthetic=True),
+        paired.plot_paired_differences(
+            paired.paired_with(view.paired_of(view.main), view.best), synthetic=True
+        ),
+        correctors.plot_learning_curves(view.learning_curves, synthetic=True),
+        correctors.plot_importances(view.importances, synthetic=True),
         *(
             p.figure
             for s in build_sections(view)
@@ -172,7 +184,7 @@ def test_no_text_of_a_figure_leaves_it_or_covers_its_neighbour(view: View, folds
 
 def test_plots_leave_the_settings_of_the_process_alone(folds: pd.DataFrame) -> None:
     before = dict(matplotlib.rcParams)
-    figures.plot_error_boxes(folds)
+    error_distribution.plot_error_boxes(folds)
     assert dict(matplotlib.rcParams) == before
 
 
@@ -184,7 +196,7 @@ def test_terminal_table_has_five_models_with_their_titles(run: SimpleNamespace) 
     models = view.main["models"]
     shown = [line for line in text.splitlines() if any(f" {STYLES[m].label} " in line for m in MODELS)]
     assert len(shown) == 5
-    for name, line in zip(tables.short_list(view), shown, strict=True):
+    for name, line in zip(short_list(view), shown, strict=True):
         assert STYLES[name].label in line
         low, high = models[name]["mape_ci95"]
         assert f"{100 * models[name]['mape']:.1f}" in line
@@ -199,16 +211,16 @@ def test_terminal_table_has_five_models_with_their_titles(run: SimpleNamespace) 
 def test_short_table_is_the_best_of_each_kind_and_holds_the_best_of_all(made_up: MakeRun) -> None:
     view = View(made_up("tum", trips=["a", "b", "c", "d", "e"]).results)
     models = view.main["models"]
-    names = tables.short_list(view)
+    names = short_list(view)
     kinds = [STYLES[m].kind for m in names]
     assert names[0] == "constant"
-    assert kinds == ["baseline", "baseline", "physics", "data", "hybrid"]
+    assert kinds == ["constant", "baseline", "physics", "data", "hybrid"]
     for name in names[1:]:
-        rivals = [m for m in models if STYLES[m].kind == STYLES[name].kind and m != "constant"]
+        rivals = [m for m in models if STYLES[m].kind == STYLES[name].kind]
         assert models[name]["mape"] == min(models[m]["mape"] for m in rivals)
     assert min(m["mape"] for m in models.values()) == min(models[m]["mape"] for m in names)
     few = {**view.main, "models": {m: models[m] for m in ("linear4", "linear6", "physics")}}
-    assert tables.short_list(View({"evaluations": [few]})) == ["linear4", "linear6", "physics"]
+    assert short_list(View({"evaluations": [few]})) == ["linear4", "linear6", "physics"]
 
 
 def test_identical_evaluations_are_shown_once_and_named(made_up: MakeRun) -> None:
@@ -220,7 +232,7 @@ def test_identical_evaluations_are_shown_once_and_named(made_up: MakeRun) -> Non
     run.results["evaluations"] = [reference, {**reference, "trips": "all", "models": slower}, other]
     view = View(run.results)
     assert [e["trips"] for e in view.evaluations] == ["reference", "audited"]
-    table = tables.sets_table(view)
+    table = results_table.sets_table(view)
     assert len(table.rows) == 2
     assert table.rows[0][0] == ("leave one trip out, 4 reference trips (identical: all 4 trips, unaudited)")
     assert "identical" not in table.rows[1][0]
@@ -247,7 +259,7 @@ def test_a_page_holds_the_results_and_keeps_the_rest(
     assert once.endswith(f"\n<!-- {marker}:end -->\ntail\n")
     assert "\nold\n" not in once
     view = View(results)
-    shown = MODELS if protocol == "paper" else tables.short_list(view)
+    shown = MODELS if protocol == "paper" else short_list(view)
     assert all(f"{100 * view.main['models'][m]['mape']:.1f}" in once for m in shown)
 
 
@@ -272,8 +284,8 @@ def test_readme_without_its_markers_is_refused_and_left_alone(
 @given(diff=st.floats(-1, 1), low=st.floats(0, 0.5), high=st.floats(0, 0.5))
 def test_turning_a_pair_round_keeps_its_verdict(diff: float, low: float, high: float) -> None:
     pair = {"a": "boosting", "b": "forest", "diff": diff, "ci95": [diff - low, diff + high]}
-    (turned,) = paired_with([pair], "boosting")
-    assert sentences.in_words(turned) == sentences.in_words(pair)
+    (turned,) = paired.paired_with([pair], "boosting")
+    assert paired.in_words(turned) == paired.in_words(pair)
     assert turned["ci95"][0] <= turned["diff"] <= turned["ci95"][1]
 
 
@@ -284,12 +296,12 @@ def test_sentences_follow_the_numbers(made_up: MakeRun) -> None:
     assert best is not None
     hybrids = {m: view.main["models"][m]["mape"] for m in ("physics4", "forest", "boosting")}
     assert best == min(hybrids, key=lambda m: hybrids[m])
-    assert f"{100 * hybrids[best]:.1f}\u00a0%" in sentences.on_main_table(view)
+    assert f"{100 * hybrids[best]:.1f}\u00a0%" in results_table.on_lowest(view)
     pairs = [
         {"a": "constant", "b": best, "diff": 0.1, "ci95": [0.05, 0.2]},
         {"a": best, "b": "linear4", "diff": 0.0, "ci95": [-0.1, 0.1]},
     ]
-    said = sentences.on_paired(pairs, best)
+    said = paired.on_paired(pairs, best)
     assert "significantly lower than that of Constant Wh/km" in said
     assert "not significantly different from that of Linear (4 coefficients)" in said
 
@@ -300,8 +312,8 @@ def test_a_comparison_reads_the_same_whichever_model_comes_first(
 ) -> None:
     pair = {"a": "physics4", "b": "forest", "diff": diff, "ci95": [diff - low, diff + high]}
     turned = {"a": "forest", "b": "physics4", "diff": -diff, "ci95": [-diff - high, -diff + low]}
-    said = sentences.compared([pair], "forest", ["physics4"])
-    assert said == sentences.compared([turned], "forest", ["physics4"])
+    said = compared([pair], "forest", ["physics4"])
+    assert said == compared([turned], "forest", ["physics4"])
     if diff - low <= 0.0 <= diff + high:
         assert "not significantly different" in said
     else:
@@ -310,11 +322,11 @@ def test_a_comparison_reads_the_same_whichever_model_comes_first(
 
 
 def test_table_cells_are_those_of_the_results(view: View) -> None:
-    table = tables.results_table(view, view.main)
+    table = results_table.results_table(view, view.main)
     score = view.main["models"]["boosting"]
     row = dict(zip(table.columns, table.rows[list(MODELS).index("boosting")], strict=True))
     assert row["RMSE [kWh]"] == f"{score['rmse_wh'] / 1000:.2f}"
     assert row["Max [%]"] == f"{100 * score['max_ape']:.1f}"
     assert row["The paper [%]"] == "10.3"
-    for other in (table, tables.trips_table(view), tables.paired_table(view), tables.sets_table(view)):
+    for other in (table, trips.trips_table(view), paired.paired_table(view), results_table.sets_table(view)):
         assert {len(cells) for cells in other.rows} == {len(other.columns)}

@@ -10,8 +10,9 @@ import pytest
 
 from tripwatt.gam import CurveEffect, RandomEffects, SurfaceEffect
 from tripwatt.paper.insight import GammInsight
-from tripwatt.report import gamm, gamm_figures, running_time, sentences
-from tripwatt.report.panels import build_sections
+from tripwatt.report.covariates import term_in_words
+from tripwatt.report.panels import build_sections, gamm_effects, gamm_summary, running_time
+from tripwatt.report.panels.results_table import on_physics_gap
 from tripwatt.report.view import View
 
 MakeRun = Callable[..., SimpleNamespace]
@@ -41,7 +42,7 @@ def plain_cell(text: str) -> str:
 
 
 def test_summary_table_is_the_summary_and_shows_a_level_without_data(found: GammInsight) -> None:
-    table = gamm.summary_table(found, paper=False)
+    table = gamm_summary.summary_table(found, paper=False)
     cells = [plain_cell(row[1]) for row in table.rows]
     assert cells.count("reference") == 1
     cells.remove("reference")
@@ -53,10 +54,10 @@ def test_summary_table_is_the_summary_and_shows_a_level_without_data(found: Gamm
 
 
 def test_the_papers_own_table_stands_beside_ours_whole(found: GammInsight) -> None:
-    table = gamm.summary_table(found, paper=True)
-    assert gamm.PAPER_TABLE2_SOURCE in table.columns[-1]
+    table = gamm_summary.summary_table(found, paper=True)
+    assert gamm_summary.PAPER_TABLE2_SOURCE in table.columns[-1]
     rows = {row[0]: plain_cell(row[-1]) for row in table.rows}
-    assert {name: rows[name] for name in gamm.PAPER_TABLE2} == dict(gamm.PAPER_TABLE2)
+    assert {name: rows[name] for name in gamm_summary.PAPER_TABLE2} == dict(gamm_summary.PAPER_TABLE2)
     ours_too = {
         "(Intercept)",
         "s(time)",
@@ -70,7 +71,7 @@ def test_the_papers_own_table_stands_beside_ours_whole(found: GammInsight) -> No
 
 def test_smooths_are_drawn_in_the_units_of_their_axes(found: GammInsight) -> None:
     curves = only(found, CurveEffect)
-    figure = gamm_figures.plot_curves(curves)
+    figure = gamm_effects.plot_curves(curves)
     factors = {"time_s": 1 / 60, "speed_m_s": 3.6}
     assert len(curves) == 6
     for place, curve in enumerate(curves):
@@ -87,26 +88,26 @@ def test_a_smooth_whose_band_exceeds_the_observed_range_gives_its_reason_instead
     half = curves[1].multiplier * curves[1].std_error
     vague = replace(curves[1], std_error=curves[1].std_error * 1.01 * observed / (2 * np.median(half)))
     clear = replace(curves[1], std_error=curves[1].std_error * 0.99 * observed / (2 * np.median(half)))
-    assert gamm.band_width_wh(vague) == pytest.approx(1.01 * observed, rel=1e-6)
-    assert not gamm.is_determined(vague, observed)
-    assert gamm.is_determined(clear, observed)
+    assert gamm_effects.band_width_wh(vague) == pytest.approx(1.01 * observed, rel=1e-6)
+    assert not gamm_effects.is_determined(vague, observed)
+    assert gamm_effects.is_determined(clear, observed)
 
     shown = [curves[0], vague, curves[2]]
-    figure = gamm_figures.plot_curves(shown, observed)
+    figure = gamm_effects.plot_curves(shown, observed)
     reason = drawn(figure, "reason-1").get_text().replace("\n", " ")
-    assert reason == gamm.not_determined(vague, observed)
+    assert reason == gamm_effects.not_determined(vague, observed)
     assert f"{1.01 * observed:,.0f} Wh wide" in reason
     assert not figure.findobj(lambda artist: artist.get_gid() == "smooth-1")
-    said = gamm.on_curves(shown, observed)
-    assert f"{gamm.in_words(vague.label)} is not drawn: not determined by these trips" in said
-    assert "not drawn" not in gamm.on_curves([curves[0], clear, curves[2]], observed)
+    said = gamm_effects.on_curves(shown, observed)
+    assert f"{term_in_words(vague.label)} is not drawn: not determined by these trips" in said
+    assert "not drawn" not in gamm_effects.on_curves([curves[0], clear, curves[2]], observed)
 
 
 def test_the_axis_of_a_smooth_is_that_of_its_data_not_of_a_runaway_end(found: GammInsight) -> None:
     curve = next(c for c in only(found, CurveEffect) if c.covariate == "speed_m_s" and ":" not in c.label)
     wild = curve.std_error.copy()
     wild[-1] = 1e5
-    axes = drawn(gamm_figures.plot_curves([replace(curve, std_error=wild)]), "smooth-0").axes
+    axes = drawn(gamm_effects.plot_curves([replace(curve, std_error=wild)]), "smooth-0").axes
     low, high = axes.get_ylim()
     assert high - low < 1e4
     assert low <= curve.effect.min()
@@ -114,7 +115,7 @@ def test_the_axis_of_a_smooth_is_that_of_its_data_not_of_a_runaway_end(found: Ga
 
 
 def test_an_odd_number_of_smooths_leaves_no_empty_half(found: GammInsight) -> None:
-    figure = gamm_figures.plot_curves(only(found, CurveEffect)[:3])
+    figure = gamm_effects.plot_curves(only(found, CurveEffect)[:3])
     first, _, last = (axes.get_subplotspec().colspan for axes in figure.axes)
     assert (len(first), len(last)) == (1, 2)
 
@@ -122,17 +123,17 @@ def test_an_odd_number_of_smooths_leaves_no_empty_half(found: GammInsight) -> No
 def test_a_surface_that_the_data_do_not_determine_is_called_so(found: GammInsight) -> None:
     (surface,) = only(found, SurfaceEffect)
     observed = float(np.ptp(found.diagnosis.response.response))
-    assert "do not determine" not in gamm.on_surface(
+    assert "do not determine" not in gamm_effects.on_surface(
         replace(surface, std_error=surface.std_error * 0.0), observed
     )
     vague = replace(surface, std_error=np.full_like(surface.effect, observed / 3.0))
-    assert "do not determine" in gamm.on_surface(vague, observed)
+    assert "do not determine" in gamm_effects.on_surface(vague, observed)
 
 
 def test_qq_plot_keeps_the_extremes_and_its_line_is_the_fitted_distribution(found: GammInsight) -> None:
     qq = found.diagnosis.qq
     many = np.linspace(-4.0, 4.0, 5000) ** 3
-    figure = gamm_figures.plot_diagnosis(
+    figure = gamm_summary.plot_diagnosis(
         replace(found.diagnosis, qq=type(qq).from_residuals(many, qq.distribution))
     )
     shown = np.asarray(drawn(figure, "qq").get_offsets())
@@ -144,27 +145,27 @@ def test_qq_plot_keeps_the_extremes_and_its_line_is_the_fitted_distribution(foun
 
 def test_random_effects_and_autocorrelation_are_those_of_the_fit(found: GammInsight) -> None:
     (effect,) = only(found, RandomEffects)
-    points = drawn(gamm_figures.plot_random(effect), "random")
+    points = drawn(gamm_effects.plot_random(effect), "random")
     np.testing.assert_array_equal(points.get_xdata(), effect.theoretical)
     np.testing.assert_array_equal(points.get_ydata(), effect.effect)
-    points = drawn(gamm_figures.plot_dependence(found.autocorrelation, 30.0), "autocorrelation")
+    points = drawn(gamm_summary.plot_dependence(found.autocorrelation, 30.0), "autocorrelation")
     np.testing.assert_array_equal(points.get_ydata(), found.autocorrelation.correlation)
     np.testing.assert_allclose(points.get_xdata(), found.autocorrelation.lag / 2)
 
 
 def test_dependent_rows_are_called_so(found: GammInsight) -> None:
     loud = replace(found.autocorrelation, correlation=np.full(len(found.autocorrelation.lag), 0.9))
-    said = gamm.on_dependence(replace(found, autocorrelation=loud))
+    said = gamm_summary.on_dependence(replace(found, autocorrelation=loud))
     assert "EDFs are too large" in said
     quiet = replace(loud, correlation=np.zeros(len(loud.lag)))
-    assert "EDFs" not in gamm.on_dependence(replace(found, autocorrelation=quiet))
+    assert "EDFs" not in gamm_summary.on_dependence(replace(found, autocorrelation=quiet))
 
 
 def test_a_fit_that_did_not_converge_says_so_first(found: GammInsight) -> None:
     broken = replace(
         found, summary=replace(found.summary, converged=False, message="60 passes were not enough.")
     )
-    said = gamm.on_summary(broken, paper=False)
+    said = gamm_summary.on_summary(broken, paper=False)
     assert said.startswith("The fit did not converge")
     assert "60 passes" in said
 
@@ -172,7 +173,7 @@ def test_a_fit_that_did_not_converge_says_so_first(found: GammInsight) -> None:
 def test_surface_that_is_flat_or_has_no_data_is_drawn(found: GammInsight) -> None:
     (surface,) = only(found, SurfaceEffect)
     flat = replace(surface, effect=np.zeros_like(surface.effect), points=np.zeros((0, 2)))
-    gamm_figures.plot_surface(flat)
+    gamm_effects.plot_surface(flat)
 
 
 def test_panels_name_the_rule_and_the_trips_it_concerns(run: SimpleNamespace) -> None:
@@ -203,9 +204,9 @@ def test_running_times_are_those_of_the_results(run: SimpleNamespace) -> None:
         for key in ("fit_s", "predict_ms"):
             assert drawn(figure, f"{key}-{row}").get_xdata()[0] == models[name][key]
     slowest = max(models[m]["fit_s"] for m in ("forest", "boosting"))
-    ratio = float(re.findall(r"fit takes ([\d.]+) times", running_time.on_running_time(view))[0])
+    ratio = float(re.findall(r"takes ([\d.]+) times", running_time.on_running_time(view))[0])
     assert ratio == pytest.approx(models["gamm"]["fit_s"] / slowest, rel=0.06)
-    assert running_time.PAPER_SAYS in running_time.on_running_time(view)
+    assert running_time.PAPER_SAYS["gamm"] in running_time.on_running_time(view)
 
 
 def test_runs_without_times_or_correctors_say_so() -> None:
@@ -219,9 +220,9 @@ def test_runs_without_times_or_correctors_say_so() -> None:
 def test_why_our_physics_differs_is_said_of_the_papers_trips_and_car_alone(made_up: MakeRun) -> None:
     run = made_up("tum", trips=["a", "b", "c", "d"])
     ours = View.from_run(run).main["models"]["physics-paper"]["mape"]
-    said = sentences.on_physics_gap(View.from_run(run))
+    said = on_physics_gap(View.from_run(run))
     assert f"{100 * ours:.1f}\u00a0%" in said
     assert "37.9\u00a0%" in said
     assert said.endswith("this table 4.")
-    assert sentences.on_physics_gap(View({**run.results, "dataset": "ved"})) == ""
-    assert sentences.on_physics_gap(View({**run.results, "vehicle": "my_car"})) == ""
+    assert on_physics_gap(View({**run.results, "dataset": "ved"})) == ""
+    assert on_physics_gap(View({**run.results, "vehicle": "my_car"})) == ""

@@ -11,15 +11,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tripwatt.evaluation import PROTOCOLS
 from tripwatt.report import render_report, write_report
-from tripwatt.report.html import FIGURE_KEYS
 from tripwatt.report.models import MODELS as STYLES
 from tripwatt.report.models import model_style
-from tripwatt.report.panels import build_sections
+from tripwatt.report.panels import PANELS, build_sections, figure_keys
 from tripwatt.report.view import View
 
 MakeRun = Callable[..., SimpleNamespace]
 MODELS = [name for name in STYLES if name != "hybrid" and not name.startswith("power-")]
+FIGURE_KEYS = figure_keys(PROTOCOLS["paper"])
 VOID = {"meta", "link", "br", "hr", "img", "input", "col", "source", "wbr"}
 HOSTILE = [
     '<script>alert("x")</script>',
@@ -194,9 +195,24 @@ def test_no_panel_stands_alone_beside_an_empty_half(made_up: MakeRun, parts: dic
             assert wide or len(list(together)) >= 2, section.key
 
 
+def test_every_panel_of_a_protocol_is_registered_once_and_used() -> None:
+    named = [name for p in PROTOCOLS.values() for section in p.sections for name in section.panels]
+    assert set(named) == set(PANELS)
+    for protocol in PROTOCOLS.values():
+        own = [name for section in protocol.sections for name in section.panels]
+        assert len(own) == len(set(own))
+
+
+def test_an_unknown_protocol_is_read_as_the_default_one(made_up: MakeRun) -> None:
+    run = made_up("tum", trips=["a", "b", "c"])
+    known = [(s.key, [p.key for p in s.panels]) for s in build_sections(View.from_run(run))]
+    run.results["protocol"] = "of long ago"
+    assert [(s.key, [p.key for p in s.panels]) for s in build_sections(View.from_run(run))] == known
+
+
 def test_what_is_missing_is_said(made_up: MakeRun) -> None:
     whole = made_up("tum", trips=["a", "b", "c"])
-    results = {**whole.results, "skipped": {"leave_one_day_out": "3 trips have no date"}}
+    results = {**whole.results, "notes": ["leave-one-day-out left out: 3 trips have no date"]}
     results["evaluations"] = results["evaluations"][:1]
     words = Page(render_report(SimpleNamespace(results=results, folds=whole.folds))).words()
     assert "Leave one day out was not run: 3 trips have no date." in words

@@ -193,7 +193,7 @@ def _show(results: dict[str, Any], out: Path, as_json: bool) -> None:
     if as_json:
         print_json(results)
         return
-    from tripwatt.report.transfer import curve_table, models_table
+    from tripwatt.report.transfer_panels import curve_table, models_table
 
     for car in results["cars"]:
         for table in (

@@ -89,10 +89,10 @@ class PaperProtocol:
                 "gamm-summary",
                 "gamm-diagnosis",
                 "gamm-autocorrelation",
+                "gamm-extrapolation",
                 "gamm-smooths",
                 "gamm-surface",
                 "gamm-random",
-                "gamm-extrapolation",
             ),
         ),
         ReportSection(

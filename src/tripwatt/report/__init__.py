@@ -4,13 +4,11 @@
 `update_results_page` the wide tables of a page.
 """
 
-from tripwatt.report.forecast import forecast_sentences
 from tripwatt.report.html import render_report, write_report
 from tripwatt.report.readme import update_readme, update_results_page
-from tripwatt.report.tables import render_table
+from tripwatt.report.short_table import render_table
 
 __all__ = [
-    "forecast_sentences",
     "render_report",
     "render_table",
     "update_readme",

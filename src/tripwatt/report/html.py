@@ -6,12 +6,12 @@ import io
 import os
 import re
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from tripwatt.report.forecast import FORECAST_KEYS
-from tripwatt.report.panels import Section, build_sections
+from tripwatt.report.panel import Panel
+from tripwatt.report.panels import build_sections, figure_keys
 from tripwatt.report.style import INK, PAPER_COLOUR, RULE, style_context
 from tripwatt.report.view import View, of_evaluation, plain
 
@@ -19,24 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PNG_DPI: Final = 160
-FIGURE_KEYS: Final = (
-    "mean-errors",
-    "error-distribution",
-    "error-boxes",
-    "benchmark-boxes",
-    "trip-energy",
-    "trip-errors",
-    "paired-differences",
-    "importances",
-    "learning-curve",
-    "running-time",
-    "gamm-diagnosis",
-    "gamm-autocorrelation",
-    "gamm-smooths",
-    "gamm-surface",
-    "gamm-random",
-)
-"""Stems of the files in `figures/` of the paper's protocol; `FORECAST_KEYS` are those of the forecast protocol alone."""
 
 
 def render_report(run: object) -> str:
@@ -46,16 +28,15 @@ def render_report(run: object) -> str:
     ----------
     run : object
         An evaluation run: `results` as in `results.json`, `folds`, and, where there are any, `series`, `signals`,
-        `learning_curves`, `importances`, `gamm`. A missing part makes an empty panel that says why.
+        `learning_curves`, `importances`, `gamm`. A missing part makes an empty panel that gives the reason.
 
     Returns
     -------
     str
         One document without a reference to any other file or host.
     """
-    view = View.from_run(run)
-    sections = build_sections(view)
-    return _page(view, sections, {key: svg for key, svg, _ in _drawings(sections, png=False)})
+    panels, context = _evaluation_page(View.from_run(run))
+    return _render("report.html.jinja", panels, _drawings(panels), context)
 
 
 def write_report(run: object, out: Path) -> None:
@@ -68,34 +49,46 @@ def write_report(run: object, out: Path) -> None:
     out : Path
         The folder; made when it is not there. Figures that an earlier report left and this one lacks are removed.
     """
-    view = View.from_run(run)
-    sections = build_sections(view)
-    drawings = list(_drawings(sections, png=True))
-    page = _page(view, sections, {key: svg for key, svg, _ in drawings})
-    folder = out / "figures"
+    panels, context = _evaluation_page(View.from_run(run))
+    write_page(out, "report.html.jinja", panels, **context)
+    for key in set(figure_keys()) - {panel.key for panel in panels if panel.figure is not None}:
+        for suffix in ("png", "svg"):
+            (out / "figures" / f"{key}.{suffix}").unlink(missing_ok=True)
+
+
+def write_page(out: Path, template: str, panels: Sequence[Panel], **context: Any) -> None:
+    """Write the figures of panels and the page from a template into a folder, the page last.
+
+    Parameters
+    ----------
+    out : Path
+        Made when it is not there.
+    template : str
+        Name of a file in `templates/`.
+    panels : sequence of Panel
+    **context : object
+        What else the template needs.
+    """
+    svgs, folder = _drawings(panels), out / "figures"
+    page = _render(template, panels, svgs, context)
     folder.mkdir(parents=True, exist_ok=True)
-    for key in (*FIGURE_KEYS, *FORECAST_KEYS):
-        if key not in {name for name, _, _ in drawings}:
-            for suffix in ("png", "svg"):
-                (folder / f"{key}.{suffix}").unlink(missing_ok=True)
-    for key, svg, png in drawings:
-        _write(folder / f"{key}.svg", svg.encode("utf-8"))
-        _write(folder / f"{key}.png", png)
-    _write(out / "report.html", page.encode("utf-8"))
+    for panel in panels:
+        if panel.figure is not None:
+            write_whole(folder / f"{panel.key}.svg", svgs[panel.key].encode("utf-8"))
+            write_whole(folder / f"{panel.key}.png", png_bytes(panel.figure))
+    write_whole(out / "report.html", page.encode("utf-8"))
 
 
-def _write(path: Path, content: bytes) -> None:
+def _drawings(panels: Iterable[Panel]) -> dict[str, str]:
+    """SVG text of every figure."""
+    return {panel.key: svg_text(panel.figure) for panel in panels if panel.figure is not None}
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file that appears whole or not at all."""
     partial = path.with_name(f"{path.name}.partial")
     partial.write_bytes(content)
     os.replace(partial, path)
-
-
-def _drawings(sections: Iterable[Section], *, png: bool) -> Iterable[tuple[str, str, bytes]]:
-    """(key, SVG text, PNG bytes) of every figure."""
-    for section in sections:
-        for panel in section.panels:
-            if panel.figure is not None:
-                yield panel.key, svg_text(panel.figure), png_bytes(panel.figure) if png else b""
 
 
 def svg_text(figure: Figure) -> str:
@@ -145,8 +138,11 @@ def inline_svg(svg: str, key: str, description: str) -> str:
     return f'{head} role="img" aria-label="{html.escape(description, quote=True)}">{body}'
 
 
-def _page(view: View, sections: list[Section], svgs: dict[str, str]) -> str:
+def _render(
+    template: str, panels: Sequence[Panel], svgs: Mapping[str, str], context: Mapping[str, Any]
+) -> str:
     import jinja2
+    from markupsafe import Markup
 
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("tripwatt.report"),
@@ -156,27 +152,23 @@ def _page(view: View, sections: list[Section], svgs: dict[str, str]) -> str:
         lstrip_blocks=True,
     )
     drawn = {
-        panel.key: inline_svg(svgs[panel.key], panel.key, f"{panel.title}. {panel.sentence}")
-        for section in sections
-        for panel in section.panels
+        # our own SVG, in which matplotlib has escaped every name
+        panel.key: Markup(inline_svg(svgs[panel.key], panel.key, f"{panel.title}. {panel.sentence}"))
+        for panel in panels
         if panel.key in svgs
     }
-    return environment.get_template("report.html.jinja").render(
-        head=_head(view),
-        sections=sections,
-        # our own SVG, in which matplotlib has escaped every name
-        drawn={key: _safe(svg) for key, svg in drawn.items()},
-    )
+    return environment.get_template(template).render(panels=panels, drawn=drawn, **context)
 
 
-def _safe(svg: str) -> Any:
-    from markupsafe import Markup
-
-    return Markup(svg)
+def _evaluation_page(view: View) -> tuple[list[Panel], dict[str, Any]]:
+    """The panels of an evaluation's page, and what else its template needs."""
+    sections = build_sections(view)
+    panels = [panel for section in sections for panel in section.panels]
+    return panels, {"head": _head(view), "sections": sections}
 
 
 def _head(view: View) -> dict[str, Any]:
-    """What the head and the foot of the page say of the run."""
+    """Facts for the head and the foot of the page."""
     results = view.results
     facts = [
         ("Data", view.dataset or "not named"),
@@ -192,30 +184,4 @@ def _head(view: View) -> dict[str, Any]:
         "versions": ", ".join(f"{name} {version}" for name, version in versions.items()),
         "citation": str(results.get("citation") or ""),
         "notes": [plain(note, 600) for note in results.get("notes") or ()],
-        "skipped": skipped_lines(results.get("skipped")),
     }
-
-
-def skipped_lines(skipped: object) -> list[str]:
-    """What was left out of a run, one line each, from a mapping, records or plain sentences.
-
-    Examples
-    --------
-    >>> skipped_lines({"leave_one_day_out": "no dates"})
-    ['leave one day out: no dates']
-    """
-    if not skipped:
-        return []
-    if isinstance(skipped, dict):
-        return [f"{str(key).replace('_', ' ')}: {plain(value, 400)}" for key, value in skipped.items()]
-    if isinstance(skipped, str):
-        return [plain(skipped, 400)]
-    lines = []
-    for item in skipped if isinstance(skipped, list | tuple) else [skipped]:
-        if isinstance(item, dict):
-            lines.append(
-                ", ".join(plain(value, 400).replace("_", " ") for value in item.values() if value is not None)
-            )
-        else:
-            lines.append(plain(item, 400))
-    return lines

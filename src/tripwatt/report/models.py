@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Literal
 
-from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
-
-Kind = Literal["baseline", "physics", "hybrid", "data"]
+Kind = Literal["constant", "baseline", "physics", "data", "hybrid"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,14 +19,20 @@ class ModelStyle:
     label : str
         Name for tables and axes.
     colour : str
-        sRGB hex. At least 3:1 in contrast on the light and on the dark page; a label or a marker always says the
-        same again, so that nothing depends on colour alone.
-    kind : {"baseline", "physics", "hybrid", "data"}
+        sRGB hex. At least 3:1 in contrast on the light and on the dark page; a label or a marker always repeats
+        it, so that nothing depends on colour alone.
+    kind : {"constant", "baseline", "physics", "data", "hybrid"}
         `hybrid` = simulation + learned correction, `data` = learned without simulation.
     meaning : str
         One line for the legend of the table.
     stands_on : str or None
         The simulation that a hybrid corrects.
+    without_physics : str or None
+        The same learner without the simulation.
+    rivals : tuple of str
+        Models of few coefficients with which the sentences compare it.
+    preset : str
+        Short name of a simulation.
     """
 
     label: str
@@ -36,12 +40,19 @@ class ModelStyle:
     kind: Kind
     meaning: str
     stands_on: str | None = None
+    without_physics: str | None = None
+    rivals: tuple[str, ...] = ()
+    preset: str = ""
+
+
+def _power(learner: str, colour: str, correction: str) -> ModelStyle:
+    return ModelStyle(f"Power: {learner}", colour, "hybrid", f"default physics{correction}", "physics")
 
 
 MODELS: Final[Mapping[str, ModelStyle]] = MappingProxyType(
     {
         "constant": ModelStyle(
-            "Constant Wh/km", "#7c7c7c", "baseline", "one consumption per distance for every trip"
+            "Constant Wh/km", "#7c7c7c", "constant", "one consumption per distance for every trip"
         ),
         "linear4": ModelStyle(
             "Linear (4 coefficients)",
@@ -60,9 +71,14 @@ MODELS: Final[Mapping[str, ModelStyle]] = MappingProxyType(
             "#d55e00",
             "physics",
             "simulation as in the paper: 50 % regeneration, no climate",
+            preset="paper preset",
         ),
         "physics": ModelStyle(
-            "Physics (default preset)", "#a6761d", "physics", "simulation with the values of public sources"
+            "Physics (default preset)",
+            "#a6761d",
+            "physics",
+            "simulation with the values of public sources",
+            preset="default preset",
         ),
         "physics4": ModelStyle(
             "Physics + 4 coefficients",
@@ -79,7 +95,12 @@ MODELS: Final[Mapping[str, ModelStyle]] = MappingProxyType(
             "physics-paper",
         ),
         "boosting": ModelStyle(
-            "Hybrid boosting", "#0072b2", "hybrid", "paper preset + marginal boosting", "physics-paper"
+            "Hybrid boosting",
+            "#0072b2",
+            "hybrid",
+            "paper preset + marginal boosting",
+            "physics-paper",
+            without_physics="boosting-only",
         ),
         "boosting-only": ModelStyle(
             "Boosting without physics",
@@ -90,34 +111,20 @@ MODELS: Final[Mapping[str, ModelStyle]] = MappingProxyType(
         "gamm": ModelStyle(
             "Hybrid GAMM", "#7d6bc6", "hybrid", "paper preset + GAMM with Student's t errors", "physics-paper"
         ),
-        "power-linear": ModelStyle(
-            "Power: linear", "#b8860b", "hybrid", "default physics, each cause scaled", "physics"
-        ),
-        "power-kriging": ModelStyle(
-            "Power: Gaussian process",
-            "#5b7fbf",
-            "hybrid",
-            "default physics + process on its power",
-            "physics",
-        ),
-        "power-boosting": ModelStyle(
-            "Power: boosting", "#2f8fd0", "hybrid", "default physics + boosting on its power", "physics"
-        ),
-        "power-forest": ModelStyle(
-            "Power: forest", "#4a9a6a", "hybrid", "default physics + forest on its power", "physics"
-        ),
-        "power-gamm": ModelStyle(
-            "Power: GAMM", "#8f7fd0", "hybrid", "default physics + GAMM on its power", "physics"
-        ),
-        "power-ensemble": ModelStyle(
-            "Power: ensemble", "#3b8f9f", "hybrid", "default physics + mean of two correctors", "physics"
-        ),
+        "power-linear": _power("linear", "#b8860b", ", each cause scaled"),
+        "power-kriging": _power("Gaussian process", "#5b7fbf", " + process on its power"),
+        "power-boosting": _power("boosting", "#2f8fd0", " + boosting on its power"),
+        "power-forest": _power("forest", "#4a9a6a", " + forest on its power"),
+        "power-gamm": _power("GAMM", "#8f7fd0", " + GAMM on its power"),
+        "power-ensemble": _power("ensemble", "#3b8f9f", " + mean of two correctors"),
         "hybrid": ModelStyle(
             "Hybrid forecast",
             "#0f8797",
             "hybrid",
             "default physics + learned correction of its power",
             "physics",
+            without_physics="boosting-only",
+            rivals=("physics4", "linear6"),
         ),
     }
 )
@@ -125,11 +132,6 @@ MODELS: Final[Mapping[str, ModelStyle]] = MappingProxyType(
 
 PAPER: Final = "arXiv:2405.10984, Table 3"
 """Where the paper states its average errors."""
-
-PAPER_MAPE: Final[Mapping[str, float]] = MappingProxyType(
-    {"physics-paper": 0.379, "gamm": 0.115, "forest": 0.106, "boosting": 0.103}
-)
-"""Average error from leave-one-trip-out that the paper reports on its TUM trips (`PAPER`), by our model names."""
 
 PAPER_CAR: Final = "bmw_i3_60ah"
 """The bundled vehicle that is the paper's car."""
@@ -139,28 +141,6 @@ PAPER_TRIPS: Final = 72
 
 PAPER_IMPROVED: Final = "over 90 % of the trips"
 """The paper's words on the share of trips that a corrector improves over the physics (its conclusion)."""
-
-COVARIATES: Final[Mapping[str, tuple[str, str, float]]] = MappingProxyType(
-    {
-        "time_s": ("time", "min", 1.0 / SECONDS_PER_MINUTE),
-        "speed_m_s": ("speed", "km/h", 1.0 / M_S_PER_KM_H),
-        "ambient_temperature_degc": ("ambient temperature", "°C", 1.0),
-        "elevation_difference_m": ("elevation difference", "m", 1.0),
-    }
-)
-"""Column of a covariate -> words, unit that is shown, factor from SI."""
-
-
-def covariate_words(name: str) -> str:
-    """A covariate in words; a column without an entry keeps its name.
-
-    Examples
-    --------
-    >>> covariate_words("time_s"), covariate_words("season")
-    ('time', 'season')
-    """
-    return COVARIATES[name][0] if name in COVARIATES else name
-
 
 _UNKNOWN_COLOUR: Final = "#7c7c7c"
 

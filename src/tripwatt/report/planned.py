@@ -7,8 +7,6 @@ from typing import Any, Final
 
 from tripwatt.report.tables import DASH, Table, markdown, number, span
 
-BEGIN: Final = "<!-- links:begin -->"
-END: Final = "<!-- links:end -->"
 NAMES: Final[Mapping[str, str]] = {
     "driven trace": "the driven speed trace",
     "250 m": "a planned route, links of 250 m",

@@ -6,26 +6,32 @@ between markers of its own.
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.report import forecast, planned, sentences
-from tripwatt.report.tables import markdown, results_table, sets_table, short_table
+from tripwatt.evaluation import DEFAULT_PROTOCOL
+from tripwatt.report.html import write_whole
+from tripwatt.report.panels.results_table import (
+    on_lowest,
+    on_paper,
+    on_table,
+    results_table,
+    sets_table,
+    without_days,
+)
+from tripwatt.report.panels.uncertainty import on_coverage
+from tripwatt.report.panels.updates import on_updates, updates_table
+from tripwatt.report.planned import render_links
+from tripwatt.report.short_table import short_table
+from tripwatt.report.tables import markdown, number
 from tripwatt.report.view import View
 
-BEGIN: Final = "<!-- results:begin -->"
-END: Final = "<!-- results:end -->"
-"""Around the short table of the README."""
-PAPER_BEGIN: Final = "<!-- paper:begin -->"
-PAPER_END: Final = "<!-- paper:end -->"
-FORECAST_BEGIN: Final = "<!-- forecast:begin -->"
-FORECAST_END: Final = "<!-- forecast:end -->"
-"""Around the wide tables of `docs/results.md`, as are `planned.BEGIN` and `planned.END`."""
-README_PROTOCOL: Final = "forecast"
-"""The protocol whose short table the README shows."""
+_SYNTHETIC: Final = (
+    "**These trips are synthetic: they show that the pipeline works, not how good it is on a road.**"
+)
 
 
 def render_short(results: Mapping[str, Any]) -> str:
@@ -45,11 +51,6 @@ def render_short(results: Mapping[str, Any]) -> str:
     return "\n\n".join(parts)
 
 
-_SYNTHETIC: Final = (
-    "**These trips are synthetic: they show that the pipeline works, not how good it is on a road.**"
-)
-
-
 def render_paper(results: Mapping[str, Any]) -> str:
     """Results of the protocol `paper` as Markdown: headline, main table, the other trip sets, what to know.
 
@@ -59,23 +60,19 @@ def render_paper(results: Mapping[str, Any]) -> str:
         The contract of `results.json`.
     """
     view = View(results)
-    said = [sentences.on_main_table(view), sentences.on_paper(view)]
+    said = [on_lowest(view), on_paper(view)]
     if view.synthetic:
         said.insert(0, _SYNTHETIC)
     parts = [" ".join(said), markdown(results_table(view, view.main)), markdown(sets_table(view))]
-    if missing := sentences.without_days(view):
+    if missing := without_days(view):
         parts.append(missing)
     if citation := str(results.get("citation") or ""):
         parts.append(f"Data: {citation}")
-    parts.append(
-        f"Protocol `{results.get('protocol', '?')}`, seed {results.get('seed', '?')}; "
-        "written from `results.json` by `tripwatt.report.update_results_page`."
-    )
-    return "\n\n".join(parts)
+    return "\n\n".join([*parts, _origin(results)])
 
 
 def render_forecast(results: Mapping[str, Any]) -> str:
-    """The forecast's figures as Markdown: what is said of them, every model, the other scheme, and the way there.
+    """The forecast's figures as Markdown: the sentences, every model, the re-forecasts, and the other scheme.
 
     Parameters
     ----------
@@ -83,15 +80,47 @@ def render_forecast(results: Mapping[str, Any]) -> str:
         The contract of `results.json`, protocol `forecast`.
     """
     view = View(results)
-    parts = [" ".join(forecast.forecast_sentences(results)), markdown(results_table(view, view.main))]
-    if forecast.has_forecast(view):
-        parts.append(markdown(forecast.updates_table(view)))
-    parts.append(markdown(sets_table(view)))
-    parts.append(
-        f"Protocol `forecast`, seed {results.get('seed', '?')}; "
+    parts = [" ".join(forecast_sentences(view)), markdown(results_table(view, view.main))]
+    if "coverage" in view.focus:
+        parts.append(markdown(updates_table(view)))
+    return "\n\n".join([*parts, markdown(sets_table(view)), _origin(results)])
+
+
+def forecast_sentences(view: View) -> list[str]:
+    """Errors, intervals and updates of the forecast; none where it was not among the models."""
+    if "coverage" not in view.focus:
+        return []
+    width = view.focus["interval_width_wh"].get("0.9")
+    mean = "" if width is None else f" The mean width of the 90 % interval is {number(width, 1e-3)} kWh."
+    return [on_table(view), f"{on_coverage(view)}{mean}", on_updates(view)]
+
+
+def _origin(results: Mapping[str, Any]) -> str:
+    return (
+        f"Protocol `{results.get('protocol', '?')}`, seed {results.get('seed', '?')}; "
         "written from `results.json` by `tripwatt.report.update_results_page`."
     )
-    return "\n\n".join(parts)
+
+
+Render = Callable[[Mapping[str, Any]], str]
+
+README: Final[Mapping[str, Render]] = MappingProxyType({"forecast": render_short})
+"""Protocol -> what the README shows of its results."""
+PAGE: Final[Mapping[str, Render]] = MappingProxyType(
+    {"paper": render_paper, "forecast": render_forecast, "links": render_links}
+)
+"""Protocol, and key of its markers -> what `docs/results.md` shows of its results."""
+
+
+def markers(key: str) -> tuple[str, str]:
+    """Begin and end of what is written into a page.
+
+    Examples
+    --------
+    >>> markers("paper")
+    ('<!-- paper:begin -->', '<!-- paper:end -->')
+    """
+    return f"<!-- {key}:begin -->", f"<!-- {key}:end -->"
 
 
 def update_readme(results: Mapping[str, Any], readme_path: Path) -> None:
@@ -100,17 +129,18 @@ def update_readme(results: Mapping[str, Any], readme_path: Path) -> None:
     Parameters
     ----------
     results : mapping
-        The contract of `results.json`. Only the protocol `README_PROTOCOL` changes the README.
+        The contract of `results.json`. Only the protocols of `README` change the README.
     readme_path : Path
-        A file that holds `<!-- results:begin -->` and `<!-- results:end -->`, once each and in this order.
+        A file that holds the `markers` of `results`, once each and in this order.
 
     Raises
     ------
     InvalidInput
         When the markers are not there.
     """
-    if results.get("protocol") == README_PROTOCOL:
-        _between(readme_path, BEGIN, END, render_short(results))
+    render = README.get(str(results.get("protocol")))
+    if render is not None:
+        _between(readme_path, "results", render(results))
 
 
 def update_results_page(results: Mapping[str, Any], page_path: Path) -> None:
@@ -121,24 +151,21 @@ def update_results_page(results: Mapping[str, Any], page_path: Path) -> None:
     results : mapping
         The contract of `results.json`, or what `benchmarks.planned` writes (protocol `links`).
     page_path : Path
-        A file that holds `<!-- paper:begin -->` and `<!-- paper:end -->`, once each and in this order; for the protocol
-        `forecast` the same with `forecast`, for planned routes with `links`.
+        A file that holds the `markers` of the protocol, once each and in this order.
 
     Raises
     ------
     InvalidInput
         When the markers are not there.
     """
-    if results.get("protocol") == "forecast":
-        _between(page_path, FORECAST_BEGIN, FORECAST_END, render_forecast(results))
-    elif results.get("protocol") == "links":
-        _between(page_path, planned.BEGIN, planned.END, planned.render_links(results))
-    else:
-        _between(page_path, PAPER_BEGIN, PAPER_END, render_paper(results))
+    name = str(results.get("protocol"))
+    key = name if name in PAGE else DEFAULT_PROTOCOL
+    _between(page_path, key, PAGE[key](results))
 
 
-def _between(path: Path, opening: str, closing: str, shown: str) -> None:
+def _between(path: Path, key: str, shown: str) -> None:
     """Put `shown` between two markers of a file; the file appears whole or stays as it was."""
+    opening, closing = markers(key)
     text = path.read_text(encoding="utf-8")
     before, begin, rest = text.partition(opening)
     _, end, after = rest.partition(closing)
@@ -146,6 +173,4 @@ def _between(path: Path, opening: str, closing: str, shown: str) -> None:
         got = f"{text.count(opening)} times begin, {text.count(closing)} times end"
         allowed = f"one {opening} and, after it, one {closing}"
         raise InvalidInput(Fault("no place for the results", str(path), got, allowed))
-    partial = path.with_name(f"{path.name}.partial")
-    partial.write_text(f"{before}{opening}\n{shown}\n{closing}{after}", encoding="utf-8")
-    os.replace(partial, path)
+    write_whole(path, f"{before}{opening}\n{shown}\n{closing}{after}".encode())

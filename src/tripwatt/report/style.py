@@ -12,8 +12,9 @@ from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any, Final, ParamSpec
 
 import numpy as np
+import pandas as pd
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.report.models import model_style
 from tripwatt.report.view import plain
 
@@ -26,6 +27,9 @@ P = ParamSpec("P")
 INK: Final = "#1f2328"
 RULE: Final = "#d0d7de"
 PAPER_COLOUR: Final = "#ffffff"
+FORECAST_COLOUR: Final = "#0f8797"
+PLAIN_COLOUR: Final = "#7c7c7c"
+WARM_COLOUR: Final = "#d55e00"
 WIDTH_IN: Final = 5.4
 CUT: Final = 1.5
 """Errors beyond this fraction are drawn at the edge and counted in words, or a few would flatten all others."""
@@ -82,7 +86,7 @@ def styled(plot: Callable[P, Figure]) -> Callable[P, Figure]:
 
 
 def new_figure(height_in: float, title: str, note: str, synthetic: bool) -> Figure:
-    """An empty figure of the common width with its head; one of made-up trips says so."""
+    """An empty figure of the common width with its head, marked where the trips are made up."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
@@ -102,12 +106,30 @@ def percent_axis(axes: Axes, label: str) -> None:
     axes.grid(axis="x")
 
 
+def row_names(axes: Axes, names: Sequence[str]) -> None:
+    """One named row each, the first on top."""
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.tick_params(axis="y", length=0)
+
+
 def model_rows(axes: Axes, models: Sequence[str]) -> None:
     """One row per model, the first on top."""
-    axes.set_yticks(range(len(models)), [plain(model_style(m).label, 28) for m in models])
-    axes.set_ylim(len(models) - 0.4, -0.6)
-    axes.tick_params(axis="y", length=0)
+    row_names(axes, [plain(model_style(m).label, 28) for m in models])
     axes.spines["left"].set_visible(False)
+
+
+def annotate(
+    axes: Axes,
+    text: str,
+    at: tuple[float, float],
+    offset: tuple[float, float],
+    *,
+    size: float = 7.5,
+    **align: Any,
+) -> None:
+    """A text at an offset [points] from a point; `ha` and `va` align it."""
+    axes.annotate(text, at, offset, textcoords="offset points", fontsize=size, **align)
 
 
 def cut_at(values: FloatArray) -> float:
@@ -122,11 +144,36 @@ def mark_beyond(axes: Axes, values: FloatArray, limit: float, y: float, colour: 
         if beyond:
             axes.plot(side * limit, y, marker=">" if side > 0 else "<", color=colour, ms=6, clip_on=False)
             offset = (-7, 5) if side > 0 else (7, 5)
-            axes.annotate(
-                f"{beyond} beyond",
-                (side * limit, y),
-                offset,
-                textcoords="offset points",
-                fontsize=7.5,
-                ha="right" if side > 0 else "left",
-            )
+            align = "right" if side > 0 else "left"
+            annotate(axes, f"{beyond} beyond", (side * limit, y), offset, ha=align)
+
+
+def thinned(frame: pd.DataFrame, most: int = 500) -> pd.DataFrame:
+    """At most `most` rows evenly spread, the first and the last among them."""
+    if len(frame) <= most:
+        return frame
+    return frame.iloc[np.unique(np.linspace(0, len(frame) - 1, most).round().astype(np.int64))]
+
+
+MOST_POINTS: Final = 700
+"""Points of one scatter; the extremes are always among them."""
+
+
+def kept_points(values: FloatArray) -> IntArray:
+    """Row numbers of at most `MOST_POINTS` values, evenly spread, with the ten lowest and highest."""
+    n = len(values)
+    even = np.linspace(0, n - 1, min(n, MOST_POINTS)).round().astype(np.int64)
+    order = np.argsort(values, kind="stable")
+    return np.unique(np.concatenate([even, order[:10], order[-10:]]))
+
+
+def padded(values: FloatArray) -> tuple[float, float]:
+    """Limits of an axis with a little room at both ends."""
+    pad = 0.04 * float(np.ptp(values)) or 1.0
+    return float(values.min()) - pad, float(values.max()) + pad
+
+
+def few_ticks(axes: Axes) -> None:
+    """Room for numbers of five digits side by side."""
+    axes.xaxis.get_major_locator().set_params(nbins=4)  # type: ignore[call-arg]  # that of MaxNLocator, which it is
+    axes.tick_params(labelsize=7.5)

@@ -12,7 +12,8 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.report.models import PAPER_MAPE, model_style, ordered
+from tripwatt.evaluation import DEFAULT_PROTOCOL, PROTOCOLS, EvaluationProtocol
+from tripwatt.report.models import model_style, ordered
 
 if TYPE_CHECKING:
     from tripwatt.evaluation.forecast_scores import ForecastInsight
@@ -163,7 +164,7 @@ def _frame(run: object, name: str) -> pd.DataFrame | None:
 
 @dataclass(frozen=True)
 class View:
-    """What the report knows of a run. Made by `View.of`.
+    """A run as the report reads it, made by `View.from_run`.
 
     Attributes
     ----------
@@ -210,18 +211,24 @@ class View:
 
     @property
     def synthetic(self) -> bool:
-        """Whether the trips are made up; then every table and figure says so."""
+        """Whether the trips are made up; every table and figure is then marked."""
         return bool(self.results.get("synthetic")) or "synthetic" in self.dataset.lower()
 
     @property
-    def is_forecast(self) -> bool:
-        """Whether the run is one of the forecast protocol."""
-        return self.results.get("protocol") == "forecast"
+    def protocol(self) -> EvaluationProtocol:
+        """The protocol of the run; results that name none that exists are read as those of the default one."""
+        name = str(self.results.get("protocol") or DEFAULT_PROTOCOL)
+        return PROTOCOLS.get(name, PROTOCOLS[DEFAULT_PROTOCOL])
 
     @property
-    def paper_mape(self) -> Mapping[str, float]:
-        """The paper's figures where they may stand beside ours: on the TUM trips only."""
-        return PAPER_MAPE if self.dataset.lower().startswith("tum") and not self.is_forecast else {}
+    def published(self) -> Mapping[str, float]:
+        """The paper's mean errors where they may stand beside ours: on the TUM trips only."""
+        return self.protocol.published if self.dataset.lower().startswith("tum") else {}
+
+    @property
+    def published_physics(self) -> str | None:
+        """The simulation among the models whose errors the paper of this protocol reports."""
+        return next((m for m in self.protocol.published if model_style(m).kind == "physics"), None)
 
     @property
     def evaluations(self) -> Sequence[Record]:
@@ -245,24 +252,67 @@ class View:
         return evaluations[0] if evaluations else {}
 
     @property
+    def scores(self) -> Mapping[str, Record]:
+        """Scores of the main evaluation by model."""
+        found: Mapping[str, Record] = self.main.get("models") or {}
+        return found
+
+    @property
     def models(self) -> list[str]:
         """Models of the main evaluation in table order."""
-        return ordered(map(str, self.main.get("models") or {}))
+        return ordered(map(str, self.scores))
 
     @property
     def best(self) -> str | None:
-        """The hybrid with the lowest mean error in the main evaluation; any model when there is no hybrid.
+        """The model that the report describes: the focus of the protocol, whatever its error, where there is one.
 
-        In the forecast protocol it is the model `hybrid`, whatever its error: that one is the forecast.
+        Otherwise the hybrid with the lowest mean error in the main evaluation, or any model when there is no hybrid.
         """
-        if self.is_forecast and "hybrid" in (self.main.get("models") or {}):
-            return "hybrid"
-        scores = {
-            m: float(v["mape"]) for m, v in (self.main.get("models") or {}).items() if _known(v, "mape")
-        }
-        hybrids = {m: e for m, e in scores.items() if model_style(m).kind == "hybrid"}
-        pool = hybrids or scores
+        if self.protocol.focus in self.scores:
+            return self.protocol.focus
+        errors = {m: float(v["mape"]) for m, v in self.scores.items() if _known(v, "mape")}
+        hybrids = {m: e for m, e in errors.items() if model_style(m).kind == "hybrid"}
+        pool = hybrids or errors
         return min(ordered(pool), key=lambda m: pool[m]) if pool else None
+
+    @property
+    def focus(self) -> Record:
+        """Scores of the protocol's focus in the main evaluation, empty without it."""
+        return self.scores.get(self.protocol.focus or "") or {}
+
+    @property
+    def no_focus(self) -> str:
+        """Why a panel about the protocol's focus is empty."""
+        return f"The model {self.protocol.focus} was not among the models of this run, so there is nothing to show."
+
+    @property
+    def given(self) -> str:
+        """Condition of every error of the protocol, empty where there is none."""
+        return self.protocol.given
+
+    @property
+    def note(self) -> str:
+        """Folds and trips of the main evaluation, for the head of a figure."""
+        return of_evaluation(self.main)
+
+    @property
+    def note_given(self) -> str:
+        """`note`, and `given` on a line of its own."""
+        return "\n".join(filter(None, [self.note, self.given]))
+
+    @property
+    def main_folds(self) -> pd.DataFrame:
+        """The folds of the main evaluation."""
+        return self.folds_of(self.main)
+
+    @property
+    def main_errors(self) -> pd.DataFrame:
+        """APE of the main evaluation by trip (rows) and model (columns)."""
+        return absolute_errors(self.main_folds)
+
+    def captioned(self, caption: str) -> str:
+        """A table's caption, marked where the trips are made up."""
+        return f"{caption} (synthetic trips)" if self.synthetic else caption
 
     @property
     def physics(self) -> str | None:
@@ -290,7 +340,7 @@ class View:
 
     def selected_trips(self) -> list[tuple[str, str, float]]:
         """(role, trip, APE) of the best, the median and the worst trip of `best` among the trips with a series."""
-        folds = self.folds_of(self.main)
+        folds = self.main_folds
         rows = folds[(folds["model"] == self.best) & folds["trip"].astype(str).isin(list(self.series))]
         rows = rows.dropna(subset="ape").sort_values("ape", kind="stable")
         if rows.empty:

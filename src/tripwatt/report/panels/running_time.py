@@ -2,28 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from tripwatt.report.models import model_style
-from tripwatt.report.sentences import label
-from tripwatt.report.style import INK, model_rows, new_figure, styled
+from tripwatt.report.panel import Content, panel
+from tripwatt.report.style import annotate, model_rows, new_figure, styled
 from tripwatt.report.tables import Table, number
-from tripwatt.report.view import Record, View, of_evaluation
+from tripwatt.report.view import View
+from tripwatt.report.words import label
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from matplotlib.figure import Figure
 
-PAPER_SAYS: Final = "GAMMs have a longer running time compared to the others"
-"""The paper's words on running time (arXiv:2405.10984, Evaluation and Results); it prints no figure."""
+PAPER_SAYS: Final[Mapping[str, str]] = MappingProxyType(
+    {"gamm": "GAMMs have a longer running time compared to the others"}
+)
+"""Model -> the paper's words on its running time (arXiv:2405.10984, Evaluation and Results); it prints no figure."""
+
+
+@panel("running-time", "Running time of the correctors", draws=True, folded=True)
+def running_time(view: View) -> Content:
+    """Times of fits and predictions."""
+    if not timed_models(view):
+        return Content(on_running_time(view))
+    return Content(on_running_time(view), plot_running_time(view), (running_time_table(view),))
 
 
 def timed_models(view: View) -> list[str]:
     """Models of the main evaluation that learn, and whose times are known, in table order."""
-    models: Mapping[str, Record] = view.main.get("models") or {}
+    models = view.scores
     return [
         m
         for m in view.models
@@ -34,7 +45,7 @@ def timed_models(view: View) -> list[str]:
 
 def correctors(view: View) -> list[str]:
     """Those of `timed_models` that correct the paper's physics, which are what the paper compares."""
-    return [m for m in timed_models(view) if model_style(m).stands_on == "physics-paper"]
+    return [m for m in timed_models(view) if model_style(m).stands_on in view.protocol.published]
 
 
 def _positive(value: object) -> bool:
@@ -55,36 +66,38 @@ def duration(seconds: float) -> str:
 
 
 def on_running_time(view: View) -> str:
-    """Which corrector takes longest to fit and to predict, and how that compares with what the paper says."""
-    names, models = correctors(view), view.main.get("models") or {}
+    """Which corrector takes longest to fit and to predict, and how that compares with the paper."""
+    names, models = correctors(view), view.scores
     if not names:
         return "No corrector of the paper's physics was timed in this run."
     fit = {m: float(models[m]["fit_s"]) for m in names}
     predict = {m: float(models[m]["predict_ms"]) / 1e3 for m in names}
     parts = [f"{label(m)} {duration(fit[m])} and {duration(predict[m])}" for m in names]
-    text = f"To fit, and to predict one trip: {'; '.join(parts)}."
-    if "gamm" not in fit or len(fit) == 1:
-        return text
-    others = [m for m in names if m != "gamm"]
+    said = [_beside_others(m, fit, predict, view) for m in PAPER_SAYS if m in fit and len(fit) > 1]
+    return " ".join([*said, f"To fit, and to predict one trip: {'; '.join(parts)}."])
+
+
+def _beside_others(model: str, fit: Mapping[str, float], predict: Mapping[str, float], view: View) -> str:
+    """The times of a model relative to the slowest of the others."""
+    others = [m for m in fit if m != model]
     slowest, longest = max(others, key=lambda m: fit[m]), max(others, key=lambda m: predict[m])
-    said = f"; the paper says that {PAPER_SAYS}" if view.paper_mape else ""
+    paper = f"; the paper states that {PAPER_SAYS[model]}" if view.published else ""
     return (
-        f"The GAMM's fit takes {_short(fit['gamm'] / fit[slowest])} times as long as that of {label(slowest)}, the slowest of the "
-        f"other correctors, and its prediction {_short(predict['gamm'] / predict[longest])} times as long as that of "
-        f"{label(longest)}{said}. {text}"
+        f"The fit of {label(model)} takes {_short(fit[model] / fit[slowest])} times as long as that of {label(slowest)}, the "
+        f"slowest of the other correctors, and its prediction {_short(predict[model] / predict[longest])} times as long as that "
+        f"of {label(longest)}{paper}."
     )
 
 
 def running_time_table(view: View) -> Table:
     """Fit and prediction time of every model that learns."""
-    models = view.main.get("models") or {}
+    models = view.scores
     rows = [
         (label(m), number(models[m]["fit_s"], 1.0, 3), number(models[m]["predict_ms"], 1.0, 2))
         for m in timed_models(view)
     ]
-    caption = "Wall time on one core of this machine"
     return Table(
-        f"{caption} (synthetic trips)" if view.synthetic else caption,
+        view.captioned("Wall time on one core of this machine"),
         ("Model", "One fit on the training trips [s]", "Predicting one trip [ms]"),
         tuple(rows),
     )
@@ -106,8 +119,8 @@ def plot_running_time(view: View) -> Figure:
     """
     from matplotlib.ticker import FuncFormatter
 
-    names, models = timed_models(view), view.main["models"]
-    figure = new_figure(1.6 + 0.27 * len(names), "Running time", of_evaluation(view.main), view.synthetic)
+    names, models = timed_models(view), view.scores
+    figure = new_figure(1.6 + 0.27 * len(names), "Running time", view.note, view.synthetic)
     panels = figure.subplots(1, 2, sharey=True)
     for axes, key, words in (
         (panels[0], "fit_s", "one fit [s]"),
@@ -116,15 +129,7 @@ def plot_running_time(view: View) -> Figure:
         values = np.array([float(models[m][key]) for m in names])
         for row, (model, value) in enumerate(zip(names, values, strict=True)):
             axes.plot(value, row, "o", color=model_style(model).colour, ms=6, gid=f"{key}-{row}")
-            axes.annotate(
-                _short(value),
-                (value, row),
-                (0, 6),
-                textcoords="offset points",
-                ha="center",
-                fontsize=7.5,
-                color=INK,
-            )
+            annotate(axes, _short(value), (value, row), (0, 6), ha="center")
         axes.set_xscale("log")
         axes.set_xlim(values.min() / 4, values.max() * 4)
         axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _short(value)))
@@ -134,3 +139,6 @@ def plot_running_time(view: View) -> Figure:
         model_rows(axes, names)
     panels[1].tick_params(labelleft=False)
     return figure
+
+
+PANELS = (running_time,)

@@ -1,0 +1,90 @@
+"""Every panel of the reports, one module each or for a group of them: sentence, figure and table together.
+
+A protocol of `tripwatt.evaluation` names the panels of its sections; `PANELS` has them by these names.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Final
+
+from tripwatt.evaluation import EvaluationProtocol
+from tripwatt.report.panel import Panel, PanelSpec, Section
+from tripwatt.report.panels import (
+    audit,
+    correctors,
+    error_distribution,
+    gamm_effects,
+    gamm_summary,
+    mean_errors,
+    paired,
+    results_table,
+    running_time,
+    signals,
+    trips,
+    uncertainty,
+    updates,
+    waterfall,
+    without_physics,
+)
+from tripwatt.report.view import View
+
+_MODULES: Final = (
+    results_table,
+    mean_errors,
+    error_distribution,
+    trips,
+    paired,
+    audit,
+    gamm_summary,
+    gamm_effects,
+    correctors,
+    signals,
+    running_time,
+    uncertainty,
+    updates,
+    without_physics,
+    waterfall,
+)
+
+PANELS: Final[Mapping[str, PanelSpec]] = MappingProxyType(
+    {spec.key: spec for module in _MODULES for spec in module.PANELS}
+)
+"""Panels by name."""
+
+
+def figure_keys(protocol: EvaluationProtocol | None = None) -> tuple[str, ...]:
+    """Stems of the files in `figures/`: those of a protocol's report, or of every report."""
+    names = PANELS if protocol is None else [name for s in protocol.sections for name in s.panels]
+    return tuple(name for name in names if PANELS[name].draws)
+
+
+def build_sections(view: View) -> list[Section]:
+    """Every section of the report of a run; a panel without data stays and gives the reason."""
+    sections = []
+    for section in view.protocol.sections:
+        built = [PANELS[name].build(view) for name in section.panels]
+        panels = filled_rows([panel for panel in built if panel is not None])
+        sections.append(Section(section.key, section.title, panels))
+    return sections
+
+
+def filled_rows(panels: Sequence[Panel]) -> tuple[Panel, ...]:
+    """The panels, with one that would stand alone beside an empty half of the page made wide.
+
+    Examples
+    --------
+    >>> [p.wide for p in filled_rows([Panel("a", "", "", wide=True), Panel("b", "", "")])]
+    [True, True]
+    >>> [p.wide for p in filled_rows([Panel("a", "", ""), Panel("b", "", "")])]
+    [False, False]
+    """
+    laid_out: list[Panel] = []
+    for wide, run in itertools.groupby(panels, key=lambda panel: panel.wide):
+        together = list(run)
+        alone = len(together) == 1 and not wide
+        laid_out += [replace(panel, wide=True) for panel in together] if alone else together
+    return tuple(laid_out)

@@ -1,0 +1,243 @@
+"""How the errors of the trips are distributed: histograms and boxes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import FloatArray
+from tripwatt.report.models import model_style, ordered
+from tripwatt.report.panel import Content, panel
+from tripwatt.report.style import (
+    INK,
+    PAPER_COLOUR,
+    cut_at,
+    mark_beyond,
+    model_rows,
+    new_figure,
+    percent_axis,
+    styled,
+)
+from tripwatt.report.view import View, plain, signed_errors
+from tripwatt.report.words import label, listed, percent
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+@panel("error-distribution", "Error distribution over the folds", draws=True)
+def error_distribution(view: View) -> Content:
+    """Histograms of the signed errors."""
+    folds = view.main_folds
+    if folds.empty:
+        return Content("No fold is known, so there is no distribution.")
+    return Content(
+        on_distribution(view), plot_error_distribution(folds, note=view.note, synthetic=view.synthetic)
+    )
+
+
+@panel("error-boxes", "Box plot of all models", draws=True)
+def error_boxes(view: View) -> Content | None:
+    """Box plots of the absolute errors."""
+    folds = view.main_folds
+    if folds.empty:
+        return None
+    return Content(
+        on_boxes(view),
+        plot_error_boxes(folds, paper=view.published, note=view.note, synthetic=view.synthetic),
+    )
+
+
+@panel("benchmark-boxes", "Physics alone, hybrid, and boosting alone", draws=True)
+def benchmark_boxes(view: View) -> Content | None:
+    """A hybrid beside its simulation alone and beside the same learner without it."""
+    folds = view.main_folds
+    if folds.empty:
+        return None
+    present = set(folds["model"])
+    pairs = ((m, model_style(m).without_physics) for m in view.models)
+    pair = next(((m, alone) for m, alone in pairs if alone is not None and {m, alone} <= present), None)
+    if pair is None:
+        return Content("The benchmark needs boosting with and without physics; this run lacks one of them.")
+    drawn = plot_error_boxes(
+        folds,
+        models=[m for m in (model_style(pair[0]).stands_on, *pair) if m is not None and m in present],
+        paper=view.published,
+        title="Physics, hybrid boosting, boosting without physics",
+        note=view.note,
+        synthetic=view.synthetic,
+    )
+    return Content(on_benchmark(view, *pair), drawn)
+
+
+def on_distribution(view: View) -> str:
+    """The median error, and the number of trips with an error above 20 %."""
+    wide = view.main_errors
+    if view.best is None or view.best not in wide:
+        return "No fold is known."
+    errors = wide[view.best].dropna()
+    far = int((errors > 0.2).sum())
+    text = (
+        f"With {label(view.best)}, half of the trips have an error below {percent(float(errors.median()))}, "
+        f"and {far} of {len(errors)} have an error above 20 %"
+    )
+    if view.physics in wide and view.physics != view.best:
+        text += f"; with {label(str(view.physics))}, {int((wide[view.physics] > 0.2).sum())} have"
+    return f"{text}."
+
+
+def on_boxes(view: View) -> str:
+    """Where the middle half of the errors lies."""
+    wide = view.main_errors
+    names = [m for m in (view.best, view.physics) if m is not None and m in wide]
+    parts = []
+    for model in dict.fromkeys(names):
+        low, high = wide[model].quantile([0.25, 0.75])
+        parts.append(f"{100 * low:.1f} to {100 * high:.1f}\u00a0% with {label(model)}")
+    return f"The middle half of the errors is {listed(parts)}." if parts else "No fold is known."
+
+
+def on_benchmark(view: View, hybrid: str, alone: str) -> str:
+    """How the error of a learner changes without the simulation."""
+    both = view.main_errors[[hybrid, alone]].dropna()
+    closer = float((both[hybrid] < both[alone]).mean())
+    means = both.mean()
+    gap = means[alone] - means[hybrid]
+    word = "higher" if gap > 0 else "lower"
+    return (
+        f"Without the simulation, the mean error of the same boosting is {percent(means[alone])} instead of "
+        f"{percent(means[hybrid])}, {abs(100 * gap):.1f} percentage points {word}. With the simulation the error is smaller "
+        f"on {percent(closer, 0)} of the trips."
+    )
+
+
+@styled
+def plot_error_distribution(folds: pd.DataFrame, *, note: str = "", synthetic: bool = False) -> Figure:
+    """Histogram and rug of the signed error of every model over the folds, on one common axis.
+
+    Parameters
+    ----------
+    folds : DataFrame
+        Columns `trip, model, observed_energy_wh, predicted_energy_wh`.
+    note : str
+        Which evaluation it is, for the title.
+    synthetic : bool
+        Whether the trips are made up.
+    """
+    models = ordered(map(str, folds["model"].unique()))
+    errors = {m: found for m in models if len(found := signed_errors(folds, m))}
+    models = list(errors)
+    every = np.concatenate(list(errors.values())) if errors else np.empty(0)
+    limit = max(0.2, np.ceil(10 * cut_at(every)) / 10)
+    bins = np.linspace(-limit, limit, 41)
+    head = "\n".join(filter(None, [note, "height: number of trips, every row to its own scale"]))
+    figure = new_figure(1.5 + 0.72 * len(models), "Error of every trip, by model", head, synthetic)
+    panels = figure.subplots(max(len(models), 1), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, model in zip(panels, models, strict=False):
+        values, colour = errors[model], model_style(model).colour
+        axes.hist(np.clip(values, -limit, limit), bins=bins.tolist(), color=colour, alpha=0.75, lw=0)
+        rug = axes.plot(
+            np.clip(values, -limit, limit), np.full(len(values), -0.09), "|", color=colour, ms=6, mew=0.9
+        )[0]
+        rug.set(transform=axes.get_xaxis_transform(), clip_on=False, gid=f"rug-{models.index(model)}")
+        axes.axvline(0.0, color=INK, lw=0.9)
+        axes.axvline(float(np.median(values)), color=INK, lw=1.1, ls=(0, (2, 2)))
+        axes.set_xlim(-limit, limit)
+        axes.set_yticks([])
+        axes.spines["left"].set_visible(False)
+        outside = int((np.abs(values) > limit).sum())
+        beyond = f"   ({outside} beyond the axis, drawn at its edge)" if outside else ""
+        axes.set_title(f"{plain(model_style(model).label, 32)}{beyond}", fontsize=8.5, pad=2)
+        axes.tick_params(axis="x", length=2 if axes is not panels[-1] else 4, pad=7)
+    percent_axis(panels[-1], "(predicted − measured) / measured [%];  dashed: median;  ticks: single trips")
+    for axes in panels:
+        axes.grid(axis="x")
+    return figure
+
+
+def _box(axes: Axes, row: float, values: FloatArray, colour: str, limit: float, half: float = 0.24) -> None:
+    """One horizontal box: quartiles, median, whiskers to the last value within 1.5 interquartile ranges."""
+    from matplotlib.patches import Rectangle
+
+    first, median, third = np.quantile(values, [0.25, 0.5, 0.75])
+    reach = 1.5 * (third - first)
+    low, high = values[values >= first - reach].min(), values[values <= third + reach].max()
+    axes.plot([low, first], [row, row], color=colour, lw=1.3)
+    axes.plot([third, high], [row, row], color=colour, lw=1.3)
+    axes.add_patch(
+        Rectangle((first, row - half), third - first, 2 * half, fc=colour, ec=colour, alpha=0.3, lw=1.2)
+    )
+    axes.plot([median, median], [row - half, row + half], color=INK, lw=1.8)
+    axes.plot(min(float(values.mean()), limit), row, "D", color=PAPER_COLOUR, mec=INK, ms=4.5, zorder=5)
+
+
+@styled
+def plot_error_boxes(
+    folds: pd.DataFrame,
+    *,
+    models: Sequence[str] | None = None,
+    paper: Mapping[str, float] | None = None,
+    title: str = "Errors of all models",
+    note: str = "",
+    synthetic: bool = False,
+) -> Figure:
+    """Box plot of the APE of each model over the folds, every trip as a point.
+
+    Parameters
+    ----------
+    folds : DataFrame
+        Columns `trip, model, ape`.
+    models : sequence of str, optional
+        Which models, in this order; all in table order by default.
+    paper : mapping of str to float, optional
+        Published mean errors, drawn as crosses.
+    title, note : str
+        Head of the figure.
+    synthetic : bool
+        Whether the trips are made up.
+    """
+    models = list(models) if models is not None else ordered(map(str, folds["model"].unique()))
+    known = folds[np.isfinite(folds["ape"].to_numpy(dtype=np.float64))]
+    values = {m: known.loc[known["model"] == m, "ape"].to_numpy(dtype=np.float64) for m in models}
+    every = np.concatenate(list(values.values())) if values else np.empty(0)
+    limit = cut_at(every)
+    figure = new_figure(1.55 + 0.52 * len(models), title, note, synthetic)
+    axes = figure.add_subplot()
+    for row, model in enumerate(models):
+        found, colour = values[model], model_style(model).colour
+        if not len(found):
+            continue
+        # a fixed low-discrepancy jitter: points of one row stay apart without a random state
+        shift = 0.3 * (((np.arange(len(found)) * 0.618034) % 1.0) - 0.5)
+        inside = found <= limit
+        axes.scatter(
+            found[inside],
+            row + shift[inside],
+            s=7,
+            color=colour,
+            alpha=0.7,
+            lw=0,
+            gid=f"trips-{row}",
+            zorder=3,
+            clip_on=False,
+        )
+        mark_beyond(axes, found, limit, row, colour)
+        _box(axes, row, found, colour, limit)
+        if paper and model in paper:
+            axes.plot(paper[model], row - 0.38, "x", color=INK, ms=5, mew=1.3)
+    axes.plot([], [], "D", color=PAPER_COLOUR, mec=INK, ms=4.5, label="mean")
+    axes.plot([], [], color=INK, lw=1.8, label="median")
+    if paper and set(paper) & set(models):
+        axes.plot([], [], "x", color=INK, ms=5, mew=1.3, ls="", label="the paper's mean")
+    model_rows(axes, models)
+    axes.set_xlim(0, limit)
+    percent_axis(axes, "absolute percentage error [%]")
+    figure.legend(loc="outside lower left", ncols=3)
+    return figure
+
+
+PANELS = (error_distribution, error_boxes, benchmark_boxes)

@@ -1,0 +1,329 @@
+"""The fit of the GAMM: its table beside the paper's, its residuals, and its rule outside of the training data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.gam.covariates import REACH
+from tripwatt.gam.effects import FactorEffect
+from tripwatt.gam.figures import RED
+from tripwatt.report.covariates import term_in_words
+from tripwatt.report.models import model_style
+from tripwatt.report.panel import Content, panel
+from tripwatt.report.style import INK, few_ticks, kept_points, new_figure, padded, styled
+from tripwatt.report.tables import DASH, Table, number
+from tripwatt.report.view import View, natural_key, plain
+from tripwatt.report.words import percent
+from tripwatt.units import SECONDS_PER_MINUTE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from tripwatt.gam.dependence import Autocorrelation
+    from tripwatt.gam.diagnosis import Diagnosis
+    from tripwatt.gam.effects import Effect
+    from tripwatt.paper.insight import GammInsight
+
+
+PAPER_TABLE2_SOURCE: Final = "arXiv:2405.10984, Table 2"
+
+
+PAPER_TABLE2: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "(Intercept)": "1537.44 (938.99)",
+        "weather: cloudy": "796.09 (649.09)",
+        "weather: dark": "1430.53 (723.35)*",
+        "weather: dark, little rainy": "0.00 (0.00)",
+        "weather: rainy": "0.00 (0.00)",
+        "weather: slightly cloudy": "386.27 (582.56)",
+        "weather: sunny": "457.96 (573.88)",
+        "weather: sunrise": "754.49 (751.99)",
+        "weather: sunset": "2322.86 (998.28)*",
+        "s(time)": "6.25 (7.06)***",
+        "s(ambient temperature)": "1.00 (1.00)",
+        "s(speed)": "7.67 (8.54)***",
+        "s(elevation difference)": "2.59 (3.35)***",
+        "s(time):winter": "7.01 (7.92)***",
+        "s(ambient temperature):winter": "1.00 (1.00)",
+        "s(ambient temperature, elevation difference)": "4.86 (27.00)",
+        "s(trip)": "44.40 (57.00)***",
+    }
+)
+"""What the paper prints for its GAMM (`PAPER_TABLE2_SOURCE`), by our names of the terms."""
+
+
+@panel("gamm-summary", "Summary of the GAMM", wide=True)
+def gamm_summary(view: View) -> Content:
+    """Terms and scores of the fit."""
+    found, paper = view.gamm, bool(view.published)
+    if found is None:
+        return Content(
+            "The model gamm was not among the models of this run, so there is no table and no figure of it."
+        )
+    tables = (
+        summary_table(found, paper=paper, label=view.captioned("")),
+        scores_table(found, label=view.captioned("")),
+    )
+    return Content(on_summary(found, paper=paper), tables=tables)
+
+
+@panel("gamm-extrapolation", "Outside of the training data", folded=True)
+def gamm_extrapolation(view: View) -> Content | None:
+    """The rule outside of the training data, and the trips to which it applies."""
+    found = view.gamm
+    if found is None:
+        return None
+    table = outside_table(found, label=view.captioned(""))
+    said = on_extrapolation(found, view.main.get("n_trips"))
+    return Content(said, tables=(table,) if table.rows else ())
+
+
+def on_summary(gamm: GammInsight, *, paper: bool) -> str:
+    """What was fitted, how well, and what the table can be compared with."""
+    page = gamm.summary
+    text = (
+        f"{page.distribution()} Wh; on {page.n} rows, one every {gamm.row_step_s:g} s of a trip and its last, it explains "
+        f"{percent(page.deviance_explained)} of the deviance. A level without data is 0.00 (0.00)."
+    )
+    if not page.converged:
+        text = f"The fit did not converge, its figures are not to be trusted. {page.message} {text}"
+    if paper:
+        text += (
+            " The paper's values stand beside ours where the terms match; they need not agree: its GAMM "
+            "explains what another simulation leaves, on more trips, and its reference weather is not named."
+        )
+    return text
+
+
+def on_extrapolation(gamm: GammInsight, trips: int | None) -> str:
+    """The rule outside of the training data, and for how many held-out trips it matters."""
+    found = gamm.outside["trip"].nunique()
+    of = f" of {trips}" if trips else ""
+    return (
+        "Outside of the training data no effect grows: a row is moved to where training rows lie before any term sees it, each "
+        "covariate to the nearer end of its range (in winter, that of the winter trips), those of a surface to within "
+        f"{percent(REACH, 0)} of their ranges from the nearest training point. A weather that no training trip had counts as the mean "
+        f"over the training rows; a new trip's random effect is 0. Held out, {found}{of} trips leave, in some row, the range that the "
+        "others have shown, or have a weather of their own."
+    )
+
+
+def summary_table(gamm: GammInsight, *, paper: bool, label: str = "") -> Table:
+    """Every coefficient with its standard error and every smooth with its EDF, as the paper prints them.
+
+    Parameters
+    ----------
+    gamm : GammInsight
+    paper : bool
+        Whether the paper's own table may stand beside it.
+    label : str
+        End of the caption, e.g. that the trips are made up.
+    """
+    coefficients = _coefficient_names(gamm.effects)
+    tests = gamm.summary.frame()["p_value"].tolist()
+    rows: list[tuple[str, str, str]] = []
+    for (term, value, mark), p_value in zip(gamm.summary.rows(), tests, strict=True):
+        name = term.removeprefix("EDF: ")
+        shown = coefficients.get(name) or term_in_words(name)
+        text = f"{value}{mark}".replace("-", "−").replace(" ", "\u00a0")
+        rows.append((shown, text, _p_text(p_value)))
+    for factor in (e for e in gamm.effects.values() if isinstance(e, FactorEffect) and e.reference):
+        first = next((i for i, row in enumerate(rows) if row[0].startswith(f"{factor.label}: ")), len(rows))
+        rows.insert(first, (f"{factor.label}: {plain(factor.reference)}", "reference", DASH))
+    columns = ["Term", "Ours", "p"]
+    cells: list[tuple[str, ...]] = list(rows)
+    if paper:
+        columns.append(f"The paper ({PAPER_TABLE2_SOURCE})")
+        printed = {name: text.replace(" ", "\u00a0") for name, text in PAPER_TABLE2.items()}
+        absent = [name for name in PAPER_TABLE2 if name not in {row[0] for row in rows}]
+        cells = [(*row, printed.get(row[0], DASH)) for row in rows]
+        cells += [(name, DASH, DASH, printed[name]) for name in absent]
+    caption = (
+        f"Terms of the GAMM{label}: estimate (standard error) in Wh, EDF (reference df) of a smooth s(); "
+        "*** p < 0.001, ** p < 0.01, * p < 0.05"
+    )
+    return Table(caption, tuple(columns), tuple(cells))
+
+
+def _coefficient_names(effects: Mapping[str, Effect]) -> dict[str, str]:
+    """Coefficient of the engine -> factor and level as they are shown."""
+    return {
+        f"{effect.label}{level}": f"{effect.label}: {plain(level)}"
+        for effect in effects.values()
+        if isinstance(effect, FactorEffect) and effect.reference
+        for level in effect.level
+    }
+
+
+def _p_text(p_value: float) -> str:
+    if not np.isfinite(p_value):
+        return "no\u00a0data"
+    return "<\u00a00.0001" if p_value < 1e-4 else f"{p_value:.4f}"
+
+
+def scores_table(gamm: GammInsight, *, label: str = "") -> Table:
+    """Scores of the fit, and the reductions that the data forced."""
+    page = gamm.summary
+    scores = [(name, value.replace("-", "−")) for name, value in page.scores().items()]
+    rows = [("Errors", page.distribution()), ("Formula", term_in_words(page.formula)), *scores]
+    rows += [("Note", plain(term_in_words(note), 400)) for note in page.notes]
+    rows += [
+        ("Term left out", f"{term_in_words(term)}: its covariates never vary here") for term in gamm.left_out
+    ]
+    return Table(f"The fit of the GAMM{label}", ("What", "Value"), tuple(rows), frozenset({0, 1}))
+
+
+def outside_table(gamm: GammInsight, *, label: str = "") -> Table:
+    """Trips that leave what all other trips have shown, with the share of their rows."""
+    records = sorted(gamm.outside.to_dict("records"), key=lambda r: natural_key(r["trip"]))
+    rows = [
+        (
+            plain(record["trip"]),
+            term_in_words(str(record["covariate"])),
+            number(float(record["share"]), 100, 1),
+        )
+        for record in records
+    ]
+    columns = ("Trip", "What no other trip has shown", "Share of its rows [%]")
+    caption = f"Where the extrapolation rule applies to a held-out trip{label}"
+    return Table(caption, columns, tuple(rows), frozenset({0, 1}))
+
+
+@panel("gamm-diagnosis", "Residuals against the fitted distribution", draws=True)
+def gamm_diagnosis(view: View) -> Content | None:
+    """Whether the residuals follow the fitted distribution."""
+    found = view.gamm
+    if found is None:
+        return None
+    return Content(on_diagnosis(found), plot_diagnosis(found.diagnosis, synthetic=view.synthetic))
+
+
+@panel("gamm-autocorrelation", "Autocorrelation of the residuals", draws=True)
+def gamm_autocorrelation(view: View) -> Content | None:
+    """Whether neighbouring rows of a trip are independent."""
+    found = view.gamm
+    if found is None:
+        return None
+    drawn = plot_dependence(found.autocorrelation, found.row_step_s, synthetic=view.synthetic)
+    return Content(on_dependence(found), drawn)
+
+
+def on_diagnosis(gamm: GammInsight) -> str:
+    """Whether the residuals follow the fitted distribution."""
+    residual, line = gamm.diagnosis.qq.residual, gamm.diagnosis.qq.theoretical
+    off = float(np.max(np.abs(residual - line)[_middle(len(line))]))
+    half = float(np.quantile(np.abs(residual), 0.5))
+    far = float(np.max(np.abs(residual)))
+    return (
+        f"Half of the residuals are within {half:,.0f} Wh, the largest is {far:,.0f} Wh. Between the 5 % and the 95 % quantile "
+        f"the ordered residuals stay within {off:,.0f} Wh of the line, the quantiles of the fitted {gamm.diagnosis.qq.distribution.name}."
+    )
+
+
+def _middle(n: int) -> slice:
+    return slice(n // 20, max(n - n // 20, n // 20 + 1))
+
+
+def on_dependence(gamm: GammInsight) -> str:
+    """The autocorrelation warning in plain words, and why rows are thinned."""
+    first = gamm.autocorrelation.correlation[0] if gamm.autocorrelation.lag.size else float("nan")
+    text = gamm.autocorrelation.warning or (
+        f"The correlation of neighbouring residuals of a trip is {first:.2f}; the rows can be treated as independent."
+    )
+    return (
+        f"{text} The fit takes one row every {gamm.row_step_s:g} s; with a row every {gamm.full_step_s:g} s, as in the data, the "
+        f"correlation would be {gamm.full_correlation:.3f}."
+    )
+
+
+@styled
+def plot_diagnosis(diagnosis: Diagnosis, *, synthetic: bool = False) -> Figure:
+    """Q-Q plot against the fitted distribution with its line, residuals, histogram, response against fitted.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        In Wh.
+    synthetic : bool
+        Whether the trips are made up.
+    """
+    figure = new_figure(
+        5.6, "Residuals of the GAMM [Wh]", "solid line: what the fitted model expects", synthetic
+    )
+    axes = figure.subplots(2, 2)
+    qq, colour = diagnosis.qq, model_style("gamm").colour
+    kept = kept_points(qq.residual)
+    low, high = qq.band(kept)
+    axes[0, 0].fill_between(qq.theoretical[kept], low, high, color=INK, alpha=0.15, lw=0)
+    _dots(axes[0, 0], qq.theoretical, qq.residual, "qq")
+    ends = qq.theoretical[[0, -1]]
+    axes[0, 0].plot(ends, ends, color=RED, lw=1.4, gid="qq-line")
+    axes[0, 0].set_ylim(*padded(np.concatenate([qq.residual, ends])))
+    axes[0, 0].set(title="Q-Q plot", xlabel=f"quantiles of {qq.distribution.name}", ylabel="residual")
+    scatter = diagnosis.predictor
+    _dots(axes[0, 1], scatter.linear_predictor, scatter.residual, "predictor")
+    axes[0, 1].axhline(0.0, color=RED, lw=1.4)
+    axes[0, 1].set(title="Residual and predictor", xlabel="linear predictor", ylabel="residual")
+    bars = diagnosis.histogram
+    middle = (bars.edges[1:] + bars.edges[:-1]) / 2
+    axes[1, 0].bar(middle, bars.count, width=np.diff(bars.edges), color=colour, alpha=0.6)
+    axes[1, 0].plot(middle, bars.expected, color=RED, lw=1.4)
+    beyond = f" ({bars.below + bars.above} beyond)" if bars.below + bars.above else ""
+    axes[1, 0].set(title="Histogram", xlabel=f"residual{beyond}", ylabel="rows")
+    response = diagnosis.response
+    _dots(axes[1, 1], response.fitted, response.response, "response")
+    ends = np.array([response.fitted.min(), response.fitted.max()])
+    axes[1, 1].plot(ends, ends, color=RED, lw=1.4)
+    axes[1, 1].set(title="Response and fitted", xlabel="fitted value", ylabel="response")
+    for one in axes.ravel():
+        few_ticks(one)
+    return figure
+
+
+def _dots(axes: Axes, x: FloatArray, y: FloatArray, gid: str) -> None:
+    kept = kept_points(y)
+    axes.scatter(x[kept], y[kept], s=5, color=model_style("gamm").colour, alpha=0.45, lw=0, gid=gid)
+
+
+@styled
+def plot_dependence(found: Autocorrelation, step_s: float, *, synthetic: bool = False) -> Figure:
+    """Autocorrelation of the residuals within trips, with the band of independent rows.
+
+    Parameters
+    ----------
+    found : Autocorrelation
+    step_s : float
+        Time between neighbouring rows [s].
+    synthetic : bool
+        Whether the trips are made up.
+    """
+    figure = new_figure(
+        2.9,
+        "Autocorrelation of the residuals within trips",
+        "grey band: 95 % for independent rows",
+        synthetic,
+    )
+    axes = figure.add_subplot()
+    minutes = found.lag * step_s / SECONDS_PER_MINUTE
+    axes.fill_between(minutes, -found.bound, found.bound, color=INK, alpha=0.15, lw=0)
+    axes.vlines(minutes, 0.0, found.correlation, color=model_style("gamm").colour, lw=2.2)
+    axes.plot(minutes, found.correlation, "o", color=model_style("gamm").colour, ms=3, gid="autocorrelation")
+    axes.axhline(0.0, color=INK, lw=0.9)
+    axes.set_ylim(max(-1.02, min(-0.2, 1.1 * float(found.correlation.min()))), 1.02)
+    axes.set(xlabel="lag [min]", ylabel="correlation")
+    axes.grid(axis="y")
+    return figure
+
+
+PANELS = (
+    gamm_summary,
+    gamm_extrapolation,
+    gamm_diagnosis,
+    gamm_autocorrelation,
+)

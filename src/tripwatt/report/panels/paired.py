@@ -1,0 +1,154 @@
+"""Paired differences of the mean errors over the same trips."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from tripwatt.report.models import model_style
+from tripwatt.report.panel import Content, panel
+from tripwatt.report.style import INK, PAPER_COLOUR, new_figure, percent_axis, row_names, styled
+from tripwatt.report.tables import Table
+from tripwatt.report.view import Record, View, of_evaluation, plain
+from tripwatt.report.words import label, listed, points
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@panel("paired-differences", "Paired differences", draws=True, folded=True)
+def paired_differences(view: View) -> Content:
+    """The best model against every other, and the table of all pairs."""
+    pairs, best, table = view.paired_of(view.main), view.best, paired_table(view)
+    if not pairs:
+        return Content("No pair of models was compared.")
+    shown = paired_with(pairs, best) or pairs
+    said = (
+        f"{on_paired(pairs, best)} A difference is significant if its interval does not contain 0; the table has all "
+        f"{len(table.rows)} pairs."
+    )
+    return Content(said, plot_paired_differences(shown, note=view.note, synthetic=view.synthetic), (table,))
+
+
+def paired_with(pairs: Sequence[Record], best: str | None) -> list[Record]:
+    """The pairs that hold `best`, turned so that `best` is always `b`: a positive difference means that its error is lower.
+
+    Examples
+    --------
+    >>> paired_with([{"a": "boosting", "b": "forest", "diff": -0.01, "ci95": [-0.02, 0.005]}], "boosting")
+    [{'a': 'forest', 'b': 'boosting', 'diff': 0.01, 'ci95': [-0.005, 0.02]}]
+    """
+    turned: list[Record] = []
+    for pair in pairs:
+        if pair["b"] == best:
+            turned.append(pair)
+        elif pair["a"] == best:
+            low, high = pair["ci95"]
+            turned.append({**pair, "a": pair["b"], "b": best, "diff": -pair["diff"], "ci95": [-high, -low]})
+    return turned
+
+
+def in_words(pair: Record) -> str:
+    """The result of one paired comparison.
+
+    Examples
+    --------
+    >>> in_words({"a": "forest", "b": "boosting", "diff": 0.01, "ci95": [-0.01, 0.02]})
+    'no significant difference'
+    """
+    low, high = pair["ci95"]
+    if low > 0 or high < 0:
+        better, worse = (pair["b"], pair["a"]) if pair["diff"] > 0 else (pair["a"], pair["b"])
+        return f"{label(str(better))} has a significantly lower error than {label(str(worse))}"
+    return "no significant difference"
+
+
+def on_paired(pairs: Sequence[Record], best: str | None) -> str:
+    """Which models the best one beats beyond chance, and which it does not."""
+    beaten: list[str] = []
+    equal: list[str] = []
+    above: list[str] = []
+    for pair in pairs:
+        if best not in (pair["a"], pair["b"]):
+            continue
+        other = str(pair["b"] if pair["a"] == best else pair["a"])
+        low, high = pair["ci95"]
+        side = 1.0 if pair["b"] == best else -1.0
+        (equal if low <= 0 <= high else beaten if side * pair["diff"] > 0 else above).append(label(other))
+    if best is None or not (beaten or equal or above):
+        return "No pair of models was compared."
+    parts = []
+    if beaten:
+        parts.append(f"significantly lower than that of {listed(beaten)}")
+    if equal:
+        parts.append(f"not significantly different from that of {listed(equal)}")
+    if above:
+        parts.append(f"significantly higher than that of {listed(above)}")
+    return f"The mean error of {label(best)} is {'; '.join(parts)}."
+
+
+def paired_table(view: View) -> Table:
+    """Every pair of models of every evaluation, with its interval and the result in words."""
+    rows = []
+    for evaluation in view.evaluations:
+        for pair in view.paired_of(evaluation):
+            low, high = pair["ci95"]
+            rows.append(
+                (
+                    f"{label(str(pair['a']))} − {label(str(pair['b']))}",
+                    points(float(pair["diff"])),
+                    f"{points(float(low))} to {points(float(high))}".replace(" points to", " to"),
+                    in_words(pair),
+                    of_evaluation(evaluation),
+                )
+            )
+    columns = ("Pair", "Difference of mean errors", "95 % interval", "Result", "Evaluation")
+    caption = view.captioned("Paired differences over the same trips")
+    return Table(caption, columns, tuple(rows), frozenset({0, 3, 4}))
+
+
+@styled
+def plot_paired_differences(paired: Sequence[Record], *, note: str = "", synthetic: bool = False) -> Figure:
+    """Forest plot of paired differences of the mean APE: an interval that leaves out 0 is drawn solid.
+
+    Parameters
+    ----------
+    paired : sequence of mapping
+        `{a, b, diff, ci95}` as in `results.json`, `diff` = mean APE of `a` minus that of `b`.
+    note : str
+        Which evaluation it is, for the title.
+    synthetic : bool
+        Whether the trips are made up.
+    """
+    figure = new_figure(1.5 + 0.34 * len(paired), "Paired differences over the same trips", note, synthetic)
+    axes = figure.add_subplot()
+    seconds = {str(pair["b"]) for pair in paired}
+    common = model_style(seconds.pop()).label if len(seconds) == 1 else ""
+    labels = []
+    for row, pair in enumerate(paired):
+        low, high = pair["ci95"]
+        apart = low > 0 or high < 0
+        colour = model_style(str(pair["a"])).colour
+        axes.plot(
+            [low, high], [row, row], color=colour, lw=2.0 if apart else 1.2, ls="-" if apart else (0, (3, 2))
+        )
+        axes.plot(
+            pair["diff"],
+            row,
+            "o",
+            color=colour if apart else PAPER_COLOUR,
+            mec=colour,
+            ms=5.5,
+            gid=f"pair-{row}",
+        )
+        first = plain(model_style(str(pair["a"])).label, 28)
+        labels.append(first if common else f"{first}\n− {plain(model_style(str(pair['b'])).label, 28)}")
+    axes.axvline(0.0, color=INK, lw=0.9)
+    row_names(axes, labels)
+    axes.spines["left"].set_visible(False)
+    difference = f"mean error minus that of {common}" if common else "difference of mean errors"
+    percent_axis(axes, f"{difference}\n[percentage points];  solid: 95 % interval without 0")
+    return figure
+
+
+PANELS = (paired_differences,)

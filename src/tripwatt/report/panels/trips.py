@@ -1,0 +1,225 @@
+"""Errors trip by trip, and the energy along some of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import FloatArray
+from tripwatt.report.models import model_style
+from tripwatt.report.panel import Content, panel
+from tripwatt.report.style import (
+    INK,
+    PAPER_COLOUR,
+    RULE,
+    cut_at,
+    new_figure,
+    percent_axis,
+    styled,
+    thinned,
+)
+from tripwatt.report.tables import Table, number
+from tripwatt.report.view import View, absolute_errors, plain
+from tripwatt.report.words import label, listed, percent
+from tripwatt.units import M_S_PER_KM_H
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MOST_TRIPS: Final = 60
+"""Trips that the figure of errors by trip shows; the table beside it always holds them all."""
+
+
+@panel("trip-energy", "Energy along the best, the median and the worst trip", draws=True)
+def trip_energy(view: View) -> Content | None:
+    """Measured, simulated and corrected energy along three trips."""
+    best, selected = view.best, view.selected_trips()
+    if best is None or not _known(view):
+        return None
+    if not selected:
+        return Content("No predictions along the trips were kept.")
+    simulated = model_style(best).stands_on
+    if any(simulated not in view.series[trip] for _, trip, _ in selected):
+        simulated = None
+    drawn = plot_trip_energy(view.series, selected, best, simulated=simulated, synthetic=view.synthetic)
+    return Content(on_trip_energy(selected, best), drawn)
+
+
+@panel("trip-errors", "Error by trip", draws=True)
+def trip_errors(view: View) -> Content:
+    """The error of the best model on every trip, beside that of the simulation."""
+    best = view.best
+    if best is None or not _known(view):
+        return Content("No fold is known, so there is nothing to show by trip.")
+    against = view.physics if view.physics != best else None
+    drawn = plot_trip_errors(view.main_folds, best, against, note=view.note, synthetic=view.synthetic)
+    return Content(on_trip_errors(view), drawn)
+
+
+@panel("all-trips", "Every trip and model", folded=True, wide=True)
+def all_trips(view: View) -> Content | None:
+    """The error of every model on every trip."""
+    if not _known(view):
+        return None
+    table = trips_table(view)
+    return Content(f"{len(table.rows)} trips.", tables=(table,))
+
+
+def _known(view: View) -> bool:
+    """Whether there are folds of the model that the report describes."""
+    return view.best in set(view.main_folds["model"])
+
+
+def on_trip_energy(selected: Sequence[tuple[str, str, float]], model: str) -> str:
+    """The trips shown and their errors."""
+    parts = [f"{percent(ape)} on the {role.lower()} trip ({plain(trip)})" for role, trip, ape in selected]
+    return f"The error of {label(model)} at the end of the trip is {listed(parts)}."
+
+
+def on_trip_errors(view: View) -> str:
+    """On how many trips the best model is closer than the physics, and where it is worst."""
+    wide = view.main_errors
+    if view.best is None or view.best not in wide:
+        return "No fold is known."
+    worst = wide[view.best].idxmax()
+    largest = f"{percent(float(wide[view.best].max()))}, on trip {plain(worst)}"
+    if view.physics in wide and view.physics != view.best:
+        both = wide[[view.best, view.physics]].dropna()
+        closer = int((both[view.best] < both[view.physics]).sum())
+        return (
+            f"{label(view.best)} has a smaller error than {label(str(view.physics))} on {closer} of {len(both)} trips "
+            f"({percent(closer / len(both), 0)}). Its largest error is {largest}."
+        )
+    return f"The largest error of {label(view.best)} is {largest}."
+
+
+def trips_table(view: View) -> Table:
+    """Every trip of the main evaluation: measured energy and the error of every model."""
+    folds = view.main_folds
+    wide = absolute_errors(folds)
+    observed = folds.groupby("trip", observed=True)["observed_energy_wh"].first()
+    rows = [
+        (
+            plain(trip),
+            number(float(observed.loc[trip]), 1e-3, 2),
+            *(number(float(e), 100, 1) for e in wide.loc[trip]),
+        )
+        for trip in wide.index
+    ]
+    columns = ("Trip", "Measured [kWh]", *(label(str(m)) for m in wide.columns))
+    return Table(view.captioned("Absolute error [%] of every trip and model"), columns, tuple(rows))
+
+
+@styled
+def plot_trip_energy(
+    series: Mapping[str, pd.DataFrame],
+    selected: Sequence[tuple[str, str, float]],
+    model: str,
+    *,
+    simulated: str | None,
+    synthetic: bool = False,
+) -> Figure:
+    """Cumulative energy along trips: measured, simulated and corrected, with the speed below.
+
+    Parameters
+    ----------
+    series : mapping of str to DataFrame
+        By trip: `time_s, speed_m_s, observed_energy_wh` and a cumulative energy [Wh] per model.
+    selected : sequence of (role, trip, ape)
+        Which trips, e.g. `("Worst", "B28", 0.31)`.
+    model : str
+        The corrected prediction.
+    simulated : str or None
+        The simulation that it corrects.
+    synthetic : bool
+        Whether the trips are made up.
+    """
+    figure = new_figure(
+        1.0 + 2.55 * len(selected), f"Energy along the trip: {model_style(model).label}", "", synthetic
+    )
+    grid = figure.add_gridspec(2 * len(selected), 1, height_ratios=[3.2, 1.0] * len(selected))
+    curves: list[tuple[str, str, str, Any, float]] = [("observed_energy_wh", "measured", INK, "-", 1.8)]
+    if simulated:
+        curves.append((simulated, "simulated", model_style(simulated).colour, (0, (5, 2)), 1.6))
+    curves.append((model, "corrected", model_style(model).colour, "-", 1.6))
+    for place, (role, trip, ape) in enumerate(selected):
+        frame = thinned(series[trip])
+        minutes = (frame["time_s"] - series[trip]["time_s"].iloc[0]) / 60.0
+        top = figure.add_subplot(grid[2 * place])
+        below = figure.add_subplot(grid[2 * place + 1], sharex=top)
+        for column, words, colour, dash, width in curves:
+            if column in frame:
+                line = top.plot(
+                    minutes, frame[column] / 1000.0, color=colour, ls=dash, lw=width, label=words
+                )[0]
+                line.set_gid(f"energy-{place}-{words}")
+        top.axhline(0.0, color=RULE, lw=0.8, zorder=0)
+        top.set_title(f"{role} trip: {plain(trip, 34)}, error {100 * ape:.1f} %")
+        top.set_ylabel("energy [kWh]")
+        top.grid(axis="y")
+        top.tick_params(labelbottom=False)
+        below.fill_between(minutes, frame["speed_m_s"] / M_S_PER_KM_H, color=INK, alpha=0.35, lw=0)
+        below.set_ylabel("km/h")
+        below.set_ylim(bottom=0)
+        below.set_xlim(0, float(minutes.iloc[-1]) or 1.0)
+        if place == len(selected) - 1:
+            below.set_xlabel("time since departure [min]")
+        if place == 0:
+            figure.legend(*top.get_legend_handles_labels(), loc="outside lower left", ncols=3)
+    return figure
+
+
+@styled
+def plot_trip_errors(
+    folds: pd.DataFrame, model: str, against: str | None = None, *, note: str = "", synthetic: bool = False
+) -> Figure:
+    """APE of a model on each trip, with a line to the error of another model on the same trip.
+
+    Parameters
+    ----------
+    folds : DataFrame
+        Columns `trip, model, ape`.
+    model : str
+        Sorted by this model's error; the `MOST_TRIPS` with the largest are shown.
+    against : str or None
+        The model to compare with.
+    note : str
+        Which evaluation it is, for the title.
+    synthetic : bool
+        Whether the trips are made up.
+    """
+    wide = absolute_errors(folds).dropna(subset=model).sort_values(model, kind="stable", ascending=False)
+    total = len(wide)
+    wide = wide.head(MOST_TRIPS)
+    shown = f"the {len(wide)} largest of {total}" if total > len(wide) else f"all {total} trips"
+    figure = new_figure(1.5 + 0.165 * len(wide), f"Error by trip, {shown}", note, synthetic)
+    axes = figure.add_subplot()
+    rows = np.arange(len(wide))
+    own = wide[model].to_numpy(dtype=np.float64)
+    others = [wide[against].to_numpy(dtype=np.float64)] if against in wide.columns else []
+    limit = cut_at(np.concatenate([own, *others]))
+
+    def dots(values: FloatArray, name: str, gid: str, **look: Any) -> None:
+        words = model_style(name).label
+        axes.plot(np.minimum(values, limit), rows, "o", label=words, gid=gid, clip_on=False, **look)
+
+    axes.hlines(
+        rows, np.minimum(own, limit), np.minimum([*others, 0 * own][0], limit), color=RULE, lw=1.4, zorder=1
+    )
+    for other in others:
+        dots(other, str(against), "other", mfc=PAPER_COLOUR, mec=model_style(str(against)).colour, ms=4)
+    dots(own, model, "own", color=model_style(model).colour, ms=4.5)
+    axes.set_yticks(rows, [plain(trip, 18) for trip in wide.index], fontsize=7.5)
+    axes.tick_params(axis="y", length=0)
+    axes.set_ylim(len(wide) - 0.3, -0.7)
+    axes.set_xlim(0, limit)
+    axes.spines["left"].set_visible(False)
+    percent_axis(axes, "absolute percentage error [%]")
+    figure.legend(loc="outside lower left", ncols=2)
+    return figure
+
+
+PANELS = (trip_energy, trip_errors, all_trips)

@@ -1,0 +1,248 @@
+"""How good the forecast's intervals are: coverage, calibration, width, and the gain from a width for each trip."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import FloatArray
+from tripwatt.report.models import model_style
+from tripwatt.report.panel import Content, panel
+from tripwatt.report.style import (
+    FORECAST_COLOUR,
+    INK,
+    PLAIN_COLOUR,
+    RULE,
+    WARM_COLOUR,
+    annotate,
+    new_figure,
+    percent_axis,
+    row_names,
+    styled,
+)
+from tripwatt.report.tables import Table, number, span
+from tripwatt.report.view import Record, View
+from tripwatt.report.words import label, listed, percent
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.figure import Figure
+
+
+@panel("coverage", "Coverage of the intervals", draws=True)
+def coverage(view: View) -> Content:
+    """Share of the trips in each interval."""
+    score = view.focus
+    if "coverage" not in score:
+        return Content(view.no_focus)
+    drawn = plot_coverage(score, note=view.note_given, synthetic=view.synthetic)
+    return Content(on_coverage(view), drawn, (coverage_table(view),))
+
+
+def on_coverage(view: View) -> str:
+    """How many held-out trips lie in their intervals."""
+    score = view.focus
+    outside = [
+        f"{100 * float(key):g} %"
+        for key, (low, high) in score["coverage_ci95"].items()
+        if not low <= float(key) <= high
+    ]
+    levels = listed([f"{100 * float(key):g}" for key in score["coverage"]])
+    shares = listed([f"{100 * covered:.0f}" for covered in score["coverage"].values()])
+    verdict = (
+        f"the share differs significantly from the nominal level at {listed(outside)}"
+        if outside
+        else "no share differs significantly from its nominal level"
+    )
+    return (
+        f"The intervals of {levels} % contain the measured energy of {shares} % of the trips; {verdict} (Clopper-Pearson, 95 %; {view.note}, "
+        f"{view.given})."
+    )
+
+
+def coverage_table(view: View) -> Table:
+    """Share of the trips in each interval, with its confidence intervals, and the interval's mean width."""
+    score = view.focus
+    rows = tuple(
+        (
+            f"{100 * float(key):g} %",
+            number(covered, 100, 1),
+            span(score["coverage_ci95"][key]),
+            span(score["coverage_bootstrap95"][key]),
+            number(score["interval_width_wh"][key], 1e-3),
+        )
+        for key, covered in score["coverage"].items()
+    )
+    columns = ("Level", "Inside [%]", "Clopper-Pearson 95 %", "Bootstrap 95 %", "Mean width [kWh]")
+    return Table(view.captioned(f"Intervals of held-out trips, {view.given}"), columns, rows)
+
+
+@styled
+def plot_coverage(score: Record, *, note: str = "", synthetic: bool = False) -> Figure:
+    """Share of trips inside the interval against its nominal level, with Clopper-Pearson intervals."""
+    figure = new_figure(3.9, "How often the interval holds the measured energy", note, synthetic)
+    axes = figure.add_subplot()
+    axes.plot([0.4, 1.0], [0.4, 1.0], color=RULE, lw=1.5, label="exactly as stated")
+    for place, (key, covered) in enumerate(score["coverage"].items()):
+        level, (low, high) = float(key), score["coverage_ci95"][key]
+        axes.plot([level, level], [low, high], color=FORECAST_COLOUR, lw=2.2, solid_capstyle="butt")
+        axes.plot(level, covered, "o", color=FORECAST_COLOUR, ms=7, gid=f"coverage-{place}")
+        offset, side = ((-8, 4), "right") if level < 0.93 else ((10, -14), "left")
+        annotate(axes, f"{100 * covered:.0f} %", (level, covered), offset, size=8.5, ha=side)
+    axes.plot([], [], "-o", color=FORECAST_COLOUR, label="held-out trips, 95 % Clopper-Pearson interval")
+    axes.set(xlim=(0.4, 1.0), ylim=(0.25, 1.02))
+    axes.yaxis.set_major_formatter(lambda value, _: f"{100 * value:.0f}")
+    axes.set_ylabel("inside [% of trips]")
+    percent_axis(axes, "nominal level [%]")
+    axes.grid(axis="y")
+    figure.legend(loc="outside lower left", ncols=1)
+    return figure
+
+
+PIT_BINS: Final = 10
+
+
+@panel("pit", "Calibration of the whole distribution", draws=True)
+def pit(view: View) -> Content:
+    """Whether the measured energy is uniformly distributed over the quantiles of the forecast."""
+    if view.forecast is None:
+        return Content(view.no_focus)
+    values = view.forecast.trips["pit"].to_numpy(dtype=np.float64)
+    return Content(
+        on_pit(values, view.given), plot_pit(values, note=view.note_given, synthetic=view.synthetic)
+    )
+
+
+def on_pit(pit: FloatArray, given: str) -> str:
+    """The share of the trips above the median, and a test of uniformity."""
+    from scipy.stats import kstest
+
+    found = kstest(pit, "uniform")
+    verdict = "do not differ" if found.pvalue >= 0.05 else "differ"
+    return (
+        f"Of {len(pit)} trips, {percent(float(np.mean(pit > 0.5)), 0)} took more energy than the median of their forecast. The "
+        f"values {verdict} significantly from a uniform distribution (Kolmogorov-Smirnov, p = {found.pvalue:.2f}), {given}."
+    )
+
+
+@styled
+def plot_pit(pit: FloatArray, *, note: str = "", synthetic: bool = False) -> Figure:
+    """Histogram of the probability that the forecast gave to less than was measured; flat for a calibrated forecast."""
+    from scipy.stats import binom
+
+    figure = new_figure(3.2, "Where the measured energy falls in the forecast", note, synthetic)
+    axes = figure.add_subplot()
+    n = len(pit)
+    low, high = binom.ppf([0.025, 0.975], n, 1.0 / PIT_BINS)
+    axes.axhspan(low, high, color=RULE, alpha=0.5, lw=0, label="95 % of the bars of a calibrated forecast")
+    axes.axhline(n / PIT_BINS, color=INK, lw=1.0, ls=(0, (3, 2)))
+    axes.hist(
+        pit, bins=np.linspace(0, 1, PIT_BINS + 1).tolist(), color=FORECAST_COLOUR, alpha=0.8, rwidth=0.92
+    )
+    axes.set(xlim=(0, 1), xlabel="probability integral transform", ylabel="trips")
+    figure.legend(loc="outside lower left")
+    return figure
+
+
+@panel("widths", "Width of the intervals", draws=True)
+def widths(view: View) -> Content:
+    """The 90 % interval of short and of long trips."""
+    if view.forecast is None:
+        return Content(view.no_focus)
+    trips = view.forecast.trips
+    return Content(
+        on_widths(trips, view.given), plot_widths(trips, note=view.note_given, synthetic=view.synthetic)
+    )
+
+
+def on_widths(trips: pd.DataFrame, given: str) -> str:
+    """Mean widths of the 90 % interval."""
+    width = (trips["high_90"] - trips["low_90"]).to_numpy(dtype=np.float64)
+    short = trips["distance_m"].to_numpy() <= np.median(trips["distance_m"])
+    said = f"The mean width of the 90 % interval is {number(float(width.mean()), 1e-3)} kWh"
+    if short.any() and not short.all():
+        said += (
+            f": {number(float(width[short].mean()), 1e-3)} kWh on the shorter half of the trips, "
+            f"{number(float(width[~short].mean()), 1e-3)} kWh on the longer"
+        )
+    return f"{said}, {given}."
+
+
+@styled
+def plot_widths(trips: pd.DataFrame, *, note: str = "", synthetic: bool = False) -> Figure:
+    """Half width of the 90 % interval and the error of each trip, against the trip's length."""
+    figure = new_figure(3.9, "Half width of the interval and error of each trip", note, synthetic)
+    axes = figure.add_subplot()
+    km = trips["distance_m"].to_numpy(dtype=np.float64) / 1e3
+    half = (trips["high_90"] - trips["low_90"]).to_numpy(dtype=np.float64) / 2e3
+    error = (trips["observed_energy_wh"] - trips["energy_wh"]).abs().to_numpy(dtype=np.float64) / 1e3
+    missed = error > half
+    axes.vlines(km, 0.0, half, color=RULE, lw=1.2)
+    axes.plot(km, half, "_", color=FORECAST_COLOUR, ms=9, mew=2.2, label="half width of the 90 % interval")
+    axes.plot(km[~missed], error[~missed], "o", color=INK, ms=3.5, label="error, inside")
+    axes.plot(km[missed], error[missed], "X", color=WARM_COLOUR, ms=6.5, label="error, outside")
+    axes.set(xlabel="trip [km]", ylabel="energy [kWh]")
+    axes.set_xlim(0, 1.03 * float(km.max()))
+    axes.set_ylim(0, 1.08 * float(max(half.max(), error.max())))
+    axes.grid(axis="y")
+    figure.legend(loc="outside lower left", ncols=2)
+    return figure
+
+
+@panel("crps", "Gain from an interval width for each trip", draws=True)
+def crps(view: View) -> Content:
+    """The score of the distribution, with one width for all trips and without an interval."""
+    score = view.focus
+    if "crps_same_width_wh" not in score:
+        return Content(view.no_focus)
+    drawn = plot_crps(crps_rows(view), note=view.note_given, synthetic=view.synthetic)
+    return Content(on_crps(score, view.given), drawn)
+
+
+def on_crps(score: Record, given: str) -> str:
+    """The gain in CRPS from a width for each trip."""
+    own, same = score["crps_wh"], score["crps_same_width_wh"]
+    word = "lower" if own < same else "higher"
+    return (
+        f"The mean CRPS is {number(own, 1.0, 0)} Wh with a width for each trip, {percent(abs(same - own) / same)} {word} than "
+        f"with the mean width for every trip ({number(same, 1.0, 0)} Wh). The CRPS of a forecast without an interval is its "
+        f"mean absolute error; all {given}."
+    )
+
+
+def crps_rows(view: View) -> list[tuple[str, float, str]]:
+    """(name, CRPS [Wh], colour) of the forecast, of itself with one width, and of its rivals without an interval."""
+    score, focus = view.focus, view.protocol.focus or ""
+    style = model_style(focus)
+    rivals = [m for m in (*style.rivals, style.without_physics) if m is not None and m in view.scores]
+    return [
+        (label(focus), score["crps_wh"], FORECAST_COLOUR),
+        ("same, one width for all trips", score["crps_same_width_wh"], WARM_COLOUR),
+        ("same, best one width in hindsight", score["crps_best_same_width_wh"], WARM_COLOUR),
+        *((f"{label(m)}, no interval", view.scores[m]["crps_wh"], PLAIN_COLOUR) for m in rivals),
+    ]
+
+
+@styled
+def plot_crps(rows: Sequence[tuple[str, float, str]], *, note: str = "", synthetic: bool = False) -> Figure:
+    """CRPS as bars; rows of (name, CRPS in Wh, colour)."""
+    figure = new_figure(1.2 + 0.3 * len(rows), "Score of the whole distribution (CRPS)", note, synthetic)
+    axes = figure.add_subplot()
+    largest = max(value for _, value, _ in rows)
+    for row, (_, value, colour) in enumerate(rows):
+        axes.barh(row, value, color=colour, height=0.62)
+        annotate(axes, f"{value:.0f}", (value, row), (4, 0), size=8.5, va="center")
+    row_names(axes, [name for name, _, _ in rows])
+    axes.set(xlim=(0, 1.12 * largest), xlabel="mean CRPS [Wh], lower is better")
+    return figure
+
+
+PANELS = (
+    coverage,
+    pit,
+    widths,
+    crps,
+)

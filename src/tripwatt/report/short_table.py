@@ -1,0 +1,123 @@
+"""The short table of a run, for the terminal and the README: the best model of each kind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from tripwatt.report.models import model_style
+from tripwatt.report.tables import Table, number, span
+from tripwatt.report.view import Record, View, named_evaluation
+from tripwatt.report.words import label
+
+if TYPE_CHECKING:
+    import rich.console
+
+SHORT_ROWS: Final = 5
+"""Rows of the short table; a run with no more models than this shows them all."""
+
+
+_KINDS: Final = ("constant", "baseline", "physics", "data", "hybrid")
+"""Kinds of models in the order of the short table."""
+
+
+def short_list(view: View) -> list[str]:
+    """The models that a short table shows: the constant, and the best model of each kind.
+
+    Each kind is a question that the best hybrid has to answer with a lower error: is more needed than one consumption per
+    distance (the constant), than a few coefficients (the best other baseline), than the simulation (the best physics
+    alone), than learning (the best model without physics)? Best is the lowest mean error in the main evaluation; the
+    model of lowest error of all is always among them. In table order, the best hybrid last.
+    """
+    names = view.models
+    if len(names) <= SHORT_ROWS:
+        return names
+    models = view.main["models"]
+    kinds: dict[str, list[str]] = {}
+    for name in names:
+        kinds.setdefault(model_style(name).kind, []).append(name)
+    best = {kind: min(of_kind, key=lambda m: _error(models[m])) for kind, of_kind in kinds.items()}
+    if view.best is not None:
+        best[model_style(view.best).kind] = view.best
+    return [best[kind] for kind in _KINDS if kind in best]
+
+
+def _error(score: Record) -> float:
+    value = score.get("mape")
+    return float(value) if isinstance(value, int | float) and np.isfinite(value) else float("inf")
+
+
+def short_table(view: View) -> Table:
+    """The models of `short_list`: mean error with its interval and, for a forecast, how often its interval holds."""
+    models: Mapping[str, Record] = view.main.get("models") or {}
+    names = short_list(view)
+    coverage = {m: (models[m].get("coverage") or {}).get("0.9") for m in names}
+    known = any(value is not None for value in coverage.values())
+    rows = tuple(
+        (
+            label(m),
+            number(models[m].get("mape"), 100, 1),
+            span(models[m].get("mape_ci95")),
+            *((number(coverage[m], 100, 0),) if known else ()),
+        )
+        for m in names
+    )
+    columns = (
+        "Model",
+        "Mean error [%]",
+        "95 % interval",
+        *(("Inside the 90 % interval [% of trips]",) if known else ()),
+    )
+    head = f"Error of a trip's energy: {named_evaluation(view.main)}"
+    best = frozenset(i for i, m in enumerate(names) if m == view.best)
+    return Table(view.captioned(head), columns, rows, strong=best)
+
+
+def render_table(results: Mapping[str, Any]) -> rich.console.Group:
+    """The result as a short table for the terminal (see `short_table`); the report holds all models and evaluations.
+
+    Parameters
+    ----------
+    results : mapping
+        The contract of `results.json`.
+
+    Returns
+    -------
+    rich.console.Group
+
+    Examples
+    --------
+    >>> score = {"mape": 0.1, "mape_ci95": [0.08, 0.12], "rmse_wh": 500.0}
+    >>> shown = render_table({"evaluations": [{"scheme": "leave_one_trip_out", "trips": "audited",
+    ...                                        "n_trips": 2, "models": {"boosting": score}}]})
+    >>> print(shown.renderables[0])
+    Error of a trip's energy: leave one trip out, 2 trips the audit keeps
+    """
+    import rich.box
+    import rich.console
+    import rich.table
+    from rich.text import Text
+
+    view = View(results)
+    source = short_table(view)
+    left_out = len(view.models) - len(source.rows)
+    more = f" The best model of each kind; {left_out} more are in the report." if left_out else ""
+    table = rich.table.Table(
+        box=rich.box.SIMPLE,
+        padding=(0, 1, 0, 0),
+        pad_edge=False,
+    )
+    for place, head in enumerate(source.columns):
+        table.add_column(
+            head.replace("Inside the 90 % interval [% of trips]", "Inside its\n90 % interval [%]"),
+            justify="left" if place in source.text_columns else "right",
+            no_wrap=True,
+        )
+    for place, row in enumerate(source.rows):
+        style = "bold" if place in source.strong else ""
+        table.add_row(*(Text(cell, style=style) for cell in row))
+    return rich.console.Group(
+        Text(source.caption), table, Text(f"95 % interval: bootstrap over trips.{more}")
+    )
