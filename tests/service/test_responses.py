@@ -1,4 +1,4 @@
-"""What the service answers: the command line's figures under the command line's names."""
+"""The responses of the service have the numbers and the names of the command line."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from benchmarks.service_fuzz import seeds
 from benchmarks.service_process import Service
 
 from tripwatt.errors import InvalidInput
-from tripwatt.service.jobs import _sound
+from tripwatt.service.jobs import require_finite
 
 LINKS = [
     {"length_m": 800.0, "speed_m_s": 8.5, "grade": 0.01},
@@ -176,7 +176,7 @@ def test_library_names_what_can_be_asked(service: Service, drive: dict[str, Any]
     assert service.forecast(named).json() == service.forecast(drive).json()
 
 
-def test_another_car_is_forecast_with_its_own_physics_and_more_doubt(
+def test_another_car_is_forecast_with_its_own_physics_and_wider_intervals(
     service: Service, drive: dict[str, Any]
 ) -> None:
     own = service.forecast(drive).json()
@@ -201,9 +201,9 @@ def test_examples_can_be_forecast_and_replayed(service: Service) -> None:
 
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("place", ["energy_wh", "quantiles_wh", "series"])
-def test_no_answer_holds_what_is_no_number(place: str, wrong: float) -> None:
-    """JSON would say null."""
+@pytest.mark.parametrize("field", ["energy_wh", "quantiles_wh", "series"])
+def test_a_forecast_that_is_not_finite_is_refused(field: str, wrong: float) -> None:
+    """JSON would hold null instead."""
     answer: dict[str, Any] = {
         "energy_wh": 1.0,
         "soc_arrival": 0.5,
@@ -212,7 +212,7 @@ def test_no_answer_holds_what_is_no_number(place: str, wrong: float) -> None:
         "p_arrive": {"0": 1.0},
         "series": {"time_s": [0.0, 1.0]},
     }
-    assert _sound(answer) is answer
+    assert require_finite(answer) is answer
     spoiled = {"energy_wh": wrong, "quantiles_wh": {"0.5": wrong}, "series": {"time_s": [0.0, wrong, 1.0]}}
     with pytest.raises(InvalidInput, match="no forecast"):
-        _sound(answer | {place: spoiled[place]})
+        require_finite(answer | {field: spoiled[field]})

@@ -1,4 +1,4 @@
-"""What every request passes: who may come in, how much, how often, and what an answer wears."""
+"""Token, limits, rate, content negotiation, headers and the log, as every request meets them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import pytest
 from benchmarks.service_process import TOKEN, Service, serving, wait_for
 
 from tripwatt.service import worker
-from tripwatt.service.jobs import Work
+from tripwatt.service.jobs import Jobs
 from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Limits
 
@@ -224,7 +224,7 @@ def test_who_leaves_a_batch_leaves_no_work(tmp_path: Path, drive: dict[str, Any]
 def test_a_bug_is_a_500_that_tells_nothing_but_the_log() -> None:
     said: list[dict[str, Any]] = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(worker, "json_log", lambda **record: said.append(record))
-        status, document = worker.answer(Work({}, Limits()), {"kind": "no such job"}, b"")
+        patch.setattr(worker, "log_json", lambda **record: said.append(record))
+        status, document = worker.run_job(Jobs({}, Limits()), {"kind": "no such job"}, b"")
     assert (status, orjson.loads(document)) == (500, Problem("internal").document())
     assert "KeyError" in said[0]["traceback"]
