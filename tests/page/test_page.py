@@ -320,7 +320,7 @@ def test_keys_alone_are_enough(look: Look) -> None:
     page = look()
     page.keyboard.press("Tab")
     assert page.evaluate("document.activeElement.className") == "skip"
-    slider(page, "Place along the way").focus()
+    slider(page, "Position along the way").focus()
     page.keyboard.press("PageUp")
     page.wait_for_function("() => document.querySelector('.readout').innerText.includes('battery')")
     page.get_by_text("Along the way as a table").press("Enter")
