@@ -1,4 +1,4 @@
-"""A real browser that looks at the page of a real service."""
+"""A real browser with the page of a real service."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture
 def look(browser: Any, service: Service) -> Iterator[Callable[..., Any]]:
-    """Opens the page. At the end: it said nothing on the console, and spoke to nobody but its service."""
+    """Opens the page. At the end, the console is empty and all requests went to the service."""
     contexts, said, strangers = [], [], []
     allowed: list[str] = []
 

@@ -1,4 +1,4 @@
-"""The bundle in the package is what the sources in web/ build, and nothing of it comes from elsewhere."""
+"""The bundle in the package is built from the sources in web/ and refers to no other host."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_files_are_those_that_were_built(manifest: dict) -> None:
     assert sum(file.stat().st_size for file in found.values()) < LARGEST_BYTES
 
 
-def test_nothing_inline_and_nobody_else() -> None:
+def test_nothing_inline_and_no_other_host() -> None:
     index = (PAGE / "index.html").read_text()
     assert re.findall(r"<script(?![^>]*\bsrc=)", index) == []
     assert "<style" not in index

@@ -1,4 +1,4 @@
-"""The page's own gate, and a rebuild whose bytes are those of the committed bundle, where Node is."""
+"""The gate of the front end, and a rebuild of the committed bundle, where Node is installed."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ def mode(page: Any, name: str) -> None:
 
 
 def asked(page: Any, path: str, act: Callable[[], Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What the page sent to `path` when it was acted on, and what it got."""
+    """The request of the page to `path` after an action, and the response."""
     with page.expect_response(lambda answer: answer.url.endswith(path) and answer.ok) as found:
         act()
     return found.value.request.post_data_json, found.value.json()
@@ -61,7 +61,7 @@ def upload(page: Any, name: str, content: bytes) -> None:
 
 
 @pytest.mark.parametrize("size", ["desktop", "phone"])
-def test_loads_and_says_what_the_service_said(look: Look, service: Service, size: str) -> None:
+def test_shows_the_forecast_of_the_service(look: Look, service: Service, size: str) -> None:
     page = look(size)
     sent, answer = asked(page, "/v1/forecast", lambda: slider(page, "Outside").press("ArrowLeft"))
     page.wait_for_timeout(100)
@@ -75,7 +75,7 @@ def test_loads_and_says_what_the_service_said(look: Look, service: Service, size
 
 
 @pytest.mark.parametrize("when", ["Plan", "Compare"])
-def test_picture_follows_the_slider(look: Look, when: str) -> None:
+def test_the_charts_follow_a_slider(look: Look, when: str) -> None:
     page = look(expect="Canvas2D: Multiple readback")  # the test's own doing
     mode(page, when)
     page.wait_for_timeout(300)
@@ -83,7 +83,7 @@ def test_picture_follows_the_slider(look: Look, when: str) -> None:
     assert statistics.median(times) <= FOLLOWS_WITHIN_MS, times
 
 
-def test_colder_takes_more_and_the_chance_is_said(look: Look) -> None:
+def test_a_colder_trip_takes_more_and_its_probability_is_shown(look: Look) -> None:
     page = look()
     before = headline(page)
     _, answer = asked(page, "/v1/forecast", lambda: slider(page, "Outside").fill("-15"))
@@ -137,7 +137,7 @@ def test_uploads_a_log_and_drives_it(look: Look) -> None:
     assert answer["measured_until_s"] == pytest.approx(sent["samples"]["time_s"][-1])
 
 
-def test_a_wrong_upload_is_said_where_it_was_made(look: Look) -> None:
+def test_faults_of_an_upload_are_shown_beside_it(look: Look) -> None:
     page = look(expect="422")
     upload(page, "wrong.gpx", b"<!DOCTYPE gpx [<!ENTITY a 'b'>]><gpx>&a;</gpx>")
     fault = page.locator(".trip .faults")
@@ -198,7 +198,7 @@ def test_drives_a_measured_trip(look: Look, service: Service) -> None:
     assert gauges[0] == pytest.approx(gauges[1], abs=0.3)  # on arrival nothing is left to extrapolate
 
 
-def test_another_car_is_forecast_by_its_book_values(look: Look, service: Service) -> None:
+def test_another_car_is_forecast_with_its_published_values(look: Look, service: Service) -> None:
     page = look()
     own = headline(page)
     cars = service.client.get("/v1/vehicles").json()["vehicles"]
@@ -213,7 +213,7 @@ def test_another_car_is_forecast_by_its_book_values(look: Look, service: Service
     assert page.get_by_role("radio", name="Drive").is_disabled()
 
 
-def test_remembers_and_speaks_miles(look: Look) -> None:
+def test_stores_the_preferences_and_shows_miles(look: Look) -> None:
     page = look()
     mode(page, "mi")
     page.get_by_role("button", name=re.compile("Theme")).click()
@@ -255,7 +255,7 @@ def shown_text(page: Any, modes: tuple[str, ...]) -> set[str]:
     return found
 
 
-def test_speaks_german_where_the_browser_does(look: Look) -> None:
+def test_is_german_in_a_german_browser(look: Look) -> None:
     english = shown_text(look(), ("Plan", "Compare", "Drive"))
     page = look(locale="de-DE")
     german = shown_text(page, ("Planen", "Vergleichen", "Fahren"))
@@ -268,7 +268,7 @@ def test_speaks_german_where_the_browser_does(look: Look) -> None:
     assert re.match(r"\d+,\d\d\s", page.locator(".stats dd").first.inner_text())
 
 
-def test_language_is_switched_and_remembered(look: Look) -> None:
+def test_the_chosen_language_is_stored(look: Look) -> None:
     page = look()
     assert page.evaluate("document.documentElement.lang") == "en"
     page.get_by_role("radio", name="DE", exact=True).check()
@@ -305,7 +305,7 @@ def test_an_assumed_speed_is_in_the_units_of_the_page(look: Look) -> None:
     assert "m/s" not in note.inner_text()
 
 
-def test_asks_for_the_token(look: Look) -> None:
+def test_requests_the_token(look: Look) -> None:
     page = look(expect="401", stranger=True)
     page.get_by_role("textbox", name="Token").fill("a wrong one, by mistake")
     page.get_by_role("button", name="Continue").click()
@@ -316,11 +316,11 @@ def test_asks_for_the_token(look: Look) -> None:
     assert headline(page) > 0
 
 
-def test_keys_alone_are_enough(look: Look) -> None:
+def test_works_with_the_keyboard_alone(look: Look) -> None:
     page = look()
     page.keyboard.press("Tab")
     assert page.evaluate("document.activeElement.className") == "skip"
-    slider(page, "Place along the way").focus()
+    slider(page, "Position along the way").focus()
     page.keyboard.press("PageUp")
     page.wait_for_function("() => document.querySelector('.readout').innerText.includes('battery')")
     page.get_by_text("Along the way as a table").press("Enter")
@@ -346,7 +346,7 @@ def test_axe_finds_nothing_serious(look: Look, size: str, scheme: str) -> None:
     assert found == []
 
 
-def test_a_service_that_is_gone_is_said_and_asked_again(look: Look) -> None:
+def test_an_unreachable_service_is_shown_and_tried_again(look: Look) -> None:
     page = look(expect="ERR_FAILED")
     page.route("**/v1/**", lambda route: route.abort())
     page.reload()

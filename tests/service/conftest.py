@@ -1,4 +1,4 @@
-"""A service that the tests of this folder share, and a drive to ask it for."""
+"""A service that the tests of this folder share, and a request for it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The service as processes: it starts, it stops without losing an answer, and it loses workers without anybody noticing."""
+"""The processes of the service: start, shutdown without lost responses, and replacement of lost workers."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from tripwatt.service.problems import TITLES
 from tripwatt.service.settings import Limits
 
 LONG = {"samples": {"time_s": [0.0, 20000.0, 40000.0], "speed_m_s": [10.0, 10.0, 10.0]}}
-"""A trip whose forecast takes a good while."""
+"""A trip whose forecast takes about half a second."""
 
 
 def refused(*arguments: str, **environment: str) -> str:
-    """What `tripwatt serve` says when it does not start."""
+    """The error output of `tripwatt serve` when it does not start."""
     command = [sys.executable, "-m", "tripwatt.cli", "serve", "--port", "0", *arguments]
     kept = {k: v for k, v in os.environ.items() if k != "TRIPWATT_TOKEN"} | environment
     done = subprocess.run(command, capture_output=True, text=True, env=kept, timeout=60, check=False)
@@ -45,7 +45,7 @@ def alive(pid: int) -> bool:
         return False
 
 
-def test_it_does_not_start_where_it_would_not_be_safe(tmp_path: Path) -> None:
+def test_it_does_not_start_with_unsafe_settings(tmp_path: Path) -> None:
     assert "token is missing" in refused("--host", "0.0.0.0")
     assert "token is too short" in refused("--host", "0.0.0.0", TRIPWATT_TOKEN="short")
     said = refused(str(tmp_path / "nothing"), "--limit", "colour=1", "--limit", "samples=x")
@@ -54,13 +54,13 @@ def test_it_does_not_start_where_it_would_not_be_safe(tmp_path: Path) -> None:
     assert "nothing" in refused(str(tmp_path / "nothing"))
 
 
-def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_extra_the_error_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "fastapi", None)
     with pytest.raises(InvalidInput, match=r"tripwatt\[service\]"):
         serve()
 
 
-def test_models_are_those_of_the_start(tmp_path: Path) -> None:
+def test_models_are_named_after_their_folders(tmp_path: Path) -> None:
     (tmp_path / "one").symlink_to(model_folder())
     (tmp_path / "two").symlink_to(model_folder())
     assert list(models_of([tmp_path / "two"], None)) == [model_folder().name]
@@ -70,7 +70,7 @@ def test_models_are_those_of_the_start(tmp_path: Path) -> None:
         models_of([], tmp_path / "nowhere")
 
 
-def test_it_finishes_what_runs_and_ends(tmp_path: Path) -> None:
+def test_shutdown_finishes_running_requests(tmp_path: Path) -> None:
     with serving(tmp_path, "--workers", "2") as service, ThreadPoolExecutor(4) as pool:
         workers = service.workers()
         assert len(workers) == 2
@@ -85,15 +85,15 @@ def test_it_finishes_what_runs_and_ends(tmp_path: Path) -> None:
         assert wait_for(lambda: not any(map(alive, workers)), 5.0)
 
 
-def test_workers_do_not_outlive_it(tmp_path: Path) -> None:
+def test_workers_do_not_outlive_the_service(tmp_path: Path) -> None:
     with serving(tmp_path, "--workers", "1") as service:
         workers = service.workers()
         service.process.kill()
         assert wait_for(lambda: not any(map(alive, workers)))
 
 
-def test_a_killed_worker_costs_no_answer(tmp_path: Path, drive: dict[str, Any]) -> None:
-    """Two of them die under load, one after the other: every request is answered, every answer is right."""
+def test_no_response_is_lost_with_a_killed_worker(tmp_path: Path, drive: dict[str, Any]) -> None:
+    """Two workers are killed under load, one after the other; every response is right."""
     with serving(tmp_path, "--workers", "2") as service, ThreadPoolExecutor(4) as pool:
         asked = [drive | {"payload_mass_kg": 10.0 * k} for k in range(5)]
         right = [service.forecast(request).json() for request in asked]
@@ -117,7 +117,7 @@ def test_a_killed_worker_costs_no_answer(tmp_path: Path, drive: dict[str, Any]) 
         assert [r["pid"] for r in service.records() if r["event"] == "worker lost"] == killed
 
 
-def test_a_job_that_takes_too_long_is_given_up(tmp_path: Path, drive: dict[str, Any]) -> None:
+def test_a_job_of_a_hung_worker_times_out(tmp_path: Path, drive: dict[str, Any]) -> None:
     with serving(tmp_path, "--workers", "1", "--limit", "timeout_s=0.5") as service:
         (worker,) = service.workers()
         os.kill(worker, signal.SIGSTOP)  # it hangs
@@ -127,8 +127,8 @@ def test_a_job_that_takes_too_long_is_given_up(tmp_path: Path, drive: dict[str, 
         assert not alive(worker)
 
 
-def test_it_is_what_its_document_says(service: Service) -> None:
-    """A small sample; `make bars` asks for 500 examples an operation."""
+def test_the_service_conforms_to_its_openapi_document(service: Service) -> None:
+    """A small sample; `make bars` sends 500 examples per operation."""
     found = conformance(service.url, 10, seed=3, timeout_s=120)
     assert found.clean, found.text
     document = service.client.get("/openapi.json").json()
@@ -142,7 +142,7 @@ def test_it_is_what_its_document_says(service: Service) -> None:
             )
 
 
-def test_damaged_uploads_are_problems_not_accidents(service: Service) -> None:
+def test_damaged_uploads_are_problem_documents(service: Service) -> None:
     """A small sample; `make bars` sends thousands."""
     found = fuzz(service.url, 60, seed=5)
     assert found.mutants == 180
@@ -151,7 +151,7 @@ def test_damaged_uploads_are_problems_not_accidents(service: Service) -> None:
     assert orjson.loads(service.client.get("/readyz").content)["workers"] == 1
 
 
-def test_the_page_of_the_service_lists_every_limit_and_every_problem() -> None:
+def test_the_documentation_lists_every_limit_and_every_problem() -> None:
     page = (Path(__file__).parents[2] / "docs" / "service.md").read_text(encoding="utf-8")
     for limit in dataclasses.fields(Limits):
         assert f"| `{limit.name}` | {limit.default:,} |" in page

@@ -114,8 +114,8 @@ def _charge(forecast: Forecast, energy_wh: float) -> float:
 
 
 def _arrival(forecast: Forecast) -> dict[str, Any]:
-    """A forecast as the service answers it, and what the page makes of it."""
-    answer = forecast.to_dict(RESERVE)
+    """A forecast as a response of the service, and the values that the page derives from it."""
+    document = forecast.to_dict(RESERVE)
     kept = (
         "energy_wh",
         "quantiles_wh",
@@ -127,11 +127,11 @@ def _arrival(forecast: Forecast) -> dict[str, Any]:
     )
     low, high = forecast.interval(0.9)
     inner, outer = (np.diff(forecast.interval(level)).item() for level in (0.5, 0.9))
-    levels = sorted(map(float, answer["quantiles_wh"]))
+    levels = sorted(map(float, document["quantiles_wh"]))
     middles = 1.0 - (np.arange(DOTS) + 0.5) / DOTS
     dots = np.interp(middles, levels, [forecast.quantile(p) for p in levels])
     return {
-        "answer": {name: answer[name] for name in kept},
+        "forecast": {name: document[name] for name in kept},
         "reserve": RESERVE,
         "chance": forecast.p_arrive(RESERVE),
         "band": [_charge(forecast, high), _charge(forecast, low)],
@@ -166,7 +166,7 @@ def arrivals() -> dict[str, Any]:
 
 def codes() -> list[str]:
     """Codes of flags that a forecast or a route can have."""
-    rooms = ("forecasting", "physics", "routes", "service")
+    rooms = ("forecasting", "physics", "routes", "service", "transfer")
     package = Path(tripwatt.__file__).parent
     sources = "".join(file.read_text() for room in rooms for file in sorted((package / room).rglob("*.py")))
     return [code for code in MESSAGES if f'"{code}"' in sources]

@@ -3,10 +3,10 @@ import "./styles/page.css";
 
 import { render } from "preact";
 import { isMeasured, model, vehicle } from "./state/car";
-import { begin, keepRemembering } from "./state/catalogue";
+import { startPage, keepSelectionStored } from "./state/catalogue";
 import { keepDriving } from "./state/drive";
 import { keepForecasting } from "./state/forecast";
-import { keepPointing } from "./state/pointer";
+import { keepPosition } from "./state/position";
 import { keepPreferences, text } from "./state/preferences";
 import { Announcer } from "./ui/announcer";
 import { ConditionsPanel } from "./ui/conditions-panel";
@@ -14,7 +14,7 @@ import { Details } from "./ui/details";
 import { Glance } from "./ui/glance";
 import { Header } from "./ui/header";
 import { Result } from "./ui/result";
-import { askHere, TokenDialog } from "./ui/token-dialog";
+import { connectTokenDialog, TokenDialog } from "./ui/token-dialog";
 import { TripPanel } from "./ui/trip-panel";
 
 function Foot() {
@@ -59,11 +59,11 @@ function Page() {
   );
 }
 
-askHere();
+connectTokenDialog();
 keepPreferences();
 keepForecasting();
 keepDriving();
-keepPointing();
-keepRemembering();
+keepPosition();
+keepSelectionStored();
 render(<Page />, document.body);
-void begin();
+void startPage();

@@ -8,7 +8,7 @@ import interpolation from "../../tests/vectors/interpolation.json";
 import planned from "../../tests/vectors/links.json";
 import trace from "../../tests/vectors/profile.json";
 import units from "../../tests/vectors/units.json";
-import type { Answer } from "../src/api/types";
+import type { Forecast } from "../src/api/types";
 import {
   arrivalBand,
   chanceOf,
@@ -22,18 +22,18 @@ import {
   verdictOf,
 } from "../src/model/arrival";
 import { waterfall } from "../src/model/causes";
-import { energySoFarWh, naiveArrival, until } from "../src/model/gauge";
+import { energySoFarWh, naiveArrival, samplesUntil } from "../src/model/gauge";
 import { interpolate } from "../src/model/interpolate";
 import { atMotorwaySpeed, hasMotorway } from "../src/model/links";
-import { profileOf, withHeightsOf } from "../src/model/profile";
+import { profileFromSamples, withElevationOf } from "../src/model/profile";
 import { sampleLinks } from "../src/model/sample-links";
 import { ENERGY, PERCENT, type System, type Units, unitsOf } from "../src/model/units";
 import { allNear, near } from "./near";
 
 const UNNAMED = { trip: "", given: "", battery_loss_wh: 0, flags: [] };
 
-function answerOf(from: { answer: object }): Answer {
-  return { ...UNNAMED, ...from.answer } as unknown as Answer;
+function forecastFrom(vector: { forecast: object }): Forecast {
+  return { ...UNNAMED, ...vector.forecast } as unknown as Forecast;
 }
 
 describe("units", () => {
@@ -85,20 +85,24 @@ describe("energy so far", () => {
 
   test("samples until a time", () => {
     const observed = { time_s: [0, 1, 2, 3], soc: [0.5, 0.4, null, 0.3] };
-    assert.deepEqual(until(observed, 2), { time_s: [0, 1, 2], soc: [0.5, 0.4, null] });
+    assert.deepEqual(samplesUntil(observed, 2), { time_s: [0, 1, 2], soc: [0.5, 0.4, null] });
   });
 });
 
 test("distance along a speed trace", () => {
-  const { distanceM, elevationM } = profileOf(trace.samples);
+  const { distanceM, elevationM } = profileFromSamples(trace.samples);
   allNear(distanceM, trace.distance_m);
   assert.equal(elevationM, null);
 });
 
-test("heights stay at their place at another speed", () => {
-  const slow = profileOf({ time_s: [0, 10, 20], speed_m_s: [10, 10, 10], elevation_m: [500, 520, 500] });
-  const fast = profileOf({ time_s: [0, 2.5, 5, 10], speed_m_s: [20, 20, 20, 20] });
-  allNear(withHeightsOf(slow, fast).elevationM ?? [], [500, 510, 520, 500]);
+test("the elevation of a position does not depend on the speed", () => {
+  const slow = profileFromSamples({
+    time_s: [0, 10, 20],
+    speed_m_s: [10, 10, 10],
+    elevation_m: [500, 520, 500],
+  });
+  const fast = profileFromSamples({ time_s: [0, 2.5, 5, 10], speed_m_s: [20, 20, 20, 20] });
+  allNear(withElevationOf(slow, fast).elevationM ?? [], [500, 510, 520, 500]);
 });
 
 for (const [moment, vector] of Object.entries({
@@ -106,63 +110,63 @@ for (const [moment, vector] of Object.entries({
   "half way": arrivals.half_way,
 })) {
   describe(`arrival, ${moment}`, () => {
-    const answer = answerOf(vector);
+    const forecast = forecastFrom(vector);
 
     test("charge from energy", () => {
       allNear(
-        vector.energies_wh.map((wh) => socFromEnergy(answer, wh)),
+        vector.energies_wh.map((wh) => socFromEnergy(forecast, wh)),
         vector.charges,
         1e-7,
       );
     });
 
     test("band of 9 in 10, and the inner one", () => {
-      allNear(arrivalBand(answer), vector.band);
-      near(innerShare(answer), vector.inner_share);
+      allNear(arrivalBand(forecast), vector.band);
+      near(innerShare(forecast), vector.inner_share);
     });
 
     test("equally likely charges", () => {
       assert.equal(DOTS, vector.dots.length);
-      allNear(equallyLikely(answer), vector.dots, 1e-7);
+      allNear(equallyLikely(forecast), vector.dots, 1e-7);
     });
 
     test("chance to keep the reserve", () => {
-      assert.equal(chanceOf(answer, vector.reserve), vector.chance);
-      assert.equal(chanceOf(answer, 0.123), null);
+      assert.equal(chanceOf(forecast, vector.reserve), vector.chance);
+      assert.equal(chanceOf(forecast, 0.123), null);
     });
 
     test("causes follow each other and end at the total", () => {
-      const all = new Set(Object.keys(answer.by_cause_wh));
-      const steps = waterfall(answer.by_cause_wh, all);
+      const all = new Set(Object.keys(forecast.by_cause_wh));
+      const steps = waterfall(forecast.by_cause_wh, all);
       assert.deepEqual(new Set(steps.map(({ key }) => key)), all);
       for (const [k, { startWh }] of steps.entries()) {
         const before = steps[k - 1];
         near(startWh, before ? before.startWh + before.energyWh : 0);
       }
       const last = steps.at(-1);
-      near((last?.startWh ?? 0) + (last?.energyWh ?? 0), answer.energy_wh, 1e-6);
+      near((last?.startWh ?? 0) + (last?.energyWh ?? 0), forecast.energy_wh, 1e-6);
     });
   });
 }
 
 test("naive gauge half way", () => {
-  const answer = answerOf(arrivals.half_way);
+  const forecast = forecastFrom(arrivals.half_way);
   const wh = energySoFarWh(arrivals.samples);
   const clock = Float64Array.from(arrivals.samples.time_s);
-  const road = profileOf(arrivals.samples);
+  const road = profileFromSamples(arrivals.samples);
   assert.ok(wh);
-  near(naiveArrival(answer, road, clock, wh) ?? Number.NaN, arrivals.naive_charge, 1e-7);
-  assert.equal(naiveArrival({ ...answer, measured_until_s: 1 }, road, clock, wh), null);
+  near(naiveArrival(forecast, road, clock, wh) ?? Number.NaN, arrivals.naive_charge, 1e-7);
+  assert.equal(naiveArrival({ ...forecast, measured_until_s: 1 }, road, clock, wh), null);
 });
 
 test("a battery that does not last ends between two points", () => {
   const series = {
-    ...answerOf(arrivals.departure).series,
+    ...forecastFrom(arrivals.departure).series,
     displayed_soc: [0.2, 0.1, -0.3],
     distance_m: [0, 100, 300],
   };
-  near(emptyAfterM({ ...answerOf(arrivals.departure), series }) ?? Number.NaN, 150);
-  assert.equal(emptyAfterM(answerOf(arrivals.departure)), null);
+  near(emptyAfterM({ ...forecastFrom(arrivals.departure), series }) ?? Number.NaN, 150);
+  assert.equal(emptyAfterM(forecastFrom(arrivals.departure)), null);
 });
 
 test("words and figures of a chance", () => {

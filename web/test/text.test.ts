@@ -5,13 +5,13 @@ import { describe, test } from "node:test";
 import codes from "../../tests/vectors/codes.json";
 import type { Flag } from "../src/api/types";
 import { CODES, warningsOf, type Wording } from "../src/model/flags";
-import { formatOf } from "../src/model/format";
+import { formatFor } from "../src/model/format";
 import { ENERGY, PERCENT, type System, unitsOf } from "../src/model/units";
 import { CATALOGUES, LANGUAGES, type Language, languageOf, localeOf } from "../src/text";
 import { pluralOf } from "../src/text/plural";
 
 function wording(language: Language, system: System = "metric"): Wording {
-  return { text: CATALOGUES[language], format: formatOf(language), units: unitsOf(system) };
+  return { text: CATALOGUES[language], format: formatFor(language), units: unitsOf(system) };
 }
 
 function flag(code: string, subject: string, value: number | null = null, unit = ""): Flag {
@@ -19,7 +19,7 @@ function flag(code: string, subject: string, value: number | null = null, unit =
 }
 
 /** The sentences with ordinary spaces. */
-function told(flags: Flag[], language: Language = "en", system: System = "metric"): string[] {
+function sentencesOf(flags: Flag[], language: Language = "en", system: System = "metric"): string[] {
   return warningsOf(flags, wording(language, system)).map(({ text, effect }) =>
     `${text} ${effect}`.trim().replaceAll("\u00a0", " "),
   );
@@ -89,8 +89,8 @@ const ALIKE = [
 ];
 
 describe("formats", () => {
-  const en = formatOf("en");
-  const de = formatOf("de");
+  const en = formatFor("en");
+  const de = formatFor("de");
 
   test("decimal signs, minus, no negative zero", () => {
     assert.equal(en.figure(-1.25, 1), "−1.3");
@@ -127,23 +127,23 @@ describe("flags", () => {
       flag("outside_training", "ambient_temperature_degc", 4.2, "sd"),
       flag("outside_training", "payload_mass_kg", 0.3, "sd"),
     ];
-    assert.deepEqual(told(flags), [
+    assert.deepEqual(sentencesOf(flags), [
       "The outside temperature and the load are far outside the range of the training trips. The interval is wider as a result.",
     ]);
-    assert.deepEqual(told(flags.slice(0, 1), "de"), [
+    assert.deepEqual(sentencesOf(flags.slice(0, 1), "de"), [
       "Die Außentemperatur liegt weit außerhalb des Bereichs der Trainingsfahrten. Das Intervall ist deshalb breiter.",
     ]);
     assert.equal(warningsOf(flags, wording("en"))[0]?.serious, true);
     assert.equal(warningsOf(flags.slice(1), wording("en"))[0]?.serious, false);
   });
 
-  test("limits of the car are told by how long they lasted", () => {
+  test("limits of the car are given with their duration", () => {
     const flags = [
       flag("motor_power_limit", "motor", 40, "s"),
       flag("battery_voltage_floor", "battery", 150, "s"),
       flag("battery_over_full", "battery", 12, "s"),
     ];
-    assert.deepEqual(told(flags), [
+    assert.deepEqual(sentencesOf(flags), [
       "The car cannot follow the speed trace: motor power limit for 40 s and lowest battery voltage for 3 min. The forecast assumes the highest speed that the car reaches.",
       "The battery is too full for regenerative braking for 12 s.",
     ]);
@@ -151,27 +151,29 @@ describe("flags", () => {
 
   test("speeds and temperatures are in the reader's units", () => {
     const speed = [flag("speed_assumed", "track", 13.8889, "m/s")];
-    assert.deepEqual(told(speed), ["Parts of the track have no speed; 50 km/h is assumed."]);
-    assert.deepEqual(told(speed, "en", "imperial"), ["Parts of the track have no speed; 31 mph is assumed."]);
+    assert.deepEqual(sentencesOf(speed), ["Parts of the track have no speed; 50 km/h is assumed."]);
+    assert.deepEqual(sentencesOf(speed, "en", "imperial"), [
+      "Parts of the track have no speed; 31 mph is assumed.",
+    ]);
     const kept = [flag("file_value_kept", "ambient_temperature_degc", 20, "degC")];
-    assert.deepEqual(told(kept, "en", "imperial"), [
+    assert.deepEqual(sentencesOf(kept, "en", "imperial"), [
       "The value in the file is used for the outside temperature: 68 °F.",
     ]);
-    assert.deepEqual(told([flag("links_too_long", "links", 2345, "m")], "de"), [
+    assert.deepEqual(sentencesOf([flag("links_too_long", "links", 2345, "m")], "de"), [
       "Die Links sind im Mittel 2,3 km lang, länger als die, mit denen der Fehler der Route geschätzt wurde. Das Intervall kann zu schmal sein.",
     ]);
   });
 
   test("counts have their form", () => {
-    assert.deepEqual(told([flag("geometries_skipped", "geometries", 1)]), [
+    assert.deepEqual(sentencesOf([flag("geometries_skipped", "geometries", 1)]), [
       "1 geometry is not a line and is left out.",
     ]);
-    assert.deepEqual(told([flag("first_of_several", "routes", 3)], "de"), [
+    assert.deepEqual(sentencesOf([flag("first_of_several", "routes", 3)], "de"), [
       "Die Datei enthält 3 Routen; verwendet wird die erste.",
     ]);
   });
 
-  test("a car without trips is told with the car that was learned from", () => {
+  test("a car without trips is named with the car of the training trips", () => {
     const [warning] = warningsOf([flag("no_trips_of_car", "BMW i3 60 Ah (2014)")], wording("en"));
     assert.ok(warning?.serious);
     assert.match(warning.text, /BMW i3 60 Ah \(2014\)/);

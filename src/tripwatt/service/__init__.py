@@ -1,5 +1,6 @@
-"""The HTTP service and the page, of the extra `tripwatt[service]`: the same forecast as the command line's.
+"""The HTTP service and the page, of the extra `tripwatt[service]`.
 
-`app` wires one process that speaks HTTP; it computes nothing. The jobs of `jobs` run in worker processes that `crew`
-keeps; `gates` is what every request passes. `docs/service.md` is the page for those who run it.
+The service returns the same forecasts as the command line. `app` defines the endpoints of the one process that handles
+HTTP; that process computes no forecasts. `pool` runs the `jobs` in worker processes. Every request passes `middleware`
+and `compression`. `schemas` describes requests and responses. `docs/service.md` describes how to run the service.
 """

@@ -1,10 +1,11 @@
-"""The service as an ASGI application: routes, and what is decided before a worker gets a job."""
+"""The service as an ASGI application: its endpoints, and the checks before a job runs in the worker pool."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -21,52 +22,63 @@ import tripwatt
 from tripwatt.errors import Fault
 from tripwatt.forecasting import load_metadata, load_model
 from tripwatt.forecasting.storage import DEFAULT_MODEL
-from tripwatt.service import answers, openapi
-from tripwatt.service.batching import answers as batch_answers
-from tripwatt.service.batching import lines_of
-from tripwatt.service.compression import Packing
+from tripwatt.service import openapi, schemas
+from tripwatt.service.batching import forecast_lines, split_lines
+from tripwatt.service.compression import CompressionMiddleware
 from tripwatt.service.metrics import Metrics
-from tripwatt.service.middleware import Gate
-from tripwatt.service.pool import Crew
-from tripwatt.service.problems import MEDIA_TYPE, Problem, invalid
-from tripwatt.service.receiving import body_of, require_accepts
+from tripwatt.service.middleware import ServiceMiddleware
+from tripwatt.service.openapi import JSON, NDJSON
+from tripwatt.service.pool import WorkerPool
+from tripwatt.service.problems import MEDIA_TYPE, Problem, invalid_input
+from tripwatt.service.receiving import read_body, require_accepts
 from tripwatt.service.settings import Settings
 
 PAGE: Final = Path(__file__).with_name("page")
-JSON: Final = "application/json"
-NDJSON: Final = "application/x-ndjson"
-KINDS: Final = {400: "bad-request", 404: "not-found", 405: "method-not-allowed"}
+"""Folder of the built page."""
+
+BATCH_TYPES: Final = (NDJSON, "application/jsonl", "application/ndjson")
+"""Media types of the body of a batch."""
+
+PROBLEM_KINDS: Final = {400: "bad-request", 404: "not-found", 405: "method-not-allowed"}
+"""HTTP status of an error of the framework -> kind of problem."""
 
 Log = Callable[..., None]
 
 
-class Page(StaticFiles):
-    """The page's files; those whose name holds a hash of their content never change."""
+class PageFiles(StaticFiles):
+    """The files of the page. Names of assets contain a hash of the content, so that assets never change."""
 
     def file_response(
         self, full_path: Any, stat_result: Any, scope: Scope, status_code: int = 200
     ) -> Response:
-        """A file with how long it may be kept."""
+        """Return the response with a file and its Cache-Control header."""
         response = super().file_response(full_path, stat_result, scope, status_code)
-        lasting = "/assets/" in scope["path"]
-        response.headers["Cache-Control"] = "public, max-age=31536000, immutable" if lasting else "no-cache"
+        is_asset = "/assets/" in scope["path"]
+        response.headers["Cache-Control"] = "public, max-age=31536000, immutable" if is_asset else "no-cache"
         return response
 
 
 def request_id(request: Request) -> str:
-    """The id that the gate gave to a request."""
+    """Return the id that the middleware has set for a request."""
     return str(request.scope.get("state", {}).get("request_id", ""))
 
 
-class Stream(StreamingResponse):
-    """Lines, and what to do once when they end, also where nobody waits for them any longer."""
+class BatchResponse(StreamingResponse):
+    """A response of NDJSON lines.
 
-    def __init__(self, lines: AsyncIterator[bytes], done: Callable[[], None]) -> None:
+    Parameters
+    ----------
+    lines : async iterator of bytes
+    on_end : callable
+        Called once after the last line, or when the client disconnects.
+    """
+
+    def __init__(self, lines: AsyncIterator[bytes], on_end: Callable[[], None]) -> None:
         super().__init__(self._until_end(lines), media_type=NDJSON)
-        self.done: Callable[[], None] | None = done
+        self.on_end: Callable[[], None] | None = on_end
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer."""
+        """Send the response."""
         try:
             await super().__call__(scope, receive, send)
         finally:
@@ -75,22 +87,47 @@ class Stream(StreamingResponse):
     async def _until_end(self, lines: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
         async for line in lines:
             yield line
-        self._end()  # before the client hears that it was the last line, so that its next batch finds room
+        self._end()  # before the client receives the end, so that its next batch is not refused
 
     def _end(self) -> None:
-        if self.done is not None:
-            self.done()
-            self.done = None
+        if self.on_end is not None:
+            self.on_end()
+            self.on_end = None
+
+
+@dataclass(frozen=True, slots=True)
+class ExampleDocuments:
+    """The responses with example trips.
+
+    Attributes
+    ----------
+    summaries : bytes
+        Response of `/v1/examples`.
+    by_name : mapping of str to bytes
+        Responses of `/v1/examples/{trip}`.
+    """
+
+    summaries: bytes
+    by_name: Mapping[str, bytes]
+
+    @classmethod
+    def from_job(cls, content: bytes) -> ExampleDocuments:
+        """Split the result of the job `examples`."""
+        examples = orjson.loads(content)
+        fields = schemas.ExampleSummary.model_fields
+        summaries = [{name: example[name] for name in fields} for example in examples.values()]
+        by_name = {name: orjson.dumps(example) for name, example in examples.items()}
+        return cls(orjson.dumps({"examples": summaries}), by_name)
 
 
 def create_app(settings: Settings | None = None, log: Log = lambda **record: None) -> ASGIApp:
-    """The service; its workers start and end with the application's lifespan.
+    """Create the application; its workers start and stop with its lifespan.
 
     Parameters
     ----------
     settings : Settings, optional
     log : callable, optional
-        Takes one record as keywords; `event` says what it is about, else it is a request.
+        Called with one record of the log as keywords; a record without `event` is that of a request.
 
     Raises
     ------
@@ -99,61 +136,67 @@ def create_app(settings: Settings | None = None, log: Log = lambda **record: Non
     """
     settings = settings or Settings()
     api = Api(settings, log)
-    return Gate(Packing(api.app), settings, api.metrics, log)
+    return ServiceMiddleware(CompressionMiddleware(api.app), settings, api.metrics, log)
 
 
 class Api:
-    """The endpoints of one service, its workers and its counts."""
+    """The endpoints of one service, with its worker pool and its metrics.
+
+    Parameters
+    ----------
+    settings : Settings
+    log : callable
+        See `create_app`.
+    """
 
     def __init__(self, settings: Settings, log: Log) -> None:
         self.settings = settings
         self.metrics = Metrics()
-        self.crew = Crew(settings, lambda event, **more: log(event=event, **more))
-        self.metrics.follow(lambda: self.crew.waiting, lambda: self.crew.ready, lambda: self.crew.lost)
-        self.batches = self.bodies = 0
-        self.kept: dict[str, bytes] = {}
-        places: dict[str, Path | None] = {**settings.models} or {DEFAULT_MODEL: None}
-        for folder in places.values():
-            load_model(folder)  # a model that cannot be used is told now, not by workers that do not start
-        models = [{"name": name, **load_metadata(folder)} for name, folder in places.items()]
-        self.models = orjson.dumps({"models": models})
+        self.pool = WorkerPool(settings, lambda event, **more: log(event=event, **more))
+        self.metrics.set_pool_gauges(
+            lambda: self.pool.waiting, lambda: self.pool.ready, lambda: self.pool.lost
+        )
+        self.running_batches = self.arriving_bodies = 0
+        self.vehicles: bytes | None = None
+        self.examples: ExampleDocuments | None = None
+        self.models = _models_document(settings)
         self.app = FastAPI(
             title="tripwatt",
             version=tripwatt.__version__,
             summary="Forecasts the battery energy of an electric-car trip with a prediction interval.",
             description=openapi.DESCRIPTION,
-            docs_url=None,  # its page loads scripts from another host
+            docs_url=None,  # the page of FastAPI loads scripts from another host
             redoc_url=None,
             lifespan=self._lifespan,
         )
         self._add_handlers()
         self._add_routes()
-        openapi.complete(self.app, bool(settings.token))
+        openapi.add_schemas(self.app, bool(settings.token))
         self._add_page()
 
     def _add_page(self) -> None:
-        """The page's files, each under its own path: a mount at the root would turn 405 of the API into 404."""
+        """Add a route per file of the page; a mount at `/` would turn status 405 of other paths into 404."""
         if not PAGE.is_dir():
             return
-        page = Page(directory=PAGE)
+        files = PageFiles(directory=PAGE)
 
-        def serving(name: str) -> Callable[[Request], Awaitable[Response]]:
+        def endpoint(name: str) -> Callable[[Request], Awaitable[Response]]:
             async def respond(request: Request) -> Response:
-                return await page.get_response(name, request.scope)
+                return await files.get_response(name, request.scope)
 
             return respond
 
         for file in PAGE.iterdir():
             if file.is_file():
                 path = "/" if file.name == "index.html" else f"/{file.name}"
-                self.app.add_route(path, serving(file.name), include_in_schema=False)
-        self.app.mount("/assets", Page(directory=PAGE / "assets"), name="assets")
+                self.app.add_route(path, endpoint(file.name), include_in_schema=False)
+        self.app.mount("/assets", PageFiles(directory=PAGE / "assets"), name="assets")
 
     @asynccontextmanager
     async def _lifespan(self, _: FastAPI) -> AsyncIterator[None]:
-        await self.crew.start()
+        await self.pool.start()
         yield
-        await self.crew.stop()
+        await self.pool.stop()
 
     def _add_handlers(self) -> None:
         async def on_problem(request: Request, error: Exception) -> Response:
@@ -162,7 +205,9 @@ class Api:
 
         async def on_http(request: Request, error: Exception) -> Response:
             assert isinstance(error, HTTPException)
-            kind = KINDS.get(error.status_code, "internal" if error.status_code >= 500 else "bad-request")
+            kind = PROBLEM_KINDS.get(
+                error.status_code, "internal" if error.status_code >= 500 else "bad-request"
+            )
             return Problem(kind, headers=error.headers or {}).response(request_id(request))
 
         async def on_parameters(request: Request, error: Exception) -> Response:
@@ -171,7 +216,7 @@ class Api:
                 Fault(e["msg"], ".".join(map(str, e["loc"])), repr(e.get("input"))[:80])
                 for e in error.errors()
             ]
-            return invalid(faults).response(request_id(request))
+            return invalid_input(faults).response(request_id(request))
 
         self.app.add_exception_handler(Problem, on_problem)
         self.app.add_exception_handler(HTTPException, on_http)
@@ -184,10 +229,15 @@ class Api:
             ("/v1/forecast/update", "POST", self.update, openapi.update()),
             ("/v1/forecast/batch", "POST", self.batch, openapi.batch()),
             ("/v1/routes", "POST", self.route, openapi.route()),
-            ("/v1/models", "GET", self.get_models, openapi.plain(answers.ModelsAnswer, "models")),
-            ("/v1/vehicles", "GET", self.get_vehicles, openapi.plain(answers.VehiclesAnswer, "vehicles")),
-            ("/v1/examples", "GET", self.get_examples, openapi.plain(answers.ExamplesAnswer, "examples")),
-            ("/v1/examples/{trip}", "GET", self.get_example, openapi.example()),
+            ("/v1/models", "GET", self.get_models, openapi.library(schemas.ModelsResponse, "models")),
+            ("/v1/vehicles", "GET", self.get_vehicles, openapi.library(schemas.VehiclesResponse, "vehicles")),
+            ("/v1/examples", "GET", self.get_examples, openapi.library(schemas.ExamplesResponse, "examples")),
+            (
+                "/v1/examples/{trip}",
+                "GET",
+                self.get_example,
+                openapi.library(schemas.ExampleResponse, "The trip", "not-found", "invalid-input"),
+            ),
             ("/healthz", "GET", self.healthz, openapi.health(ready=False)),
             ("/readyz", "GET", self.readyz, openapi.health(ready=True)),
             ("/metrics", "GET", self.get_metrics, openapi.metrics()),
@@ -205,21 +255,20 @@ class Api:
     async def batch(self, request: Request) -> Response:
         """Forecast many trips: one request per line in, one forecast or problem per line out, in the same order."""
         require_accepts(request, NDJSON)
-        if self.batches >= self.settings.limits.batches:
+        limits = self.settings.limits
+        if self.running_batches >= limits.batches:
             raise Problem("busy", "too many batches", headers={"Retry-After": "5"})
-        self.batches += 1
+        self.running_batches += 1
         try:
-            limits = self.settings.limits
-            types = (NDJSON, "application/jsonl", "application/ndjson")
-            body = await body_of(request, types, limits.batch_bytes, limits.body_timeout_s)
-            lines = lines_of(body, limits)
+            body = await read_body(request, BATCH_TYPES, limits.batch_bytes, limits.body_timeout_s)
+            lines = split_lines(body, limits)
         except BaseException:
-            self.batches -= 1
+            self._end_batch()
             raise
-        return Stream(batch_answers(lines, self.crew, self.metrics), self._batch_done)
+        return BatchResponse(forecast_lines(lines, self.pool, self.metrics), self._end_batch)
 
-    def _batch_done(self) -> None:
-        self.batches -= 1
+    def _end_batch(self) -> None:
+        self.running_batches -= 1
 
     async def route(
         self,
@@ -242,21 +291,22 @@ class Api:
     async def get_vehicles(self, request: Request) -> Response:
         """List the cars of the library and the models fitted on each."""
         require_accepts(request, JSON)
-        return Response(await self._kept("vehicles"), media_type=JSON)
+        if self.vehicles is None:
+            self.vehicles = await self._document("vehicles")
+        return Response(self.vehicles, media_type=JSON)
 
     async def get_examples(self, request: Request) -> Response:
         """List synthetic trips as examples."""
         require_accepts(request, JSON)
-        await self._kept("examples")
-        return Response(self.kept["example list"], media_type=JSON)
+        return Response((await self._examples()).summaries, media_type=JSON)
 
     async def get_example(self, request: Request, trip: str) -> Response:
         """Return one synthetic trip: a request for a forecast, and the samples simulated for it."""
         require_accepts(request, JSON)
-        await self._kept("examples")
-        if f"example {trip}" not in self.kept:
+        by_name = (await self._examples()).by_name
+        if trip not in by_name:
             raise Problem("not-found", "unknown example")
-        return Response(self.kept[f"example {trip}"], media_type=JSON)
+        return Response(by_name[trip], media_type=JSON)
 
     async def healthz(self) -> Response:
         """Check that the service is alive."""
@@ -264,50 +314,56 @@ class Api:
 
     async def readyz(self) -> Response:
         """Check that a worker is ready to forecast."""
-        if not self.crew.ready:
+        if not self.pool.ready:
             raise Problem("busy", "no worker is ready", headers={"Retry-After": "1"})
         return self._health("ready", 200)
 
     def _health(self, status: str, code: int) -> Response:
-        return Response(orjson.dumps({"status": status, "workers": self.crew.ready}), code, media_type=JSON)
+        return Response(orjson.dumps({"status": status, "workers": self.pool.ready}), code, media_type=JSON)
 
     async def get_metrics(self) -> Response:
         """Return metrics for Prometheus."""
         return Response(self.metrics.render(), media_type=CONTENT_TYPE_LATEST)
 
     async def _body(self, request: Request, media_types: Sequence[str]) -> bytes:
-        """The body of a request for a job, unless there is too much to do anyway."""
+        """Read the body of a request for a job, unless too many requests wait or arrive already."""
         limits = self.settings.limits
         require_accepts(request, JSON)
-        if self.crew.waiting >= limits.waiting or self.bodies >= limits.bodies:
-            raise Problem("busy", "try again soon", headers={"Retry-After": "1"})
-        self.bodies += 1
+        if self.pool.waiting >= limits.waiting or self.arriving_bodies >= limits.bodies:
+            raise Problem("busy", "too many requests wait", headers={"Retry-After": "1"})
+        self.arriving_bodies += 1
         try:
-            return await body_of(request, media_types, limits.body_bytes, limits.body_timeout_s)
+            return await read_body(request, media_types, limits.body_bytes, limits.body_timeout_s)
         finally:
-            self.bodies -= 1
+            self.arriving_bodies -= 1
 
     async def _job(self, request: Request, job: dict[str, Any], body: bytes) -> Response:
-        reply = await self.crew.run(job, body)
-        self.metrics.work.labels(job["kind"]).observe(reply.seconds)
-        if reply.status == 200:
-            return Response(reply.content, media_type=JSON)
-        document = {**orjson.loads(reply.content), "instance": request_id(request)}
-        return Response(orjson.dumps(document), reply.status, media_type=MEDIA_TYPE)
+        result = await self.pool.run(job, body)
+        self.metrics.job_seconds.labels(job["kind"]).observe(result.seconds)
+        if result.status == 200:
+            return Response(result.content, media_type=JSON)
+        document = {**orjson.loads(result.content), "instance": request_id(request)}
+        return Response(orjson.dumps(document), result.status, media_type=MEDIA_TYPE)
 
-    async def _kept(self, kind: str) -> bytes:
-        """A document that never changes, computed once."""
-        if kind not in self.kept:
-            reply = await self.crew.run({"kind": kind}, b"")
-            if reply.status != 200:
-                raise Problem("internal")
-            if kind == "examples":
-                found = orjson.loads(reply.content)
-                brief = [
-                    {k: v for k, v in one.items() if k not in ("request", "observed")}
-                    for one in found.values()
-                ]
-                self.kept |= {f"example {name}": orjson.dumps(one) for name, one in found.items()}
-                self.kept["example list"] = orjson.dumps({"examples": brief})
-            self.kept[kind] = reply.content
-        return self.kept[kind]
+    async def _document(self, kind: str) -> bytes:
+        """The document of a job without parameters."""
+        result = await self.pool.run({"kind": kind}, b"")
+        if result.status != 200:
+            raise Problem("internal")
+        return result.content
+
+    async def _examples(self) -> ExampleDocuments:
+        """The documents of the example trips, computed once."""
+        if self.examples is None:
+            self.examples = ExampleDocuments.from_job(await self._document("examples"))
+        return self.examples
+
+
+def _models_document(settings: Settings) -> bytes:
+    """The response of `/v1/models`; loading the models here raises their faults before a worker starts."""
+    folders: dict[str, Path | None] = {**settings.models} or {DEFAULT_MODEL: None}
+    for folder in folders.values():
+        load_model(folder)
+    return orjson.dumps(
+        {"models": [{"name": name, **load_metadata(folder)} for name, folder in folders.items()]}
+    )

@@ -1,4 +1,4 @@
-"""How a job goes to a worker process and its answer comes back: lengths, a small head, a body."""
+"""Frames between the service and a worker process: two lengths, a head as JSON, and a body."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ LENGTHS: Final = struct.Struct(">II")
 """Lengths [bytes] of head and body."""
 
 
-class Reader(Protocol):
-    """As much of a stream as a frame needs."""
+class AsyncReader(Protocol):
+    """The part of `asyncio.StreamReader` that `read_frame_async` uses."""
 
     async def readexactly(self, n: int) -> bytes:
-        """Exactly so many bytes."""
+        """Read exactly `n` bytes."""
 
 
-def packed(head: dict[str, Any], body: bytes) -> bytes:
-    r"""A frame of a head and a body.
+def encode_frame(head: dict[str, Any], body: bytes) -> bytes:
+    r"""Encode a head and a body as one frame.
 
     Examples
     --------
-    >>> packed({}, b"x")[8:]
+    >>> encode_frame({}, b"x")[8:]
     b'{}x'
     """
     text = orjson.dumps(head)
@@ -31,17 +31,29 @@ def packed(head: dict[str, Any], body: bytes) -> bytes:
 
 
 def read_frame(stream: BinaryIO) -> tuple[dict[str, Any], bytes] | None:
-    """The next frame of a stream that waits; None at its end."""
+    """Read the next frame of a blocking stream.
+
+    Returns
+    -------
+    tuple of dict and bytes, or None
+        Head and body; None at the end of the stream.
+    """
     lengths = stream.read(LENGTHS.size)
     if len(lengths) < LENGTHS.size:
         return None
-    size, rest = LENGTHS.unpack(lengths)
-    text, body = stream.read(size), stream.read(rest)
-    return (orjson.loads(text), body) if len(body) == rest else None
+    head_bytes, body_bytes = LENGTHS.unpack(lengths)
+    text, body = stream.read(head_bytes), stream.read(body_bytes)
+    return (orjson.loads(text), body) if len(body) == body_bytes else None
 
 
-async def next_frame(stream: Reader) -> tuple[dict[str, Any], bytes]:
-    """The next frame of a stream; `asyncio.IncompleteReadError` at its end."""
-    size, rest = LENGTHS.unpack(await stream.readexactly(LENGTHS.size))
-    text = await stream.readexactly(size)
-    return orjson.loads(text), await stream.readexactly(rest) if rest else b""
+async def read_frame_async(stream: AsyncReader) -> tuple[dict[str, Any], bytes]:
+    """Read the next frame of an asyncio stream.
+
+    Raises
+    ------
+    asyncio.IncompleteReadError
+        At the end of the stream.
+    """
+    head_bytes, body_bytes = LENGTHS.unpack(await stream.readexactly(LENGTHS.size))
+    text = await stream.readexactly(head_bytes)
+    return orjson.loads(text), await stream.readexactly(body_bytes) if body_bytes else b""

@@ -1,4 +1,4 @@
-"""What the service computes: a body in, a document out, the same every time. Nothing here knows HTTP or waits."""
+"""The jobs of a worker: pure functions from the body of a request to a document, without HTTP."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from tripwatt.routes import (
     plan_from_route,
     route_from_track,
 )
-from tripwatt.service.bodies import (
+from tripwatt.service.library import columns_of, examples, links_of, vehicles
+from tripwatt.service.schemas import (
     ForecastRequest,
     UpdateRequest,
-    measured_of,
-    parse,
+    parse_links,
+    parse_observed,
+    parse_request,
+    parse_samples,
     require_duration,
-    route_of,
-    samples_of,
 )
-from tripwatt.service.library import columns_of, examples, links_of, vehicles
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import canonical_of_text
 from tripwatt.synthetic import example_trip
@@ -44,104 +44,128 @@ from tripwatt.trips import ASKED, Departure, Flag, Plan, plan_from_samples
 from tripwatt.trips.messages import flag_to_dict
 from tripwatt.vehicles import vehicle_names
 
-ROUTE_STARTS: Final = (b"<", b"{", b"[", b"\xff", b"\xfe")
-"""First bytes of XML, of JSON, and of UTF-16."""
+ROUTE_FIRST_BYTES: Final = (b"<", b"{", b"[", b"\xff", b"\xfe")
+"""First bytes of XML, JSON and UTF-16."""
 
 
 @dataclass(frozen=True)
-class Work:
-    """The models that requests may name, and what can be done with them."""
+class Jobs:
+    """The models of the service and the jobs that use them.
+
+    Attributes
+    ----------
+    models : mapping of str to ForecastModel
+        Models that requests may name; the first is the default.
+    limits : Limits
+    transferred : dict
+        Models transferred to other cars of the library, made when first used, by model and car; with their flags.
+    """
 
     models: Mapping[str, ForecastModel]
     limits: Limits
-    elsewhere: dict[tuple[str, str], tuple[ForecastModel, tuple[Flag, ...]]] = field(default_factory=dict)
-    """Models on other cars of the library than their own, made when they are first asked for."""
+    transferred: dict[tuple[str, str], tuple[ForecastModel, tuple[Flag, ...]]] = field(default_factory=dict)
 
     @classmethod
-    def from_folders(cls, folders: Mapping[str, Path], limits: Limits) -> Work:
-        """Load the models; without folders the one that comes with the package."""
+    def from_folders(cls, folders: Mapping[str, Path], limits: Limits) -> Jobs:
+        """Load the models.
+
+        Parameters
+        ----------
+        folders : mapping of str to Path
+            Name -> folder; empty for the model of the package.
+        limits : Limits
+        """
         models = {name: load_model(folder) for name, folder in folders.items()}
         return cls(models or {DEFAULT_MODEL: load_model()}, limits)
 
     def warm_up(self) -> None:
-        """Forecast something, so that the first request is as fast as the others."""
+        """Compute one forecast per model, so that the first request takes no longer than the others."""
         plan = plan_from_samples(example_trip(), "warm-up")
         for model in self.models.values():
             model.forecast(plan).to_dict()
 
-    def done(self, job: Mapping[str, Any], body: bytes) -> dict[str, Any]:
-        """The document that a job asks for.
+    def run(self, job: Mapping[str, Any], body: bytes) -> dict[str, Any]:
+        """Run a job.
 
         Parameters
         ----------
         job : mapping
-            `kind`: a key of `JOBS`; for a route also `speed_m_s`.
+            `kind`: a key of `JOB_KINDS`; for a route also `speed_m_s`.
         body : bytes
+
+        Returns
+        -------
+        dict
+            The document of the response.
 
         Raises
         ------
         NotJson, InvalidInput
             When the body is wrong.
         """
-        return JOBS[job["kind"]](self, job, body)
+        return JOB_KINDS[job["kind"]](self, job, body)
 
     def forecast(self, body: bytes) -> dict[str, Any]:
-        """Answer to a `ForecastRequest`."""
-        asked = parse(body, ForecastRequest)
-        return _sound(self._forecast(asked).to_dict(asked.reserve))
+        """Return the response to a `ForecastRequest`."""
+        request = parse_request(body, ForecastRequest)
+        return require_finite(self._forecast(request).to_dict(request.reserve))
 
     def update(self, body: bytes) -> dict[str, Any]:
-        """Answer to an `UpdateRequest`."""
-        asked = parse(body, UpdateRequest)
-        observed = measured_of(asked.observed, self.limits)
-        return _sound(self._forecast(asked).update(observed).to_dict(asked.reserve))
+        """Return the response to an `UpdateRequest`."""
+        request = parse_request(body, UpdateRequest)
+        observed = parse_observed(request.observed, self.limits)
+        return require_finite(self._forecast(request).update(observed).to_dict(request.reserve))
 
-    def _forecast(self, asked: ForecastRequest) -> Forecast:
-        model, flags = self._model(asked)
-        found = model.forecast(self._plan(asked), Departure(**{n: getattr(asked, n) for n in ASKED}))
-        return replace(found, flags=(*flags, *found.flags)) if flags else found
+    def _forecast(self, request: ForecastRequest) -> Forecast:
+        model, flags = self._model(request)
+        departure = Departure(**{name: getattr(request, name) for name in ASKED})
+        forecast = model.forecast(self._plan(request), departure)
+        return replace(forecast, flags=(*flags, *forecast.flags)) if flags else forecast
 
-    def _model(self, asked: ForecastRequest) -> tuple[ForecastModel, tuple[Flag, ...]]:
-        """The model that is asked for, on the car that is asked for, and what has to be said of that."""
-        name = next(iter(self.models)) if asked.model is None else asked.model
+    def _model(self, request: ForecastRequest) -> tuple[ForecastModel, tuple[Flag, ...]]:
+        """The model of a request for the car of the request, with the flags of its transfer."""
+        name = next(iter(self.models)) if request.model is None else request.model
         if name not in self.models:
             raise InvalidInput(Fault("unknown model", "model", repr(name), ", ".join(self.models)))
         model = self.models[name]
-        if asked.vehicle in (None, model.vehicle.name):
+        if request.vehicle in (None, model.vehicle.name):
             return model, ()
-        if asked.vehicle not in vehicle_names():  # a name of the library and nothing else, never a file
+        if request.vehicle not in vehicle_names():  # only names of the library, never a path of a file
             raise InvalidInput(
-                Fault("unknown car", "vehicle", repr(asked.vehicle), ", ".join(vehicle_names()))
+                Fault("unknown car", "vehicle", repr(request.vehicle), ", ".join(vehicle_names()))
             )
-        if (name, asked.vehicle) not in self.elsewhere:
-            self.elsewhere[name, asked.vehicle] = on_vehicle(model, asked.vehicle)
-        return self.elsewhere[name, asked.vehicle]
+        if (name, request.vehicle) not in self.transferred:
+            self.transferred[name, request.vehicle] = on_vehicle(model, request.vehicle)
+        return self.transferred[name, request.vehicle]
 
-    def _plan(self, asked: ForecastRequest) -> Plan:
-        if (asked.samples is None) == (asked.links is None):
-            got = "neither" if asked.samples is None else "both"
+    def _plan(self, request: ForecastRequest) -> Plan:
+        if (request.samples is None) == (request.links is None):
+            got = "neither" if request.samples is None else "both"
             raise InvalidInput(Fault("no single trip", "samples, links", got, "either samples or links"))
-        if asked.samples is not None:
-            return plan_from_samples(samples_of(asked.samples, self.limits), asked.trip)
-        return plan_from_route(route_of(asked.links, asked.elevation, self.limits), trip_id=asked.trip)
+        if request.samples is not None:
+            return plan_from_samples(parse_samples(request.samples, self.limits), request.trip)
+        return plan_from_route(
+            parse_links(request.links, request.elevation, self.limits), trip_id=request.trip
+        )
 
     def route(self, body: bytes, speed_m_s: float | None) -> dict[str, Any]:
-        """What an upload holds, as the fields of a `ForecastRequest`.
+        """Read an upload and return it as fields of a `ForecastRequest`.
 
         Parameters
         ----------
         body : bytes
-            GPX, GeoJSON, a router's answer, links as JSON or CSV, or CSV of samples: told from the content.
+            GPX, GeoJSON, the response of a router, links as JSON or CSV, or CSV of samples. The content determines
+            the format.
         speed_m_s : float or None
-            Mean speed [m/s] of pieces that know neither time nor speed.
+            Mean speed [m/s] of parts of a track without times and speeds.
         """
-        if body.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] not in ROUTE_STARTS and not is_links_table(body):
-            return self._uploaded_samples(canonical_of_text(body, "upload"))
+        if body.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] not in ROUTE_FIRST_BYTES and not is_links_table(body):
+            return self._route_response(canonical_of_text(body, "upload"))
         route = parse_route(body, where="upload")
         if isinstance(route, Track):
             if route.is_log and route.time_s is not None:
                 require_duration(float(route.time_s[-1]), "upload", self.limits)
-                return self._uploaded_samples(plan_from_route(route).samples, route.flags)
+                return self._route_response(plan_from_route(route).samples, route.flags)
             route = route_from_track(route, speed_m_s)
         if len(route) > self.limits.links:
             raise InvalidInput(
@@ -149,7 +173,7 @@ class Work:
             )
         require_duration(route.duration_s, "upload", self.limits)
         plan = plan_from_route(route)
-        return self._uploaded_samples(plan.samples, plan.flags) | {
+        return self._route_response(plan.samples, plan.flags) | {
             "links": links_of(route),
             "elevation": None
             if route.elevation_m is None or route.elevation_position_m is None
@@ -159,12 +183,8 @@ class Work:
             },
         }
 
-    def vehicles(self) -> list[dict[str, Any]]:
-        """Cars of the library, each with the models that forecast it."""
-        cars = [(name, model.vehicle.name) for name, model in self.models.items()]
-        return [{**row, "models": [name for name, car in cars if car == row["name"]]} for row in vehicles()]
-
-    def _uploaded_samples(self, samples: pd.DataFrame, flags: tuple[Flag, ...] = ()) -> dict[str, Any]:
+    def _route_response(self, samples: pd.DataFrame, flags: tuple[Flag, ...] = ()) -> dict[str, Any]:
+        """The response to an upload, without links."""
         time, speed = samples["time_s"].to_numpy(), samples["speed_m_s"].to_numpy()
         if len(samples) > self.limits.samples:
             allowed = f"at most {self.limits.samples}"
@@ -179,28 +199,56 @@ class Work:
             "notes": [flag_to_dict(flag) for flag in flags],
         }
 
+    def vehicles(self) -> dict[str, Any]:
+        """Return the cars of the library, each with the models fitted on its trips."""
+        cars = {name: model.vehicle.name for name, model in self.models.items()}
+        return {
+            "vehicles": [
+                {**row, "models": [name for name, car in cars.items() if car == row["name"]]}
+                for row in vehicles()
+            ]
+        }
 
-JOBS: Final[Mapping[str, Callable[[Work, Mapping[str, Any], bytes], dict[str, Any]]]] = MappingProxyType(
+
+JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[str, Any]]]] = MappingProxyType(
     {
-        "forecast": lambda work, job, body: work.forecast(body),
-        "update": lambda work, job, body: work.update(body),
-        "route": lambda work, job, body: work.route(body, job["speed_m_s"]),
-        "vehicles": lambda work, job, body: {"vehicles": work.vehicles()},
-        "examples": lambda work, job, body: examples(),
+        "forecast": lambda jobs, job, body: jobs.forecast(body),
+        "update": lambda jobs, job, body: jobs.update(body),
+        "route": lambda jobs, job, body: jobs.route(body, job["speed_m_s"]),
+        "vehicles": lambda jobs, job, body: jobs.vehicles(),
+        "examples": lambda jobs, job, body: examples(),
     }
 )
-"""Kind of job -> what does it."""
+"""Kind of job -> the method of `Jobs` that runs it."""
 
 
-def _sound(answer: dict[str, Any]) -> dict[str, Any]:
-    """An answer of numbers; a trip that drives the physics out of its mind is the trip's fault."""
-    scalars = [answer["energy_wh"], answer["soc_arrival"], answer["battery_loss_wh"]]
+def require_finite(forecast: dict[str, Any]) -> dict[str, Any]:
+    """Check that all values of a forecast are finite, because JSON has no other numbers.
+
+    Parameters
+    ----------
+    forecast : dict
+        A forecast as `Forecast.to_dict` returns it.
+
+    Returns
+    -------
+    dict
+        The same object.
+
+    Raises
+    ------
+    InvalidInput
+        When a value is not finite: no car can drive the trip.
+    """
+    scalars = [forecast["energy_wh"], forecast["soc_arrival"], forecast["battery_loss_wh"]]
     lists = [
         scalars,
-        answer["quantiles_wh"].values(),
-        answer["p_arrive"].values(),
-        *answer["series"].values(),
+        forecast["quantiles_wh"].values(),
+        forecast["p_arrive"].values(),
+        *forecast["series"].values(),
     ]
-    if not all(math.isfinite(sum(values)) for values in lists):  # one that is not spoils the sum
+    if not all(
+        math.isfinite(sum(values)) for values in lists
+    ):  # one value that is not finite makes the sum so
         raise InvalidInput(Fault("no forecast", "trip", "implausible results", "a trip that a car can drive"))
-    return answer
+    return forecast

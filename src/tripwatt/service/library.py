@@ -1,4 +1,4 @@
-"""What the service has to offer besides forecasts: cars, example trips, and routes written as requests."""
+"""Cars and example trips of the service, and tables in the form of requests."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import ASKED
 from tripwatt.vehicles import load_vehicle, vehicle_names
 
-EXAMPLES: Final = 6
+EXAMPLE_COUNT: Final = 6
 EXAMPLE_CAR: Final = "bmw_i3_60ah"
 
 
 def links_of(route: LinkRoute) -> list[dict[str, float]]:
-    """A route as the links of a request, without its heights."""
+    """Return a route as the `links` of a request, without its elevation."""
     columns = {
         "length_m": route.length_m,
         "travel_time_s": route.travel_time_s,
@@ -34,7 +34,7 @@ def links_of(route: LinkRoute) -> list[dict[str, float]]:
 
 
 def columns_of(samples: pd.DataFrame) -> dict[str, list[float | None]]:
-    """A table as the `samples` of a request; null where a value is missing."""
+    """Return a table as the `samples` of a request; a missing value is None."""
     return {
         name: [None if v != v else v for v in np.asarray(samples[name], dtype=np.float64).tolist()]
         for name in samples.columns
@@ -43,7 +43,7 @@ def columns_of(samples: pd.DataFrame) -> dict[str, list[float | None]]:
 
 @cache
 def vehicles() -> tuple[dict[str, Any], ...]:
-    """Cars of the library."""
+    """Return the cars of the library, without the models of the service."""
     rows = []
     for name in vehicle_names():
         car = load_vehicle(name)
@@ -63,28 +63,28 @@ def vehicles() -> tuple[dict[str, Any], ...]:
 
 @cache
 def examples() -> dict[str, dict[str, Any]]:
-    """Synthetic trips to try the service with, by name: computed, not driven."""
+    """Return synthetic trips as examples, by name."""
     battery = load_vehicle(EXAMPLE_CAR).battery
     found = {}
-    for trip in synthetic_fleet(EXAMPLES).trips:
+    for trip in synthetic_fleet(EXAMPLE_COUNT).trips:
         known = trip.departure.to_dict()
-        at_door: dict[str, Any] = {name: known[name] for name in ASKED if name in known}
-        at_door["soc"] = float(battery.displayed_from_soc(trip.array("soc")[0]))
+        at_departure: dict[str, Any] = {name: known[name] for name in ASKED if name in known}
+        at_departure["soc"] = float(battery.displayed_from_soc(trip.array("soc")[0]))
         route = [c for c in ("time_s", "speed_m_s", "elevation_m") if c in trip]
         measured = [c for c in ("time_s", "voltage_v", "current_a", "soc") if c in trip]
         found[trip.trip_id] = {
             "trip": trip.trip_id,
             "title": trip.context.route or trip.trip_id,
             "vehicle": EXAMPLE_CAR,
-            "note": "synthetic: computed, not driven",
+            "note": "synthetic trip from a simulation",
             "duration_s": trip.duration_s,
             "distance_m": trip.distance_m,
-            "ambient_temperature_degc": at_door.get("ambient_temperature_degc"),
+            "ambient_temperature_degc": at_departure.get("ambient_temperature_degc"),
             "observed_energy_wh": trip.observed_energy_wh,
             "request": {
                 "trip": trip.trip_id,
                 "samples": columns_of(trip.samples[route]),
-                **at_door,
+                **at_departure,
             },
             "observed": columns_of(trip.samples[measured]),
         }

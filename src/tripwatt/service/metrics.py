@@ -1,53 +1,67 @@
-"""What is counted, for Prometheus."""
+"""Metrics for Prometheus."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Final
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 
 import tripwatt
 
-SECONDS = (0.0025, 0.005, 0.01, 0.015, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 20.0)
+BUCKETS_S: Final = (0.0025, 0.005, 0.01, 0.015, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 20.0)
 
 
 class Metrics:
-    """Counts of one service. Routes are templates and methods are known ones, so that no client makes up labels."""
+    """Metrics of one service.
+
+    Labels are templates of routes and known methods only, so that clients cannot create labels.
+    """
 
     def __init__(self) -> None:
         registry = CollectorRegistry()
         self.registry = registry
         self.requests = Counter(
-            "tripwatt_requests", "Requests answered.", ("route", "method", "status"), registry=registry
+            "tripwatt_requests", "Requests with a response.", ("route", "method", "status"), registry=registry
         )
         self.duration = Histogram(
             "tripwatt_request_seconds",
-            "Time from a request's head to the end of its answer.",
+            "Time from the head of a request to the end of its response.",
             ("route",),
-            buckets=SECONDS,
+            buckets=BUCKETS_S,
             registry=registry,
         )
-        self.work = Histogram(
+        self.job_seconds = Histogram(
             "tripwatt_work_seconds",
-            "Time that a worker computed for a job.",
+            "Computing time of a job.",
             ("kind",),
-            buckets=SECONDS,
+            buckets=BUCKETS_S,
             registry=registry,
         )
-        self.trips = Counter("tripwatt_trips", "Trips of batches.", ("outcome",), registry=registry)
-        self.running = Gauge("tripwatt_requests_running", "Requests not yet answered.", registry=registry)
+        self.trips = Counter("tripwatt_trips", "Trips in batches.", ("outcome",), registry=registry)
+        self.running = Gauge(
+            "tripwatt_requests_running", "Requests without a complete response.", registry=registry
+        )
         self.waiting = Gauge("tripwatt_jobs_waiting", "Jobs that wait for a worker.", registry=registry)
         self.workers = Gauge("tripwatt_workers_ready", "Workers that are ready.", registry=registry)
-        self.lost = Gauge("tripwatt_workers_lost", "Workers that died since the start.", registry=registry)
+        self.lost = Gauge("tripwatt_workers_lost", "Workers lost since the start.", registry=registry)
         about = Gauge("tripwatt_info", "The running version.", ("version",), registry=registry)
         about.labels(tripwatt.__version__).set(1)
 
-    def follow(self, waiting: Callable[[], int], workers: Callable[[], int], lost: Callable[[], int]) -> None:
-        """Read the gauges of the workers from these."""
+    def set_pool_gauges(
+        self, waiting: Callable[[], int], workers: Callable[[], int], lost: Callable[[], int]
+    ) -> None:
+        """Set the functions that return the values of the gauges of the worker pool.
+
+        Parameters
+        ----------
+        waiting, workers, lost : callable
+            Jobs that wait, workers that are ready, workers lost since the start.
+        """
         self.waiting.set_function(waiting)
         self.workers.set_function(workers)
         self.lost.set_function(lost)
 
     def render(self) -> bytes:
-        """The text that Prometheus reads."""
+        """Return all metrics in the text format of Prometheus."""
         return generate_latest(self.registry)

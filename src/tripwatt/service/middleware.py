@@ -1,7 +1,8 @@
-"""What every request passes on its way in and every answer on its way out: one plain ASGI layer.
+"""ASGI middleware for all requests.
 
-In: is the host served, is the token right, is it too often. Out: request id, security headers, the access log, the
-counts. Whatever goes wrong inside becomes a problem document.
+It checks the Host header, the rate of the client and the token before the application runs. It adds the request id and
+the security headers to the response, writes the access log and counts requests. An exception of the application becomes
+a problem document.
 """
 
 from __future__ import annotations
@@ -22,18 +23,18 @@ from tripwatt.service.metrics import Metrics
 from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Settings
 
-OPEN: Final = ("/healthz", "/readyz")
-"""Paths that need no token and are never too often."""
+OPEN_PATHS: Final = ("/healthz", "/readyz")
+"""Paths without a token and without a rate limit."""
 
-GUARDED: Final = ("/v1/", "/metrics", "/openapi.json")
-"""Paths that need the token where there is one; the page itself holds no secret."""
+TOKEN_PATHS: Final = ("/v1/", "/metrics", "/openapi.json")
+"""First parts of paths that need the token; the files of the page hold no secret."""
 
-REQUEST_ID: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")
-METHODS: Final = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
-MOST_CLIENTS: Final = 10_000
-"""Clients whose requests are counted; the ones not seen for longest are forgotten."""
+VALID_REQUEST_ID: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")
+KNOWN_METHODS: Final = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
+MAX_CLIENTS: Final = 10_000
+"""Most clients with a token bucket; the least recently active ones are removed first."""
 
-HEADERS: Final = {
+SECURITY_HEADERS: Final = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
     "font-src 'self'; connect-src 'self'; manifest-src 'self'; worker-src 'self'; base-uri 'none'; "
     "form-action 'none'; frame-ancestors 'none'",
@@ -46,37 +47,55 @@ HEADERS: Final = {
 }
 
 
-class Buckets:
-    """Token buckets by client: `burst` at once, `rate_per_s` on average.
+class TokenBuckets:
+    """Rate limit by client: one token bucket each.
+
+    Parameters
+    ----------
+    rate_per_s : float
+        Mean rate of requests [1/s].
+    burst : int
+        Most requests in quick succession.
 
     Examples
     --------
-    >>> buckets = Buckets(rate_per_s=1.0, burst=2)
+    >>> buckets = TokenBuckets(rate_per_s=1.0, burst=2)
     >>> [buckets.wait_s("a", now) for now in (0.0, 0.0, 0.0, 1.0)]
     [0.0, 0.0, 1.0, 0.0]
     """
 
     def __init__(self, rate_per_s: float, burst: int) -> None:
-        self.rate, self.burst = rate_per_s, float(burst)
-        self.left: OrderedDict[str, tuple[float, float]] = OrderedDict()
+        self.rate_per_s, self.burst = rate_per_s, float(burst)
+        self.by_client: OrderedDict[str, tuple[float, float]] = OrderedDict()
 
     def wait_s(self, client: str, now: float) -> float:
-        """0 if the client may go on, else how long it has to wait [s]."""
-        left, then = self.left.pop(client, (self.burst, now))
-        left = min(self.burst, left + (now - then) * self.rate)
-        wait = 0.0 if left >= 1.0 else (1.0 - left) / self.rate
-        self.left[client] = (left if wait else left - 1.0, now)
-        if len(self.left) > MOST_CLIENTS:
-            self.left.popitem(last=False)
-        return wait
+        """Take a token of a client.
+
+        Returns
+        -------
+        float
+            0 if there was a token, else the time [s] until the next one.
+        """
+        tokens, last = self.by_client.pop(client, (self.burst, now))
+        tokens = min(self.burst, tokens + (now - last) * self.rate_per_s)
+        wait_s = 0.0 if tokens >= 1.0 else (1.0 - tokens) / self.rate_per_s
+        self.by_client[client] = (tokens if wait_s else tokens - 1.0, now)
+        if len(self.by_client) > MAX_CLIENTS:
+            self.by_client.popitem(last=False)
+        return wait_s
 
 
-def counted_client(address: str) -> str | None:
-    """Whose requests are counted together: an IPv4 address, the /64 of an IPv6 one; None for this machine itself.
+def rate_limit_key(address: str) -> str | None:
+    """Return the key of a client for the rate limit.
+
+    Returns
+    -------
+    str or None
+        An IPv4 address or the /64 network of an IPv6 address; None for loopback, which has no rate limit.
 
     Examples
     --------
-    >>> counted_client("127.0.0.1"), counted_client("203.0.113.9"), counted_client("2001:db8::1:2")
+    >>> rate_limit_key("127.0.0.1"), rate_limit_key("203.0.113.9"), rate_limit_key("2001:db8::1:2")
     (None, '203.0.113.9', '2001:db8::/64')
     """
     try:
@@ -88,8 +107,8 @@ def counted_client(address: str) -> str | None:
     return str(found) if found.version == 4 else str(ipaddress.ip_network((int(found), 64), strict=False))
 
 
-class Gate:
-    """The layer around the application.
+class ServiceMiddleware:
+    """The middleware around the application.
 
     Parameters
     ----------
@@ -97,35 +116,41 @@ class Gate:
     settings : Settings
     metrics : Metrics
     log : callable
-        Takes one access record as keywords.
+        Called with one record of the access log as keywords.
     """
 
     def __init__(self, app: ASGIApp, settings: Settings, metrics: Metrics, log: Callable[..., None]) -> None:
         self.app, self.settings, self.metrics, self.log = app, settings, metrics, log
         self.token = settings.token.encode()
         limits = settings.limits
-        self.buckets = Buckets(limits.rate_per_s, limits.burst) if limits.rate_per_s > 0 else None
+        self.buckets = TokenBuckets(limits.rate_per_s, limits.burst) if limits.rate_per_s > 0 else None
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """One request."""
+        """Handle one request."""
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
-        await _Passage(self, scope).go(receive, send)
+        await _RequestHandling(self, scope).run(receive, send)
 
     def check(self, scope: Scope, headers: Headers) -> None:
-        """Raise the `Problem` of a request that may not go in."""
+        """Check the Host header, the rate and the token of a request.
+
+        Raises
+        ------
+        Problem
+            `host-not-served`, `too-many-requests` or `token-needed`.
+        """
         self._check_host(headers.getlist("host"))
         path = scope["path"]
-        if path in OPEN:
+        if path in OPEN_PATHS:
             return
-        client = counted_client(scope["client"][0]) if scope.get("client") else None
+        client = rate_limit_key(scope["client"][0]) if scope.get("client") else None
         if self.buckets is not None and client is not None:
-            wait = self.buckets.wait_s(client, time.monotonic())
-            if wait > 0.0:
-                after = str(max(1, round(wait + 0.5)))
+            wait_s = self.buckets.wait_s(client, time.monotonic())
+            if wait_s > 0.0:
+                after = str(max(1, round(wait_s + 0.5)))
                 raise Problem("too-many-requests", f"wait {after} s", headers={"Retry-After": after})
-        if self.token and path.startswith(GUARDED):
+        if self.token and path.startswith(TOKEN_PATHS):
             self._check_token(headers.getlist("authorization"))
 
     def _check_host(self, hosts: list[str]) -> None:
@@ -136,11 +161,11 @@ class Gate:
             hosts[0].rsplit(":", 1)[0] if len(hosts) == 1 and not hosts[0].endswith("]") else "".join(hosts)
         )
         if len(hosts) != 1 or name.lower() not in allowed:
-            raise Problem("host-not-served", "the Host header names another host")
+            raise Problem("host-not-served", "the Host header does not name this service")
 
     def _check_token(self, given: list[str]) -> None:
         kind, _, token = (given[0] if len(given) == 1 else "").partition(" ")
-        # the comparison takes as long for any token
+        # the time of the comparison does not depend on the token
         same = hmac.compare_digest(token.strip().encode("utf-8", "replace"), self.token)
         if kind.lower() != "bearer" or not same:
             challenge = 'Bearer realm="tripwatt"'
@@ -149,74 +174,73 @@ class Gate:
             )
 
 
-class _Passage:
-    """One request on its way."""
+class _RequestHandling:
+    """The state of one request."""
 
-    def __init__(self, gate: Gate, scope: Scope) -> None:
-        self.gate, self.scope = gate, scope
+    def __init__(self, middleware: ServiceMiddleware, scope: Scope) -> None:
+        self.middleware, self.scope = middleware, scope
         self.headers = Headers(scope=scope)
         given = self.headers.get("x-request-id", "")
-        self.request_id = given if REQUEST_ID.fullmatch(given) else secrets.token_hex(8)
-        self.status, self.sent, self.finished = 0, 0, False
+        self.request_id = given if VALID_REQUEST_ID.fullmatch(given) else secrets.token_hex(8)
+        self.status, self.sent_bytes, self.finished = 0, 0, False
         self.started = time.perf_counter()
 
-    async def go(self, receive: Receive, send: Send) -> None:
-        """Check it, hand it on, and see the answer out."""
-        gate = self.gate
+    async def run(self, receive: Receive, send: Send) -> None:
+        middleware = self.middleware
         self.scope["state"] = {**self.scope.get("state", {}), "request_id": self.request_id}
-        gate.metrics.running.inc()
+        middleware.metrics.running.inc()
         error = ""
 
-        async def out(message: Message) -> None:
+        async def send_on(message: Message) -> None:
             if message["type"] == "http.response.start":
                 self.status = message["status"]
-                self._dress(message)
+                self._add_headers(message)
             elif message["type"] == "http.response.body":
-                self.sent += len(message.get("body", b""))
+                self.sent_bytes += len(message.get("body", b""))
                 self.finished = not message.get("more_body", False)
             await send(message)
 
         try:
             try:
-                gate.check(self.scope, self.headers)
-                await gate.app(self.scope, receive, out)
+                middleware.check(self.scope, self.headers)
+                await middleware.app(self.scope, receive, send_on)
             except Problem as problem:
-                await self._answer(problem, receive, out)
-            except Exception as found:
-                error = repr(found)
+                await self._respond(problem, receive, send_on)
+            except Exception as exception:
+                error = repr(exception)
                 if not self.finished:
-                    await self._answer(Problem("internal"), receive, out)
+                    await self._respond(Problem("internal"), receive, send_on)
         finally:
-            gate.metrics.running.dec()
-            self._record(error)
+            middleware.metrics.running.dec()
+            self._log(error)
 
-    async def _answer(self, problem: Problem, receive: Receive, out: Send) -> None:
-        if self.status:  # half of an answer is out: the connection is all that can tell
-            raise RuntimeError(f"failed while answering: {problem.kind}") from problem
-        await problem.response(self.request_id)(self.scope, receive, out)
+    async def _respond(self, problem: Problem, receive: Receive, send_on: Send) -> None:
+        if self.status:  # the response has begun: only closing the connection can report the failure
+            raise RuntimeError(f"failed during the response: {problem.kind}") from problem
+        await problem.response(self.request_id)(self.scope, receive, send_on)
 
-    def _dress(self, message: Message) -> None:
+    def _add_headers(self, message: Message) -> None:
         headers = MutableHeaders(scope=message)
         headers["X-Request-ID"] = self.request_id
-        for name, value in HEADERS.items():
+        for name, value in SECURITY_HEADERS.items():
             headers[name] = value
         headers.setdefault("Cache-Control", "no-store")
 
-    def _record(self, error: str) -> None:
+    def _log(self, error: str) -> None:
         seconds = time.perf_counter() - self.started
         route = getattr(self.scope.get("route"), "path", "") or "other"
-        method = self.scope["method"] if self.scope["method"] in METHODS else "other"
-        metrics = self.gate.metrics
+        method = self.scope["method"] if self.scope["method"] in KNOWN_METHODS else "other"
+        metrics = self.middleware.metrics
         metrics.requests.labels(route, method, str(self.status)).inc()
         metrics.duration.labels(route).observe(seconds)
         client = self.scope.get("client")
-        self.gate.log(
+        self.middleware.log(
             request_id=self.request_id,
             method=method,
             path=self.scope["path"][:200],
             status=self.status,
             ms=round(1000.0 * seconds, 2),
-            bytes=self.sent,
+            bytes=self.sent_bytes,
             client=client[0] if client else "",
             **({"error": error} if error else {}),
         )

@@ -1,29 +1,47 @@
-"""What the OpenAPI document says beyond the routes: bodies, answers, problems, examples."""
+"""Parts of the OpenAPI document that FastAPI cannot derive: request bodies, responses, problems, examples."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 from fastapi import FastAPI
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from tripwatt.service import answers, bodies
+from tripwatt.service import schemas
 from tripwatt.service.problems import MEDIA_TYPE, TITLES
 
 DESCRIPTION: Final = """The service returns the same forecast as `tripwatt forecast --json`, with the same field names. The
 suffix of a name is its unit; numbers without a suffix are fractions. State of charge is the displayed one. Fields that a
 request leaves out are unknown: the forecast flags them and its interval is wider. Errors are problem documents (RFC 9457)."""
 
+JSON: Final = "application/json"
+NDJSON: Final = "application/x-ndjson"
+
 REFERENCE: Final = "#/components/schemas/"
+
+DOCUMENTED: Final[tuple[type[BaseModel], ...]] = (
+    schemas.Link,
+    schemas.ForecastRequest,
+    schemas.UpdateRequest,
+    schemas.ForecastResponse,
+    schemas.RouteResponse,
+    schemas.ModelsResponse,
+    schemas.VehiclesResponse,
+    schemas.ExamplesResponse,
+    schemas.ExampleResponse,
+    schemas.HealthResponse,
+    schemas.ProblemDocument,
+)
+"""Schemas that the document contains, with those that they refer to."""
 
 SAMPLES: Final = {
     "time_s": [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0],
     "speed_m_s": [0.0, 8.0, 13.0, 13.5, 13.0, 7.0, 0.0],
     "elevation_m": [520.0, 520.5, 522.0, 524.0, 525.0, 525.0, 525.0],
 }
-BY_LINKS: Final = {
+PLANNED_REQUEST: Final = {
     "links": [
         {"length_m": 800.0, "speed_m_s": 8.5, "grade": 0.01},
         {"length_m": 12000.0, "travel_time_s": 480.0, "grade": 0.0},
@@ -33,9 +51,9 @@ BY_LINKS: Final = {
     "cabin_setpoint_degc": 21.0,
     "reserve": 0.15,
 }
-BY_SAMPLES: Final = {"samples": SAMPLES, "displayed_soc": 0.8, "ambient_temperature_degc": 12.0}
-UPDATE: Final = {
-    **BY_SAMPLES,
+SAMPLES_REQUEST: Final = {"samples": SAMPLES, "displayed_soc": 0.8, "ambient_temperature_degc": 12.0}
+UPDATE_REQUEST: Final = {
+    **SAMPLES_REQUEST,
     "observed": {
         "time_s": [0.0, 10.0, 20.0],
         "voltage_v": [370.0, 362.0, 366.0],
@@ -59,9 +77,9 @@ UPLOADS: Final[Mapping[str, dict[str, Any]]] = {
     "text/csv": {"schema": {"type": "string"}, "example": CSV},
     "application/octet-stream": {"schema": {"type": "string", "format": "binary"}},
     "application/geo+json": {"schema": {"type": "object"}, "example": GEOJSON},
-    "application/json": {"schema": {"type": ["object", "array"]}, "example": BY_LINKS["links"]},
+    JSON: {"schema": {"type": ["object", "array"]}, "example": PLANNED_REQUEST["links"]},
 }
-"""Media type of an upload -> what is said of it."""
+"""Media type of an upload -> its media type object."""
 
 BODY_PROBLEMS: Final = (
     "bad-request",
@@ -71,11 +89,12 @@ BODY_PROBLEMS: Final = (
     "media-type",
     "invalid-input",
 )
-WORK_PROBLEMS: Final = ("busy", "timeout")
-ALWAYS: Final = ("bad-request", "token-needed", "too-many-requests", "internal")
+POOL_PROBLEMS: Final = ("busy", "timeout")
+COMMON_PROBLEMS: Final = ("bad-request", "token-needed", "too-many-requests", "internal")
 
 
 def _problems(*kinds: str) -> dict[int | str, dict[str, Any]]:
+    """Responses with problem documents, by status; kinds of one status share a response."""
     by_status: dict[int, list[str]] = {}
     for kind in kinds:
         status, title = TITLES[kind]
@@ -89,146 +108,143 @@ def _problems(*kinds: str) -> dict[int | str, dict[str, Any]]:
     }
 
 
-def _answer(model: type[BaseModel], description: str, media_type: str = "application/json") -> dict[str, Any]:
-    schema = {"$ref": REFERENCE + model.__name__}
-    return {"description": description, "content": {media_type: {"schema": schema}}}
+def _content(media_type: str, schema: dict[str, Any], **more: Any) -> dict[str, Any]:
+    return {media_type: {"schema": schema, **more}}
 
 
-def _body(model: type[BaseModel], examples: Mapping[str, Any]) -> dict[str, Any]:
+def _reference(model: type[BaseModel]) -> dict[str, Any]:
+    return {"$ref": REFERENCE + model.__name__}
+
+
+def _operation(
+    tag: str,
+    description: str,
+    content: dict[str, Any],
+    problems: Iterable[str],
+    request_content: dict[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Arguments of `FastAPI.add_api_route` for one operation.
+
+    Parameters
+    ----------
+    tag : str
+    description : str
+        Description of the response with status 200.
+    content : dict
+        Its media types.
+    problems : iterable of str
+        Kinds of problems.
+    request_content : dict, optional
+        Media types of the request body.
+    """
+    responses = {200: {"description": description, "content": content}, **_problems(*problems)}
+    if request_content is None:
+        return {"tags": [tag], "responses": responses}
+    body = {"requestBody": {"required": True, "content": request_content}}
+    return {"tags": [tag], "responses": responses, "openapi_extra": body}
+
+
+def _forecast_operation(
+    request: type[BaseModel], description: str, examples: Mapping[str, Any]
+) -> dict[str, Any]:
     shown = {name: {"value": value} for name, value in examples.items()}
-    schema = {"$ref": REFERENCE + model.__name__}
-    return {
-        "requestBody": {
-            "required": True,
-            "content": {"application/json": {"schema": schema, "examples": shown}},
-        }
-    }
+    return _operation(
+        "forecast",
+        description,
+        _content(JSON, _reference(schemas.ForecastResponse)),
+        (*COMMON_PROBLEMS, *BODY_PROBLEMS, *POOL_PROBLEMS),
+        _content(JSON, _reference(request), examples=shown),
+    )
 
 
 def forecast() -> dict[str, Any]:
-    """About `POST /v1/forecast`."""
-    return {
-        "responses": {
-            200: _answer(answers.ForecastAnswer, "The forecast"),
-            **_problems(*ALWAYS, *BODY_PROBLEMS, *WORK_PROBLEMS),
-        },
-        "openapi_extra": _body(bodies.ForecastRequest, {"planned road": BY_LINKS, "speed trace": BY_SAMPLES}),
-        "tags": ["forecast"],
-    }
+    """Return the description of `POST /v1/forecast`."""
+    examples = {"planned road": PLANNED_REQUEST, "speed trace": SAMPLES_REQUEST}
+    return _forecast_operation(schemas.ForecastRequest, "The forecast", examples)
 
 
 def update() -> dict[str, Any]:
-    """About `POST /v1/forecast/update`."""
-    return {
-        "responses": {
-            200: _answer(answers.ForecastAnswer, "The updated forecast"),
-            **_problems(*ALWAYS, *BODY_PROBLEMS, *WORK_PROBLEMS),
-        },
-        "openapi_extra": _body(bodies.UpdateRequest, {"after 20 s": UPDATE}),
-        "tags": ["forecast"],
-    }
+    """Return the description of `POST /v1/forecast/update`."""
+    return _forecast_operation(schemas.UpdateRequest, "The updated forecast", {"after 20 s": UPDATE_REQUEST})
 
 
 def batch() -> dict[str, Any]:
-    """About `POST /v1/forecast/batch`."""
-    text = {"description": "one ForecastRequest per line"}
-    said = "One ForecastAnswer or ProblemDocument per line, in the order of the requests"
-    return {
-        "responses": {
-            200: {
-                "description": said,
-                "content": {"application/x-ndjson": {"schema": {"type": "string"}}},
-            },
-            **_problems(*ALWAYS, *BODY_PROBLEMS, "busy"),
-        },
-        "openapi_extra": {
-            "requestBody": {"required": True, "content": {"application/x-ndjson": {"schema": text}}}
-        },
-        "tags": ["forecast"],
-    }
+    """Return the description of `POST /v1/forecast/batch`."""
+    return _operation(
+        "forecast",
+        "One ForecastResponse or ProblemDocument per line, in the order of the requests",
+        _content(NDJSON, {"type": "string"}),
+        (*COMMON_PROBLEMS, *BODY_PROBLEMS, "busy"),
+        _content(NDJSON, {"description": "one ForecastRequest per line"}),
+    )
 
 
 def route() -> dict[str, Any]:
-    """About `POST /v1/routes`."""
-    return {
-        "responses": {
-            200: _answer(answers.RouteAnswer, "The route or trip"),
-            **_problems(*ALWAYS, *BODY_PROBLEMS, *WORK_PROBLEMS),
-        },
-        "openapi_extra": {"requestBody": {"required": True, "content": dict(UPLOADS)}},
-        "tags": ["routes"],
-    }
+    """Return the description of `POST /v1/routes`."""
+    return _operation(
+        "routes",
+        "The route or trip",
+        _content(JSON, _reference(schemas.RouteResponse)),
+        (*COMMON_PROBLEMS, *BODY_PROBLEMS, *POOL_PROBLEMS),
+        dict(UPLOADS),
+    )
 
 
-def plain(model: type[BaseModel], description: str) -> dict[str, Any]:
-    """About a list that can be had."""
-    return {
-        "responses": {
-            200: _answer(model, description),
-            **_problems(*ALWAYS, "not-acceptable", *WORK_PROBLEMS),
-        },
-        "tags": ["library"],
-    }
+def library(model: type[BaseModel], description: str, *problems: str) -> dict[str, Any]:
+    """Return the description of a GET request for cars, models or examples.
 
-
-def example() -> dict[str, Any]:
-    """About `GET /v1/examples/{trip}`."""
-    about = plain(answers.ExampleTripAnswer, "The trip")
-    about["responses"] |= _problems("not-found")
-    about["responses"] |= _problems("invalid-input")
-    return about
+    Parameters
+    ----------
+    model : type
+        Schema of the response.
+    description : str
+    *problems : str
+        Kinds of problems beside the common ones.
+    """
+    kinds = (*COMMON_PROBLEMS, "not-acceptable", *POOL_PROBLEMS, *problems)
+    return _operation("library", description, _content(JSON, _reference(model)), kinds)
 
 
 def health(*, ready: bool) -> dict[str, Any]:
-    """About `GET /healthz` and `GET /readyz`."""
-    more = _problems("busy") if ready else {}
-    return {
-        "responses": {
-            200: _answer(answers.HealthAnswer, "The service is ready" if ready else "The service is alive"),
-            **_problems("bad-request", "internal"),
-            **more,
-        },
-        "tags": ["operation"],
-    }
+    """Return the description of `GET /readyz` (`ready`) or `GET /healthz`."""
+    return _operation(
+        "operation",
+        "The service is ready" if ready else "The service is alive",
+        _content(JSON, _reference(schemas.HealthResponse)),
+        ("bad-request", "internal", *(("busy",) if ready else ())),
+    )
 
 
 def metrics() -> dict[str, Any]:
-    """About `GET /metrics`."""
-    text = {"text/plain": {"schema": {"type": "string"}}}
-    return {
-        "responses": {
-            200: {"description": "Metrics in the text format of Prometheus", "content": text},
-            **_problems(*ALWAYS),
-        },
-        "tags": ["operation"],
-    }
+    """Return the description of `GET /metrics`."""
+    return _operation(
+        "operation",
+        "Metrics in the text format of Prometheus",
+        _content("text/plain", {"type": "string"}),
+        COMMON_PROBLEMS,
+    )
 
 
-def complete(app: FastAPI, with_token: bool) -> None:
-    """Put the schemas of bodies and answers, and the token where one is asked for, into the document of the app."""
-    made = app.openapi
-    models: list[type[BaseModel]] = [
-        bodies.Link,
-        bodies.ForecastRequest,
-        bodies.UpdateRequest,
-        answers.ForecastAnswer,
-        answers.RouteAnswer,
-        answers.ModelsAnswer,
-        answers.VehiclesAnswer,
-        answers.ExamplesAnswer,
-        answers.ExampleTripAnswer,
-        answers.HealthAnswer,
-        answers.ProblemDocument,
-    ]
+def add_schemas(app: FastAPI, with_token: bool) -> None:
+    """Add the schemas of requests and responses to the OpenAPI document of an application.
+
+    Parameters
+    ----------
+    app : FastAPI
+        Its method `openapi` is replaced.
+    with_token : bool
+        Whether the document requires a bearer token.
+    """
+    derive = app.openapi
 
     def document() -> dict[str, Any]:
         if app.openapi_schema is None:
-            found = made()
-            _, schemas = models_json_schema(
-                [(model, "validation") for model in models], ref_template=REFERENCE + "{model}"
+            found = derive()
+            _, models = models_json_schema(
+                [(model, "validation") for model in DOCUMENTED], ref_template=REFERENCE + "{model}"
             )
             components = found.setdefault("components", {})
-            components["schemas"] = schemas["$defs"]
+            components["schemas"] = models["$defs"]
             if with_token:
                 components["securitySchemes"] = {"token": {"type": "http", "scheme": "bearer"}}
                 found["security"] = [{"token": []}]

@@ -1,6 +1,6 @@
-"""The worker processes: who is idle gets the next job; who dies or hangs is replaced, and nobody notices.
+"""The worker pool: an idle worker process takes the next job; a worker that ends or hangs is replaced.
 
-A job is a pure function of its body, so that one whose worker died is simply given to another.
+A job is a pure function of its input. When its worker is lost, another worker runs it again.
 """
 
 from __future__ import annotations
@@ -13,27 +13,37 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
-from tripwatt.service.frames import next_frame, packed
+from tripwatt.service.frames import encode_frame, read_frame_async
 from tripwatt.service.problems import Problem
-from tripwatt.service.settings import Settings
+from tripwatt.service.settings import TOKEN_VARIABLE, Settings
 
-START_S: Final = 120.0
+START_TIMEOUT_S: Final = 120.0
 """Longest time that a worker may take to load its models."""
 
-TRIES: Final = 3
-"""Workers that a job may lose before it is given up: it may be what kills them."""
+STOP_TIMEOUT_S: Final = 5.0
+"""Longest time that a worker may take to end by itself."""
 
-FIRST_PAUSE_S: Final = 0.1
-LONGEST_PAUSE_S: Final = 10.0
-"""Pause before another start, after many that failed."""
+MAX_ATTEMPTS: Final = 3
+"""Workers that may be lost with one job before the job fails, because the job may be the cause."""
 
-END_S: Final = 5.0
-"""Time that a worker has to end by itself."""
+FIRST_RESTART_DELAY_S: Final = 0.1
+MAX_RESTART_DELAY_S: Final = 10.0
+"""Delay before another start, after several that failed."""
 
 
 @dataclass(frozen=True, slots=True)
-class Reply:
-    """What a worker answered."""
+class JobResult:
+    """Result of a job.
+
+    Attributes
+    ----------
+    status : int
+        HTTP status.
+    content : bytes
+        The document as JSON: the response, or a problem document.
+    seconds : float
+        Computing time [s].
+    """
 
     status: int
     content: bytes
@@ -41,18 +51,29 @@ class Reply:
 
 
 class WorkerLost(Exception):
-    """The worker died with the job."""
+    """The worker ended or was killed before the job was done."""
 
 
 class Worker:
-    """One process, seen from the service."""
+    """The service's handle of one worker process.
+
+    Parameters
+    ----------
+    process : asyncio.subprocess.Process
+    """
 
     def __init__(self, process: asyncio.subprocess.Process) -> None:
         self.process = process
 
     @classmethod
     async def start(cls, settings: Settings) -> Worker:
-        """Start a process and wait until it is ready."""
+        """Start a process and wait until it is ready.
+
+        Raises
+        ------
+        OSError, WorkerLost, TimeoutError
+            When the process does not start, ends, or is not ready in time.
+        """
         threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         process = await asyncio.create_subprocess_exec(
             sys.executable,
@@ -60,29 +81,30 @@ class Worker:
             "tripwatt.service.worker",
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
-            env={**{k: v for k, v in os.environ.items() if k != "TRIPWATT_TOKEN"}, **threads},
+            env={**{k: v for k, v in os.environ.items() if k != TOKEN_VARIABLE}, **threads},
             start_new_session=True,
         )
         worker = cls(process)
         models = {name: str(folder) for name, folder in settings.models.items()}
+        first_frame = encode_frame({"models": models, "limits": asdict(settings.limits)}, b"")
         try:
-            async with asyncio.timeout(START_S):
-                await worker._exchange(packed({"models": models, "limits": asdict(settings.limits)}, b""))
+            async with asyncio.timeout(START_TIMEOUT_S):
+                await worker._exchange(first_frame)
         except BaseException:
             await worker.kill()
             raise
         return worker
 
-    async def ask(self, frame: bytes) -> Reply:
-        """Give it a job and wait for the answer.
+    async def run(self, frame: bytes) -> JobResult:
+        """Send a job and wait for its result.
 
         Raises
         ------
         WorkerLost
-            When it dies.
+            When the process ends first.
         """
         head, content = await self._exchange(frame)
-        return Reply(head["status"], content, head["seconds"])
+        return JobResult(head["status"], content, head["seconds"])
 
     async def _exchange(self, frame: bytes) -> tuple[dict[str, Any], bytes]:
         assert self.process.stdin is not None
@@ -90,100 +112,103 @@ class Worker:
         try:
             self.process.stdin.write(frame)
             await self.process.stdin.drain()
-            return await next_frame(self.process.stdout)
+            return await read_frame_async(self.process.stdout)
         except (asyncio.IncompleteReadError, ConnectionError) as error:
             raise WorkerLost from error
 
     async def kill(self) -> None:
-        """End it now."""
+        """Kill the process and wait for its end."""
         with contextlib.suppress(ProcessLookupError):
             self.process.kill()
         await self.process.wait()
 
-    async def end(self) -> None:
-        """Let it finish and end."""
+    async def stop(self) -> None:
+        """Close the input of the process and wait for its end; kill it after `STOP_TIMEOUT_S`."""
         assert self.process.stdin is not None
         self.process.stdin.close()
         try:
-            async with asyncio.timeout(END_S):
+            async with asyncio.timeout(STOP_TIMEOUT_S):
                 await self.process.wait()
         except TimeoutError:
             await self.kill()
 
 
-class Crew:
-    """All workers of a service.
+class WorkerPool:
+    """All worker processes of a service.
 
     Parameters
     ----------
     settings : Settings
-    note : callable
-        Told of what happens to workers: an event's name and more about it.
+    log_event : callable
+        Called with the name of an event of a worker and its details as keywords.
+
+    Attributes
+    ----------
+    waiting : int
+        Jobs that wait for a worker.
+    lost : int
+        Workers lost since the start.
     """
 
-    def __init__(self, settings: Settings, note: Callable[..., None]) -> None:
+    def __init__(self, settings: Settings, log_event: Callable[..., None]) -> None:
         self.settings = settings
-        self.note = note
+        self.log_event = log_event
         self.waiting = 0
+        self.lost = 0
         self._idle: asyncio.Queue[Worker] = asyncio.Queue()
         self._workers: set[Worker] = set()
         self._tasks: set[asyncio.Task[Any]] = set()
-        self.lost = 0
 
     @property
     def ready(self) -> int:
-        """Workers that are alive and have their models."""
+        """Number of workers that run and have loaded their models."""
         return len(self._workers)
-
-    @property
-    def idle(self) -> int:
-        """Workers without a job."""
-        return self._idle.qsize()
 
     async def start(self) -> None:
         """Start all workers and wait until they are ready."""
-        await asyncio.gather(*(self._hire() for _ in range(self.settings.workers)))
+        await asyncio.gather(*(self._start_worker() for _ in range(self.settings.workers)))
 
     async def stop(self) -> None:
-        """End all workers; jobs that run are finished first by those who wait for them."""
+        """Stop all workers. Requests that still wait for a job have to be finished before."""
         for task in list(self._tasks):
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
-        await asyncio.gather(*(worker.end() for worker in list(self._workers)))
+        await asyncio.gather(*(worker.stop() for worker in list(self._workers)))
         self._workers.clear()
 
-    async def run(self, job: dict[str, Any], body: bytes, *, patient: bool = False) -> Reply:
-        """The answer to a job.
+    async def run(self, job: dict[str, Any], body: bytes, *, may_queue: bool = False) -> JobResult:
+        """Run a job on the next idle worker.
 
         Parameters
         ----------
         job : dict
-            `kind` and what else `work` needs to know.
+            `kind` and the parameters of the job, see `Jobs.run`.
         body : bytes
-        patient : bool
-            Whether it waits also where many wait already.
+        may_queue : bool
+            Whether the job may wait although `Limits.waiting` jobs wait already.
 
         Raises
         ------
         Problem
-            `busy` when too many wait, `timeout` when it takes too long, `internal` when it kills its workers.
+            `busy` when too many jobs wait, `timeout` when it takes too long, `internal` when it ends its workers.
         """
-        if not patient and self.waiting >= self.settings.limits.waiting:
-            raise Problem("busy", "try again soon", headers={"Retry-After": "1"})
-        frame = packed(job, body)
+        limits = self.settings.limits
+        if not may_queue and self.waiting >= limits.waiting:
+            raise Problem("busy", "too many requests wait", headers={"Retry-After": "1"})
+        frame = encode_frame(job, body)
         try:
-            async with asyncio.timeout(self.settings.limits.timeout_s):
-                for _ in range(TRIES):
+            async with asyncio.timeout(limits.timeout_s):
+                for _ in range(MAX_ATTEMPTS):
                     worker = await self._next_idle()
-                    # a caller that goes away leaves the worker with a job that it has to finish
-                    task = self._keep(asyncio.ensure_future(self._work(worker, frame)))
+                    # a cancelled request leaves the worker with a job that it has to finish
+                    task = self._keep_task(asyncio.ensure_future(self._run_on(worker, frame)))
                     try:
                         return await asyncio.shield(task)
                     except WorkerLost:
                         continue
         except TimeoutError:
-            raise Problem("timeout", f"longer than {self.settings.limits.timeout_s:g} s") from None
-        raise Problem("internal", "the computation ended without an answer")
+            raise Problem("timeout", f"longer than {limits.timeout_s:g} s") from None
+        raise Problem("internal", "the computation ended without a result")
 
     async def _next_idle(self) -> Worker:
         self.waiting += 1
@@ -195,45 +220,45 @@ class Crew:
         finally:
             self.waiting -= 1
 
-    async def _work(self, worker: Worker, frame: bytes) -> Reply:
+    async def _run_on(self, worker: Worker, frame: bytes) -> JobResult:
         try:
             async with asyncio.timeout(self.settings.limits.timeout_s):
-                reply = await worker.ask(frame)
+                result = await worker.run(frame)
         except TimeoutError as error:
-            self.note("worker hung", pid=worker.process.pid)
+            self.log_event("worker hung", pid=worker.process.pid)
             await worker.kill()
             raise WorkerLost from error
         except BaseException:
             await worker.kill()
             raise
         self._idle.put_nowait(worker)
-        return reply
+        return result
 
-    def _keep(self, task: asyncio.Task[Any]) -> asyncio.Task[Any]:
+    def _keep_task(self, task: asyncio.Task[Any]) -> asyncio.Task[Any]:
+        """Hold a reference to a task until it is done; asyncio itself holds a weak one."""
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
         return task
 
-    async def _hire(self) -> None:
+    async def _start_worker(self) -> None:
         worker = await Worker.start(self.settings)
         self._workers.add(worker)
         self._idle.put_nowait(worker)
-        self._keep(asyncio.ensure_future(self._watch(worker)))
+        self._keep_task(asyncio.ensure_future(self._replace_when_lost(worker)))
 
-    async def _watch(self, worker: Worker) -> None:
-        """Start another worker when this one is gone."""
+    async def _replace_when_lost(self, worker: Worker) -> None:
         code = await worker.process.wait()
         self._workers.discard(worker)
         self.lost += 1
-        self.note("worker lost", pid=worker.process.pid, code=code)
-        pause = FIRST_PAUSE_S
+        self.log_event("worker lost", pid=worker.process.pid, code=code)
+        delay_s = FIRST_RESTART_DELAY_S
         while True:
             try:
-                await self._hire()
+                await self._start_worker()
             except (OSError, WorkerLost, TimeoutError) as error:
-                self.note("worker did not start", error=repr(error))
-                await asyncio.sleep(pause)
-                pause = min(2.0 * pause, LONGEST_PAUSE_S)
+                self.log_event("worker did not start", error=repr(error))
+                await asyncio.sleep(delay_s)
+                delay_s = min(2.0 * delay_s, MAX_RESTART_DELAY_S)
             else:
-                self.note("worker started", ready=self.ready)
+                self.log_event("worker started", ready=self.ready)
                 return

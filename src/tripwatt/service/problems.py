@@ -1,4 +1,4 @@
-"""What is answered when a request is not: problem documents (RFC 9457)."""
+"""Problem documents (RFC 9457): the responses to requests that cannot be served."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from starlette.responses import Response
 from tripwatt.errors import Fault
 
 MEDIA_TYPE: Final = "application/problem+json"
-MOST_FAULTS: Final = 50
-"""Faults that one answer names; the others are counted."""
+MAX_FAULTS: Final = 50
+"""Faults that one document lists; the others are counted."""
 
-LONGEST_TEXT: Final = 300
-"""Characters of what is said of one fault; more would give back what was sent."""
+MAX_TEXT_LENGTH: Final = 300
+"""Most characters of a text of a fault, so that a document does not repeat a large input."""
 
 TITLES: Final[Mapping[str, tuple[int, str]]] = {
     "not-json": (400, "The body is not JSON"),
@@ -40,7 +40,18 @@ TITLES: Final[Mapping[str, tuple[int, str]]] = {
 
 @dataclass(eq=False)
 class Problem(Exception):
-    """A request that is not answered, and why."""
+    """The reason why a request cannot be served.
+
+    Attributes
+    ----------
+    kind : str
+        A key of `TITLES`.
+    detail : str
+    faults : tuple of Fault
+        Faults of the input.
+    headers : mapping of str to str
+        Headers of the response.
+    """
 
     kind: str
     detail: str = ""
@@ -49,11 +60,16 @@ class Problem(Exception):
 
     @property
     def status(self) -> int:
-        """HTTP status."""
+        """HTTP status of the kind."""
         return TITLES[self.kind][0]
 
     def document(self, instance: str = "") -> dict[str, Any]:
-        """The problem as a document.
+        """Return the problem as a document.
+
+        Parameters
+        ----------
+        instance : str
+            Id of the request.
 
         Examples
         --------
@@ -67,28 +83,28 @@ class Problem(Exception):
         if instance:
             found["instance"] = instance
         if self.faults:
-            found["faults"] = [shortened(fault) for fault in self.faults[:MOST_FAULTS]]
-            left = len(self.faults) - MOST_FAULTS
+            found["faults"] = [fault_document(fault) for fault in self.faults[:MAX_FAULTS]]
+            unlisted = len(self.faults) - MAX_FAULTS
             found["detail"] = "; ".join(f"{f['where']}: {f['what']}" for f in found["faults"][:3])
-            if left > 0:
-                found["more_faults"] = left
+            if unlisted > 0:
+                found["more_faults"] = unlisted
         return found
 
     def response(self, instance: str = "") -> Response:
-        """The problem as an HTTP response."""
+        """Return the problem as an HTTP response; `instance` is the id of the request."""
         content = orjson.dumps(self.document(instance))
         return Response(content, self.status, dict(self.headers), MEDIA_TYPE)
 
 
-def shortened(fault: Fault) -> dict[str, str]:
-    """A fault as plain values that orjson takes, none of them long."""
+def fault_document(fault: Fault) -> dict[str, str]:
+    """Return the fields of a fault that are not empty, with long texts cut and unencodable characters replaced."""
     return {name: _printable(text) for name, text in asdict(fault).items() if text}
 
 
 def _printable(text: str) -> str:
-    return text[:LONGEST_TEXT].encode("utf-8", "replace").decode()
+    return text[:MAX_TEXT_LENGTH].encode("utf-8", "replace").decode()
 
 
-def invalid(faults: Sequence[Fault]) -> Problem:
-    """The problem of an input with faults."""
+def invalid_input(faults: Sequence[Fault]) -> Problem:
+    """Return the problem of an input with faults."""
     return Problem("invalid-input", faults=tuple(faults))

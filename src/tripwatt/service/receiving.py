@@ -1,4 +1,4 @@
-"""Taking in a body: never more than is allowed, never longer than it may take, and only what can be read."""
+"""Reading request bodies within bounds of size, time and media type, and content negotiation."""
 
 from __future__ import annotations
 
@@ -10,28 +10,29 @@ from starlette.requests import ClientDisconnect, Request
 from tripwatt.service.problems import Problem
 
 
-async def body_of(request: Request, media_types: Sequence[str], limit: int, timeout_s: float) -> bytes:
-    """The body of a request.
+async def read_body(request: Request, media_types: Sequence[str], limit: int, timeout_s: float) -> bytes:
+    """Read the body of a request.
 
     Parameters
     ----------
     request : Request
     media_types : sequence of str
-        Types that are read.
+        Supported types.
     limit : int
-        Most bytes; counted as they arrive, whatever the head says.
+        Largest size [bytes], counted as the bytes arrive.
     timeout_s : float
+        Longest time [s] until the body is complete.
 
     Raises
     ------
     Problem
-        `media-type`, `too-large`, `body-late`, or `bad-request` for one that ends too soon.
+        `media-type`, `too-large`, `body-late`, or `bad-request` for an incomplete body.
     """
     require_media_type(request, media_types)
-    said = request.headers.get("content-length", "0")
-    if not said.isascii() or not said.isdigit():
+    length = request.headers.get("content-length", "0")
+    if not length.isascii() or not length.isdigit():
         raise Problem("bad-request", "Content-Length is not a number")
-    if int(said) > limit:
+    if int(length) > limit:
         raise _too_large(limit)
     parts, size = [], 0
     try:
@@ -44,17 +45,23 @@ async def body_of(request: Request, media_types: Sequence[str], limit: int, time
     except TimeoutError:
         raise Problem("body-late", f"longer than {timeout_s:g} s", headers={"Connection": "close"}) from None
     except ClientDisconnect:
-        raise Problem("bad-request", "the body ended too soon") from None
+        raise Problem("bad-request", "the body is incomplete") from None
     return parts[0] if len(parts) == 1 else b"".join(parts)
 
 
 def _too_large(limit: int) -> Problem:
-    # what is still on its way is not read
+    # the rest of the body is not read
     return Problem("too-large", f"at most {limit} bytes", headers={"Connection": "close"})
 
 
 def require_media_type(request: Request, media_types: Sequence[str]) -> None:
-    """Refuse a body of another type, and one that is compressed: how large it is shows only when it is unpacked."""
+    """Check the media type of a body, and that it is not compressed: its size would be unknown until it is decompressed.
+
+    Raises
+    ------
+    Problem
+        `media-type`.
+    """
     given = media_type(request)
     if given not in media_types:
         detail = f"Content-Type is {given or 'missing'}"[:200] + f"; allowed: {', '.join(media_types)}"
@@ -66,12 +73,12 @@ def require_media_type(request: Request, media_types: Sequence[str]) -> None:
 
 
 def media_type(request: Request) -> str:
-    """Type of a body without its parameters, in lower case; empty when it is not said."""
+    """Return the media type of a body in lower case, without parameters; empty when the header is missing."""
     return request.headers.get("content-type", "").partition(";")[0].strip().lower()
 
 
 def require_accepts(request: Request, media_type: str) -> None:
-    """Refuse a request whose Accept header excludes the type of the answer.
+    """Check that the Accept header of a request allows the media type of the response.
 
     Raises
     ------
@@ -80,11 +87,11 @@ def require_accepts(request: Request, media_type: str) -> None:
     """
     given = ",".join(request.headers.getlist("accept"))
     if given.strip() and not accepts(given, media_type):
-        raise Problem("not-acceptable", f"the answer is {media_type}")
+        raise Problem("not-acceptable", f"the response is {media_type}")
 
 
-def accepts(given: str, media_type: str) -> bool:
-    """Whether an Accept header takes a type (RFC 9110, 12.5.1); the most specific range counts.
+def accepts(header: str, media_type: str) -> bool:
+    """Whether an Accept header allows a media type (RFC 9110, 12.5.1); the most specific range decides.
 
     Examples
     --------
@@ -96,7 +103,7 @@ def accepts(given: str, media_type: str) -> bool:
     main = media_type.partition("/")[0]
     ranges = {"*/*": 1, f"{main}/*": 2, media_type: 3}
     best, quality = 0, 0.0
-    for part in given.split(","):
+    for part in header.split(","):
         name, *parameters = (piece.strip().lower() for piece in part.split(";"))
         rank = ranges.get(name, 0)
         if rank >= best and rank:
@@ -115,15 +122,15 @@ def _quality(parameters: Sequence[str]) -> float:
     return 1.0
 
 
-def accepts_coding(given: str) -> bool:
-    """Whether an Accept-Encoding header takes gzip.
+def accepts_gzip(header: str) -> bool:
+    """Whether an Accept-Encoding header allows gzip.
 
     Examples
     --------
-    >>> accepts_coding("br, gzip;q=0.5"), accepts_coding("gzip;q=0"), accepts_coding("")
+    >>> accepts_gzip("br, gzip;q=0.5"), accepts_gzip("gzip;q=0"), accepts_gzip("")
     (True, False, False)
     """
-    for part in given.split(","):
+    for part in header.split(","):
         name, *parameters = (piece.strip().lower() for piece in part.split(";"))
         if name in ("gzip", "x-gzip"):
             return _quality(parameters) > 0.0

@@ -1,4 +1,4 @@
-"""Listening: a socket, the application, and an end that finishes what runs."""
+"""Running the service: the socket, the HTTP server, its log, and a shutdown that finishes running requests."""
 
 from __future__ import annotations
 
@@ -12,21 +12,28 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.service.settings import LEAST_TOKEN, TOKEN_VARIABLE, Settings, is_loopback
+from tripwatt.service.settings import MIN_TOKEN_LENGTH, TOKEN_VARIABLE, Settings, is_loopback
 
 KEEP_ALIVE_S: Final = 75
-"""Longer than proxies keep a connection, so that it is they who close it."""
+"""Time that an idle connection stays open; longer than in common proxies, so that the proxy closes it."""
 
 BACKLOG: Final = 512
+"""Most connections that wait to be accepted."""
+
+SHUTDOWN_MARGIN_S: Final = 5
+"""Time for running requests at shutdown, beyond `Limits.timeout_s`."""
+
+MAX_MESSAGE_LENGTH: Final = 4000
+"""Most characters of a message of the HTTP server in the log."""
 
 
 def require_safe(settings: Settings) -> None:
-    """Refuse to listen to the world without a token.
+    """Check the settings: addresses other than loopback need a token.
 
     Raises
     ------
     InvalidInput
-        Also for a token that is too short.
+        For a missing token, a token that is too short or not printable, and no workers.
 
     Examples
     --------
@@ -37,12 +44,12 @@ def require_safe(settings: Settings) -> None:
     """
     faults = []
     if not is_loopback(settings.host) and not settings.token:
-        fix = f"set {TOKEN_VARIABLE} to a token of {LEAST_TOKEN} characters or more"
+        fix = f"set {TOKEN_VARIABLE} to a token of {MIN_TOKEN_LENGTH} characters or more"
         faults.append(
             Fault("token is missing", "--host", settings.host, "a loopback address without a token", fix)
         )
-    if settings.token and (len(settings.token) < LEAST_TOKEN or not settings.token.isprintable()):
-        allowed = f"{LEAST_TOKEN} printable characters or more"
+    if settings.token and (len(settings.token) < MIN_TOKEN_LENGTH or not settings.token.isprintable()):
+        allowed = f"{MIN_TOKEN_LENGTH} printable characters or more"
         faults.append(
             Fault(
                 "token is too short or not printable",
@@ -57,13 +64,13 @@ def require_safe(settings: Settings) -> None:
         raise InvalidInput(faults)
 
 
-def listening(settings: Settings) -> socket.socket:
-    """The socket of the service.
+def open_socket(settings: Settings) -> socket.socket:
+    """Open the socket that the service listens on.
 
     Raises
     ------
     InvalidInput
-        When the address is not this machine's or the port is taken.
+        When the address is not one of this machine or the port is in use.
     """
     try:
         found = socket.getaddrinfo(
@@ -86,25 +93,25 @@ def listening(settings: Settings) -> socket.socket:
     return listener
 
 
-def address_of(listener: socket.socket) -> str:
-    """What to type into a browser."""
+def url_of(listener: socket.socket) -> str:
+    """Return the URL of a listening socket."""
     host, port = listener.getsockname()[:2]
     return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
 
 
-def serve(settings: Settings, started: Callable[[str], None] = lambda address: None) -> None:
-    """Answer until SIGINT or SIGTERM, then finish what runs and return.
+def serve(settings: Settings, on_start: Callable[[str], None] = lambda url: None) -> None:
+    """Serve requests until SIGINT or SIGTERM, then finish running requests and return.
 
     Parameters
     ----------
     settings : Settings
-    started : callable
-        Told the address as soon as connections are taken.
+    on_start : callable
+        Called with the URL when the service accepts connections.
 
     Raises
     ------
     InvalidInput
-        When it is not safe, the address cannot be had, or a model cannot be used.
+        When the settings are not safe, the address is not available, or a model cannot be used.
     """
     import uvicorn
 
@@ -114,22 +121,25 @@ def serve(settings: Settings, started: Callable[[str], None] = lambda address: N
         async def startup(self, sockets: list[socket.socket] | None = None) -> None:
             await super().startup(sockets)
             if self.started:
-                started(address_of(listener))
+                on_start(url_of(listener))
 
     require_safe(settings)
-    app = create_app(settings, json_log)
-    with listening(settings) as listener:
+    app = create_app(settings, log_json)
+    with open_socket(settings) as listener:
         config = uvicorn.Config(
             app,
             log_config=None,
             access_log=False,
             server_header=False,
             timeout_keep_alive=KEEP_ALIVE_S,
-            timeout_graceful_shutdown=int(settings.limits.timeout_s) + 5,
+            timeout_graceful_shutdown=int(settings.limits.timeout_s) + SHUTDOWN_MARGIN_S,
             lifespan="on",
         )
-        logging.getLogger("uvicorn").addHandler(_ToJson())
-        for number in (signal.SIGINT, signal.SIGTERM):  # the server raises them again when it is done
+        logging.getLogger("uvicorn").addHandler(_JsonHandler())
+        for number in (
+            signal.SIGINT,
+            signal.SIGTERM,
+        ):  # the server raises the signals again after its shutdown
             signal.signal(number, lambda *_: None)
         server = Server(config)
         server.run(sockets=[listener])
@@ -137,8 +147,14 @@ def serve(settings: Settings, started: Callable[[str], None] = lambda address: N
         raise InvalidInput(Fault("service did not start", "workers", fix="see the log"))
 
 
-def json_log(**record: Any) -> None:
-    """One record as a line of JSON on standard error."""
+def log_json(**record: Any) -> None:
+    """Write one record as a line of JSON to standard error.
+
+    Parameters
+    ----------
+    **record : object
+        Values that JSON can hold; `event` is `request` by default.
+    """
     text = json.dumps({"time": _now(), "event": "request", **record}, ensure_ascii=True)
     sys.stderr.write(text + "\n")
 
@@ -148,8 +164,8 @@ def _now() -> str:
     return time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(now)) + f".{int(now % 1 * 1000):03d}Z"
 
 
-class _ToJson(logging.Handler):
+class _JsonHandler(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         if record.levelno >= logging.WARNING:
             text = self.format(record)
-            json_log(event="server", level=record.levelname.lower(), message=text[:4000])
+            log_json(event="server", level=record.levelname.lower(), message=text[:MAX_MESSAGE_LENGTH])

@@ -1,4 +1,4 @@
-"""What is decided when the service starts, and never by a request."""
+"""Settings of the service, fixed at its start."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from tripwatt.errors import Fault, InvalidInput
 TOKEN_VARIABLE: Final = "TRIPWATT_TOKEN"
 """Environment variable of the bearer token."""
 
-LEAST_TOKEN: Final = 16
-"""Fewest characters of a token: shorter ones can be guessed."""
+MIN_TOKEN_LENGTH: Final = 16
+"""Fewest characters of a token; shorter tokens can be guessed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What one request, one client and the whole service may ask for.
+    """Bounds of requests, clients and the service.
 
     Attributes
     ----------
@@ -29,27 +29,27 @@ class Limits:
     batch_bytes : int
         Largest body of a batch.
     samples : int
-        Most samples of a trip, and of what was measured on it.
+        Most samples of a trip, and of the measurements of an update.
     links : int
         Most links or points of a route.
     duration_s : float
-        Longest trip; the work of a forecast grows with the square of it.
+        Longest trip [s]; the computing time of a forecast grows with its square.
     batch : int
         Most trips of a batch.
     waiting : int
-        Most requests that wait for a worker; more are turned away.
+        Most requests that wait for a worker; further requests are refused.
     bodies : int
-        Most bodies that are received at a time, besides batches; more are turned away.
+        Most request bodies received at the same time, without batches; further requests are refused.
     batches : int
-        Most batches at a time; more are turned away.
+        Most batches at the same time; further batches are refused.
     timeout_s : float
-        Longest time from the arrival of a request to its answer, the wait included.
+        Longest time [s] from the arrival of a request to its response, including the wait for a worker.
     body_timeout_s : float
-        Longest time that the body of a request may take to arrive.
+        Longest time [s] until the body of a request has arrived.
     rate_per_s : float
-        Requests of one client, on average; 0 for any number. A batch counts once.
+        Mean rate of the requests of one client [1/s]; 0 for no limit. A batch counts as one request.
     burst : int
-        Requests of one client at once.
+        Most requests of one client in quick succession.
     """
 
     body_bytes: int = 4_000_000
@@ -69,19 +69,19 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """One service.
+    """Settings of one service.
 
     Attributes
     ----------
-    models : mapping of str to Path, or None
-        Name -> folder; the first one is meant where a request names none. Empty for the model of the package.
+    models : mapping of str to Path
+        Name -> folder; the first is the default. Empty for the model of the package.
     host : str
     port : int
-        0 for one that is free.
+        0 selects a free port.
     workers : int
-        Processes that compute.
+        Number of worker processes.
     token : str
-        Bearer token that is asked for; empty for none.
+        Required bearer token; empty for none.
     limits : Limits
     """
 
@@ -94,10 +94,10 @@ class Settings:
 
     @property
     def hosts(self) -> frozenset[str]:
-        """Names that a Host header may give; empty for any.
+        """Allowed names in the Host header; empty for any name.
 
-        On loopback a page of another site could reach the service under a name of its own (DNS rebinding); elsewhere
-        the token keeps it out.
+        On loopback, a page of another site could otherwise reach the service under its own name (DNS rebinding). At other
+        addresses the token prevents this.
 
         Examples
         --------
@@ -110,7 +110,7 @@ class Settings:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether an address to listen on is reached from this machine only.
+    """Whether an address to listen on can be reached from this machine only.
 
     Examples
     --------
@@ -126,12 +126,12 @@ def is_loopback(host: str) -> bool:
 
 
 def parse_limits(pairs: list[str]) -> Limits:
-    """Limits from `KEY=VALUE` texts.
+    """Parse limits from texts `KEY=VALUE`.
 
     Raises
     ------
     InvalidInput
-        With every key that is none and every value that cannot be one.
+        With all unknown keys and all values out of range.
 
     Examples
     --------

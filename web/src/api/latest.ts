@@ -1,22 +1,22 @@
-/** Runs a job for the latest wish only: never two at a time, never more often than every `restMs`. */
+/** Runs a job for the latest value only: one at a time, and at most once per `minIntervalMs`. */
 export class Latest<T> {
-  private wish: { value: T } | null = null;
+  private pending: { value: T } | null = null;
   private running: AbortController | null = null;
 
   constructor(
     private readonly job: (value: T, signal: AbortSignal) => Promise<void>,
-    private readonly restMs: number,
+    private readonly minIntervalMs: number,
   ) {}
 
-  /** Do the job for `value`, at once if nothing runs, else as soon as what runs is done. */
-  want(value: T): void {
-    this.wish = { value };
+  /** Run the job for `value`: now, or after the running job. */
+  submit(value: T): void {
+    this.pending = { value };
     if (!this.running) void this.run();
   }
 
-  /** Forget what is wanted and give up what runs. */
+  /** Drop the waiting value and abort the running job. */
   cancel(): void {
-    this.wish = null;
+    this.pending = null;
     this.running?.abort();
     this.running = null;
   }
@@ -24,12 +24,12 @@ export class Latest<T> {
   private async run(): Promise<void> {
     const controller = new AbortController();
     this.running = controller;
-    while (this.wish && this.running === controller) {
-      const { value } = this.wish;
-      this.wish = null;
-      const rest = new Promise((resolve) => setTimeout(resolve, this.restMs));
+    while (this.pending && this.running === controller) {
+      const { value } = this.pending;
+      this.pending = null;
+      const interval = new Promise((resolve) => setTimeout(resolve, this.minIntervalMs));
       await this.job(value, controller.signal);
-      await rest;
+      await interval;
     }
     if (this.running === controller) this.running = null;
   }

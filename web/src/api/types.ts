@@ -24,18 +24,18 @@ export interface Series {
   displayed_soc_high: number[];
 }
 
-/** Something that was assumed, or lies outside of what the model was trained on. */
+/** An assumption, or a value outside the range of the training trips. */
 export interface Flag {
   code: string;
-  /** What it is about, such as the name of a field. */
+  /** Field or component that the flag concerns. */
   subject: string;
   value: number | string | null;
   unit: string;
-  /** In English, for a code that the page does not have. */
+  /** The flag as an English sentence. */
   message: string;
 }
 
-export interface Answer {
+export interface Forecast {
   trip: string;
   given: string;
   energy_wh: number;
@@ -74,7 +74,7 @@ export interface Model {
 export interface Vehicle {
   name: string;
   title: string;
-  /** Models that were fitted on trips of this car. */
+  /** Models fitted on trips of this car. */
   models: string[];
 }
 
@@ -96,7 +96,7 @@ export interface Example extends ExampleSummary {
 export interface Route {
   samples: Columns;
   links?: Link[] | null;
-  /** Heights along the links. */
+  /** Elevation along the links. */
   elevation?: { position_m: number[]; elevation_m: number[] } | null;
   duration_s: number;
   distance_m: number;

@@ -1,4 +1,4 @@
-/** What all charts share: type, grid, room for labels. */
+/** Axes and series that the charts share. */
 
 import type uPlot from "uplot";
 import { PERCENT } from "../model/units";
@@ -8,19 +8,22 @@ import type { Palette } from "./palette";
 // eslint-disable-next-line page/text -- a font
 const FONT = '12px "Inter Variable", system-ui, sans-serif';
 
-interface AxisOf {
+/** An invisible series: one edge of a band. */
+export const EDGE: uPlot.Series = { stroke: "transparent", width: 0, points: { show: false } };
+
+interface AxisOptions {
   palette: Palette;
   scale: string;
   side?: 1 | 2 | 3;
   grid?: boolean;
   /** Text of a tick. */
   text: (value: number) => string;
-  /** Room across the axis. */
+  /** Width or height of the axis [px]. */
   size?: number;
   space?: number;
 }
 
-export function axis(of: AxisOf): uPlot.Axis {
+export function axis(of: AxisOptions): uPlot.Axis {
   return {
     scale: of.scale,
     side: of.side ?? (of.scale === "x" ? 2 : 3),
@@ -35,12 +38,12 @@ export function axis(of: AxisOf): uPlot.Axis {
   };
 }
 
-/** Ticks without more digits than their distance needs. */
+/** A tick with at most two digits after the decimal sign. */
 export function plain(value: number): string {
   return format.value.plain(value, 2);
 }
 
-/** A tick that is in percent already. */
+/** A tick of a value in percent. */
 export function percent(value: number): string {
   return `${plain(value)}\u00a0${PERCENT.unit}`;
 }

@@ -2,69 +2,69 @@
 
 import { computed } from "@preact/signals";
 import type uPlot from "uplot";
-import type { Answer } from "../api/types";
+import type { Forecast } from "../api/types";
 import { emptyAfterM, innerShare } from "../model/arrival";
 import { interpolate } from "../model/interpolate";
 import { PERCENT } from "../model/units";
 import { conditions } from "../state/conditions";
-import { answer, distanceM, driving, update } from "../state/drive";
+import { shownForecast, distanceM, driving, update } from "../state/drive";
 import { alternative, departure } from "../state/forecast";
-import { looked, place } from "../state/pointer";
+import { selectedM, positionM } from "../state/position";
 import { format, text, units, wholeBattery } from "../state/preferences";
-import { axis, percent } from "./axes";
-import { type Mark, placeMarks, pointing } from "./marks";
+import { axis, EDGE, percent } from "./axes";
+import { type Mark, placeMarks, pointerCursor } from "./marks";
 import { type Look, Plot } from "./plot";
 
-const LEAST_SPAN = 20;
+const MIN_SPAN = 20;
 const STEP = 5;
 const LOWEST = -10;
 const NEAR = 15;
-/** Height of a label, to keep two apart. */
+/** Least distance between two labels [px]. */
 const LABEL_PX = 18;
 
-/** One of the series [%] of an answer at distances that need not be its own. */
-function along(of: Answer, name: Curve, xs: number[]): number[] {
+/** A series of a forecast [%], interpolated at the distances `xs`. */
+function seriesAt(of: Forecast, name: Curve, xs: number[]): number[] {
   return xs.map((x) => PERCENT.from(interpolate(x, of.series.distance_m, of.series[name])));
 }
 
 type Curve = "displayed_soc" | "displayed_soc_low" | "displayed_soc_high";
 
-/** Distances of the answer, and that of the car among them. */
-function places({ series }: Answer, carM: number | null): number[] {
+/** Distances of the forecast, with that of the car inserted. */
+function distancesOf({ series }: Forecast, carM: number | null): number[] {
   if (carM === null) return series.distance_m;
   return [...series.distance_m, carM].sort((a, b) => a - b);
 }
 
 const columns = computed<uPlot.AlignedData>(() => {
-  const now = answer.value;
+  const now = shownForecast.value;
   if (!now) return [[], [], [], [], [], [], [], [], [], [], []];
   const carM = driving.value && update.value ? distanceM.value : null;
-  const xs = places(now, carM);
-  const middle = along(now, "displayed_soc", xs);
+  const xs = distancesOf(now, carM);
+  const middle = seriesAt(now, "displayed_soc", xs);
   const share = innerShare(now);
   const core = (name: Curve) =>
-    along(now, name, xs).map((edge, k) => {
+    seriesAt(now, name, xs).map((edge, k) => {
       const y = middle[k] as number;
       return y + (edge - y) * share;
     });
   const none = xs.map(() => null);
-  const other = (name: Curve) => (alternative.value ? along(alternative.value, name, xs) : none);
+  const other = (name: Curve) => (alternative.value ? seriesAt(alternative.value, name, xs) : none);
   return [
     xs.map(units.value.distance.from),
-    along(now, "displayed_soc_high", xs),
-    along(now, "displayed_soc_low", xs),
+    seriesAt(now, "displayed_soc_high", xs),
+    seriesAt(now, "displayed_soc_low", xs),
     core("displayed_soc_high"),
     core("displayed_soc_low"),
     other("displayed_soc_high"),
     other("displayed_soc_low"),
-    driving.value && departure.value ? along(departure.value, "displayed_soc", xs) : none,
+    driving.value && departure.value ? seriesAt(departure.value, "displayed_soc", xs) : none,
     other("displayed_soc"),
     middle.map((y, k) => ((xs[k] as number) >= (carM ?? 0) ? y : null)),
     middle.map((y, k) => ((xs[k] as number) <= (carM ?? -1) ? y : null)),
   ];
 });
 
-/** Charge that the picture spans [%]: all of the bands, and the reserve when it is near. */
+/** Range of the vertical axis [%]: it includes the bands, and the reserve when it is near. */
 const span = computed<[number, number]>(() => {
   if (wholeBattery.value) return [0, 100];
   const values = columns.value.slice(1).flatMap((column) => Array.from(column)) as (number | null)[];
@@ -74,10 +74,10 @@ const span = computed<[number, number]>(() => {
   const high = Math.min(Math.ceil((Math.max(...known) + 1) / STEP) * STEP, 100);
   if (low - reserve < NEAR) low = Math.min(low, reserve - 2);
   low = Math.max(Math.floor((low - 1) / STEP) * STEP, LOWEST);
-  return [Math.min(low, high - LEAST_SPAN), high];
+  return [Math.min(low, high - MIN_SPAN), high];
 });
 
-/** New whenever the picture is another one, be it for its span alone. */
+/** A new array when the columns or the range change, so that the chart is drawn again. */
 const data = computed<uPlot.AlignedData>(() => (span.value ? [...columns.value] : [[]]));
 
 function options({ palette, width, height }: Look): uPlot.Options {
@@ -87,14 +87,13 @@ function options({ palette, width, height }: Look): uPlot.Options {
     points: { show: false },
     ...more,
   });
-  const edge: uPlot.Series = { stroke: "transparent", width: 0, points: { show: false } };
   return {
     width,
     height,
     padding: [12, 46, 0, 0],
     legend: { show: false },
-    cursor: pointing((x) => {
-      looked.value = x === null ? null : units.value.distance.to(x);
+    cursor: pointerCursor((x) => {
+      selectedM.value = x === null ? null : units.value.distance.to(x);
     }),
     scales: { x: { time: false }, y: { range: () => span.value } },
     axes: [
@@ -108,12 +107,12 @@ function options({ palette, width, height }: Look): uPlot.Options {
     ],
     series: [
       {},
-      edge,
-      edge,
-      edge,
-      edge,
-      edge,
-      edge,
+      EDGE,
+      EDGE,
+      EDGE,
+      EDGE,
+      EDGE,
+      EDGE,
       line(palette.muted, { width: 1.5, dash: [2, 4] }),
       line(palette.other, { dash: [8, 5] }),
       line(palette.main),
@@ -122,8 +121,8 @@ function options({ palette, width, height }: Look): uPlot.Options {
   };
 }
 
-/** Where a forecast ends: on arrival with a charge, or on the way with none. */
-function endMark(kind: string, of: Answer): Mark & { y: number } {
+/** The label at the end of a forecast: on arrival, or where the battery is empty. */
+function endMark(kind: string, of: Forecast): Mark & { y: number } {
   const distance = units.value.distance;
   const emptyM = emptyAfterM(of);
   if (emptyM !== null)
@@ -133,7 +132,7 @@ function endMark(kind: string, of: Answer): Mark & { y: number } {
   return { kind, text: format.value.shown(of.soc_arrival, PERCENT), x: end, y: soc, at: "right" };
 }
 
-function marks(now: Answer, carM: number | null, heightPx: number): Mark[] {
+function marks(now: Forecast, carM: number | null, heightPx: number): Mark[] {
   const reserve = PERCENT.from(conditions.value.reserve);
   const { result } = text.value;
   const [low, high] = span.value;
@@ -150,9 +149,9 @@ function marks(now: Answer, carM: number | null, heightPx: number): Mark[] {
   found.push(own);
   if (alternative.value) {
     const theirs = endMark("other", alternative.value);
-    const apart = ((high - low) / heightPx) * LABEL_PX;
-    if (own.x === theirs.x && Math.abs(theirs.y - own.y) < apart) {
-      theirs.y = own.y + (theirs.y >= own.y ? apart : -apart);
+    const spacing = ((high - low) / heightPx) * LABEL_PX;
+    if (own.x === theirs.x && Math.abs(theirs.y - own.y) < spacing) {
+      theirs.y = own.y + (theirs.y >= own.y ? spacing : -spacing);
     }
     found.push(theirs);
   }
@@ -165,8 +164,8 @@ function marks(now: Answer, carM: number | null, heightPx: number): Mark[] {
 }
 
 export function BatteryChart({ height, label }: { height: number; label: string }) {
-  const now = answer.value as Answer;
-  const placed = place.value;
+  const now = shownForecast.value as Forecast;
+  const positionNowM = positionM.value;
   const carM = driving.value ? distanceM.value : null;
   return (
     <Plot
@@ -174,8 +173,8 @@ export function BatteryChart({ height, label }: { height: number; label: string 
       data={data.value}
       height={height}
       options={options}
-      pointer={placed === null ? null : units.value.distance.from(placed)}
-      drawn={(plot) => placeMarks(plot, marks(now, carM, plot.over.clientHeight))}
+      pointer={positionNowM === null ? null : units.value.distance.from(positionNowM)}
+      onDraw={(plot) => placeMarks(plot, marks(now, carM, plot.over.clientHeight))}
     />
   );
 }

@@ -1,47 +1,46 @@
-/** While driving: the arrival by the forecast and by the naive gauge, made at each place. */
+/** Arrival history: the charge on arrival by forecast and naive gauge, as forecast at each position of the drive. */
 
 import { computed } from "@preact/signals";
 import type uPlot from "uplot";
 import { PERCENT } from "../model/units";
-import { answer, arrived, history } from "../state/drive";
-import { lengthM } from "../state/pointer";
+import { shownForecast, arrived, history } from "../state/drive";
+import { lengthM } from "../state/position";
 import { format, text, units } from "../state/preferences";
-import { axis, percent, plain } from "./axes";
+import { axis, EDGE, percent, plain } from "./axes";
 import { type Mark, placeMarks } from "./marks";
 import { type Look, Plot } from "./plot";
 
-const LEAST_SPAN = 8;
-/** The gauge's first guesses are wild; the picture is not stretched for them. */
-const FURTHEST = 15;
+const MIN_SPAN = 8;
+/** The range does not follow the naive gauge further than this [%]: its first values are far off. */
+const MAX_DISTANCE = 15;
 const MARGIN = 1.5;
 
 const data = computed<uPlot.AlignedData>(() => {
-  const said = history.value;
+  const points = history.value;
   return [
-    said.map((m) => units.value.distance.from(m.distanceM)),
-    said.map((m) => PERCENT.from(m.high)),
-    said.map((m) => PERCENT.from(m.low)),
-    said.map((m) => (m.naive === null ? null : PERCENT.from(m.naive))),
-    said.map((m) => PERCENT.from(m.soc)),
+    points.map((m) => units.value.distance.from(m.distanceM)),
+    points.map((m) => PERCENT.from(m.high)),
+    points.map((m) => PERCENT.from(m.low)),
+    points.map((m) => (m.naive === null ? null : PERCENT.from(m.naive))),
+    points.map((m) => PERCENT.from(m.soc)),
   ];
 });
 
 const span = computed<[number, number]>(() => {
-  const said = history.value;
-  const now = PERCENT.from(answer.value?.soc_arrival ?? 0.5);
-  let low = Math.min(now, ...said.map((m) => PERCENT.from(m.low)));
-  let high = Math.max(now, ...said.map((m) => PERCENT.from(m.high)));
-  for (const { naive } of said) {
+  const points = history.value;
+  const now = PERCENT.from(shownForecast.value?.soc_arrival ?? 0.5);
+  let low = Math.min(now, ...points.map((m) => PERCENT.from(m.low)));
+  let high = Math.max(now, ...points.map((m) => PERCENT.from(m.high)));
+  for (const { naive } of points) {
     if (naive === null) continue;
-    low = Math.min(low, Math.max(PERCENT.from(naive), now - FURTHEST));
-    high = Math.max(high, Math.min(PERCENT.from(naive), now + FURTHEST));
+    low = Math.min(low, Math.max(PERCENT.from(naive), now - MAX_DISTANCE));
+    high = Math.max(high, Math.min(PERCENT.from(naive), now + MAX_DISTANCE));
   }
-  const more = Math.max((LEAST_SPAN - (high - low)) / 2, MARGIN);
+  const more = Math.max((MIN_SPAN - (high - low)) / 2, MARGIN);
   return [low - more, high + more];
 });
 
 function options({ palette, width, height }: Look): uPlot.Options {
-  const edge: uPlot.Series = { stroke: "transparent", width: 0, points: { show: false } };
   return {
     width,
     height,
@@ -59,8 +58,8 @@ function options({ palette, width, height }: Look): uPlot.Options {
     bands: [{ series: [1, 2], fill: palette.mainBand }],
     series: [
       {},
-      edge,
-      edge,
+      EDGE,
+      EDGE,
       { stroke: palette.other, width: 2, dash: [8, 5], points: { show: false } },
       { stroke: palette.main, width: 2.5, points: { show: false } },
     ],
@@ -68,10 +67,10 @@ function options({ palette, width, height }: Look): uPlot.Options {
 }
 
 function marks(): Mark[] {
-  const said = history.value.at(-1);
-  if (!arrived.value || !said) return [];
-  const arrivedWith = text.value.result.arrivedWith(format.value.shown(said.soc, PERCENT, 1));
-  return [{ kind: "truth", text: arrivedWith, y: PERCENT.from(said.soc) }];
+  const last = history.value.at(-1);
+  if (!arrived.value || !last) return [];
+  const arrivedWith = text.value.result.arrivedWith(format.value.shown(last.soc, PERCENT, 1));
+  return [{ kind: "truth", text: arrivedWith, y: PERCENT.from(last.soc) }];
 }
 
 export function HistoryChart({ height, label }: { height: number; label: string }) {
@@ -82,7 +81,7 @@ export function HistoryChart({ height, label }: { height: number; label: string 
       data={data.value}
       height={height}
       options={options}
-      drawn={(plot) => placeMarks(plot, drawn)}
+      onDraw={(plot) => placeMarks(plot, drawn)}
     />
   );
 }

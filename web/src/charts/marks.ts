@@ -1,4 +1,4 @@
-/** Labels and lines on top of a chart, as elements: sharp, themed, and readable to tests and assistive tools. */
+/** Labels and lines on top of a chart, as elements of the document: styled by CSS, readable by tests and assistive tools. */
 
 import type uPlot from "uplot";
 
@@ -10,7 +10,7 @@ export interface Mark {
   y?: number;
   /** Scale of `y`. */
   scale?: string;
-  /** Which side of the point the text stands on. */
+  /** Side of the point on which the text is placed. */
   at?: "above" | "below" | "left" | "right";
 }
 
@@ -32,8 +32,8 @@ export function placeMarks(plot: uPlot, marks: Mark[]): void {
   }
 }
 
-/** A cursor where the reader points; `said` gets the place in units of the chart. */
-export function pointing(said: (x: number | null) => void): uPlot.Cursor {
+/** A cursor that follows the pointer; `onPoint` is called with the position in units of the chart, null for none. */
+export function pointerCursor(onPoint: (x: number | null) => void): uPlot.Cursor {
   return {
     y: false,
     points: { show: false },
@@ -42,20 +42,20 @@ export function pointing(said: (x: number | null) => void): uPlot.Cursor {
       mousemove: (plot, _target, handle) => (event) => {
         handle(event);
         const x = plot.posToVal(plot.cursor.left ?? -1, "x");
-        said((plot.cursor.left ?? -1) >= 0 ? x : null);
+        onPoint((plot.cursor.left ?? -1) >= 0 ? x : null);
         return null;
       },
       mouseleave: (_plot, _target, handle) => (event) => {
         handle(event);
-        said(null);
+        onPoint(null);
         return null;
       },
     },
   };
 }
 
-/** Stand the cursor of a chart at `x`. */
-export function pointAt(plot: uPlot, x: number | null): void {
+/** Move the cursor of a chart to `x`; null hides it. */
+export function moveCursor(plot: uPlot, x: number | null): void {
   const left = x === null ? -10 : plot.valToPos(x, "x");
   plot.setCursor({ left, top: x === null ? -10 : plot.over.clientHeight / 2 }, false);
 }

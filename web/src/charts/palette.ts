@@ -1,4 +1,4 @@
-/** Colours of the charts, as the style sheet has them now. */
+/** Colours of the charts, read from the style sheet. */
 
 export interface Palette {
   text: string;
@@ -17,7 +17,7 @@ export interface Palette {
   alarm: string;
 }
 
-export function paletteOf(element: Element): Palette {
+export function paletteFrom(element: Element): Palette {
   const style = getComputedStyle(element);
   const colour = (name: string) => style.getPropertyValue(`--${name}`).trim();
   return {

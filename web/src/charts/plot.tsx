@@ -1,10 +1,10 @@
-/** uPlot as a component: made once for a look, then only its data change. */
+/** uPlot as a component: a new plot for a new look, new data for the same plot otherwise. */
 
 import { useLayoutEffect, useRef } from "preact/hooks";
 import uPlot from "uplot";
 import { dark, format, units } from "../state/preferences";
-import { pointAt } from "./marks";
-import { type Palette, paletteOf } from "./palette";
+import { moveCursor } from "./marks";
+import { type Palette, paletteFrom } from "./palette";
 
 export interface Look {
   palette: Palette;
@@ -13,61 +13,61 @@ export interface Look {
 }
 
 interface Props {
-  /** The picture in words. */
+  /** Text alternative of the chart. */
   label: string;
   data: uPlot.AlignedData;
   height: number;
-  /** Options of uPlot; asked again when theme, units or `variant` change. */
+  /** Options of uPlot; evaluated again when theme, units or `variant` change. */
   options: (look: Look) => uPlot.Options;
   variant?: string;
-  /** Place of the cursor on the x axis; null for none. */
+  /** Position of the cursor on the x axis; null for none. */
   pointer?: number | null;
-  /** After every drawing, to place what stands on top. */
-  drawn?: (plot: uPlot) => void;
+  /** Called after each drawing, to place the marks. */
+  onDraw?: (plot: uPlot) => void;
 }
 
-export function Plot({ label, data, height, options, variant = "", pointer = null, drawn }: Props) {
+export function Plot({ label, data, height, options, variant = "", pointer = null, onDraw: drawn }: Props) {
   const box = useRef<HTMLDivElement>(null);
   const plot = useRef<uPlot | null>(null);
-  const given = useRef(data);
+  const shownData = useRef(data);
   const look = `${dark.value} ${format.value.locale} ${units.value.distance.unit} ${variant} ${height}`;
 
   const onTop = useRef<(plot: uPlot) => void>(() => undefined);
-  onTop.current = (made) => {
-    drawn?.(made);
-    pointAt(made, pointer);
+  onTop.current = (created) => {
+    drawn?.(created);
+    moveCursor(created, pointer);
   };
 
-  // New data are given to the plot below, not to a new plot.
+  // The next effect sets new data, so that this one depends on the look alone.
   useLayoutEffect(() => {
     const element = box.current as HTMLDivElement;
     const width = () => Math.max(element.clientWidth, 120);
-    const asked = options({ palette: paletteOf(element), width: width(), height });
-    const made = new uPlot(
-      { ...asked, hooks: { draw: [(drawing) => onTop.current(drawing)] } },
+    const uplotOptions = options({ palette: paletteFrom(element), width: width(), height });
+    const created = new uPlot(
+      { ...uplotOptions, hooks: { draw: [(drawing) => onTop.current(drawing)] } },
       data,
       element,
     );
-    plot.current = made;
-    given.current = data;
+    plot.current = created;
+    shownData.current = data;
     const watcher = new ResizeObserver(() => {
-      if (made.width !== width()) made.setSize({ width: width(), height });
+      if (created.width !== width()) created.setSize({ width: width(), height });
     });
     watcher.observe(element);
-    void document.fonts.ready.then(() => plot.current === made && made.redraw(false, true));
+    void document.fonts.ready.then(() => plot.current === created && created.redraw(false, true));
     return () => {
       watcher.disconnect();
-      made.destroy();
+      created.destroy();
       plot.current = null;
     };
   }, [look]);
 
   useLayoutEffect(() => {
-    const made = plot.current;
-    if (!made) return;
-    if (given.current === data) onTop.current(made);
-    else made.setData(data);
-    given.current = data;
+    const created = plot.current;
+    if (!created) return;
+    if (shownData.current === data) onTop.current(created);
+    else created.setData(data);
+    shownData.current = data;
   });
 
   return <div class="plot" ref={box} role="img" aria-label={label} />;

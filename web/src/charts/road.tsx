@@ -1,18 +1,18 @@
-/** Speed and height along the way. */
+/** Speed and elevation along the way. */
 
 import { computed } from "@preact/signals";
 import type uPlot from "uplot";
-import { road } from "../state/drive";
-import { looked, place } from "../state/pointer";
+import { shownProfile } from "../state/drive";
+import { selectedM, positionM } from "../state/position";
 import { units } from "../state/preferences";
 import { axis, plain } from "./axes";
-import { pointing } from "./marks";
+import { pointerCursor } from "./marks";
 import { type Look, Plot } from "./plot";
 
-const LEAST_HEIGHTS_M = 60;
+const MIN_HEIGHT_RANGE_M = 60;
 
 const data = computed<uPlot.AlignedData>(() => {
-  const now = road.value;
+  const now = shownProfile.value;
   if (!now) return [[], [], []];
   const { distance, speed, height } = units.value;
   return [
@@ -22,11 +22,10 @@ const data = computed<uPlot.AlignedData>(() => {
   ];
 });
 
-/** Flat country should not look like the Alps. */
+/** Range of the elevation axis; at least `MIN_HEIGHT_RANGE_M`, so that small hills stay small. */
 function heights(_plot: uPlot, low: number | null, high: number | null): [number, number] {
   if (low === null || high === null) return [0, 1];
-  const least = units.value.height.from(LEAST_HEIGHTS_M);
-  const room = Math.max(high - low, least);
+  const room = Math.max(high - low, units.value.height.from(MIN_HEIGHT_RANGE_M));
   const bottom = low - room * 0.15;
   return [bottom, bottom + room * 2.2];
 }
@@ -37,8 +36,8 @@ function optionsFor(hilly: boolean) {
     height,
     padding: [10, hilly ? 0 : 46, 0, 0],
     legend: { show: false },
-    cursor: pointing((x) => {
-      looked.value = x === null ? null : units.value.distance.to(x);
+    cursor: pointerCursor((x) => {
+      selectedM.value = x === null ? null : units.value.distance.to(x);
     }),
     scales: {
       x: { time: false },
@@ -65,8 +64,8 @@ function optionsFor(hilly: boolean) {
 }
 
 export function RoadChart({ height, label }: { height: number; label: string }) {
-  const hilly = road.value?.elevationM != null;
-  const placed = place.value;
+  const hilly = shownProfile.value?.elevationM != null;
+  const positionNowM = positionM.value;
   return (
     <Plot
       label={label}
@@ -74,7 +73,7 @@ export function RoadChart({ height, label }: { height: number; label: string }) 
       height={height}
       variant={hilly ? "hilly" : "flat"}
       options={optionsFor(hilly)}
-      pointer={placed === null ? null : units.value.distance.from(placed)}
+      pointer={positionNowM === null ? null : units.value.distance.from(positionNowM)}
     />
   );
 }

@@ -1,50 +1,50 @@
-/** The charge at the end, from an answer of the service. */
+/** Battery charge on arrival, from a forecast of the service. */
 
-import type { Answer } from "../api/types";
+import type { Forecast } from "../api/types";
 import { interpolate } from "./interpolate";
 
 export const DOTS = 20;
 
-/** Displayed charge for each watt-hour: the answer's charge is a straight line in its energy. */
-export function socPerWh({ series }: Answer): number {
+/** Displayed charge per watt-hour: the charge of a forecast is linear in its energy. */
+export function socPerWh({ series }: Forecast): number {
   const last = series.energy_wh.length - 1;
-  const most = (series.energy_high_wh[last] as number) - (series.energy_low_wh[last] as number);
+  const energySpan = (series.energy_high_wh[last] as number) - (series.energy_low_wh[last] as number);
   const span = (series.displayed_soc_high[last] as number) - (series.displayed_soc_low[last] as number);
-  if (most > 0) return span / most;
+  if (energySpan > 0) return span / energySpan;
   const soc = (series.displayed_soc[0] as number) - (series.displayed_soc[last] as number);
   return soc / ((series.energy_wh[last] as number) - (series.energy_wh[0] as number));
 }
 
-export function socFromEnergy(answer: Answer, energyWh: number): number {
-  return answer.soc_arrival - (energyWh - answer.energy_wh) * socPerWh(answer);
+export function socFromEnergy(forecast: Forecast, energyWh: number): number {
+  return forecast.soc_arrival - (energyWh - forecast.energy_wh) * socPerWh(forecast);
 }
 
-/** Central 90 % of the charge at the end. */
-export function arrivalBand({ series }: Answer): [number, number] {
+/** Central 90 % interval of the charge on arrival. */
+export function arrivalBand({ series }: Forecast): [number, number] {
   return [series.displayed_soc_low.at(-1) as number, series.displayed_soc_high.at(-1) as number];
 }
 
-/** Half-width of the central 50 % over that of the central 90 %. */
-export function innerShare({ quantiles_wh: q, energy_wh }: Answer): number {
+/** Ratio of the half-widths of the central 50 % and the central 90 % interval. */
+export function innerShare({ quantiles_wh: q, energy_wh }: Forecast): number {
   const outer = (q["0.95"] as number) - energy_wh;
   return outer > 0 ? ((q["0.75"] as number) - energy_wh) / outer : 0;
 }
 
-/** Charges at the end that are equally likely: each stands for one trip in `DOTS`. */
-export function equallyLikely(answer: Answer): number[] {
-  const rows = Object.entries(answer.quantiles_wh)
+/** `DOTS` equally likely values of the charge on arrival. */
+export function equallyLikely(forecast: Forecast): number[] {
+  const rows = Object.entries(forecast.quantiles_wh)
     .map(([p, energy]) => [Number(p), energy] as const)
     .sort((a, b) => a[0] - b[0]);
   const ps = rows.map(([p]) => p);
   const energies = rows.map(([, energy]) => energy);
   return Array.from({ length: DOTS }, (_, k) =>
-    socFromEnergy(answer, interpolate(1 - (k + 0.5) / DOTS, ps, energies)),
+    socFromEnergy(forecast, interpolate(1 - (k + 0.5) / DOTS, ps, energies)),
   );
 }
 
-/** Probability to arrive with the reserve, as the service computed it; null where it did not. */
-export function chanceOf(answer: Answer, reserve: number): number | null {
-  const found = Object.entries(answer.p_arrive).find(([level]) => Math.abs(Number(level) - reserve) < 1e-9);
+/** Probability to arrive with the reserve, as computed by the service; null when the forecast has none for it. */
+export function chanceOf(forecast: Forecast, reserve: number): number | null {
+  const found = Object.entries(forecast.p_arrive).find(([level]) => Math.abs(Number(level) - reserve) < 1e-9);
   return found ? found[1] : null;
 }
 
@@ -58,7 +58,7 @@ export function verdictOf(chance: number): Verdict {
 export type Likelihood =
   "almostCertain" | "veryLikely" | "likely" | "open" | "unlikely" | "veryUnlikely" | "almostImpossible";
 
-const LEAST_CHANCES: [number, Likelihood][] = [
+const LIKELIHOODS: [number, Likelihood][] = [
   [0.99, "almostCertain"],
   [0.9, "veryLikely"],
   [0.66, "likely"],
@@ -68,20 +68,20 @@ const LEAST_CHANCES: [number, Likelihood][] = [
   [0, "almostImpossible"],
 ];
 
-/** The word for a probability. */
+/** The class of a probability; each has a text. */
 export function likelihoodOf(chance: number): Likelihood {
-  return (LEAST_CHANCES.find(([least]) => chance >= least) as [number, Likelihood])[1];
+  return (LIKELIHOODS.find(([lowest]) => chance >= lowest) as [number, Likelihood])[1];
 }
 
-/** A probability in hundredths; beyond 1 and 99 only on which side it lies: none is called certain. */
+/** A probability in hundredths; below 1 and above 99 only the side, so that nothing is shown as certain. */
 export function hundredthsOf(chance: number): { side: "above" | "below" | "near"; count: number } {
   if (chance > 0.99) return { side: "above", count: 99 };
   if (chance < 0.01) return { side: "below", count: 1 };
   return { side: "near", count: Math.round(chance * 100) };
 }
 
-/** Distance at which the middle of the forecast reaches an empty battery; null when it lasts. */
-export function emptyAfterM({ series }: Answer): number | null {
+/** Distance at which the battery is empty by the median forecast [m]; null when it is not. */
+export function emptyAfterM({ series }: Forecast): number | null {
   const k = series.displayed_soc.findIndex((soc) => soc <= 0);
   if (k < 0) return null;
   if (k === 0) return 0;

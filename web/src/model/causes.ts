@@ -2,7 +2,7 @@
 
 export type Group = "motion" | "comfort" | "learned";
 
-/** Causes that the service names, and what they belong to. */
+/** Causes of the service, with their groups. */
 export const CAUSES = {
   air: "motion",
   rolling: "motion",
@@ -18,8 +18,8 @@ export const CAUSES = {
 
 export type CauseKey = keyof typeof CAUSES;
 
-/** Smaller parts than this share of the whole are not drawn. */
-const LEAST_SHARE = 0.002;
+/** Parts below this share of the sum of all magnitudes are left out. */
+const MIN_SHARE = 0.002;
 
 export interface Step {
   key: string;
@@ -29,7 +29,7 @@ export interface Step {
   startWh: number;
 }
 
-/** The parts one after the other, each from where the last one ended; the last ends at the whole. */
+/** The parts in order, each starting at the sum of those before it; the last ends at the total. */
 export function waterfall(byCauseWh: Record<string, number>, alsoShown: ReadonlySet<string>): Step[] {
   const whole = Object.values(byCauseWh).reduce((sum, part) => sum + Math.abs(part), 0);
   const more = Object.keys(byCauseWh).filter((key) => !(key in CAUSES));
@@ -41,7 +41,7 @@ export function waterfall(byCauseWh: Record<string, number>, alsoShown: Readonly
   const steps: Step[] = [];
   for (const [key, group] of causes) {
     const energyWh = byCauseWh[key] ?? 0;
-    if (Math.abs(energyWh) > LEAST_SHARE * whole || alsoShown.has(key)) {
+    if (Math.abs(energyWh) > MIN_SHARE * whole || alsoShown.has(key)) {
       steps.push({ key, group, energyWh, startWh });
     }
     startWh += energyWh;

@@ -1,20 +1,20 @@
-/** The service's flags as sentences. Flags of one group share a sentence; an unknown code is shown by its message. */
+/** Flags of the service as sentences. Flags of one group share a sentence; a flag with an unknown code keeps its message. */
 
 import type { Flag } from "../api/types";
 import type { Text } from "../text";
 import type { Format } from "./format";
 import { PERCENT, type Units } from "./units";
 
-/** Beyond the training range by so many standard deviations. */
+/** Distances from the training range, in standard deviations. */
 const CLEARLY_OUTSIDE_SD = 1;
 const FAR_OUTSIDE_SD = 3;
 
 export interface Warning {
   text: string;
-  /** What it does to the forecast; empty for nothing. */
+  /** Effect on the forecast; empty for none. */
   effect: string;
   serious: boolean;
-  /** Whether the text is the service's own, in English. */
+  /** Whether the text is the English message of the service. */
   isRaw: boolean;
 }
 
@@ -26,12 +26,12 @@ export interface Wording {
 
 interface Group {
   codes: readonly string[];
-  /** Null for what the group cannot word. */
-  tell: (flags: Flag[], wording: Wording) => Partial<Warning> | null;
+  /** Null when a value is missing. */
+  toWarning: (flags: Flag[], wording: Wording) => Partial<Warning> | null;
 }
 
 /** The first letter in upper case. */
-function sentence(words: string, { format }: Wording): string {
+function capitalised(words: string, { format }: Wording): string {
   return `${words.charAt(0).toLocaleUpperCase(format.locale)}${words.slice(1)}`;
 }
 
@@ -54,24 +54,24 @@ function allMeasured(flags: Flag[]): flags is Measured[] {
   return flags.every(isMeasured);
 }
 
-/** A group of one flag with a value, told by that value. */
+/** A group of one flag whose sentence contains its value. */
 function byValue(
   code: string,
-  tell: (value: number, wording: Wording, subject: string) => Partial<Warning>,
+  toWarning: (value: number, wording: Wording, subject: string) => Partial<Warning>,
 ): Group {
   return {
     codes: [code],
-    tell: ([flag], wording) => (isMeasured(flag) ? tell(flag.value, wording, flag.subject) : null),
+    toWarning: ([flag], wording) => (isMeasured(flag) ? toWarning(flag.value, wording, flag.subject) : null),
   };
 }
 
 /** A group of one flag without a value. */
-function plain(code: string, tell: (text: Text["flags"]) => Partial<Warning>): Group {
-  return { codes: [code], tell: (_flags, { text }) => tell(text.flags) };
+function plain(code: string, toWarning: (text: Text["flags"]) => Partial<Warning>): Group {
+  return { codes: [code], toWarning: (_flags, { text }) => toWarning(text.flags) };
 }
 
-/** Flags that tell for how long something lasted, one part of a sentence each. */
-function lasting<Code extends string>(
+/** Flags whose values are durations, as one part of a sentence each. */
+function durationTexts<Code extends string>(
   flags: Flag[],
   { format }: Wording,
   texts: Record<Code, (time: string) => string>,
@@ -80,17 +80,17 @@ function lasting<Code extends string>(
   return flags.map(({ code, value }) => texts[code as Code](format.span(value)));
 }
 
-/** In the order in which they are shown. */
+/** Groups in the order in which they are shown. */
 const GROUPS: Group[] = [
   {
     codes: ["outside_training"],
-    tell: (flags, wording) => {
+    toWarning: (flags, wording) => {
       const furthest = Math.max(0, ...flags.filter(isMeasured).map(({ value }) => value));
       const beyond = furthest < FAR_OUTSIDE_SD ? "clear" : "far";
       const distance = furthest < CLEARLY_OUTSIDE_SD ? "slight" : beyond;
       const { outside, wider } = wording.text.flags;
       return {
-        text: outside(sentence(namesOf(flags, wording), wording), flags.length, distance),
+        text: outside(capitalised(namesOf(flags, wording), wording), flags.length, distance),
         effect: wider,
         serious: furthest >= CLEARLY_OUTSIDE_SD,
       };
@@ -98,7 +98,7 @@ const GROUPS: Group[] = [
   },
   {
     codes: ["usual_value_assumed"],
-    tell: (flags, wording) => {
+    toWarning: (flags, wording) => {
       const { usualValue, wider } = wording.text.flags;
       return { text: usualValue(namesOf(flags, wording), flags.length), effect: wider };
     },
@@ -108,7 +108,7 @@ const GROUPS: Group[] = [
   })),
   {
     codes: ["no_trips_of_car"],
-    tell: ([flag], { text }) => ({
+    toWarning: ([flag], { text }) => ({
       text: text.flags.noTripsOfCar(flag?.subject ?? ""),
       effect: text.flags.wider,
       serious: true,
@@ -126,9 +126,9 @@ const GROUPS: Group[] = [
   })),
   {
     codes: ["motor_torque_limit", "motor_power_limit", "motor_speed_limit", "battery_voltage_floor"],
-    tell: (flags, wording) => {
+    toWarning: (flags, wording) => {
       const { limits, cannotFollow, cannotFollowEffect } = wording.text.flags;
-      const parts = lasting(flags, wording, limits);
+      const parts = durationTexts(flags, wording, limits);
       return (
         parts && { text: cannotFollow(wording.format.list(parts)), effect: cannotFollowEffect, serious: true }
       );
@@ -136,8 +136,8 @@ const GROUPS: Group[] = [
   },
   {
     codes: ["battery_empty", "battery_over_full", "battery_over_voltage"],
-    tell: (flags, wording) => {
-      const parts = lasting(flags, wording, wording.text.flags.states);
+    toWarning: (flags, wording) => {
+      const parts = durationTexts(flags, wording, wording.text.flags.states);
       return parts && { text: parts.join(" ") };
     },
   },
@@ -148,13 +148,13 @@ const GROUPS: Group[] = [
   })),
   {
     codes: ["file_value_kept"],
-    tell: (flags, wording) => {
+    toWarning: (flags, wording) => {
       const { text, format, units } = wording;
       if (!allMeasured(flags)) return null;
-      const told = flags.map(({ subject, value }) =>
+      const sentences = flags.map(({ subject, value }) =>
         text.flags.fileValue(nameOf(subject, wording), format.shown(value, units.temperature)),
       );
-      return { text: told.join(" ") };
+      return { text: sentences.join(" ") };
     },
   },
   plain("elevation_interpolated", (text) => ({ text: text.elevationInterpolated })),
@@ -173,20 +173,20 @@ const GROUPS: Group[] = [
 
 const PLAIN: Warning = { text: "", effect: "", serious: false, isRaw: false };
 
-/** Codes that have a sentence of their own. */
+/** Codes with a sentence. */
 export const CODES: ReadonlySet<string> = new Set(GROUPS.flatMap(({ codes }) => codes));
 
-/** What the flags say, in the order of the groups; what no group words comes last, by its message. */
+/** Warnings for flags, in the order of the groups; flags without a sentence come last, with their messages. */
 export function warningsOf(flags: Flag[], wording: Wording): Warning[] {
-  const told = new Set<Flag>();
+  const covered = new Set<Flag>();
   const warnings: Warning[] = [];
-  for (const { codes, tell } of GROUPS) {
+  for (const { codes, toWarning } of GROUPS) {
     const own = flags.filter(({ code }) => codes.includes(code));
-    const warning = own.length > 0 ? tell(own, wording) : null;
+    const warning = own.length > 0 ? toWarning(own, wording) : null;
     if (!warning) continue;
-    for (const flag of own) told.add(flag);
+    for (const flag of own) covered.add(flag);
     warnings.push({ ...PLAIN, ...warning });
   }
-  const others = flags.filter((flag) => !told.has(flag));
+  const others = flags.filter((flag) => !covered.has(flag));
   return [...warnings, ...others.map(({ message }) => ({ ...PLAIN, text: message, isRaw: true }))];
 }

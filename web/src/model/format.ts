@@ -1,9 +1,9 @@
-/** Numbers, durations and lists as a locale writes them. */
+/** Numbers, durations and lists in the format of a locale. */
 
 import type { Quantity } from "./units";
 
 const NO_BREAK = "\u00a0";
-const LEAST_S_IN_MINUTES = 90;
+const MIN_S_IN_MINUTES = 90;
 
 export interface Format {
   locale: string;
@@ -27,19 +27,19 @@ function trueMinus(text: string): string {
   return text.replace("-", "−");
 }
 
-/** Formatters of a locale, each made when it is first used. */
-export function formatOf(locale: string): Format {
-  const made = new Map<string, Intl.NumberFormat>();
-  const number = (least: number, most: number, signDisplay: "negative" | "exceptZero") => {
-    const key = `${least} ${most} ${signDisplay}`;
-    const known = made.get(key);
+/** Formatters of a locale; each is created when it is first used. */
+export function formatFor(locale: string): Format {
+  const formatters = new Map<string, Intl.NumberFormat>();
+  const number = (minDigits: number, maxDigits: number, signDisplay: "negative" | "exceptZero") => {
+    const key = `${minDigits} ${maxDigits} ${signDisplay}`;
+    const known = formatters.get(key);
     if (known) return known;
     const next = new Intl.NumberFormat(locale, {
-      minimumFractionDigits: least,
-      maximumFractionDigits: most,
+      minimumFractionDigits: minDigits,
+      maximumFractionDigits: maxDigits,
       signDisplay,
     });
-    made.set(key, next);
+    formatters.set(key, next);
     return next;
   };
   const lists = new Intl.ListFormat(locale, { type: "conjunction" });
@@ -60,7 +60,7 @@ export function formatOf(locale: string): Format {
       `${figure(quantity.from(si), digits)}${NO_BREAK}${quantity.unit}`,
     duration,
     span: (seconds) =>
-      seconds < LEAST_S_IN_MINUTES
+      seconds < MIN_S_IN_MINUTES
         ? `${figure(Math.max(Math.round(seconds), 1), 0)}${NO_BREAK}s`
         : duration(seconds),
     list: (parts) => lists.format(parts),

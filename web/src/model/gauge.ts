@@ -1,14 +1,14 @@
-/** A naive gauge: the consumption so far, extrapolated to the whole road. */
+/** A naive gauge: the consumption so far, extrapolated to the whole trip. */
 
-import type { Answer, Column, Columns } from "../api/types";
+import type { Forecast, Column, Columns } from "../api/types";
 import { socFromEnergy } from "./arrival";
 import { interpolate } from "./interpolate";
 import type { Profile } from "./profile";
 
 const WS_PER_WH = 3600;
-const LEAST_M = 300;
+const MIN_DRIVEN_M = 300;
 
-/** Power at each sample [W]; where it was not measured, on the line between its neighbours. Null for no measurement. */
+/** Power at each sample [W], interpolated where it was not measured; null without any measurement. */
 function powerOf(time: Column, voltage: Column, current: Column): number[] | null {
   const times = time.map(Number);
   const power = voltage.map((u, k) => (u === null || current[k] == null ? Number.NaN : u * current[k]));
@@ -19,7 +19,7 @@ function powerOf(time: Column, voltage: Column, current: Column): number[] | nul
   return power.map((p, k) => (Number.isNaN(p) ? interpolate(times[k] as number, knownTimes, knownPower) : p));
 }
 
-/** Energy since departure at each sample [Wh], by trapezoids; null without voltage and current. */
+/** Energy since departure at each sample [Wh], by the trapezoidal rule; null without voltage and current. */
 export function energySoFarWh(observed: Columns): Float64Array | null {
   const { time_s: time, voltage_v: voltage, current_a: current } = observed;
   if (!time || !voltage || !current) return null;
@@ -34,22 +34,22 @@ export function energySoFarWh(observed: Columns): Float64Array | null {
   return energy;
 }
 
-/** Charge at the end by the naive gauge; null before there is anything to go by. */
+/** Charge on arrival by the naive gauge; null for the first `MIN_DRIVEN_M`. */
 export function naiveArrival(
-  answer: Answer,
+  forecast: Forecast,
   profile: Profile,
   timeS: Float64Array,
   energyWh: Float64Array,
 ): number | null {
-  const now = answer.measured_until_s;
+  const now = forecast.measured_until_s;
   const driven = interpolate(now, profile.timeS, profile.distanceM);
-  if (!(driven >= LEAST_M)) return null;
+  if (!(driven >= MIN_DRIVEN_M)) return null;
   const total = profile.distanceM.at(-1) as number;
-  return socFromEnergy(answer, (interpolate(now, timeS, energyWh) / driven) * total);
+  return socFromEnergy(forecast, (interpolate(now, timeS, energyWh) / driven) * total);
 }
 
-/** The samples up to a time, as a body of JSON takes them. */
-export function until(observed: Columns, timeS: number): Columns {
+/** The samples up to a time. */
+export function samplesUntil(observed: Columns, timeS: number): Columns {
   const time = observed.time_s ?? [];
   let count = 0;
   while (count < time.length && (time[count] as number) <= timeS) count++;

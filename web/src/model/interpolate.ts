@@ -1,4 +1,4 @@
-/** Value at `x` on the line through the points; `xs` does not fall. Beyond the ends the last value holds. */
+/** Linear interpolation at `x`; `xs` must not decrease. Beyond the ends, the value of the end is returned. */
 export function interpolate(x: number, xs: ArrayLike<number>, ys: ArrayLike<number>): number {
   const last = xs.length - 1;
   if (last < 0) return Number.NaN;

@@ -1,4 +1,4 @@
-/** Speed and height along the way. */
+/** Speed and elevation along the way. */
 
 import type { Columns } from "../api/types";
 import { interpolate } from "./interpolate";
@@ -7,7 +7,7 @@ export interface Profile {
   timeS: Float64Array;
   distanceM: Float64Array;
   speedMS: Float64Array;
-  /** Null when the road has no heights. */
+  /** Null when no elevation is known. */
   elevationM: Float64Array | null;
 }
 
@@ -15,7 +15,7 @@ function numbers(column: (number | null)[]): Float64Array {
   return Float64Array.from(column, (value) => value ?? Number.NaN);
 }
 
-export function profileOf(samples: Columns): Profile {
+export function profileFromSamples(samples: Columns): Profile {
   const timeS = numbers(samples.time_s ?? []);
   const speedMS = numbers(samples.speed_m_s ?? []);
   const distanceM = new Float64Array(timeS.length);
@@ -24,13 +24,13 @@ export function profileOf(samples: Columns): Profile {
     const mean = ((speedMS[k] as number) + (speedMS[k - 1] as number)) / 2;
     distanceM[k] = (distanceM[k - 1] as number) + (Number.isFinite(mean) ? mean * step : 0);
   }
-  const heights = samples.elevation_m;
-  const known = heights?.some((value) => value !== null);
-  return { timeS, distanceM, speedMS, elevationM: heights && known ? numbers(heights) : null };
+  const elevation = samples.elevation_m;
+  const known = elevation?.some((value) => value !== null);
+  return { timeS, distanceM, speedMS, elevationM: elevation && known ? numbers(elevation) : null };
 }
 
-/** A profile of the same road driven at another speed, with the heights of the first. */
-export function withHeightsOf({ distanceM, elevationM }: Profile, driven: Profile): Profile {
+/** A profile of the same route at another speed, with the elevation of the first profile. */
+export function withElevationOf({ distanceM, elevationM }: Profile, driven: Profile): Profile {
   if (!elevationM) return driven;
   return { ...driven, elevationM: driven.distanceM.map((x) => interpolate(x, distanceM, elevationM)) };
 }

@@ -1,13 +1,13 @@
-/** A planned road to try the page with, made up: through a town, over land, over a motorway with a hill, into a town. */
+/** An invented planned route as an example: a town, country roads, a motorway over a hill, and a town. */
 
 import type { Link } from "../api/types";
 
 const LINK_M = 900;
-/** Links at least this fast are driven without a stop. */
+/** Links with at least this speed have no stop. */
 const OPEN_ROAD_M_S = 15;
 const START_M = 510;
 
-/** Length [m], speed [m/s], height at the end [m]. */
+/** Length [m], speed [m/s], elevation at the end [m]. */
 const STRETCHES: [number, number, number][] = [
   [1800, 8.5, 515],
   [2400, 12, 528],
@@ -32,7 +32,7 @@ function linksOf(length: number, speed: number, fromM: number, toM: number): Lin
   }));
 }
 
-/** The sample as a reader would paste it. */
+/** The example as text. */
 export function sampleLinks(): string {
   const links = STRETCHES.flatMap(([length, speed, endM], k) =>
     linksOf(length, speed, STRETCHES[k - 1]?.[2] ?? START_M, endM),

@@ -1,10 +1,10 @@
-/** The only place where SI becomes what a reader wants. */
+/** Conversions between SI and the units of the page. */
 
 export type System = "metric" | "imperial";
 
 export interface Quantity {
   unit: string;
-  /** Of the shown value. */
+  /** Digits after the decimal sign of a shown value. */
   digits: number;
   from: (si: number) => number;
   to: (shown: number) => number;

@@ -1,4 +1,4 @@
-/** The car that is forecast, and the model that does it. */
+/** The chosen car and the chosen model. */
 
 import { computed, signal } from "@preact/signals";
 import type { Model, Vehicle } from "../api/types";
@@ -15,13 +15,13 @@ export const car = signal<Car | null>(null);
 export const vehicle = computed(() => vehicles.value.find(({ name }) => name === car.value?.vehicle) ?? null);
 export const model = computed(() => models.value.find(({ name }) => name === car.value?.model) ?? null);
 
-/** Models for the car: those of its own trips where there are some, else all. */
+/** Models for the car: those fitted on its trips, or all when there are none. */
 export const choices = computed(() => {
   const own = vehicle.value?.models ?? [];
   return models.value.filter(({ name }) => own.length === 0 || own.includes(name));
 });
 
-/** Whether the model learned from trips of this very car. */
+/** Whether the model was fitted on trips of the chosen car. */
 export const isMeasured = computed(() => model.value?.model.vehicle === car.value?.vehicle);
 
 export function chooseVehicle(name: string): void {
@@ -35,7 +35,7 @@ export function chooseModel(name: string): void {
   if (car.value) car.value = { ...car.value, model: name };
 }
 
-/** Begin with what was chosen last time, where the service still has it. */
+/** Choose the car and the model of the last visit, if the service still has them, else the first model. */
 export function chooseFirst(last: Partial<Car> | undefined): void {
   const known = models.value.find(({ name }) => name === last?.model) ?? models.value[0];
   if (!known) return;

@@ -1,13 +1,13 @@
-/** Cars, models and examples of the service, and how a trip is chosen. */
+/** Cars, models and examples of the service, and the choice of a trip. */
 
 import { batch, effect, signal } from "@preact/signals";
 import { listExamples, listModels, listVehicles, loadExample, readRoute } from "../api/client";
 import type { ExampleSummary } from "../api/types";
 import { type Car, car, chooseFirst, models, vehicles } from "./car";
 import { type Conditions, conditions } from "./conditions";
-import { complain, problem } from "./forecast";
-import { recall, remember } from "./preferences";
-import { type Source, type Trip, trip, tripOfExample, tripOfRoute } from "./trip";
+import { reportProblem, problem } from "./forecast";
+import { readStored, writeStored } from "./preferences";
+import { type Source, type Trip, trip, tripFromExample, tripFromRoute } from "./trip";
 
 const KEY = "tripwatt.last";
 
@@ -19,10 +19,10 @@ interface Last {
 
 export const examples = signal<ExampleSummary[]>([]);
 export const source = signal<Source>("examples");
-/** What is being fetched or read: the examples, a trip, or a file with its name. */
+/** Documents that are loading: the examples, a trip, or a file with its name. */
 export type Loading = { what: "examples" | "trip" } | { what: "file"; name: string };
 
-/** Null when nothing is. */
+/** Null when nothing is loading. */
 export const loading = signal<Loading | null>({ what: "examples" });
 
 function show(next: Trip, at: Conditions = next.start): void {
@@ -33,17 +33,17 @@ function show(next: Trip, at: Conditions = next.start): void {
   });
 }
 
-/** The trip that has most to show. */
+/** The longest example. */
 function longest(rows: ExampleSummary[]): ExampleSummary | undefined {
   return [...rows].sort((a, b) => b.distance_m - a.distance_m)[0];
 }
 
-async function during<T>(what: Loading, work: () => Promise<T>): Promise<T | null> {
+async function whileLoading<T>(what: Loading, load: () => Promise<T>): Promise<T | null> {
   loading.value = what;
   try {
-    return await work();
+    return await load();
   } catch (error) {
-    complain(error);
+    reportProblem(error);
     return null;
   } finally {
     loading.value = null;
@@ -51,11 +51,11 @@ async function during<T>(what: Loading, work: () => Promise<T>): Promise<T | nul
 }
 
 export async function chooseExample(name: string): Promise<void> {
-  const found = await during({ what: "trip" }, () => loadExample(name));
-  if (found) show(tripOfExample(found));
+  const found = await whileLoading({ what: "trip" }, () => loadExample(name));
+  if (found) show(tripFromExample(found));
 }
 
-/** Read an uploaded file, or pasted links, which have no name. */
+/** Read an uploaded file or pasted links; `name` is empty for links. */
 export async function chooseRoute(
   content: string,
   name: string,
@@ -63,14 +63,14 @@ export async function chooseRoute(
   speedMS: number,
 ): Promise<void> {
   const what: Loading = name ? { what: "file", name } : { what: "trip" };
-  const found = await during(what, () => readRoute(content, speedMS));
-  if (found) show(tripOfRoute(found, name, from));
+  const found = await whileLoading(what, () => readRoute(content, speedMS));
+  if (found) show(tripFromRoute(found, name, from));
 }
 
-/** Fetch what the page needs to begin, and take up where the reader left. */
-export async function begin(): Promise<void> {
-  const last = recall<Last>(KEY);
-  await during({ what: "examples" }, async () => {
+/** Load cars, models and examples, and restore the selection of the last visit. */
+export async function startPage(): Promise<void> {
+  const last = readStored<Last>(KEY);
+  await whileLoading({ what: "examples" }, async () => {
     const [allModels, allVehicles, allExamples] = await Promise.all([
       listModels(),
       listVehicles(),
@@ -85,26 +85,26 @@ export async function begin(): Promise<void> {
   });
   const known = examples.value.find((row) => row.trip === last.example) ?? longest(examples.value);
   if (known) {
-    const found = await during({ what: "trip" }, () => loadExample(known.trip));
+    const found = await whileLoading({ what: "trip" }, () => loadExample(known.trip));
     if (!found) return;
     const same = known.trip === last.example && last.conditions !== undefined;
     if (same) conditions.value = last.conditions as Conditions;
-    const next = tripOfExample(found);
+    const next = tripFromExample(found);
     show(next, same ? { ...next.start, ...last.conditions } : next.start);
   }
 }
 
-/** Try again what failed: the beginning, or the forecast. */
+/** Repeat the start of the page or the forecast after a problem. */
 export function retry(): void {
   problem.value = null;
   if (trip.value) conditions.value = { ...conditions.value };
-  else void begin();
+  else void startPage();
 }
 
-/** Keep the browser's memory in step with what is chosen. */
-export function keepRemembering(): void {
+/** Store the selection in the browser whenever it changes. */
+export function keepSelectionStored(): void {
   effect(() => {
     if (!trip.value) return;
-    remember(KEY, { example: trip.value.example, car: car.value, conditions: conditions.value });
+    writeStored(KEY, { example: trip.value.example, car: car.value, conditions: conditions.value });
   });
 }

@@ -1,9 +1,9 @@
-/** What is known at departure, as the sliders have it. */
+/** Conditions at departure, as set with the sliders. */
 
 import { signal } from "@preact/signals";
 
-/** How warm cabin and battery are at departure. */
-export type Door = "logged" | "parked" | "garage" | "unknown";
+/** Where the temperatures of cabin and battery at departure come from. */
+export type BeforeDeparture = "logged" | "parked" | "garage" | "unknown";
 
 export interface Conditions {
   ambientDegc: number;
@@ -11,13 +11,13 @@ export interface Conditions {
   soc: number;
   payloadKg: number;
   reserve: number;
-  door: Door;
-  /** Speed on the motorway of a planned road; null as planned. */
+  beforeDeparture: BeforeDeparture;
+  /** Speed on the motorway of a planned route; null as planned. */
   motorwayMS: number | null;
 }
 
 /** Temperatures at the start of a log or an example. */
-export interface Warmth {
+export interface StartTemperatures {
   cabin_temperature_degc?: number;
   battery_temperature_degc?: number;
 }
@@ -30,7 +30,7 @@ export const USUAL: Conditions = {
   soc: 0.8,
   payloadKg: 0,
   reserve: 0.1,
-  door: "parked",
+  beforeDeparture: "parked",
   motorwayMS: null,
 };
 
@@ -38,31 +38,34 @@ export const conditions = signal<Conditions>(USUAL);
 
 export function change(some: Partial<Conditions>): void {
   const next = { ...conditions.value, ...some };
-  // The cabin temperature of a warm day does not hold on a cold one.
-  if (some.ambientDegc !== undefined && next.door === "logged") next.door = "parked";
+  // Logged temperatures of cabin and battery do not apply at another outside temperature.
+  if (some.ambientDegc !== undefined && next.beforeDeparture === "logged") next.beforeDeparture = "parked";
   conditions.value = next;
 }
 
-/** Back to the conditions of the trip; the reserve stays. */
+/** Reset to the conditions of the trip; the reserve stays. */
 export function resetTo(start: Conditions): void {
   conditions.value = { ...start, reserve: conditions.value.reserve };
 }
 
-function warmthOf({ door, ambientDegc }: Conditions, logged: Warmth): Warmth {
-  if (door === "unknown") return {};
-  if (door === "logged") return logged;
-  const degc = door === "garage" ? GARAGE_DEGC : ambientDegc;
+function startTemperaturesOf(
+  { beforeDeparture, ambientDegc }: Conditions,
+  logged: StartTemperatures,
+): StartTemperatures {
+  if (beforeDeparture === "unknown") return {};
+  if (beforeDeparture === "logged") return logged;
+  const degc = beforeDeparture === "garage" ? GARAGE_DEGC : ambientDegc;
   return { cabin_temperature_degc: degc, battery_temperature_degc: degc };
 }
 
-/** The fields of a `ForecastRequest` that the conditions decide. */
-export function fieldsOf(at: Conditions, logged: Warmth) {
+/** The conditions as fields of a `ForecastRequest`. */
+export function fieldsOf(at: Conditions, logged: StartTemperatures) {
   return {
     soc: at.soc,
     ambient_temperature_degc: at.ambientDegc,
     cabin_setpoint_degc: at.setpointDegc,
     payload_mass_kg: at.payloadKg,
     reserve: at.reserve,
-    ...warmthOf(at, logged),
+    ...startTemperaturesOf(at, logged),
   };
 }

@@ -1,25 +1,25 @@
-/** Replays a measured trip: the forecast at each place, beside the naive gauge. */
+/** Replay of a measured trip: the updated forecast at each position, and the naive gauge. */
 
 import { batch, computed, effect, signal, untracked } from "@preact/signals";
-import { forecastUpdate } from "../api/client";
+import { requestUpdate } from "../api/client";
 import { Latest } from "../api/latest";
-import type { Answer } from "../api/types";
+import type { Forecast } from "../api/types";
 import { arrivalBand } from "../model/arrival";
-import { energySoFarWh, naiveArrival, until } from "../model/gauge";
+import { energySoFarWh, naiveArrival, samplesUntil } from "../model/gauge";
 import { interpolate } from "../model/interpolate";
 import { car } from "./car";
 import { conditions } from "./conditions";
-import { complain, departure, mode, profile } from "./forecast";
-import { bodyOf, type Trip, trip } from "./trip";
+import { reportProblem, departure, mode, profile } from "./forecast";
+import { requestBody, type Trip, trip } from "./trip";
 
-const REST_MS = 120;
-/** An update needs samples to go by. */
-const LEAST_S = 5;
+const MIN_INTERVAL_MS = 120;
+/** No update before this time. */
+const MIN_OBSERVED_S = 5;
 
 export const RATES = [30, 60, 120] as const;
 
-/** The forecast of the arrival at one moment of the trip. */
-export interface Moment {
+/** The charge on arrival as forecast at one time of the trip. */
+export interface HistoryPoint {
   timeS: number;
   distanceM: number;
   soc: number;
@@ -30,19 +30,19 @@ export interface Moment {
 
 export const playing = signal(false);
 export const rate = signal<(typeof RATES)[number]>(60);
-/** Where the car is, in time since departure. */
+/** Time of the replay since departure. */
 export const timeS = signal(0);
-export const update = signal<Answer | null>(null);
-export const history = signal<Moment[]>([]);
+export const update = signal<Forecast | null>(null);
+export const history = signal<HistoryPoint[]>([]);
 
-/** Why the trip cannot be driven; null when it can. */
-export const whyNoDrive = computed<"notMeasured" | "otherCar" | null>(() => {
+/** The reason why the trip cannot be replayed; null when it can. */
+export const driveObstacle = computed<"notMeasured" | "otherCar" | null>(() => {
   const now = trip.value;
   if (!now?.observed) return "notMeasured";
   const other = now.vehicle !== "" && now.vehicle !== car.value?.vehicle;
   return other ? "otherCar" : null;
 });
-export const canDrive = computed(() => whyNoDrive.value === null);
+export const canDrive = computed(() => driveObstacle.value === null);
 export const driving = computed(() => mode.value === "drive" && canDrive.value);
 export const durationS = computed(() => trip.value?.profile.timeS.at(-1) ?? 0);
 export const distanceM = computed(() => {
@@ -51,10 +51,10 @@ export const distanceM = computed(() => {
 });
 export const arrived = computed(() => durationS.value > 0 && timeS.value >= durationS.value);
 
-/** What the page shows: the forecast of now while driving, else that of the departure. */
-export const answer = computed(() => (driving.value && update.value ? update.value : departure.value));
+/** The forecast that is shown: the latest update during a drive, else the forecast at departure. */
+export const shownForecast = computed(() => (driving.value && update.value ? update.value : departure.value));
 
-interface Wish {
+interface UpdateJob {
   trip: Trip;
   timeS: number;
 }
@@ -66,35 +66,38 @@ function energyOf(of: Trip): Float64Array | null {
   return energy.wh;
 }
 
-function momentOf(said: Answer, of: Trip): Moment {
-  const at = said.measured_until_s;
-  const [low, high] = arrivalBand(said);
+function historyPointOf(forecast: Forecast, of: Trip): HistoryPoint {
+  const at = forecast.measured_until_s;
+  const [low, high] = arrivalBand(forecast);
   const wh = energyOf(of);
   const clock = Float64Array.from(of.observed?.time_s ?? [], Number);
   return {
     timeS: at,
     distanceM: interpolate(at, of.profile.timeS, of.profile.distanceM),
-    soc: said.soc_arrival,
+    soc: forecast.soc_arrival,
     low,
     high,
-    naive: wh && naiveArrival(said, of.profile, clock, wh),
+    naive: wh && naiveArrival(forecast, of.profile, clock, wh),
   };
 }
 
-const runner = new Latest<Wish>(async (wish, signal) => {
-  const measured = until(wish.trip.observed ?? {}, wish.timeS);
+const runner = new Latest<UpdateJob>(async (job, signal) => {
+  const measured = samplesUntil(job.trip.observed ?? {}, job.timeS);
   try {
-    const said = await forecastUpdate(bodyOf(wish.trip, conditions.value, car.value, measured), signal);
-    const moment = momentOf(said, wish.trip);
+    const forecast = await requestUpdate(
+      requestBody(job.trip, conditions.value, car.value, measured),
+      signal,
+    );
+    const point = historyPointOf(forecast, job.trip);
     batch(() => {
-      update.value = said;
-      history.value = [...history.value.filter((m) => m.timeS < moment.timeS), moment];
+      update.value = forecast;
+      history.value = [...history.value.filter((m) => m.timeS < point.timeS), point];
     });
   } catch (error) {
-    complain(error);
+    reportProblem(error);
     playing.value = false;
   }
-}, REST_MS);
+}, MIN_INTERVAL_MS);
 
 function reset(): void {
   runner.cancel();
@@ -143,11 +146,11 @@ export function keepDriving(): void {
   effect(() => (playing.value ? play() : undefined));
   effect(() => {
     if (!driving.value || !trip.value) return;
-    const wish = { trip: trip.value, timeS: timeS.value };
-    if (wish.timeS >= LEAST_S) untracked(() => runner.want(wish));
+    const job = { trip: trip.value, timeS: timeS.value };
+    if (job.timeS >= MIN_OBSERVED_S) untracked(() => runner.submit(job));
     else update.value = null;
   });
 }
 
-/** The road that is drawn. */
-export const road = computed(() => profile.value ?? trip.value?.profile ?? null);
+/** The profile that is drawn. */
+export const shownProfile = computed(() => profile.value ?? trip.value?.profile ?? null);

@@ -1,24 +1,24 @@
-/** Keeps the forecast in step with trip, conditions and comparison. */
+/** Forecasts for the trip, the conditions and the comparison, renewed when these change. */
 
 import { batch, computed, effect, signal, untracked } from "@preact/signals";
-import { forecast, Refused, readRoute } from "../api/client";
+import { requestForecast, RequestFailed, readRoute } from "../api/client";
 import { Latest } from "../api/latest";
-import type { Answer, Fault, Problem } from "../api/types";
+import type { Forecast, Fault, Problem } from "../api/types";
 import { atMotorwaySpeed } from "../model/links";
-import { type Profile, profileOf, withHeightsOf } from "../model/profile";
+import { type Profile, profileFromSamples, withElevationOf } from "../model/profile";
 import { type Car, car } from "./car";
 import { type Conditions, conditions } from "./conditions";
-import { bodyOf, type Trip, trip } from "./trip";
+import { requestBody, type Trip, trip } from "./trip";
 
-/** Type of a problem that the page itself has. */
-export const PAGE = "page";
+/** Type of a problem for an unexpected error of the page. */
+export const PAGE_ERROR = "page";
 
-const REST_MS = 50;
+const MIN_INTERVAL_MS = 50;
 const USUAL_SPEED_M_S = 13.9;
 
 export type Mode = "plan" | "compare" | "drive";
 
-/** The one thing that is different on the other side of a comparison. */
+/** The setting that differs in the second forecast of a comparison, with its value. */
 export interface Other {
   setting: "setpointDegc" | "ambientDegc" | "payloadKg" | "soc" | "motorwayMS";
   value: number;
@@ -27,16 +27,19 @@ export interface Other {
 export const mode = signal<Mode>("plan");
 export const other = signal<Other>({ setting: "setpointDegc", value: 18 });
 
-/** Forecast before departure. */
-export const departure = signal<Answer | null>(null);
-/** The same with the other setting; null outside of a comparison. */
-export const alternative = signal<Answer | null>(null);
-/** What the two were asked with: the conditions on the page may have moved on. */
-export const asked = signal<{ at: Conditions; other: Other }>({ at: conditions.peek(), other: other.peek() });
+/** Forecast at departure. */
+export const departure = signal<Forecast | null>(null);
+/** Forecast with the other setting; null outside of a comparison. */
+export const alternative = signal<Forecast | null>(null);
+/** Conditions of the two forecasts; those on the page may have changed since. */
+export const requested = signal<{ at: Conditions; other: Other }>({
+  at: conditions.peek(),
+  other: other.peek(),
+});
 export const problem = signal<Problem | null>(null);
 export const profile = signal<Profile | null>(null);
 
-interface Wish {
+interface ForecastJob {
   trip: Trip;
   at: Conditions;
   other: Other;
@@ -46,35 +49,35 @@ interface Wish {
 
 function problemFrom(error: unknown): Problem | null {
   if (error instanceof DOMException && error.name === "AbortError") return null;
-  if (error instanceof Refused) return error.problem;
-  return { type: PAGE, title: "", status: 0, detail: String(error) };
+  if (error instanceof RequestFailed) return error.problem;
+  return { type: PAGE_ERROR, title: "", status: 0, detail: String(error) };
 }
 
 let profileOfSpeed: { trip: Trip; motorwayMS: number | null } | null = null;
 
-async function renewProfile({ trip, at: { motorwayMS } }: Wish): Promise<Profile> {
+async function renewProfile({ trip, at: { motorwayMS } }: ForecastJob): Promise<Profile> {
   if (profile.value && profileOfSpeed?.trip === trip && profileOfSpeed.motorwayMS === motorwayMS) {
     return profile.value;
   }
   const changed = trip.links && motorwayMS !== null ? atMotorwaySpeed(trip.links, motorwayMS) : null;
   const route = changed && (await readRoute(JSON.stringify(changed), USUAL_SPEED_M_S));
   profileOfSpeed = { trip, motorwayMS };
-  return route ? withHeightsOf(trip.profile, profileOf(route.samples)) : trip.profile;
+  return route ? withElevationOf(trip.profile, profileFromSamples(route.samples)) : trip.profile;
 }
 
-const runner = new Latest<Wish>(async (wish, signal) => {
-  const { setting, value } = wish.other;
-  const otherAt = wish.compares ? { ...wish.at, [setting]: value } : null;
+const runner = new Latest<ForecastJob>(async (job, signal) => {
+  const { setting, value } = job.other;
+  const otherAt = job.compares ? { ...job.at, [setting]: value } : null;
   try {
     const [main, second, road] = await Promise.all([
-      forecast(bodyOf(wish.trip, wish.at, wish.car), signal),
-      otherAt && forecast(bodyOf(wish.trip, otherAt, wish.car), signal),
-      renewProfile(wish),
+      requestForecast(requestBody(job.trip, job.at, job.car), signal),
+      otherAt && requestForecast(requestBody(job.trip, otherAt, job.car), signal),
+      renewProfile(job),
     ]);
     batch(() => {
       departure.value = main;
       alternative.value = second;
-      asked.value = { at: wish.at, other: wish.other };
+      requested.value = { at: job.at, other: job.other };
       profile.value = road;
       problem.value = null;
     });
@@ -82,7 +85,7 @@ const runner = new Latest<Wish>(async (wish, signal) => {
     const found = problemFrom(error);
     if (found) problem.value = found;
   }
-}, REST_MS);
+}, MIN_INTERVAL_MS);
 
 let lastTrip: Trip | null = null;
 
@@ -99,17 +102,17 @@ export function keepForecasting(): void {
         departure.value = alternative.value = profile.value = problem.value = null;
       });
     }
-    const wish = { trip: now, at, other: other.value, compares, car: car.value };
-    untracked(() => runner.want(wish));
+    const job = { trip: now, at, other: other.value, compares, car: car.value };
+    untracked(() => runner.submit(job));
   });
 }
 
-/** Show a problem that came up elsewhere. */
-export function complain(error: unknown): void {
+/** Show an error as a problem. */
+export function reportProblem(error: unknown): void {
   problem.value = problemFrom(error);
 }
 
-/** Faults by the field that they belong to; those of no field on this page are in "trip". */
+/** Faults by field; faults of fields without a control on the page are under "trip". */
 export const faults = computed(() => {
   const byField = new Map<string, Fault[]>();
   for (const fault of problem.value?.faults ?? []) {

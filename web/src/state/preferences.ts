@@ -1,7 +1,7 @@
-/** Preferences, kept in this browser only. */
+/** Preferences, stored in the browser. */
 
 import { computed, effect, signal } from "@preact/signals";
-import { formatOf } from "../model/format";
+import { formatFor } from "../model/format";
 import { type System, unitsOf } from "../model/units";
 import { CATALOGUES, type Language, languageOf, localeOf } from "../text";
 
@@ -17,8 +17,8 @@ interface Stored {
   language: Language | null;
 }
 
-/** What was stored under `key`, or nothing when it was not or cannot be read. */
-export function recall<T>(key: string): Partial<T> {
+/** Read the object stored under `key`; an empty object when there is none. */
+export function readStored<T>(key: string): Partial<T> {
   try {
     return (JSON.parse(localStorage.getItem(key) ?? "{}") ?? {}) as Partial<T>;
   } catch {
@@ -26,8 +26,8 @@ export function recall<T>(key: string): Partial<T> {
   }
 }
 
-/** Store `value`; a browser that refuses to remember is no failure. */
-export function remember(key: string, value: unknown): void {
+/** Store `value` under `key`; ignored when the browser does not allow it. */
+export function writeStored(key: string, value: unknown): void {
   try {
     localStorage.setItem(key, JSON.stringify(value));
   } catch {
@@ -35,17 +35,17 @@ export function remember(key: string, value: unknown): void {
   }
 }
 
-const stored = recall<Stored>(KEY);
+const stored = readStored<Stored>(KEY);
 const usesMiles = /-(US|GB|LR|MM)$/.test(navigator.language);
 
 export const system = signal<System>(stored.system ?? (usesMiles ? "imperial" : "metric"));
 export const theme = signal<Theme>(stored.theme ?? "system");
 export const wholeBattery = signal(stored.wholeBattery ?? false);
-/** The language that was chosen; null for that of the browser. */
+/** Null for the language of the browser. */
 export const chosenLanguage = signal<Language | null>(stored.language ?? null);
 export const language = computed(() => languageOf(chosenLanguage.value, navigator.languages));
 export const text = computed(() => CATALOGUES[language.value]);
-export const format = computed(() => formatOf(localeOf(language.value, navigator.languages)));
+export const format = computed(() => formatFor(localeOf(language.value, navigator.languages)));
 export const units = computed(() => unitsOf(system.value));
 
 // eslint-disable-next-line page/text -- a media query
@@ -53,7 +53,7 @@ const prefersDark = matchMedia("(prefers-color-scheme: dark)");
 const systemDark = signal(prefersDark.matches);
 export const dark = computed(() => (theme.value === "system" ? systemDark.value : theme.value === "dark"));
 
-/** Keep the document and the storage in step with the preferences. */
+/** Apply the preferences to the document and store them whenever they change. */
 export function keepPreferences(): void {
   prefersDark.addEventListener("change", (event) => {
     systemDark.value = event.matches;
@@ -69,7 +69,7 @@ export function keepPreferences(): void {
       ?.setAttribute("content", text.value.document.description);
   });
   effect(() => {
-    remember(KEY, {
+    writeStored(KEY, {
       system: system.value,
       theme: theme.value,
       wholeBattery: wholeBattery.value,

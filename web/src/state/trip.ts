@@ -1,11 +1,11 @@
-/** The trip that is shown, from an example, a file or links. */
+/** The chosen trip: an example, a file or links. */
 
 import { signal } from "@preact/signals";
 import type { Columns, Example, Flag, Link, Route } from "../api/types";
 import { atMotorwaySpeed } from "../model/links";
-import { type Profile, profileOf } from "../model/profile";
+import { type Profile, profileFromSamples } from "../model/profile";
 import type { Car } from "./car";
-import { type Conditions, fieldsOf, USUAL, type Warmth } from "./conditions";
+import { type Conditions, fieldsOf, USUAL, type StartTemperatures } from "./conditions";
 
 const ROAD = ["time_s", "speed_m_s", "elevation_m", "grade"];
 const MEASURED = ["time_s", "voltage_v", "current_a", "soc", "displayed_soc"];
@@ -22,12 +22,12 @@ export interface Trip {
   /** Title of the example or name of the file; empty for pasted links. */
   title: string;
   notes: Flag[];
-  /** What no slider changes, as members of a JSON object, made once: the speed trace, or the heights of links. */
+  /** Members of the request that no slider changes, as JSON: the speed trace, or the elevation of links. */
   fixedJson: string;
   links: Link[] | null;
   profile: Profile;
   observed: Columns | null;
-  logged: Warmth;
+  logged: StartTemperatures;
   /** Conditions of the log or the example. */
   start: Conditions;
 }
@@ -51,16 +51,16 @@ function conditionsFrom(known: Record<string, unknown>): Conditions {
     setpointDegc: number("cabin_setpoint_degc", USUAL.setpointDegc),
     soc: Math.min(number("soc", USUAL.soc), FULL_SOC),
     payloadKg: number("payload_mass_kg", USUAL.payloadKg),
-    door: typeof known.cabin_temperature_degc === "number" ? "logged" : "parked",
+    beforeDeparture: typeof known.cabin_temperature_degc === "number" ? "logged" : "parked",
   };
 }
 
-function warmthFrom(known: Record<string, unknown>): Warmth {
+function startTemperaturesFrom(known: Record<string, unknown>): StartTemperatures {
   const names = ["cabin_temperature_degc", "battery_temperature_degc"] as const;
   return Object.fromEntries(names.filter((n) => typeof known[n] === "number").map((n) => [n, known[n]]));
 }
 
-export function tripOfExample(example: Example): Trip {
+export function tripFromExample(example: Example): Trip {
   const { samples, ...known } = example.request;
   return {
     example: example.trip,
@@ -70,14 +70,14 @@ export function tripOfExample(example: Example): Trip {
     notes: [],
     fixedJson: membersOf({ samples }),
     links: null,
-    profile: profileOf(samples),
+    profile: profileFromSamples(samples),
     observed: example.observed,
-    logged: warmthFrom(known),
+    logged: startTemperaturesFrom(known),
     start: conditionsFrom({ ...known, soc: known.soc ?? known.displayed_soc }),
   };
 }
 
-/** The first sample, with the state of charge that the driver sees as `soc`: a log's `soc` is the battery management's. */
+/** The first sample, with the displayed state of charge as `soc`; the `soc` of a log is that of the battery management. */
 function firstOf(samples: Columns): Record<string, unknown> {
   const first = Object.fromEntries(Object.entries(samples).map(([name, column]) => [name, column[0]]));
   return { ...first, soc: first.displayed_soc };
@@ -87,7 +87,7 @@ function isMeasured(columns: Columns): boolean {
   return ("voltage_v" in columns && "current_a" in columns) || "soc" in columns || "displayed_soc" in columns;
 }
 
-export function tripOfRoute(route: Route, title: string, source: Source): Trip {
+export function tripFromRoute(route: Route, title: string, source: Source): Trip {
   const links = route.links ?? null;
   const first = firstOf(route.samples);
   const measured = pick(route.samples, MEASURED);
@@ -101,18 +101,18 @@ export function tripOfRoute(route: Route, title: string, source: Source): Trip {
       links ? { elevation: route.elevation ?? null } : { samples: pick(route.samples, ROAD) },
     ),
     links,
-    profile: profileOf(route.samples),
+    profile: profileFromSamples(route.samples),
     observed: isMeasured(measured) ? measured : null,
-    logged: warmthFrom(first),
+    logged: startTemperaturesFrom(first),
     start: conditionsFrom(first),
   };
 }
 
-/** Body of a request for a forecast, and with what was `observed` of an update. */
-export function bodyOf(of: Trip, at: Conditions, car: Car | null, observed?: Columns): string {
-  const road = of.links && { links: atMotorwaySpeed(of.links, at.motorwayMS) };
+/** Body of a request for a forecast; with `observed`, for an update. */
+export function requestBody(of: Trip, at: Conditions, car: Car | null, observed?: Columns): string {
+  const links = of.links && { links: atMotorwaySpeed(of.links, at.motorwayMS) };
   const fields = {
-    ...road,
+    ...links,
     ...car,
     ...fieldsOf(at, of.logged),
     ...(observed && { observed }),

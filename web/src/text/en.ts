@@ -1,4 +1,4 @@
-/** English. Quantities come formatted, with their units; counts come as numbers. */
+/** English. Arguments are formatted quantities with their units, or counts as numbers. */
 
 import { pluralOf } from "./plural";
 
@@ -8,7 +8,7 @@ export const en = {
   document: {
     title: "tripwatt: battery along the way",
     description: "Energy and battery charge along an electric-car trip, with the uncertainty of the forecast",
-    noScript: "This page needs JavaScript.",
+    noScript: "This page requires JavaScript.",
   },
   skip: "Skip to the forecast",
   header: {
@@ -86,7 +86,7 @@ export const en = {
   },
   result: {
     title: "Forecast",
-    task: "Mode",
+    mode: "Mode",
     modes: { plan: "Plan", compare: "Compare", drive: "Drive" },
     notMeasured: "Drive needs a trip with measurements.",
     otherCar: "Drive is not available: the trip was measured with another car.",
@@ -122,9 +122,9 @@ export const en = {
     reserveAbove: (reserve: string) => `Reserve ${reserve} →`,
     empty: "Empty",
     arrivedWith: (soc: string) => `Arrived with ${soc}`,
-    place: "Place along the way",
+    position: "Position along the way",
     car: "Position of the car",
-    movePlace: "Move the slider to see the values along the way",
+    moveSlider: "Move the slider to see the values along the way",
     readoutBattery: (soc: string, low: string, high: string) => `battery ${soc} (${low} to ${high})`,
     readoutElevation: (height: string) => `elevation ${height}`,
     announced: (soc: string, band: string) =>
@@ -143,7 +143,7 @@ export const en = {
       veryUnlikely: "Very unlikely",
       almostImpossible: "Almost impossible",
     },
-    /** Follow the word. */
+    /** Appended to one of the words. */
     withReserve: (reserve: string) => ` to arrive with the reserve of ${reserve} or more`,
     withCharge: " to arrive before the battery is empty",
     announced: (word: string) => `${word} to keep the reserve.`,
@@ -210,11 +210,11 @@ export const en = {
     forecast: "Forecast on arrival",
     gauge: "Naive gauge",
     title: "Forecasts made on the way",
-    note: "Battery on arrival, as forecast at each place. The model uses the road ahead; the naive gauge extrapolates the consumption so far.",
+    note: "Battery on arrival, as forecast at each position. The model uses the road ahead; the naive gauge extrapolates the consumption so far.",
     keyForecast: "forecast",
     keyBand: "9 of 10 trips",
     keyGauge: "naive gauge",
-    chart: "Battery on arrival, as forecast at each place.",
+    chart: "Battery on arrival, as forecast at each position.",
     hint: "Press Start to replay the trip and update the forecast.",
     errors: (forecast: string, gauge: string) =>
       `Halfway, the error was ${forecast} percentage points for the forecast and ${gauge} for the naive gauge.`,
@@ -258,7 +258,7 @@ export const en = {
       "token-needed": "A token is required",
       "not-found": "Not found",
       "method-not-allowed": "Method not allowed",
-      "not-acceptable": "No accepted response format",
+      "not-acceptable": "No accepted response format is available",
       "body-late": "The upload took too long",
       "too-large": "The upload is too large",
       "media-type": "Unsupported media type",
@@ -334,5 +334,5 @@ export const en = {
   },
 };
 
-/** What every language must have. */
+/** Type of the texts of every language. */
 export type Text = typeof en;

@@ -1,11 +1,11 @@
-/** All text of the page, in each of its languages. */
+/** The texts of the page in all languages. */
 
 import { de } from "./de";
 import { en, type Text } from "./en";
 
 export type { Text };
 
-/** Languages of the page with their own names; the first is that of a browser that asks for none of them. */
+/** Languages of the page with their names; the first is the default. */
 export const LANGUAGES = { en: "English", de: "Deutsch" } as const;
 
 export type Language = keyof typeof LANGUAGES;
@@ -20,13 +20,13 @@ function isLanguage(name: unknown): name is Language {
   return typeof name === "string" && name in LANGUAGES;
 }
 
-/** The language that was chosen, else the first of the browser's that the page has. */
+/** The chosen language, else the first language of the browser that the page has. */
 export function languageOf(chosen: unknown, browser: readonly string[]): Language {
   if (isLanguage(chosen)) return chosen;
   return browser.map(languageIn).find(isLanguage) ?? "en";
 }
 
-/** The browser's own variant of a language, such as "de-CH", for its numbers. */
+/** The regional variant of a language in the browser, such as "de-CH", for number formats. */
 export function localeOf(language: Language, browser: readonly string[]): string {
   return browser.find((tag) => languageIn(tag) === language) ?? language;
 }

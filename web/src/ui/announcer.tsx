@@ -1,35 +1,35 @@
 import { useEffect, useState } from "preact/hooks";
 import { chanceOf, likelihoodOf } from "../model/arrival";
 import { PERCENT } from "../model/units";
-import { answer, arrived, playing } from "../state/drive";
-import { asked, problem } from "../state/forecast";
+import { shownForecast, arrived, playing } from "../state/drive";
+import { requested, problem } from "../state/forecast";
 import { format, text } from "../state/preferences";
 import { bandText } from "./wording";
 
 const SETTLED_MS = 700;
 
 function sentence(): string {
-  const now = answer.value;
+  const now = shownForecast.value;
   if (problem.value || !now) return "";
   const { result, chance } = text.value;
   const soc = format.value.shown(now.soc_arrival, PERCENT);
   if (arrived.value) return result.announcedArrival(soc);
   const forecast = result.announced(soc, bandText(now));
-  const found = chanceOf(now, asked.value.at.reserve);
+  const found = chanceOf(now, requested.value.at.reserve);
   return found === null ? forecast : `${forecast} ${chance.announced(chance.words[likelihoodOf(found)])}`;
 }
 
-/** The result in a live region, once it has settled. */
+/** The result in a live region, after it has been stable for `SETTLED_MS`. */
 export function Announcer() {
-  const [said, say] = useState("");
-  const next = playing.value ? said : sentence();
+  const [announced, setAnnounced] = useState("");
+  const next = playing.value ? announced : sentence();
   useEffect(() => {
-    const timer = setTimeout(() => say(next), SETTLED_MS);
+    const timer = setTimeout(() => setAnnounced(next), SETTLED_MS);
     return () => clearTimeout(timer);
   }, [next]);
   return (
     <p class="unseen" role="status" aria-live="polite">
-      {said}
+      {announced}
     </p>
   );
 }

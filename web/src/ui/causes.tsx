@@ -1,29 +1,29 @@
-import type { Answer } from "../api/types";
+import type { Forecast } from "../api/types";
 import { waterfall } from "../model/causes";
 import { ENERGY } from "../model/units";
 import { isMeasured, model } from "../state/car";
 import { format, text } from "../state/preferences";
 
-/** Least digits of a kilowatt-hour that tell the parts apart. */
+/** Digits of a kilowatt-hour. */
 const DIGITS = 2;
 
-/** Name of a cause; of an unknown one as it came. */
+/** Name of a cause; the key for an unknown one. */
 function nameOf(key: string): string {
   const names: Record<string, string> = text.value.causes.names;
   return names[key] ?? key;
 }
 
-/** Energy by cause: a table whose bars add up, each from where the last one ended. */
-export function Causes({ of, other }: { of: Answer; other: Answer | null }) {
+/** Energy by cause: a table with a waterfall chart in its cells. */
+export function Causes({ of, other }: { of: Forecast; other: Forecast | null }) {
   const { figure, shown, signed } = format.value;
   const { causes, compare } = text.value;
   const steps = waterfall(of.by_cause_wh, new Set(["learned_correction", "hvac"]));
   const ends = steps.flatMap((step) => [step.startWh, step.startWh + step.energyWh]);
   const low = Math.min(0, ...ends);
   const high = Math.max(of.energy_wh, ...ends);
-  const place = (wh: number) => `${(((wh - low) / (high - low)) * 100).toFixed(2)}%`;
+  const percentOf = (wh: number) => `${(((wh - low) / (high - low)) * 100).toFixed(2)}%`;
   const bar = (from: number, to: number) => ({
-    left: place(Math.min(from, to)),
+    left: percentOf(Math.min(from, to)),
     width: `${((Math.abs(to - from) / (high - low)) * 100).toFixed(2)}%`,
   });
   return (

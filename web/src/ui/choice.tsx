@@ -10,7 +10,7 @@ interface Props<T extends string> {
   disabled?: readonly T[];
 }
 
-/** A few exclusive choices side by side: radio buttons, so that arrow keys work. */
+/** Exclusive choices side by side, as radio buttons, so that arrow keys work. */
 export function Choice<T extends string>({
   label,
   value,

@@ -1,43 +1,42 @@
 import { hasMotorway, MOTORWAY_M_S } from "../model/links";
-import { PERCENT } from "../model/units";
-import { change, conditions, type Door, GARAGE_DEGC, resetTo } from "../state/conditions";
+import { change, conditions, type BeforeDeparture, GARAGE_DEGC, resetTo } from "../state/conditions";
 import { faults, mode, other } from "../state/forecast";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { Slider } from "./slider";
 
-const LIMITS = {
-  ambient: [-25, 45],
-  setpoint: [15, 28],
-  soc: [0.05, 1],
-  payload: [0, 500],
-  reserve: [0, 0.5],
-  motorway: [80 / 3.6, 150 / 3.6],
-} satisfies Record<string, [number, number]>;
-
 const USUAL_MOTORWAY_M_S = 130 / 3.6;
 
-const DOORS: Door[] = ["parked", "garage", "logged", "unknown"];
+/** Sliders from top to bottom: setting, key of the label, fields of the request. */
+const SLIDERS = [
+  ["ambientDegc", "outside", ["ambient_temperature_degc"]],
+  ["setpointDegc", "cabin", ["cabin_setpoint_degc"]],
+  ["soc", "soc", ["soc", "displayed_soc"]],
+  ["payloadKg", "payload", ["payload_mass_kg"]],
+  ["reserve", "reserve", ["reserve"]],
+] as const;
 
-function doorText(door: Door): string {
+const BEFORE_DEPARTURE: BeforeDeparture[] = ["parked", "garage", "logged", "unknown"];
+
+function beforeDepartureText(choice: BeforeDeparture): string {
   const { conditions: words } = text.value;
   const shown = (degc: number) => format.value.shown(degc, units.value.temperature);
-  if (door === "parked") return words.parked(shown(conditions.value.ambientDegc));
-  return door === "garage" ? words.garage(shown(GARAGE_DEGC)) : words[door];
+  if (choice === "parked") return words.parked(shown(conditions.value.ambientDegc));
+  return choice === "garage" ? words.garage(shown(GARAGE_DEGC)) : words[choice];
 }
 
-function DoorSelect() {
+function BeforeDepartureSelect() {
   const known = Object.keys(trip.value?.logged ?? {}).length > 0;
   return (
     <label class="field">
       <span>{text.value.conditions.before}</span>
       <select
-        value={conditions.value.door}
-        onChange={(event) => change({ door: event.currentTarget.value as Door })}
+        value={conditions.value.beforeDeparture}
+        onChange={(event) => change({ beforeDeparture: event.currentTarget.value as BeforeDeparture })}
       >
-        {DOORS.filter((door) => known || door !== "logged").map((door) => (
-          <option key={door} value={door}>
-            {doorText(door)}
+        {BEFORE_DEPARTURE.filter((choice) => known || choice !== "logged").map((choice) => (
+          <option key={choice} value={choice}>
+            {beforeDepartureText(choice)}
           </option>
         ))}
       </select>
@@ -65,12 +64,9 @@ function Motorway() {
       </label>
       {now !== null && (
         <Slider
+          setting="motorwayMS"
           label={words.motorway}
           value={now}
-          least={LIMITS.motorway[0]}
-          most={LIMITS.motorway[1]}
-          step={5}
-          quantity={speed}
           onChange={(motorwayMS) => change({ motorwayMS })}
         />
       )}
@@ -80,11 +76,9 @@ function Motorway() {
 
 export function ConditionsPanel() {
   const now = conditions.value;
-  const { temperature, mass } = units.value;
   const { conditions: words, settings } = text.value;
   const start = trip.value?.start;
   const changed = start && JSON.stringify({ ...start, reserve: now.reserve }) !== JSON.stringify(now);
-  const wrong = (field: string) => faults.value.get(field);
   return (
     <section class="panel conditions" aria-labelledby="conditions-title">
       <div class="heading">
@@ -98,58 +92,18 @@ export function ConditionsPanel() {
       {mode.value === "compare" && (
         <p class="note">{words.compared(settings[other.value.setting].inSentence)}</p>
       )}
-      <Slider
-        label={words.outside}
-        value={now.ambientDegc}
-        least={LIMITS.ambient[0]}
-        most={LIMITS.ambient[1]}
-        step={1}
-        quantity={temperature}
-        faults={wrong("ambient_temperature_degc")}
-        onChange={(ambientDegc) => change({ ambientDegc })}
-      />
-      <Slider
-        label={words.cabin}
-        value={now.setpointDegc}
-        least={LIMITS.setpoint[0]}
-        most={LIMITS.setpoint[1]}
-        step={1}
-        quantity={temperature}
-        faults={wrong("cabin_setpoint_degc")}
-        onChange={(setpointDegc) => change({ setpointDegc })}
-      />
-      <Slider
-        label={words.soc}
-        value={now.soc}
-        least={LIMITS.soc[0]}
-        most={LIMITS.soc[1]}
-        step={1}
-        quantity={PERCENT}
-        faults={wrong("soc") ?? wrong("displayed_soc")}
-        onChange={(soc) => change({ soc: Math.min(soc, 1) })}
-      />
-      <Slider
-        label={words.payload}
-        value={now.payloadKg}
-        least={LIMITS.payload[0]}
-        most={LIMITS.payload[1]}
-        step={10}
-        quantity={mass}
-        faults={wrong("payload_mass_kg")}
-        onChange={(payloadKg) => change({ payloadKg })}
-      />
-      <Slider
-        label={words.reserve}
-        value={now.reserve}
-        least={LIMITS.reserve[0]}
-        most={LIMITS.reserve[1]}
-        step={1}
-        quantity={PERCENT}
-        faults={wrong("reserve")}
-        onChange={(reserve) => change({ reserve: Math.round(reserve * 100) / 100 })}
-      />
+      {SLIDERS.map(([setting, label, fields]) => (
+        <Slider
+          key={setting}
+          setting={setting}
+          label={words[label]}
+          value={now[setting]}
+          faults={fields.flatMap((field) => faults.value.get(field) ?? [])}
+          onChange={(si) => change({ [setting]: si })}
+        />
+      ))}
       <Motorway />
-      <DoorSelect />
+      <BeforeDepartureSelect />
     </section>
   );
 }

@@ -1,42 +1,42 @@
-import type { Answer } from "../api/types";
+import type { Forecast } from "../api/types";
 import { ArrivalChart } from "../charts/arrival";
 import { chanceOf, DOTS, equallyLikely } from "../model/arrival";
 import { PERCENT } from "../model/units";
-import { answer, arrived, driving } from "../state/drive";
-import { alternative, asked, mode } from "../state/forecast";
+import { shownForecast, arrived, driving } from "../state/drive";
+import { alternative, requested, mode } from "../state/forecast";
 import { format, text } from "../state/preferences";
 import { Causes } from "./causes";
 import { DriveCard } from "./drive";
 import { ArrivalTable } from "./tables";
 import { chanceInFigures } from "./wording";
 
-function ArrivalDots({ of, shared, name }: { of: Answer; shared: Answer[]; name: string }) {
-  const { reserve } = asked.value.at;
+function ArrivalDots({ of, shared, name }: { of: Forecast; shared: Forecast[]; name: string }) {
+  const { reserve } = requested.value.at;
   const kept = equallyLikely(of).filter((soc) => soc >= reserve).length;
   const chance = chanceOf(of, reserve);
   const { arrival } = text.value;
-  const said = arrival.kept(kept, DOTS, format.value.shown(reserve, PERCENT));
+  const sentence = arrival.kept(kept, DOTS, format.value.shown(reserve, PERCENT));
   const isOther = of !== shared[0];
   return (
     <>
       {name && <h3 class={isOther ? "is-other" : ""}>{name}</h3>}
       <ArrivalChart
-        answer={of}
+        forecast={of}
         shared={shared}
         isOther={isOther}
         reserve={reserve}
         height={shared.length > 1 ? 150 : 190}
-        label={said}
+        label={sentence}
       />
-      <p class="said">
-        {said}
+      <p class="outcomes">
+        {sentence}
         {chance !== null && arrival.exact(chanceInFigures(chance))}.
       </p>
     </>
   );
 }
 
-function Arrival({ of, other }: { of: Answer; other: Answer | null }) {
+function Arrival({ of, other }: { of: Forecast; other: Forecast | null }) {
   const shared = other ? [of, other] : [of];
   const { arrival, compare } = text.value;
   return (
@@ -52,7 +52,7 @@ function Arrival({ of, other }: { of: Answer; other: Answer | null }) {
 }
 
 export function Details() {
-  const now = answer.value;
+  const now = shownForecast.value;
   if (!now) return null;
   const other = mode.value === "compare" ? alternative.value : null;
   return (

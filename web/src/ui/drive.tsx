@@ -1,9 +1,9 @@
-import type { Answer } from "../api/types";
+import type { Forecast } from "../api/types";
 import { HistoryChart } from "../charts/history";
 import { interpolate } from "../model/interpolate";
 import { PERCENT } from "../model/units";
 import { arrived, distanceM, history, playing, RATES, rate, timeS, togglePlaying } from "../state/drive";
-import { lengthM } from "../state/pointer";
+import { lengthM } from "../state/position";
 import { format, text, units } from "../state/preferences";
 import { Choice } from "./choice";
 import { Icon } from "./icons";
@@ -44,7 +44,7 @@ export function DriveControls() {
   );
 }
 
-export function DriveLine({ of }: { of: Answer }) {
+export function DriveLine({ of }: { of: Forecast }) {
   const last = history.value.at(-1);
   const now = interpolate(distanceM.value, of.series.distance_m, of.series.displayed_soc);
   const naive = last?.naive ?? null;
@@ -68,12 +68,12 @@ export function DriveLine({ of }: { of: Answer }) {
   );
 }
 
-/** The errors of both at half the distance, once the arrival is known. */
+/** The errors of forecast and naive gauge at half the distance; empty before arrival. */
 function errorsText(): string {
-  const said = history.value;
-  const end = said.at(-1);
+  const points = history.value;
+  const end = points.at(-1);
   if (!arrived.value || !end) return "";
-  const half = said.find((m) => m.distanceM >= lengthM.value / 2 && m.naive !== null);
+  const half = points.find((m) => m.distanceM >= lengthM.value / 2 && m.naive !== null);
   if (!half || half.naive === null) return "";
   const off = (soc: number) => format.value.figure(Math.abs(PERCENT.from(soc - end.soc)), 1);
   return text.value.drive.errors(off(half.soc), off(half.naive));

@@ -1,24 +1,24 @@
 import { useEffect, useState } from "preact/hooks";
 import { chanceOf } from "../model/arrival";
 import { PERCENT } from "../model/units";
-import { answer } from "../state/drive";
-import { asked } from "../state/forecast";
+import { shownForecast } from "../state/drive";
+import { requested } from "../state/forecast";
 import { format, text } from "../state/preferences";
 import { bandText, chanceInFigures } from "./wording";
 
-/** On a phone: the result at the foot while its picture is out of sight. The card of the picture has it too. */
+/** On a phone: the result at the bottom of the screen while the chart is out of view. */
 export function Glance() {
-  const [away, setAway] = useState(false);
+  const [isHidden, setHidden] = useState(false);
   useEffect(() => {
-    const headline = document.querySelector(".result .plot");
-    if (!headline) return;
-    const watcher = new IntersectionObserver(([entry]) => setAway(!entry?.isIntersecting));
-    watcher.observe(headline);
+    const plot = document.querySelector(".result .plot");
+    if (!plot) return;
+    const watcher = new IntersectionObserver(([entry]) => setHidden(!entry?.isIntersecting));
+    watcher.observe(plot);
     return () => watcher.disconnect();
-  }, [answer.value !== null]);
-  const now = answer.value;
-  if (!now || !away) return null;
-  const chance = chanceOf(now, asked.value.at.reserve);
+  }, [shownForecast.value !== null]);
+  const now = shownForecast.value;
+  if (!now || !isHidden) return null;
+  const chance = chanceOf(now, requested.value.at.reserve);
   const { result } = text.value;
   return (
     <div class="glance" aria-hidden="true">

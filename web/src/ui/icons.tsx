@@ -1,4 +1,4 @@
-/** Icons of one stroke; what they mean is always said in words beside them. */
+/** Decorative icons; a text beside each has its meaning. */
 
 const PATHS = {
   play: "M7 4.5v15l12-7.5z",

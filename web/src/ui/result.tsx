@@ -1,28 +1,28 @@
 import type { ComponentChildren } from "preact";
-import type { Answer, Problem } from "../api/types";
+import type { Forecast, Problem } from "../api/types";
 import { BatteryChart } from "../charts/battery";
 import { RoadChart } from "../charts/road";
 import { FAILED, UNREACHABLE } from "../api/client";
 import { chanceOf, emptyAfterM, likelihoodOf, verdictOf } from "../model/arrival";
 import { ENERGY, PERCENT } from "../model/units";
 import { loading, retry } from "../state/catalogue";
-import { answer, arrived, canDrive, driving, road, whyNoDrive } from "../state/drive";
-import { alternative, asked, type Mode, mode, PAGE, problem } from "../state/forecast";
+import { shownForecast, arrived, canDrive, driving, shownProfile, driveObstacle } from "../state/drive";
+import { alternative, requested, type Mode, mode, PAGE_ERROR, problem } from "../state/forecast";
 import { format, text, units, wholeBattery } from "../state/preferences";
 import { trip } from "../state/trip";
 import { Choice } from "./choice";
 import { CompareControls, CompareLine } from "./compare";
 import { DriveControls, DriveLine } from "./drive";
 import { Icon } from "./icons";
-import { Place } from "./place";
+import { PositionSlider } from "./position-slider";
 import { RouteTable } from "./tables";
 import { Warnings } from "./warnings";
 import { bandText, chanceInFigures } from "./wording";
 
 const MODES: Mode[] = ["plan", "compare", "drive"];
 
-function Chance({ of }: { of: Answer }) {
-  const reserve = asked.value.at.reserve;
+function Chance({ of }: { of: Forecast }) {
+  const reserve = requested.value.at.reserve;
   const chance = chanceOf(of, reserve);
   if (chance === null) return null;
   const { words, withReserve, withCharge } = text.value.chance;
@@ -38,12 +38,12 @@ function Chance({ of }: { of: Answer }) {
   );
 }
 
-function Headline({ of }: { of: Answer }) {
+function Headline({ of }: { of: Forecast }) {
   const emptyM = emptyAfterM(of);
   const measured = driving.value && arrived.value;
   const { result } = text.value;
   const { figure, shown } = format.value;
-  const said = measured ? result.measured : result.inTrips(bandText(of));
+  const detail = measured ? result.measured : result.inTrips(bandText(of));
   return (
     <div class="headline">
       <p class="arrival">
@@ -53,7 +53,7 @@ function Headline({ of }: { of: Answer }) {
           <small>{PERCENT.unit}</small>
         </span>
         <span class="range">
-          {emptyM === null ? said : result.emptyAfter(shown(emptyM, units.value.distance, 0))}
+          {emptyM === null ? detail : result.emptyAfter(shown(emptyM, units.value.distance, 0))}
         </span>
       </p>
       {!measured && <Chance of={of} />}
@@ -70,7 +70,7 @@ function Stat({ label, children }: { label: string; children: ComponentChildren 
   );
 }
 
-function Stats({ of }: { of: Answer }) {
+function Stats({ of }: { of: Forecast }) {
   const distance = of.series.distance_m.at(-1) as number;
   const q = of.quantiles_wh;
   const { result } = text.value;
@@ -108,13 +108,13 @@ function Given() {
   return <p class="given">{trip.value?.links ? givenPlanned : givenDriven}</p>;
 }
 
-/** Title and detail of a problem; `isRaw` where the detail is the service's own, in English. */
+/** Title and detail of a problem; `isRaw` when the detail is an English text of the service. */
 function problemText({ type, title, detail }: Problem): { title: string; detail: string; isRaw: boolean } {
   const { problems } = text.value;
   if (type === UNREACHABLE) {
     return { title: problems.unreachable, detail: problems.unreachableHint, isRaw: false };
   }
-  if (type === PAGE) return { title: problems.page, detail, isRaw: true };
+  if (type === PAGE_ERROR) return { title: problems.page, detail, isRaw: true };
   if (type === FAILED) return { title: problems.failed, detail: title, isRaw: true };
   const titles: Record<string, string> = problems.titles;
   return { title: titles[type?.split("/").at(-1) ?? ""] ?? title, detail, isRaw: true };
@@ -158,7 +158,7 @@ function Waiting() {
   );
 }
 
-function chartLabel(of: Answer): string {
+function chartLabel(of: Forecast): string {
   const { shown } = format.value;
   const from = shown(of.series.displayed_soc[0] as number, PERCENT);
   return text.value.result.chart(from, shown(of.soc_arrival, PERCENT), bandText(of));
@@ -167,7 +167,7 @@ function chartLabel(of: Answer): string {
 function RoadHeading() {
   const { speed, height } = units.value;
   const { result } = text.value;
-  const hilly = road.value?.elevationM != null;
+  const hilly = shownProfile.value?.elevationM != null;
   return (
     <ul class="legend road-legend" aria-hidden="true">
       <li class="key-speed">{result.speedIn(speed.unit)}</li>
@@ -176,7 +176,7 @@ function RoadHeading() {
   );
 }
 
-function Picture({ of }: { of: Answer }) {
+function Picture({ of }: { of: Forecast }) {
   const { result } = text.value;
   const tall = matchMedia("(min-width: 700px)").matches;
   return (
@@ -198,13 +198,13 @@ function Picture({ of }: { of: Answer }) {
       <BatteryChart height={tall ? 320 : 240} label={chartLabel(of)} />
       <RoadHeading />
       <RoadChart height={tall ? 160 : 130} label={result.roadChart} />
-      <Place of={of} />
+      <PositionSlider of={of} />
     </figure>
   );
 }
 
 export function Result() {
-  const now = answer.value;
+  const now = shownForecast.value;
   const others = alternative.value?.flags ?? [];
   const { result } = text.value;
   return (
@@ -214,7 +214,7 @@ export function Result() {
           {result.title}
         </h2>
         <Choice
-          label={result.task}
+          label={result.mode}
           class="modes"
           value={mode.value}
           options={MODES.map((name) => [name, result.modes[name]] as const)}
@@ -223,7 +223,7 @@ export function Result() {
             mode.value = value;
           }}
         />
-        {trip.value && whyNoDrive.value && <p class="note">{result[whyNoDrive.value]}</p>}
+        {trip.value && driveObstacle.value && <p class="note">{result[driveObstacle.value]}</p>}
       </div>
       {mode.value === "compare" && <CompareControls />}
       <Failure />

@@ -1,34 +1,31 @@
 import { useId } from "preact/hooks";
 import type { Fault } from "../api/types";
-import type { Quantity } from "../model/units";
 import { format } from "../state/preferences";
 import { FaultList } from "./faults";
+import { type SettingName, SETTINGS } from "./settings";
 
 interface Props {
+  setting: SettingName;
   label: string;
   /** In SI. */
   value: number;
-  least: number;
-  most: number;
-  /** In what is shown. */
-  step: number;
-  quantity: Quantity;
   faults?: Fault[] | undefined;
   onChange: (value: number) => void;
 }
 
-/** A value that the picture follows. */
-export function Slider({ label, value, least, most, step, quantity, faults = [], onChange }: Props) {
+/** A slider for a setting, with its value and its faults. */
+export function Slider({ setting, label, value, faults = [], onChange }: Props) {
   const id = useId();
-  const low = Math.round(quantity.from(least) / step) * step;
-  const high = Math.round(quantity.from(most) / step) * step;
+  const { quantity: quantityOf, limits, step, exact = (si) => si } = SETTINGS[setting];
+  const quantity = quantityOf();
+  const [low, high] = limits.map((si) => Math.round(quantity.from(si) / step) * step) as [number, number];
   const now = quantity.from(value);
-  const { shown } = format.value;
+  const shown = format.value.shown(value, quantity);
   const filled = Math.min(Math.max((now - low) / (high - low), 0), 1);
   return (
     <div class="slider">
       <label for={id}>{label}</label>
-      <output for={id}>{shown(value, quantity)}</output>
+      <output for={id}>{shown}</output>
       <input
         id={id}
         type="range"
@@ -37,10 +34,10 @@ export function Slider({ label, value, least, most, step, quantity, faults = [],
         step={step}
         value={now}
         style={{ "--filled": String(filled) }}
-        aria-valuetext={shown(value, quantity)}
+        aria-valuetext={shown}
         aria-invalid={faults.length > 0}
         aria-describedby={faults.length > 0 ? `${id}-faults` : undefined}
-        onInput={(event) => onChange(quantity.to(event.currentTarget.valueAsNumber))}
+        onInput={(event) => onChange(exact(quantity.to(event.currentTarget.valueAsNumber)))}
       />
       <FaultList id={`${id}-faults`} faults={faults} />
     </div>

@@ -1,11 +1,11 @@
 /** The values of the charts as tables. */
 
 import type { ComponentChildren } from "preact";
-import type { Answer } from "../api/types";
+import type { Forecast } from "../api/types";
 import { socFromEnergy } from "../model/arrival";
 import { interpolate } from "../model/interpolate";
 import { PERCENT } from "../model/units";
-import { history, road } from "../state/drive";
+import { history, shownProfile } from "../state/drive";
 import { format, text, units } from "../state/preferences";
 
 const ROWS = 16;
@@ -49,12 +49,12 @@ function some(count: number): number[] {
   return [...new Set(picked)];
 }
 
-export function RouteTable({ of }: { of: Answer }) {
+export function RouteTable({ of }: { of: Forecast }) {
   const { distance, speed, height } = units.value;
   const { duration, figure } = format.value;
   const { tables, result } = text.value;
   const { series } = of;
-  const along = road.value;
+  const profile = shownProfile.value;
   const rows = some(series.distance_m.length).map((k) => {
     const at = series.distance_m[k] as number;
     const cell = (column: number[]) => figure(PERCENT.from(column[k] as number), 1);
@@ -63,8 +63,10 @@ export function RouteTable({ of }: { of: Answer }) {
       duration(series.time_s[k] as number),
       cell(series.displayed_soc),
       result.range(cell(series.displayed_soc_low), cell(series.displayed_soc_high)),
-      along ? figure(speed.from(interpolate(at, along.distanceM, along.speedMS)), 0) : "",
-      along?.elevationM ? figure(height.from(interpolate(at, along.distanceM, along.elevationM)), 0) : "–",
+      profile ? figure(speed.from(interpolate(at, profile.distanceM, profile.speedMS)), 0) : "",
+      profile?.elevationM
+        ? figure(height.from(interpolate(at, profile.distanceM, profile.elevationM)), 0)
+        : "–",
     ];
   });
   const head = [
@@ -78,7 +80,7 @@ export function RouteTable({ of }: { of: Answer }) {
   return <Table title={tables.route} head={head} rows={rows} />;
 }
 
-export function ArrivalTable({ of }: { of: Answer }) {
+export function ArrivalTable({ of }: { of: Forecast }) {
   const { shown } = format.value;
   const { tables } = text.value;
   const rows = Object.entries(of.quantiles_wh)
@@ -91,11 +93,11 @@ export function ArrivalTable({ of }: { of: Answer }) {
 export function HistoryTable() {
   const { figure } = format.value;
   const { tables, result } = text.value;
-  const said = history.value;
+  const points = history.value;
   const { distance } = units.value;
-  if (said.length < 2) return null;
-  const rows = some(said.length).map((k) => {
-    const { distanceM, soc, low, high, naive } = said[k] as (typeof said)[number];
+  if (points.length < 2) return null;
+  const rows = some(points.length).map((k) => {
+    const { distanceM, soc, low, high, naive } = points[k] as (typeof points)[number];
     const percent = (value: number) => figure(PERCENT.from(value), 1);
     return [
       figure(distance.from(distanceM), 2),

@@ -1,29 +1,29 @@
 import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { whenTokenIsWanted } from "../api/client";
+import { setTokenProvider } from "../api/client";
 import { text } from "../state/preferences";
 
-interface Asked {
+interface TokenRequest {
   again: boolean;
-  answers: ((token: string) => void)[];
+  resolvers: ((token: string) => void)[];
 }
 
-const asked = signal<Asked | null>(null);
+const pending = signal<TokenRequest | null>(null);
 
-/** Let the client ask through this dialog; requests that wait at the same time share one answer. */
-export function askHere(): void {
-  whenTokenIsWanted(
+/** Request tokens with this dialog; requests that wait at the same time get the same token. */
+export function connectTokenDialog(): void {
+  setTokenProvider(
     (again) =>
       new Promise((resolve) => {
-        const answers = [...(asked.value?.answers ?? []), resolve];
-        asked.value = { again: again || (asked.value?.again ?? false), answers };
+        const resolvers = [...(pending.value?.resolvers ?? []), resolve];
+        pending.value = { again: again || (pending.value?.again ?? false), resolvers };
       }),
   );
 }
 
 export function TokenDialog() {
   const dialog = useRef<HTMLDialogElement>(null);
-  const now = asked.value;
+  const now = pending.value;
   const { token: words } = text.value;
   useEffect(() => {
     if (now) dialog.current?.showModal();
@@ -36,8 +36,8 @@ export function TokenDialog() {
         onSubmit={(event) => {
           event.preventDefault();
           const token = new FormData(event.currentTarget).get("token");
-          asked.value = null;
-          for (const answer of now?.answers ?? []) answer(String(token ?? "").trim());
+          pending.value = null;
+          for (const resolve of now?.resolvers ?? []) resolve(String(token ?? "").trim());
         }}
       >
         <h2 id="token-title">{words.title}</h2>

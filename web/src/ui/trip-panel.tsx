@@ -40,7 +40,7 @@ function Examples() {
   );
 }
 
-/** What the trip consists of. */
+/** Kind of the trip. */
 function kindText({ source, links }: Trip): string {
   const { trip } = text.value;
   if (source === "examples") return trip.synthetic;
@@ -54,7 +54,7 @@ function loadingText(): string {
   return now.what === "file" ? trip.loadingFile(now.name) : trip.loading[now.what];
 }
 
-/** What the reading of the trip assumed. */
+/** Assumptions made when the trip was read. */
 function Notes({ of }: { of: Trip }) {
   const notes = warningsOf(of.notes, { text: text.value, format: format.value, units: units.value });
   return (

@@ -10,7 +10,7 @@ interface Props {
   serious: boolean;
 }
 
-/** What the forecast had to assume. The serious ones stand before the picture, the others below it. */
+/** Warnings (`serious`) or notes of a forecast. */
 export function Warnings({ flags, others, serious }: Props) {
   const wording = { text: text.value, format: format.value, units: units.value };
   const { flags: words, compare } = text.value;

@@ -1,13 +1,13 @@
-/** Phrases that several parts of the page share. */
+/** Phrases used in several parts of the page. */
 
-import type { Answer } from "../api/types";
+import type { Forecast } from "../api/types";
 import { arrivalBand, hundredthsOf } from "../model/arrival";
 import { PERCENT } from "../model/units";
 import { format, text } from "../state/preferences";
 import type { Trip } from "../state/trip";
 
-/** Both ends of the band, with the unit once. */
-export function bandText(of: Answer, digits = 0): string {
+/** The central 90 % interval of the charge on arrival. */
+export function bandText(of: Forecast, digits = 0): string {
   const [low, high] = arrivalBand(of).map((soc) => format.value.figure(PERCENT.from(soc), digits)) as [
     string,
     string,
@@ -22,7 +22,7 @@ export function chanceInFigures(chance: number): string {
   return text.value.chance.figures[side](count);
 }
 
-/** Title of an example; of an unknown one as it came. */
+/** Title of an example in the language of the page; unchanged for an unknown one. */
 export function exampleTitle(title: string): string {
   const titles: Record<string, string> = text.value.trip.examples;
   return titles[title] ?? title;

@@ -1,4 +1,4 @@
-"""What the service answers: the command line's figures under the command line's names."""
+"""The responses of the service have the numbers and the names of the command line."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from benchmarks.service_fuzz import seeds
 from benchmarks.service_process import Service
 
 from tripwatt.errors import InvalidInput
-from tripwatt.service.jobs import _sound
+from tripwatt.service.jobs import require_finite
 
 LINKS = [
     {"length_m": 800.0, "speed_m_s": 8.5, "grade": 0.01},
@@ -31,7 +31,7 @@ def command_line(*arguments: object) -> dict[str, Any]:
     return dict(json.loads(done.stdout))
 
 
-def test_answer_is_the_command_lines_to_the_last_digit(
+def test_a_forecast_equals_that_of_the_command_line(
     service: Service, drive: dict[str, Any], tmp_path: Path
 ) -> None:
     pd.DataFrame(drive["samples"]).to_csv(tmp_path / "trip.csv", index=False)
@@ -39,7 +39,9 @@ def test_answer_is_the_command_lines_to_the_last_digit(
     assert service.forecast(drive).json() == command_line(tmp_path / "trip.csv", *options)
 
 
-def test_planned_answer_is_the_command_lines(service: Service, tmp_path: Path) -> None:
+def test_the_forecast_of_a_planned_route_equals_that_of_the_command_line(
+    service: Service, tmp_path: Path
+) -> None:
     (tmp_path / "trip.json").write_text(json.dumps(LINKS))
     asked = {"links": LINKS, "soc": 0.6, "ambient_temperature_degc": 3.0, "reserve": 0.2}
     printed = command_line(tmp_path / "trip.json", "--soc", 0.6, "--ambient", 3, "--reserve", 0.2)
@@ -47,7 +49,7 @@ def test_planned_answer_is_the_command_lines(service: Service, tmp_path: Path) -
     assert printed["given"] == "a planned route"
 
 
-def test_update_takes_what_was_measured(service: Service, drive: dict[str, Any], tmp_path: Path) -> None:
+def test_an_update_uses_the_measurements(service: Service, drive: dict[str, Any], tmp_path: Path) -> None:
     time = drive["samples"]["time_s"][:150]
     observed = {"time_s": time, "voltage_v": [360.0] * 150, "current_a": [60.0] * 150}
     before = service.forecast(drive).json()
@@ -60,7 +62,7 @@ def test_update_takes_what_was_measured(service: Service, drive: dict[str, Any],
     assert after == command_line(tmp_path / "trip.csv", *options, "--observed", tmp_path / "seen.csv")
 
 
-def test_every_wrong_field_is_named_at_once(service: Service, drive: dict[str, Any]) -> None:
+def test_all_wrong_fields_are_named_together(service: Service, drive: dict[str, Any]) -> None:
     wrong = drive | {"soc": 1.5, "payload_mass_kg": "80", "colour": "red"}
     answer = service.forecast(wrong)
     assert answer.status_code == 422
@@ -86,7 +88,7 @@ def test_every_wrong_field_is_named_at_once(service: Service, drive: dict[str, A
         ([1, 2], "samples"),
     ],
 )
-def test_faults_of_samples_say_where(service: Service, samples: object, where: str) -> None:
+def test_faults_of_samples_name_their_position(service: Service, samples: object, where: str) -> None:
     answer = service.forecast({"samples": samples})
     assert answer.status_code == 422
     assert where in [fault["where"] for fault in answer.json()["faults"]]
@@ -105,7 +107,7 @@ def test_faults_of_samples_say_where(service: Service, samples: object, where: s
         lambda drive: {"links": LINKS, "elevation": {"position_m": [0.0, 1.0], "elevation_m": [1.0, 2.0]}},
     ],
 )
-def test_what_cannot_be_asked_is_a_422(service: Service, drive: dict[str, Any], request_of: Any) -> None:
+def test_invalid_input_is_a_422(service: Service, drive: dict[str, Any], request_of: Any) -> None:
     answer = service.forecast(request_of(drive))
     assert answer.status_code == 422
     assert answer.json()["faults"]
@@ -114,13 +116,13 @@ def test_what_cannot_be_asked_is_a_422(service: Service, drive: dict[str, Any], 
 @pytest.mark.parametrize(
     "body", [b"", b"{", b'{"reserve": NaN}', b'{"reserve": 1e999}', b'"\xff"', b"[" * 5000, b"Infinity"]
 )
-def test_what_is_no_json_is_a_400(service: Service, body: bytes) -> None:
+def test_invalid_json_is_a_400(service: Service, body: bytes) -> None:
     answer = service.client.post("/v1/forecast", content=body, headers={"Content-Type": "application/json"})
     assert answer.status_code == 400
     assert answer.json()["type"] == "/problems/not-json"
 
 
-def test_batch_answers_each_line_in_order(service: Service, drive: dict[str, Any]) -> None:
+def test_a_batch_returns_its_lines_in_order(service: Service, drive: dict[str, Any]) -> None:
     lines = [orjson.dumps(drive | {"trip": f"t{k}", "payload_mass_kg": 50.0 * k}) for k in range(5)]
     body = b"\n".join([*lines[:3], b"nonsense", b'{"links": 3}', *lines[3:]])
     headers = {"Content-Type": "application/x-ndjson"}
@@ -137,7 +139,7 @@ def test_batch_answers_each_line_in_order(service: Service, drive: dict[str, Any
 
 
 @pytest.mark.parametrize("kind", ["application/gpx+xml", "text/csv", "application/json"])
-def test_upload_comes_back_as_a_request(service: Service, kind: str) -> None:
+def test_an_upload_returns_fields_of_a_request(service: Service, kind: str) -> None:
     uploads = [(path, body) for path, body in seeds()[kind] if path.startswith("/v1/routes")]
     assert uploads
     for path, body in uploads:
@@ -150,7 +152,7 @@ def test_upload_comes_back_as_a_request(service: Service, kind: str) -> None:
         assert forecast["given"] == ("a planned route" if planned else "the driven speed trace")
 
 
-def test_heights_of_a_route_survive_the_way_back(service: Service) -> None:
+def test_the_elevation_of_an_upload_is_used_in_its_forecast(service: Service) -> None:
     """Hills between the ends of the links cost energy."""
     points = [[11.5 + k / 500.0, 48.1, 500.0 + 30.0 * math.sin(k / 3.0)] for k in range(40)]
     line = {
@@ -167,7 +169,7 @@ def test_heights_of_a_route_survive_the_way_back(service: Service) -> None:
     assert not any(flag["code"] == "no_elevation" for flag in with_heights["flags"])
 
 
-def test_library_names_what_can_be_asked(service: Service, drive: dict[str, Any]) -> None:
+def test_models_and_vehicles_have_names_for_requests(service: Service, drive: dict[str, Any]) -> None:
     models = service.client.get("/v1/models").json()["models"]
     cars = {car["name"]: car for car in service.client.get("/v1/vehicles").json()["vehicles"]}
     own = models[0]["model"]["vehicle"]
@@ -176,7 +178,7 @@ def test_library_names_what_can_be_asked(service: Service, drive: dict[str, Any]
     assert service.forecast(named).json() == service.forecast(drive).json()
 
 
-def test_another_car_is_forecast_with_its_own_physics_and_more_doubt(
+def test_another_car_is_forecast_with_its_own_physics_and_wider_intervals(
     service: Service, drive: dict[str, Any]
 ) -> None:
     own = service.forecast(drive).json()
@@ -201,9 +203,9 @@ def test_examples_can_be_forecast_and_replayed(service: Service) -> None:
 
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("place", ["energy_wh", "quantiles_wh", "series"])
-def test_no_answer_holds_what_is_no_number(place: str, wrong: float) -> None:
-    """JSON would say null."""
+@pytest.mark.parametrize("field", ["energy_wh", "quantiles_wh", "series"])
+def test_a_forecast_that_is_not_finite_is_refused(field: str, wrong: float) -> None:
+    """JSON would hold null instead."""
     answer: dict[str, Any] = {
         "energy_wh": 1.0,
         "soc_arrival": 0.5,
@@ -212,7 +214,7 @@ def test_no_answer_holds_what_is_no_number(place: str, wrong: float) -> None:
         "p_arrive": {"0": 1.0},
         "series": {"time_s": [0.0, 1.0]},
     }
-    assert _sound(answer) is answer
+    assert require_finite(answer) is answer
     spoiled = {"energy_wh": wrong, "quantiles_wh": {"0.5": wrong}, "series": {"time_s": [0.0, wrong, 1.0]}}
     with pytest.raises(InvalidInput, match="no forecast"):
-        _sound(answer | {place: spoiled[place]})
+        require_finite(answer | {field: spoiled[field]})

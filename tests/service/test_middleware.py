@@ -1,4 +1,4 @@
-"""What every request passes: who may come in, how much, how often, and what an answer wears."""
+"""Token, limits, rate, content negotiation, headers and the log, as every request meets them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import pytest
 from benchmarks.service_process import TOKEN, Service, serving, wait_for
 
 from tripwatt.service import worker
-from tripwatt.service.jobs import Work
+from tripwatt.service.jobs import Jobs
 from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Limits
 
@@ -27,16 +27,16 @@ def strict(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     """A service for other machines, with small limits."""
     limits = ("body_bytes=20000", "samples=400", "links=50", "batch=3", "batch_bytes=50000", "waiting=1")
     options = [option for limit in limits for option in ("--limit", limit)]
-    place = tmp_path_factory.mktemp("strict")
+    folder = tmp_path_factory.mktemp("strict")
     arguments = ("--host", "0.0.0.0", "--workers", "1", "--limit", "body_timeout_s=1", *options)
-    with serving(place, *arguments, token=TOKEN) as found:
+    with serving(folder, *arguments, token=TOKEN) as found:
         found.client.headers["Authorization"] = f"Bearer {TOKEN}"
         yield found
 
 
 @pytest.mark.parametrize("given", [None, "", "Bearer", "Bearer wrong", f"Basic {TOKEN}", f"Bearer {TOKEN}x"])
 @pytest.mark.parametrize("path", ["/v1/models", "/metrics", "/openapi.json", "/v1/nothing"])
-def test_without_the_token_nothing_is_told(strict: Service, given: str | None, path: str) -> None:
+def test_requests_without_the_token_are_refused(strict: Service, given: str | None, path: str) -> None:
     headers = {} if given is None else {"Authorization": given}
     del strict.client.headers["Authorization"]
     try:
@@ -48,14 +48,14 @@ def test_without_the_token_nothing_is_told(strict: Service, given: str | None, p
     assert answer.json()["type"] == "/problems/token-needed"
 
 
-def test_health_needs_no_token_and_the_token_opens(strict: Service) -> None:
+def test_health_needs_no_token_and_the_token_gives_access(strict: Service) -> None:
     assert strict.client.get("/healthz", headers={"Authorization": ""}).status_code == 200
     assert strict.client.get("/readyz", headers={"Authorization": ""}).json()["workers"] == 1
     assert strict.client.get("/v1/models").status_code == 200
     assert TOKEN not in strict.log.read_text()
 
 
-def test_too_much_is_refused(strict: Service, drive: dict[str, Any]) -> None:
+def test_inputs_above_the_limits_are_refused(strict: Service, drive: dict[str, Any]) -> None:
     post = strict.client.post
     long = {"samples": {"time_s": list(range(500)), "speed_m_s": [1] * 500}}
     many = {"links": [{"length_m": 100, "speed_m_s": 10}] * 60}
@@ -70,8 +70,8 @@ def test_too_much_is_refused(strict: Service, drive: dict[str, Any]) -> None:
     assert orjson.loads(wide.content)["status"] == 413
 
 
-def test_a_body_is_counted_as_it_comes(strict: Service) -> None:
-    """Without a Content-Length, and before it is whole: the answer comes while bytes are still to be sent."""
+def test_a_body_is_counted_as_it_arrives(strict: Service) -> None:
+    """Without a Content-Length; the response arrives before the body is complete."""
 
     def endless() -> Iterator[bytes]:
         for _ in range(30):
@@ -82,7 +82,7 @@ def test_a_body_is_counted_as_it_comes(strict: Service) -> None:
     assert answer.headers["connection"] == "close"
 
 
-def test_a_body_that_does_not_come_is_not_awaited(strict: Service) -> None:
+def test_a_body_that_does_not_arrive_times_out(strict: Service) -> None:
     with socket.create_connection(("127.0.0.1", strict.port), timeout=10) as connection:
         head = f"POST /v1/forecast HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer {TOKEN}\r\nContent-Length: 9"
         connection.sendall(f"{head}\r\nContent-Type: application/json\r\n\r\n{{".encode())
@@ -101,9 +101,7 @@ def test_a_body_that_does_not_come_is_not_awaited(strict: Service) -> None:
         (JSON | {"Content-Type": "application/json; charset=utf-8"}, 400),
     ],
 )
-def test_only_what_is_read_and_answered_is_taken(
-    service: Service, headers: dict[str, str], status: int
-) -> None:
+def test_unsupported_media_types_are_refused(service: Service, headers: dict[str, str], status: int) -> None:
     answer = service.client.post("/v1/forecast", content=b"no json", headers=headers)
     assert answer.status_code == status
     assert answer.json()["status"] == status
@@ -113,19 +111,23 @@ def test_only_what_is_read_and_answered_is_taken(
     ("method", "path", "status"),
     [("GET", "/v1/nothing", 404), ("DELETE", "/v1/forecast", 405), ("GET", "/v1/examples/none", 404)],
 )
-def test_wrong_ways_are_problem_documents(service: Service, method: str, path: str, status: int) -> None:
+def test_unknown_paths_and_methods_are_problem_documents(
+    service: Service, method: str, path: str, status: int
+) -> None:
     answer = service.client.request(method, path)
     assert (answer.status_code, answer.headers["content-type"]) == (status, "application/problem+json")
     assert answer.json()["instance"] == answer.headers["x-request-id"]
 
 
 @pytest.mark.parametrize("host", ["evil.example", "127.0.0.1.evil.example", "evil.example:80", ""])
-def test_another_name_for_loopback_is_refused(service: Service, host: str) -> None:
+def test_another_host_name_is_refused_on_loopback(service: Service, host: str) -> None:
     assert service.client.get("/v1/models", headers={"Host": host}).status_code == 400
     assert service.client.get("/v1/models", headers={"Host": f"LOCALHOST:{service.port}"}).status_code == 200
 
 
-def test_answers_are_dressed(service: Service, drive: dict[str, Any]) -> None:
+def test_responses_have_an_id_security_headers_and_compression(
+    service: Service, drive: dict[str, Any]
+) -> None:
     headers = {"X-Request-ID": "my-id.1", "Accept-Encoding": "identity"}
     plain = service.client.post("/v1/forecast", json=drive, headers=headers)
     assert plain.headers["x-request-id"] == "my-id.1"
@@ -157,11 +159,11 @@ def test_requests_are_logged_and_counted(service: Service, drive: dict[str, Any]
     assert "xxx" not in text  # no client makes up labels
 
 
-def test_who_comes_too_often_waits(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """A client that a proxy on this machine speaks for; this machine itself is never too often."""
-    place = tmp_path_factory.mktemp("often")
+def test_the_rate_of_a_client_is_limited(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """The client of a proxy is limited; requests from loopback itself are not."""
+    folder = tmp_path_factory.mktemp("often")
     limits = ("--limit", "burst=3", "--limit", "rate_per_s=0.1")
-    with serving(place, "--workers", "1", *limits) as found:
+    with serving(folder, "--workers", "1", *limits) as found:
         one, other = ({"X-Forwarded-For": address} for address in ("203.0.113.7", "203.0.113.8"))
         seen = [found.client.get("/v1/models", headers=one).status_code for _ in range(5)]
         assert seen == [200, 200, 200, 429, 429]
@@ -171,8 +173,8 @@ def test_who_comes_too_often_waits(tmp_path_factory: pytest.TempPathFactory) -> 
         assert {found.client.get("/v1/models").status_code for _ in range(9)} == {200}
 
 
-def test_too_many_at_once_are_turned_away_at_once(strict: Service) -> None:
-    """One worker, one who waits: of many requests at a time some are answered, the rest hears 503 and when to come."""
+def test_requests_are_refused_while_the_queue_is_full(strict: Service) -> None:
+    """One worker and one waiting request: of many requests at a time, the others get 503."""
     from benchmarks.service_load import read_answer, request
 
     samples = {
@@ -200,8 +202,8 @@ def test_too_many_at_once_are_turned_away_at_once(strict: Service) -> None:
     assert len({body for status, body in answers if status == 200}) == 1
 
 
-def test_who_leaves_a_batch_leaves_no_work(tmp_path: Path, drive: dict[str, Any]) -> None:
-    """The slots of batches are free again, and the workers too."""
+def test_an_aborted_batch_leaves_no_jobs(tmp_path: Path, drive: dict[str, Any]) -> None:
+    """The place of the batch and the workers are free again."""
     body = b"\n".join([b'{"links": [{"length_m": 9000, "speed_m_s": 15}]}'] * 5000)  # many seconds of work
     headers = {"Content-Type": "application/x-ndjson"}
     with serving(tmp_path, "--workers", "1", "--limit", "batches=1") as found:
@@ -221,10 +223,10 @@ def test_who_leaves_a_batch_leaves_no_work(tmp_path: Path, drive: dict[str, Any]
             assert wait_for(lambda: b"tripwatt_jobs_waiting 0.0" in found.client.get("/metrics").content)
 
 
-def test_a_bug_is_a_500_that_tells_nothing_but_the_log() -> None:
+def test_a_bug_is_a_500_with_its_traceback_in_the_log_only() -> None:
     said: list[dict[str, Any]] = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(worker, "json_log", lambda **record: said.append(record))
-        status, document = worker.answer(Work({}, Limits()), {"kind": "no such job"}, b"")
+        patch.setattr(worker, "log_json", lambda **record: said.append(record))
+        status, document = worker.run_job(Jobs({}, Limits()), {"kind": "no such job"}, b"")
     assert (status, orjson.loads(document)) == (500, Problem("internal").document())
     assert "KeyError" in said[0]["traceback"]

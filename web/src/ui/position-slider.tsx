@@ -1,14 +1,14 @@
 import { useId } from "preact/hooks";
-import type { Answer } from "../api/types";
+import type { Forecast } from "../api/types";
 import { interpolate } from "../model/interpolate";
 import { PERCENT } from "../model/units";
-import { driving, durationS, road, seek, timeS } from "../state/drive";
-import { lengthM, looked, place } from "../state/pointer";
+import { driving, durationS, shownProfile, seek, timeS } from "../state/drive";
+import { lengthM, selectedM, positionM } from "../state/position";
 import { format, text, units } from "../state/preferences";
 
 const STEPS = 200;
 
-function readout(of: Answer, atM: number): string {
+function readout(of: Forecast, atM: number): string {
   const { series } = of;
   const { distance, speed, height } = units.value;
   const { duration, figure, shown } = format.value;
@@ -21,7 +21,7 @@ function readout(of: Answer, atM: number): string {
     `${shown(atM, distance)}, ${duration(at(series.time_s))}`,
     result.readoutBattery(shown(at(series.displayed_soc), PERCENT), low, high),
   ];
-  const now = road.value;
+  const now = shownProfile.value;
   if (now) {
     parts.push(shown(interpolate(atM, now.distanceM, now.speedMS), speed));
     if (now.elevationM) {
@@ -31,18 +31,18 @@ function readout(of: Answer, atM: number): string {
   return parts.join(" · ");
 }
 
-/** A slider along the way: what the pointer does on the charts, for fingers and keys. Driving, it is the car. */
-export function Place({ of }: { of: Answer }) {
+/** Selects the position along the way by touch and keyboard; during a drive, it moves the car. */
+export function PositionSlider({ of }: { of: Forecast }) {
   const id = useId();
   const length = lengthM.value;
-  const at = place.value;
+  const atM = positionM.value;
   const { result } = text.value;
-  const values = at === null ? result.movePlace : readout(of, at);
-  const share = driving.value ? timeS.value / (durationS.value || 1) : (at ?? 0) / (length || 1);
+  const values = atM === null ? result.moveSlider : readout(of, atM);
+  const share = driving.value ? timeS.value / (durationS.value || 1) : (atM ?? 0) / (length || 1);
   return (
-    <div class="place">
+    <div class="position-slider">
       <label for={id} class="unseen">
-        {driving.value ? result.car : result.place}
+        {driving.value ? result.car : result.position}
       </label>
       <input
         id={id}
@@ -56,7 +56,7 @@ export function Place({ of }: { of: Answer }) {
         onInput={(event) => {
           const part = event.currentTarget.valueAsNumber / STEPS;
           if (driving.value) seek(part * durationS.value);
-          else looked.value = part * length;
+          else selectedM.value = part * length;
         }}
       />
       <p class="readout">{values}</p>

@@ -1,0 +1,491 @@
+"""Schemas of requests and responses, and the checks that turn a request into trips."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from types import NoneType
+from typing import Annotated, Any, Final, TypeVar
+
+import numpy as np
+import orjson
+import pandas as pd
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError, WithJsonSchema
+
+from tripwatt.arrays import FloatArray
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.routes import LinkRoute, route_from_links
+from tripwatt.routes.links import FLAT_ROAD
+from tripwatt.service.settings import Limits
+from tripwatt.sources.canonical import LEAST_SAMPLES, canonical_samples
+from tripwatt.trips import COLUMNS, LINK_COLUMNS, QUANTITIES, Column
+
+MIN_OBSERVED: Final = 2
+"""Fewest measured samples of an update."""
+
+MIN_DURATION_S: Final = 1.0
+"""Shortest trip: the simulation has steps of one second."""
+
+NUMBER_TYPES: Final = frozenset({float, int, NoneType})
+"""Types of JSON numbers and of null. `bool` is excluded, although it is a subclass of `int`."""
+
+
+def _columns_schema(required: list[str], min_items: int, meaning: str) -> dict[str, Any]:
+    properties = {}
+    for name, column in COLUMNS.items():
+        item: dict[str, Any] = {"type": "number" if name in required else ["number", "null"]}
+        if name == "time_s":
+            item["minimum"] = 0.0
+        else:
+            item |= {"minimum": column.minimum, "maximum": column.maximum}
+        properties[name] = {
+            "type": "array",
+            "items": item,
+            "minItems": min_items,
+            "description": f"{column.meaning} [{column.unit}]",
+        }
+    return {
+        "type": "object",
+        "properties": properties,
+        "required": required,
+        "additionalProperties": False,
+        "description": meaning,
+    }
+
+
+Samples = Annotated[
+    Any,
+    WithJsonSchema(
+        _columns_schema(
+            ["time_s", "speed_m_s"],
+            LEAST_SAMPLES,
+            "Speed trace and road, one list per column. Of other signals only the first sample is used.",
+        )
+    ),
+]
+Observed = Annotated[
+    Any,
+    WithJsonSchema(
+        _columns_schema(
+            ["time_s"],
+            MIN_OBSERVED,
+            "Samples measured so far, on the clock of the trip: voltage_v with current_a (positive when the battery "
+            "discharges), or soc or displayed_soc.",
+        )
+    ),
+]
+
+
+def _one_of(**fields: str) -> dict[str, Any]:
+    """Schema of an object with exactly one of two fields, of the given type."""
+    return {
+        "oneOf": [
+            {
+                "required": [name],
+                "properties": {other: {"type": kind if other == name else "null"} for other in fields},
+            }
+            for name, kind in fields.items()
+        ]
+    }
+
+
+def _field(
+    columns: Mapping[str, Column],
+    name: str,
+    default: Any = None,
+    *,
+    positive: bool = False,
+    alias: AliasChoices | None = None,
+) -> Any:
+    """A number with the bounds and the description of its column."""
+    column = columns[name]
+    return Field(
+        default,
+        gt=0.0 if positive else None,
+        ge=None if positive else column.minimum,
+        le=column.maximum,
+        validation_alias=alias,
+        description=f"{column.meaning} [{column.unit}]",
+    )
+
+
+class Link(BaseModel):
+    """A link of a planned route. Give `speed_m_s` or `travel_time_s`. Give `grade`, both elevations, or neither."""
+
+    model_config = ConfigDict(
+        extra="forbid", json_schema_extra=_one_of(speed_m_s="number", travel_time_s="number")
+    )
+
+    length_m: float = _field(LINK_COLUMNS, "length_m", ..., positive=True)
+    speed_m_s: float | None = _field(LINK_COLUMNS, "speed_m_s", positive=True)
+    travel_time_s: float | None = _field(LINK_COLUMNS, "travel_time_s", positive=True)
+    stop_s: float | None = _field(LINK_COLUMNS, "stop_s")
+    moving_speed_m_s: float | None = _field(LINK_COLUMNS, "moving_speed_m_s", positive=True)
+    speed_limit_m_s: float | None = _field(LINK_COLUMNS, "speed_limit_m_s", positive=True)
+    grade: float | None = _field(LINK_COLUMNS, "grade")
+    start_elevation_m: float | None = _field(LINK_COLUMNS, "start_elevation_m")
+    end_elevation_m: float | None = _field(LINK_COLUMNS, "end_elevation_m")
+
+
+class Elevation(BaseModel):
+    """Elevation along a route of links; in a request it replaces grades and elevations of the links."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+    position_m: list[float] = Field(
+        min_length=1, description="distances from the start, never decreasing [m]"
+    )
+    elevation_m: list[float] = Field(
+        min_length=1, description="elevation above sea level at each position [m]"
+    )
+
+
+Links = Annotated[
+    Any,
+    WithJsonSchema({"type": "array", "items": {"$ref": "#/components/schemas/Link"}, "minItems": 1}),
+]
+"""Links of a planned route. `tripwatt.routes.route_from_links` checks them as a table, not one object at a time."""
+
+
+class ForecastRequest(BaseModel):
+    """A trip to forecast: a speed trace (`samples`) or a planned route (`links`), and the state at departure."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        strict=True,
+        allow_inf_nan=False,
+        json_schema_extra=_one_of(samples="object", links="array"),
+    )
+
+    model: str | None = Field(None, max_length=100, description="one of /v1/models; default: the first one")
+    vehicle: str | None = Field(
+        None, max_length=100, description="one of /v1/vehicles; default: the car of the model"
+    )
+    trip: str = Field("trip", min_length=1, max_length=100, description="name of the trip in the response")
+    samples: Samples | None = None
+    links: Links | None = None
+    elevation: Elevation | None = None
+    soc: float | None = _field(COLUMNS, "displayed_soc", alias=AliasChoices("soc", "displayed_soc"))
+    ambient_temperature_degc: float | None = _field(COLUMNS, "ambient_temperature_degc")
+    cabin_setpoint_degc: float | None = _field(COLUMNS, "cabin_setpoint_degc")
+    cabin_temperature_degc: float | None = _field(COLUMNS, "cabin_temperature_degc")
+    battery_temperature_degc: float | None = _field(COLUMNS, "battery_temperature_degc")
+    payload_mass_kg: float | None = _field(QUANTITIES, "payload_mass_kg")
+    reserve: float = _field(QUANTITIES, "reserve", 0.1)
+
+
+class UpdateRequest(ForecastRequest):
+    """A trip to forecast, with the samples measured so far."""
+
+    observed: Observed
+
+
+class ResponseModel(BaseModel):
+    """Base of all documents in responses: objects without undocumented fields."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class FlagDocument(ResponseModel):
+    """An assumption, or a value outside the range of the training trips."""
+
+    code: str = Field(description="kind of flag")
+    subject: str = Field(description="field or component that the flag concerns")
+    value: float | str | None = Field(description="value found or assumed, in `unit`")
+    unit: str
+    message: str = Field(description="the flag as an English sentence")
+
+
+class Series(ResponseModel):
+    """Values at departure and at the end of every time step; low and high are the central 90 % interval."""
+
+    time_s: list[float] = Field(description="time since departure [s]")
+    distance_m: list[float]
+    energy_wh: list[float] = Field(description="energy since departure [Wh]")
+    energy_low_wh: list[float]
+    energy_high_wh: list[float]
+    displayed_soc: list[float] = Field(description="displayed state of charge; below 0 the battery is empty")
+    displayed_soc_low: list[float]
+    displayed_soc_high: list[float]
+
+
+class ForecastResponse(ResponseModel):
+    """The forecast of a trip, as `tripwatt forecast --json` prints it."""
+
+    trip: str
+    given: str = Field(description="what the forecast is conditional on")
+    energy_wh: float = Field(description="energy at the battery terminals over the whole trip [Wh]")
+    quantiles_wh: dict[str, float] = Field(description="quantiles of the energy [Wh] by probability")
+    soc_arrival: float = Field(
+        description="displayed state of charge at arrival; below 0 the battery is empty before arrival"
+    )
+    p_arrive: dict[str, float] = Field(
+        description="probability to arrive with at least this displayed state of charge"
+    )
+    series: Series
+    by_cause_wh: dict[str, float] = Field(description="energy by cause [Wh]; the sum is energy_wh")
+    battery_loss_wh: float = Field(description="heat loss inside the battery, not part of energy_wh [Wh]")
+    measured_until_s: float = Field(
+        description="time up to which measurements are used [s]; 0 before departure"
+    )
+    flags: list[FlagDocument] = Field(
+        description="assumptions, and values outside the range of the training trips"
+    )
+
+
+class ProblemFault(ResponseModel):
+    """One thing that is wrong with an input."""
+
+    what: str
+    where: str = Field(description="field, or position in an upload")
+    got: str | None = None
+    allowed: str | None = None
+    fix: str | None = None
+
+
+class ProblemDocument(ResponseModel):
+    """Problem document of RFC 9457."""
+
+    type: str = Field(description="kind of problem, as a path")
+    title: str
+    status: int
+    detail: str | None = None
+    instance: str | None = Field(None, description="X-Request-ID of the request")
+    faults: list[ProblemFault] | None = Field(None, description="all faults of the input")
+    more_faults: int | None = Field(None, description="number of faults that are not listed")
+
+
+class VehicleSummary(ResponseModel):
+    """A car of the library."""
+
+    name: str
+    title: str
+    test_mass_kg: float
+    usable_energy_wh: float = Field(
+        description="energy between 0 and 1 of the displayed state of charge [Wh]"
+    )
+    has_climate: bool = Field(description="whether heating and cooling are simulated")
+    models: list[str] = Field(
+        description="models fitted on this car; other models forecast it with much wider intervals"
+    )
+
+
+class VehiclesResponse(ResponseModel):
+    """Cars of the library."""
+
+    vehicles: list[VehicleSummary]
+
+
+class ModelSummary(BaseModel):
+    """A model: its name in this service and its metadata."""
+
+    name: str
+    model: dict[str, Any]
+    contract: dict[str, Any]
+    provenance: dict[str, Any]
+    evaluation: dict[str, Any]
+
+
+class ModelsResponse(ResponseModel):
+    """Models of this service; the first is the default."""
+
+    models: list[ModelSummary]
+
+
+class ExampleSummary(ResponseModel):
+    """A synthetic trip."""
+
+    trip: str
+    title: str
+    vehicle: str
+    note: str
+    duration_s: float
+    distance_m: float
+    ambient_temperature_degc: float | None
+    observed_energy_wh: float
+
+
+class ExampleResponse(ExampleSummary):
+    """A synthetic trip with its samples."""
+
+    request: dict[str, Any] = Field(description="a ForecastRequest")
+    observed: dict[str, list[float | None]] = Field(description="simulated measurements of the whole trip")
+
+
+class ExamplesResponse(ResponseModel):
+    """Synthetic trips as examples."""
+
+    examples: list[ExampleSummary]
+
+
+class RouteResponse(ResponseModel):
+    """An uploaded route or trip. Send `links` with `elevation`, or `samples`, in a ForecastRequest."""
+
+    samples: dict[str, list[float | None]] = Field(
+        description="speed trace; for a planned route, that of the driver model"
+    )
+    links: list[dict[str, float]] | None = Field(
+        description="links of the planned route; null for a logged trip"
+    )
+    elevation: Elevation | None
+    duration_s: float
+    distance_m: float
+    notes: list[FlagDocument] = Field(description="assumptions")
+
+
+class HealthResponse(ResponseModel):
+    """State of the service."""
+
+    status: str
+    workers: int = Field(description="number of worker processes that are ready")
+
+
+RequestModel = TypeVar("RequestModel", bound=BaseModel)
+
+
+class NotJson(Exception):
+    """The body of a request is not a JSON document."""
+
+
+def parse_request(body: bytes, model: type[RequestModel]) -> RequestModel:
+    """Parse and check the body of a request.
+
+    Parameters
+    ----------
+    body : bytes
+    model : type
+        `ForecastRequest` or `UpdateRequest`.
+
+    Raises
+    ------
+    NotJson
+        When the body is not JSON. NaN, infinities and numbers beyond the range of a float are not JSON.
+    InvalidInput
+        When fields are missing, unknown or out of range.
+    """
+    try:
+        document = orjson.loads(body)
+    except orjson.JSONDecodeError as error:
+        raise NotJson(str(error)) from error
+    try:
+        return model.model_validate(document)
+    except ValidationError as error:
+        raise InvalidInput(
+            Fault(
+                e["msg"],
+                ".".join(map(str, e["loc"])) or "body",
+                repr(e["input"])[:80],
+            )
+            for e in error.errors(include_url=False, include_context=False)
+        ) from error
+
+
+def parse_samples(value: Any, limits: Limits) -> pd.DataFrame:
+    """Check the field `samples` of a request.
+
+    Parameters
+    ----------
+    value : object
+        A mapping from column names to lists of numbers.
+    limits : Limits
+
+    Raises
+    ------
+    InvalidInput
+        With the positions of wrong values.
+    """
+    samples = canonical_samples(_columns(value, "samples", limits), "samples")
+    time = samples["time_s"].to_numpy()
+    require_duration(float(time[-1] - time[0]), "samples", limits)
+    return samples
+
+
+def parse_observed(value: Any, limits: Limits) -> pd.DataFrame:
+    """Check the field `observed` of an update; parameters and errors are those of `parse_samples`."""
+    return canonical_samples(
+        _columns(value, "observed", limits), "observed", required=("time_s",), least=MIN_OBSERVED
+    )
+
+
+def parse_links(links: Any, elevation: Elevation | None, limits: Limits) -> LinkRoute:
+    """Check the fields `links` and `elevation` of a request.
+
+    Parameters
+    ----------
+    links : object
+        A list of mappings.
+    elevation : Elevation or None
+    limits : Limits
+
+    Raises
+    ------
+    InvalidInput
+        When the links are wrong, or `elevation` does not fit them.
+    """
+    if not isinstance(links, list):
+        raise InvalidInput(Fault("not a list", "links", repr(links)[:60], "a list of objects"))
+    if len(links) > limits.links:
+        raise InvalidInput(Fault("too many links", "links", f"{len(links)}", f"at most {limits.links}"))
+    route = route_from_links(links)
+    require_duration(route.duration_s, "links", limits)
+    if elevation is None:
+        return route
+    position_m, elevation_m = np.array(elevation.position_m), np.array(elevation.elevation_m)
+    faults = []
+    if position_m.shape != elevation_m.shape or len(position_m) > limits.samples:
+        got = f"{len(position_m)} positions and {len(elevation_m)} elevations"
+        faults.append(
+            Fault(
+                "positions and elevations differ in number",
+                "elevation",
+                got,
+                f"equal numbers, at most {limits.samples}",
+            )
+        )
+    if (np.diff(position_m) < 0).any() or position_m[0] < 0:
+        faults.append(
+            Fault("position decreases", "elevation.position_m", "", "0 m or more, never decreasing")
+        )
+    if any("start_elevation_m" in link or "grade" in link for link in links):
+        faults.append(
+            Fault("elevation given twice", "elevation", "links with elevations or grades", "one of the two")
+        )
+    if faults:
+        raise InvalidInput(faults)
+    flags = tuple(flag for flag in route.flags if flag != FLAT_ROAD)
+    return replace(route, elevation_position_m=position_m, elevation_m=elevation_m, flags=flags)
+
+
+def require_duration(duration_s: float, where: str, limits: Limits) -> None:
+    """Check the duration of a trip.
+
+    Raises
+    ------
+    InvalidInput
+        When it is below `MIN_DURATION_S` or above `Limits.duration_s`.
+    """
+    if not MIN_DURATION_S <= duration_s <= limits.duration_s:
+        allowed = f"{MIN_DURATION_S:g} to {limits.duration_s:g} s"
+        raise InvalidInput(Fault("duration out of range", where, f"{duration_s:g} s", allowed))
+
+
+def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
+    if not isinstance(value, Mapping):
+        raise InvalidInput(Fault("not an object", where, repr(value)[:60], "an object of lists of numbers"))
+    faults = []
+    columns: dict[str, FloatArray] = {}
+    for name, values in value.items():
+        field = f"{where}.{name}"[:80]
+        if not isinstance(values, list):
+            faults.append(Fault("not a list", field, repr(values)[:60], "a list of numbers"))
+        elif len(values) > limits.samples:
+            faults.append(Fault("too many samples", field, f"{len(values)}", f"at most {limits.samples}"))
+        elif not set(map(type, values)) <= NUMBER_TYPES:
+            first = next(k for k, v in enumerate(values) if type(v) not in NUMBER_TYPES)
+            got = repr(values[first])[:60]
+            faults.append(Fault("not a number", f"{field}[{first}]", got, "a number, or null where unknown"))
+        else:
+            columns[name] = np.array(values, dtype=np.float64)
+    if faults:
+        raise InvalidInput(faults)
+    return columns
