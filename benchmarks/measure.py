@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tests.support import ROOT
 
 RUNS = 5
-ROOT = Path(__file__).resolve().parent.parent
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from tests.support.service_process import serving
 
 import tripwatt.service
-from benchmarks.service_process import serving
 
 CHROMIUM: Final = ("chromium", "chromium-browser", "google-chrome")
 SIZES: Final = {"desktop": (1440, 900), "phone": (390, 844)}

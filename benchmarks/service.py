@@ -20,10 +20,10 @@ from typing import Any, Final
 
 import numpy as np
 import orjson
+from tests.support.service_load import Load, load, request
+from tests.support.service_process import Service, serving
 
 from benchmarks.measure import Row
-from benchmarks.service_load import Load, load, request
-from benchmarks.service_process import Service, serving
 from tripwatt.routes import links_of_trip
 from tripwatt.synthetic import synthetic_fleet
 
@@ -212,8 +212,8 @@ def killed(seconds: float) -> Iterator[Row]:
 
 def robustness(examples: int, mutants: int) -> Iterator[Row]:
     """Schemathesis and damaged uploads."""
-    from benchmarks.service_fuzz import fuzz
-    from benchmarks.service_schema import conformance
+    from tests.support.service_fuzz import fuzz
+    from tests.support.service_schema import conformance
 
     with tempfile.TemporaryDirectory() as folder, serving(Path(folder), "--workers", "2") as service:
         said = conformance(service.url, examples)

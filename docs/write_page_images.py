@@ -13,7 +13,7 @@ IMAGES: Final = ROOT / "docs" / "images"
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.page import SHOWN, browsing, context_of  # noqa: E402
-from benchmarks.service_process import serving  # noqa: E402
+from tests.support.service_process import serving  # noqa: E402
 
 SETTLE_MS: Final = 700
 MOMENTS: Final = 40

@@ -5,13 +5,12 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from tests.support import ROOT
 
 settings.register_profile("gate", derandomize=True)
 settings.register_profile("search")
 settings.load_profile(os.environ.get("TRIPWATT_HYPOTHESIS", "gate"))
 """The gate draws the same examples in every run; TRIPWATT_HYPOTHESIS=search draws new ones."""
-
-ROOT = Path(__file__).resolve().parent.parent
 
 
 def _shared(variable: str, default: str) -> Path:

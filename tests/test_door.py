@@ -3,19 +3,18 @@
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
+from tests.support import ROOT
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.trips import COLUMNS, QUANTITIES, Flag, Log, plan_from_samples
 from tripwatt.trips.messages import MESSAGES, flag_to_dict, message
 
-ROOT = Path(__file__).resolve().parents[1]
 NAMES = {
     "Departure",
     "Forecast",

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from benchmarks.page import SHOWN, browsing, chromium, context_of
-from benchmarks.service_process import TOKEN, Service, serving
+from tests.support.service_process import TOKEN, Service, serving
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks.page import follow_times
-from benchmarks.service_process import TOKEN, Service
+from tests.support.service_process import TOKEN, Service
 
 from tripwatt.synthetic import example_trip
 

@@ -25,7 +25,7 @@ from tripwatt.routes import (
 from tripwatt.routes.points import decode_polyline, haversine_m
 from tripwatt.trips import Flag
 
-ANSWERS = Path(__file__).parent / "answers"
+ANSWERS = Path(__file__).parent / "responses"
 M_PER_DEGREE = float(haversine_m([48.0, 49.0], [11.0, 11.0])[0])
 
 

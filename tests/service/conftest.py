@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from benchmarks.service_process import Service, serving
+from tests.support.service_process import Service, serving
 
 from tripwatt.synthetic import example_trip
 

@@ -12,7 +12,7 @@ from typing import Any
 import httpx
 import orjson
 import pytest
-from benchmarks.service_process import TOKEN, Service, serving, wait_for
+from tests.support.service_process import TOKEN, Service, serving, wait_for
 
 from tripwatt.service import worker
 from tripwatt.service.jobs import Jobs
@@ -175,7 +175,7 @@ def test_the_rate_of_a_client_is_limited(tmp_path_factory: pytest.TempPathFactor
 
 def test_requests_are_refused_while_the_queue_is_full(strict: Service) -> None:
     """One worker and one waiting request: of many requests at a time, the others get 503."""
-    from benchmarks.service_load import read_answer, request
+    from tests.support.service_load import read_answer, request
 
     samples = {
         "time_s": [0.0, 20000.0, 40000.0],

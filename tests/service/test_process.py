@@ -15,9 +15,9 @@ from typing import Any
 import httpx
 import orjson
 import pytest
-from benchmarks.service_fuzz import fuzz
-from benchmarks.service_process import Service, serving, wait_for
-from benchmarks.service_schema import conformance
+from tests.support.service_fuzz import fuzz
+from tests.support.service_process import Service, serving, wait_for
+from tests.support.service_schema import conformance
 
 from tripwatt.cli.serve import models_of, serve
 from tripwatt.errors import InvalidInput

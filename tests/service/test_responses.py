@@ -12,8 +12,8 @@ from typing import Any
 import orjson
 import pandas as pd
 import pytest
-from benchmarks.service_fuzz import seeds
-from benchmarks.service_process import Service
+from tests.support.service_fuzz import seeds
+from tests.support.service_process import Service
 
 from tripwatt.errors import InvalidInput
 from tripwatt.service.jobs import require_finite

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.support import ROOT
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.vehicles import (
@@ -172,7 +173,7 @@ def test_a_car_from_a_path(tmp_path: Path) -> None:
 
 
 def test_documented_values_are_those_of_the_file() -> None:
-    page = (Path(__file__).resolve().parent.parent / "docs" / "model.md").read_text("utf-8")
+    page = (ROOT / "docs" / "model.md").read_text("utf-8")
     assert render_parameters(load_vehicle("bmw_i3_60ah")) in page, "run: python docs/write_parameters.py"
 
 
@@ -257,5 +258,5 @@ def test_what_is_taken_over_keeps_the_licence_of_its_own_file() -> None:
 
 
 def test_table_of_licences_in_the_documentation_is_that_of_the_code() -> None:
-    page = (Path(__file__).parent.parent / "docs" / "vehicles.md").read_text("utf-8")
+    page = (ROOT / "docs" / "vehicles.md").read_text("utf-8")
     assert render_licences() in page, "run: python docs/write_parameters.py"

@@ -14,7 +14,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.measure import ROOT
+from tests.support import ROOT
 
 CONFIGURATION = """
 [checks.positive_data_acceptance]
@@ -55,7 +55,10 @@ def conformance(url: str, examples: int, seed: int = 1, *, timeout_s: float = 18
             *(sys.executable, "-m", "schemathesis.cli", "run", f"{url}/openapi.json", "--no-color"),
             *("-n", str(examples), "--seed", str(seed), "-c", "all", "--continue-on-failure"),
         ]  # fmt: skip
-        environment = os.environ | {"SCHEMATHESIS_HOOKS": "benchmarks.service_hooks", "PYTHONPATH": str(ROOT)}
+        environment = os.environ | {
+            "SCHEMATHESIS_HOOKS": "tests.support.service_hooks",
+            "PYTHONPATH": str(ROOT),
+        }
         done = subprocess.run(
             command,
             cwd=folder,

@@ -1,7 +1,6 @@
 """The habits that a script can check: sizes of functions, classes and argument lists; no choice by a name."""
 
 import ast
-from pathlib import Path
 
 import pytest
 from benchmarks.code_size import (
@@ -12,10 +11,10 @@ from benchmarks.code_size import (
     code_rows,
     measure,
 )
+from tests.support import ROOT
 
 from tripwatt.evaluation import PROTOCOLS
 
-ROOT = Path(__file__).parents[1]
 NAMES = {*PROTOCOLS} | {spec.name for protocol in PROTOCOLS.values() for spec in protocol.models}
 OWN_ROOMS = ("evaluation", "paper")
 

@@ -12,11 +12,11 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from tests.support import ROOT
 
 import tripwatt
 from tripwatt.vehicles import LICENCES, load_vehicle, vehicle_names
 
-ROOT = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 CONSTRAINTS = (ROOT / "constraints" / "check.txt").read_text("utf-8")
 # Of the extra `service`, without pydantic, which recent releases of typer need as well.

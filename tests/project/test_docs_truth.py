@@ -13,10 +13,10 @@ from typing import Any
 
 import pytest
 import typer.main
+from tests.support import ROOT
 
 from tripwatt.cli import app
 
-ROOT = Path(__file__).resolve().parent.parent
 PAGES = sorted(
     page
     for page in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "web").rglob("*.md")]

@@ -1,4 +1,4 @@
-"""Media types that schemathesis does not know by itself; it loads this file, see `benchmarks.service_schema`."""
+"""Media types that schemathesis does not know by itself; it loads this file, see `tests.support.service_schema`."""
 
 from __future__ import annotations
 

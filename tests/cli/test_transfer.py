@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.support import ROOT
 
 from tripwatt.cli import main
 from tripwatt.forecasting import load_metadata, load_model, save_model
@@ -18,7 +19,7 @@ from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import plan_from_trip
 from tripwatt.vehicles import load_vehicle
 
-DOCS = Path(__file__).resolve().parent.parent / "docs"
+DOCS = ROOT / "docs"
 MAPPING = """
 [columns]
 time_s = {column = "t", unit = "s"}

@@ -7,11 +7,12 @@ import shlex
 from pathlib import Path
 
 import pytest
-from tests.test_published import script
+from tests.project.test_published import script
+from tests.support import ROOT
 
 from tripwatt.cli import main
 
-README = (Path(__file__).resolve().parents[1] / "README.md").read_text("utf-8")
+README = (ROOT / "README.md").read_text("utf-8")
 
 
 def blocks(language: str = "") -> list[str]:

@@ -9,6 +9,7 @@ from urllib.parse import parse_qs
 
 import numpy as np
 import pytest
+from tests.support import ROOT
 
 from tripwatt.cli import main
 from tripwatt.export import EXPORTS, consumption_curve
@@ -17,7 +18,7 @@ from tripwatt.routes import parse_route, plan_from_route, route_from_links
 from tripwatt.trips import Departure, Plan
 from tripwatt.vehicles import load_vehicle
 
-ANSWERS = Path(__file__).parent / "routes" / "answers"
+ANSWERS = ROOT / "tests" / "routes" / "responses"
 
 
 class Answer(NamedTuple):
