@@ -10,7 +10,7 @@ import pytest
 import tripwatt.synthetic as synthetic
 from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
-from tripwatt.physics import Simulation, simulate
+from tripwatt.physics import DriveConditions, Simulation, simulate
 from tripwatt.synthetic import (
     example_trip,
     faulty_fleet,
@@ -47,11 +47,13 @@ def without_climate(trip: Trip) -> Simulation:
         trip.array("time_s"),
         trip.array("speed_m_s"),
         elevation_m=trip.array("elevation_m"),
-        ambient_temperature_degc=trip.array("ambient_temperature_degc")[0],
-        initial_soc=trip.array("soc")[0],
-        initial_battery_temperature_degc=trip.array("battery_temperature_degc")[0],
-        payload_mass_kg=trip.context.payload_mass_kg,
         hvac_power_w=0.0,
+        conditions=DriveConditions(
+            ambient_temperature_degc=trip.array("ambient_temperature_degc")[0],
+            initial_soc=trip.array("soc")[0],
+            initial_battery_temperature_degc=trip.array("battery_temperature_degc")[0],
+            payload_mass_kg=trip.context.payload_mass_kg,
+        ),
     )
 
 
@@ -273,7 +275,7 @@ def test_hidden_forces_have_the_right_sign():
         drive.profile.time_s,
         drive.profile.speed_m_s,
         elevation_m=drive.elevation_m,
-        ambient_temperature_degc=15.0,
+        conditions=DriveConditions(ambient_temperature_degc=15.0),
     )
     air_w = alone.aero_drag_force_n @ drive.profile.speed_m_s
     assert found["none"] / air_w == pytest.approx(0.04, abs=0.004)

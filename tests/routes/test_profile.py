@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tripwatt.errors import InvalidInput
-from tripwatt.physics import simulate
+from tripwatt.physics import DriveConditions, simulate
 from tripwatt.routes import LinkStyle, link_profile
 from tripwatt.vehicles import load_vehicle
 
@@ -67,7 +67,9 @@ def test_no_acceleration_beyond_the_drivers_and_no_teleport(route, seed):
 
 
 def electric_energy(time, speed):
-    return simulate(CAR, time, speed, climate=False, initial_warmth=1.0).simulated_energy_wh
+    return simulate(
+        CAR, time, speed, conditions=DriveConditions(climate=False, initial_warmth=1.0)
+    ).simulated_energy_wh
 
 
 @settings(max_examples=25, deadline=None)

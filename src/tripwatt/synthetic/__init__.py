@@ -24,7 +24,7 @@ from tripwatt.synthetic.faults import FEWEST_TRIPS, PlantedFault, plant_faults
 from tripwatt.synthetic.plan import Plan, draw_plans
 from tripwatt.synthetic.roads import drive_route
 from tripwatt.synthetic.sensors import logged
-from tripwatt.synthetic.world import live_through
+from tripwatt.synthetic.world import simulate_truth
 from tripwatt.trips import Context, Flag, Fleet, Trip
 from tripwatt.vehicles import Vehicle, load_vehicle
 
@@ -195,7 +195,7 @@ def _require_sound(n_trips: int, seed: int, step_s: float) -> None:
 
 def _trip(plan: Plan, vehicle: Vehicle, seed: int, step_s: float) -> tuple[Trip, dict[str, object]]:
     drive = drive_route(plan, seed, step_s)
-    truth = live_through(plan, drive, vehicle, seed)
+    truth = simulate_truth(plan, drive, vehicle, seed)
     follows = plan.parked_s is not None and plan.parked_s <= FOLLOWS_WITHIN_S
     context = Context(
         season=plan.day.season,

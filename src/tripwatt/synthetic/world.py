@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.physics import simulate
+from tripwatt.physics import DriveConditions, simulate
 from tripwatt.physics.battery import BatteryRun, discharge
 from tripwatt.routes.driver import smooth_field
 from tripwatt.synthetic.plan import AIR, NOISE, WORLD, Plan, stream
@@ -111,58 +111,49 @@ class Truth:
     effects: dict[str, float]
 
 
-def live_through(plan: Plan, drive: Drive, vehicle: Vehicle, seed: int) -> Truth:
+def simulate_truth(plan: Plan, drive: Drive, vehicle: Vehicle, seed: int) -> Truth:
     """The truth of one trip. O(samples)."""
     rng = stream(seed, WORLD, *plan.key)
     time, speed = drive.profile.time_s, drive.profile.speed_m_s
-    # what is drawn per sample has streams of its own, so that no count of samples moves the trip's own effects
+    # values per sample have random streams of their own, so that the number of samples moves no effect of the trip
     air = stream(seed, AIR, *plan.key)
     ambient = draw_ambient(plan, time, air)
     climate = heat_balance(plan, time, speed, ambient, rng)
     climate = replace(climate, aircon_power_w=climate.aircon_power_w * compressor_hunting(time, air))
     wind_n, headwind, rolling_n, rolling_share = hidden_forces(plan, drive, ambient, vehicle, rng)
     weight_n = (vehicle.body.test_mass_kg + plan.payload_mass_kg) * GRAVITY_M_S2
-    battery_degc = _battery_temperature(plan, float(ambient[0]), rng)
+    conditions = DriveConditions(
+        ambient_temperature_degc=float(ambient.mean()),
+        initial_soc=plan.soc,
+        initial_battery_temperature_degc=_battery_temperature(plan, float(ambient[0]), rng),
+        payload_mass_kg=plan.payload_mass_kg,
+    )
     driven = simulate(
         vehicle,
         time,
         speed,
         grade=drive.grade + (wind_n + rolling_n) / weight_n,
         elevation_m=drive.elevation_m,  # for the air density; the slope is the given one
-        ambient_temperature_degc=float(ambient.mean()),
-        initial_soc=plan.soc,
-        initial_battery_temperature_degc=battery_degc,
-        payload_mass_kg=plan.payload_mass_kg,
         hvac_power_w=0.0,
+        conditions=conditions,
     )
-    driving_w = at_samples(driven.battery_power_w)
-    propelling = np.maximum(driving_w, 0.0)
     trip_share = TRIP_SHARE_SCALE * float(rng.standard_t(TRIP_SHARE_DF))
-    wet, unlit = plan.day.sky == "rainy", plan.day.dark_at(plan.hour)
-    lamps = CAR.extra_load_w + LAMPS_W * (wet or unlit) + WIPERS_W * wet
-    parts = {
-        "driving": driving_w,
-        "heating": climate.heating_power_w,
-        "aircon": climate.aircon_power_w,
-        "lamps": np.full_like(time, lamps),
-        "driver": plan.driver.power_share * propelling,
-        "trip": trip_share * propelling,
-        "noise": heavy_tailed_noise(time, speed, driving_w, stream(seed, NOISE, *plan.key)),
-    }
+    noise = stream(seed, NOISE, *plan.key)
+    loads = battery_loads(plan, drive, climate, at_samples(driven.battery_power_w), trip_share, noise)
     battery = discharge(
         aged(vehicle.battery),
-        np.sum(list(parts.values()), axis=0),
+        np.sum(list(loads.values()), axis=0),
         np.diff(time, prepend=time[0]),
-        float(ambient.mean()),
+        conditions.ambient_temperature_degc,
         plan.soc,
-        battery_degc,
+        conditions.battery_start_degc,
     )
-    effects = {f"{name}_energy_wh": _energy_wh(power, time) for name, power in parts.items()}
+    effects = {f"{name}_energy_wh": _energy_wh(power, time) for name, power in loads.items()}
     effects |= {
         "energy_wh": _energy_wh(battery.power_w, time),
         "wind_work_wh": _energy_wh(wind_n * speed, time),
         "rolling_work_wh": _energy_wh(rolling_n * speed, time),
-        "ambient_temperature_degc": float(ambient.mean()),
+        "ambient_temperature_degc": conditions.ambient_temperature_degc,
         "headwind_m_s": headwind,
         "rolling_share": rolling_share,
         "driver_share": plan.driver.power_share,
@@ -170,6 +161,30 @@ def live_through(plan: Plan, drive: Drive, vehicle: Vehicle, seed: int) -> Truth
         "end_soc": float(battery.soc[-1]),
     }
     return Truth(ambient, climate, battery, effects)
+
+
+def battery_loads(
+    plan: Plan,
+    drive: Drive,
+    climate: Climate,
+    driving_w: FloatArray,
+    trip_share: float,
+    rng: np.random.Generator,
+) -> dict[str, FloatArray]:
+    """Power at the battery terminals [W] by hidden cause, each of shape (samples,); their sum is the true power."""
+    time, speed = drive.profile.time_s, drive.profile.speed_m_s
+    propelling = np.maximum(driving_w, 0.0)
+    wet, unlit = plan.day.sky == "rainy", plan.day.dark_at(plan.hour)
+    lamps = CAR.extra_load_w + LAMPS_W * (wet or unlit) + WIPERS_W * wet
+    return {
+        "driving": driving_w,
+        "heating": climate.heating_power_w,
+        "aircon": climate.aircon_power_w,
+        "lamps": np.full_like(time, lamps),
+        "driver": plan.driver.power_share * propelling,
+        "trip": trip_share * propelling,
+        "noise": heavy_tailed_noise(time, speed, driving_w, rng),
+    }
 
 
 def at_samples(of_intervals: FloatArray) -> FloatArray:
