@@ -40,7 +40,7 @@ def test_predictions_add_up(frame, model):
     assert list(terms) == ["(Intercept)", "w", "s(x)", "s(x,z)", "s(g)"]
     without = model.predict(frame, exclude=["s(g)"])
     assert fit - without == pytest.approx(terms["s(g)"].to_numpy())
-    dense = np.hstack([block.matrix(frame) for block in model.blocks_])
+    dense = np.hstack([fitted.matrix(frame) for fitted in model.terms_])
     assert se == pytest.approx(np.sqrt(np.einsum("ij,jk,ik->i", dense, model.Vp_, dense)))
     assert (term_se["s(g)"] > 0).all()
     assert pytest.approx(np.linalg.pinv(model.Vp_) @ model.F_, abs=1e-4) == model.R_.T @ model.R_
@@ -163,14 +163,14 @@ def test_autocorrelation_is_found_and_widens_the_bands():
     assert model.edf_.sum() < plain.edf_.sum()
     # against the whitened rows themselves
     y, whitened = frame["y"].to_numpy(), model.ar1_rho_
-    dense = np.hstack([block.matrix(frame) for block in model.blocks_])
+    dense = np.hstack([fitted.matrix(frame) for fitted in model.terms_])
     first = np.r_[True, np.diff(frame["g"]) != 0]
     W = np.where(
         first[:, None], dense, (dense - whitened * np.roll(dense, 1, axis=0)) / np.sqrt(1 - whitened**2)
     )
     v = np.where(first, y, (y - whitened * np.roll(y, 1)) / np.sqrt(1 - whitened**2))
     S = np.zeros((20, 20))
-    S[1:, 1:] = model.smoothing_parameters_["s(t)"] * model.blocks_[1].penalties[0]
+    S[1:, 1:] = model.smoothing_parameters_["s(t)"] * model.terms_[1].penalties[0]
     assert model.coef_ == pytest.approx(np.linalg.solve(W.T @ W + S, W.T @ v), abs=1e-6)
     shuffled = frame.sample(frac=1, random_state=0).sort_values(["t"], kind="stable")
     assert GAMM(formula, ar1_rho="estimate").fit(shuffled, groups="g").reml_ == pytest.approx(
@@ -182,7 +182,7 @@ def test_autocorrelation_is_found_and_widens_the_bands():
 def test_numeric_by_variables_share_one_constant(frame):
     terms = (X, Smooth(("x",), "ps", 8, by="on"), Smooth(("z",), by="on"))
     one = GAMM(Formula("y", (Smooth(("x",), "ps", 8, by="on"),))).fit(frame)
-    assert one.blocks_[-1].size == 8
+    assert one.terms_[-1].size == 8
     model = GAMM(Formula("y", terms)).fit(frame)
     assert any("s(z):on" in note for note in model.notes_)
     assert model.predict(frame.assign(on=0.0), exclude=["s(x)"]) == pytest.approx(model.coef_[0])
@@ -261,7 +261,7 @@ def test_what_can_be_reduced_is_reduced_and_reported(frame):
     )
     nested = GAMM(Formula("y", (Smooth(("x",)), Smooth(("z",)), Smooth(("x", "z"))))).fit(frame)
     assert "s(x,z) repeats" in nested.notes_[0]
-    assert nested.blocks_[-1].size == 27
+    assert nested.terms_[-1].size == 27
 
 
 def test_predict_and_options_say_what_is_wrong(frame, model):

@@ -53,8 +53,10 @@ def concurvity(model: GAMM) -> pd.DataFrame:
     import pandas as pd
 
     spans: dict[str, list[slice]] = {}
-    for block in model.blocks_:
-        spans.setdefault("parametric" if block.kind == "parametric" else block.label, []).append(block.slice)
+    for fitted in model.terms_:
+        spans.setdefault("parametric" if fitted.kind == "parametric" else fitted.label, []).append(
+            fitted.slice
+        )
     columns = np.arange(model.coef_.size)
     rows = {}
     for label, slices in spans.items():

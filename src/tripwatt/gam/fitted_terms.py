@@ -1,4 +1,4 @@
-"""One fitted piece of a model, and its columns at any rows."""
+"""A fitted term of a model, and its columns at any rows."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ Extrapolation = Literal["clamp", "linear"]
 
 
 @dataclass
-class Block:
-    """One fitted piece of a model: a term, or one level of a by-factor smooth.
+class FittedTerm:
+    """A fitted term of a model, or one level of a by-factor smooth.
 
     Attributes
     ----------
@@ -29,16 +29,16 @@ class Block:
     names : list of str
         Names of the coefficients.
     penalties : list of ndarray (q, q)
-        In the coordinates of the block.
+        In the coordinates of the term.
     null_dim, rank : int
-        Dimensions that the penalties together do not see, and do see.
+        Dimension of the penalties' joint null space, and its complement.
     start : int
         First coefficient.
     smoother : Smoother or None
     by, level : str or None
-        By-variable, and the level this block belongs to.
+        By-variable, and the level of this smooth.
     training : Training
-        What prediction falls back on.
+        Ranges and levels of the training rows, for rows outside of them.
     extrapolation : {"clamp", "linear"}
     """
 
@@ -80,7 +80,7 @@ class Block:
         return self.size - self.rank
 
     def matrix(self, frame: pd.DataFrame, training: Training | None = None) -> FloatArray:
-        """Columns of the block at the rows of a frame.
+        """Columns of the term at the rows of a frame.
 
         Parameters
         ----------

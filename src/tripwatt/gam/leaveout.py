@@ -83,12 +83,12 @@ def _fold(
     beta = np.zeros(own.p)
     beta[active] = solution.beta
     training, piece = training_of(own, ~held), frame.iloc[out]
-    if own.blocks[0].extrapolation == "clamp":
+    if own.terms[0].extrapolation == "clamp":
         piece = training.held(piece)
     prediction = np.zeros(len(out))
-    for block in own.blocks:
-        if block.kind != "random" or beta[block.slice].any():
-            prediction += block.matrix(piece, training) @ beta[block.slice]
+    for fitted in own.terms:
+        if fitted.kind != "random" or beta[fitted.slice].any():
+            prediction += fitted.matrix(piece, training) @ beta[fitted.slice]
     report = {
         "rows": float(len(out)),
         "edf": float(np.einsum("ij,ji->", solution.covariance, solution.information)),

@@ -65,7 +65,7 @@ class GAMM(RegressorMixin, BaseEstimator):
         (X'WX + S)^-1 X'WX; its diagonal is `edf_`; `edf1_` is 2 edf - diag(F F).
     R_ : ndarray (p, p)
         Square root of X'WX / scale: R'R.
-    blocks_, term_slices_
+    terms_, term_slices_
         Fitted pieces, and the coefficients of each by label.
     smoothing_parameters_ : dict
     scale_, nu_, sigma_, nu_at_bound_
@@ -199,24 +199,24 @@ class GAMM(RegressorMixin, BaseEstimator):
         full = self._complete(frame, exclude, groups)
         if self.extrapolation == "clamp":
             full = self.training_.held(full)
-        blocks = [block for block in self.blocks_ if block.label not in set(exclude)]
-        fit, error = np.zeros((len(full), len(blocks))), np.zeros((len(full), len(blocks)))
+        included = [fitted for fitted in self.terms_ if fitted.label not in set(exclude)]
+        fit, error = np.zeros((len(full), len(included))), np.zeros((len(full), len(included)))
         total = np.zeros(len(full))
         for start in range(0, len(full), PREDICT_ROWS):
             rows = slice(start, start + PREDICT_ROWS)
             piece = full.iloc[rows]
             X = np.zeros((len(piece), len(self.coef_)))
-            for j, block in enumerate(blocks):
-                B = block.matrix(piece)
-                fit[rows, j] = B @ self.coef_[block.slice]
-                X[:, block.slice] = B
+            for j, fitted in enumerate(included):
+                B = fitted.matrix(piece)
+                fit[rows, j] = B @ self.coef_[fitted.slice]
+                X[:, fitted.slice] = B
                 if se and terms:
-                    V = self.Vp_[block.slice, block.slice]
+                    V = self.Vp_[fitted.slice, fitted.slice]
                     error[rows, j] = np.sqrt(np.maximum(np.einsum("ij,ij->i", B @ V, B), 0.0))
             if se and not terms:
                 total[rows] = np.sqrt(np.maximum(np.einsum("ij,ij->i", X @ self.Vp_, X), 0.0))
         if terms:
-            labels = [block.label for block in blocks]
+            labels = [fitted.label for fitted in included]
             out = pd.DataFrame(fit, index=frame.index, columns=labels)
             return (out, pd.DataFrame(error, index=frame.index, columns=labels)) if se else out
         return (fit.sum(axis=1), total) if se else fit.sum(axis=1)
@@ -373,10 +373,10 @@ class GAMM(RegressorMixin, BaseEstimator):
         logs = np.full(len(names), math.nan)
         logs[which] = solution.rho
         self.smoothing_parameters_ = {name: float(np.exp(v)) for name, v in zip(names, logs, strict=True)}
-        self.formula_, self.family_, self.blocks_ = design.formula, family, design.blocks
+        self.formula_, self.family_, self.terms_ = design.formula, family, design.terms
         self.training_ = design.training
-        self.coef_names_ = [name for block in design.blocks for name in block.names]
-        self.term_slices_ = {block.label: block.slice for block in design.blocks}
+        self.coef_names_ = [name for fitted in design.terms for name in fitted.names]
+        self.term_slices_ = {fitted.label: fitted.slice for fitted in design.terms}
         kept = set(active.tolist())
         self.empty_columns_ = [name for i, name in enumerate(self.coef_names_) if i not in kept]
         supports = design.training.supports
@@ -395,7 +395,7 @@ class GAMM(RegressorMixin, BaseEstimator):
             from sklearn.exceptions import NotFittedError
 
             raise NotFittedError("this GAMM is not fitted yet: call fit first")
-        known = [block.label for block in self.blocks_]
+        known = [fitted.label for fitted in self.terms_]
         faults = [
             Fault("unknown term", "predict(exclude=)", repr(label), ", ".join(known))
             for label in exclude
@@ -407,7 +407,9 @@ class GAMM(RegressorMixin, BaseEstimator):
             labels = frame[groups] if isinstance(groups, str) else np.asarray(groups)
             frame = frame.assign(**{absent[0]: np.asarray(labels)})
         used = [
-            block.term for block in self.blocks_ if block.label not in set(exclude) and block.term is not None
+            fitted.term
+            for fitted in self.terms_
+            if fitted.label not in set(exclude) and fitted.term is not None
         ]
         needed = dict.fromkeys(name for term in used for name in term.columns if name not in random)
         faults += missing_columns(frame, needed)
