@@ -112,7 +112,7 @@ def test_derivatives_of_the_scaled_t(seed, nu, sigma):
         ) / (2 * h * sigma)
         assert difference == pytest.approx(d.eta[j + 1], abs=1e-4 * size[j + 1])
         for i, step in enumerate(((h, 0.0), (0.0, h))):
-            up, down = t_derivatives(r, theta.moved(*step)), t_derivatives(r, theta.moved(-step[0], -step[1]))
+            up, down = t_derivatives(r, theta.step(*step)), t_derivatives(r, theta.step(-step[0], -step[1]))
             assert (up.eta[j] - down.eta[j]) / (2 * h) == pytest.approx(d.eta_theta[j, i], abs=1e-4 * size[j])
             if j < 3:
                 second = (up.eta_theta[j] - down.eta_theta[j]) / (2 * h)
@@ -146,7 +146,7 @@ def test_scores_have_exact_gradients_and_hessians(seed):
     active = np.arange(design.p)
     stack, _ = design.penalty_stack(active)
     rows, rng = DenseRows(X), np.random.default_rng(seed)
-    gram, cross = stack.rotated_both(rows.gram()), stack.rotated(rows.transpose(y))
+    gram, cross = stack.rotate_both(rows.gram()), stack.rotate(rows.transpose(y))
     normal = NormalEquations(gram, cross, float(y @ y), len(y))
     rho = rng.uniform(-3, 4, stack.size)
     for scale in (None, 0.3):

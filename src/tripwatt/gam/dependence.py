@@ -201,11 +201,11 @@ def autocorrelation(
     for i, lag in enumerate(lags):
         same = code[lag:] == code[:-lag]
         pairs[i] = int(same.sum())
-        correlation[i] = _pooled(r[:-lag][same], r[lag:][same])
+        correlation[i] = _pooled_correlation(r[:-lag][same], r[lag:][same])
     return Autocorrelation(lags, correlation, pairs)
 
 
-def _pooled(earlier: FloatArray, later: FloatArray) -> float:
+def _pooled_correlation(earlier: FloatArray, later: FloatArray) -> float:
     """Correlation about 0 of pairs, between -1 and 1; 0 where a side is 0 throughout."""
     sizes = float(np.linalg.norm(earlier)), float(np.linalg.norm(later))
     if min(sizes) == 0.0:

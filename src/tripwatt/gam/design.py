@@ -285,7 +285,7 @@ class _Builder:
             self.formula, self.terms, rows, training, self.notes, [], self.joint, self.codes, self.members
         )
 
-    def _nested(self, parts: list[IndexedColumns]) -> list[IndexedColumns]:
+    def _nest(self, parts: list[IndexedColumns]) -> list[IndexedColumns]:
         """Curves written into the table of a surface that has their covariate: one index instead of two."""
         index_of = {id(points.index): names for names, points in self.joint.items()}
         wide = [part for part in parts if len(index_of.get(id(part.index), ())) > 1 and part.scale is None]
@@ -322,7 +322,7 @@ class _Builder:
             for terms, table, index, scale in self.pieces
             if not any(terms is piece[0] for piece in plain)
         ]
-        parts = self._nested(parts)
+        parts = self._nest(parts)
         if not plain:
             return parts
         code = np.zeros(len(self.frame), dtype=np.int64)

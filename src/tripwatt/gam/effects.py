@@ -143,8 +143,8 @@ class SurfaceEffect:
             ax.clabel(lines, fontsize=7)
             ax.figure.colorbar(filled, ax=ax, label="Effect")
         if self.points.size:
-            spread = _cells(self.points, np.array([self.x[0], self.y[0]]), np.array([self.x[-1], self.y[-1]]))
-            keep = spread[:: max(1, len(spread) // 1500)]
+            cells = _cells(self.points, np.array([self.x[0], self.y[0]]), np.array([self.x[-1], self.y[-1]]))
+            keep = cells[:: max(1, len(cells) // 1500)]
             ax.scatter(keep[:, 0], keep[:, 1], s=2, color="black", alpha=0.35, linewidths=0, rasterized=True)
         held = "".join(f"\nat {name} {value:.3g}" for name, value in self.at.items())
         ax.set(
@@ -328,7 +328,7 @@ def effects(
     return found
 
 
-def _evaluated(
+def _evaluate(
     model: GAMM, fitted: FittedTerm, columns: Mapping[str, FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
     """Effect of a fitted term and its standard error where its covariates have these values."""
@@ -375,7 +375,7 @@ def _curve(
         own = model.training_.within.get((fitted.term.names, fitted.by, fitted.level))
         if own is not None:
             x = np.linspace(float(own.low[0]), float(own.high[0]), points)
-    effect, error = _evaluated(model, fitted, {name: x})
+    effect, error = _evaluate(model, fitted, {name: x})
     rug = np.zeros(0) if frame is None else _rows(fitted, frame, (name,))[:, 0]
     return CurveEffect(
         fitted.label, name, x, effect, error, multiplier, float(model.edf_[fitted.slice].sum()), rug
@@ -391,7 +391,7 @@ def _surface(model: GAMM, fitted: FittedTerm, frame: pd.DataFrame | None, points
     }
     across, along = np.meshgrid(x, y)
     held = {name: np.full(across.size, value) for name, value in at.items()}
-    effect, error = _evaluated(model, fitted, {first: across.ravel(), second: along.ravel(), **held})
+    effect, error = _evaluate(model, fitted, {first: across.ravel(), second: along.ravel(), **held})
     cloud = np.zeros((0, 2)) if frame is None else _rows(fitted, frame, (first, second))
     if len(cloud):
         from scipy.spatial import cKDTree

@@ -108,7 +108,7 @@ class FittedTerm:
     def _parametric(self, frame: pd.DataFrame, name: str, known: Training) -> FloatArray:
         if self.contrast is None:
             values = frame[name].to_numpy(dtype=np.float64)[:, None]
-            return values if self.extrapolation == "linear" else known.supports[(name,)].clamped(values)
+            return values if self.extrapolation == "linear" else known.supports[(name,)].clamp(values)
         levels = known.levels[name]
         return np.asarray(levels.rows(levels.codes(frame[name])) @ self.contrast)
 
@@ -124,7 +124,7 @@ class FittedTerm:
             return out
         points = Points.from_values(x)
         support = known.supports[self.term.names]
-        table = self.smoother.matrix(support.clamped(points.values))
+        table = self.smoother.matrix(support.clamp(points.values))
         if self.extrapolation == "linear" and points.values.shape[1] == 1:
             table = table + self._slope(points.values, support)
         out[used] = table[points.index] * weight[used, None]

@@ -48,7 +48,7 @@ def _place(fitted: FittedTerm) -> int:
     )
 
 
-def identified(design: Design, gram: FloatArray) -> tuple[Design, FloatArray]:
+def identify(design: Design, gram: FloatArray) -> tuple[Design, FloatArray]:
     """The design without the directions that nothing determines, and its crossproduct.
 
     A direction shared by several terms is taken from the one with most covariates, then from the later one; of
@@ -82,13 +82,11 @@ def identified(design: Design, gram: FloatArray) -> tuple[Design, FloatArray]:
         U, sizes, _ = np.linalg.svd(directions)
         rank = int((sizes > 1e-6 * sizes[0]).sum())
         design.notes.append(f"{fitted.label} repeats {others}: {rank} of its columns removed")
-        design, gram = _reduced(design, gram, fitted, U[:, rank:])
+        design, gram = _reduce(design, gram, fitted, U[:, rank:])
     return design, gram
 
 
-def _reduced(
-    design: Design, gram: FloatArray, fitted: FittedTerm, Z: FloatArray
-) -> tuple[Design, FloatArray]:
+def _reduce(design: Design, gram: FloatArray, fitted: FittedTerm, Z: FloatArray) -> tuple[Design, FloatArray]:
     """Map the columns of one term by Z (q, r) throughout the design."""
     where = fitted.slice
     before, after = np.arange(where.start), np.arange(where.stop, design.p)
@@ -106,7 +104,7 @@ def _reduced(
                     fitted,
                     names=[f"{fitted.label}.{i + 1}" for i in range(Z.shape[1])],
                     penalties=[Z.T @ S @ Z for S in fitted.penalties],
-                    smoother=fitted.smoother.reduced(Z),
+                    smoother=fitted.smoother.reduce(Z),
                 )
             )
         else:

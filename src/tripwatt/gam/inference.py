@@ -125,8 +125,8 @@ def smooth_test(
         base = float(z[:whole] @ z[:whole] + part * z[whole] ** 2)
         cross = float(2 * rho * z[whole - 1] * z[whole])
         totals = [base + cross, max(base - cross, 0.0)]
-        spread = np.sqrt(1 - part**2)
-        weights = np.append(np.ones(whole - 1), [(part + 1 + spread) / 2, (part + 1 - spread) / 2])
+        root = np.sqrt(1 - part**2)
+        weights = np.append(np.ones(whole - 1), [(part + 1 + root) / 2, (part + 1 - root) / 2])
     p = float(np.mean([_tail(total, weights, residual_df) for total in totals]))
     return TermTest(float(ref_df), totals[0] if residual_df is None else totals[0] / r, p)
 

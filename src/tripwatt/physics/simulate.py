@@ -12,7 +12,7 @@ import numpy.typing as npt
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
 from tripwatt.physics.arguments import argument_faults
-from tripwatt.physics.battery import BatteryRun, discharge, shifted
+from tripwatt.physics.battery import BatteryRun, discharge, shift
 from tripwatt.physics.cabin import CabinRun, condition_cabin, irradiance
 from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC, DriveConditions
 from tripwatt.physics.departure import cabin_at_departure, warmth_from_cabin
@@ -388,7 +388,7 @@ def _drive_and_battery(
         )
         previous = run
         settled = regeneration_acceptance(
-            shifted(soc, run.soc), shifted(temperature, run.temperature_degc), regeneration
+            shift(soc, run.soc), shift(temperature, run.temperature_degc), regeneration
         )
         lowest = min(float(settled.min()), float(acceptance.min()))
         if hardest <= regeneration.max_power_w * lowest:
