@@ -61,14 +61,30 @@ def concurvity(model: GAMM) -> pd.DataFrame:
     rows = {}
     for label, slices in spans.items():
         inside = np.concatenate([columns[s] for s in slices])
-        rows[label] = _concurvity(model.R_, model.coef_, inside)
+        rows[label] = column_concurvity(model.R_, model.coef_, inside)
     return pd.DataFrame.from_dict(
         rows, orient="index", columns=["worst", "observed", "estimate"]
     ).rename_axis("term")
 
 
-def _concurvity(factor: FloatArray, coef: FloatArray, inside: NDArray[np.intp]) -> tuple[float, float, float]:
-    """Worst, observed and estimate of the columns `inside` of X, from any A with A'A = X'X."""
+def column_concurvity(
+    factor: FloatArray, coef: FloatArray, inside: NDArray[np.intp]
+) -> tuple[float, float, float]:
+    """Worst, observed and estimate of some columns of a model matrix X against the others.
+
+    Parameters
+    ----------
+    factor : ndarray (m, p)
+        Any A with A'A = X'X.
+    coef : ndarray (p,)
+    inside : ndarray of int
+        The columns.
+
+    Examples
+    --------
+    >>> column_concurvity(np.eye(2), np.ones(2), np.array([0]))
+    (0.0, 0.0, 0.0)
+    """
     alive = np.flatnonzero((factor**2).sum(axis=0) > 0)
     inside = np.intersect1d(inside, alive)
     outside = np.setdiff1d(alive, inside)
