@@ -24,7 +24,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.physics import simulate
+from tripwatt.physics import DriveConditions, simulate
 from tripwatt.physics.road_load import air_density
 from tripwatt.sources.mapping import M_S_PER_MPH
 from tripwatt.units import KG_PER_LB, M_PER_MILE, N_PER_LBF
@@ -260,12 +260,14 @@ def driven_wh_per_km(vehicle: Vehicle, cycle: str, test_mass_kg: float) -> float
         vehicle,
         time,
         speed,
-        ambient_temperature_degc=CELL_TEMPERATURE_DEGC,
-        payload_mass_kg=test_mass_kg - vehicle.body.test_mass_kg,
-        initial_soc=INITIAL_SOC,
-        initial_warmth=1.0,
-        climate=False,
-        air_density_kg_m3=density if vehicle.road_load.method == "coastdown" else air_density(20.0),
+        conditions=DriveConditions(
+            ambient_temperature_degc=CELL_TEMPERATURE_DEGC,
+            payload_mass_kg=test_mass_kg - vehicle.body.test_mass_kg,
+            initial_soc=INITIAL_SOC,
+            initial_warmth=1.0,
+            climate=False,
+            air_density_kg_m3=density if vehicle.road_load.method == "coastdown" else air_density(20.0),
+        ),
     )
     return float(run.simulated_energy_wh / (np.trapezoid(speed, time) / 1000.0))
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from tripwatt.physics import simulate
+from tripwatt.physics import DriveConditions, simulate
 from tripwatt.units import M_PER_MILE
 from tripwatt.vehicles import load_vehicle
 
@@ -43,14 +43,16 @@ def argonne_rows(data: Path, reference: Path, vehicle_name: str = "bmw_i3_60ah")
             vehicle,
             time,
             speed,
-            ambient_temperature_degc=float(row.cell_temperature_degc),
-            payload_mass_kg=TEST_MASS_KG - vehicle.body.test_mass_kg,
-            climate=row.climate != "off",
-            initial_cabin_temperature_degc=setpoint if row.start == "hot" else None,
-            cabin_setpoint_degc=setpoint,
-            solar_irradiance_w_m2=850.0 if "850" in str(row.climate) else 0.0,
-            initial_warmth=1.0 if row.start == "hot" else 0.0,
-            air_density_kg_m3=vehicle.road_load.coastdown_air_density_kg_m3,
+            conditions=DriveConditions(
+                ambient_temperature_degc=float(row.cell_temperature_degc),
+                payload_mass_kg=TEST_MASS_KG - vehicle.body.test_mass_kg,
+                climate=row.climate != "off",
+                initial_cabin_temperature_degc=setpoint if row.start == "hot" else None,
+                cabin_setpoint_degc=setpoint,
+                solar_irradiance_w_m2=850.0 if "850" in str(row.climate) else 0.0,
+                initial_warmth=1.0 if row.start == "hot" else 0.0,
+                air_density_kg_m3=vehicle.road_load.coastdown_air_density_kg_m3,
+            ),
         )
         simulated.append(run.simulated_energy_wh / (np.trapezoid(speed, time) / M_PER_MILE))
     return rows.assign(

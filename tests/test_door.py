@@ -143,16 +143,16 @@ def test_what_the_simulation_takes_is_bounded_by_the_schema_alone():
     car = tw.load_vehicle("bmw_i3_60ah")
     time = np.arange(3.0)
     limits = {"ambient_temperature_degc": COLUMNS["ambient_temperature_degc"], **QUANTITIES}
-    from tripwatt.physics import simulate
+    from tripwatt.physics import DriveConditions, simulate
 
     with pytest.raises(
         InvalidInput, match=f"speed_m_s: got 90.1; allowed: 0 to {COLUMNS['speed_m_s'].maximum:g}"
     ):
         simulate(car, time, [0.0, 90.1, 0.0])
     for name in ("ambient_temperature_degc", "payload_mass_kg"):
-        simulate(car, time, np.zeros(3), **{name: limits[name].maximum})
+        simulate(car, time, np.zeros(3), conditions=DriveConditions(**{name: limits[name].maximum}))
         with pytest.raises(InvalidInput, match=name):
-            simulate(car, time, np.zeros(3), **{name: limits[name].maximum + 1.0})
+            simulate(car, time, np.zeros(3), conditions=DriveConditions(**{name: limits[name].maximum + 1.0}))
         with pytest.raises(InvalidInput, match=name):
             tw.Departure(**{name: limits[name].maximum + 1.0})
 

@@ -99,7 +99,7 @@ def test_pickles_are_neither_written_nor_read(model: Path, monkeypatch: pytest.M
     np.savez(buffer, x=np.array([0.0]))
     trap = buffer.getvalue().replace(b"\x93NUMPY", b"\x93NUMPX")
     for raw in (trap, pickle.dumps(Trap()), b"PK\x03\x04 no archive"):
-        monkeypatch.setattr(modelfile, "_encoded", lambda name, part, raw=raw: raw)
+        monkeypatch.setattr(modelfile, "_encode", lambda name, part, raw=raw: raw)
         write_model(model, {}, {"a.npz": {}})
         with pytest.raises(InvalidInput, match="damaged"):
             read_model(model).parts["a.npz"]

@@ -136,7 +136,7 @@ def consumption_curve(
     """
     departure = departure or Departure()
     physics = _Driver(vehicle, departure, None)
-    drive, learned_w = physics.corrected(correction)
+    drive, learned_w = physics.with_correction(correction)
     speeds = []
     levels = []
     for speed in range(LOWEST_KM_H, HIGHEST_KM_H + 1, STEP_KM_H):
@@ -190,7 +190,7 @@ class _Driver:
     departure: Departure
     correction: Callable[[Plan], float] | None
 
-    def corrected(self, correction: Callable[[Plan], float] | None) -> tuple[_Driver, float]:
+    def with_correction(self, correction: Callable[[Plan], float] | None) -> tuple[_Driver, float]:
         """With what a correction says of driving, and the power [W] that it says flows all the time."""
         if correction is None:
             return self, 0.0

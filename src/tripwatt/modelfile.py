@@ -78,7 +78,7 @@ def write_model(folder: Path | str, metadata: Mapping[str, Any], parts: Mapping[
     """
     out = Path(folder)
     require_place(out)
-    content = {name: _encoded(name, part) for name, part in sorted(parts.items())}
+    content = {name: _encode(name, part) for name, part in sorted(parts.items())}
     listed = {n: {"sha256": hashlib.sha256(b).hexdigest(), "bytes": len(b)} for n, b in content.items()}
     document = {
         "format": FORMAT,
@@ -125,7 +125,7 @@ def read_metadata(folder: Path | str) -> dict[str, Any]:
     try:
         document = json.loads(raw)
     except ValueError as error:
-        raise InvalidInput(_damaged(path / METADATA, str(error)[:120], "JSON")) from error
+        raise InvalidInput(_damage_fault(path / METADATA, str(error)[:120], "JSON")) from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         found = document.get("format") if isinstance(document, dict) else type(document).__name__
         raise InvalidInput(Fault("no model", f"{path / METADATA}, format", repr(found), repr(FORMAT)))
@@ -139,7 +139,7 @@ def read_metadata(folder: Path | str) -> dict[str, Any]:
     blanked = raw.replace(f'"sha256": "{digest}"'.encode(), f'"sha256": "{_BLANK}"'.encode(), -1)
     found = hashlib.sha256(blanked).hexdigest()
     if found != digest:
-        raise InvalidInput(_damaged(path / METADATA, f"SHA-256 {found}", f"SHA-256 {digest}"))
+        raise InvalidInput(_damage_fault(path / METADATA, f"SHA-256 {found}", f"SHA-256 {digest}"))
     return document
 
 
@@ -181,12 +181,12 @@ def _read_version_1(path: Path, metadata: Mapping[str, Any]) -> ModelFile:
         found = hashlib.sha256(raw).hexdigest()
         if found != about["sha256"]:
             got = f"{len(raw)} bytes, SHA-256 {found}"
-            faults.append(_damaged(place, got, f"{about['bytes']} bytes, SHA-256 {about['sha256']}"))
+            faults.append(_damage_fault(place, got, f"{about['bytes']} bytes, SHA-256 {about['sha256']}"))
             continue
         try:
-            parts[name] = _decoded(place, raw)
+            parts[name] = _decode(place, raw)
         except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-            faults.append(_damaged(place, str(error)[:120], "arrays without pickled objects, or JSON"))
+            faults.append(_damage_fault(place, str(error)[:120], "arrays without pickled objects, or JSON"))
     if faults:
         raise InvalidInput(faults)
     return ModelFile(metadata, parts)
@@ -198,7 +198,7 @@ _READERS: Final[Mapping[int, Callable[[Path, Mapping[str, Any]], ModelFile]]] = 
 """Version of the format -> its reader. A version that was ever released stays here."""
 
 
-def _damaged(place: Path, got: str, allowed: str) -> Fault:
+def _damage_fault(place: Path, got: str, allowed: str) -> Fault:
     return Fault(
         "part of the model is damaged or altered",
         f"{place}",
@@ -219,7 +219,7 @@ def _bytes(path: Path) -> bytes | None:
         ) from error
 
 
-def _encoded(name: str, part: Part) -> bytes:
+def _encode(name: str, part: Part) -> bytes:
     suffix = Path(name).suffix
     if Path(name).name != name or suffix not in _SUFFIXES or name == METADATA:
         raise InvalidInput(Fault("invalid name of a part", "parts", repr(name), "NAME.npz or NAME.json"))
@@ -235,7 +235,7 @@ def _encoded(name: str, part: Part) -> bytes:
     return buffer.getvalue()
 
 
-def _decoded(place: Path, raw: bytes) -> Part:
+def _decode(place: Path, raw: bytes) -> Part:
     if place.suffix == ".json":
         document = json.loads(raw)
         if not isinstance(document, dict):

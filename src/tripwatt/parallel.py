@@ -42,7 +42,7 @@ def map_unordered(
         return
     from joblib import Parallel, delayed
 
-    work = (delayed(_numbered)(function, index, task) for index, task in enumerate(tasks))
+    work = (delayed(_call_numbered)(function, index, task) for index, task in enumerate(tasks))
     results: Iterable[tuple[int, Result]] = Parallel(
         n_jobs=n_jobs, return_as="generator_unordered", batch_size=1
     )(work)
@@ -55,7 +55,7 @@ def map_unordered(
         raise
 
 
-def _numbered(function: Callable[[Task], Result], index: int, task: Task) -> tuple[int, Result]:
+def _call_numbered(function: Callable[[Task], Result], index: int, task: Task) -> tuple[int, Result]:
     if multiprocessing.parent_process() is not None and threading.current_thread() is threading.main_thread():
         # Ctrl-C reaches every process of a terminal; the parent alone answers it and ends its workers
         signal.signal(signal.SIGINT, signal.SIG_IGN)

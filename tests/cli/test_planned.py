@@ -18,7 +18,7 @@ from tripwatt.routes import parse_route, plan_from_route, route_from_links
 from tripwatt.trips import Departure, Plan
 from tripwatt.vehicles import load_vehicle
 
-ANSWERS = ROOT / "tests" / "routes" / "responses"
+RESPONSES = ROOT / "tests" / "routes" / "responses"
 
 
 class Answer(NamedTuple):
@@ -73,7 +73,7 @@ def routes(folder: Path) -> dict[str, Path]:
     }
     for name, text in texts.items():
         (folder / name).write_text(text)
-    return {name: folder / name for name in texts} | {p.name: p for p in ANSWERS.glob("*.json")}
+    return {name: folder / name for name in texts} | {p.name: p for p in RESPONSES.glob("*.json")}
 
 
 def test_every_format_is_a_trip(run: Run, tmp_path: Path) -> None:
@@ -128,7 +128,7 @@ def test_a_track_without_times_needs_a_speed(run: Run, tmp_path: Path) -> None:
         for v in (50, 100)
     ]
     assert times[0] == pytest.approx(2.0 * times[1], rel=0.02)
-    answer = run("forecast", ANSWERS / "osrm.json", "--speed", 50)
+    answer = run("forecast", RESPONSES / "osrm.json", "--speed", 50)
     assert answer.code == 2
     assert "has no effect: --speed" in answer.err
 

@@ -14,9 +14,9 @@ from tripwatt.uncertainty.process import (
     ComponentProcess,
     HeldOutResidual,
     PowerPosterior,
+    ResidualBatch,
     ResidualProcess,
     Segments,
-    _Batch,
 )
 from tripwatt.uncertainty.scale import TotalScale
 from tripwatt.uncertainty.shrinkage import UpdateShrinkage
@@ -167,7 +167,7 @@ def test_conditioning_is_exact_on_what_was_seen():
 def test_likelihood_and_its_gradient_are_exact(components: tuple[str, ...]):
     rng = np.random.default_rng(2)
     trips = [HeldOutResidual(some_blocks(rng, n), rng.normal(0, 600, n)) for n in (8, 12)]
-    batch = _Batch.from_trips(trips, "joint")
+    batch = ResidualBatch.from_trips(trips, "joint")
     values = np.array([dataclasses.astuple(getattr(PROCESS, name)) for name in components])
     cost, gradient = batch.cost(components, values)
     for at in np.ndindex(values.shape):

@@ -13,10 +13,10 @@ HERE = Path(__file__).parent / "fixtures" / "inference"
 SYNTH = Path(__file__).parents[1] / "fixtures" / "mgcv_synth"
 
 
-def model(gram, penalty, coef, blocks, scalars, names):
+def model(gram, penalty, coef, terms, scalars, names):
     """The attributes of a fitted model that inference reads, from X'WX and the penalty.
 
-    blocks: (label, kind, null_dim, slice, penalty of the block without its place) in the order of coefficients.
+    terms: (label, kind, null_dim, slice, penalty of the term without its place) in the order of coefficients.
     """
     student = np.isfinite(scalars["nu"])
     posterior = np.linalg.inv(gram + penalty)
@@ -36,8 +36,8 @@ def model(gram, penalty, coef, blocks, scalars, names):
         nu_=scalars["nu"],
         sigma_=scalars["sigma"],
         family_=ScaledT() if student else Gaussian(),
-        smoothing_parameters_={label: 1.0 for label, kind, *_ in blocks if kind != "parametric"},
-        blocks_=[
+        smoothing_parameters_={label: 1.0 for label, kind, *_ in terms if kind != "parametric"},
+        terms_=[
             SimpleNamespace(
                 label=label,
                 kind=kind,
@@ -46,7 +46,7 @@ def model(gram, penalty, coef, blocks, scalars, names):
                 start=at.start,
                 penalties=[] if kind == "parametric" else [penalty[at, at]],
             )
-            for label, kind, null_dim, at in blocks
+            for label, kind, null_dim, at in terms
         ],
     )
 
@@ -56,12 +56,12 @@ def small(name):
     folder = HERE / name
     read = lambda file: pd.read_csv(folder / file)  # noqa: E731
     smooths, parametric = read("smooths.csv"), read("parametric.csv")
-    blocks = [("parametric", "parametric", len(parametric), slice(0, len(parametric)))]
-    blocks += [(r.term, r.kind, r.null_dim, slice(r.first - 1, r.last)) for r in smooths.itertuples()]
+    terms = [("parametric", "parametric", len(parametric), slice(0, len(parametric)))]
+    terms += [(r.term, r.kind, r.null_dim, slice(r.first - 1, r.last)) for r in smooths.itertuples()]
     coef = read("coef.csv")["coef"].to_numpy()
     scalars = read("scalars.csv").iloc[0].to_dict()
     names = [f"b{i}" for i in range(coef.size)]
-    fit = model(read("gram.csv").to_numpy(), read("penalty.csv").to_numpy(), coef, blocks, scalars, names)
+    fit = model(read("gram.csv").to_numpy(), read("penalty.csv").to_numpy(), coef, terms, scalars, names)
     return fit, smooths.set_index("term"), parametric
 
 
@@ -81,10 +81,10 @@ def synthetic(kind, family):
         penalty[at, at] += value * pd.read_csv(file).to_numpy()
         spans[re.sub(r"\)\d$", ")", name)] = (at, rank)
     p = len(parametric)
-    blocks = [("parametric", "parametric", p, slice(0, p))]
+    terms = [("parametric", "parametric", p, slice(0, p))]
     for label, (at, rank) in spans.items():
         random = label == "s(trip)"
-        blocks.append(
+        terms.append(
             (label, "random" if random else "smooth", 0 if random else max(at.stop - at.start - rank, 1), at)
         )
     student = np.isfinite(scalars["nu"])
@@ -94,7 +94,7 @@ def synthetic(kind, family):
         weight * X.T @ X,
         penalty,
         coef["coef"].to_numpy(),
-        blocks,
+        terms,
         scalars,
         list(coef["name"]),
     )

@@ -44,10 +44,10 @@ def test_a_huge_smoothing_parameter_gives_a_straight_line(seed, basis, power):
 def test_edf_lies_between_the_null_space_and_k(seed, logs):
     formula = Formula("y", (Smooth(("x",), "tp", 8), Tensor(("x", "z"), "ps", (5, 5))))
     model = GAMM(formula, smoothing_parameters=np.exp(logs)).fit(data(seed))
-    for block in model.blocks_:
-        edf = model.edf_[block.slice].sum()
-        assert block.null_dim - 1e-6 <= edf <= block.size + 1e-6
-        assert edf <= model.edf1_[block.slice].sum() + 1e-6
+    for fitted in model.terms_:
+        edf = model.edf_[fitted.slice].sum()
+        assert fitted.null_dim - 1e-6 <= edf <= fitted.size + 1e-6
+        assert edf <= model.edf1_[fitted.slice].sum() + 1e-6
 
 
 @few
@@ -112,7 +112,7 @@ def test_derivatives_of_the_scaled_t(seed, nu, sigma):
         ) / (2 * h * sigma)
         assert difference == pytest.approx(d.eta[j + 1], abs=1e-4 * size[j + 1])
         for i, step in enumerate(((h, 0.0), (0.0, h))):
-            up, down = t_derivatives(r, theta.moved(*step)), t_derivatives(r, theta.moved(-step[0], -step[1]))
+            up, down = t_derivatives(r, theta.step(*step)), t_derivatives(r, theta.step(-step[0], -step[1]))
             assert (up.eta[j] - down.eta[j]) / (2 * h) == pytest.approx(d.eta_theta[j, i], abs=1e-4 * size[j])
             if j < 3:
                 second = (up.eta_theta[j] - down.eta_theta[j]) / (2 * h)
@@ -146,7 +146,7 @@ def test_scores_have_exact_gradients_and_hessians(seed):
     active = np.arange(design.p)
     stack, _ = design.penalty_stack(active)
     rows, rng = DenseRows(X), np.random.default_rng(seed)
-    gram, cross = stack.rotated_both(rows.gram()), stack.rotated(rows.transpose(y))
+    gram, cross = stack.rotate_both(rows.gram()), stack.rotate(rows.transpose(y))
     normal = NormalEquations(gram, cross, float(y @ y), len(y))
     rho = rng.uniform(-3, 4, stack.size)
     for scale in (None, 0.3):
@@ -196,6 +196,6 @@ def test_factor_smooths_and_parametric_levels_agree_with_least_squares():
     frame = data(1).assign(w=lambda f: np.where(f["z"] > 0, "hi", "lo"))
     formula = Formula("y", (Parametric("w"), Parametric("z"), Smooth(("x",), "ps", 5, by="w")))
     model = GAMM(formula, smoothing_parameters=[1e-10, 1e-10]).fit(frame)
-    X = np.hstack([block.matrix(frame) for block in model.blocks_])
+    X = np.hstack([fitted.matrix(frame) for fitted in model.terms_])
     beta = np.linalg.lstsq(X, frame["y"], rcond=None)[0]
     assert model.fitted_values_ == pytest.approx(X @ beta, abs=1e-6)

@@ -98,7 +98,7 @@ def test_at_the_parameters_of_gam_everything_is_equal(synth, name, errors):
     assert model.loglik_ == pytest.approx(peer.scalars["loglik"], rel=1e-9)
     assert np.abs(model.fitted_values_ - peer.fitted).max() < 1e-6
     for label, where in model.term_slices_.items():
-        if model.blocks_[[b.label for b in model.blocks_].index(label)].kind != "parametric":
+        if model.terms_[[b.label for b in model.terms_].index(label)].kind != "parametric":
             assert model.edf_[where].sum() == pytest.approx(peer.edf_of(label), abs=1e-5), label
     k = 4 if name == "A" else 3
     assert model.coef_[1:k] == pytest.approx(peer.coef["coef"][1:k].to_numpy(), rel=1e-5)

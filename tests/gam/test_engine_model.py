@@ -40,7 +40,7 @@ def test_predictions_add_up(frame, model):
     assert list(terms) == ["(Intercept)", "w", "s(x)", "s(x,z)", "s(g)"]
     without = model.predict(frame, exclude=["s(g)"])
     assert fit - without == pytest.approx(terms["s(g)"].to_numpy())
-    dense = np.hstack([block.matrix(frame) for block in model.blocks_])
+    dense = np.hstack([fitted.matrix(frame) for fitted in model.terms_])
     assert se == pytest.approx(np.sqrt(np.einsum("ij,jk,ik->i", dense, model.Vp_, dense)))
     assert (term_se["s(g)"] > 0).all()
     assert pytest.approx(np.linalg.pinv(model.Vp_) @ model.F_, abs=1e-4) == model.R_.T @ model.R_
@@ -55,15 +55,15 @@ def test_unseen_levels_follow_the_stated_rule(frame, model):
     assert model.predict(row.drop(columns="g"), groups=["g3"])[0] == pytest.approx(
         model.predict(row.assign(g="g3"))[0]
     )
-    assert model.extrapolated(row.assign(w="never")).all()
-    assert not model.extrapolated(frame).any()
+    assert model.extrapolation_mask(row.assign(w="never")).all()
+    assert not model.extrapolation_mask(frame).any()
 
 
 def test_outside_the_range_a_curve_is_held_or_goes_straight(frame):
     far = pd.DataFrame({"x": np.array([5.5, 6.5, 7.5, 1e6])})
     held = GAMM(Formula("y", (X,))).fit(frame)
     assert np.ptp(held.predict(far)) < 1e-9
-    assert held.extrapolated(far).all()
+    assert held.extrapolation_mask(far).all()
     straight = GAMM(Formula("y", (X,)), extrapolation="linear").fit(frame)
     steps = np.diff(straight.predict(far)[:3])
     assert steps[0] == pytest.approx(steps[1])
@@ -83,8 +83,8 @@ def test_a_level_has_its_own_range(frame):
         model = GAMM(Formula("y", (Smooth(("x",), "ps", 10, by=by),))).fit(rows)
         far = pd.DataFrame({"x": [1.5, 3.0, 4.5]}).assign(**level)
         assert np.ptp(model.predict(far)) < 1e-9
-        assert model.extrapolated(far).all()
-        assert not model.extrapolated(rows).any()
+        assert model.extrapolation_mask(far).all()
+        assert not model.extrapolation_mask(rows).any()
 
 
 def test_a_surface_stays_bounded_far_from_its_data(frame):
@@ -94,11 +94,11 @@ def test_a_surface_stays_bounded_far_from_its_data(frame):
     diagonal["y"] = 5 * diagonal["x"] + rng.normal(0, 0.1, 300)
     surface = GAMM(Formula("y", (Tensor(("x", "z"), "ps", (6, 6), "te"),))).fit(diagonal)
     corner = pd.DataFrame({"x": [0.0, 1.0, 50.0], "z": [1.0, 0.0, -50.0]})
-    assert surface.extrapolated(corner).all()
+    assert surface.extrapolation_mask(corner).all()
     low, high = diagonal["y"].min() - 3, diagonal["y"].max() + 3
     assert ((surface.predict(corner) > low) & (surface.predict(corner) < high)).all()
     points = Support(frame[["x", "z"]].to_numpy())
-    moved = points.clamped(np.array([[100.0, 100.0]]))
+    moved = points.clamp(np.array([[100.0, 100.0]]))
     assert not points.outside(moved).any()
 
 
@@ -107,7 +107,7 @@ def test_terms_of_one_covariate_are_held_at_the_same_point(frame):
     model = GAMM(Formula("y", terms)).fit(frame)
     support = model.training_.supports[("x", "z")]
     far = pd.DataFrame({"x": [-2.0, 5.0, 9.0], "z": [3.0, -3.0, 9.0]})
-    there = pd.DataFrame(support.clamped(far.to_numpy()), columns=["x", "z"])
+    there = pd.DataFrame(support.clamp(far.to_numpy()), columns=["x", "z"])
     assert model.predict(far) == pytest.approx(model.predict(there))
 
 
@@ -163,14 +163,14 @@ def test_autocorrelation_is_found_and_widens_the_bands():
     assert model.edf_.sum() < plain.edf_.sum()
     # against the whitened rows themselves
     y, whitened = frame["y"].to_numpy(), model.ar1_rho_
-    dense = np.hstack([block.matrix(frame) for block in model.blocks_])
+    dense = np.hstack([fitted.matrix(frame) for fitted in model.terms_])
     first = np.r_[True, np.diff(frame["g"]) != 0]
     W = np.where(
         first[:, None], dense, (dense - whitened * np.roll(dense, 1, axis=0)) / np.sqrt(1 - whitened**2)
     )
     v = np.where(first, y, (y - whitened * np.roll(y, 1)) / np.sqrt(1 - whitened**2))
     S = np.zeros((20, 20))
-    S[1:, 1:] = model.smoothing_parameters_["s(t)"] * model.blocks_[1].penalties[0]
+    S[1:, 1:] = model.smoothing_parameters_["s(t)"] * model.terms_[1].penalties[0]
     assert model.coef_ == pytest.approx(np.linalg.solve(W.T @ W + S, W.T @ v), abs=1e-6)
     shuffled = frame.sample(frac=1, random_state=0).sort_values(["t"], kind="stable")
     assert GAMM(formula, ar1_rho="estimate").fit(shuffled, groups="g").reml_ == pytest.approx(
@@ -182,7 +182,7 @@ def test_autocorrelation_is_found_and_widens_the_bands():
 def test_numeric_by_variables_share_one_constant(frame):
     terms = (X, Smooth(("x",), "ps", 8, by="on"), Smooth(("z",), by="on"))
     one = GAMM(Formula("y", (Smooth(("x",), "ps", 8, by="on"),))).fit(frame)
-    assert one.blocks_[-1].size == 8
+    assert one.terms_[-1].size == 8
     model = GAMM(Formula("y", terms)).fit(frame)
     assert any("s(z):on" in note for note in model.notes_)
     assert model.predict(frame.assign(on=0.0), exclude=["s(x)"]) == pytest.approx(model.coef_[0])
@@ -261,7 +261,7 @@ def test_what_can_be_reduced_is_reduced_and_reported(frame):
     )
     nested = GAMM(Formula("y", (Smooth(("x",)), Smooth(("z",)), Smooth(("x", "z"))))).fit(frame)
     assert "s(x,z) repeats" in nested.notes_[0]
-    assert nested.blocks_[-1].size == 27
+    assert nested.terms_[-1].size == 27
 
 
 def test_predict_and_options_say_what_is_wrong(frame, model):

@@ -89,7 +89,7 @@ def test_autocorrelation_refuses_what_it_cannot_use():
 
 def test_concurvity_lies_between_zero_and_one(fit):
     table = concurvity(fit)
-    assert list(table.index) == ["parametric", *[b.label for b in fit.blocks_ if b.kind != "parametric"]]
+    assert list(table.index) == ["parametric", *[b.label for b in fit.terms_ if b.kind != "parametric"]]
     assert table.to_numpy().min() >= 0
     assert table.to_numpy().max() <= 1
     assert (table["worst"] >= table["observed"] - 1e-9).all()

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from scipy import stats
 from tests.gam.oracle import HERE, small, synthetic
 
-from tripwatt.gam.chisq import _liu, weighted_chi2_sf
-from tripwatt.gam.dependence import _concurvity, concurvity
+from tripwatt.gam.chisq import liu_chi2_sf, weighted_chi2_sf
+from tripwatt.gam.dependence import column_concurvity, concurvity
 from tripwatt.gam.inference import coefficient_table, smooth_test, term_table
 
 POSITIVE = st.floats(0.01, 100)
@@ -46,7 +46,7 @@ def test_sum_of_exponentials_far_into_the_tail(q):
     exact = float(np.exp(-q / (2 * weights)) @ share)
     assert weighted_chi2_sf(q, weights, [2] * 4) == pytest.approx(exact, rel=1e-9, abs=0)
     if 1 <= q <= 10:
-        assert _liu(q, weights, np.full(4, 2.0)) == pytest.approx(exact, abs=0.01)
+        assert liu_chi2_sf(q, weights, np.full(4, 2.0)) == pytest.approx(exact, abs=0.01)
 
 
 def check(fit, smooths, parametric):
@@ -83,8 +83,10 @@ def test_concurvity_of_a_repeated_column_is_one_and_of_an_orthogonal_one_zero():
     rng = np.random.default_rng(0)
     basis, _ = np.linalg.qr(rng.normal(size=(50, 5)))
     factor = np.column_stack([basis, basis[:, 3] * 2.0])
-    assert _concurvity(factor, np.ones(6), np.array([5])) == pytest.approx((1.0, 1.0, 1.0))
-    assert _concurvity(factor, np.ones(6), np.array([0, 1])) == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+    assert column_concurvity(factor, np.ones(6), np.array([5])) == pytest.approx((1.0, 1.0, 1.0))
+    assert column_concurvity(factor, np.ones(6), np.array([0, 1])) == pytest.approx(
+        (0.0, 0.0, 0.0), abs=1e-12
+    )
 
 
 def test_p_values_of_a_pure_noise_term_are_uniform():

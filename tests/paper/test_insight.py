@@ -33,7 +33,7 @@ def test_gamm_is_kept_with_its_numbers(table: TripTable) -> None:
     (trips,) = (e for e in found.effects.values() if isinstance(e, RandomEffects))
     assert set(trips.level) == set(table.trip_ids)
     model = GAMM["gamm"].fit(table).corrector.model_
-    by_number = dict(zip(model.levels_["trip"], model.coef_[model.blocks_[-1].slice], strict=True))
+    by_number = dict(zip(model.levels_["trip"], model.coef_[model.terms_[-1].slice], strict=True))
     shown = dict(zip(trips.level, trips.effect, strict=True))
     for number, name in enumerate(table.trip_ids):
         assert shown[name] == pytest.approx(by_number[str(number)], rel=1e-6)

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tripwatt.errors import InvalidInput
-from tripwatt.physics import CAUSES, simulate, simulate_trip
+from tripwatt.physics import CAUSES, DriveConditions, simulate, simulate_trip
 from tripwatt.trips import Context, Trip
 from tripwatt.units import WH_PER_J
 from tripwatt.vehicles import Vehicle, load_vehicle
@@ -36,7 +36,9 @@ def net_energy_wh(time_s: np.ndarray, power_w: np.ndarray) -> float:
 @given(traces(), st.floats(-25.0, 42.0), st.floats(0.0, 1.0), st.sampled_from(["default", "paper"]))
 def test_parts_sum_to_the_battery_energy(trace, ambient, soc, preset) -> None:
     run = simulate(
-        load_vehicle("bmw_i3_60ah", preset), **trace, ambient_temperature_degc=ambient, initial_soc=soc
+        load_vehicle("bmw_i3_60ah", preset),
+        **trace,
+        conditions=DriveConditions(ambient_temperature_degc=ambient, initial_soc=soc),
     )
     parts = run.energy_by_cause_wh
     assert set(parts) == set(CAUSES)
@@ -65,7 +67,7 @@ def test_terminals_and_open_circuit_agree(trace) -> None:
 @EXAMPLES
 @given(trace=traces(closed=True, hilly=False))
 def test_loss_free_loop_nets_zero(trace, loss_free: Vehicle) -> None:
-    run = simulate(loss_free, **trace, initial_soc=0.5)
+    run = simulate(loss_free, **trace, conditions=DriveConditions(initial_soc=0.5))
     gross = net_energy_wh(run.time_s, np.abs(run.wheel_power_w))
     if not run.flags:
         assert abs(run.simulated_energy_wh) <= 1e-9 * max(gross, 1.0)
@@ -85,7 +87,9 @@ def test_loss_free_loop_over_a_hill_nets_zero(loss_free: Vehicle) -> None:
 @EXAMPLES
 @given(trace=traces(closed=True), ambient=st.floats(-20.0, 40.0))
 def test_kinetic_energy_telescopes(trace, ambient) -> None:
-    run = simulate(load_vehicle("bmw_i3_60ah"), **trace, ambient_temperature_degc=ambient)
+    run = simulate(
+        load_vehicle("bmw_i3_60ah"), **trace, conditions=DriveConditions(ambient_temperature_degc=ambient)
+    )
     gross = net_energy_wh(run.time_s, np.abs(run.power_by_cause_w["acceleration"]))
     assert abs(run.energy_by_cause_wh["acceleration"][-1]) <= 1e-12 * max(gross, 1.0)
 
@@ -94,7 +98,13 @@ def test_kinetic_energy_telescopes(trace, ambient) -> None:
 @EXAMPLES
 def test_parked_car_uses_only_auxiliaries(hvac, duration) -> None:
     car = load_vehicle("bmw_i3_60ah")
-    run = simulate(car, [0.0, 0.3 * duration, duration], np.zeros(3), hvac_power_w=hvac, initial_soc=1.0)
+    run = simulate(
+        car,
+        [0.0, 0.3 * duration, duration],
+        np.zeros(3),
+        hvac_power_w=hvac,
+        conditions=DriveConditions(initial_soc=1.0),
+    )
     expected = (car.auxiliaries.base_load_w + hvac) * duration * WH_PER_J
     assert run.simulated_energy_wh == pytest.approx(expected, rel=1e-12)
 
@@ -109,9 +119,9 @@ def test_more_mass_or_drag_never_takes_less_at_the_wheel(trace, more) -> None:
     base, heavy, wide = (
         net_energy_wh(trace["time_s"], run.wheel_power_w)
         for run in (
-            simulate(car, **trace, climate=False),
-            simulate(car, **trace, climate=False, payload_mass_kg=more),
-            simulate(draggy, **trace, climate=False),
+            simulate(car, **trace, conditions=DriveConditions(climate=False)),
+            simulate(car, **trace, conditions=DriveConditions(climate=False, payload_mass_kg=more)),
+            simulate(draggy, **trace, conditions=DriveConditions(climate=False)),
         )
     )
     assert heavy >= base
@@ -124,7 +134,9 @@ def test_more_mass_or_drag_never_takes_less_at_the_wheel(trace, more) -> None:
 @given(trace=traces(), fraction=st.floats(0.0, 1.0), soc=st.floats(0.0, 1.0), ambient=st.floats(-30.0, 40.0))
 def test_regeneration_stays_within_its_bounds(trace, fraction, soc, ambient) -> None:
     car = load_vehicle("bmw_i3_60ah", overrides={"regeneration.fraction": fraction})
-    run = simulate(car, **trace, initial_soc=soc, ambient_temperature_degc=ambient)
+    run = simulate(
+        car, **trace, conditions=DriveConditions(initial_soc=soc, ambient_temperature_degc=ambient)
+    )
     braking = np.maximum(-run.wheel_power_w, 0.0)
     assert (run.regen_power_w >= 0.0).all()
     assert (run.friction_brake_power_w >= -1e-9).all()
@@ -142,7 +154,9 @@ def test_more_regeneration_never_costs_energy(trace, low, high) -> None:
     low, high = sorted((low, high))
     less, more = (
         simulate(
-            load_vehicle("bmw_i3_60ah", overrides={"regeneration.fraction": f}), **trace, initial_soc=0.5
+            load_vehicle("bmw_i3_60ah", overrides={"regeneration.fraction": f}),
+            **trace,
+            conditions=DriveConditions(initial_soc=0.5),
         )
         for f in (low, high)
     )
@@ -161,7 +175,9 @@ def test_state_of_charge_falls_when_the_battery_gives(trace) -> None:
 
 def test_impossible_trace_carries_flags_and_finite_numbers(i3: Vehicle) -> None:
     speed = np.array([0.0, 12.0, 50.0, 50.0, 0.0, 89.0])
-    run = simulate(i3, np.arange(6.0), speed, grade=np.full(6, 0.6), initial_soc=0.02)
+    run = simulate(
+        i3, np.arange(6.0), speed, grade=np.full(6, 0.6), conditions=DriveConditions(initial_soc=0.02)
+    )
     text = " ".join(flag.code for flag in run.flags)
     for name in ("motor_torque_limit", "motor_power_limit", "motor_speed_limit", "battery_empty"):
         assert name in text
@@ -202,7 +218,7 @@ def test_finer_samples_of_the_same_drive_give_the_same_energy(trace, pieces) -> 
 @EXAMPLES
 def test_every_bad_argument_is_named_at_once(broken) -> None:
     time, speed, grade = np.arange(5.0), np.full(5, 3.0), np.zeros(5)
-    given_values: dict[str, object] = {}
+    hvac, conditions = None, {}
     expected = set()
     if "time" in broken:
         time[3] = time[2]
@@ -214,16 +230,23 @@ def test_every_bad_argument_is_named_at_once(broken) -> None:
         grade[0] = 3.0
         expected.add("grade")
     if "soc" in broken:
-        given_values["initial_soc"] = 80.0
+        conditions["initial_soc"] = 80.0
         expected.add("initial_soc")
     if "ambient" in broken:
-        given_values["ambient_temperature_degc"] = np.nan
+        conditions["ambient_temperature_degc"] = np.nan
         expected.add("ambient_temperature_degc")
     if "shape" in broken:
-        given_values["hvac_power_w"] = np.zeros(4)
+        hvac = np.zeros(4)
         expected.add("hvac_power_w")
     with pytest.raises(InvalidInput) as caught:
-        simulate(load_vehicle("bmw_i3_60ah"), time, speed, grade=grade, **given_values)
+        simulate(
+            load_vehicle("bmw_i3_60ah"),
+            time,
+            speed,
+            grade=grade,
+            hvac_power_w=hvac,
+            conditions=DriveConditions(**conditions),
+        )
     named = " ".join(fault.where for fault in caught.value.faults)
     assert all(name in named for name in expected)
 

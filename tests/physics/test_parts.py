@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from tripwatt.physics.battery import discharge, internal_resistance, open_circuit_voltage
 from tripwatt.physics.cabin import HEAT_PUMP_RATING_DEGC, CabinStart, condition_cabin, heat_pump_heat
+from tripwatt.physics.conditions import DriveConditions
 from tripwatt.physics.road_load import air_density, grade_from_elevation, rolling_factor
 from tripwatt.physics.simulate import simulate
 from tripwatt.physics.thermal import Relaxation
@@ -199,6 +200,11 @@ class TestCabin:
         assert energy[0] == pytest.approx(energy[1], rel=1e-9)
 
     def test_off_is_off(self, i3: Vehicle) -> None:
-        run = simulate(i3, self.time, np.zeros(3601), ambient_temperature_degc=-10.0, climate=False)
+        run = simulate(
+            i3,
+            self.time,
+            np.zeros(3601),
+            conditions=DriveConditions(ambient_temperature_degc=-10.0, climate=False),
+        )
         assert run.simulated_energy_wh == pytest.approx(i3.auxiliaries.base_load_w)
         assert np.isnan(run.cabin_temperature_degc).all()

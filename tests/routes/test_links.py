@@ -24,7 +24,7 @@ from tripwatt.routes import (
     road_work,
     route_from_links,
 )
-from tripwatt.routes.link_objects import LINK_KEYS, _columns_with_faults, _sound_columns
+from tripwatt.routes.link_objects import LINK_KEYS, columns_at_once, columns_one_by_one
 from tripwatt.sources import read_logs
 from tripwatt.trips import Departure, Flag, Trip, plan_from_trip, resample
 from tripwatt.vehicles import load_vehicle
@@ -318,9 +318,9 @@ def test_every_fault_of_a_table_at_once():
 )
 def test_columns_of_links_are_those_of_the_links_one_by_one(links: list[dict[str, Any]]) -> None:
     """A look at all links at once takes what a look at each takes, to the same values, and nothing else."""
-    at_once = _sound_columns(links)
+    at_once = columns_at_once(links)
     try:
-        one_by_one = _columns_with_faults(links)
+        one_by_one = columns_one_by_one(links)
     except InvalidInput:
         assert at_once is None
         return

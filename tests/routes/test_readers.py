@@ -17,15 +17,15 @@ from tripwatt.routes import (
     parse_route,
     plan_from_route,
     plan_from_track,
-    read_answer,
     read_geojson,
     read_gpx,
+    read_response,
     route_from_track,
 )
 from tripwatt.routes.points import decode_polyline, haversine_m
 from tripwatt.trips import Flag
 
-ANSWERS = Path(__file__).parent / "responses"
+RESPONSES = Path(__file__).parent / "responses"
 M_PER_DEGREE = float(haversine_m([48.0, 49.0], [11.0, 11.0])[0])
 
 
@@ -151,9 +151,9 @@ def test_geojson_times_are_a_log():
         ("graphhopper", [1000, 1000], [100, 60]),
     ],
 )
-def test_answers_of_routers(router, length, time):
-    path = ANSWERS / f"{router}.json"
-    route = read_answer(path)
+def test_responses_of_routers(router, length, time):
+    path = RESPONSES / f"{router}.json"
+    route = read_response(path)
     got_length, got_time = route.length_m, route.travel_time_s
     if router == "osrm":  # the first two pieces have one speed
         got_length = np.concatenate(([got_length[:2].sum()], got_length[2:]))
@@ -161,41 +161,45 @@ def test_answers_of_routers(router, length, time):
         assert route.moving_speed_m_s[2] == pytest.approx(500 / 36)
     np.testing.assert_allclose(got_length, length, rtol=1e-3)
     np.testing.assert_allclose(got_time, time, rtol=1e-6)
-    assert read_answer(path, router).duration_s == route.duration_s
+    assert read_response(path, router).duration_s == route.duration_s
     trip = plan_from_route(parse_route(path))
     assert trip.duration_s == pytest.approx(sum(time), rel=0.02, abs=2.0)
     assert trip.distance_m == pytest.approx(sum(length), rel=0.01)
 
 
-def test_heights_of_answers():
-    assert read_answer(ANSWERS / "valhalla.json").elevation_at([0, 1000, 2000]).tolist() == [500, 520, 510]
-    assert read_answer(ANSWERS / "graphhopper.json").elevation_at([0, 1000, 2000]).tolist() == pytest.approx(
-        [500, 504, 510]
-    )
-    assert read_answer(ANSWERS / "openrouteservice.json").elevation_at(
+def test_heights_of_responses():
+    assert read_response(RESPONSES / "valhalla.json").elevation_at([0, 1000, 2000]).tolist() == [
+        500,
+        520,
+        510,
+    ]
+    assert read_response(RESPONSES / "graphhopper.json").elevation_at(
+        [0, 1000, 2000]
+    ).tolist() == pytest.approx([500, 504, 510])
+    assert read_response(RESPONSES / "openrouteservice.json").elevation_at(
         [0, 400, 1500]
     ).tolist() == pytest.approx([500, 508, 508], abs=0.1)
-    assert read_answer(ANSWERS / "osrm.json").flags == (Flag("no_elevation", "road"),)
+    assert read_response(RESPONSES / "osrm.json").flags == (Flag("no_elevation", "road"),)
 
 
 def test_miles_and_feet_of_valhalla():
-    answer = json.loads((ANSWERS / "valhalla.json").read_text())
-    answer["trip"]["units"] = "miles"
-    route = read_answer(json.dumps(answer).encode())
+    response = json.loads((RESPONSES / "valhalla.json").read_text())
+    response["trip"]["units"] = "miles"
+    route = read_response(json.dumps(response).encode())
     assert route.distance_m == pytest.approx(2.0 * 1609.344)
     assert route.elevation_at([0.0])[0] == pytest.approx(152.4)
 
 
 @pytest.mark.parametrize(("units", "metres"), [("m", 1.0), ("km", 1000.0), ("mi", 1609.344)])
 def test_units_of_openrouteservice(units, metres):
-    answer = json.loads((ANSWERS / "openrouteservice.json").read_text())
-    for step in answer["features"][0]["properties"]["segments"][0]["steps"]:
+    response = json.loads((RESPONSES / "openrouteservice.json").read_text())
+    for step in response["features"][0]["properties"]["segments"][0]["steps"]:
         step["distance"] /= metres
-    answer["metadata"]["query"] = {"units": units, "profile": "driving-car"}
-    assert read_answer(json.dumps(answer).encode()).distance_m == pytest.approx(1500.0)
-    answer["metadata"]["query"]["units"] = "furlong"
+    response["metadata"]["query"] = {"units": units, "profile": "driving-car"}
+    assert read_response(json.dumps(response).encode()).distance_m == pytest.approx(1500.0)
+    response["metadata"]["query"]["units"] = "furlong"
     with pytest.raises(InvalidInput, match="unknown unit"):
-        read_answer(json.dumps(answer).encode())
+        read_response(json.dumps(response).encode())
 
 
 def encode(points, scales):
@@ -226,20 +230,20 @@ def test_polylines_round_trip(points):
     )
 
 
-def test_encoded_answers_with_heights():
+def test_encoded_responses_with_heights():
     points = [(48.1, 11.5, 500.0), (48.1, 11.5135, 504.0), (48.1, 11.527, 510.0)]
-    answer = json.loads((ANSWERS / "graphhopper.json").read_text())
-    path = answer["paths"][0]
+    response = json.loads((RESPONSES / "graphhopper.json").read_text())
+    path = response["paths"][0]
     path |= {
         "points": encode(points, [1e5, 1e5, 100]),
         "points_encoded": True,
         "bbox": [11.5, 48.1, 500, 11.527, 48.1, 510],
     }
-    assert read_answer(json.dumps(answer).encode()).elevation_at([0, 1000, 2000]).tolist() == pytest.approx(
-        [500, 504, 510]
-    )
+    assert read_response(json.dumps(response).encode()).elevation_at(
+        [0, 1000, 2000]
+    ).tolist() == pytest.approx([500, 504, 510])
     path["bbox"] = [11.5, 48.1, 11.527, 48.1]  # newer versions: no heights in it
-    assert read_answer(json.dumps(answer).encode()).elevation_at([1000]).tolist() == pytest.approx([504])
+    assert read_response(json.dumps(response).encode()).elevation_at([1000]).tolist() == pytest.approx([504])
     flat = [(48.1 + 0.001 * k, 11.5 + 0.002 * k) for k in range(6)]
     length = float(haversine_m([p[0] for p in flat], [p[1] for p in flat]).sum())
     flat_path = {
@@ -248,7 +252,7 @@ def test_encoded_answers_with_heights():
         "distance": length,
         "time": 90_000,
     }
-    route = read_answer(json.dumps({"paths": [flat_path]}).encode())
+    route = read_response(json.dumps({"paths": [flat_path]}).encode())
     assert route.elevation_m is None
     assert route.distance_m == pytest.approx(length)
     steps = [{"distance": 2000.0, "duration": 160.0, "way_points": [0, 2]}]
@@ -261,7 +265,7 @@ def test_encoded_answers_with_heights():
             }
         ]
     }
-    assert read_answer(json.dumps(ors).encode()).elevation_at([1000]).tolist() == pytest.approx(
+    assert read_response(json.dumps(ors).encode()).elevation_at([1000]).tolist() == pytest.approx(
         [504], abs=0.01
     )
 
@@ -364,7 +368,7 @@ SEEDS = [
         [{"length_m": 300, "speed_m_s": 9, "grade": 0.01}, {"length_m": 90, "travel_time_s": 9}]
     ).encode(),
     b"length_m,speed_m_s,grade,stop_s,speed_limit_m_s\n500,10,0.01,,14\n250,5,,20,\n",
-    *(p.read_bytes() for p in sorted(ANSWERS.glob("*.json"))),
+    *(p.read_bytes() for p in sorted(RESPONSES.glob("*.json"))),
 ]
 SNIPPETS = [
     b"",
@@ -455,7 +459,7 @@ def test_mutants_are_refused_or_driven(text, changes):
 def test_any_json_is_refused_or_a_route(document, router):
     text = json.dumps(document).encode()
     try:
-        route = read_answer(text, router) if router else parse_route(text)
+        route = read_response(text, router) if router else parse_route(text)
     except InvalidInput:
         return
     assert len(route) > 0

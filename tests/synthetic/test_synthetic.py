@@ -10,7 +10,7 @@ import pytest
 import tripwatt.synthetic as synthetic
 from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
-from tripwatt.physics import Simulation, simulate
+from tripwatt.physics import DriveConditions, Simulation, simulate
 from tripwatt.synthetic import (
     example_trip,
     faulty_fleet,
@@ -18,8 +18,8 @@ from tripwatt.synthetic import (
     synthetic_truth,
     synthetic_world,
 )
-from tripwatt.synthetic import plan as plan_module
-from tripwatt.synthetic.world import NOISE_STANDING_W, aged, heavy_tailed_noise
+from tripwatt.synthetic import scenario as scenario_module
+from tripwatt.synthetic.world import NOISE_STANDING_W, age_battery, heavy_tailed_noise
 from tripwatt.trips import COLUMNS, Trip
 from tripwatt.trips.messages import message
 from tripwatt.vehicles import load_vehicle
@@ -47,11 +47,13 @@ def without_climate(trip: Trip) -> Simulation:
         trip.array("time_s"),
         trip.array("speed_m_s"),
         elevation_m=trip.array("elevation_m"),
-        ambient_temperature_degc=trip.array("ambient_temperature_degc")[0],
-        initial_soc=trip.array("soc")[0],
-        initial_battery_temperature_degc=trip.array("battery_temperature_degc")[0],
-        payload_mass_kg=trip.context.payload_mass_kg,
         hvac_power_w=0.0,
+        conditions=DriveConditions(
+            ambient_temperature_degc=trip.array("ambient_temperature_degc")[0],
+            initial_soc=trip.array("soc")[0],
+            initial_battery_temperature_degc=trip.array("battery_temperature_degc")[0],
+            payload_mass_kg=trip.context.payload_mass_kg,
+        ),
     )
 
 
@@ -68,17 +70,17 @@ def test_a_seed_makes_the_same_fleet_and_a_longer_one_begins_with_it(fleet, trut
 
 def test_no_two_purposes_share_their_random_numbers():
     keys = [(p, *rest) for p in range(10) for rest in ((), (0,), (0, 0), (1,), (0, 1), (1, 0))]
-    first = {plan_module.stream(seed, *key).random() for key in keys for seed in (0, 1)}
+    first = {scenario_module.stream(seed, *key).random() for key in keys for seed in (0, 1)}
     assert len(first) == 2 * len(keys)
 
 
 @pytest.mark.parametrize("module", ["roads", "world", "sensors"])
 def test_what_one_trip_draws_changes_no_other_trip(monkeypatch, fleet, module):
-    plans = list(plan_module.draw_plans(12, 7))
-    target = next(i for i in range(11) if plans[i + 1].trips_before)  # another trip follows it on its day
+    scenarios = list(scenario_module.draw_scenarios(12, 7))
+    target = next(i for i in range(11) if scenarios[i + 1].trips_before)  # another trip follows it on its day
 
     def elsewhere(seed, purpose, *index):
-        return plan_module.stream(seed + 1000 * (index == plans[target].key), purpose, *index)
+        return scenario_module.stream(seed + 1000 * (index == scenarios[target].key), purpose, *index)
 
     monkeypatch.setattr(f"tripwatt.synthetic.{module}.stream", elsewhere)
     for i, (changed, kept) in enumerate(zip(synthetic_fleet(12, seed=7).trips, fleet.trips, strict=False)):
@@ -155,7 +157,7 @@ def test_charge_agrees_with_current_and_energy(fleet, truth):
     for t in fleet.trips:
         soc, time = t.array("soc"), t.array("time_s")
         drawn_ah = np.trapezoid(t.array("current_a"), time) / 3600.0
-        assert soc[0] - soc[-1] == pytest.approx(drawn_ah / aged(battery).capacity_ah, abs=0.002)
+        assert soc[0] - soc[-1] == pytest.approx(drawn_ah / age_battery(battery).capacity_ah, abs=0.002)
         assert soc.min() > 0.1
         assert soc[-1] == pytest.approx(truth.loc[t.trip_id, "end_soc"], abs=0.0006)
         shown = battery.soc_from_displayed(t.array("displayed_soc")[0])
@@ -256,14 +258,16 @@ def test_hidden_forces_have_the_right_sign():
     from tripwatt.synthetic.world import hidden_forces
 
     car = load_vehicle(synthetic.VEHICLE)
-    plan = next(p for p in plan_module.draw_plans(8, 7) if p.route == "mixed")
-    drive = drive_route(plan, 7, 1.0)
+    scenario = next(p for p in scenario_module.draw_scenarios(8, 7) if p.route == "mixed")
+    drive = drive_route(scenario, 7, 1.0)
     still = np.full(len(drive.grade), 15.0)
     level = replace(drive, heading_rad=np.zeros_like(still))
     found = {}
     for name, wind, angle in (("head", 6.0, 0.0), ("none", 0.0, 0.0), ("tail", 6.0, np.pi)):
-        day = replace(plan.day, wind_m_s=wind, wind_from_rad=angle)
-        force, mean, *_ = hidden_forces(replace(plan, day=day), level, still, car, np.random.default_rng(0))
+        day = replace(scenario.day, wind_m_s=wind, wind_from_rad=angle)
+        force, mean, *_ = hidden_forces(
+            replace(scenario, day=day), level, still, car, np.random.default_rng(0)
+        )
         found[name] = float(force @ drive.profile.speed_m_s)
         assert np.sign(round(mean, 9)) == {"head": 1, "none": 0, "tail": -1}[name]
     assert found["tail"] < 0 < found["none"] < found["head"]
@@ -273,7 +277,7 @@ def test_hidden_forces_have_the_right_sign():
         drive.profile.time_s,
         drive.profile.speed_m_s,
         elevation_m=drive.elevation_m,
-        ambient_temperature_degc=15.0,
+        conditions=DriveConditions(ambient_temperature_degc=15.0),
     )
     air_w = alone.aero_drag_force_n @ drive.profile.speed_m_s
     assert found["none"] / air_w == pytest.approx(0.04, abs=0.004)

@@ -27,7 +27,7 @@ from tripwatt.vehicles import (
     vehicle_from_document,
     vehicle_names,
 )
-from tripwatt.vehicles.inheriting import bundled_bases, inherited
+from tripwatt.vehicles.inheriting import bundled_bases, inherit
 from tripwatt.vehicles.loading import SECTIONS
 
 ASKED_FOR = [
@@ -112,7 +112,7 @@ def test_own_entries_win_over_inherited_ones() -> None:
     faults: list[Fault] = []
     own = {"value": 99.0, "unit": "W", "source": "here", "licence": "user"}
     document = {"extends": ["passenger_car", "nmc_cells"], "auxiliaries": {"base_load_w": own}}
-    result = inherited(document, "car.toml", faults)
+    result = inherit(document, "car.toml", faults)
     assert not faults
     assert result["auxiliaries"]["base_load_w"] == own
     assert result["battery"]["ocv_v"]["source"].startswith("Collath")

@@ -118,13 +118,13 @@ def audit(logs: Fleet | Iterable[Recorded]) -> Audit:
         legs += its_legs
         order += [number] * len(its_legs)
         findings += [(number, f) for f in found]
-    used = _unblemished(legs, [f for _, f in findings])
+    used = _without_fault(legs, [f for _, f in findings])
     by_leg = consistency.soc_findings(legs, used)
     for number, leg in zip(order, legs, strict=True):
         findings += [(number, f) for f in by_leg.get(leg.trip_id, [])]
     findings.sort(key=lambda item: item[0])
     ordered = _told_once([f for _, f in findings], len(trips))
-    sound = _unblemished(legs, ordered)
+    sound = _without_fault(legs, ordered)
     return Audit(
         tuple(Trip.from_log(t) for t, ok in zip(legs, sound, strict=True) if ok), ordered, len(trips)
     )
@@ -175,7 +175,7 @@ def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[l
     ]
     if cuts and driven:
         findings += [
-            _undriven(trip.trip_id, piece)
+            _too_short_finding(trip.trip_id, piece)
             for piece in pieces
             if len(piece) > 1 and _distance(piece) < DRIVEN_M
         ]
@@ -189,7 +189,7 @@ def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[l
     return legs, findings
 
 
-def _undriven(trip_id: str, piece: pd.DataFrame) -> Finding:
+def _too_short_finding(trip_id: str, piece: pd.DataFrame) -> Finding:
     time = array(piece, "time_s")
     what = f"{_distance(piece):.0f} m beside a cut are too short for a drive"
     return Finding(trip_id, float(time[0]), float(time[-1]), what, "trimmed")
@@ -258,6 +258,6 @@ def _told_once(findings: Sequence[Finding], n_logs: int) -> tuple[Finding, ...]:
     return (*shared, *(f for f in findings if f.what not in common or f.consequence != "noted"))
 
 
-def _unblemished(legs: Sequence[Recorded], findings: Iterable[Finding]) -> list[bool]:
+def _without_fault(legs: Sequence[Recorded], findings: Iterable[Finding]) -> list[bool]:
     aside = {f.trip for f in findings if f.consequence == "set aside"}
     return [leg.trip_id not in aside for leg in legs]

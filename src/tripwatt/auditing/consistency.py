@@ -23,9 +23,9 @@ SOC_DRIFT: Final = 0.01
 """Correction that a battery management may make during a drive, on top of two steps of its resolution."""
 
 SMALLEST_SOC_CHANGE: Final = 0.03
-"""A smaller change says too little of the capacity to count for the car's median."""
+"""The capacity from a smaller change is too uncertain for the car's median."""
 
-SPREADS: Final = 5.0
+MOST_STD: Final = 5.0
 """A car whose state of charge scatters by itself (near full some stand still for kilometres) is allowed so many of
 its own standard deviations; 5 of them leave one sound drive in a million outside."""
 
@@ -73,12 +73,12 @@ class Balance:
         """Charge per unit of state of charge."""
         return self.charge_ah / self.soc_change if self.soc_change else float("nan")
 
-    def fits(self, capacity_ah: float, spread: float) -> bool:
+    def fits(self, capacity_ah: float, std: float) -> bool:
         """Whether a battery of that capacity explains the change of state of charge."""
         expected = self.charge_ah / capacity_ah
         allowed = SOC_TOLERANCE * max(abs(expected), abs(self.soc_change))
         allowed += 2.0 * self.resolution + SOC_DRIFT
-        return abs(expected - self.soc_change) <= max(allowed, SPREADS * spread)
+        return abs(expected - self.soc_change) <= max(allowed, MOST_STD * std)
 
 
 def charge_balance(samples: pd.DataFrame) -> Balance | None:
@@ -129,11 +129,11 @@ def soc_findings(trips: Sequence[Recorded], sound: Sequence[bool]) -> dict[str, 
         if is_sound and t.trip_id in balances and abs(balances[t.trip_id].soc_change) >= SMALLEST_SOC_CHANGE
     }
     low, high = POSSIBLE_CAPACITY_AH
-    spread = 0.0
+    std = 0.0
     median = float(np.median(list(telling.values()))) if len(telling) >= FEWEST_TRIPS else None
     if median is not None:
         errors = [b.soc_change - b.charge_ah / median for b in balances.values()]
-        spread = NORMAL_MAD * float(np.median(np.abs(np.array(errors) - np.median(errors))))
+        std = NORMAL_MAD * float(np.median(np.abs(np.array(errors) - np.median(errors))))
     for trip in trips:
         balance = balances.get(trip.trip_id)
         if balance is None:
@@ -142,12 +142,12 @@ def soc_findings(trips: Sequence[Recorded], sound: Sequence[bool]) -> dict[str, 
         if abs(balance.soc_change) >= 2 * SMALLEST_SOC_CHANGE and not low <= balance.capacity_ah <= high:
             what = f"{text} corresponds to a battery of {balance.capacity_ah:.3g} Ah: check unit and sign of the current"
             found[trip.trip_id] = [whole(trip.samples, trip.trip_id, what, "set aside")]
-        elif median is not None and not balance.fits(median, spread):
-            stopped = _stopped_soc(trip, median, spread)
+        elif median is not None and not balance.fits(median, std):
+            stopped = _stopped_soc(trip, median, std)
             if stopped is not None:
                 found[trip.trip_id] = [stopped]
                 continue
-            alike = sum(balance.fits(c, spread) for other, c in telling.items() if other != trip.trip_id)
+            alike = sum(balance.fits(c, std) for other, c in telling.items() if other != trip.trip_id)
             what = f"energy contradicts state of charge: {text}; the battery of the other drives, {median:.1f} Ah, gives "
             what += f"{100 * balance.charge_ah / median:.1f} %"
             if alike >= OF_ANOTHER_CAR:
@@ -158,7 +158,7 @@ def soc_findings(trips: Sequence[Recorded], sound: Sequence[bool]) -> dict[str, 
     return found
 
 
-def _stopped_soc(trip: Recorded, capacity_ah: float, spread: float) -> Finding | None:
+def _stopped_soc(trip: Recorded, capacity_ah: float, std: float) -> Finding | None:
     """A state of charge that fits as long as it moves and then stands: its sensor stopped, the energy is sound."""
     soc, time = array(trip.samples, "soc"), array(trip.samples, "time_s")
     known = np.flatnonzero(np.isfinite(soc))
@@ -167,7 +167,7 @@ def _stopped_soc(trip: Recorded, capacity_ah: float, spread: float) -> Finding |
         return None
     stop = int(known[moved[-1] + 1])
     before = charge_balance(trip.samples.iloc[: stop + 1])
-    if before is None or abs(before.soc_change) < SMALLEST_SOC_CHANGE or not before.fits(capacity_ah, spread):
+    if before is None or abs(before.soc_change) < SMALLEST_SOC_CHANGE or not before.fits(capacity_ah, std):
         return None
     what = f"state of charge stays at {soc[stop]:.3f} while the battery delivers current: the sensor stopped"
     return Finding(trip.trip_id, float(time[stop]), float(time[-1]), what, "noted")

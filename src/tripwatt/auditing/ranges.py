@@ -83,7 +83,7 @@ def blank_impossible(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame,
     """Blank every value outside its column's range; a measured signal with many of them sets the drive aside."""
     findings: list[Finding] = []
     blanked: dict[str, FloatArray] = {}
-    samples, reversing = _reversing_counted(samples, trip_id)
+    samples, reversing = _make_speed_positive(samples, trip_id)
     findings += reversing
     for name, column in COLUMNS.items():
         if name == "time_s" or name not in samples.columns:
@@ -108,7 +108,7 @@ def blank_impossible(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame,
     return (samples.assign(**blanked) if blanked else samples), findings
 
 
-def _reversing_counted(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
+def _make_speed_positive(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
     speed = array(samples, "speed_m_s")
     with np.errstate(invalid="ignore"):
         back = (speed < 0) & (speed >= -REVERSING_M_S)

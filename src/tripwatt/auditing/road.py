@@ -36,7 +36,7 @@ def elevation_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]
     time, speed, height = time[known], speed[known], height[known]
     if len(time) < 2:
         return
-    driven = _driven(time, speed)
+    driven = _distance(time, speed)
     if np.ptp(height) == 0.0 and driven[-1] > FLAT_ROAD_M:
         what = (
             f"elevation stays at {height[0]:g} m over {driven[-1] / 1000:.1f} km: the road is treated as flat"
@@ -49,7 +49,7 @@ def elevation_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]
         yield Finding(trip_id, float(time[jumps[0]]), float(time[jumps[-1] + 1]), what, "noted")
 
 
-def _driven(time: FloatArray, speed: FloatArray) -> FloatArray:
+def _distance(time: FloatArray, speed: FloatArray) -> FloatArray:
     steps = 0.5 * (speed[1:] + speed[:-1]) * np.diff(time)
     return np.concatenate(([0.0], np.cumsum(steps)))
 

@@ -38,7 +38,7 @@ def mend_stamps(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list
         return samples, [], findings
     repeated = np.concatenate(([False], np.diff(time) == 0))
     if repeated.any():
-        findings.append(_repeated(trip_id, time, repeated))
+        findings.append(_repeated_finding(trip_id, time, repeated))
         samples, time = samples[~repeated].reset_index(drop=True), time[~repeated]
     if bool(np.all(np.diff(time) > 0)):
         return samples, [], findings
@@ -54,7 +54,7 @@ def mend_stamps(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list
     return samples, cuts, findings
 
 
-def _repeated(trip_id: str, time: FloatArray, repeated: BoolArray) -> Finding:
+def _repeated_finding(trip_id: str, time: FloatArray, repeated: BoolArray) -> Finding:
     where = time[repeated]
     what = f"{int(repeated.sum())} samples have the time of the sample before and were left out"
     return Finding(trip_id, float(where.min()), float(where.max()), what, "noted")

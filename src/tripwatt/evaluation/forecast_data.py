@@ -52,7 +52,7 @@ class ForecastData:
     ----------
     vehicle : Vehicle
     table : TripTable
-        Block means of 1 s; every column but the road is its first raw sample. For the baselines.
+        Bin means of 1 s; every column but the road is its first raw sample. For the baselines.
     segments : SegmentTable
         For the models of power.
     data_features : DataFrame, (rows of `segments`, DATA_FEATURES)

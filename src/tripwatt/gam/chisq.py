@@ -61,7 +61,7 @@ def weighted_chi2_sf(q: float, weights: ArrayLike, df: ArrayLike | None = None) 
         return 1.0 - weighted_chi2_sf(-q, -lam, h)
     scale = float(np.abs(lam).max())
     p = _inversion(q / scale, lam / scale, h)
-    return float(min(max(_liu(q, lam, h) if p is None else p, 0.0), 1.0))
+    return float(min(max(liu_chi2_sf(q, lam, h) if p is None else p, 0.0), 1.0))
 
 
 def _inversion(q: float, lam: FloatArray, h: FloatArray) -> float | None:
@@ -113,14 +113,29 @@ def _saddle(q: float, lam: FloatArray, h: FloatArray) -> float:
     return end * (high if slope(high) <= 0 else float(brentq(slope, low, high, xtol=1e-15, rtol=1e-10)))
 
 
-def _liu(q: float, lam: FloatArray, h: FloatArray) -> float:
-    """Liu, Tang & Zhang (2009, Comput. Stat. Data Anal. 53:853): a noncentral chi-square with four right cumulants."""
+def liu_chi2_sf(q: float, lam: FloatArray, h: FloatArray) -> float:
+    """Tail probability of a weighted sum of chi-squares by a noncentral chi-square with its first four cumulants.
+
+    Liu, Tang & Zhang (2009, Comput. Stat. Data Anal. 53:853). The approximation stands in where the inversion integral
+    does not converge.
+
+    Parameters
+    ----------
+    q : float
+    lam, h : ndarray (r,)
+        Weights and degrees of freedom of the terms.
+
+    Examples
+    --------
+    >>> round(liu_chi2_sf(3.841, np.array([1.0]), np.array([1.0])), 3)
+    0.05
+    """
     from scipy.stats import chi2, ncx2
 
     c1, c2, c3, c4 = (float((lam**k * h).sum()) for k in (1, 2, 3, 4))
     s1, s2 = c3 / c2**1.5, c4 / c2**2
     if s1 <= 0:  # the method is for right-skewed sums; the mirror image is one
-        return 1.0 - _liu(-q, -lam, h) if s1 < 0 else float(chi2.sf(q, 1e6))
+        return 1.0 - liu_chi2_sf(-q, -lam, h) if s1 < 0 else float(chi2.sf(q, 1e6))
     if s1**2 > s2:
         a = 1 / (s1 - (s1**2 - s2) ** 0.5)
         delta = s1 * a**3 - a**2

@@ -219,7 +219,7 @@ class Support:
             out |= distance > REACH * (1 + 1e-9)
         return np.asarray(out)
 
-    def clamped(self, x: FloatArray) -> FloatArray:
+    def clamp(self, x: FloatArray) -> FloatArray:
         """Rows of `x` (n, d) moved to the range and, on a surface, to within `REACH` of the nearest training point."""
         inside = np.clip(x, self.low, self.high)
         if x.shape[1] == 1:
@@ -260,7 +260,7 @@ class Training:
             return np.asarray(frame[by].to_numpy(dtype=np.float64) != 0)
         return np.asarray(self.levels[by].codes(frame[by]) == self.levels[by].names.index(level))
 
-    def held(self, frame: pd.DataFrame) -> pd.DataFrame:
+    def clamp_frame(self, frame: pd.DataFrame) -> pd.DataFrame:
         """The frame with its covariates moved to where training data lie, before any term sees them.
 
         Rows are moved, not terms: terms that share a covariate, and may cancel where there are no data, all see the
@@ -277,9 +277,9 @@ class Training:
             for (own, by, level), support in self.within.items():
                 if own == names and len(names) == 1 and by in frame.columns:
                     x, rows = current(names), self.members(frame, by, level)
-                    x[rows] = support.clamped(x[rows])
+                    x[rows] = support.clamp(x[rows])
                     moved.update(zip(names, x.T, strict=True))
-            moved.update(zip(names, self.supports[names].clamped(current(names)).T, strict=True))
+            moved.update(zip(names, self.supports[names].clamp(current(names)).T, strict=True))
         return frame.assign(**moved)
 
 

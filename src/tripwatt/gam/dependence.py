@@ -53,20 +53,38 @@ def concurvity(model: GAMM) -> pd.DataFrame:
     import pandas as pd
 
     spans: dict[str, list[slice]] = {}
-    for block in model.blocks_:
-        spans.setdefault("parametric" if block.kind == "parametric" else block.label, []).append(block.slice)
+    for fitted in model.terms_:
+        spans.setdefault("parametric" if fitted.kind == "parametric" else fitted.label, []).append(
+            fitted.slice
+        )
     columns = np.arange(model.coef_.size)
     rows = {}
     for label, slices in spans.items():
         inside = np.concatenate([columns[s] for s in slices])
-        rows[label] = _concurvity(model.R_, model.coef_, inside)
+        rows[label] = column_concurvity(model.R_, model.coef_, inside)
     return pd.DataFrame.from_dict(
         rows, orient="index", columns=["worst", "observed", "estimate"]
     ).rename_axis("term")
 
 
-def _concurvity(factor: FloatArray, coef: FloatArray, inside: NDArray[np.intp]) -> tuple[float, float, float]:
-    """Worst, observed and estimate of the columns `inside` of X, from any A with A'A = X'X."""
+def column_concurvity(
+    factor: FloatArray, coef: FloatArray, inside: NDArray[np.intp]
+) -> tuple[float, float, float]:
+    """Worst, observed and estimate of some columns of a model matrix X against the others.
+
+    Parameters
+    ----------
+    factor : ndarray (m, p)
+        Any A with A'A = X'X.
+    coef : ndarray (p,)
+    inside : ndarray of int
+        The columns.
+
+    Examples
+    --------
+    >>> column_concurvity(np.eye(2), np.ones(2), np.array([0]))
+    (0.0, 0.0, 0.0)
+    """
     alive = np.flatnonzero((factor**2).sum(axis=0) > 0)
     inside = np.intersect1d(inside, alive)
     outside = np.setdiff1d(alive, inside)
@@ -199,11 +217,11 @@ def autocorrelation(
     for i, lag in enumerate(lags):
         same = code[lag:] == code[:-lag]
         pairs[i] = int(same.sum())
-        correlation[i] = _pooled(r[:-lag][same], r[lag:][same])
+        correlation[i] = _pooled_correlation(r[:-lag][same], r[lag:][same])
     return Autocorrelation(lags, correlation, pairs)
 
 
-def _pooled(earlier: FloatArray, later: FloatArray) -> float:
+def _pooled_correlation(earlier: FloatArray, later: FloatArray) -> float:
     """Correlation about 0 of pairs, between -1 and 1; 0 where a side is 0 throughout."""
     sizes = float(np.linalg.norm(earlier)), float(np.linalg.norm(later))
     if min(sizes) == 0.0:

@@ -30,7 +30,7 @@ from tripwatt.gam.covariates import (
     missing_levels,
     numbers,
 )
-from tripwatt.gam.fitted_terms import Block, Extrapolation
+from tripwatt.gam.fitted_terms import Extrapolation, FittedTerm
 from tripwatt.gam.penalties import PenaltyStack
 from tripwatt.gam.smoothers import Built, build_smooth, build_tensor
 from tripwatt.gam.tables import IndexedColumns, TableRows
@@ -44,7 +44,7 @@ class Design:
     Attributes
     ----------
     formula : Formula
-    blocks : list of Block
+    terms : list of FittedTerm
     rows : TableRows
     training : Training
     notes : list of str
@@ -60,7 +60,7 @@ class Design:
     """
 
     formula: Formula
-    blocks: list[Block]
+    terms: list[FittedTerm]
     rows: TableRows
     training: Training
     notes: list[str]
@@ -78,9 +78,9 @@ class Design:
         """Coefficients that data or penalties determine."""
         alive = gram_diagonal > 0
         alive[self.empty] = False
-        for block in self.blocks:
-            if block.kind == "random" or (block.penalties and alive[block.slice].any()):
-                alive[block.slice] = True
+        for fitted in self.terms:
+            if fitted.kind == "random" or (fitted.penalties and alive[fitted.slice].any()):
+                alive[fitted.slice] = True
         return np.flatnonzero(alive).astype(np.intp)
 
     def penalty_stack(self, active: Index) -> tuple[PenaltyStack, list[int]]:
@@ -89,20 +89,20 @@ class Design:
         which: list[int] = []
         j = 0
         position = {int(column): i for i, column in enumerate(active)}
-        for block in self.blocks:
-            if block.penalties and block.start in position:
-                terms.append((position[block.start], block.penalties))
-                which += range(j, j + len(block.penalties))
-            j += len(block.penalties)
+        for fitted in self.terms:
+            if fitted.penalties and fitted.start in position:
+                terms.append((position[fitted.start], fitted.penalties))
+                which += range(j, j + len(fitted.penalties))
+            j += len(fitted.penalties)
         return PenaltyStack(len(active), terms), which
 
     @property
     def penalty_names(self) -> list[str]:
         """Names of the smoothing parameters: the label, numbered where a term has several."""
         return [
-            block.label + (str(j + 1) if len(block.penalties) > 1 else "")
-            for block in self.blocks
-            for j in range(len(block.penalties))
+            fitted.label + (str(j + 1) if len(fitted.penalties) > 1 else "")
+            for fitted in self.terms
+            for j in range(len(fitted.penalties))
         ]
 
 
@@ -133,14 +133,14 @@ def check_columns(formula: Formula, frame: pd.DataFrame) -> None:
 
 
 class _Builder:
-    """Collects blocks and parts while terms are built one after the other."""
+    """Collects fitted terms and parts of the matrix while the terms of a formula are built."""
 
     def __init__(
         self, formula: Formula, frame: pd.DataFrame, limit: int | None, extrapolation: Extrapolation
     ) -> None:
         self.formula, self.frame, self.limit, self.extrapolation = formula, frame, limit, extrapolation
-        self.blocks: list[Block] = []
-        self.pieces: list[tuple[list[Block], FloatArray, Index, FloatArray | None]] = []
+        self.terms: list[FittedTerm] = []
+        self.pieces: list[tuple[list[FittedTerm], FloatArray, Index, FloatArray | None]] = []
         self.notes: list[str] = []
         self.joint: dict[tuple[str, ...], Points] = {}
         self.codes: dict[str, Index] = {}
@@ -188,9 +188,9 @@ class _Builder:
             points = self.points((term.name,))
             if len(points.values) < 2 and self.formula.intercept:
                 raise InvalidInput(Fault("constant covariate", term.label, "one value", "at least two"))
-            block = Block(term.label, term, "parametric", [term.name], [])
-            self.blocks.append(block)
-            self.pieces.append(([block], points.values, points.index, None))
+            fitted = FittedTerm(term.label, term, "parametric", [term.name], [])
+            self.terms.append(fitted)
+            self.pieces.append(([fitted], points.values, points.index, None))
             return
         levels, codes = self.factor(term.name, term.levels, term.label)
         reference = int(np.argmax(levels.share > 0)) if self.formula.intercept else -1
@@ -203,10 +203,10 @@ class _Builder:
                 Fault("factor with one level", term.label, levels.names[reference], "at least two levels")
             )
         kept = [i for i in range(len(levels.names)) if i != reference]
-        block = Block(term.label, term, "parametric", [term.name + levels.names[i] for i in kept], [])
-        block.contrast = np.eye(len(levels.names))[:, kept]
-        self.blocks.append(block)
-        self.pieces.append(([block], block.contrast, codes, None))
+        fitted = FittedTerm(term.label, term, "parametric", [term.name + levels.names[i] for i in kept], [])
+        fitted.contrast = np.eye(len(levels.names))[:, kept]
+        self.terms.append(fitted)
+        self.pieces.append(([fitted], fitted.contrast, codes, None))
 
     def random(self, term: RandomEffect) -> None:
         levels, codes = self.factor(term.name, None, term.label)
@@ -217,9 +217,9 @@ class _Builder:
                 Fault("only one group", term.label, f"level {levels.names[0]!r}", "two or more levels", fix)
             )
         names = [f"{term.label}.{i + 1}" for i in range(size)]
-        block = Block(term.label, term, "random", names, [np.eye(size)])
-        self.blocks.append(block)
-        self.pieces.append(([block], np.eye(size), codes, None))
+        fitted = FittedTerm(term.label, term, "random", names, [np.eye(size)])
+        self.terms.append(fitted)
+        self.pieces.append(([fitted], np.eye(size), codes, None))
 
     def smooth(self, term: Smooth | Tensor) -> None:
         points = self.points(term.names)
@@ -233,41 +233,41 @@ class _Builder:
         )
         self.notes += built.notes
         if not by_factor:
-            block = self._block(term, built, None, term.label)
+            fitted = self._fitted_term(term, built, None, term.label)
             if by is not None and term.by is not None:
                 self.members[term.names, term.by, None] = by != 0
-            self.blocks.append(block)
-            self.pieces.append(([block], built.table, points.index, by))
+            self.terms.append(fitted)
+            self.pieces.append(([fitted], built.table, points.index, by))
             return
         assert term.by is not None
         levels, codes = self.factor(term.by, None, term.label)
-        blocks = [self._block(term, built, name, term.label + name) for name in levels.names]
-        self.blocks += blocks
+        by_level = [self._fitted_term(term, built, name, term.label + name) for name in levels.names]
+        self.terms += by_level
         for i, level in enumerate(levels.names):
             self.members[term.names, term.by, level] = codes == i
         m, q = built.table.shape
-        if m * q * len(blocks) ** 2 <= 4_000_000:
-            table: FloatArray = np.kron(np.eye(len(blocks)), built.table).astype(np.float64)
-            self.pieces.append((blocks, table, codes * m + points.index, None))
+        if m * q * len(by_level) ** 2 <= 4_000_000:
+            table: FloatArray = np.kron(np.eye(len(by_level)), built.table).astype(np.float64)
+            self.pieces.append((by_level, table, codes * m + points.index, None))
             return
         padded = np.vstack([built.table, np.zeros(q)])
-        for i, block in enumerate(blocks):
-            self.pieces.append(([block], padded, np.where(codes == i, points.index, m), None))
+        for i, fitted in enumerate(by_level):
+            self.pieces.append(([fitted], padded, np.where(codes == i, points.index, m), None))
 
-    def _block(self, term: Smooth | Tensor, built: Built, level: str | None, label: str) -> Block:
+    def _fitted_term(self, term: Smooth | Tensor, built: Built, level: str | None, label: str) -> FittedTerm:
         names = [f"{label}.{i + 1}" for i in range(built.table.shape[1])]
         kind: Literal["smooth", "tensor"] = "smooth" if isinstance(term, Smooth) else "tensor"
-        return Block(
+        return FittedTerm(
             label, term, kind, names, built.penalties, smoother=built.smoother, by=term.by, level=level
         )
 
     def design(self) -> Design:
         order = {"parametric": 0, "smooth": 1, "tensor": 1, "random": 1}
         if self.formula.intercept:
-            block = Block("(Intercept)", None, "parametric", ["(Intercept)"], [])
-            self.blocks.insert(0, block)
-            self.pieces.insert(0, ([block], np.ones((1, 1)), np.zeros(len(self.frame), dtype=np.intp), None))
-        self.blocks.sort(key=lambda block: order[block.kind])
+            fitted = FittedTerm("(Intercept)", None, "parametric", ["(Intercept)"], [])
+            self.terms.insert(0, fitted)
+            self.pieces.insert(0, ([fitted], np.ones((1, 1)), np.zeros(len(self.frame), dtype=np.intp), None))
+        self.terms.sort(key=lambda fitted: order[fitted.kind])
         within = {
             (names, by, level): Support(
                 points.values[np.bincount(points.index[rows], minlength=len(points.values)) > 0]
@@ -277,15 +277,15 @@ class _Builder:
         }
         training = Training(self.supports, self.levels, within)
         start = 0
-        for block in self.blocks:
-            block.start, block.training, block.extrapolation = start, training, self.extrapolation
-            start += block.size
+        for fitted in self.terms:
+            fitted.start, fitted.training, fitted.extrapolation = start, training, self.extrapolation
+            start += fitted.size
         rows = TableRows(self._parts(), len(self.frame), start)
         return Design(
-            self.formula, self.blocks, rows, training, self.notes, [], self.joint, self.codes, self.members
+            self.formula, self.terms, rows, training, self.notes, [], self.joint, self.codes, self.members
         )
 
-    def _nested(self, parts: list[IndexedColumns]) -> list[IndexedColumns]:
+    def _nest(self, parts: list[IndexedColumns]) -> list[IndexedColumns]:
         """Curves written into the table of a surface that has their covariate: one index instead of two."""
         index_of = {id(points.index): names for names, points in self.joint.items()}
         wide = [part for part in parts if len(index_of.get(id(part.index), ())) > 1 and part.scale is None]
@@ -318,11 +318,11 @@ class _Builder:
             if all(b.kind == "random" or b.contrast is not None or b.term is None for b in piece[0])
         ]
         parts = [
-            IndexedColumns(_columns(blocks), table, index, scale)
-            for blocks, table, index, scale in self.pieces
-            if not any(blocks is piece[0] for piece in plain)
+            IndexedColumns(_columns(terms), table, index, scale)
+            for terms, table, index, scale in self.pieces
+            if not any(terms is piece[0] for piece in plain)
         ]
-        parts = self._nested(parts)
+        parts = self._nest(parts)
         if not plain:
             return parts
         code = np.zeros(len(self.frame), dtype=np.int64)
@@ -331,16 +331,16 @@ class _Builder:
         _, first = np.unique(code, return_index=True)
         if len(first) > MAX_JOINT:
             return parts + [
-                IndexedColumns(_columns(blocks), table, index, scale) for blocks, table, index, scale in plain
+                IndexedColumns(_columns(terms), table, index, scale) for terms, table, index, scale in plain
             ]
         table = np.hstack([table[index[first]] for _, table, index, _ in plain])
-        columns = np.concatenate([_columns(blocks) for blocks, _, _, _ in plain])
+        columns = np.concatenate([_columns(terms) for terms, _, _, _ in plain])
         return [*parts, IndexedColumns(columns, table, code.astype(np.intp), None)]
 
 
-def _columns(blocks: list[Block]) -> Index:
+def _columns(terms: list[FittedTerm]) -> Index:
     return np.concatenate(
-        [np.arange(block.start, block.start + block.size, dtype=np.intp) for block in blocks]
+        [np.arange(fitted.start, fitted.start + fitted.size, dtype=np.intp) for fitted in terms]
     )
 
 

@@ -1,4 +1,4 @@
-"""Is the fitted model believable? Residual figures, concurvity, autocorrelation within groups.
+"""Checks of a fitted model: residual figures, concurvity, autocorrelation within groups.
 
 Every object gives its numbers by `frame` and draws itself by `plot`.
 """
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.gam.dependence import Autocorrelation, autocorrelation, concurvity
-from tripwatt.gam.figures import BLUE, GREY, RED, axes_or_new, new_figure, thinned
+from tripwatt.gam.figures import BLUE, GREY, RED, axes_or_new, new_figure, thin_index
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,7 +37,7 @@ __all__ = [
 
 
 def _scatter(ax: Axes, x: FloatArray, y: FloatArray) -> None:
-    keep = thinned(x.size)
+    keep = thin_index(x.size)
     # the extremes are what such a figure is looked at for
     keep = np.union1d(keep, np.concatenate([np.argsort(y)[:10], np.argsort(y)[-10:]]))
     ax.scatter(x[keep], y[keep], s=7, color=BLUE, alpha=0.35, linewidths=0, rasterized=True)
@@ -140,7 +140,9 @@ class QuantileQuantile:
         """Draw it, on new axes if none are given."""
         ax = axes_or_new(ax)
         ends = np.arange(min(200, self.residual.size))
-        keep = np.union1d(thinned(self.residual.size), np.concatenate([ends, self.residual.size - 1 - ends]))
+        keep = np.union1d(
+            thin_index(self.residual.size), np.concatenate([ends, self.residual.size - 1 - ends])
+        )
         x = self.theoretical[keep]
         lower, upper = self.band(keep)
         ax.fill_between(

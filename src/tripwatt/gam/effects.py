@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from tripwatt.gam.fitted_terms import Block
+    from tripwatt.gam.fitted_terms import FittedTerm
     from tripwatt.gam.model import GAMM
 
 __all__ = [
@@ -143,8 +143,8 @@ class SurfaceEffect:
             ax.clabel(lines, fontsize=7)
             ax.figure.colorbar(filled, ax=ax, label="Effect")
         if self.points.size:
-            spread = _cells(self.points, np.array([self.x[0], self.y[0]]), np.array([self.x[-1], self.y[-1]]))
-            keep = spread[:: max(1, len(spread) // 1500)]
+            cells = _cells(self.points, np.array([self.x[0], self.y[0]]), np.array([self.x[-1], self.y[-1]]))
+            keep = cells[:: max(1, len(cells) // 1500)]
             ax.scatter(keep[:, 0], keep[:, 1], s=2, color="black", alpha=0.35, linewidths=0, rasterized=True)
         held = "".join(f"\nat {name} {value:.3g}" for name, value in self.at.items())
         ax.set(
@@ -314,38 +314,40 @@ def effects(
         validate_columns(model.formula_, frame.columns)
     multiplier = float(stats.norm.ppf((1 + level) / 2))
     found: dict[str, Effect] = {}
-    for block in model.blocks_:
-        if block.term is None:
+    for fitted in model.terms_:
+        if fitted.term is None:
             continue
-        if isinstance(block.term, RandomEffect):
-            found[block.label] = _random(model, block)
-        elif not isinstance(block.term, Smooth | Tensor):
-            found[block.label] = _factor(model, block, multiplier)
-        elif len(block.term.names) == 1:
-            found[block.label] = _curve(model, block, frame, multiplier, points or 200)
+        if isinstance(fitted.term, RandomEffect):
+            found[fitted.label] = _random(model, fitted)
+        elif not isinstance(fitted.term, Smooth | Tensor):
+            found[fitted.label] = _factor(model, fitted, multiplier)
+        elif len(fitted.term.names) == 1:
+            found[fitted.label] = _curve(model, fitted, frame, multiplier, points or 200)
         else:
-            found[block.label] = _surface(model, block, frame, points or 60)
+            found[fitted.label] = _surface(model, fitted, frame, points or 60)
     return found
 
 
-def _evaluated(model: GAMM, block: Block, columns: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Effect of a block and its standard error where its covariates have these values."""
+def _evaluate(
+    model: GAMM, fitted: FittedTerm, columns: Mapping[str, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Effect of a fitted term and its standard error where its covariates have these values."""
     import pandas as pd
 
     grid = pd.DataFrame(dict(columns))
-    if block.by is not None:
-        grid[block.by] = 1.0 if block.level is None else block.level
-    at = block.slice
-    matrix = block.matrix(grid)
+    if fitted.by is not None:
+        grid[fitted.by] = 1.0 if fitted.level is None else fitted.level
+    at = fitted.slice
+    matrix = fitted.matrix(grid)
     variance = np.einsum("ij,jk,ik->i", matrix, model.Vp_[at, at], matrix, optimize=True)
     return matrix @ model.coef_[at], np.sqrt(np.clip(variance, 0.0, None))
 
 
-def _rows(block: Block, frame: pd.DataFrame, names: tuple[str, ...]) -> FloatArray:
-    """Covariates of the rows that a block has a say in."""
-    if block.by is not None:
-        by = frame[block.by]
-        frame = frame[by != 0] if block.level is None else frame[by.astype(str) == block.level]
+def _rows(fitted: FittedTerm, frame: pd.DataFrame, names: tuple[str, ...]) -> FloatArray:
+    """Covariates of the rows on which a fitted term has an effect."""
+    if fitted.by is not None:
+        by = frame[fitted.by]
+        frame = frame[by != 0] if fitted.level is None else frame[by.astype(str) == fitted.level]
     return frame[list(names)].to_numpy(dtype=float)
 
 
@@ -363,34 +365,34 @@ def _grid(model: GAMM, name: str, points: int) -> FloatArray:
 
 
 def _curve(
-    model: GAMM, block: Block, frame: pd.DataFrame | None, multiplier: float, points: int
+    model: GAMM, fitted: FittedTerm, frame: pd.DataFrame | None, multiplier: float, points: int
 ) -> CurveEffect:
-    assert isinstance(block.term, Smooth | Tensor)
-    name = block.term.names[0]
+    assert isinstance(fitted.term, Smooth | Tensor)
+    name = fitted.term.names[0]
     x = _grid(model, name, points)
-    if block.by is not None:
+    if fitted.by is not None:
         # what the model itself follows: beyond the rows that the smooth speaks of it is held
-        own = model.training_.within.get((block.term.names, block.by, block.level))
+        own = model.training_.within.get((fitted.term.names, fitted.by, fitted.level))
         if own is not None:
             x = np.linspace(float(own.low[0]), float(own.high[0]), points)
-    effect, error = _evaluated(model, block, {name: x})
-    rug = np.zeros(0) if frame is None else _rows(block, frame, (name,))[:, 0]
+    effect, error = _evaluate(model, fitted, {name: x})
+    rug = np.zeros(0) if frame is None else _rows(fitted, frame, (name,))[:, 0]
     return CurveEffect(
-        block.label, name, x, effect, error, multiplier, float(model.edf_[block.slice].sum()), rug
+        fitted.label, name, x, effect, error, multiplier, float(model.edf_[fitted.slice].sum()), rug
     )
 
 
-def _surface(model: GAMM, block: Block, frame: pd.DataFrame | None, points: int) -> SurfaceEffect:
-    assert isinstance(block.term, Smooth | Tensor)
-    first, second, *rest = block.term.names
+def _surface(model: GAMM, fitted: FittedTerm, frame: pd.DataFrame | None, points: int) -> SurfaceEffect:
+    assert isinstance(fitted.term, Smooth | Tensor)
+    first, second, *rest = fitted.term.names
     x, y = _grid(model, first, points), _grid(model, second, points)
     at = {
         name: float(np.mean(model.ranges_[name]) if frame is None else frame[name].median()) for name in rest
     }
     across, along = np.meshgrid(x, y)
     held = {name: np.full(across.size, value) for name, value in at.items()}
-    effect, error = _evaluated(model, block, {first: across.ravel(), second: along.ravel(), **held})
-    cloud = np.zeros((0, 2)) if frame is None else _rows(block, frame, (first, second))
+    effect, error = _evaluate(model, fitted, {first: across.ravel(), second: along.ravel(), **held})
+    cloud = np.zeros((0, 2)) if frame is None else _rows(fitted, frame, (first, second))
     if len(cloud):
         from scipy.spatial import cKDTree
 
@@ -399,44 +401,50 @@ def _surface(model: GAMM, block: Block, frame: pd.DataFrame | None, points: int)
         distance, _ = tree.query(np.c_[across.ravel(), along.ravel()] / span)
         effect, error = (np.where(distance > _TOO_FAR, np.nan, v) for v in (effect, error))
     shape = across.shape
-    edf = float(model.edf_[block.slice].sum())
+    edf = float(model.edf_[fitted.slice].sum())
     return SurfaceEffect(
-        block.label, (first, second), x, y, effect.reshape(shape), error.reshape(shape), edf, cloud, at
+        fitted.label, (first, second), x, y, effect.reshape(shape), error.reshape(shape), edf, cloud, at
     )
 
 
-def _random(model: GAMM, block: Block) -> RandomEffects:
+def _random(model: GAMM, fitted: FittedTerm) -> RandomEffects:
     from scipy import stats
 
-    assert isinstance(block.term, RandomEffect)
-    effect = model.coef_[block.slice]
-    error = np.sqrt(np.clip(np.diag(model.Vp_)[block.slice], 0.0, None))
+    assert isinstance(fitted.term, RandomEffect)
+    effect = model.coef_[fitted.slice]
+    error = np.sqrt(np.clip(np.diag(model.Vp_)[fitted.slice], 0.0, None))
     order = np.argsort(effect, kind="stable")
-    names = [str(name) for name in model.levels_[block.term.name]]
-    sd = _random_sd(model, block)
+    names = [str(name) for name in model.levels_[fitted.term.name]]
+    sd = _random_sd(model, fitted)
     theoretical = sd * stats.norm.ppf((np.arange(effect.size) + 0.5) / effect.size)
     level = tuple(names[i] for i in order)
     return RandomEffects(
-        block.label, level, effect[order], error[order], theoretical, float(model.edf_[block.slice].sum()), sd
+        fitted.label,
+        level,
+        effect[order],
+        error[order],
+        theoretical,
+        float(model.edf_[fitted.slice].sum()),
+        sd,
     )
 
 
-def _random_sd(model: GAMM, block: Block) -> float:
+def _random_sd(model: GAMM, fitted: FittedTerm) -> float:
     """Standard deviation that the smoothing parameter of a random intercept stands for."""
     from tripwatt.gam.inference import total_penalty
 
-    precision = float(total_penalty(model)[block.start, block.start])
+    precision = float(total_penalty(model)[fitted.start, fitted.start])
     return float(np.sqrt(model.scale_ / precision))
 
 
-def _factor(model: GAMM, block: Block, multiplier: float) -> FactorEffect:
-    at = block.slice
+def _factor(model: GAMM, fitted: FittedTerm, multiplier: float) -> FactorEffect:
+    at = fitted.slice
     error = np.sqrt(np.clip(np.diag(model.Vp_)[at], 0.0, None))
-    levels = [str(name) for name in model.levels_.get(block.label, ())]
-    shown = tuple(str(name).removeprefix(block.label) if levels else str(name) for name in block.names)
+    levels = [str(name) for name in model.levels_.get(fitted.label, ())]
+    shown = tuple(str(name).removeprefix(fitted.label) if levels else str(name) for name in fitted.names)
     reference = next((name for name in levels if name not in shown), "")
     effect = np.asarray(model.coef_[at], dtype=float)
-    return FactorEffect(block.label, shown, effect, error, multiplier, reference)
+    return FactorEffect(fitted.label, shown, effect, error, multiplier, reference)
 
 
 def plot_effects(found: Mapping[str, Effect], figure: Figure | None = None, columns: int = 3) -> Figure:

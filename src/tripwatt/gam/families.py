@@ -107,7 +107,7 @@ class Theta:
         excess = math.log(max(nu - min_df, math.exp(low)))
         return cls(min(excess, high), math.log(sigma), min_df)
 
-    def moved(self, excess: float, log_sigma: float) -> Theta:
+    def step(self, excess: float, log_sigma: float) -> Theta:
         """A step away, kept within the bounds."""
         low, high = LOG_EXCESS_DF
         return Theta(float(np.clip(self.excess + excess, low, high)), self.log_sigma + log_sigma, self.min_df)
@@ -267,7 +267,7 @@ def fit_theta(residual: FloatArray, theta: Theta, free: tuple[bool, bool], steps
             break
         step = _ascent(gradient, hessian, active)
         for _ in range(30):
-            trial = theta.moved(float(step[0]), float(step[1]))
+            trial = theta.step(float(step[0]), float(step[1]))
             trial_value, trial_gradient, trial_hessian = theta_objective(residual, trial)
             if trial_value >= value:
                 break

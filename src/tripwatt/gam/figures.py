@@ -32,6 +32,6 @@ def axes_or_new(ax: Axes | None) -> Axes:
     return new_figure(5.0, 4.0).add_subplot() if ax is None else ax
 
 
-def thinned(n: int) -> NDArray[np.intp]:
+def thin_index(n: int) -> NDArray[np.intp]:
     """Evenly spaced row numbers, all of them where they are few."""
     return np.unique(np.linspace(0, n - 1, min(n, MOST_POINTS)).round().astype(np.intp))

@@ -355,7 +355,7 @@ def fit_gaussian(
     if found is None:
         return None
     return Solution(
-        beta=stack.restored(found.beta),
+        beta=stack.restore(found.beta),
         rho=x,
         scale=found.scale,
         score=found.value,

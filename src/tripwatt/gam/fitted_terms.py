@@ -1,4 +1,4 @@
-"""One fitted piece of a model, and its columns at any rows."""
+"""A fitted term of a model, and its columns at any rows."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ Extrapolation = Literal["clamp", "linear"]
 
 
 @dataclass
-class Block:
-    """One fitted piece of a model: a term, or one level of a by-factor smooth.
+class FittedTerm:
+    """A fitted term of a model, or one level of a by-factor smooth.
 
     Attributes
     ----------
@@ -29,16 +29,16 @@ class Block:
     names : list of str
         Names of the coefficients.
     penalties : list of ndarray (q, q)
-        In the coordinates of the block.
+        In the coordinates of the term.
     null_dim, rank : int
-        Dimensions that the penalties together do not see, and do see.
+        Dimension of the penalties' joint null space, and its complement.
     start : int
         First coefficient.
     smoother : Smoother or None
     by, level : str or None
-        By-variable, and the level this block belongs to.
+        By-variable, and the level of this smooth.
     training : Training
-        What prediction falls back on.
+        Ranges and levels of the training rows, for rows outside of them.
     extrapolation : {"clamp", "linear"}
     """
 
@@ -80,7 +80,7 @@ class Block:
         return self.size - self.rank
 
     def matrix(self, frame: pd.DataFrame, training: Training | None = None) -> FloatArray:
-        """Columns of the block at the rows of a frame.
+        """Columns of the term at the rows of a frame.
 
         Parameters
         ----------
@@ -108,7 +108,7 @@ class Block:
     def _parametric(self, frame: pd.DataFrame, name: str, known: Training) -> FloatArray:
         if self.contrast is None:
             values = frame[name].to_numpy(dtype=np.float64)[:, None]
-            return values if self.extrapolation == "linear" else known.supports[(name,)].clamped(values)
+            return values if self.extrapolation == "linear" else known.supports[(name,)].clamp(values)
         levels = known.levels[name]
         return np.asarray(levels.rows(levels.codes(frame[name])) @ self.contrast)
 
@@ -124,7 +124,7 @@ class Block:
             return out
         points = Points.from_values(x)
         support = known.supports[self.term.names]
-        table = self.smoother.matrix(support.clamped(points.values))
+        table = self.smoother.matrix(support.clamp(points.values))
         if self.extrapolation == "linear" and points.values.shape[1] == 1:
             table = table + self._slope(points.values, support)
         out[used] = table[points.index] * weight[used, None]

@@ -113,11 +113,11 @@ class _Reader:
             elif (name := self.column(node)) is not None:
                 self.terms.append(Parametric(name))
             else:
-                self.unsupported(node)
+                self.refuse(node)
         except _Unreadable:
             pass
 
-    def unsupported(self, node: ast.expr) -> None:
+    def refuse(self, node: ast.expr) -> None:
         fix = ""
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
             fix = "for an interaction use s(x, by=f), te(a, b) or a column that holds the product"
@@ -247,7 +247,7 @@ def _summands(node: ast.expr, sign: int = 1) -> Iterator[tuple[int, ast.expr]]:
             yield s, top
 
 
-def _masked(text: str) -> tuple[str, tuple[str, ...]]:
+def _mask_quotes(text: str) -> tuple[str, tuple[str, ...]]:
     """The text with `quoted names` replaced by identifiers, as long as they where that fits."""
     quoted: list[str] = []
 
@@ -295,7 +295,7 @@ def parse_formula(text: str) -> Formula:
         raise InvalidInput(Fault("no terms", f"right of ~ in {text!r}", "nothing", _TERMS_ALLOWED))
     # R writes a line break inside a sum freely; Python wants brackets for that, which shift nothing but column 0
     flat = right.replace("\n", " ").replace("\t", " ").replace("\r", " ")
-    masked, quoted = _masked(flat)
+    masked, quoted = _mask_quotes(flat)
     source = f"({masked})"
     reader = _Reader(text, source, len(left) + len(tilde) - 1, quoted)
     response = _response(reader, left)

@@ -9,7 +9,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.gam.covariates import Index
 from tripwatt.gam.design import Design
-from tripwatt.gam.fitted_terms import Block
+from tripwatt.gam.fitted_terms import FittedTerm
 from tripwatt.gam.tables import IndexedColumns, TableRows
 from tripwatt.gam.terms import Smooth, Tensor
 
@@ -17,16 +17,16 @@ NULL_TOLERANCE = 1e-12
 """Eigenvalue, relative to the largest, below which a direction of the scaled penalised crossproduct is nil."""
 
 INVOLVED = 1e-4
-"""Share of a nil direction below which a block has no part in it."""
+"""Share of a nil direction below which a term has no part in it."""
 
 
 def _nil_directions(design: Design, gram: FloatArray, active: Index) -> tuple[FloatArray, FloatArray]:
     """Orthonormal nil directions (p, r) of the scaled crossproduct, and the scale (p,)."""
     total = gram.copy()
-    for block in design.blocks:
-        where = block.slice
+    for fitted in design.terms:
+        where = fitted.slice
         weight = max(float(np.trace(gram[where, where])), 1e-300)
-        for S in block.penalties:
+        for S in fitted.penalties:
             total[where, where] += S * (weight / float(np.trace(S)))
     d = np.zeros(design.p)
     d[active] = 1 / np.sqrt(np.diag(total)[active])
@@ -37,18 +37,18 @@ def _nil_directions(design: Design, gram: FloatArray, active: Index) -> tuple[Fl
     return out, d
 
 
-def _place(block: Block) -> int:
-    """Where a block stands when a direction must be taken from one: surfaces first, then curves, then factors."""
-    if block.kind == "parametric":
+def _place(fitted: FittedTerm) -> int:
+    """Order in which terms lose a direction that several share: surfaces first, then curves, then factors."""
+    if fitted.kind == "parametric":
         return 0
     return (
         2
-        if isinstance(block.term, Tensor) or (isinstance(block.term, Smooth) and len(block.term.names) > 1)
+        if isinstance(fitted.term, Tensor) or (isinstance(fitted.term, Smooth) and len(fitted.term.names) > 1)
         else 1
     )
 
 
-def identified(design: Design, gram: FloatArray) -> tuple[Design, FloatArray]:
+def identify(design: Design, gram: FloatArray) -> tuple[Design, FloatArray]:
     """The design without the directions that nothing determines, and its crossproduct.
 
     A direction shared by several terms is taken from the one with most covariates, then from the later one; of
@@ -69,50 +69,50 @@ def identified(design: Design, gram: FloatArray) -> tuple[Design, FloatArray]:
         nil, scale = _nil_directions(design, gram, active)
         if not nil.shape[1]:
             return design, gram
-        involved = [b for b in design.blocks if np.linalg.norm(nil[b.slice]) > INVOLVED]
-        block = max(involved, key=lambda b: (_place(b), b.start))
-        others = ", ".join(b.label for b in involved if b is not block) or "itself"
-        if block.kind == "parametric":
-            column = block.start + int(np.flatnonzero(np.abs(nil[block.slice]).max(axis=1) > INVOLVED)[-1])
+        involved = [b for b in design.terms if np.linalg.norm(nil[b.slice]) > INVOLVED]
+        fitted = max(involved, key=lambda b: (_place(b), b.start))
+        others = ", ".join(b.label for b in involved if b is not fitted) or "itself"
+        if fitted.kind == "parametric":
+            column = fitted.start + int(np.flatnonzero(np.abs(nil[fitted.slice]).max(axis=1) > INVOLVED)[-1])
             design.empty.append(column)
-            name = block.names[column - block.start]
+            name = fitted.names[column - fitted.start]
             design.notes.append(f"{name} is a linear combination of {others}: held at 0")
             continue
-        directions = nil[block.slice] * scale[block.slice, None]
+        directions = nil[fitted.slice] * scale[fitted.slice, None]
         U, sizes, _ = np.linalg.svd(directions)
         rank = int((sizes > 1e-6 * sizes[0]).sum())
-        design.notes.append(f"{block.label} repeats what {others} can say: {rank} of its columns removed")
-        design, gram = _reduced(design, gram, block, U[:, rank:])
+        design.notes.append(f"{fitted.label} repeats {others}: {rank} of its columns removed")
+        design, gram = _reduce(design, gram, fitted, U[:, rank:])
     return design, gram
 
 
-def _reduced(design: Design, gram: FloatArray, block: Block, Z: FloatArray) -> tuple[Design, FloatArray]:
-    """Map the columns of one block by Z (q, r) throughout the design."""
-    where = block.slice
+def _reduce(design: Design, gram: FloatArray, fitted: FittedTerm, Z: FloatArray) -> tuple[Design, FloatArray]:
+    """Map the columns of one term by Z (q, r) throughout the design."""
+    where = fitted.slice
     before, after = np.arange(where.start), np.arange(where.stop, design.p)
     middle = gram[:, where] @ Z
     columns = np.hstack([gram[:, before], middle, gram[:, after]])
     gram = np.vstack([columns[before], Z.T @ columns[where], columns[after]])
     gone = Z.shape[0] - Z.shape[1]
     first, last = where.start, where.stop
-    blocks = []
-    for other in design.blocks:
-        if other is block:
-            assert block.smoother is not None
-            blocks.append(
+    terms = []
+    for other in design.terms:
+        if other is fitted:
+            assert fitted.smoother is not None
+            terms.append(
                 replace(
-                    block,
-                    names=[f"{block.label}.{i + 1}" for i in range(Z.shape[1])],
-                    penalties=[Z.T @ S @ Z for S in block.penalties],
-                    smoother=block.smoother.reduced(Z),
+                    fitted,
+                    names=[f"{fitted.label}.{i + 1}" for i in range(Z.shape[1])],
+                    penalties=[Z.T @ S @ Z for S in fitted.penalties],
+                    smoother=fitted.smoother.reduce(Z),
                 )
             )
         else:
-            blocks.append(replace(other, start=other.start - (gone if other.start >= last else 0)))
+            terms.append(replace(other, start=other.start - (gone if other.start >= last else 0)))
     parts = [_reduced_part(part, first, last, gone, Z) for part in design.rows.parts]
     rows = TableRows(parts, design.rows.n, design.p - gone)
     empty = [c - (gone if c >= last else 0) for c in design.empty]
-    return replace(design, blocks=blocks, rows=rows, empty=empty), gram
+    return replace(design, terms=terms, rows=rows, empty=empty), gram
 
 
 def _reduced_part(part: IndexedColumns, first: int, last: int, gone: int, Z: FloatArray) -> IndexedColumns:

@@ -125,8 +125,8 @@ def smooth_test(
         base = float(z[:whole] @ z[:whole] + part * z[whole] ** 2)
         cross = float(2 * rho * z[whole - 1] * z[whole])
         totals = [base + cross, max(base - cross, 0.0)]
-        spread = np.sqrt(1 - part**2)
-        weights = np.append(np.ones(whole - 1), [(part + 1 + spread) / 2, (part + 1 - spread) / 2])
+        root = np.sqrt(1 - part**2)
+        weights = np.append(np.ones(whole - 1), [(part + 1 + root) / 2, (part + 1 - root) / 2])
     p = float(np.mean([_tail(total, weights, residual_df) for total in totals]))
     return TermTest(float(ref_df), totals[0] if residual_df is None else totals[0] / r, p)
 
@@ -273,9 +273,9 @@ def total_penalty(model: GAMM) -> FloatArray:
     p = model.coef_.size
     penalty = np.zeros((p, p))
     parameters = iter(_parameters(model))
-    for block in model.blocks_:
-        for matrix in block.penalties:
-            penalty[block.slice, block.slice] += (
+    for fitted in model.terms_:
+        for matrix in fitted.penalties:
+            penalty[fitted.slice, fitted.slice] += (
                 np.nan_to_num(next(parameters)) * matrix
             )  # NaN: no data, no part
     return penalty
@@ -320,7 +320,7 @@ def coefficient_table(model: GAMM) -> pd.DataFrame:
     import pandas as pd
     from scipy import stats
 
-    inside = [np.arange(model.coef_.size)[b.slice] for b in model.blocks_ if b.kind == "parametric"]
+    inside = [np.arange(model.coef_.size)[b.slice] for b in model.terms_ if b.kind == "parametric"]
     index = np.concatenate([np.arange(0), *inside]).astype(int)
     error = np.sqrt(np.clip(np.diag(model.Vp_)[index], 0.0, None))
     known = error > 0
@@ -360,19 +360,19 @@ def term_table(model: GAMM) -> pd.DataFrame:
     import pandas as pd
 
     df = _estimated_scale_df(model)
-    smooth = [block for block in model.blocks_ if block.kind != "parametric"]
-    random = [block for block in smooth if block.kind == "random"]
+    smooth = [fitted for fitted in model.terms_ if fitted.kind != "parametric"]
+    random = [fitted for fitted in smooth if fitted.kind == "random"]
     gram = model.R_.T @ model.R_ * float(model.scale_)
     penalty = total_penalty(model)
     rows = []
-    for block in smooth:
-        at = block.slice
-        if block.null_dim == 0:
-            others = [other.slice for other in random if other is not block]
+    for fitted in smooth:
+        at = fitted.slice
+        if fitted.null_dim == 0:
+            others = [other.slice for other in random if other is not fitted]
             test = random_effect_test(model.coef_, gram, penalty, at, others, float(model.scale_), df)
         else:
             ref_df = float(model.edf1_[at].sum())
             test = smooth_test(model.coef_[at], model.Vp_[at, at], model.R_[:, at], ref_df, df)
         rows.append((float(model.edf_[at].sum()), test.ref_df, test.statistic, test.p_value))
-    index = pd.Index([block.label for block in smooth], name="term")
+    index = pd.Index([fitted.label for fitted in smooth], name="term")
     return pd.DataFrame(rows, columns=["edf", "ref_df", "statistic", "p_value"], index=index, dtype=float)

@@ -49,7 +49,7 @@ class LaplaceModel:
 
     def _objective(self, beta: FloatArray, rho: FloatArray, theta: Theta) -> tuple[float, FloatArray]:
         """Penalised negative log-likelihood, and the residual (n,)."""
-        r = self.y - self.rows.predictor(self.stack.restored(beta))
+        r = self.y - self.rows.predictor(self.stack.restore(beta))
         penalty = float((self.stack.products(rho, beta).T @ beta).sum()) / 2
         return penalty - self.family.loglik(r, theta.nu, theta.sigma), r
 
@@ -59,7 +59,7 @@ class LaplaceModel:
         value, r = self._objective(beta, rho, theta)
         for _ in range(max_iter):
             d = t_derivatives(r, theta)
-            g = self.stack.rotated(self.rows.transpose(d.eta[1])) - self.stack.products(rho, beta).sum(axis=1)
+            g = self.stack.rotate(self.rows.transpose(d.eta[1])) - self.stack.products(rho, beta).sum(axis=1)
             observed = Factor.from_matrix(self._information(-d.eta[2], rho))
             factor = observed
             if factor is None:
@@ -81,7 +81,7 @@ class LaplaceModel:
         return None
 
     def _information(self, weights: FloatArray, rho: FloatArray) -> FloatArray:
-        return self.stack.add_to(self.stack.rotated_both(self.rows.gram(weights)), rho)
+        return self.stack.add_to(self.stack.rotate_both(self.rows.gram(weights)), rho)
 
     def score(self, rho: FloatArray, theta: Theta) -> tuple[float, Mode] | None:
         """Score at given parameters, with the mode that belongs to it."""
@@ -102,15 +102,15 @@ class LaplaceModel:
 
     def _derivatives(self, rho: FloatArray, mode: Mode) -> tuple[FloatArray, FloatArray]:
         stack, d, K, M = self.stack, mode.derivatives, mode.factor.inverse, self.stack.size
-        restored = stack.restored(K)
-        leverage = self.rows.leverage(stack.restored(restored.T))
+        restored = stack.restore(K)
+        leverage = self.rows.leverage(stack.restore(restored.T))
         V = stack.products(rho, mode.beta)
-        mixed = stack.rotated(self.rows.transpose(np.ascontiguousarray(d.eta_theta[1].T)))
+        mixed = stack.rotate(self.rows.transpose(np.ascontiguousarray(d.eta_theta[1].T)))
         beta1 = K @ np.hstack([-V, mixed])
-        eta1 = self.rows.predictor(stack.restored(beta1))
+        eta1 = self.rows.predictor(stack.restore(beta1))
         w1 = -(d.eta[3][:, None] * eta1)
         w1[:, M:] -= d.eta_theta[2].T
-        A1 = [stack.rotated_both(self.rows.gram(np.ascontiguousarray(w))) for w in w1.T]
+        A1 = [stack.rotate_both(self.rows.gram(np.ascontiguousarray(w))) for w in w1.T]
         for j in range(M):
             pen = stack.penalties[j]
             A1[j][pen.where, pen.where] += np.exp(rho[j]) * pen.matrix
@@ -135,7 +135,7 @@ class LaplaceModel:
         stack, d, M = self.stack, mode.derivatives, self.stack.size
         size = M + 2
         single = stack.traces(rho, mode.factor.inverse)[0]
-        adjoint = mode.factor.inverse @ stack.rotated(self.rows.transpose(leverage * d.eta[3]))
+        adjoint = mode.factor.inverse @ stack.rotate(self.rows.transpose(leverage * d.eta[3]))
         hessian = np.zeros((size, size))
         for i in range(size):
             for j in range(i + 1):
@@ -155,7 +155,7 @@ class LaplaceModel:
                     w -= d.eta_theta[3, j - M] * eta1[:, i]
                     pull = d.eta_theta[2, j - M] * eta1[:, i] + d.eta_theta2[1, i - M, j - M]
                     w -= d.eta_theta2[2, i - M, j - M]
-                    right += stack.rotated(self.rows.transpose(pull))
+                    right += stack.rotate(self.rows.transpose(pull))
                 if i >= M:
                     w -= d.eta_theta[3, i - M] * eta1[:, j]
                 trace = float(leverage @ w) - float(adjoint @ right)
@@ -226,7 +226,7 @@ def fit_laplace(
     information = family.expected_weight(best.nu, best.sigma) * gram
     expected = Factor.from_matrix(stack.add_to(information, best_rho))
     return Solution(
-        beta=stack.restored(mode.beta),
+        beta=stack.restore(mode.beta),
         rho=best_rho,
         scale=1.0,
         score=value,

@@ -11,9 +11,9 @@ from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.gam.covariates import Index, Levels, Support, Training
 from tripwatt.gam.design import Design
-from tripwatt.gam.identify import identified
+from tripwatt.gam.identify import identify
 from tripwatt.gam.moments import Moments, moments
-from tripwatt.gam.solve import Settings, solve
+from tripwatt.gam.solve import FitSettings, solve
 
 DEAD = 1e-10
 """Share of a column's sum of squares below which a downdate has left nothing but rounding."""
@@ -58,7 +58,7 @@ def _fold(
     groups: Index,
     held: BoolArray,
     total: Moments,
-    settings: Settings,
+    settings: FitSettings,
 ) -> tuple[FloatArray, dict[str, float]]:
     """Predictions of the rows held out, and how the fit without them went."""
     lagged = len(total.gram) > 1
@@ -66,7 +66,7 @@ def _fold(
     sums = total - grouped_moments(design, y, groups, out, lagged)
     dead = np.diag(sums.gram[0]) <= DEAD * np.diag(total.gram[0])
     sums.gram[:, dead], sums.gram[:, :, dead], sums.cross[:, dead] = 0.0, 0.0, 0.0
-    own, gram = identified(replace(design, notes=[], empty=list(design.empty)), sums.gram[0])
+    own, gram = identify(replace(design, notes=[], empty=list(design.empty)), sums.gram[0])
     if own.p != design.p:
         sums = grouped_moments(own, y, groups, kept, lagged)
         gram = sums.gram[0]
@@ -83,12 +83,12 @@ def _fold(
     beta = np.zeros(own.p)
     beta[active] = solution.beta
     training, piece = training_of(own, ~held), frame.iloc[out]
-    if own.blocks[0].extrapolation == "clamp":
-        piece = training.held(piece)
+    if own.terms[0].extrapolation == "clamp":
+        piece = training.clamp_frame(piece)
     prediction = np.zeros(len(out))
-    for block in own.blocks:
-        if block.kind != "random" or beta[block.slice].any():
-            prediction += block.matrix(piece, training) @ beta[block.slice]
+    for fitted in own.terms:
+        if fitted.kind != "random" or beta[fitted.slice].any():
+            prediction += fitted.matrix(piece, training) @ beta[fitted.slice]
     report = {
         "rows": float(len(out)),
         "edf": float(np.einsum("ij,ji->", solution.covariance, solution.information)),
@@ -102,7 +102,7 @@ def _fold(
 
 
 def leave_out(
-    design: Design, frame: pd.DataFrame, y: FloatArray, groups: Index, folds: Index, settings: Settings
+    design: Design, frame: pd.DataFrame, y: FloatArray, groups: Index, folds: Index, settings: FitSettings
 ) -> tuple[FloatArray, pd.DataFrame]:
     """Predict each fold from all other rows.
 
@@ -114,7 +114,7 @@ def leave_out(
     y : ndarray (n,)
     groups, folds : ndarray (n,)
         Codes of the groups, and of the units to leave out.
-    settings : Settings
+    settings : FitSettings
 
     Returns
     -------
@@ -132,7 +132,7 @@ def leave_out(
         raise InvalidInput(Fault("only one group", "leave_groups_out", "1 fold", "two or more"))
     lagged = settings.ar1_rho is not None
     total = grouped_moments(design, y, groups, np.arange(len(y), dtype=np.intp), lagged)
-    design, gram = identified(design, total.gram[0])
+    design, gram = identify(design, total.gram[0])
     if gram.shape != total.gram[0].shape:
         total = grouped_moments(design, y, groups, np.arange(len(y), dtype=np.intp), lagged)
     predictions, reports = np.empty(len(y)), []

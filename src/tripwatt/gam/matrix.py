@@ -12,7 +12,7 @@ from tripwatt.gam.families import Family, Gaussian
 from tripwatt.gam.fit import DenseRows, Solution
 from tripwatt.gam.moments import Moments
 from tripwatt.gam.penalties import PenaltyStack
-from tripwatt.gam.solve import Method, Settings, solve
+from tripwatt.gam.solve import FitSettings, Method, solve
 
 
 def fit_matrix(
@@ -85,7 +85,7 @@ def fit_matrix(
     )
     chosen = family if family is not None else Gaussian()
     sums = Moments((X.T @ X)[None], (X.T @ y)[None], np.array([y @ y]), float(n), 1.0)
-    settings = Settings(chosen, method, rho, None, tolerance, max_iter)
+    settings = FitSettings(chosen, method, rho, None, tolerance, max_iter)
     solution = solve(DenseRows(X), y, sums, stack, np.arange(p, dtype=np.intp), settings)
     if solution is None:
         raise InvalidInput(Fault("model not identifiable", "X and penalties", "singular system", "full rank"))

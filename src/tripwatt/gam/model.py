@@ -17,11 +17,11 @@ from tripwatt.gam.design import Design, build_design
 from tripwatt.gam.families import Family, Gaussian, ScaledT
 from tripwatt.gam.fit import Solution
 from tripwatt.gam.fitted_terms import Extrapolation
-from tripwatt.gam.identify import identified
+from tripwatt.gam.identify import identify
 from tripwatt.gam.leaveout import grouped_moments, leave_out
 from tripwatt.gam.moments import Moments
 from tripwatt.gam.results import Results, results
-from tripwatt.gam.solve import Method, Settings, solve
+from tripwatt.gam.solve import FitSettings, Method, solve
 from tripwatt.gam.terms import Formula, RandomEffect, Smooth, Tensor
 
 PREDICT_ROWS = 8192
@@ -65,7 +65,7 @@ class GAMM(RegressorMixin, BaseEstimator):
         (X'WX + S)^-1 X'WX; its diagonal is `edf_`; `edf1_` is 2 edf - diag(F F).
     R_ : ndarray (p, p)
         Square root of X'WX / scale: R'R.
-    blocks_, term_slices_
+    terms_, term_slices_
         Fitted pieces, and the coefficients of each by label.
     smoothing_parameters_ : dict
     scale_, nu_, sigma_, nu_at_bound_
@@ -137,7 +137,7 @@ class GAMM(RegressorMixin, BaseEstimator):
         design = build_design(formula, frame, self.discretise, self.extrapolation)
         sums = self._moments(design, values, self._groups(frame, groups))
         raw = sums.gram[0]
-        design, reduced = identified(design, raw)
+        design, reduced = identify(design, raw)
         if design.p != sums.gram.shape[1]:  # columns were taken from a term
             sums = self._moments(design, values, self._groups(frame, groups))
             reduced = sums.gram[0]
@@ -148,7 +148,7 @@ class GAMM(RegressorMixin, BaseEstimator):
             raise InvalidInput(
                 Fault("too few rows", "frame", got, f"more than {stack.null_dim} unpenalised coefficients")
             )
-        given = self._given(design)
+        given = self._given_logs(design)
         settings = self._settings(family, None if given is None else given[which])
         rows = design.rows.subset(columns=active)
         solution = solve(rows, values, sums, stack, active, settings)
@@ -198,30 +198,30 @@ class GAMM(RegressorMixin, BaseEstimator):
         """
         full = self._complete(frame, exclude, groups)
         if self.extrapolation == "clamp":
-            full = self.training_.held(full)
-        blocks = [block for block in self.blocks_ if block.label not in set(exclude)]
-        fit, error = np.zeros((len(full), len(blocks))), np.zeros((len(full), len(blocks)))
+            full = self.training_.clamp_frame(full)
+        included = [fitted for fitted in self.terms_ if fitted.label not in set(exclude)]
+        fit, error = np.zeros((len(full), len(included))), np.zeros((len(full), len(included)))
         total = np.zeros(len(full))
         for start in range(0, len(full), PREDICT_ROWS):
             rows = slice(start, start + PREDICT_ROWS)
             piece = full.iloc[rows]
             X = np.zeros((len(piece), len(self.coef_)))
-            for j, block in enumerate(blocks):
-                B = block.matrix(piece)
-                fit[rows, j] = B @ self.coef_[block.slice]
-                X[:, block.slice] = B
+            for j, fitted in enumerate(included):
+                B = fitted.matrix(piece)
+                fit[rows, j] = B @ self.coef_[fitted.slice]
+                X[:, fitted.slice] = B
                 if se and terms:
-                    V = self.Vp_[block.slice, block.slice]
+                    V = self.Vp_[fitted.slice, fitted.slice]
                     error[rows, j] = np.sqrt(np.maximum(np.einsum("ij,ij->i", B @ V, B), 0.0))
             if se and not terms:
                 total[rows] = np.sqrt(np.maximum(np.einsum("ij,ij->i", X @ self.Vp_, X), 0.0))
         if terms:
-            labels = [block.label for block in blocks]
+            labels = [fitted.label for fitted in included]
             out = pd.DataFrame(fit, index=frame.index, columns=labels)
             return (out, pd.DataFrame(error, index=frame.index, columns=labels)) if se else out
         return (fit.sum(axis=1), total) if se else fit.sum(axis=1)
 
-    def extrapolated(self, frame: pd.DataFrame) -> BoolArray:
+    def extrapolation_mask(self, frame: pd.DataFrame) -> BoolArray:
         """Rows (n,) with a covariate outside its training range or a level that training did not have."""
         self._complete(frame, (), None)
         out = np.zeros(len(frame), dtype=bool)
@@ -268,7 +268,7 @@ class GAMM(RegressorMixin, BaseEstimator):
                 Fault("no groups", "leave_groups_out", "groups is None", "a group for each row")
             )
         design = build_design(formula, frame, self.discretise, self.extrapolation)
-        given = self._given(design)
+        given = self._given_logs(design)
         settings = self._settings(family, given)
         units = group_codes if fold_codes is None else fold_codes
         predictions, report = leave_out(design, frame, values, group_codes, units, settings)
@@ -296,7 +296,7 @@ class GAMM(RegressorMixin, BaseEstimator):
             raise InvalidInput(faults)
         return known[self.family]
 
-    def _settings(self, family: Family, rho: FloatArray | None) -> Settings:
+    def _settings(self, family: Family, rho: FloatArray | None) -> FitSettings:
         if self.extrapolation not in ("clamp", "linear"):
             got = repr(self.extrapolation)
             raise InvalidInput(Fault("unknown extrapolation", "GAMM(extrapolation=)", got, "clamp or linear"))
@@ -311,7 +311,7 @@ class GAMM(RegressorMixin, BaseEstimator):
                 raise InvalidInput(
                     Fault("invalid autocorrelation", "GAMM(ar1_rho=)", got, "'estimate' or within -1 to 1")
                 )
-        return Settings(family, self.method, rho, self.ar1_rho, self.tolerance, self.max_iter)
+        return FitSettings(family, self.method, rho, self.ar1_rho, self.tolerance, self.max_iter)
 
     def _groups(self, frame: pd.DataFrame, groups: object) -> Index | None:
         """Codes (n,) of groups given as labels or as a column."""
@@ -334,7 +334,7 @@ class GAMM(RegressorMixin, BaseEstimator):
         codes = groups if groups is not None else np.zeros(len(y), dtype=np.intp)
         return grouped_moments(design, y, codes, np.arange(len(y), dtype=np.intp), self.ar1_rho is not None)
 
-    def _given(self, design: Design) -> FloatArray | None:
+    def _given_logs(self, design: Design) -> FloatArray | None:
         """Given smoothing parameters as logs, in the order of the design."""
         if self.smoothing_parameters is None:
             return None
@@ -373,10 +373,10 @@ class GAMM(RegressorMixin, BaseEstimator):
         logs = np.full(len(names), math.nan)
         logs[which] = solution.rho
         self.smoothing_parameters_ = {name: float(np.exp(v)) for name, v in zip(names, logs, strict=True)}
-        self.formula_, self.family_, self.blocks_ = design.formula, family, design.blocks
+        self.formula_, self.family_, self.terms_ = design.formula, family, design.terms
         self.training_ = design.training
-        self.coef_names_ = [name for block in design.blocks for name in block.names]
-        self.term_slices_ = {block.label: block.slice for block in design.blocks}
+        self.coef_names_ = [name for fitted in design.terms for name in fitted.names]
+        self.term_slices_ = {fitted.label: fitted.slice for fitted in design.terms}
         kept = set(active.tolist())
         self.empty_columns_ = [name for i, name in enumerate(self.coef_names_) if i not in kept]
         supports = design.training.supports
@@ -395,7 +395,7 @@ class GAMM(RegressorMixin, BaseEstimator):
             from sklearn.exceptions import NotFittedError
 
             raise NotFittedError("this GAMM is not fitted yet: call fit first")
-        known = [block.label for block in self.blocks_]
+        known = [fitted.label for fitted in self.terms_]
         faults = [
             Fault("unknown term", "predict(exclude=)", repr(label), ", ".join(known))
             for label in exclude
@@ -407,7 +407,9 @@ class GAMM(RegressorMixin, BaseEstimator):
             labels = frame[groups] if isinstance(groups, str) else np.asarray(groups)
             frame = frame.assign(**{absent[0]: np.asarray(labels)})
         used = [
-            block.term for block in self.blocks_ if block.label not in set(exclude) and block.term is not None
+            fitted.term
+            for fitted in self.terms_
+            if fitted.label not in set(exclude) and fitted.term is not None
         ]
         needed = dict.fromkeys(name for term in used for name in term.columns if name not in random)
         faults += missing_columns(frame, needed)

@@ -71,8 +71,8 @@ class Moments:
         mix = self.mixture(rho)
         gram = np.tensordot(mix, self.gram, axes=1)[np.ix_(active, active)]
         jacobian = -(self.n - self.firsts) / 2 * math.log(1 - rho**2)
-        cross = stack.rotated((mix @ self.cross)[active])
-        return NormalEquations(stack.rotated_both(gram), cross, float(mix @ self.square), self.n, jacobian)
+        cross = stack.rotate((mix @ self.cross)[active])
+        return NormalEquations(stack.rotate_both(gram), cross, float(mix @ self.square), self.n, jacobian)
 
 
 def moments(rows: TableRows, y: FloatArray, order: Index, lagged: bool) -> Moments:

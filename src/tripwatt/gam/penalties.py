@@ -156,7 +156,7 @@ class PenaltyStack:
         self.rank = sum(block.rank for block in self.blocks)
         self.null_dim = p - self.rank
 
-    def rotated(self, M: FloatArray) -> FloatArray:
+    def rotate(self, M: FloatArray) -> FloatArray:
         """A vector (p,) or the rows of a matrix (p, q) in rotated coordinates."""
         out = M.copy()
         for block in self.blocks:
@@ -164,11 +164,11 @@ class PenaltyStack:
             out[where] = block.rotation.T @ M[where]
         return out
 
-    def rotated_both(self, M: FloatArray) -> FloatArray:
+    def rotate_both(self, M: FloatArray) -> FloatArray:
         """A crossproduct (p, p) in rotated coordinates."""
-        return np.ascontiguousarray(self.rotated(self.rotated(M).T))
+        return np.ascontiguousarray(self.rotate(self.rotate(M).T))
 
-    def restored(self, M: FloatArray) -> FloatArray:
+    def restore(self, M: FloatArray) -> FloatArray:
         """Rotated vector or rows back in the coordinates of the model."""
         out = M.copy()
         for block in self.blocks:
@@ -178,7 +178,7 @@ class PenaltyStack:
 
     def restored_both(self, M: FloatArray) -> FloatArray:
         """A covariance (p, p) back in the coordinates of the model."""
-        return self.restored(self.restored(M).T)
+        return self.restore(self.restore(M).T)
 
     def add_to(self, M: FloatArray, rho: FloatArray) -> FloatArray:
         """M (p, p) plus the penalties with log smoothing parameters `rho`."""

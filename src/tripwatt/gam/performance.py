@@ -61,11 +61,11 @@ class State:
     rho: FloatArray
     theta: Theta
 
-    def packed(self) -> FloatArray:
+    def pack(self) -> FloatArray:
         """As one vector."""
         return np.concatenate([self.beta, self.rho, [self.theta.excess, self.theta.log_sigma]])
 
-    def unpacked(self, x: FloatArray, lower: FloatArray, upper: FloatArray) -> State:
+    def unpack(self, x: FloatArray, lower: FloatArray, upper: FloatArray) -> State:
         """From one vector, smoothing parameters and shape within their bounds."""
         p = len(self.beta)
         low, high = LOG_EXCESS_DF
@@ -110,11 +110,11 @@ class PerformanceIteration:
         nu = self.family.nu if self.family.nu is not None else self.family.min_df + 2.0
         theta = Theta.from_estimates(nu, max(sigma, 1e-150), self.family.min_df)
         moved = first.rho if self.fixed else first.rho - np.log(first.scale)
-        return State(self.stack.rotated(first.beta), moved, theta)
+        return State(self.stack.rotate(first.beta), moved, theta)
 
     def residual(self, state: State) -> FloatArray:
         """Response minus the predictor of a state, (n,)."""
-        return np.asarray(self.data.y - self.data.rows.predictor(self.stack.restored(state.beta)))
+        return np.asarray(self.data.y - self.data.rows.predictor(self.stack.restore(state.beta)))
 
     def advance(self, state: State, lower: FloatArray, upper: FloatArray, near: bool = False) -> Pass | None:
         """One pass: shape and scale, working response, smoothing parameters, coefficients."""
@@ -124,7 +124,7 @@ class PerformanceIteration:
         c = self.family.expected_weight(theta.nu, theta.sigma)
         g = self.family.score(r, theta.nu, theta.sigma)
         gram = c * d.gram
-        cross = gram @ state.beta + self.stack.rotated(d.rows.transpose(g))
+        cross = gram @ state.beta + self.stack.rotate(d.rows.transpose(g))
         z = g / c - r + d.y
         normal = NormalEquations(gram, cross, c * float(z @ z), d.rows.n)
         here = gaussian_score(normal, self.stack, state.rho, 1.0, derivatives=not self.fixed)
@@ -137,11 +137,11 @@ class PerformanceIteration:
         if self.fixed or not self.stack.size:
             weights = np.concatenate([diagonal, np.zeros(self.stack.size), ends])
             return Pass(State(here.beta, state.rho, theta), here, weights, normal)
-        found, rho = self._smoothed(normal, here, state.rho, lower, upper, near)
+        found, rho = self._smooth(normal, here, state.rho, lower, upper, near)
         curvature = np.sqrt(np.maximum(np.diag(here.hessian), 1e-8))
         return Pass(State(found.beta, rho, theta), found, np.concatenate([diagonal, curvature, ends]), normal)
 
-    def _smoothed(
+    def _smooth(
         self,
         normal: NormalEquations,
         here: Evaluation,
@@ -188,11 +188,11 @@ class PerformanceIteration:
             if trial is None:
                 return None
             result = trial
-            x, fx = state.packed(), trial.state.packed()
+            x, fx = state.pack(), trial.state.pack()
             change = trial.weights * (fx - x)
             largest = float(np.abs(change).max(initial=0.0))
             done = largest <= tolerance
-            state = trial.state.unpacked(mixing.next(x, fx, trial.weights), lower, upper)
+            state = trial.state.unpack(mixing.next(x, fx, trial.weights), lower, upper)
         return self._solution(result, done, count, tolerance) if result is not None else None
 
     def _solution(self, last: Pass, done: bool, iterations: int, tolerance: float) -> Solution:
@@ -204,7 +204,7 @@ class PerformanceIteration:
         final = gaussian_score(last.data, self.stack, last.state.rho, 1.0)
         found = last.working if final is None else final
         return Solution(
-            beta=self.stack.restored(found.beta),
+            beta=self.stack.restore(found.beta),
             rho=last.state.rho,
             scale=1.0,
             score=found.value,

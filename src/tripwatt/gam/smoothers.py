@@ -30,7 +30,7 @@ class Margin:
         """Columns at `x` (n, d), as (n, q)."""
         return np.asarray(self.basis.matrix(x) @ self.transform)
 
-    def reduced(self, Z: FloatArray) -> Margin:
+    def reduce(self, Z: FloatArray) -> Margin:
         """The same smooth with its columns mapped by Z (q, r)."""
         return Margin(self.basis, self.transform @ Z)
 
@@ -55,7 +55,7 @@ class TensorProduct:
             out = (out[:, :, None] * margin.matrix(x[:, j : j + 1])[:, None, :]).reshape(len(x), -1)
         return np.asarray(out @ self.transform)
 
-    def reduced(self, Z: FloatArray) -> TensorProduct:
+    def reduce(self, Z: FloatArray) -> TensorProduct:
         """The same smooth with its columns mapped by Z (r, s)."""
         return TensorProduct(self.margins, self.transform @ Z)
 
@@ -88,7 +88,7 @@ def sum_to_zero(means: FloatArray) -> FloatArray:
     return np.asarray(Q[:, 1:])
 
 
-def _scaled(S: FloatArray, table: FloatArray) -> FloatArray:
+def _scale(S: FloatArray, table: FloatArray) -> FloatArray:
     """Penalty with the norm of the columns' crossproduct, so that smoothing parameters are comparable."""
     size = float(np.abs(table).sum(axis=1).max()) ** 2
     return np.asarray(S * (size / float(np.abs(S).sum(axis=0).max())))
@@ -136,9 +136,9 @@ def _basis(
         raise InvalidInput(Fault("penalty order too low", label, f"m={order}", f"2 m > {d}"))
     null = _null_dimension(d, order)
     k, notes = _usable(k, null + 1, points, label, what)
-    spread = points.values - points.values.mean(axis=0)
-    spread = spread / np.maximum(np.abs(spread).max(axis=0), 1e-300)
-    if np.linalg.matrix_rank(spread, tol=1e-9 * len(spread)) < d:
+    centred = points.values - points.values.mean(axis=0)
+    centred = centred / np.maximum(np.abs(centred).max(axis=0), 1e-300)
+    if np.linalg.matrix_rank(centred, tol=1e-9 * len(centred)) < d:
         raise InvalidInput(
             Fault("collinear covariates", label, "all points on a line", "covariates that are not collinear")
         )
@@ -176,7 +176,7 @@ def build_smooth(term: Smooth, points: Points, centred: bool) -> Built:
     k = term.k if term.k is not None else {1: 10, 2: 30}.get(d, 110)
     basis, notes = _basis(term.basis, points, k, term.m, term.label, ", ".join(term.names))
     table = basis.matrix(points.values)
-    S = _scaled(basis.penalty, table)
+    S = _scale(basis.penalty, table)
     Z = sum_to_zero(np.average(table, axis=0, weights=points.counts)) if centred else np.eye(basis.k)
     return Built(Margin(basis, Z), table @ Z, [Z.T @ S @ Z], notes)
 
@@ -228,9 +228,9 @@ def build_tensor(term: Tensor, points: Points, centred: bool) -> Built:
         S: FloatArray = np.ones((1, 1))
         for i, size in enumerate(sizes):
             S = np.asarray(np.kron(S, part[1] if i == j else np.eye(size)), dtype=np.float64)
-        penalties.append(_scaled(S, table))
+        penalties.append(_scale(S, table))
     notes = [note for part in parts for note in part[2]]
     if term.kind == "te" and centred:
         Z = sum_to_zero(np.average(table, axis=0, weights=points.counts))
-        return Built(product.reduced(Z), table @ Z, [Z.T @ S @ Z for S in penalties], notes)
+        return Built(product.reduce(Z), table @ Z, [Z.T @ S @ Z for S in penalties], notes)
     return Built(product, table, penalties, notes)

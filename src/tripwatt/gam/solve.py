@@ -26,7 +26,7 @@ AR1_BOUNDS = (-0.95, 0.9999)
 
 
 @dataclass(frozen=True)
-class Settings:
+class FitSettings:
     """How a model is to be fitted.
 
     Attributes
@@ -49,7 +49,7 @@ class Settings:
     max_iter: int = 400
 
 
-def _steadied(data: NormalEquations) -> NormalEquations:
+def _with_ridge(data: NormalEquations) -> NormalEquations:
     """A ridge of one part in 1e8, for crossproducts that are singular to working precision."""
     gram = data.gram.copy()
     gram[np.diag_indices_from(gram)] *= 1 + 1e-8
@@ -57,7 +57,7 @@ def _steadied(data: NormalEquations) -> NormalEquations:
 
 
 def _gaussian(
-    data: NormalEquations, stack: PenaltyStack, settings: Settings, scale: float | None
+    data: NormalEquations, stack: PenaltyStack, settings: FitSettings, scale: float | None
 ) -> Solution | None:
     if settings.rho is not None:
         return fit_gaussian(data, stack, settings.rho, True, scale)
@@ -72,7 +72,7 @@ def _gaussian(
 
 
 def _autoregressive(
-    sums: Moments, stack: PenaltyStack, active: Index, settings: Settings, scale: float | None
+    sums: Moments, stack: PenaltyStack, active: Index, settings: FitSettings, scale: float | None
 ) -> Solution | None:
     if not isinstance(settings.ar1_rho, str):
         rho = float(settings.ar1_rho or 0.0)
@@ -102,7 +102,7 @@ def _autoregressive(
     return _autoregressive(sums, stack, active, replace(settings, ar1_rho=rho), scale)
 
 
-def _thinned(rows: Rows, y: FloatArray, stack: PenaltyStack, settings: Settings) -> State | None:
+def _subset_start(rows: Rows, y: FloatArray, stack: PenaltyStack, settings: FitSettings) -> State | None:
     """A start from every so many-th row, where there are many rows; None where that is no use."""
     step = rows.n // THIN_ROWS
     if step < 2 or not isinstance(rows, TableRows):
@@ -111,37 +111,37 @@ def _thinned(rows: Rows, y: FloatArray, stack: PenaltyStack, settings: Settings)
     few, some = rows.subset(every), y[every]
     family = settings.family
     assert isinstance(family, ScaledT)
-    data = TData(few, some, stack.rotated_both(few.gram()), stack.rotated(few.transpose(some)))
+    data = TData(few, some, stack.rotate_both(few.gram()), stack.rotate(few.transpose(some)))
     iteration = PerformanceIteration(data, stack, family, settings.rho is not None)
     start = iteration.start(settings.rho)
     found = None if start is None else iteration.run(start, 100 * settings.tolerance, settings.max_iter)
     if found is None:
         return None
     theta = Theta.from_estimates(found.nu, found.sigma, family.min_df)
-    return State(stack.rotated(found.beta), found.rho, theta)
+    return State(stack.rotate(found.beta), found.rho, theta)
 
 
 def _scaled_t(
-    rows: Rows, y: FloatArray, data: NormalEquations, stack: PenaltyStack, settings: Settings
+    rows: Rows, y: FloatArray, data: NormalEquations, stack: PenaltyStack, settings: FitSettings
 ) -> Solution | None:
     family = settings.family
     assert isinstance(family, ScaledT)
     fixed = settings.rho is not None
     iteration = PerformanceIteration(TData(rows, y, data.gram, data.cross), stack, family, fixed)
-    start = _thinned(rows, y, stack, settings) or iteration.start(settings.rho)
+    start = _subset_start(rows, y, stack, settings) or iteration.start(settings.rho)
     if start is None:
         return None
     exact = settings.method == "REML"
     first = iteration.run(start, settings.tolerance * (100 if exact else 1), settings.max_iter)
     if first is None or not exact:
         return first
-    model = LaplaceModel(rows, y, stack, family, stack.rotated(first.beta))
+    model = LaplaceModel(rows, y, stack, family, stack.rotate(first.beta))
     theta = Theta.from_estimates(first.nu, first.sigma, family.min_df)
     return fit_laplace(model, first.rho, theta, data.gram, fixed, max_iter=settings.max_iter)
 
 
 def solve(
-    rows: Rows, y: FloatArray, sums: Moments, stack: PenaltyStack, active: Index, settings: Settings
+    rows: Rows, y: FloatArray, sums: Moments, stack: PenaltyStack, active: Index, settings: FitSettings
 ) -> Solution | None:
     """Fit the active coefficients.
 
@@ -156,7 +156,7 @@ def solve(
         Of the active columns.
     active : ndarray
         Active columns.
-    settings : Settings
+    settings : FitSettings
 
     Returns
     -------
@@ -168,7 +168,7 @@ def solve(
         found = _autoregressive(sums, stack, active, settings, family.scale)
         if found is not None or len(sums.gram) > 1:
             return found
-        return _gaussian(_steadied(sums.normal(stack, active)), stack, settings, family.scale)
+        return _gaussian(_with_ridge(sums.normal(stack, active)), stack, settings, family.scale)
     data = sums.normal(stack, active)
     found = _scaled_t(rows, y, data, stack, settings)
-    return found if found is not None else _scaled_t(rows, y, _steadied(data), stack, settings)
+    return found if found is not None else _scaled_t(rows, y, _with_ridge(data), stack, settings)

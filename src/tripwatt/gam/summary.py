@@ -161,14 +161,14 @@ class Summary:
         )
         for title, table, heads, style in tables:
             if len(table):
-                lines += ["", f"{title}:", *_aligned(table, heads, style)]
+                lines += ["", f"{title}:", *_align(table, heads, style)]
         lines += ["", f"Stars: {_LEGEND}", ""]
         lines += [f"{label + ':':<20}{value}" for label, value in self.scores().items()]
         lines += ["", *(f"Note: {note}" for note in self.notes)] if self.notes else []
         return "\n".join(lines) + "\n"
 
     def rows(self) -> list[tuple[str, str, str]]:
-        """Label, "value (spread)" and stars of every line, as the table of a paper has them.
+        """Label, "value (standard error or reference df)" and stars of every line, as the table of a paper has them.
 
         Returns
         -------
@@ -177,8 +177,8 @@ class Summary:
         """
         pairs = [(self.parametric, "", "estimate", "std_error"), (self.smooth, _EDF, "edf", "ref_df")]
         return [
-            (f"{prefix}{term}", f"{row[value]:.2f} ({row[spread]:.2f})", stars(float(row["p_value"])))
-            for table, prefix, value, spread in pairs
+            (f"{prefix}{term}", f"{row[value]:.2f} ({row[in_brackets]:.2f})", stars(float(row["p_value"])))
+            for table, prefix, value, in_brackets in pairs
             for term, row in table.iterrows()
         ]
 
@@ -246,7 +246,7 @@ class Summary:
         return "\n".join(lines) + "\n"
 
 
-def _aligned(table: pd.DataFrame, heads: tuple[str, str, str], style: str) -> list[str]:
+def _align(table: pd.DataFrame, heads: tuple[str, str, str], style: str) -> list[str]:
     names = [str(name) for name in table.index]
     wide = max(map(len, [*names, ""]))
     lines = [f"{'':<{wide}} " + " ".join(f"{head:>12}" for head in heads) + f" {'p':>10}"]

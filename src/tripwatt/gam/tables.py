@@ -19,7 +19,7 @@ CHUNK = 4096
 
 @dataclass(frozen=True)
 class IndexedColumns:
-    """Blocks that share an index: columns, a table (m, q), each row's position in it, and a multiplier."""
+    """Columns that share an index: columns, a table (m, q), each row's position in it, and a multiplier."""
 
     columns: Index
     table: FloatArray

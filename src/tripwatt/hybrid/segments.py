@@ -14,8 +14,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.hybrid.climate_log import logged_climate
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.physics.simulate import CAUSES
-from tripwatt.trips import TEMPERATURES, Plan, Trip, plan_from_trip, resample
-from tripwatt.trips.plan import frame_of
+from tripwatt.trips import TEMPERATURES, Plan, Trip, plan_from_trip, resample, table_of
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
@@ -164,7 +163,7 @@ def segment_table(
     return SegmentTable(
         trip_ids=(plan.trip_id,),
         offsets=np.array([0, n]),
-        features=frame_of({name: np.broadcast_to(values, n) for name, values in features.items()}),
+        features=table_of({name: np.broadcast_to(values, n) for name, values in features.items()}),
         hours=seconds / SECONDS_PER_HOUR,
         simulated_w=np.asarray(features["simulated_w"]),
         observed_w=None if measured is None else _measured_power(measured, segment, plan, seconds),

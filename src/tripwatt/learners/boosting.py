@@ -20,24 +20,24 @@ from sklearn.utils.validation import check_is_fitted
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.learners.clusters import Clusters, GroupLoss, Loss, ScoreRows, folds_of, thinned_rows
 from tripwatt.learners.correlation import LARGEST, Correlation
-from tripwatt.learners.rounds import Path, boost, fill_losses, written
+from tripwatt.learners.rounds import Path, boost, fill_losses, write_leaf_values
 from tripwatt.learners.trees import (
     Sample,
     about_columns,
     as_text_array,
     booster_array,
     booster_of,
-    checked,
+    check_parameters,
     column_blocks,
     column_names,
     from_text_array,
     permutation_losses,
-    prepared,
+    prepare,
     restore_columns,
     seed_of,
     settings_of,
     sum_of_trees,
-    validated,
+    validate_rows,
 )
 
 DEFAULT_GRID: dict[str, list[Any]] = {"max_leaf_nodes": [3, 6], "min_leaf_weight": [1.0, 4.0]}
@@ -195,7 +195,7 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
         ------
         InvalidInput for settings out of range, ValueError for malformed arrays.
         """
-        sample, clusters, _, seed = self._prepared(X, y, groups)
+        sample, clusters, _, seed = self._prepare(X, y, groups)
         settings = self._settings()
         self.learning_curve_ = pd.DataFrame({"round": [], "fold": [], "error": []})
         best, n_rounds = 0, self.n_rounds
@@ -217,13 +217,13 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
     def predict(self, X: Any) -> FloatArray:
         """F(x) after the chosen number of rounds, shape (n_rows,)."""
         check_is_fitted(self, "steps_")
-        rows, _ = validated(self, X, None, reset=False)
+        rows, _ = validate_rows(self, X, None, reset=False)
         return self._raw(rows)
 
     def staged_predict(self, X: Any) -> FloatArray:
         """F(x) after each round, shape (n_rounds_, n_rows)."""
         check_is_fitted(self, "steps_")
-        rows, _ = validated(self, X, None, reset=False)
+        rows, _ = validate_rows(self, X, None, reset=False)
         steps = np.array(
             [
                 np.full(len(rows), value) if tree < 0 else sum_of_trees(self.booster_, rows, int(tree), 1)
@@ -258,7 +258,7 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
             `covariate, importance, std`, the most important first.
         """
         check_is_fitted(self, "steps_")
-        rows, target = validated(self, X, None, reset=False)[0], np.asarray(y, dtype=float)
+        rows, target = validate_rows(self, X, None, reset=False)[0], np.asarray(y, dtype=float)
         codes = Clusters.from_groups(groups, len(rows)).codes
         kept = thinned_rows(codes, self.max_rows_per_group)
         loss = GroupLoss(target[kept], codes[kept], self.loss, self.score_rows)
@@ -285,14 +285,14 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
         ndarray of shape (n_rows,)
             Predictions. Attributes `fold_labels_`, `fold_params_`, `fold_rounds_` say what each fold used.
         """
-        sample, clusters, rows, seed = self._prepared(X, y, groups)
+        sample, clusters, rows, seed = self._prepare(X, y, groups)
         fold_labels, fold_of_group = folds_of(folds, clusters)
         settings = self._settings()
         with Parallel(n_jobs=self.n_jobs) as parallel:
             choices = self._shared_choices(sample, settings, fold_of_group, len(fold_labels), seed, parallel)
             fold_of_row = fold_of_group[clusters.codes]
             jobs = [
-                delayed(self._predicted)(
+                delayed(self._predict)(
                     sample,
                     self._base() | settings[setting],
                     fold_of_group != fold,
@@ -341,9 +341,9 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
         model.learning_curve_ = pd.DataFrame(arrays["learning_curve"], columns=["round", "fold", "error"])
         return model
 
-    def _prepared(self, X: Any, y: Any, groups: Any) -> tuple[Sample, Clusters, FloatArray, int]:
-        checked(self, _ALLOWED)
-        return (*prepared(self, X, y, groups), seed_of(self.random_state))
+    def _prepare(self, X: Any, y: Any, groups: Any) -> tuple[Sample, Clusters, FloatArray, int]:
+        check_parameters(self, _ALLOWED)
+        return (*prepare(self, X, y, groups), seed_of(self.random_state))
 
     def _base(self) -> dict[str, Any]:
         return {name: getattr(self, name) for name in _SETTINGS}
@@ -359,9 +359,9 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
 
     def _keep(self, path: Path) -> None:
         self.start_ = path.start
-        self.booster_, self.position_, self.steps_ = written(path)
+        self.booster_, self.position_, self.steps_ = write_leaf_values(path)
 
-    def _predicted(
+    def _predict(
         self,
         sample: Sample,
         setting: dict[str, Any],
@@ -372,7 +372,7 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
     ) -> FloatArray:
         """Fit the allowed groups and predict `rows`."""
         path = boost(sample, setting, allowed, n_rounds, seed, start=self.start)
-        booster, position, steps = written(path)
+        booster, position, steps = write_leaf_values(path)
         total = sum_of_trees(booster, rows, 0, int((position >= 0).sum()))
         return np.asarray(path.start + total + steps[position < 0].sum())
 

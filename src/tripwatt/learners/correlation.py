@@ -64,7 +64,7 @@ class WorkingCorrelation:
         rho = pairs / (total * share) if total * share > 0 else 0.0
         self.rho = float(np.clip(rho, 0.0, LARGEST[self.kind]))
 
-    def _spread(self) -> FloatArray:
+    def _group_shrinkage(self) -> FloatArray:
         """Rho / (1 + (n_i - 1) rho) of each group."""
         return np.asarray(self.rho / (1.0 + (self.sizes - 1) * self.rho))
 
@@ -75,7 +75,7 @@ class WorkingCorrelation:
             return weighted
         if self.kind == "exchangeable":
             sums = np.bincount(self.codes, weighted)
-            return np.asarray((weighted - (self._spread() * sums)[self.codes]) / (1.0 - self.rho))
+            return np.asarray((weighted - (self._group_shrinkage() * sums)[self.codes]) / (1.0 - self.rho))
         result = self._ar1_diagonal() * weighted
         result[1:][self.pair] -= self.rho * weighted[:-1][self.pair]
         result[:-1][self.pair] -= self.rho * weighted[1:][self.pair]
@@ -100,7 +100,7 @@ class WorkingCorrelation:
             weight[self.codes] = self.weight
             own = np.diag((table * weight[:, None]).sum(axis=0))
             return np.asarray(
-                (own - (table * (self._spread() * weight)[:, None]).T @ table) / (1.0 - self.rho)
+                (own - (table * (self._group_shrinkage() * weight)[:, None]).T @ table) / (1.0 - self.rho)
             )
         own = np.diag(np.bincount(leaf, self._ar1_diagonal() * self.weight, n_leaves))
         flat = leaf[1:][self.pair] * n_leaves + leaf[:-1][self.pair]

@@ -35,18 +35,18 @@ from tripwatt.learners.trees import (
     as_text_array,
     booster_array,
     booster_of,
-    checked,
+    check_parameters,
     column_blocks,
     column_names,
     from_text_array,
     permutation_losses,
     plain,
-    prepared,
+    prepare,
     restore_columns,
     seed_of,
     settings_of,
     sum_of_trees,
-    validated,
+    validate_rows,
 )
 
 DEFAULT_GRID: dict[str, list[Any]] = {"max_leaf_nodes": [6, 12, 24], "max_features": [0.34, 0.67, 1.0]}
@@ -199,7 +199,7 @@ class ClusteredForest(RegressorMixin, BaseEstimator):
         ------
         InvalidInput for settings out of range, ValueError for malformed arrays.
         """
-        sample, clusters, _, seed = self._prepared(X, y, groups)
+        sample, clusters, _, seed = self._prepare(X, y, groups)
         counts = _bootstrap(self.n_trees, np.ones(sample.n_groups, dtype=bool), seed)
         forests = [self._grow(sample, counts, setting, seed) for setting in self._settings()]
         out_of_bag = counts == 0
@@ -217,7 +217,7 @@ class ClusteredForest(RegressorMixin, BaseEstimator):
     def predict(self, X: Any) -> FloatArray:
         """Mean of all trees, shape (n_rows,)."""
         check_is_fitted(self, "booster_")
-        rows, _ = validated(self, X, None, reset=False)
+        rows, _ = validate_rows(self, X, None, reset=False)
         total = sum_of_trees(self.booster_, rows, 0, int((self.position_ >= 0).sum()))
         return np.asarray(total + self.values_[self.position_ < 0, 0].sum()) / len(self.position_)
 
@@ -237,7 +237,7 @@ class ClusteredForest(RegressorMixin, BaseEstimator):
             NaN where a group was in every bag.
         """
         check_is_fitted(self, "booster_")
-        rows, _ = validated(self, X, None, reset=False)
+        rows, _ = validate_rows(self, X, None, reset=False)
         return self._oob_sum(rows, Clusters.from_groups(groups, len(rows)))
 
     def permutation_importance(
@@ -266,7 +266,7 @@ class ClusteredForest(RegressorMixin, BaseEstimator):
             `covariate, importance, std`, the most important first.
         """
         check_is_fitted(self, "booster_")
-        rows, target = validated(self, X, None, reset=False)[0], np.asarray(y, dtype=float)
+        rows, target = validate_rows(self, X, None, reset=False)[0], np.asarray(y, dtype=float)
         clusters = Clusters.from_groups(groups, len(rows))
         kept = thinned_rows(clusters.codes, self.max_rows_per_group)
         part = Clusters(clusters.labels, clusters.codes[kept])
@@ -295,7 +295,7 @@ class ClusteredForest(RegressorMixin, BaseEstimator):
         ndarray of shape (n_rows,)
             Predictions. Attributes `fold_labels_`, `fold_params_`, `fold_refitted_` say what each fold used.
         """
-        sample, clusters, rows, seed = self._prepared(X, y, groups)
+        sample, clusters, rows, seed = self._prepare(X, y, groups)
         fold_labels, fold_of_group = folds_of(folds, clusters)
         counts = _bootstrap(self.n_trees, np.ones(sample.n_groups, dtype=bool), seed)
         held = fold_of_group == np.arange(len(fold_labels))[:, None]  # (n_folds, n_groups)
@@ -313,7 +313,7 @@ class ClusteredForest(RegressorMixin, BaseEstimator):
             if enough[fold]:
                 chosen, used = forests[best[fold]], without[fold]
             else:
-                chosen, used = self._refitted(sample, ~held[fold], seed + fold + 1)
+                chosen, used = self._refit(sample, ~held[fold], seed + fold + 1)
                 best[fold] = [f.setting for f in forests].index(chosen.setting)
             prediction[inside] = chosen.predict(rows[inside], used)
         self.fold_labels_ = fold_labels
@@ -349,9 +349,9 @@ class ClusteredForest(RegressorMixin, BaseEstimator):
         forest.counts_, forest.oob_error_ = arrays["counts"], arrays["oob_error"]
         return forest
 
-    def _prepared(self, X: Any, y: Any, groups: Any) -> tuple[Sample, Clusters, FloatArray, int]:
-        checked(self, _ALLOWED)
-        return (*prepared(self, X, y, groups), seed_of(self.random_state))
+    def _prepare(self, X: Any, y: Any, groups: Any) -> tuple[Sample, Clusters, FloatArray, int]:
+        check_parameters(self, _ALLOWED)
+        return (*prepare(self, X, y, groups), seed_of(self.random_state))
 
     def _base(self) -> dict[str, Any]:
         return {name: getattr(self, name) for name in _SETTINGS}
@@ -377,7 +377,7 @@ class ClusteredForest(RegressorMixin, BaseEstimator):
         values = np.divide(total, weight_in, out=np.zeros(size), where=weight_in > 0)
         return _Grown(setting, trees, counts, leaves, values.reshape(len(leaves), n_leaves))
 
-    def _refitted(self, sample: Sample, allowed: BoolArray, seed: int) -> tuple[_Grown, BoolArray]:
+    def _refit(self, sample: Sample, allowed: BoolArray, seed: int) -> tuple[_Grown, BoolArray]:
         """Forest of the allowed groups alone, tuned by its own out-of-bag error.
 
         A third of the trees is enough to choose: a group is out of bag in 1/e of them, whereas the shortcut

@@ -140,7 +140,7 @@ class AdditiveGP:
         effects: list[FloatArray] = [np.asarray(np.bincount(codes, w), dtype=np.float64)]
         if self.share_column is not None:
             shares = np.bincount(
-                codes, np.abs(self._filled(_columns(X)[self.share_column], self.share_column)) * w
+                codes, np.abs(self._fill_missing(_columns(X)[self.share_column], self.share_column)) * w
             )
             effects.append(np.asarray(shares, dtype=np.float64))
         self._fit_totals(totals, target, np.array(effects))
@@ -240,13 +240,13 @@ class AdditiveGP:
                 continue
             held = {c: self._held(columns, c) for c in term.columns}
             z = np.unique(np.column_stack(self._standard(held, term)).round(3), axis=0)
-            self.points_[i] = _spread_points(
+            self.points_[i] = _inducing_points(
                 z, self.inducing if len(term.columns) == 1 else 4 * self.inducing
             )
             gram = _squared_exponential(list(self.points_[i].T), self.points_[i])
             self.whiteners_[i] = np.linalg.inv(cholesky(gram + 1e-6 * np.eye(len(gram)))).T
 
-    def _filled(self, values: FloatArray, name: str) -> FloatArray:
+    def _fill_missing(self, values: FloatArray, name: str) -> FloatArray:
         """A column with its mean for what is missing."""
         known = np.isfinite(values)
         return values if known.all() else np.where(known, values, self.means_.get(name, 0.0))
@@ -254,7 +254,7 @@ class AdditiveGP:
     def _held(self, X: Mapping[str, FloatArray], name: str) -> FloatArray:
         """Distance of a column from its mean, held at the edge of the training range."""
         low, high = self.ranges_[name]
-        return np.minimum(np.maximum(self._filled(X[name], name), low), high) - self.means_[name]
+        return np.minimum(np.maximum(self._fill_missing(X[name], name), low), high) - self.means_[name]
 
     def _standard(self, held: Mapping[str, FloatArray], term: KernelTerm) -> list[FloatArray]:
         """Columns of a smooth term in units of its length scale."""
@@ -268,7 +268,7 @@ class AdditiveGP:
         for i, term in enumerate(self.terms):
             if term.kind == "line":
                 name = term.columns[0]
-                block = self._filled(columns[name], name)[:, None]
+                block = self._fill_missing(columns[name], name)[:, None]
             else:
                 block = _squared_exponential(self._standard(held, term), self.points_[i]) @ self.whiteners_[i]
             blocks.append(block)
@@ -279,12 +279,12 @@ class AdditiveGP:
     def _fit_totals(self, totals: FloatArray, target: FloatArray, effects: FloatArray) -> None:
         """Variances, then the posterior of the features' weights; clusters that stand out count less."""
         kernels = np.array([totals[:, s] @ totals[:, s].T for s in self.slices_])
-        spread = np.ones(len(target))  # of each cluster's own effects: the latent scale of the t
-        self.variances_ = self._variances(kernels, target, effects, spread)
+        scale = np.ones(len(target))  # of each cluster's own effects: the latent scale of the t
+        self.variances_ = self._variances(kernels, target, effects, scale)
         for _ in range(_T_PASSES if self.df is not None else 0):
-            spread = self._latent_spread(kernels, target, effects, spread)
-            self.variances_ = self._variances(kernels, target, effects, spread)
-        K = self._covariance(kernels, effects, spread)
+            scale = self._latent_scale(kernels, target, effects, scale)
+            self.variances_ = self._variances(kernels, target, effects, scale)
+        K = self._covariance(kernels, effects, scale)
         prior = np.concatenate(
             [np.full(s.stop - s.start, v) for s, v in zip(self.slices_, self.variances_, strict=False)]
         )
@@ -295,12 +295,12 @@ class AdditiveGP:
         self.factor_ = np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
     def _variances(
-        self, kernels: FloatArray, target: FloatArray, effects: FloatArray, spread: FloatArray
+        self, kernels: FloatArray, target: FloatArray, effects: FloatArray, scale: FloatArray
     ) -> FloatArray:
         """Maximum a posteriori of the variances, by exact gradients. O(parts x groups^2 + groups^3) a step."""
         from scipy.optimize import minimize
 
-        every = np.concatenate([kernels, [np.diag(e**2 * spread) for e in effects]])
+        every = np.concatenate([kernels, [np.diag(e**2 * scale) for e in effects]])
         sds = [p.sd for p in self.terms] + [self.effect_sd, self.share_sd][: len(effects)]
         start = 2.0 * np.log(np.array(sds))
         jitter = _JITTER * float(np.mean(target**2) + 1e-12)
@@ -320,22 +320,22 @@ class AdditiveGP:
         found = minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 100})
         return np.asarray(np.exp(found.x))
 
-    def _covariance(self, kernels: FloatArray, effects: FloatArray, spread: FloatArray) -> FloatArray:
+    def _covariance(self, kernels: FloatArray, effects: FloatArray, scale: FloatArray) -> FloatArray:
         n = len(self.terms)
         K = np.tensordot(self.variances_[:n], kernels, 1)
         own = self.variances_[n:] @ effects**2
-        K[np.diag_indices_from(K)] += own * spread + _JITTER * own.mean()
+        K[np.diag_indices_from(K)] += own * scale + _JITTER * own.mean()
         return np.asarray(K)
 
-    def _latent_spread(
-        self, kernels: FloatArray, target: FloatArray, effects: FloatArray, spread: FloatArray
+    def _latent_scale(
+        self, kernels: FloatArray, target: FloatArray, effects: FloatArray, scale: FloatArray
     ) -> FloatArray:
         """Expectation step of the t: each cluster's leave-one-out residual over its standard deviation."""
         assert self.df is not None
-        inverse = np.linalg.inv(self._covariance(kernels, effects, spread))
+        inverse = np.linalg.inv(self._covariance(kernels, effects, scale))
         diagonal = np.diag(inverse)
         own = self.variances_[len(self.terms) :] @ effects**2
-        variance = np.maximum(1.0 / diagonal + own * (1.0 - spread), 0.1 * own)
+        variance = np.maximum(1.0 / diagonal + own * (1.0 - scale), 0.1 * own)
         squared = (inverse @ target / diagonal) ** 2 / variance
         return np.asarray((self.df + squared) / (self.df + 1.0))
 
@@ -361,7 +361,7 @@ def _squared_exponential(columns: Sequence[FloatArray], points: FloatArray) -> F
     return np.asarray(np.exp(-0.5 * distance))
 
 
-def _spread_points(z: FloatArray, most: int) -> FloatArray:
+def _inducing_points(z: FloatArray, most: int) -> FloatArray:
     """At most `most` of the points, each as far as can be from those before it (Gonzalez 1985)."""
     if len(z) <= most:
         return z

@@ -120,7 +120,7 @@ def fill_losses(errors: FloatArray, path: Path, groups: IntArray, end: int) -> N
     errors[:end, groups] = np.array(path.losses)[:end, groups]
 
 
-def written(path: Path) -> tuple[Any, IntArray, FloatArray]:
+def write_leaf_values(path: Path) -> tuple[Any, IntArray, FloatArray]:
     """Booster with the leaf values of the path, tree -> its place there, first value of each tree."""
     position = np.array(path.trees.position, dtype=np.int64)
     for place, values in zip(position, path.values, strict=True):

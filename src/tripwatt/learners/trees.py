@@ -168,9 +168,9 @@ class Sample:
     n_groups: int
 
 
-def prepared(estimator: Any, X: Any, y: Any, groups: Any) -> tuple[Sample, Clusters, FloatArray]:
+def prepare(estimator: Any, X: Any, y: Any, groups: Any) -> tuple[Sample, Clusters, FloatArray]:
     """Check the input of `fit`, thin it and bin it: the sample, the groups of all rows, all encoded rows."""
-    rows, target = validated(estimator, X, y, reset=True)
+    rows, target = validate_rows(estimator, X, y, reset=True)
     assert target is not None
     clusters = Clusters.from_groups(groups, len(rows))
     kept = thinned_rows(clusters.codes, estimator.max_rows_per_group)
@@ -219,7 +219,7 @@ def sum_of_trees(booster: Any, X: FloatArray, first: int, n_trees: int) -> Float
     )
 
 
-def validated(estimator: Any, X: Any, y: Any, *, reset: bool) -> tuple[FloatArray, FloatArray | None]:
+def validate_rows(estimator: Any, X: Any, y: Any, *, reset: bool) -> tuple[FloatArray, FloatArray | None]:
     """Encode and check a table, and a target if there is one, in scikit-learn's manner.
 
     Errors
@@ -259,7 +259,7 @@ def settings_of(base: Mapping[str, Any], grid: Mapping[str, Sequence[Any]] | Non
     return [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
 
 
-def checked(estimator: Any, allowed: Mapping[str, tuple[str, Callable[[Any], bool]]]) -> None:
+def check_parameters(estimator: Any, allowed: Mapping[str, tuple[str, Callable[[Any], bool]]]) -> None:
     """Refuse settings that make no sense, all at once: name -> (what is allowed, test)."""
     faults = []
     for name, (text, test) in allowed.items():

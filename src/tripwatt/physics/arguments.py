@@ -1,4 +1,4 @@
-"""What `simulate` accepts; everything else is named, all of it at once."""
+"""Check of the arguments of `simulate`: all faults at once."""
 
 from __future__ import annotations
 

@@ -97,12 +97,12 @@ def largest_power(ocv_v: FloatArray, resistance_ohm: FloatArray, floor_v: float)
     return np.asarray(voltage * (ocv_v - voltage) / np.maximum(resistance_ohm, tiny), dtype=np.float64)
 
 
-def shifted(initial: float, values: FloatArray) -> FloatArray:
+def shift(initial: float, values: FloatArray) -> FloatArray:
     """State at the start of each interval, for the states at their ends. Shape of `values`.
 
     Examples
     --------
-    >>> shifted(0.0, np.array([1.0, 2.0]))
+    >>> shift(0.0, np.array([1.0, 2.0]))
     array([0., 1.])
     """
     result = np.empty_like(values)
@@ -150,9 +150,9 @@ def discharge(
         soc, temperature = guess.soc, guess.temperature_degc
     converged = False
     for _ in range(MOST_PASSES):
-        before = shifted(initial_soc, soc)
+        before = shift(initial_soc, soc)
         ocv = open_circuit_voltage(before, battery)
-        resistance = internal_resistance(before, shifted(initial_temperature_degc, temperature), battery)
+        resistance = internal_resistance(before, shift(initial_temperature_degc, temperature), battery)
         bound = largest_power(ocv, resistance, floor_v)
         power = np.minimum(power_w, bound)
         current = battery_current(power, ocv, resistance)

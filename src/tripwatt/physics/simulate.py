@@ -12,8 +12,9 @@ import numpy.typing as npt
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
 from tripwatt.physics.arguments import argument_faults
-from tripwatt.physics.battery import BatteryRun, discharge, shifted
-from tripwatt.physics.cabin import UNKNOWN_SUN_W_M2, CabinRun, CabinStart, condition_cabin, irradiance
+from tripwatt.physics.battery import BatteryRun, discharge, shift
+from tripwatt.physics.cabin import CabinRun, condition_cabin, irradiance
+from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC, DriveConditions
 from tripwatt.physics.departure import cabin_at_departure, warmth_from_cabin
 from tripwatt.physics.drivetrain import Propulsion, propulsion, regeneration_acceptance
 from tripwatt.physics.road_load import (
@@ -25,7 +26,7 @@ from tripwatt.physics.road_load import (
     rolling_factor,
     rolling_resistance_force,
 )
-from tripwatt.trips import COLUMNS, QUANTITIES, Flag, Plan, Recorded
+from tripwatt.trips import Flag, Plan, Recorded
 from tripwatt.units import WH_PER_J
 from tripwatt.vehicles import Vehicle
 
@@ -44,10 +45,7 @@ CAUSES: Final = (
     "hvac",
     "shortfall",
 )
-"""Causes of `Simulation.power_by_cause_w`; `shortfall` is what the trace asked for and the car could not give."""
-
-UNKNOWN_AMBIENT_DEGC: Final = 20.0
-"""Ambient temperature of a trip that does not say."""
+"""Causes of `Simulation.power_by_cause_w`; `shortfall` is the power that the trace needs beyond the car's limits."""
 
 ACCEPTANCE_TOLERANCE: Final = 1e-3
 """Share of the largest braking power; passes that agree to it have settled."""
@@ -152,17 +150,8 @@ def simulate(
     *,
     grade: npt.ArrayLike | None = None,
     elevation_m: npt.ArrayLike | None = None,
-    ambient_temperature_degc: float = UNKNOWN_AMBIENT_DEGC,
-    initial_soc: float = 0.8,
-    initial_battery_temperature_degc: float | None = None,
-    payload_mass_kg: float = 0.0,
     hvac_power_w: npt.ArrayLike | None = None,
-    climate: bool = True,
-    initial_cabin_temperature_degc: float | None = None,
-    cabin_setpoint_degc: float | None = None,
-    solar_irradiance_w_m2: float = UNKNOWN_SUN_W_M2,
-    initial_warmth: float = 0.0,
-    air_density_kg_m3: float | None = None,
+    conditions: DriveConditions | None = None,
 ) -> Simulation:
     """Drive a speed trace with a car. O(samples), no loop over samples.
 
@@ -175,27 +164,11 @@ def simulate(
         Road grade at the samples, rise over distance. Wins over `elevation_m`.
     elevation_m : array_like, shape (samples,), optional
         Logged elevation [m], cleaned by `grade_from_elevation`; NaN where missing.
-    ambient_temperature_degc : float
-    initial_soc : float
-        State of charge of the battery management, 0 to 1.
-    initial_battery_temperature_degc : float, optional
-        The ambient temperature when not given.
-    payload_mass_kg : float
-        Load on top of the car's test mass; may be negative for a lighter test.
     hvac_power_w : float or array_like, shape (samples,), optional
-        Electric power of heating and cooling [W] over the interval that ends at each sample, in place of what the
-        car's climate model says.
-    climate : bool
-        Whether the climate control is on; without effect for a car without one.
-    initial_cabin_temperature_degc : float, optional
-        The ambient temperature when not given.
-    cabin_setpoint_degc : float, optional
-        The car's usual set-point when not given.
-    solar_irradiance_w_m2 : float
-    initial_warmth : float
-        0 for tyres and driveline after a long stop, 1 as warm as after a long fast drive.
-    air_density_kg_m3 : float, optional
-        Air density [kg/m³] in place of the atmosphere's, as on a dynamometer, whose load knows no weather.
+        Electric power of heating and cooling [W] over the interval that ends at each sample, in place of that of the
+        car's climate model.
+    conditions : DriveConditions, optional
+        Surroundings, load and state of the car at the start; `DriveConditions()` when not given.
 
     Returns
     -------
@@ -209,80 +182,45 @@ def simulate(
     Examples
     --------
     >>> from tripwatt.vehicles import load_vehicle
-    >>> parked = simulate(load_vehicle("bmw_i3_60ah"), [0.0, 3600.0], [0.0, 0.0], climate=False)
+    >>> car, without_climate = load_vehicle("bmw_i3_60ah"), DriveConditions(climate=False)
+    >>> parked = simulate(car, [0.0, 3600.0], [0.0, 0.0], conditions=without_climate)
     >>> parked.simulated_energy_wh
     300.0
     """
+    conditions = DriveConditions() if conditions is None else conditions
     time = np.asarray(time_s, dtype=np.float64)
     speed = np.asarray(speed_m_s, dtype=np.float64)
     slope = None if grade is None else np.asarray(grade, dtype=np.float64)
     height = None if elevation_m is None else np.asarray(elevation_m, dtype=np.float64)
     hvac = np.asarray(0.0 if hvac_power_w is None else hvac_power_w, dtype=np.float64)
-    if initial_cabin_temperature_degc is None:
-        initial_cabin_temperature_degc = ambient_temperature_degc
-    if cabin_setpoint_degc is None:
-        cabin_setpoint_degc = 22.0 if vehicle.climate is None else vehicle.climate.setpoint_degc
-    if initial_battery_temperature_degc is None:
-        initial_battery_temperature_degc = ambient_temperature_degc
-    scalars = {
-        "ambient_temperature_degc": (ambient_temperature_degc, *COLUMNS["ambient_temperature_degc"].bounds),
-        "initial_soc": (initial_soc, *COLUMNS["soc"].bounds),
-        "initial_battery_temperature_degc": (
-            initial_battery_temperature_degc,
-            *COLUMNS["battery_temperature_degc"].bounds,
-        ),
-        # a test may be lighter than the car with its driver
-        "payload_mass_kg": (
-            payload_mass_kg,
-            -0.5 * vehicle.body.curb_mass_kg,
-            QUANTITIES["payload_mass_kg"].maximum,
-        ),
-        "initial_cabin_temperature_degc": (
-            initial_cabin_temperature_degc,
-            *COLUMNS["cabin_temperature_degc"].bounds,
-        ),
-        "cabin_setpoint_degc": (cabin_setpoint_degc, *COLUMNS["cabin_setpoint_degc"].bounds),
-        "solar_irradiance_w_m2": (solar_irradiance_w_m2, *QUANTITIES["solar_irradiance_w_m2"].bounds),
-        "initial_warmth": (initial_warmth, 0.0, 1.0),
-        "air_density_kg_m3": (1.2 if air_density_kg_m3 is None else air_density_kg_m3, 0.0, 10.0),
-    }
-    faults = tuple(argument_faults(time, speed, slope, height, hvac, scalars))
+    values = conditions.bounded_values(vehicle)
+    faults = tuple(argument_faults(time, speed, slope, height, hvac, values))
     if faults:
         raise InvalidInput(faults)
     if slope is None:
         slope = np.zeros(len(time)) if height is None else grade_from_elevation(time, speed, height)
     elif len(slope) > 1:
         slope = np.concatenate((slope[:1], 0.5 * (slope[1:] + slope[:-1])))
-    if air_density_kg_m3 is None:
+    if conditions.air_density_kg_m3 is None:
         known = None if height is None else height[np.isfinite(height)]
         mean_height = float(known.mean()) if known is not None and len(known) else 0.0
-        air_density_kg_m3 = air_density(ambient_temperature_degc, mean_height)
+        density = air_density(conditions.ambient_temperature_degc, mean_height)
+    else:
+        density = conditions.air_density_kg_m3
     cabin: CabinRun | None = None
-    if climate and hvac_power_w is None and vehicle.climate is not None:
-        start = CabinStart(
-            initial_cabin_temperature_degc, cabin_setpoint_degc, solar_irradiance_w_m2, initial_warmth
-        )
-        cabin = condition_cabin(vehicle.climate, time, speed, ambient_temperature_degc, start)
-    return _chain(
-        vehicle,
-        time,
-        speed,
-        slope,
-        vehicle.body.test_mass_kg + payload_mass_kg,
-        air_density_kg_m3,
-        np.broadcast_to(hvac, time.shape) if cabin is None else cabin.power_w,
-        None if cabin is None else cabin.temperature_degc,
-        ambient_temperature_degc,
-        initial_soc,
-        initial_battery_temperature_degc,
-        initial_warmth,
-    )
+    if conditions.climate and hvac_power_w is None and vehicle.climate is not None:
+        start = conditions.cabin_start(vehicle)
+        cabin = condition_cabin(vehicle.climate, time, speed, conditions.ambient_temperature_degc, start)
+    trace = _Trace.from_samples(time, speed, slope)
+    power = np.broadcast_to(hvac, time.shape) if cabin is None else cabin.power_w
+    temperature = np.full_like(time, np.nan) if cabin is None else cabin.temperature_degc
+    return _chain(vehicle, trace, conditions, density, CabinRun(power, temperature))
 
 
 def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
     """Simulate a trip or a plan from what is known at departure, its speed trace and its road.
 
-    Of what was measured only `trip.departure` enters; what is unknown there is left to the defaults of `simulate`.
+    Of what was measured only `trip.departure` enters; what is unknown there is left to the defaults of `DriveConditions`.
     Works on raw and on resampled trips.
 
     Raises
@@ -309,12 +247,7 @@ def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
         ambient = UNKNOWN_AMBIENT_DEGC
     cabin, setpoint = known.cabin_temperature_degc, known.cabin_setpoint_degc
     warmth = 1.0 if known.follows_trip else warmth_from_cabin(vehicle, cabin, setpoint, ambient)
-    return simulate(
-        vehicle,
-        trip.array("time_s"),
-        trip.array("speed_m_s"),
-        grade=trip.array("grade") if "grade" in trip and trip.has("grade") else None,
-        elevation_m=trip.array("elevation_m") if "elevation_m" in trip else None,
+    conditions = DriveConditions(
         ambient_temperature_degc=ambient,
         initial_soc=0.8 if soc is None else soc,
         initial_battery_temperature_degc=known.battery_temperature_degc,
@@ -324,111 +257,141 @@ def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
         solar_irradiance_w_m2=irradiance(known.weather, known.season),
         initial_warmth=warmth,
     )
+    return simulate(
+        vehicle,
+        trip.array("time_s"),
+        trip.array("speed_m_s"),
+        grade=trip.array("grade") if "grade" in trip and trip.has("grade") else None,
+        elevation_m=trip.array("elevation_m") if "elevation_m" in trip else None,
+        conditions=conditions,
+    )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Trace:
+    """A drive by its intervals, each of which ends at a sample: shape (samples,), the first without length."""
+
+    time_s: FloatArray
+    step_s: FloatArray
+    mean_speed_m_s: FloatArray
+    acceleration_m_s2: FloatArray
+    grade: FloatArray
+
+    @classmethod
+    def from_samples(cls, time: FloatArray, speed: FloatArray, grade: FloatArray) -> _Trace:
+        step = np.zeros_like(time)
+        np.subtract(time[1:], time[:-1], out=step[1:])
+        mean_speed = speed.copy()
+        mean_speed[1:] = 0.5 * (speed[1:] + speed[:-1])
+        acceleration = np.zeros_like(speed)
+        acceleration[1:] = (speed[1:] - speed[:-1]) / step[1:]
+        return cls(time, step, mean_speed, acceleration, grade)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Forces:
+    """Forces at the wheels [N], shape (samples,)."""
+
+    aero: FloatArray
+    rolling: FloatArray
+    climb: FloatArray
+    inertia: FloatArray
 
 
 def _chain(
-    vehicle: Vehicle,
-    time: FloatArray,
-    speed: FloatArray,
-    slope: FloatArray,
-    mass: float,
-    density: float,
-    hvac: FloatArray,
-    cabin_temperature: FloatArray | None,
-    ambient: float,
-    initial_soc: float,
-    initial_temperature: float,
-    initial_warmth: float,
+    vehicle: Vehicle, trace: _Trace, conditions: DriveConditions, density: float, cabin: CabinRun
 ) -> Simulation:
-    step = np.zeros_like(time)
-    np.subtract(time[1:], time[:-1], out=step[1:])
-    mean_speed = speed.copy()
-    mean_speed[1:] = 0.5 * (speed[1:] + speed[:-1])
-    acceleration = np.zeros_like(speed)
-    acceleration[1:] = (speed[1:] - speed[:-1]) / step[1:]
-    cosine = 1.0 / np.sqrt(1.0 + slope * slope)
-    aero = aero_drag_force(mean_speed, vehicle.road_load.drag_area_m2, density)
-    rolling = rolling_resistance_force(mean_speed, mass, vehicle.road_load.rolling_coefficients, cosine)
-    if vehicle.tyres is not None:
-        rolling *= rolling_factor(mean_speed, step, ambient, vehicle.tyres, initial_warmth)
-    climb = grade_force(slope, mass)
-    # Mean speed times change of speed is the change of v²/2: kinetic energy adds up exactly over a trip.
-    inertia = inertia_force(acceleration, mass, vehicle.body.rotating_mass_factor)
-    wheel_power = (aero + rolling + climb + inertia) * mean_speed
-    auxiliary = hvac + vehicle.auxiliaries.base_load_w
-    drive, battery = _drive_and_battery(
-        vehicle, wheel_power, mean_speed, auxiliary, step, ambient, initial_soc, initial_temperature
-    )
+    """Road load, drivetrain, auxiliaries and battery, one after the other."""
+    forces = _forces(vehicle, trace, conditions, density)
+    wheel_power = (forces.aero + forces.rolling + forces.climb + forces.inertia) * trace.mean_speed_m_s
+    auxiliary = cabin.power_w + vehicle.auxiliaries.base_load_w
+    drive, battery = _drive_and_battery(vehicle, trace, wheel_power, auxiliary, conditions)
     shortfall = drive.shortfall_power_w + (drive.motor_power_w + auxiliary - battery.power_w)
     by_cause = {
-        "air": aero * mean_speed,
-        "rolling": rolling * mean_speed,
-        "climb": climb * mean_speed,
-        "acceleration": inertia * mean_speed,
+        "air": forces.aero * trace.mean_speed_m_s,
+        "rolling": forces.rolling * trace.mean_speed_m_s,
+        "climb": forces.climb * trace.mean_speed_m_s,
+        "acceleration": forces.inertia * trace.mean_speed_m_s,
         "friction_brakes": drive.friction_brake_power_w,
         "drivetrain": drive.motor_power_w
         - (wheel_power + drive.friction_brake_power_w - drive.shortfall_power_w),
-        "base_load": np.full_like(step, vehicle.auxiliaries.base_load_w),
-        "hvac": hvac,
+        "base_load": np.full_like(trace.step_s, vehicle.auxiliaries.base_load_w),
+        "hvac": cabin.power_w,
         "shortfall": -shortfall,
     }
-    current = battery.current_a
     return Simulation(
-        time_s=time,
-        grade=slope,
-        aero_drag_force_n=aero,
-        rolling_resistance_force_n=rolling,
-        grade_force_n=climb,
-        inertia_force_n=inertia,
+        time_s=trace.time_s,
+        grade=trace.grade,
+        aero_drag_force_n=forces.aero,
+        rolling_resistance_force_n=forces.rolling,
+        grade_force_n=forces.climb,
+        inertia_force_n=forces.inertia,
         wheel_power_w=wheel_power,
         motor_power_w=drive.motor_power_w,
         regen_power_w=np.maximum(-drive.motor_power_w, 0.0),
         friction_brake_power_w=drive.friction_brake_power_w,
         auxiliary_power_w=auxiliary,
-        hvac_power_w=hvac,
+        hvac_power_w=cabin.power_w,
         battery_power_w=battery.power_w,
-        battery_current_a=current,
+        battery_current_a=battery.current_a,
         terminal_voltage_v=battery.terminal_voltage_v,
         battery_temperature_degc=battery.temperature_degc,
-        cabin_temperature_degc=np.full_like(time, np.nan) if cabin_temperature is None else cabin_temperature,
+        cabin_temperature_degc=cabin.temperature_degc,
         soc=np.minimum(np.maximum(battery.soc, 0.0), 1.0),
         battery_loss_w=battery.open_circuit_power_w - battery.power_w,
-        energy_wh=(battery.power_w * (step * WH_PER_J)).cumsum(),
+        energy_wh=(battery.power_w * (trace.step_s * WH_PER_J)).cumsum(),
         power_by_cause_w=by_cause,
-        flags=_flags(vehicle, step, drive, battery),
+        flags=_flags(vehicle, trace.step_s, drive, battery),
+    )
+
+
+def _forces(vehicle: Vehicle, trace: _Trace, conditions: DriveConditions, density: float) -> _Forces:
+    load, mass = vehicle.road_load, vehicle.body.test_mass_kg + conditions.payload_mass_kg
+    speed = trace.mean_speed_m_s
+    cosine = 1.0 / np.sqrt(1.0 + trace.grade * trace.grade)
+    rolling = rolling_resistance_force(speed, mass, load.rolling_coefficients, cosine)
+    if vehicle.tyres is not None:
+        ambient, warmth = conditions.ambient_temperature_degc, conditions.initial_warmth
+        rolling *= rolling_factor(speed, trace.step_s, ambient, vehicle.tyres, warmth)
+    return _Forces(
+        aero=aero_drag_force(speed, load.drag_area_m2, density),
+        rolling=rolling,
+        climb=grade_force(trace.grade, mass),
+        # Mean speed times change of speed is the change of v²/2: kinetic energy adds up exactly over a trip.
+        inertia=inertia_force(trace.acceleration_m_s2, mass, vehicle.body.rotating_mass_factor),
     )
 
 
 def _drive_and_battery(
     vehicle: Vehicle,
+    trace: _Trace,
     wheel_power: FloatArray,
-    mean_speed: FloatArray,
     auxiliary: FloatArray,
-    step: FloatArray,
-    ambient: float,
-    initial_soc: float,
-    initial_temperature: float,
+    conditions: DriveConditions,
 ) -> tuple[Propulsion, BatteryRun]:
     """Drivetrain and battery, repeated until the regeneration that the battery accepts has settled."""
-    acceptance = regeneration_acceptance(
-        np.array([initial_soc]), np.array([initial_temperature]), vehicle.regeneration
-    )
-    hardest = -float(wheel_power.min()) * vehicle.regeneration.fraction
+    regeneration = vehicle.regeneration
+    soc, temperature = conditions.initial_soc, conditions.battery_start_degc
+    acceptance = regeneration_acceptance(np.array([soc]), np.array([temperature]), regeneration)
+    hardest = -float(wheel_power.min()) * regeneration.fraction
     previous: BatteryRun | None = None
     for _ in range(MOST_ACCEPTANCE_PASSES):
-        drive = propulsion(wheel_power, mean_speed, acceptance, vehicle.drivetrain, vehicle.regeneration)
-        power = drive.motor_power_w + auxiliary
+        drive = propulsion(wheel_power, trace.mean_speed_m_s, acceptance, vehicle.drivetrain, regeneration)
         run = discharge(
-            vehicle.battery, power, step, ambient, initial_soc, initial_temperature, guess=previous
+            vehicle.battery,
+            drive.motor_power_w + auxiliary,
+            trace.step_s,
+            conditions.ambient_temperature_degc,
+            soc,
+            temperature,
+            guess=previous,
         )
         previous = run
         settled = regeneration_acceptance(
-            shifted(initial_soc, run.soc),
-            shifted(initial_temperature, run.temperature_degc),
-            vehicle.regeneration,
+            shift(soc, run.soc), shift(temperature, run.temperature_degc), regeneration
         )
         lowest = min(float(settled.min()), float(acceptance.min()))
-        if hardest <= vehicle.regeneration.max_power_w * lowest:
+        if hardest <= regeneration.max_power_w * lowest:
             break  # no braking in this trip meets the limit
         if float(np.abs(settled - acceptance).max()) < ACCEPTANCE_TOLERANCE:
             break

@@ -1,4 +1,4 @@
-"""A planned trip: links, a recorded track or a router's answer, and the speed profile that a driver makes of them."""
+"""A planned trip: links, a recorded track or a router response, and the speed profile that a driver makes of them."""
 
 from tripwatt.routes.calibrate import calibrate_style, road_work
 from tripwatt.routes.geojson import ROAD_SPEED_M_S, read_geojson
@@ -13,7 +13,7 @@ from tripwatt.routes.links import (
 )
 from tripwatt.routes.plan import plan_from_route, plan_on_links
 from tripwatt.routes.profile import LinkStyle, link_profile
-from tripwatt.routes.responses import ROUTERS, is_route, parse_route, read_answer
+from tripwatt.routes.responses import ROUTERS, is_route, parse_route, read_response
 from tripwatt.routes.tracks import (
     Track,
     needs_speed,
@@ -39,9 +39,9 @@ __all__ = [
     "plan_from_route",
     "plan_from_track",
     "plan_on_links",
-    "read_answer",
     "read_geojson",
     "read_gpx",
+    "read_response",
     "road_work",
     "route_from_links",
     "route_from_table",

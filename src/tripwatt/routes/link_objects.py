@@ -64,9 +64,9 @@ def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
     (110.0, array([10.,  0.]), 'elevation_relative')
     """
     given = list(itertools.islice(links, MOST_LINKS + 1))
-    columns = _sound_columns(given)
+    columns = columns_at_once(given)
     if columns is None:
-        columns = _columns_with_faults(given)
+        columns = columns_one_by_one(given)
     length = columns["length_m"]
     with np.errstate(over="ignore"):  # what is beyond all bounds is named below
         time = np.where(
@@ -86,8 +86,14 @@ def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
     )
 
 
-def _sound_columns(links: Sequence[object]) -> dict[str, FloatArray] | None:
-    """Columns of links without any fault of their own, NaN where not given; None where one has to be looked at alone."""
+def columns_at_once(links: Sequence[object]) -> dict[str, FloatArray] | None:
+    """Columns of links, NaN where not given, checked all at once; None where a link has a fault or another type.
+
+    Examples
+    --------
+    >>> columns_at_once([{"length_m": 5.0, "speed_m_s": 1.0}])["length_m"], columns_at_once([{"length_m": -5.0}])
+    (array([5.]), None)
+    """
     if not 0 < len(links) <= MOST_LINKS:
         return None
     rows = [link for link in links if type(link) is dict and link.keys() <= LINK_KEYS]
@@ -117,8 +123,21 @@ def _sound_columns(links: Sequence[object]) -> dict[str, FloatArray] | None:
     return columns if sound else None
 
 
-def _columns_with_faults(links: Sequence[Mapping[str, float | None]]) -> dict[str, FloatArray]:
-    """Columns of links, NaN where not given, or every fault of theirs."""
+def columns_one_by_one(links: Sequence[Mapping[str, float | None]]) -> dict[str, FloatArray]:
+    """Columns of links, NaN where not given, checked link by link.
+
+    Slower than `columns_at_once`, with the same columns for links without a fault.
+
+    Raises
+    ------
+    InvalidInput
+        With the faults of all links.
+
+    Examples
+    --------
+    >>> columns_one_by_one([{"length_m": 5.0, "speed_m_s": 1.0}])["length_m"]
+    array([5.])
+    """
     faults: list[Fault] = []
     rows = [_row(link, f"link {k}", faults) for k, link in enumerate(links[:MOST_LINKS], start=1)]
     if len(links) > MOST_LINKS:

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes.profile import LinkStyle, link_profile
 from tripwatt.trips import COLUMNS, LINK_COLUMNS, Flag, Plan, Recorded, raise_faults, table_of
@@ -109,57 +109,21 @@ class LinkRoute:
 
 
 def _route_faults(route: LinkRoute) -> Iterator[Fault]:
-    length, time = route.length_m, route.travel_time_s
-    limit = np.full(length.shape, np.nan) if route.speed_limit_m_s is None else route.speed_limit_m_s
-    if not len(length) or len(length) > MOST_LINKS:
-        yield Fault("number of links out of range", "links", f"{len(length)}", f"1 to {MOST_LINKS}")
+    n_links = len(route.length_m)
+    if not 1 <= n_links <= MOST_LINKS:
+        yield Fault("number of links out of range", "links", f"{n_links}", f"1 to {MOST_LINKS}")
         return
-    with np.errstate(all="ignore"):
-        speed = length / time
-    rules = (
-        (
-            "length_m",
-            length,
-            (length >= SHORTEST_LINK_M) & (length <= LONGEST_LINK_M),
-            f"{SHORTEST_LINK_M:g} to {LONGEST_LINK_M:g} m",
-        ),
-        (
-            "travel_time_s",
-            time,
-            (time > 0) & (time <= MOST_TRAVEL_TIME_S),
-            f"more than 0, at most {MOST_TRAVEL_TIME_S:g} s",
-        ),
-        ("speed_m_s", speed, ~(speed > FASTEST_LINK_M_S), f"at most {FASTEST_LINK_M_S:g} m/s"),
-        (
-            "stop_s",
-            route.stop_s,
-            ~((route.stop_s < 0) | (route.stop_s >= time)),
-            "0 s to less than the travel time",
-        ),
-        (
-            "moving_speed_m_s",
-            route.moving_speed_m_s,
-            ~((route.moving_speed_m_s <= 0) | (route.moving_speed_m_s > FASTEST_LINK_M_S)),
-            f"more than 0, at most {FASTEST_LINK_M_S:g} m/s",
-        ),
-        (
-            "speed_limit_m_s",
-            limit,
-            ~((limit <= 0) | (limit > FASTEST_LINK_M_S)),
-            f"more than 0, at most {FASTEST_LINK_M_S:g} m/s",
-        ),
-    )
-    for name, values, sound, allowed in rules:
-        if values.shape != length.shape:
-            yield Fault("wrong shape", name, f"shape {values.shape}", f"shape {length.shape} of length_m")
+    for name, values, sound, allowed in _link_rules(route):
+        if values.shape != route.length_m.shape:
+            expected = f"shape {route.length_m.shape} of length_m"
+            yield Fault("wrong shape", name, f"shape {values.shape}", expected)
         elif not sound.all():
             bad = np.flatnonzero(~sound)
             more = f" (and {len(bad) - 1} more links)" if len(bad) > 1 else ""
-            yield Fault(
-                "link out of range", f"link {bad[0] + 1}, {name}", f"{values[bad[0]]:g}{more}", allowed
-            )
+            where, got = f"link {bad[0] + 1}, {name}", f"{values[bad[0]]:g}{more}"
+            yield Fault("link out of range", where, got, allowed)
     with np.errstate(over="ignore"):
-        total = float(time.sum())
+        total = float(route.travel_time_s.sum())
     if total > MOST_TRAVEL_TIME_S:
         yield Fault("route takes too long", "links", f"{total:g} s", f"at most {MOST_TRAVEL_TIME_S:g} s")
     if route.elevation_m is not None:
@@ -167,10 +131,25 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
         wrong = ~((route.elevation_m >= column.minimum) & (route.elevation_m <= column.maximum))
         if wrong.any():
             first = int(np.flatnonzero(wrong)[0])
-            allowed = f"{column.minimum:g} to {column.maximum:g} m"
-            yield Fault(
-                "elevation out of range", f"elevation {first + 1}", f"{route.elevation_m[first]:g} m", allowed
-            )
+            where, got = f"elevation {first + 1}", f"{route.elevation_m[first]:g} m"
+            yield Fault("elevation out of range", where, got, f"{column.minimum:g} to {column.maximum:g} m")
+
+
+def _link_rules(route: LinkRoute) -> Iterator[tuple[str, FloatArray, BoolArray, str]]:
+    """Name, values, which of them are sound, and what is allowed, for each column of the links."""
+    length, time, stop, moving = route.length_m, route.travel_time_s, route.stop_s, route.moving_speed_m_s
+    limit = np.full(length.shape, np.nan) if route.speed_limit_m_s is None else route.speed_limit_m_s
+    with np.errstate(all="ignore"):
+        speed = length / time
+    fastest = FASTEST_LINK_M_S
+    sound = (length >= SHORTEST_LINK_M) & (length <= LONGEST_LINK_M)
+    yield "length_m", length, sound, f"{SHORTEST_LINK_M:g} to {LONGEST_LINK_M:g} m"
+    sound = (time > 0) & (time <= MOST_TRAVEL_TIME_S)
+    yield "travel_time_s", time, sound, f"more than 0, at most {MOST_TRAVEL_TIME_S:g} s"
+    yield "speed_m_s", speed, ~(speed > fastest), f"at most {fastest:g} m/s"
+    yield "stop_s", stop, ~((stop < 0) | (stop >= time)), "0 s to less than the travel time"
+    for name, values in (("moving_speed_m_s", moving), ("speed_limit_m_s", limit)):
+        yield name, values, ~((values <= 0) | (values > fastest)), f"more than 0, at most {fastest:g} m/s"
 
 
 def links_of_trip(trip: Recorded, length_m: float = 250.0) -> LinkRoute:

@@ -155,14 +155,14 @@ def parse_json(data: bytes, where: str) -> Any:
 def an_object(value: Any, where: str) -> dict[str, Any]:
     """`value` if it is a JSON object, else `InvalidInput`."""
     if not isinstance(value, dict):
-        raise InvalidInput(Fault("not an object", where, _shown(value), "a JSON object"))
+        raise InvalidInput(Fault("not an object", where, _excerpt(value), "a JSON object"))
     return value
 
 
 def a_list(value: Any, where: str, *, least: int = 0) -> list[Any]:
     """`value` if it is a JSON array of at least `least` entries, else `InvalidInput`."""
     if not isinstance(value, list):
-        raise InvalidInput(Fault("not a list", where, _shown(value), "a JSON array"))
+        raise InvalidInput(Fault("not a list", where, _excerpt(value), "a JSON array"))
     if len(value) < least:
         raise InvalidInput(Fault("too few entries", where, f"{len(value)}", f"at least {least}"))
     return value
@@ -176,7 +176,7 @@ def a_number(value: Any, where: str, *, least: float = -math.inf) -> float:
         number = math.inf
     if not (math.isfinite(number) and number >= least):
         allowed = "a finite number" if least == -math.inf else f"a finite number, {least:g} or more"
-        raise InvalidInput(Fault("not a number", where, _shown(value), allowed))
+        raise InvalidInput(Fault("not a number", where, _excerpt(value), allowed))
     return number
 
 
@@ -210,7 +210,7 @@ def coordinates(value: Any, where: str) -> FloatArray:
     return points
 
 
-def _shown(value: Any) -> str:
+def _excerpt(value: Any) -> str:
     if isinstance(value, dict | list):
         return f"{'an object' if isinstance(value, dict) else 'a list'} of {len(value)}"
     if isinstance(value, int) and not isinstance(value, bool) and abs(value) > 10**18:

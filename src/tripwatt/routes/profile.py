@@ -33,7 +33,7 @@ SPACING_M: Final = 4.0
 CELLS_PER_DIP: Final = 12
 """So many at least, so that the car moves between two stops and between a stop and the link's end."""
 
-SPREAD: Final = 0.05
+SPEED_LOG_STD: Final = 0.05
 """Standard deviation of the free speed's logarithm from link to link where it is drawn; a choice."""
 
 MOST_NODES: Final = 400_000
@@ -184,9 +184,9 @@ def link_profile(
     style = style or LinkStyle()
     length = np.atleast_1d(np.asarray(length_m, dtype=np.float64))
     time = np.atleast_1d(np.asarray(travel_time_s, dtype=np.float64))
-    stop = _or_unknown(stop_s, length)
-    moving = _or_unknown(moving_speed_m_s, length)
-    limit = _or_unknown(speed_limit_m_s, length)
+    stop = _array_or_nan(stop_s, length)
+    moving = _array_or_nan(moving_speed_m_s, length)
+    limit = _array_or_nan(speed_limit_m_s, length)
     faults = tuple(_link_faults(length, time, stop, moving, limit, step_s))
     if faults:
         raise InvalidInput(faults)
@@ -197,7 +197,7 @@ def link_profile(
     )
 
 
-def _or_unknown(values: npt.ArrayLike | None, like: FloatArray) -> FloatArray:
+def _array_or_nan(values: npt.ArrayLike | None, like: FloatArray) -> FloatArray:
     return (
         np.full(like.shape, np.nan) if values is None else np.atleast_1d(np.asarray(values, dtype=np.float64))
     )
@@ -285,7 +285,7 @@ class _Course:
         # a link whose stops are given has no reason to go faster than its own speed
         free = np.where(np.isnan(stop) | ~np.isnan(moving), free, mean)
         if rng is not None:
-            free = free * np.exp(SPREAD * rng.standard_normal(free.shape))
+            free = free * np.exp(SPEED_LOG_STD * rng.standard_normal(free.shape))
         limit = np.where(np.isnan(limit), np.inf, np.maximum(limit, mean))
         free = np.minimum(free, limit)
         dips = _number_of_dips(length, to_drive, free, np.isnan(stop), style)

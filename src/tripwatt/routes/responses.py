@@ -1,6 +1,6 @@
-"""Saved answers of routers (OSRM, Valhalla, openrouteservice, GraphHopper) as links.
+"""Saved responses of routers (OSRM, Valhalla, openrouteservice, GraphHopper) as links.
 
-Each reader knows one answer's JSON as its public documentation describes it; `docs/routes.md` names the pages. All of
+Each reader knows one response's JSON as its public documentation describes it; `docs/routes.md` names the pages. All of
 them take the first route. What a router expects includes the traffic lights and turns that it counts, so that its times
 are travel times with standstill.
 """
@@ -105,8 +105,8 @@ def _heights(points: FloatArray) -> tuple[FloatArray, FloatArray] | None:
     return position, height
 
 
-def route_from_osrm(answer: Mapping[str, Any], where: str = "OSRM answer") -> LinkRoute:
-    """Links of an OSRM route answer: its annotations if it has them, else its steps, else its legs.
+def route_from_osrm(response: Mapping[str, Any], where: str = "OSRM response") -> LinkRoute:
+    """Links of an OSRM route response: its annotations if it has them, else its steps, else its legs.
 
     An annotation gives the speed between two nodes of the map without turns and lights; what the leg takes longer on
     the whole is shared out in proportion, and the annotated speed is the moving speed.
@@ -116,11 +116,11 @@ def route_from_osrm(answer: Mapping[str, Any], where: str = "OSRM answer") -> Li
     InvalidInput
         When it is not one, or OSRM found no route.
     """
-    if answer.get("code", "Ok") != "Ok":
+    if response.get("code", "Ok") != "Ok":
         raise InvalidInput(
-            Fault("the router found no route", where, repr(answer.get("code"))[:60], "code Ok")
+            Fault("the router found no route", where, repr(response.get("code"))[:60], "code Ok")
         )
-    route, flags = _first(answer.get("routes"), f"{where}, routes")
+    route, flags = _first(response.get("routes"), f"{where}, routes")
     pieces = _Pieces()
     for k, entry in enumerate(a_list(route.get("legs"), f"{where}, legs", least=1)):
         place = f"{where}, legs[{k}]"
@@ -167,7 +167,7 @@ def _add_steps(
         )
 
 
-def route_from_valhalla(answer: Mapping[str, Any], where: str = "Valhalla answer") -> LinkRoute:
+def route_from_valhalla(response: Mapping[str, Any], where: str = "Valhalla response") -> LinkRoute:
     """Links of a Valhalla trip: its manoeuvres, with the elevation if it was asked for.
 
     Raises
@@ -175,7 +175,7 @@ def route_from_valhalla(answer: Mapping[str, Any], where: str = "Valhalla answer
     InvalidInput
         When it is not one, or Valhalla found no route.
     """
-    trip = an_object(answer.get("trip"), f"{where}, trip")
+    trip = an_object(response.get("trip"), f"{where}, trip")
     if trip.get("status", 0) != 0:
         raise InvalidInput(
             Fault("the router found no route", where, repr(trip.get("status_message"))[:80], "status 0")
@@ -208,26 +208,26 @@ def route_from_valhalla(answer: Mapping[str, Any], where: str = "Valhalla answer
 
 
 def route_from_openrouteservice(
-    answer: Mapping[str, Any], where: str = "openrouteservice answer"
+    response: Mapping[str, Any], where: str = "openrouteservice response"
 ) -> LinkRoute:
-    """Links of an openrouteservice answer, JSON or GeoJSON: its steps, with the elevation if it was asked for.
+    """Links of an openrouteservice response, JSON or GeoJSON: its steps, with the elevation if it was asked for.
 
     Raises
     ------
     InvalidInput
         When it is not one, or an error.
     """
-    if "error" in answer:
-        raise InvalidInput(Fault("the router found no route", where, repr(answer["error"])[:120], "routes"))
+    if "error" in response:
+        raise InvalidInput(Fault("the router found no route", where, repr(response["error"])[:120], "routes"))
     heights = None
-    metres = _openrouteservice_unit(answer, where)
-    if "features" in answer:
-        feature, flags = _first(answer["features"], f"{where}, features")
+    metres = _openrouteservice_unit(response, where)
+    if "features" in response:
+        feature, flags = _first(response["features"], f"{where}, features")
         route = an_object(feature.get("properties"), f"{where}, properties")
         geometry = an_object(feature.get("geometry"), f"{where}, geometry")
         heights = _heights(coordinates(geometry.get("coordinates"), f"{where}, coordinates"))
     else:
-        route, flags = _first(answer.get("routes"), f"{where}, routes")
+        route, flags = _first(response.get("routes"), f"{where}, routes")
         summary = route.get("summary")
         three = isinstance(summary, dict) and ("ascent" in summary or "descent" in summary)
         if three and isinstance(route.get("geometry"), str):
@@ -241,9 +241,9 @@ def route_from_openrouteservice(
     return pieces.route(where, heights, *flags)
 
 
-def _openrouteservice_unit(answer: Mapping[str, Any], where: str) -> float:
-    """Metres in a unit of length of the answer, which repeats the request; metres where it does not say."""
-    metadata = answer.get("metadata")
+def _openrouteservice_unit(response: Mapping[str, Any], where: str) -> float:
+    """Metres in a unit of length of the response, which repeats the request; metres where it does not say."""
+    metadata = response.get("metadata")
     query = metadata.get("query") if isinstance(metadata, dict) else None
     units = query.get("units", "m") if isinstance(query, dict) else "m"
     if not isinstance(units, str) or units.lower() not in ORS_UNITS_M:
@@ -254,17 +254,19 @@ def _openrouteservice_unit(answer: Mapping[str, Any], where: str) -> float:
     return ORS_UNITS_M[units.lower()]
 
 
-def route_from_graphhopper(answer: Mapping[str, Any], where: str = "GraphHopper answer") -> LinkRoute:
-    """Links of a GraphHopper answer: its path details `time`, else its instructions, with the elevation if it has it.
+def route_from_graphhopper(response: Mapping[str, Any], where: str = "GraphHopper response") -> LinkRoute:
+    """Links of a GraphHopper response: its path details `time`, else its instructions, with the elevation if it has it.
 
     Raises
     ------
     InvalidInput
         When it is not one, or an error.
     """
-    if "paths" not in answer and "message" in answer:
-        raise InvalidInput(Fault("the router found no route", where, repr(answer["message"])[:120], "paths"))
-    path, flags = _first(answer.get("paths"), f"{where}, paths")
+    if "paths" not in response and "message" in response:
+        raise InvalidInput(
+            Fault("the router found no route", where, repr(response["message"])[:120], "paths")
+        )
+    path, flags = _first(response.get("paths"), f"{where}, paths")
     points = _graphhopper_points(path, where)
     given = path.get("details")
     details = given if isinstance(given, dict) else {}
@@ -354,67 +356,67 @@ ROUTERS: Final[Mapping[str, Callable[[Mapping[str, Any], str], LinkRoute]]] = Ma
         "graphhopper": route_from_graphhopper,
     }
 )
-"""Reader of each router's answer."""
+"""Reader of each router's response."""
 
 
-def router_of(answer: Mapping[str, Any]) -> str | None:
-    """Which of `ROUTERS` an answer looks like, None for none of them.
+def router_of(response: Mapping[str, Any]) -> str | None:
+    """Which of `ROUTERS` a response looks like, None for none of them.
 
     Examples
     --------
     >>> router_of({"code": "Ok", "routes": []}), router_of({"paths": []}), router_of({"type": "LineString"})
     ('osrm', 'graphhopper', None)
     """
-    if "trip" in answer:
+    if "trip" in response:
         return "valhalla"
-    if "paths" in answer:
+    if "paths" in response:
         return "graphhopper"
-    features = answer.get("features")
+    features = response.get("features")
     if isinstance(features, list) and features and isinstance(features[0], dict):
         properties = features[0].get("properties")
         return "openrouteservice" if isinstance(properties, dict) and "segments" in properties else None
-    if "code" in answer:
+    if "code" in response:
         return "osrm"
-    routes = answer.get("routes")
+    routes = response.get("routes")
     if isinstance(routes, list) and routes and isinstance(routes[0], dict):
         return "osrm" if "legs" in routes[0] else "openrouteservice"
-    return "openrouteservice" if "error" in answer else None
+    return "openrouteservice" if "error" in response else None
 
 
-def read_answer(
+def read_response(
     source: bytes | str | Path, router: str | None = None, *, where: str | None = None
 ) -> LinkRoute:
-    """Links of a router's saved answer. O(bytes).
+    """Links of a router's saved response. O(bytes).
 
     Parameters
     ----------
     source : bytes, str or path
         The JSON text itself as bytes, or the path of a file.
     router : str, optional
-        One of `ROUTERS`; told from the answer when not given.
+        One of `ROUTERS`; told from the response when not given.
     where : str, optional
         Name for messages.
 
     Raises
     ------
     InvalidInput
-        When it is not such an answer or holds no route that can be driven.
+        When it is not such a response or holds no route that can be driven.
 
     Examples
     --------
-    >>> read_answer(b'{"code": "Ok", "routes": [{"legs": [{"distance": 900.0, "duration": 60.0}]}]}').speed_m_s
+    >>> read_response(b'{"code": "Ok", "routes": [{"legs": [{"distance": 900.0, "duration": 60.0}]}]}').speed_m_s
     array([15.])
     """
     data, name = content(source, where)
     return _route_from(an_object(parse_json(data, name), name), router, name)
 
 
-def _route_from(answer: dict[str, Any], router: str | None, name: str) -> LinkRoute:
-    kind = router or router_of(answer)
+def _route_from(response: dict[str, Any], router: str | None, name: str) -> LinkRoute:
+    kind = router or router_of(response)
     if kind is None or kind not in ROUTERS:
-        got = repr(router) if router else f"an object with {sorted(answer)[:6]}"
+        got = repr(router) if router else f"an object with {sorted(response)[:6]}"
         raise InvalidInput(Fault("unknown router", name, got[:120], ", ".join(ROUTERS)))
-    return ROUTERS[kind](answer, f"{name} ({kind})")
+    return ROUTERS[kind](response, f"{name} ({kind})")
 
 
 def is_route(path: Path | str) -> bool:
@@ -434,7 +436,7 @@ def is_route(path: Path | str) -> bool:
 
 
 def parse_route(source: bytes | str | Path, *, where: str | None = None) -> LinkRoute | Track:
-    """A route in any of the formats: GPX, GeoJSON, a router's answer, or links as JSON or CSV. O(bytes).
+    """A route in any of the formats: GPX, GeoJSON, a router's response, or links as JSON or CSV. O(bytes).
 
     The format is told from the content. Links are a JSON array of objects, or an object with a key `links`, as
     `route_from_links` reads them, or a CSV table with the same names as columns (`route_from_table`).
@@ -469,15 +471,15 @@ def parse_route(source: bytes | str | Path, *, where: str | None = None) -> Link
     document = parse_json(data, name)
     if isinstance(document, list):
         return route_from_links(document)
-    answer = an_object(document, name)
-    if "links" in answer:
-        return route_from_links(a_list(answer["links"], f"{name}, links"))
-    if router_of(answer) is None and "type" in answer:
-        return track_from_geojson(answer, name)
-    if router_of(answer) is None:
-        got = f"an object with {sorted(answer)[:6]}"
+    response = an_object(document, name)
+    if "links" in response:
+        return route_from_links(a_list(response["links"], f"{name}, links"))
+    if router_of(response) is None and "type" in response:
+        return track_from_geojson(response, name)
+    if router_of(response) is None:
+        got = f"an object with {sorted(response)[:6]}"
         allowed = (
-            f"GPX, GeoJSON, an answer of {', '.join(ROUTERS)}, or links with {', '.join(sorted(LINK_KEYS))}"
+            f"GPX, GeoJSON, a response of {', '.join(ROUTERS)}, or links with {', '.join(sorted(LINK_KEYS))}"
         )
         raise InvalidInput(Fault("unknown format", name, got[:120], allowed))
-    return _route_from(answer, None, name)
+    return _route_from(response, None, name)

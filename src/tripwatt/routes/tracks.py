@@ -219,16 +219,14 @@ def route_from_track(track: Track, speed_m_s: float | None = None) -> LinkRoute:
         if speed_m_s is not None and unknown.any():
             flags = (*flags, Flag("speed_assumed", "track", speed_m_s, "m_s"))
         time = step / np.where(unknown, speed_m_s or np.nan, track.piece_speed_m_s)
-    first = _joined(step, time, track.piece_speed_m_s if track.time_s is None else np.zeros_like(step))
+    first = _join(step, time, track.piece_speed_m_s if track.time_s is None else np.zeros_like(step))
     length, seconds = np.add.reduceat(step, first), np.add.reduceat(time, first)
     position, height, more = track.elevation()
     none = np.full(len(length), np.nan)
     return LinkRoute(length, seconds, none, none, position, height, (*flags, *more))
 
 
-def _joined(
-    step: FloatArray, time: FloatArray, kind: FloatArray
-) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+def _join(step: FloatArray, time: FloatArray, kind: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     """First piece of each link; a link ends when it is long enough, or where the speed of the pieces changes."""
     first, driven, spent = [0], 0.0, 0.0
     steps, times, kinds = step.tolist(), time.tolist(), np.nan_to_num(kind, nan=-1.0).tolist()

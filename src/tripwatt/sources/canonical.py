@@ -12,7 +12,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.sources.columnar import CsvTable, Table, open_table
+from tripwatt.sources.columnar import CsvTable, TableFile, open_table
 from tripwatt.sources.delimited import open_delimited
 from tripwatt.trips import (
     COLUMNS,
@@ -125,7 +125,7 @@ def canonical_samples(
     return samples
 
 
-def _samples_of(table: Table, where: str, required: Sequence[str], least: int) -> pd.DataFrame:
+def _samples_of(table: TableFile, where: str, required: Sequence[str], least: int) -> pd.DataFrame:
     names = [name for name in table.names if name]
     faults = [*_name_faults(names, where), *_missing(names, required, where)]
     known = [name for name in dict.fromkeys(names) if name in COLUMNS]

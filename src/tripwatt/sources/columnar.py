@@ -20,7 +20,7 @@ PROSE: Final = ".txt"
 """In a folder with other tables a file of this suffix is a note about them."""
 
 
-class Table(Protocol):
+class TableFile(Protocol):
     """A file of columns, by name."""
 
     @property
@@ -111,7 +111,7 @@ class ParquetTable:
         return index + 1
 
 
-def open_table(path: Path, decimal: str = ".") -> Table:
+def open_table(path: Path, decimal: str = ".") -> TableFile:
     """A CSV or Parquet file as columns.
 
     Raises

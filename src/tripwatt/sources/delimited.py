@@ -31,6 +31,15 @@ _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d+,\d+")
 
 
 @dataclass(frozen=True, slots=True)
+class RawColumn:
+    """A column of a data set's files: its name there, our name, and the factor to our unit and sign."""
+
+    name: str
+    ours: str
+    factor: float
+
+
+@dataclass(frozen=True, slots=True)
 class Delimited:
     """A delimited file, its header understood and its body not yet parsed.
 
@@ -98,7 +107,7 @@ def open_delimited(path: Path, content: bytes | None = None) -> Delimited:
         offset += 1
     end = data.find(b"\n", offset)
     header = data[offset : end if end >= 0 else len(data)]
-    text = _decoded(header).strip("\r\n")
+    text = _decode(header).strip("\r\n")
     delimiter = max(DELIMITERS, key=text.count)
     cells = tuple(cell.strip() for cell in _fields(text, delimiter))
     if end < 0 or not data[end:].strip():
@@ -146,7 +155,7 @@ def _not_text(path: Path, got: str) -> Fault:
     return Fault("not a text file", f"{path}", got, "a CSV file in UTF-8 or latin-1", "fetch the file again")
 
 
-def _decoded(raw: bytes) -> str:
+def _decode(raw: bytes) -> str:
     try:
         return raw.decode("utf-8")
     except UnicodeDecodeError:
@@ -185,7 +194,7 @@ def read_texts(source: Delimited, wanted: Sequence[int]) -> list[list[str]]:
     except (pa.ArrowInvalid, pa.ArrowKeyError, UnicodeDecodeError) as error:
         reason = str(error).splitlines()[0][:200]
         raise InvalidInput(_body_faults(source, (), len(names), reason)) from error
-    return [[_decoded(cell).strip() for cell in table[name].to_pylist()] for name in wanted_names]
+    return [[_decode(cell).strip() for cell in table[name].to_pylist()] for name in wanted_names]
 
 
 def read_numbers(source: Delimited, wanted: Sequence[int], decimal: str = ".") -> list[FloatArray]:
@@ -235,7 +244,7 @@ def _body_width(source: Delimited) -> int:
     """Fields of a row: the header's, or one fewer or more where only one of them ends in a delimiter."""
     end = source.data.find(b"\n", source.body_offset)
     first = source.data[source.body_offset : end if end >= 0 else len(source.data)]
-    row = _fields(_decoded(first).strip("\r\n"), source.delimiter)
+    row = _fields(_decode(first).strip("\r\n"), source.delimiter)
     header = len(source.names)
     if len(row) == header - 1 and not source.names[-1]:
         return header - 1
@@ -258,7 +267,7 @@ def _body_faults(
     for number, line in enumerate(lines, start=first_line):
         if not line.strip():
             continue
-        text = _decoded(line).strip("\r")
+        text = _decode(line).strip("\r")
         cells = _fields(text, source.delimiter) if '"' in text else text.split(source.delimiter)
         if len(cells) != width:
             if cut_off and number - first_line == last and len(cells) < width:
@@ -289,7 +298,7 @@ def _cut_off_fault(source: Delimited, line: int, got: int, width: int, cells: Se
     return Fault(
         "truncated file",
         source.where(line, source.names[position]),
-        f"the last line ends in {_shown(cells[-1])}, field {got} of {width}",
+        f"the last line ends in {_excerpt(cells[-1])}, field {got} of {width}",
         f"{width} fields and a line break",
         "fetch the file again, or delete the last line to use the rest",
     )
@@ -318,7 +327,7 @@ def _cell_faults(source: Delimited, cells: dict[int, list[tuple[int, str]]]) -> 
                 what, fix = "decimal comma", "export the file with a decimal point"
             elif _is_huge(text):
                 what, allowed = "number out of range", f"a finite number of at most {LARGEST_NUMBER:g}"
-            got = _shown(text) + (f" (and {more} more rows)" if more else "")
+            got = _excerpt(text) + (f" (and {more} more rows)" if more else "")
             yield Fault(what, source.where(line, source.names[position]), got, allowed, fix)
 
 
@@ -330,5 +339,5 @@ def _is_huge(text: str) -> bool:
     return True
 
 
-def _shown(text: str) -> str:
+def _excerpt(text: str) -> str:
     return repr(text if len(text) <= 40 else text[:37] + "...")

@@ -22,7 +22,7 @@ from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_HOUR
 
 CLEAR: Final = 0.3
 """Correlation of power with acceleration above which its direction is clear."""
-SURE: Final = 0.6
+CURRENT_CORRELATION: Final = 0.6
 """Correlation above which an unnamed column is taken for the current."""
 USUAL_KG: Final = 1700.0
 LIGHTEST_KG, HEAVIEST_KG = 600.0, 4500.0
@@ -209,10 +209,10 @@ def best_flow(
         flows = {"": known["current_a"][1][rows] * volts}
     else:
         flows = {n: v * volts for n, v in spare.items() if np.nanmin(v, initial=0.0) < 0.0}
-    return _matched(time, speeds, flows, found, measured=POWER in known or "current_a" in known)
+    return _match(time, speeds, flows, found, measured=POWER in known or "current_a" in known)
 
 
-def _matched(
+def _match(
     time: FloatArray,
     speeds: Mapping[str, FloatArray],
     flows: Mapping[str, FloatArray],
@@ -232,7 +232,7 @@ def _matched(
     if best is None or abs(best[1]) < CLEAR:
         return Flow(tuple(found), "discharge" if measured else "", "CHECK: too little driving to decide")
     mass, correlation, speed_name, flow_name = best
-    if (speed_name or flow_name) and abs(correlation) < SURE:
+    if (speed_name or flow_name) and abs(correlation) < CURRENT_CORRELATION:
         return Flow(tuple(found), "discharge" if measured else "", "CHECK: too little driving to decide")
     if flow_name:
         text = (

@@ -99,7 +99,7 @@ _ENTRY_KEYS: Final = ("column", "unit", "format", "optional")
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class MappedColumn:
     """One of our columns: which column of the table it is, and how its values become ours.
 
     Attributes
@@ -130,7 +130,7 @@ class ColumnMapping:
     ----------
     source : str
         File or name that it came from.
-    columns : mapping of str to Entry
+    columns : mapping of str to MappedColumn
         Our names (of `COLUMNS`, or `battery_power_w`) to entries.
     discharge_sign : float
         1 when the table counts discharge as positive, -1 when it counts charge so.
@@ -146,7 +146,7 @@ class ColumnMapping:
     """
 
     source: str
-    columns: Mapping[str, Entry]
+    columns: Mapping[str, MappedColumn]
     discharge_sign: float = 1.0
     trip_column: str | None = None
     nominal_voltage_v: float | None = None
@@ -206,7 +206,7 @@ def parse_mapping(text: str, source: str) -> ColumnMapping:
     Examples
     --------
     >>> parse_mapping('[columns]\ntime_s = {column = "t"}\nspeed_m_s = {column = "v", unit = "mph"}', "my.toml").columns["speed_m_s"]
-    Entry(column='v', unit='mph', format='', optional=False)
+    MappedColumn(column='v', unit='mph', format='', optional=False)
     """
     try:
         tables = tomllib.loads(text)
@@ -214,7 +214,7 @@ def parse_mapping(text: str, source: str) -> ColumnMapping:
         raise InvalidInput(Fault("not a TOML file", source, str(error), "TOML 1.0")) from error
     raise_faults(_structure_faults(tables, source))
     columns = {
-        ours: Entry(
+        ours: MappedColumn(
             str(entry["column"]),
             str(entry.get("unit", _own_unit(ours))).lower(),
             str(entry.get("format", "")),

@@ -17,7 +17,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import InvalidInput
-from tripwatt.sources.columnar import Table, open_table, table_files
+from tripwatt.sources.columnar import TableFile, open_table, table_files
 from tripwatt.sources.delimited import column_key
 from tripwatt.sources.evidence import (
     SINCE_1970,
@@ -41,7 +41,7 @@ RISING_SHARE: Final = 0.9
 LEAST_TIMES: Final = 0.08
 """Share of the samples that have a time of their own: a logger of 10 Hz may write whole seconds."""
 FURTHEST_KG: Final = (300.0, 9000.0)
-"""A stated unit of speed is doubted when the car's mass is outside: grades and heaters blur it."""
+"""A stated unit of speed is marked for a check when the car's mass is outside: grades and heaters blur it."""
 
 OWN_NAME: Final = "canonical name"
 NAME_AND_UNIT: Final = "name and unit match"
@@ -127,7 +127,7 @@ def suggest_mapping(path: Path | str) -> Suggestion:
     if {"voltage_v", "current_a"} <= guesses.keys():
         guesses.pop(POWER, None)
     guesses = {ours: guesses[ours] for ours in NAMES if ours in guesses}
-    guesses = _with_doubt_of_fahrenheit(_with_speed_unit(guesses, flow))
+    guesses = _with_fahrenheit_check(_with_speed_unit(guesses, flow))
     missing = tuple(_missing(guesses))
     shipped = next((name for name in shipped_mappings() if _has_all(table, name)), None)
     used = {g.column for g in guesses.values()} | {trip or ""}
@@ -137,7 +137,7 @@ def suggest_mapping(path: Path | str) -> Suggestion:
     return Suggestion(toml, tuple(guesses.values()), missing, shipped, unused)
 
 
-def _long(path: Path, table: Table) -> Suggestion | None:
+def _long(path: Path, table: TableFile) -> Suggestion | None:
     """A shipped mapping for a table with a row for each value, as it is, beside the signals of the file."""
     for name in shipped_mappings():
         mapping = load_mapping(name)
@@ -155,10 +155,10 @@ def _long(path: Path, table: Table) -> Suggestion | None:
             elif likely:
                 why = f"CHECK: similar name, in place of {entry.column!r}"
                 guesses[ours] = Guess(ours, likely[0], entry.unit, why)
-                text = text.replace(f"column = {_quoted(entry.column)}", f"column = {_quoted(likely[0])}")
+                text = text.replace(f"column = {_quote(entry.column)}", f"column = {_quote(likely[0])}")
             elif not entry.optional:
                 missing.append(f"the signal of {ours}, {entry.column!r} is not in the file")
-        shown = ", ".join(_quoted(s) for s in signals[:40]) + (" ..." if len(signals) > 40 else "")
+        shown = ", ".join(_quote(s) for s in signals[:40]) + (" ..." if len(signals) > 40 else "")
         head = [f"# Proposed for {_comment(path.name)}: the shipped mapping {name!r}. Check every line."]
         head += [f"# TO DO: {what}" for what in missing]
         head += [f"# {g.ours}: {g.why}" for g in guesses.values() if "CHECK" in g.why]
@@ -167,7 +167,7 @@ def _long(path: Path, table: Table) -> Suggestion | None:
     return None
 
 
-def _readable(path: Path) -> tuple[Table, dict[str, FloatArray], str]:
+def _readable(path: Path) -> tuple[TableFile, dict[str, FloatArray], str]:
     """The table, every column of it that holds numbers, and its decimal separator."""
     table = open_table(path)
     columns = _numbers(table)
@@ -179,7 +179,7 @@ def _readable(path: Path) -> tuple[Table, dict[str, FloatArray], str]:
     return table, columns, "."
 
 
-def _numbers(table: Table) -> dict[str, FloatArray]:
+def _numbers(table: TableFile) -> dict[str, FloatArray]:
     columns: dict[str, FloatArray] = {}
     for name in dict.fromkeys(n for n in table.names if n):
         try:
@@ -189,7 +189,7 @@ def _numbers(table: Table) -> dict[str, FloatArray]:
     return columns
 
 
-def _trip_column(table: Table, columns: Mapping[str, FloatArray]) -> tuple[str | None, IntArray]:
+def _trip_column(table: TableFile, columns: Mapping[str, FloatArray]) -> tuple[str | None, IntArray]:
     """A column that tells trips apart by its name, and the number of each row's trip."""
     for name in table.names:
         if _TRIP_NAME.match(words(name)):
@@ -200,7 +200,7 @@ def _trip_column(table: Table, columns: Mapping[str, FloatArray]) -> tuple[str |
     return None, np.zeros(rows, dtype=np.int64)
 
 
-def _by_name(table: Table, columns: Mapping[str, FloatArray], trip: str | None) -> dict[str, Guess]:
+def _by_name(table: TableFile, columns: Mapping[str, FloatArray], trip: str | None) -> dict[str, Guess]:
     """For each of ours the likeliest column by name whose values can be one."""
     guesses: dict[str, Guess] = {}
     taken = {trip}
@@ -214,7 +214,7 @@ def _by_name(table: Table, columns: Mapping[str, FloatArray], trip: str | None) 
     return guesses
 
 
-def _with_unit(ours: str, name: str, table: Table, values: FloatArray | None) -> Guess | None:
+def _with_unit(ours: str, name: str, table: TableFile, values: FloatArray | None) -> Guess | None:
     """The guess with its unit, from the name if it says one, else from the values; None where they cannot be it."""
     if values is None:
         if ours != "time_s":
@@ -236,7 +236,7 @@ def _with_unit(ours: str, name: str, table: Table, values: FloatArray | None) ->
     return Guess(ours, name, unit, f"{NAME_ONLY}; {why}") if _possible(ours, unit, known) else None
 
 
-def _rising(table: Table, columns: Mapping[str, FloatArray], taken: set[str]) -> dict[str, Guess]:
+def _rising(table: TableFile, columns: Mapping[str, FloatArray], taken: set[str]) -> dict[str, Guess]:
     """The first column that holds time stamps or rises in even steps: time, whatever its name."""
     for name in (n for n in dict.fromkeys(table.names) if n and n not in taken):
         if name not in columns:
@@ -295,7 +295,7 @@ def _drive_by_drive(
 
 
 def _with_speed_unit(guesses: dict[str, Guess], flow: Flow) -> dict[str, Guess]:
-    """The unit of the speed by the mass that the car would have: taken where no name says it, else a doubt."""
+    """The unit of the speed by the mass that the car would have: used where no name has a unit, else a note to check it."""
     speed = guesses.get("speed_m_s")
     if speed is None or flow.mass_kg is None or speed.why == OWN_NAME:
         return guesses
@@ -307,7 +307,7 @@ def _with_speed_unit(guesses: dict[str, Guess], flow: Flow) -> dict[str, Guess]:
     return {**guesses, "speed_m_s": replace(speed, unit=unit, why=f"{speed.why.split(':')[0]}; {why}")}
 
 
-def _with_doubt_of_fahrenheit(guesses: dict[str, Guess]) -> dict[str, Guess]:
+def _with_fahrenheit_check(guesses: dict[str, Guess]) -> dict[str, Guess]:
     """A temperature without a unit beside miles or feet may be in °F."""
     ambient = guesses.get("ambient_temperature_degc")
     units = {guesses[ours].unit for ours in ("speed_m_s", "elevation_m") if ours in guesses}
@@ -318,8 +318,8 @@ def _with_doubt_of_fahrenheit(guesses: dict[str, Guess]) -> dict[str, Guess]:
         or not ambient.why.startswith(NAME_ONLY)
     ):
         return guesses
-    doubt = replace(ambient, why=f"{ambient.why}; CHECK: may be °F, because other units are miles or feet")
-    return {**guesses, ambient.ours: doubt}
+    checked = replace(ambient, why=f"{ambient.why}; CHECK: may be °F, because other units are miles or feet")
+    return {**guesses, ambient.ours: checked}
 
 
 def _missing(guesses: Mapping[str, Guess]) -> list[str]:
@@ -335,7 +335,7 @@ def _missing(guesses: Mapping[str, Guess]) -> list[str]:
     return [*missing, "voltage_v and current_a"]
 
 
-def _has_all(table: Table, shipped: str) -> bool:
+def _has_all(table: TableFile, shipped: str) -> bool:
     mapping = load_mapping(shipped)
     keys = {column_key(n) for n in table.names}
     if mapping.long_name is not None:
@@ -355,7 +355,7 @@ def _file_settings(
     if missing and max(missing.values()) > SPARSE_SHARE:
         column = max(missing, key=lambda name: missing[name])
         lines.append(
-            f"hold_s = {HOLD_S}  # {missing[column]:.0%} of {_quoted(column)} is missing: the last value is held"
+            f"hold_s = {HOLD_S}  # {missing[column]:.0%} of {_quote(column)} is missing: the last value is held"
         )
     return lines
 
@@ -375,17 +375,17 @@ def _render(
         lines.append(f"# The columns are those of the shipped mapping {shipped!r}: try --mapping {shipped}.")
     lines += [f"# TO DO: add {what}" for what in missing]
     if unused:
-        shown = ", ".join(_quoted(n) for n in unused[:12])
+        shown = ", ".join(_quote(n) for n in unused[:12])
         lines.append(f"# Not used: {shown}" + (f" and {len(unused) - 12} more" if len(unused) > 12 else ""))
     lines.append("[columns]")
     for guess in guesses.values():
-        name, unit = _quoted(guess.column), SPELLED.get(guess.unit, guess.unit)
-        stamp = f", format = {_quoted(guess.format)}" if guess.format else ""
+        name, unit = _quote(guess.column), SPELLED.get(guess.unit, guess.unit)
+        stamp = f", format = {_quote(guess.format)}" if guess.format else ""
         lines.append(f'{guess.ours} = {{ column = {name}, unit = "{unit}"{stamp} }}  # {_comment(guess.why)}')
     if flow.sign and {"current_a", POWER} & guesses.keys():
         lines += ["", "[current]", f'positive = "{flow.sign}"  # {flow.why_sign}']
     if trip:
-        lines += ["", "[trip]", f"column = {_quoted(trip)}"]
+        lines += ["", "[trip]", f"column = {_quote(trip)}"]
     if POWER in guesses and "voltage_v" not in guesses:
         note = "assumed, because no voltage is logged; only the power is measured"
         lines += ["", "[battery]", f"nominal_voltage_v = {STAND_IN_V:g}  # {note}"]
@@ -398,6 +398,6 @@ def _comment(text: str) -> str:
     return "".join(c if c.isprintable() else " " for c in text)
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
     return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'

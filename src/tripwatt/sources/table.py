@@ -18,14 +18,14 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.sources.columnar import Table, open_table, table_files
+from tripwatt.sources.columnar import TableFile, open_table, table_files
 from tripwatt.sources.delimited import column_key
 from tripwatt.sources.mapping import (
     POWER,
     TIME_STAMPS,
     UNITS,
     ColumnMapping,
-    Entry,
+    MappedColumn,
     load_mapping,
     parse_mapping,
 )
@@ -70,7 +70,7 @@ def read_table(
     """
     path = Path(path)
     files = table_files(path)
-    checked = _checked(mapping, files[0])
+    checked = _mapping_for(mapping, files[0])
 
     def read_one(file: Path) -> tuple[list[Log], list[Flag]] | InvalidInput:
         try:
@@ -80,7 +80,7 @@ def read_table(
 
     with ThreadPoolExecutor(n_jobs or os.cpu_count() or 1) as pool:
         results = list(pool.map(read_one, files))
-    raise_faults(_alike_counted(path, [r.faults for r in results if isinstance(r, InvalidInput)]))
+    raise_faults(_merge_alike(path, [r.faults for r in results if isinstance(r, InvalidInput)]))
     read = [r for r in results if not isinstance(r, InvalidInput)]
     trips = [trip for its_trips, _ in read for trip in its_trips]
     raise_faults([*_twice(path, files, [its for its, _ in read]), *_wrong_sign(trips, checked)])
@@ -92,7 +92,7 @@ def read_table(
     return Fleet("table", tuple(trips), (*_fleet_notes(trips, checked), *notes))
 
 
-def _alike_counted(path: Path, faults: Sequence[Sequence[Fault]]) -> Iterator[Fault]:
+def _merge_alike(path: Path, faults: Sequence[Sequence[Fault]]) -> Iterator[Fault]:
     """All faults of all files; of one that many files share in the same column the first ones and how many more."""
     seen: dict[tuple[str, str, str], list[Fault]] = {}
     for fault in (fault for its_faults in faults for fault in its_faults):
@@ -114,7 +114,7 @@ def _with_decimal_hint(fault: Fault, mapping: ColumnMapping) -> Fault:
     return replace(fault, fix=f'add [file] decimal = "," to {mapping.source}')
 
 
-def _checked(mapping: Path | str | ColumnMapping | None, first: Path) -> ColumnMapping:
+def _mapping_for(mapping: Path | str | ColumnMapping | None, first: Path) -> ColumnMapping:
     if isinstance(mapping, ColumnMapping):
         return mapping
     if mapping is not None:
@@ -150,18 +150,18 @@ def _read_file(path: Path, mapping: ColumnMapping) -> tuple[list[Log], list[Flag
     return _trips_of(table, entries, mapping, values, texts, stamped=started is not None)
 
 
-def _numeric_time(entry: Entry) -> bool:
+def _numeric_time(entry: MappedColumn) -> bool:
     return entry.unit != "timestamp"
 
 
-def _entries(table: Table, mapping: ColumnMapping) -> dict[str, Entry]:
+def _entries(table: TableFile, mapping: ColumnMapping) -> dict[str, MappedColumn]:
     """Entries with the file's own spelling of their columns. A name is matched exactly, else by `column_key`."""
     needed: list[str] = [n for n in (mapping.trip_column, mapping.long_name, mapping.long_value) if n]
     faults = [_missing(table, n, mapping) for n in needed if n not in table.names]
     keys: dict[str, list[str]] = {}
     for name in table.names:
         keys.setdefault(column_key(name), []).append(name)
-    found: dict[str, Entry] = {}
+    found: dict[str, MappedColumn] = {}
     for ours, entry in mapping.columns.items():
         if mapping.long_name is not None and ours != "time_s":
             found[ours] = entry
@@ -177,14 +177,14 @@ def _entries(table: Table, mapping: ColumnMapping) -> dict[str, Entry]:
     return found
 
 
-def _missing(table: Table, name: str, mapping: ColumnMapping) -> Fault:
+def _missing(table: TableFile, name: str, mapping: ColumnMapping) -> Fault:
     close = difflib.get_close_matches(name, table.names, n=1)
     got = ", ".join(repr(n[:40]) for n in table.names[:8]) + (" ..." if len(table.names) > 8 else "")
     fix = f"did you mean {close[0]!r}? " if close else ""
     return Fault("missing column", f"{table.path}", got, f"a column {name!r}", f"{fix}see {mapping.source}")
 
 
-def _stamps(table: Table, entry: Entry) -> tuple[FloatArray, list[dt.datetime | None] | None]:
+def _stamps(table: TableFile, entry: MappedColumn) -> tuple[FloatArray, list[dt.datetime | None] | None]:
     """Seconds since 1970 of a column of time stamps; since the first sample, and no start, where they tell no day."""
     texts = pd.Series(table.texts(entry.column), dtype=object)
     stamps = pd.to_datetime(texts, format=entry.format or "ISO8601", utc=True, errors="coerce")
@@ -211,7 +211,7 @@ def _from_epoch(seconds: float) -> dt.datetime | None:
 
 
 def _read_long(
-    table: Table, entries: Mapping[str, Entry], mapping: ColumnMapping
+    table: TableFile, entries: Mapping[str, MappedColumn], mapping: ColumnMapping
 ) -> tuple[list[Log], list[Flag]]:
     """A file with a row for each value: the signals side by side on the union of their times."""
     if mapping.long_name is None or mapping.long_value is None:  # the mapping's check saw to it
@@ -245,8 +245,8 @@ def _read_long(
 
 
 def _trips_of(
-    table: Table,
-    entries: Mapping[str, Entry],
+    table: TableFile,
+    entries: Mapping[str, MappedColumn],
     mapping: ColumnMapping,
     values: dict[str, FloatArray],
     texts: Sequence[str] | None,
@@ -254,7 +254,7 @@ def _trips_of(
     stamped: bool,
 ) -> tuple[list[Log], list[Flag]]:
     """Trips of one file from its raw columns, after every value that contradicts its unit was named."""
-    ours = {name: _converted(name, entries[name], column) for name, column in values.items()}
+    ours = {name: _convert(name, entries[name], column) for name, column in values.items()}
     raise_faults(_range_faults(table, entries, values, ours, texts is None and mapping.long_name is None))
     frame = pd.DataFrame(ours)
     notes: list[Flag] = []
@@ -290,7 +290,7 @@ def _trips_of(
     return trips, notes
 
 
-def _converted(ours: str, entry: Entry, column: FloatArray) -> FloatArray:
+def _convert(ours: str, entry: MappedColumn, column: FloatArray) -> FloatArray:
     if ours == "time_s" and entry.unit in TIME_STAMPS:
         return column
     factor, offset = UNITS[ours][entry.unit]
@@ -300,8 +300,8 @@ def _converted(ours: str, entry: Entry, column: FloatArray) -> FloatArray:
 
 
 def _range_faults(
-    table: Table,
-    entries: Mapping[str, Entry],
+    table: TableFile,
+    entries: Mapping[str, MappedColumn],
     raw: Mapping[str, FloatArray],
     ours: Mapping[str, FloatArray],
     by_row: bool,
@@ -340,7 +340,7 @@ def _unit_hint(name: str, middle: float) -> str:
     return "check the unit in the mapping"
 
 
-def _gap_notes(table: Table, name: str, samples: pd.DataFrame, rows: IntArray) -> Iterator[Flag]:
+def _gap_notes(table: TableFile, name: str, samples: pd.DataFrame, rows: IntArray) -> Iterator[Flag]:
     step = np.diff(np.asarray(samples["time_s"]))
     for i in np.flatnonzero(step > GAP_S)[:3]:
         where = f"{table.path.name} row {table.row(int(rows[i + 1]))}, trip {name}"
@@ -352,7 +352,7 @@ def _gap_notes(table: Table, name: str, samples: pd.DataFrame, rows: IntArray) -
         yield Flag("time_goes_back", where, float(-step[i]), "s")
 
 
-def _reused_id(table: Table, name: str, samples: pd.DataFrame, rows: IntArray) -> Iterator[Fault]:
+def _reused_id(table: TableFile, name: str, samples: pd.DataFrame, rows: IntArray) -> Iterator[Fault]:
     """An id under which the time starts again."""
     time = np.asarray(samples["time_s"])
     back = np.flatnonzero(np.diff(time) < -GAP_S)

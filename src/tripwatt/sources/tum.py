@@ -11,7 +11,6 @@ import os
 import re
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
@@ -19,7 +18,7 @@ from typing import Final
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.sources.delimited import Delimited, column_key, open_delimited, read_numbers
+from tripwatt.sources.delimited import Delimited, RawColumn, column_key, open_delimited, read_numbers
 from tripwatt.sources.tum_overview import read_overview
 from tripwatt.trips import (
     COLUMNS,
@@ -38,15 +37,6 @@ CITATION: Final = (
     "IEEE DataPort, 2020, https://doi.org/10.21227/6jr9-5235, licensed under CC BY 4.0"
 )
 OVERVIEW_NAME: Final = "Overview.xlsx"
-
-
-@dataclass(frozen=True, slots=True)
-class RawColumn:
-    """Where one of our columns stands in the files, and the factor to our unit and sign."""
-
-    name: str
-    ours: str
-    factor: float
 
 
 RAW_COLUMNS: Final = (

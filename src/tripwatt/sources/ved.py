@@ -22,7 +22,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.sources.delimited import Delimited, column_key, open_delimited, read_numbers
+from tripwatt.sources.delimited import Delimited, RawColumn, column_key, open_delimited, read_numbers
 from tripwatt.trips import COLUMNS, Context, Flag, Fleet, Log, raise_faults
 from tripwatt.units import M_S_PER_KM_H
 
@@ -37,15 +37,6 @@ FIRST_DAY: Final = dt.datetime(2017, 11, 1)
 
 LARGEST_KEY: Final = 1e6
 """No car, trip or day of the set has a larger number."""
-
-
-@dataclass(frozen=True, slots=True)
-class RawColumn:
-    """Where one of our columns stands in the files, and the factor to our unit and sign."""
-
-    name: str
-    ours: str
-    factor: float
 
 
 RAW_COLUMNS: Final = (

@@ -1,6 +1,6 @@
 """A built-in fleet with a known truth, so that the whole pipeline can be seen to work and be held to account.
 
-Nothing here is measured. Drivers, days, routes and weather are drawn from a seed (`plan`, `roads`); the driver model
+Nothing here is measured. Drivers, days, routes and weather are drawn from a seed (`scenario`, `roads`); the driver model
 gives the speed; a *hidden* car and world give the energy (`world`): the physics of the i3 on the true road, with wind,
 wet or cold tyres, habits, a cabin with its own heat balance, lamps, and heavy-tailed noise that no model of the package
 knows. The truth is then read by noisy sensors of the usual resolution (`sensors`). `synthetic_truth` tells what was
@@ -8,7 +8,7 @@ hidden.
 
 Every trip draws from streams of its own, keyed by the seed, its day and its place in the day: a longer fleet begins
 with the shorter one, and no trip depends on another. A following trip starts with the warmth and the charge that its
-day's plan expects, not with those that the trip before it happened to end with.
+day's scenario expects, not with those that the trip before it happened to end with.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.synthetic.faults import FEWEST_TRIPS, PlantedFault, plant_faults
-from tripwatt.synthetic.plan import Plan, draw_plans
 from tripwatt.synthetic.roads import drive_route
-from tripwatt.synthetic.sensors import logged
-from tripwatt.synthetic.world import live_through
+from tripwatt.synthetic.scenario import Scenario, draw_scenarios
+from tripwatt.synthetic.sensors import log_samples
+from tripwatt.synthetic.world import simulate_truth
 from tripwatt.trips import Context, Flag, Fleet, Trip
 from tripwatt.vehicles import Vehicle, load_vehicle
 
@@ -162,8 +162,8 @@ def synthetic_world(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0) ->
     _require_sound(n_trips, seed, step_s)
     vehicle = load_vehicle(VEHICLE)
     trips, rows = [], []
-    for plan in draw_plans(n_trips, seed):
-        trip, row = _trip(plan, vehicle, seed, step_s)
+    for scenario in draw_scenarios(n_trips, seed):
+        trip, row = _trip(scenario, vehicle, seed, step_s)
         trips.append(trip)
         rows.append(row)
     truth = pd.DataFrame(rows).set_index("trip")
@@ -193,29 +193,29 @@ def _require_sound(n_trips: int, seed: int, step_s: float) -> None:
         raise InvalidInput(faults)
 
 
-def _trip(plan: Plan, vehicle: Vehicle, seed: int, step_s: float) -> tuple[Trip, dict[str, object]]:
-    drive = drive_route(plan, seed, step_s)
-    truth = live_through(plan, drive, vehicle, seed)
-    follows = plan.parked_s is not None and plan.parked_s <= FOLLOWS_WITHIN_S
+def _trip(scenario: Scenario, vehicle: Vehicle, seed: int, step_s: float) -> tuple[Trip, dict[str, object]]:
+    drive = drive_route(scenario, seed, step_s)
+    truth = simulate_truth(scenario, drive, vehicle, seed)
+    follows = scenario.parked_s is not None and scenario.parked_s <= FOLLOWS_WITHIN_S
     context = Context(
-        season=plan.day.season,
-        weather=plan.weather,
-        started_at=plan.started_at,
-        route=plan.route,
-        cabin_setpoint_degc=plan.setpoint_degc,
-        payload_mass_kg=plan.payload_mass_kg,
+        season=scenario.day.season,
+        weather=scenario.weather,
+        started_at=scenario.started_at,
+        route=scenario.route,
+        cabin_setpoint_degc=scenario.setpoint_degc,
+        payload_mass_kg=scenario.payload_mass_kg,
         follows_trip=follows,
         remarks="synthetic" + (", directly after previous trip" if follows else ""),
-        driver=plan.driver.name,
+        driver=scenario.driver.name,
     )
-    trip = Trip.from_samples(plan.trip_id, logged(plan, drive, truth, vehicle, seed), context)
+    trip = Trip.from_samples(scenario.trip_id, log_samples(scenario, drive, truth, vehicle, seed), context)
     row: dict[str, object] = {
-        "trip": plan.trip_id,
-        "driver": plan.driver.name,
-        "day": plan.day.date,
-        "season": plan.day.season,
-        "sky": plan.day.sky,
-        "route": plan.route,
+        "trip": scenario.trip_id,
+        "driver": scenario.driver.name,
+        "day": scenario.day.date,
+        "season": scenario.day.season,
+        "sky": scenario.day.sky,
+        "route": scenario.route,
         **truth.effects,
     }
     return trip, row

@@ -12,7 +12,7 @@ from typing import Final, Literal
 import numpy as np
 import pandas as pd
 
-from tripwatt.synthetic.plan import FAULTS, stream
+from tripwatt.synthetic.scenario import FAULTS, stream
 from tripwatt.trips import Log, Recorded, Trip
 
 FaultKind = Literal["frozen signal", "wrong sign", "filled gap"]
@@ -92,13 +92,13 @@ def _plant(trip: Trip, kind: FaultKind, rng: np.random.Generator) -> tuple[Log, 
     samples, time = trip.samples, trip.array("time_s")
     if kind == "frozen signal":
         first = _freeze_at(trip)
-        faulty, stop = _frozen(samples, first), len(samples)
+        faulty, stop = _freeze(samples, first), len(samples)
     elif kind == "wrong sign":
         first, stop = 0, len(samples)
         faulty = samples.assign(current_a=-samples["current_a"])
     else:
         first, stop = _gap_at(trip, rng)
-        faulty = _filled(samples, first, stop)
+        faulty = _fill_gap(samples, first, stop)
     fault = PlantedFault(
         trip=trip.trip_id,
         kind=kind,
@@ -124,7 +124,7 @@ def _freeze_at(trip: Trip) -> int:
     return int(driving[-1]) + 1
 
 
-def _frozen(samples: pd.DataFrame, first: int) -> pd.DataFrame:
+def _freeze(samples: pd.DataFrame, first: int) -> pd.DataFrame:
     faulty = samples.copy()
     names = [name for name in faulty.columns if name != "time_s"]
     faulty.loc[faulty.index[first:], names] = faulty[names].iloc[first - 1].to_numpy()
@@ -148,7 +148,7 @@ def _gap_at(trip: Trip, rng: np.random.Generator) -> tuple[int, int]:
     return start + 1, start + steps
 
 
-def _filled(samples: pd.DataFrame, first: int, stop: int) -> pd.DataFrame:
+def _fill_gap(samples: pd.DataFrame, first: int, stop: int) -> pd.DataFrame:
     faulty = samples.copy()
     time = samples["time_s"].to_numpy(dtype=np.float64)
     share = (time[first:stop] - time[first - 1]) / (time[stop] - time[first - 1])

@@ -10,7 +10,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.routes.driver import SpeedProfile, draw_dwell, smooth_field, speed_profile
-from tripwatt.synthetic.plan import ROADS, WHEEL, Plan, stream
+from tripwatt.synthetic.scenario import ROADS, WHEEL, Scenario, stream
 from tripwatt.units import M_S_PER_KM_H
 
 
@@ -66,8 +66,8 @@ STEEPEST_GRADE: Final = 0.09
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Drive:
-    """A drive over a true road.
+class RoadDrive:
+    """A drive with the true road under it.
 
     Attributes
     ----------
@@ -82,15 +82,15 @@ class Drive:
     heading_rad: FloatArray
 
 
-def draw_links(plan: Plan, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
+def draw_links(scenario: Scenario, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Length [m], speed [m/s] and standstill at the end [s] of each link of a planned trip. O(links)."""
     lengths, speeds, dwells = [], [], []
-    for kind, share in PHASES[plan.route]:
-        budget_s = share * plan.duration_s
+    for kind, share in PHASES[scenario.route]:
+        budget_s = share * scenario.duration_s
         n = math.ceil(budget_s * max(kind.limits_m_s) / kind.length_m[0]) + 1
         length = rng.uniform(*kind.length_m, n)
         speed = rng.choice(np.array(kind.limits_m_s), n) * rng.uniform(*kind.traffic, n)
-        dwell = draw_dwell(np.full(n, kind.stop_probability), plan.driver.style, rng)
+        dwell = draw_dwell(np.full(n, kind.stop_probability), scenario.driver.style, rng)
         bend = rng.random(n) < kind.bend_probability
         bend_speed = np.minimum(rng.uniform(*kind.bend_m_s, n), speed)
         # links cost their time at speed, their standstill, and what slowing down and getting going again takes
@@ -118,18 +118,20 @@ def draw_elevation(distance_m: float, rng: np.random.Generator) -> tuple[FloatAr
     return position, rng.uniform(450.0, 620.0) + np.concatenate(([0.0], climbs))
 
 
-def drive_route(plan: Plan, seed: int, step_s: float) -> Drive:
-    """Draw a road for a plan and drive it. O(samples)."""
-    rng = stream(seed, ROADS, *plan.key)
-    length, speed, dwell = draw_links(plan, rng)
-    wheel = stream(seed, WHEEL, *plan.key)
-    profile = speed_profile(length, speed, dwell_s=dwell, style=plan.driver.style, rng=wheel, step_s=step_s)
+def drive_route(scenario: Scenario, seed: int, step_s: float) -> RoadDrive:
+    """Draw a road for a scenario and drive it. O(samples)."""
+    rng = stream(seed, ROADS, *scenario.key)
+    length, speed, dwell = draw_links(scenario, rng)
+    wheel = stream(seed, WHEEL, *scenario.key)
+    profile = speed_profile(
+        length, speed, dwell_s=dwell, style=scenario.driver.style, rng=wheel, step_s=step_s
+    )
     distance = float(profile.position_m[-1])
     position, height = draw_elevation(distance, rng)
     turns = rng.uniform(0.0, 2.0 * math.pi) + 1.2 * np.interp(
         profile.position_m, *smooth_field(distance, 2000.0, rng)
     )
-    return Drive(
+    return RoadDrive(
         profile=profile,
         elevation_m=np.interp(profile.position_m, position, height),
         grade=np.interp(profile.position_m, position, np.gradient(height, position)),

@@ -13,11 +13,11 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.physics import simulate
+from tripwatt.physics import DriveConditions, simulate
 from tripwatt.physics.battery import BatteryRun, discharge
 from tripwatt.routes.driver import smooth_field
-from tripwatt.synthetic.plan import AIR, NOISE, WORLD, Plan, stream
-from tripwatt.synthetic.roads import Drive
+from tripwatt.synthetic.roads import RoadDrive
+from tripwatt.synthetic.scenario import AIR, NOISE, WORLD, Scenario, stream
 from tripwatt.units import (
     DRY_AIR_GAS_CONSTANT_J_KG_K,
     GRAVITY_M_S2,
@@ -82,7 +82,7 @@ NOISE_TIME_S: Final = 6.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Climate:
+class CabinClimate:
     """Cabin temperature [°C] and the electric powers that made it [W], at each sample."""
 
     cabin_temperature_degc: FloatArray
@@ -98,7 +98,7 @@ class Truth:
     Attributes
     ----------
     ambient_temperature_degc : ndarray, shape (samples,)
-    climate : Climate
+    climate : CabinClimate
     battery : BatteryRun
         Power, current, voltage, temperature and charge of the true battery.
     effects : dict of str to float
@@ -106,70 +106,85 @@ class Truth:
     """
 
     ambient_temperature_degc: FloatArray
-    climate: Climate
+    climate: CabinClimate
     battery: BatteryRun
     effects: dict[str, float]
 
 
-def live_through(plan: Plan, drive: Drive, vehicle: Vehicle, seed: int) -> Truth:
+def simulate_truth(scenario: Scenario, drive: RoadDrive, vehicle: Vehicle, seed: int) -> Truth:
     """The truth of one trip. O(samples)."""
-    rng = stream(seed, WORLD, *plan.key)
+    rng = stream(seed, WORLD, *scenario.key)
     time, speed = drive.profile.time_s, drive.profile.speed_m_s
-    # what is drawn per sample has streams of its own, so that no count of samples moves the trip's own effects
-    air = stream(seed, AIR, *plan.key)
-    ambient = draw_ambient(plan, time, air)
-    climate = heat_balance(plan, time, speed, ambient, rng)
+    # values per sample have random streams of their own, so that the number of samples moves no effect of the trip
+    air = stream(seed, AIR, *scenario.key)
+    ambient = draw_ambient(scenario, time, air)
+    climate = heat_balance(scenario, time, speed, ambient, rng)
     climate = replace(climate, aircon_power_w=climate.aircon_power_w * compressor_hunting(time, air))
-    wind_n, headwind, rolling_n, rolling_share = hidden_forces(plan, drive, ambient, vehicle, rng)
-    weight_n = (vehicle.body.test_mass_kg + plan.payload_mass_kg) * GRAVITY_M_S2
-    battery_degc = _battery_temperature(plan, float(ambient[0]), rng)
+    wind_n, headwind, rolling_n, rolling_share = hidden_forces(scenario, drive, ambient, vehicle, rng)
+    weight_n = (vehicle.body.test_mass_kg + scenario.payload_mass_kg) * GRAVITY_M_S2
+    conditions = DriveConditions(
+        ambient_temperature_degc=float(ambient.mean()),
+        initial_soc=scenario.soc,
+        initial_battery_temperature_degc=_battery_temperature(scenario, float(ambient[0]), rng),
+        payload_mass_kg=scenario.payload_mass_kg,
+    )
     driven = simulate(
         vehicle,
         time,
         speed,
         grade=drive.grade + (wind_n + rolling_n) / weight_n,
         elevation_m=drive.elevation_m,  # for the air density; the slope is the given one
-        ambient_temperature_degc=float(ambient.mean()),
-        initial_soc=plan.soc,
-        initial_battery_temperature_degc=battery_degc,
-        payload_mass_kg=plan.payload_mass_kg,
         hvac_power_w=0.0,
+        conditions=conditions,
     )
-    driving_w = at_samples(driven.battery_power_w)
-    propelling = np.maximum(driving_w, 0.0)
     trip_share = TRIP_SHARE_SCALE * float(rng.standard_t(TRIP_SHARE_DF))
-    wet, unlit = plan.day.sky == "rainy", plan.day.dark_at(plan.hour)
-    lamps = CAR.extra_load_w + LAMPS_W * (wet or unlit) + WIPERS_W * wet
-    parts = {
-        "driving": driving_w,
-        "heating": climate.heating_power_w,
-        "aircon": climate.aircon_power_w,
-        "lamps": np.full_like(time, lamps),
-        "driver": plan.driver.power_share * propelling,
-        "trip": trip_share * propelling,
-        "noise": heavy_tailed_noise(time, speed, driving_w, stream(seed, NOISE, *plan.key)),
-    }
+    noise = stream(seed, NOISE, *scenario.key)
+    loads = battery_loads(scenario, drive, climate, at_samples(driven.battery_power_w), trip_share, noise)
     battery = discharge(
-        aged(vehicle.battery),
-        np.sum(list(parts.values()), axis=0),
+        age_battery(vehicle.battery),
+        np.sum(list(loads.values()), axis=0),
         np.diff(time, prepend=time[0]),
-        float(ambient.mean()),
-        plan.soc,
-        battery_degc,
+        conditions.ambient_temperature_degc,
+        scenario.soc,
+        conditions.battery_start_degc,
     )
-    effects = {f"{name}_energy_wh": _energy_wh(power, time) for name, power in parts.items()}
+    effects = {f"{name}_energy_wh": _energy_wh(power, time) for name, power in loads.items()}
     effects |= {
         "energy_wh": _energy_wh(battery.power_w, time),
         "wind_work_wh": _energy_wh(wind_n * speed, time),
         "rolling_work_wh": _energy_wh(rolling_n * speed, time),
-        "ambient_temperature_degc": float(ambient.mean()),
+        "ambient_temperature_degc": conditions.ambient_temperature_degc,
         "headwind_m_s": headwind,
         "rolling_share": rolling_share,
-        "driver_share": plan.driver.power_share,
+        "driver_share": scenario.driver.power_share,
         "trip_share": trip_share,
         "end_soc": float(battery.soc[-1]),
     }
     return Truth(ambient, climate, battery, effects)
+
+
+def battery_loads(
+    scenario: Scenario,
+    drive: RoadDrive,
+    climate: CabinClimate,
+    driving_w: FloatArray,
+    trip_share: float,
+    rng: np.random.Generator,
+) -> dict[str, FloatArray]:
+    """Power at the battery terminals [W] by hidden cause, each of shape (samples,); their sum is the true power."""
+    time, speed = drive.profile.time_s, drive.profile.speed_m_s
+    propelling = np.maximum(driving_w, 0.0)
+    wet, unlit = scenario.day.sky == "rainy", scenario.day.dark_at(scenario.hour)
+    lamps = CAR.extra_load_w + LAMPS_W * (wet or unlit) + WIPERS_W * wet
+    return {
+        "driving": driving_w,
+        "heating": climate.heating_power_w,
+        "aircon": climate.aircon_power_w,
+        "lamps": np.full_like(time, lamps),
+        "driver": scenario.driver.power_share * propelling,
+        "trip": trip_share * propelling,
+        "noise": heavy_tailed_noise(time, speed, driving_w, rng),
+    }
 
 
 def at_samples(of_intervals: FloatArray) -> FloatArray:
@@ -184,7 +199,7 @@ def at_samples(of_intervals: FloatArray) -> FloatArray:
     return np.concatenate((of_intervals[1:2], inner, of_intervals[-1:]))
 
 
-def aged(battery: Battery) -> Battery:
+def age_battery(battery: Battery) -> Battery:
     """The battery that is really in the car."""
     return replace(
         battery,
@@ -197,10 +212,10 @@ def _energy_wh(power_w: FloatArray, time_s: FloatArray) -> float:
     return float(np.trapezoid(power_w, time_s)) * WH_PER_J
 
 
-def draw_ambient(plan: Plan, time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
+def draw_ambient(scenario: Scenario, time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Outside temperature along the trip [°C]: the day's course and what differs from street to street."""
-    course = plan.day.temperature_at(plan.hour) + (
-        plan.day.temperature_at(plan.hour + 1.0) - plan.day.temperature_at(plan.hour)
+    course = scenario.day.temperature_at(scenario.hour) + (
+        scenario.day.temperature_at(scenario.hour + 1.0) - scenario.day.temperature_at(scenario.hour)
     ) * (time_s / 3600.0)
     local = np.interp(time_s, *smooth_field(float(time_s[-1]), 400.0, rng))
     return np.asarray(course + 0.5 * local, dtype=np.float64)
@@ -212,31 +227,35 @@ def compressor_hunting(time_s: FloatArray, rng: np.random.Generator) -> FloatArr
     return np.maximum(1.0 + HUNTING_SHARE * wave, 0.5)
 
 
-def _battery_temperature(plan: Plan, ambient_degc: float, rng: np.random.Generator) -> float:
+def _battery_temperature(scenario: Scenario, ambient_degc: float, rng: np.random.Generator) -> float:
     """At departure [°C]: a pack of its mass follows the weather of days, and each trip of the day has warmed it."""
-    rested = 0.5 * (ambient_degc + plan.day.mean_temperature_degc) + rng.uniform(0.0, 3.0)
-    return float(rested + 2.0 * plan.trips_before)
+    rested = 0.5 * (ambient_degc + scenario.day.mean_temperature_degc) + rng.uniform(0.0, 3.0)
+    return float(rested + 2.0 * scenario.trips_before)
 
 
 def heat_balance(
-    plan: Plan, time_s: FloatArray, speed_m_s: FloatArray, ambient_degc: FloatArray, rng: np.random.Generator
-) -> Climate:
+    scenario: Scenario,
+    time_s: FloatArray,
+    speed_m_s: FloatArray,
+    ambient_degc: FloatArray,
+    rng: np.random.Generator,
+) -> CabinClimate:
     """The true cabin in steps of 1 s: `C dT/dt = loss (T_out - T) + sun + heater - cooling`. O(seconds)."""
-    sun_w = SUN_W[plan.weather] * (WINTER_SUN_SHARE if plan.day.season == "winter" else 1.0)
+    sun_w = SUN_W[scenario.weather] * (WINTER_SUN_SHARE if scenario.day.season == "winter" else 1.0)
     soaked = ambient_degc[0] + sun_w / CABIN.loss_w_k * rng.uniform(0.3, 1.0) + rng.uniform(0.0, 1.5)
-    left = 0.0 if plan.parked_s is None else math.exp(-plan.parked_s / CABIN.cools_down_s)
-    cabin = soaked + left * (plan.setpoint_degc - soaked)
+    left = 0.0 if scenario.parked_s is None else math.exp(-scenario.parked_s / CABIN.cools_down_s)
+    cabin = soaked + left * (scenario.setpoint_degc - soaked)
 
     seconds = np.arange(math.ceil(time_s[-1]) + 1, dtype=np.float64)
     outside = np.interp(seconds, time_s, ambient_degc)
     loss = CABIN.loss_w_k + CABIN.loss_per_speed_w_s_k_m * np.interp(seconds, time_s, speed_m_s)
-    steady_w = loss * (plan.setpoint_degc - outside) - sun_w
+    steady_w = loss * (scenario.setpoint_degc - outside) - sun_w
     rows = np.empty((len(seconds), 4))
     heater = 0.0
     for i, (k, out, steady) in enumerate(
         zip(loss.tolist(), outside.tolist(), steady_w.tolist(), strict=True)
     ):
-        needed = steady + CABIN.gain_w_k * (plan.setpoint_degc - cabin)
+        needed = steady + CABIN.gain_w_k * (scenario.setpoint_degc - cabin)
         wanted = needed / CABIN.heater_efficiency
         request = min(wanted, CABIN.heater_max_w) if wanted > 0.0 else 0.0
         heater += (request - heater) / CABIN.heater_lag_s
@@ -246,30 +265,32 @@ def heat_balance(
         rows[i] = cabin, request, heater, aircon
         heat = CABIN.heater_efficiency * heater - CABIN.aircon_performance * cooling
         cabin += (k * (out - cabin) + sun_w + heat) / CABIN.heat_capacity_j_k
-    return Climate(*(np.interp(time_s, seconds, column) for column in rows.T))
+    return CabinClimate(*(np.interp(time_s, seconds, column) for column in rows.T))
 
 
 def hidden_forces(
-    plan: Plan, drive: Drive, ambient_degc: FloatArray, vehicle: Vehicle, rng: np.random.Generator
+    scenario: Scenario, drive: RoadDrive, ambient_degc: FloatArray, vehicle: Vehicle, rng: np.random.Generator
 ) -> tuple[FloatArray, float, FloatArray, float]:
     """Force of wind and body [N], mean headwind [m/s], extra rolling force [N] and its share of the car's own."""
     speed = drive.profile.speed_m_s
     warm_k = ambient_degc + ZERO_CELSIUS_K
     height = GRAVITY_M_S2 * drive.elevation_m / (DRY_AIR_GAS_CONSTANT_J_KG_K * warm_k)
     density = SEA_LEVEL_PRESSURE_PA * np.exp(-height) / (DRY_AIR_GAS_CONSTANT_J_KG_K * warm_k)
-    headwind = plan.day.wind_m_s * WIND_AT_CAR_SHARE * np.cos(drive.heading_rad - plan.day.wind_from_rad)
+    headwind = (
+        scenario.day.wind_m_s * WIND_AT_CAR_SHARE * np.cos(drive.heading_rad - scenario.day.wind_from_rad)
+    )
     flow = speed + headwind
     area = vehicle.road_load.drag_area_m2
     wind_n = 0.5 * density * area * ((1.0 + CAR.drag_share) * flow * np.abs(flow) - speed**2)
     cold_k = max(WARM_TYRE_DEGC - float(ambient_degc.mean()), 0.0)
     share = float(
-        WET_ROAD_SHARE * (plan.day.sky == "rainy")
-        + WINTER_TYRE_SHARE * (plan.day.season == "winter")
+        WET_ROAD_SHARE * (scenario.day.sky == "rainy")
+        + WINTER_TYRE_SHARE * (scenario.day.season == "winter")
         + COLD_TYRE_SHARE_PER_K * cold_k
         + SURFACE_SHARE_SD * rng.standard_normal()
     )
     constant, per_speed = vehicle.road_load.rolling_coefficients
-    weight_n = (vehicle.body.test_mass_kg + plan.payload_mass_kg) * GRAVITY_M_S2
+    weight_n = (vehicle.body.test_mass_kg + scenario.payload_mass_kg) * GRAVITY_M_S2
     rolling_n = share * weight_n * (constant + per_speed * speed)
     return wind_n, float(headwind.mean()), rolling_n, share
 

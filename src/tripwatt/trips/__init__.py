@@ -6,7 +6,7 @@ from tripwatt.trips.drive import Drive
 from tripwatt.trips.flags import Flag
 from tripwatt.trips.fleet import Fleet
 from tripwatt.trips.plan import ROUTE_COLUMNS, Plan, plan_from_samples, plan_from_trip
-from tripwatt.trips.samples import block_means, observed_cumulative_energy, observed_energy, table_of
+from tripwatt.trips.samples import bin_means, observed_cumulative_energy, observed_energy, table_of
 from tripwatt.trips.schema import (
     COLUMNS,
     LINK_COLUMNS,
@@ -41,7 +41,7 @@ __all__ = [
     "Plan",
     "Recorded",
     "Trip",
-    "block_means",
+    "bin_means",
     "is_sound",
     "observed_cumulative_energy",
     "observed_energy",

@@ -21,7 +21,7 @@ def apparent_mass(time: FloatArray, speed: FloatArray, power: FloatArray) -> tup
 
     From power = ... + mass x speed x acceleration / efficiency. A speed in a wrong unit enters squared, a power in a
     wrong unit or with a wrong sign directly, so that a wrong unit makes a mass that no car has. The means over
-    blocks of a second keep the noise of differences down.
+    bins of a second keep the noise of differences down.
 
     Parameters
     ----------
@@ -45,8 +45,8 @@ def apparent_mass(time: FloatArray, speed: FloatArray, power: FloatArray) -> tup
     if known.sum() < 3:
         return None
     time, speed, power = time[known], speed[known], power[known]
-    block = np.floor((time - time[0]) / BIN_S + 1e-6).astype(np.int64)
-    _, index, count = np.unique(block, return_inverse=True, return_counts=True)
+    second = np.floor((time - time[0]) / BIN_S + 1e-6).astype(np.int64)
+    _, index, count = np.unique(second, return_inverse=True, return_counts=True)
     t, v, p = (np.bincount(index, weights=x) / count for x in (time, speed, power))
     span = t[2:] - t[:-2]
     inertia = 0.5 * (v[2:] ** 2 - v[:-2] ** 2) / span

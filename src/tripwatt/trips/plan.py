@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray
 from tripwatt.trips.departure import Departure
 from tripwatt.trips.drive import Drive
 from tripwatt.trips.flags import Flag
 from tripwatt.trips.messages import flag_to_dict, message
-from tripwatt.trips.samples import block_means
+from tripwatt.trips.samples import bin_means, table_of
 from tripwatt.trips.schema import validate_samples
 from tripwatt.trips.showing import html_table, journey
 from tripwatt.trips.trip import Recorded
@@ -137,12 +133,12 @@ def plan_from_trip(trip: Recorded, *, step_s: float = 1.0) -> Plan:
     trip : Trip
         Raw samples.
     step_s : float
-        Block means of the speed trace [s].
+        Width of the bins of the speed trace [s].
 
     Returns
     -------
     Plan
-        Columns of `ROUTE_COLUMNS` as block means; no measured energy.
+        Columns of `ROUTE_COLUMNS` as bin means; no measured energy.
 
     Raises
     ------
@@ -165,7 +161,7 @@ def plan_from_samples(
     departure : Departure, optional
         Its known fields take the place of those of the first sample.
     step_s : float
-        Block means of the speed trace [s].
+        Width of the bins of the speed trace [s].
 
     Raises
     ------
@@ -188,22 +184,12 @@ def plan_from_samples(
 def _plan(drive: Drive, departure: Departure, step_s: float) -> Plan:
     route = {c: drive.array(c) for c in ROUTE_COLUMNS if c in drive}
     time = route["time_s"]
-    _, columns = block_means(time - time[0], route, step_s)
+    _, columns = bin_means(time - time[0], route, step_s)
     return Plan(
         drive.trip_id,
-        frame_of(columns),
+        table_of(columns),
         departure,
         step_s=step_s,
         start_s=float(time[0]),
         end_s=float(time[-1]),
     )
-
-
-def frame_of(columns: Mapping[str, FloatArray]) -> pd.DataFrame:
-    """A table of numbers, each column contiguous; much faster than column by column."""
-    return pd.DataFrame(np.array(list(columns.values())).T, columns=_names(tuple(columns)))
-
-
-@lru_cache(maxsize=64)
-def _names(columns: tuple[str, ...]) -> pd.Index:
-    return pd.Index(columns, dtype=object)  # looked up many times, which a string index is slow at

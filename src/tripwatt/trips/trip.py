@@ -11,7 +11,7 @@ import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.trips.departure import Departure
-from tripwatt.trips.samples import block_means, observed_cumulative_energy, observed_energy
+from tripwatt.trips.samples import bin_means, observed_cumulative_energy, observed_energy
 from tripwatt.trips.schema import raise_faults, structure_faults, validate_samples
 from tripwatt.trips.showing import html_table, journey
 
@@ -168,10 +168,10 @@ class Trip(Recorded):
 
 
 def resample(trip: Trip, step_s: float = 1.0) -> Trip:
-    """Block means of every column over steps of `step_s` seconds from the first sample. O(samples).
+    """Bin means of every column over steps of `step_s` seconds from the first sample. O(samples).
 
-    A block without samples is interpolated between its neighbours. `time_s` is the mean time of the block and
-    starts near 0; the column `observed_energy_wh` is the measured cumulative energy at the end of the block, from
+    A bin without samples is interpolated between its neighbours. `time_s` is the mean time of the bin and
+    starts near 0; the column `observed_energy_wh` is the measured cumulative energy at the end of the bin, from
     the raw samples, so that its last value is the trip's `observed_energy_wh` to the last bit.
 
     Raises
@@ -190,11 +190,11 @@ def resample(trip: Trip, step_s: float = 1.0) -> Trip:
     if not step_s > 0:
         raise InvalidInput(Fault("step out of range", "step_s", f"{step_s}", "more than 0 s"))
     time = trip.array("time_s") - float(trip.samples["time_s"].iloc[0])
-    n_blocks, means = block_means(time, {c: trip.array(c) for c in trip.samples.columns}, step_s)
+    n_bins, means = bin_means(time, {c: trip.array(c) for c in trip.samples.columns}, step_s)
     samples = pd.DataFrame(means)
     cumulative = observed_cumulative_energy(trip.samples)
     if cumulative is not None:
-        ends = np.minimum(np.arange(1, n_blocks + 1) * step_s, time[-1])
+        ends = np.minimum(np.arange(1, n_bins + 1) * step_s, time[-1])
         samples["observed_energy_wh"] = np.interp(ends, time, cumulative)
     return replace(trip, samples=samples, step_s=step_s)
 

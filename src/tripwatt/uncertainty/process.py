@@ -236,16 +236,16 @@ def fit_process(trips: Sequence[HeldOutResidual]) -> ResidualProcess:
     """
     split = [trip for trip in trips if trip.climate_w is not None]
     if not split:
-        drive, climate = _fitted(_Batch.from_trips(trips, "joint"), ("drive", "climate"))
+        drive, climate = _fitted(ResidualBatch.from_trips(trips, "joint"), ("drive", "climate"))
         return ResidualProcess(drive, climate, float("inf"), split=False)
     seen = np.concatenate([np.abs(trip.climate_w) for trip in split if trip.climate_w is not None])
     limit = float(np.quantile(seen, _LIMIT_SHARE))
-    (climate,) = _fitted(_Batch.from_trips(split, "climate", limit), ("climate",))
-    (drive,) = _fitted(_Batch.from_trips(split, "drive"), ("drive",))
+    (climate,) = _fitted(ResidualBatch.from_trips(split, "climate", limit), ("climate",))
+    (drive,) = _fitted(ResidualBatch.from_trips(split, "drive"), ("drive",))
     return ResidualProcess(drive, climate, limit, split=True)
 
 
-def _fitted(batch: _Batch, components: tuple[str, ...]) -> list[ComponentProcess]:
+def _fitted(batch: ResidualBatch, components: tuple[str, ...]) -> list[ComponentProcess]:
     from scipy.optimize import minimize
 
     starts = np.array([_STARTS[name] for name in components])
@@ -284,7 +284,7 @@ def _merged(segments: Segments, residual_w: FloatArray) -> tuple[Segments, Float
 
 
 @dataclass(frozen=True, eq=False)
-class _Batch:
+class ResidualBatch:
     """Trips side by side, shorter ones filled up with segments that carry no information."""
 
     real: BoolArray
@@ -294,7 +294,9 @@ class _Batch:
     noise: dict[str, FloatArray]
 
     @classmethod
-    def from_trips(cls, trips: Sequence[HeldOutResidual], what: str, limit_w: float = np.inf) -> _Batch:
+    def from_trips(
+        cls, trips: Sequence[HeldOutResidual], what: str, limit_w: float = np.inf
+    ) -> ResidualBatch:
         """`what` is the residual to explain: all of it, its climate part (within a limit) or its driving part."""
         rows = []
         for trip in trips:

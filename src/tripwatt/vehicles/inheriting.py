@@ -29,7 +29,7 @@ SCALINGS: Final = ("motor_losses", "cell_resistance")
 
 
 @cache
-def _bundled(name: str) -> str | None:
+def _bundled_text(name: str) -> str | None:
     """Text of a shared file or of a bundled car, None when there is neither."""
     folder = resources.files("tripwatt.vehicles") / "data"
     for place in (folder / "shared", folder):
@@ -52,7 +52,7 @@ def bundled_bases() -> tuple[str, ...]:
     return tuple(sorted(f.name[:-5] for f in files if f.name.endswith(".toml")))
 
 
-def inherited(document: Mapping[str, Any], where: str, faults: list[Fault]) -> dict[str, Any]:
+def inherit(document: Mapping[str, Any], where: str, faults: list[Fault]) -> dict[str, Any]:
     """The document with what it takes over and the licences filled in, and without the keys that ask for it.
 
     Parameters
@@ -66,14 +66,14 @@ def inherited(document: Mapping[str, Any], where: str, faults: list[Fault]) -> d
 
     Examples
     --------
-    >>> car = inherited({"extends": ["passenger_car"]}, "car.toml", [])
+    >>> car = inherit({"extends": ["passenger_car"]}, "car.toml", [])
     >>> car["body"]["driver_mass_kg"]["value"]
     75.0
     """
-    return _inherited(document, where, faults, depth=0)
+    return _inherit(document, where, faults, depth=0)
 
 
-def _inherited(document: Mapping[str, Any], where: str, faults: list[Fault], depth: int) -> dict[str, Any]:
+def _inherit(document: Mapping[str, Any], where: str, faults: list[Fault], depth: int) -> dict[str, Any]:
     document = with_licences(document, where, faults)
     own = {k: v for k, v in document.items() if k not in ("extends", "scaled")}
     result: dict[str, Any] = {}
@@ -112,7 +112,7 @@ def _names(raw: object, where: str, faults: list[Fault]) -> Sequence[str]:
 
 
 def _base(name: str, place: str, faults: list[Fault], depth: int) -> dict[str, Any]:
-    text = _bundled(name)
+    text = _bundled_text(name)
     if text is None:
         near = difflib.get_close_matches(name, bundled_bases(), n=1)
         fix = f"did you mean {near[0]!r}?" if near else ""
@@ -121,7 +121,7 @@ def _base(name: str, place: str, faults: list[Fault], depth: int) -> dict[str, A
     if depth >= DEEPEST_EXTENSION:
         faults.append(Fault("circular extends", place, name, "files that do not extend one another"))
         return {}
-    return _inherited(tomllib.loads(text), f"{name}.toml", faults, depth + 1)
+    return _inherit(tomllib.loads(text), f"{name}.toml", faults, depth + 1)
 
 
 def _take_over(result: dict[str, Any], more: Mapping[str, Any]) -> None:
@@ -168,7 +168,7 @@ def _scaled_motor(car: Mapping[str, Any], reference: Mapping[str, Any], name: st
         "inverter_resistance_ohm": 1.0 / power,
     }
     how = f"{name}'s motor and inverter at {torque:.3g} times its torque and {speed:.3g} times its speed"
-    return {key: _taken(losses[key], factor, how) for key, factor in factors.items()}
+    return {key: _scale_entry(losses[key], factor, how) for key, factor in factors.items()}
 
 
 def _scaled_resistance(car: Mapping[str, Any], reference: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -180,10 +180,10 @@ def _scaled_resistance(car: Mapping[str, Any], reference: Mapping[str, Any], nam
     factor = theirs[0] / mine[0]
     how = f"{name}'s cell at {factor:.3g} times its resistance, in inverse proportion to capacity"
     taken = {"resistance_ohm": factor, "resistance_soc": 1.0}
-    return {key: _taken(reference["battery"][key], f, how) for key, f in taken.items()}
+    return {key: _scale_entry(reference["battery"][key], f, how) for key, f in taken.items()}
 
 
-def _taken(entry: Mapping[str, Any], factor: float, how: str) -> dict[str, Any]:
+def _scale_entry(entry: Mapping[str, Any], factor: float, how: str) -> dict[str, Any]:
     value = entry["value"]
     scaled = [float(v) * factor for v in value] if isinstance(value, list) else float(value) * factor
     before = entry.get("estimated", "")

@@ -90,18 +90,18 @@ def with_licences(document: Mapping[str, Any], where: str, faults: list[Fault]) 
         faults += licence_faults(default, f"{where}, licence")
     missing: list[str] = []
 
-    def licensed(value: object) -> Any:
+    def with_licence(value: object) -> Any:
         if not isinstance(value, Mapping):
             return value
         if "source" not in value:
-            return {key: licensed(inner) for key, inner in value.items()}
+            return {key: with_licence(inner) for key, inner in value.items()}
         source = str(value["source"]).strip()
         licence = value.get("licence") or _licence(source, table) or default
         if source and not licence:
             missing.append(source)
         return {**value, "licence": licence} if licence else dict(value)
 
-    own = {key: licensed(v) for key, v in document.items() if key not in ("licence", "licences")}
+    own = {key: with_licence(v) for key, v in document.items() if key not in ("licence", "licences")}
     if missing:
         got = f"no licence for {missing[0]!r}" + (f" and {len(missing) - 1} more" if len(missing) > 1 else "")
         fix = 'write licence = "user" at the top of your own file, or list the sources under [licences]'

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.vehicles.inheriting import inherited
+from tripwatt.vehicles.inheriting import inherit
 from tripwatt.vehicles.licences import licence_faults, with_licences
 from tripwatt.vehicles.overriding import spelled_out
 from tripwatt.vehicles.parts import (
@@ -207,7 +207,7 @@ def vehicle_from_document(
 ) -> Vehicle:
     """Build a `Vehicle` from a parsed TOML document. Arguments and errors as in `load_vehicle`."""
     faults: list[Fault] = []
-    document = inherited(document, where, faults)
+    document = inherit(document, where, faults)
     tables = _preset_tables(document, preset, where, faults)
     entries: dict[str, Entry] = {}
     for section, table in tables.items():
@@ -229,7 +229,7 @@ def vehicle_from_document(
         if section in OPTIONAL_SECTIONS and section not in tables and not present:
             parts[section] = None
             continue
-        missing = [f.name for f in dataclasses.fields(part) if _required(f) and f.name not in present]
+        missing = [f.name for f in dataclasses.fields(part) if _is_required(f) and f.name not in present]
         named = tables.get(section, {})
         faults += [
             Fault(
@@ -260,7 +260,7 @@ def _preset_tables(
 ) -> dict[str, dict[str, Any]]:
     """The sections with the preset's entries in place of their own."""
     faults += [
-        _unknown("section", f"{where}, [{key}]", key, [*SECTIONS, "preset"])
+        _unknown_fault("section", f"{where}, [{key}]", key, [*SECTIONS, "preset"])
         for key in document
         if key not in (*SECTIONS, "preset", "name")
     ]
@@ -279,18 +279,18 @@ def _preset_tables(
         if (section in document or section in chosen) and section not in dropped:
             tables[section] = {**document.get(section, {}), **chosen.get(section, {})}
     faults += [
-        _unknown("section", f"{where}, [preset.{preset}.{key}]", key, SECTIONS)
+        _unknown_fault("section", f"{where}, [preset.{preset}.{key}]", key, SECTIONS)
         for key in chosen
         if key not in (*SECTIONS, "without")
     ]
     return tables
 
 
-def _required(field: dataclasses.Field[Any]) -> bool:
+def _is_required(field: dataclasses.Field[Any]) -> bool:
     return field.default is dataclasses.MISSING
 
 
-def _unknown(what: str, where: str, got: str, allowed: Sequence[str] | Mapping[str, Any]) -> Fault:
+def _unknown_fault(what: str, where: str, got: str, allowed: Sequence[str] | Mapping[str, Any]) -> Fault:
     near = difflib.get_close_matches(got, list(allowed), n=1)
     return Fault(
         f"unknown {what}",
@@ -316,7 +316,7 @@ def _entry(section: str, key: str, raw: object, where: str, faults: list[Fault])
     place = f"{where}, {section}.{key}"
     field = _fields(section).get(key)
     if field is None:
-        faults.append(_unknown("key", place, key, list(_fields(section))))
+        faults.append(_unknown_fault("key", place, key, list(_fields(section))))
         return None
     if not isinstance(raw, Mapping):
         got = repr(raw)
@@ -325,7 +325,9 @@ def _entry(section: str, key: str, raw: object, where: str, faults: list[Fault])
     before = len(faults)
     scaled = bool(field.metadata.get("scaled"))
     faults += [
-        _unknown("key of an entry", place, str(word), ENTRY_KEYS) for word in raw if word not in ENTRY_KEYS
+        _unknown_fault("key of an entry", place, str(word), ENTRY_KEYS)
+        for word in raw
+        if word not in ENTRY_KEYS
     ]
     faults += [
         Fault(f"missing {word}", place, "nothing", "every entry has value, unit and source")
@@ -393,7 +395,7 @@ def _override(entries: dict[str, Entry], key: str, value: float | str, faults: l
     known = section in SECTIONS and name in _fields(section)
     if not known:
         allowed = [f"{s}.{f}" for s in SECTIONS for f in _fields(s)]
-        faults.append(_unknown("key", "overrides", key, allowed))
+        faults.append(_unknown_fault("key", "overrides", key, allowed))
         return
     field = _fields(section)[name]
     found = list(_value_faults(field, value, f"overrides, {key}"))

@@ -26,7 +26,7 @@ def describe_vehicle(
     return tuple(
         (
             key,
-            _shown(entry),
+            _format_value(entry),
             entry.unit,
             f"{entry.source} (estimated: {entry.estimated})" if entry.estimated else entry.source,
             entry.licence,
@@ -49,7 +49,7 @@ def render_parameters(vehicle: Vehicle) -> str:
     for section, part in SECTIONS.items():
         meanings = {f.name: str(f.metadata["meaning"]) for f in dataclasses.fields(part)}
         rows = [
-            f"| `{key}` | {_shown(entry)} | {entry.unit} | {meanings[key]} | {_origin(entry)} |"
+            f"| `{key}` | {_format_value(entry)} | {entry.unit} | {meanings[key]} | {_origin(entry)} |"
             for key in meanings
             if (entry := vehicle.entries.get(f"{section}.{key}")) is not None
         ]
@@ -59,7 +59,7 @@ def render_parameters(vehicle: Vehicle) -> str:
     return "\n\n".join(blocks) + "\n"
 
 
-def _shown(entry: Entry) -> str:
+def _format_value(entry: Entry) -> str:
     if isinstance(entry.value, str):
         return entry.value
     if isinstance(entry.value, tuple):

@@ -82,8 +82,8 @@ class Day:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
-    """One trip as intended.
+class Scenario:
+    """One trip before it is driven: who, when, where to, and with what charge.
 
     Attributes
     ----------
@@ -132,10 +132,10 @@ class Plan:
 LAST_DEPARTURE_S: Final = 21.0 * 3600.0
 
 EXPECTED_SPEED_M_S: Final = {"city": 6.5, "rural": 14.0, "highway": 23.0, "mixed": 13.0}
-"""Mean speed [m/s] that a plan reckons with, standstill included."""
+"""Mean speed [m/s] that a scenario assumes, standstill included."""
 
 EXPECTED_USE: Final = 0.011
-"""Share of the charge that a plan reckons with per kilometre: 200 Wh/km of some 19 kWh."""
+"""Share of the charge that a scenario assumes per kilometre: 200 Wh/km of some 19 kWh."""
 
 
 def draw_driver(seed: int, number: int) -> Driver:
@@ -184,7 +184,7 @@ def _draw_duration_s(route: str, rng: np.random.Generator) -> float:
     return float(np.clip(1250.0 * math.exp(0.4 * rng.normal()), 820.0, longest))
 
 
-def draw_plans(n_trips: int, seed: int) -> Iterator[Plan]:
+def draw_scenarios(n_trips: int, seed: int) -> Iterator[Scenario]:
     """Trips, day by day, one to four a day. O(trips)."""
     drivers = [draw_driver(seed, d) for d in range(N_DRIVERS)]
     made = number = 0
@@ -203,7 +203,7 @@ def draw_plans(n_trips: int, seed: int) -> Iterator[Plan]:
             if soc < 0.15 + 1.5 * use:
                 soc = float(rng.uniform(0.75, 0.88))  # charged while parked
             payload = float(rng.choice([0.0, 70.0, 80.0, 150.0], p=[0.6, 0.2, 0.1, 0.1]))
-            yield Plan(
+            yield Scenario(
                 trip_id=f"S{made + 1:03d}",
                 key=(number, place),
                 day=day,

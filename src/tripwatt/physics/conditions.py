@@ -1,0 +1,106 @@
+"""Conditions of a drive: surroundings, load and state of the car at its start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from tripwatt.physics.cabin import UNKNOWN_SUN_W_M2, CabinStart
+from tripwatt.trips import COLUMNS, QUANTITIES
+from tripwatt.vehicles import Vehicle
+
+UNKNOWN_AMBIENT_DEGC: Final = 20.0
+"""Ambient temperature of a trip without one."""
+
+UNKNOWN_SETPOINT_DEGC: Final = 22.0
+"""Set-point of a car without a climate model; it has no effect."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriveConditions:
+    """Surroundings, load and state of the car at the start of a drive.
+
+    `simulate` checks the values against the bounds of the schema.
+
+    Attributes
+    ----------
+    ambient_temperature_degc : float
+    initial_soc : float
+        State of charge of the battery management, 0 to 1.
+    initial_battery_temperature_degc : float, optional
+        The ambient temperature when not given.
+    payload_mass_kg : float
+        Load on top of the car's test mass; may be negative for a lighter test.
+    climate : bool
+        Whether the climate control is on; without effect for a car without one.
+    initial_cabin_temperature_degc : float, optional
+        The ambient temperature when not given.
+    cabin_setpoint_degc : float, optional
+        The car's usual set-point when not given.
+    solar_irradiance_w_m2 : float
+    initial_warmth : float
+        0 for tyres and driveline after a long stop, 1 as warm as after a long fast drive.
+    air_density_kg_m3 : float, optional
+        Air density [kg/m³] in place of the atmosphere's, as on a dynamometer.
+
+    Examples
+    --------
+    >>> DriveConditions(ambient_temperature_degc=-5.0).battery_start_degc
+    -5.0
+    """
+
+    ambient_temperature_degc: float = UNKNOWN_AMBIENT_DEGC
+    initial_soc: float = 0.8
+    initial_battery_temperature_degc: float | None = None
+    payload_mass_kg: float = 0.0
+    climate: bool = True
+    initial_cabin_temperature_degc: float | None = None
+    cabin_setpoint_degc: float | None = None
+    solar_irradiance_w_m2: float = UNKNOWN_SUN_W_M2
+    initial_warmth: float = 0.0
+    air_density_kg_m3: float | None = None
+
+    @property
+    def battery_start_degc(self) -> float:
+        """Battery temperature at the start [°C]: as given, else that of the outside air."""
+        if self.initial_battery_temperature_degc is None:
+            return self.ambient_temperature_degc
+        return self.initial_battery_temperature_degc
+
+    def cabin_start(self, vehicle: Vehicle) -> CabinStart:
+        """State of the cabin at the start, with the car's usual set-point where none is given."""
+        temperature, setpoint = self.initial_cabin_temperature_degc, self.cabin_setpoint_degc
+        if temperature is None:
+            temperature = self.ambient_temperature_degc
+        if setpoint is None:
+            setpoint = UNKNOWN_SETPOINT_DEGC if vehicle.climate is None else vehicle.climate.setpoint_degc
+        return CabinStart(temperature, setpoint, self.solar_irradiance_w_m2, self.initial_warmth)
+
+    def bounded_values(self, vehicle: Vehicle) -> dict[str, tuple[float, float, float]]:
+        """Each number by its name, with the lowest and the highest that is allowed."""
+        cabin = self.cabin_start(vehicle)
+        lightest_kg = -0.5 * vehicle.body.curb_mass_kg  # a test may be lighter than the car with its driver
+        density = 1.2 if self.air_density_kg_m3 is None else self.air_density_kg_m3
+        return {
+            "ambient_temperature_degc": (
+                self.ambient_temperature_degc,
+                *COLUMNS["ambient_temperature_degc"].bounds,
+            ),
+            "initial_soc": (self.initial_soc, *COLUMNS["soc"].bounds),
+            "initial_battery_temperature_degc": (
+                self.battery_start_degc,
+                *COLUMNS["battery_temperature_degc"].bounds,
+            ),
+            "payload_mass_kg": (self.payload_mass_kg, lightest_kg, QUANTITIES["payload_mass_kg"].maximum),
+            "initial_cabin_temperature_degc": (
+                cabin.temperature_degc,
+                *COLUMNS["cabin_temperature_degc"].bounds,
+            ),
+            "cabin_setpoint_degc": (cabin.setpoint_degc, *COLUMNS["cabin_setpoint_degc"].bounds),
+            "solar_irradiance_w_m2": (
+                self.solar_irradiance_w_m2,
+                *QUANTITIES["solar_irradiance_w_m2"].bounds,
+            ),
+            "initial_warmth": (self.initial_warmth, 0.0, 1.0),
+            "air_density_kg_m3": (density, 0.0, 10.0),
+        }
