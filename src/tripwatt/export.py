@@ -1,8 +1,8 @@
 """The consumption curve of a car in the words of routing services: HERE, TomTom, Mapbox, A Better Routeplanner.
 
-These services know a car by what it takes at a constant speed on a level road, by what a metre of height costs and
+These services describe a car by what it takes at a constant speed on a level road, by what a metre of height costs and
 brings back, and by a power that flows all the time. All of it is simulated here: drives of half an hour, but at most
-20 km, from the departure that was asked for, so that a cold cabin and cold tyres count with their share. `docs/export.md` says what
+20 km, from the given departure, so that a cold cabin and cold tyres count with their share. `docs/export.md` says what
 each service takes, in which unit, and where that is written.
 """
 
@@ -191,7 +191,7 @@ class _Driver:
     correction: Callable[[Plan], float] | None
 
     def with_correction(self, correction: Callable[[Plan], float] | None) -> tuple[_Driver, float]:
-        """With what a correction says of driving, and the power [W] that it says flows all the time."""
+        """The driver with a correction of driving alone, and the constant power [W] of the correction."""
         if correction is None:
             return self, 0.0
         slow = self.steady(LOWEST_KM_H * M_S_PER_KM_H)

@@ -2,8 +2,8 @@
 
 `metadata.json` names the format's version, what the model takes in and where it comes from, and the SHA-256 of every
 part; its own SHA-256 is taken over its bytes with the 64 digits of that value as zeros. A part is an `.npz` of plain
-arrays or a `.json`. A directory that was damaged or altered is refused, by the name of the part. This module knows
-arrays and JSON, and nothing of what they mean.
+arrays or a `.json`. A directory that was damaged or altered is refused, by the name of the part. This module
+handles arrays and JSON, independent of their meaning.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The same map over independent tasks: in this process, on local cores, or on a cluster that joblib knows."""
+"""The same map over independent tasks: in this process, on local cores, or on a cluster through joblib."""
 
 from __future__ import annotations
 

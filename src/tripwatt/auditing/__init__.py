@@ -78,7 +78,7 @@ class Audit:
 
 
 def audit(logs: Fleet | Iterable[Recorded]) -> Audit:
-    """Audit raw logs: mend, trim, split or set aside, and say so. O(samples).
+    """Audit raw logs: mend, trim, split or set aside, and report it. O(samples).
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def _audit_log(trip: Recorded) -> tuple[list[Recorded], list[Finding]]:
 
 
 def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[list[Recorded], list[Finding]]:
-    """What is left of a log between its cuts, and the findings that say so."""
+    """What is left of a log between its cuts, and the findings about them."""
     keep = np.ones(len(samples), dtype=bool)
     edges = {0, len(samples)}
     for cut in cuts:

@@ -30,13 +30,13 @@ MOST_STD: Final = 5.0
 its own standard deviations; 5 of them leave one sound drive in a million outside."""
 
 FEWEST_TRIPS: Final = 5
-"""Of fewer drives a median says nothing."""
+"""A median of fewer drives is not used."""
 
 OF_ANOTHER_CAR: Final = 2
 """So many other drives with the same capacity make it another car, not a fault."""
 
 COARSE_SHARE: Final = 0.25
-"""Standard error over the energy that is told; a forecast's own error is smaller."""
+"""Standard error over the energy above which it is reported; a forecast's own error is smaller."""
 
 USELESS_SHARE: Final = 0.5
 """Standard error over the energy at which the energy is not known: two of them reach to nothing."""
@@ -115,7 +115,7 @@ def soc_findings(trips: Sequence[Recorded], sound: Sequence[bool]) -> dict[str, 
     """Drives whose charge contradicts their state of charge, by trip id.
 
     Charge, not energy, is compared: a battery management counts charge, so the ratio is the capacity and does not
-    depend on the level as the energy does through the voltage. `sound` tells which drives count for the median.
+    depend on the level as the energy does through the voltage. `sound` marks the drives that count for the median.
     """
     found: dict[str, list[Finding]] = {}
     balances = {t.trip_id: b for t in trips if (b := charge_balance(t.samples)) is not None}
@@ -174,7 +174,7 @@ def _stopped_soc(trip: Recorded, capacity_ah: float, std: float) -> Finding | No
 
 
 def blank_soc_faults(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
-    """Zeros and jumps of the state of charge that no battery makes; long missing ends are told."""
+    """Zeros and jumps of the state of charge that no battery makes; long missing ends are reported."""
     findings: list[Finding] = []
     blanked: dict[str, FloatArray] = {}
     time = array(samples, "time_s")
@@ -226,7 +226,7 @@ def _missing_soc(time: FloatArray, soc: FloatArray, trip_id: str) -> list[Findin
 
 
 def unit_findings(trip: Recorded) -> list[Finding]:
-    """Speed, current or voltage in a wrong unit or with the wrong sign, told by the car's apparent mass."""
+    """Speed, current or voltage in a wrong unit or with the wrong sign, found by the car's apparent mass."""
     samples = trip.samples
     power = array(samples, "voltage_v") * array(samples, "current_a")
     found = apparent_mass(array(samples, "time_s"), array(samples, "speed_m_s"), power)

@@ -1,4 +1,4 @@
-"""What an audit says: one `Finding` for each thing that was wrong with a log, and what was done about it."""
+"""Findings of an audit: one `Finding` for each thing that was wrong with a log, and what was done about it."""
 
 from __future__ import annotations
 

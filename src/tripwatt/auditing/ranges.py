@@ -1,4 +1,4 @@
-"""Rules on single columns: missing ones, values that cannot be, and units that the values give away."""
+"""Rules on single columns: missing ones, values that cannot be, and wrong units, recognised by the values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Rules on the surroundings: elevation and ambient temperature. They only note, the models know how to do without."""
+"""Rules on the surroundings: elevation and ambient temperature. They only add notes.
+
+The models work without these signals.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ CONSTANT_AMBIENT_S: Final = 3600.0
 """Sensors resolve 0.5 to 1 °C; within an hour of driving the air changes by more."""
 
 DEFAULT_AMBIENT_DEGC: Final = (-40.0, 85.0, 127.0, 127.5, 215.0)
-"""What a bus message says when the sensor is not there: the ends of the usual codings."""
+"""Value of a bus message without a sensor: the ends of the usual codings."""
 
 
 def elevation_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:

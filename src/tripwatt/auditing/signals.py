@@ -14,7 +14,7 @@ from tripwatt.trips.messages import signal_name
 from tripwatt.units import M_S_PER_KM_H
 
 FEWEST_SAMPLES: Final = 10
-"""A coincidence of a few samples is none of many: every rule on runs asks for at least so many."""
+"""A coincidence of a few samples is none of many: every rule on runs needs at least so many."""
 
 ROUNDING: Final = 1e-9
 """Relative difference between means of equal values."""
@@ -29,7 +29,7 @@ UNUSUAL: Final = 5.0
 """A logger with coarse steps, such as whole km/h and whole kW, rests often: a freeze is so many times its usual rest."""
 
 FREEZE_STANDING_S: Final = 60.0
-"""A parked car may keep all three for a while; a minute of it at the end of a log tells nothing and goes."""
+"""A parked car may keep all three for a while; a minute of it at the end of a log has no information and is removed."""
 
 FROZEN_SENSOR_S: Final = 60.0
 """Voltage or current cannot keep one value for a minute while the speed changes by `SPEED_CHANGE_M_S`."""
@@ -37,7 +37,7 @@ FROZEN_SENSOR_S: Final = 60.0
 SPEED_CHANGE_M_S: Final = 3.0
 
 FROZEN_SHARE: Final = 0.1
-"""A current that stands for more of the drive leaves its energy unknown. The voltage varies by a few percent only."""
+"""A current that is frozen for more of the drive leaves its energy unknown. The voltage varies by a few percent only."""
 
 STANDING_POWER_W: Final = 20_000.0
 """Heater, air conditioner and everything else of a standing car stay below this."""
@@ -112,7 +112,7 @@ def _usual_rest(time: FloatArray, speed: FloatArray, steady: BoolArray) -> float
 
 
 def frozen_sensor_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
-    """One measured signal that stands while the others say that it cannot."""
+    """One measured signal that is frozen while the others change."""
     time, speed = array(samples, "time_s"), array(samples, "speed_m_s")
     for name in ("voltage_v", "current_a"):
         values = array(samples, name)

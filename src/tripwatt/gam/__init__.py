@@ -1,4 +1,4 @@
-"""Generalised additive mixed models with gaussian or Student's t errors; knows neither cars nor trips.
+"""Generalised additive mixed models with gaussian or Student's t errors, independent of cars and trips.
 
 >>> import numpy as np, pandas as pd
 >>> from tripwatt.gam import GAMM, Formula, Smooth

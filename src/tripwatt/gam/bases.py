@@ -1,7 +1,7 @@
 """Spline bases and their penalties: P-splines, cubic regression splines, thin plate regression splines.
 
 Every basis is fixed once it has seen the covariates: `matrix` evaluates its columns anywhere, `penalty` is the
-quadratic form of its wiggliness. Bases know nothing of factors, constraints or smoothing parameters.
+quadratic form of its wiggliness. Bases are independent of factors, constraints or smoothing parameters.
 """
 
 from __future__ import annotations

@@ -240,14 +240,14 @@ ByPart: TypeAlias = tuple[tuple[str, ...], str, str | None]
 
 @dataclass(frozen=True)
 class Training:
-    """What prediction must know of the rows a model was trained on.
+    """Ranges and levels of the training rows, as prediction uses them.
 
     Attributes
     ----------
     supports : mapping of covariate names to Support
     levels : mapping of factor to Levels
     within : mapping of (covariate names, by-variable, level) to Support
-        Rows that a by-smooth speaks of: those of its level, or those where a numeric by-variable is not zero.
+        Rows of a by-smooth: those of its level, or those where a numeric by-variable is not zero.
     """
 
     supports: Mapping[tuple[str, ...], Support]
@@ -255,13 +255,13 @@ class Training:
     within: Mapping[ByPart, Support]
 
     def members(self, frame: pd.DataFrame, by: str, level: str | None) -> BoolArray:
-        """Rows (n,) of a frame that a by-smooth speaks of."""
+        """Rows (n,) of a frame on which a by-smooth has an effect."""
         if level is None:
             return np.asarray(frame[by].to_numpy(dtype=np.float64) != 0)
         return np.asarray(self.levels[by].codes(frame[by]) == self.levels[by].names.index(level))
 
     def clamp_frame(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """The frame with its covariates moved to where training data lie, before any term sees them.
+        """The frame with its covariates moved into the range of the training data, before any term is evaluated.
 
         Rows are moved, not terms: terms that share a covariate, and may cancel where there are no data, all see the
         same point. Ranges come first, those of a row's levels next, surfaces last.

@@ -56,7 +56,7 @@ class Design:
     codes : dict
         Level of each row, for each factor.
     members : dict
-        Rows that each by-smooth speaks of.
+        Rows on which each by-smooth has an effect.
     """
 
     formula: Formula

@@ -46,7 +46,7 @@ class CurveEffect:
     ----------
     label, covariate : str
     x, effect, std_error : ndarray (m,)
-        Grid over the range of the data (of the rows that a by-smooth speaks of), centred effect and its standard error.
+        Grid over the range of the data (of the rows of a by-smooth), centred effect and its standard error.
     multiplier : float
         Half width of the band in standard errors.
     edf : float
@@ -371,7 +371,7 @@ def _curve(
     name = fitted.term.names[0]
     x = _grid(model, name, points)
     if fitted.by is not None:
-        # what the model itself follows: beyond the rows that the smooth speaks of it is held
+        # what the model itself follows: beyond the rows of the smooth it is held
         own = model.training_.within.get((fitted.term.names, fitted.by, fitted.level))
         if own is not None:
             x = np.linspace(float(own.low[0]), float(own.high[0]), points)
@@ -430,7 +430,7 @@ def _random(model: GAMM, fitted: FittedTerm) -> RandomEffects:
 
 
 def _random_sd(model: GAMM, fitted: FittedTerm) -> float:
-    """Standard deviation that the smoothing parameter of a random intercept stands for."""
+    """Standard deviation of a random intercept, from its smoothing parameter."""
     from tripwatt.gam.inference import total_penalty
 
     precision = float(total_penalty(model)[fitted.start, fitted.start])

@@ -74,7 +74,7 @@ class DenseRows:
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """What a gaussian model needs to know of its data.
+    """Sufficient statistics of a Gaussian model.
 
     Attributes
     ----------

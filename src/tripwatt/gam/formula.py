@@ -2,8 +2,8 @@
 
     y ~ weather + s(time, by=season) + s(tamb, delev, k=30) + ti(a, b, bs="ps", k=c(6, 6)) + s(trip, bs="re")
 
-The right-hand side happens to be a Python expression, so Python's own parser reads it: no grammar of our own
-to keep, and every complaint knows the character it is about.
+The right-hand side happens to be a Python expression, so Python's own parser reads it: there is no grammar
+of our own, and every fault has the position of its character.
 """
 
 from __future__ import annotations

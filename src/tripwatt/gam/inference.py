@@ -2,7 +2,7 @@
 
 Smooth terms after Wood (2013a, "On p-values for smooth components of an extended generalized additive model",
 Biometrika 100:221), random effects after Wood (2013b, "A simple test for random effects in regression models",
-Biometrika 100:1005), parametric coefficients by t or z. The functions on arrays know nothing of models; the
+Biometrika 100:1005), parametric coefficients by t or z. The functions on arrays do not depend on models; the
 two tables at the end put a model's parts into them.
 """
 

@@ -32,7 +32,7 @@ def grouped_moments(design: Design, y: FloatArray, groups: Index, rows: Index, l
 
 
 def training_of(design: Design, rows: BoolArray) -> Training:
-    """What prediction may know when only `rows` (n,) were seen: their ranges, their levels."""
+    """Ranges and levels of `rows` (n,), for a prediction from these rows alone."""
     supports = {}
     for names, points in design.joint.items():
         seen = np.bincount(points.index[rows], minlength=len(points.values)) > 0
@@ -109,7 +109,7 @@ def leave_out(
     Parameters
     ----------
     design : Design
-        Of all rows; its bases know covariates only.
+        Of all rows; its bases depend on covariates only.
     frame : DataFrame
     y : ndarray (n,)
     groups, folds : ndarray (n,)

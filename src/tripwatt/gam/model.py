@@ -242,8 +242,8 @@ class GAMM(RegressorMixin, BaseEstimator):
     ) -> FloatArray:
         """Predict every row from a fit without its group.
 
-        Smoothing parameters, shape and scale are estimated anew in every fold, from a start that knows nothing of
-        the rows held out; bases and their knots come from the covariates of all rows. `folds_` says how each went.
+        Smoothing parameters, shape and scale are estimated anew in every fold, from a start that does not depend on
+        the rows held out; bases and their knots come from the covariates of all rows. `folds_` reports each fold.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""What a fit says: degrees of freedom, covariances, likelihood, explained deviance."""
+"""Results of a fit: degrees of freedom, covariances, likelihood, explained deviance."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def _likelihood(
 
 
 def results(design: Design, y: FloatArray, family: Family, solution: Solution, active: Index) -> Results:
-    """Everything a fit says of its coefficients and of the data.
+    """All results of a fit about its coefficients and the data.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """What a model is made of: parametric terms, smooths, tensor products, random effects.
 
-Terms are frozen values that know nothing about data. `tripwatt.gam.design` turns them into columns, once it
+Terms are frozen values without data. `tripwatt.gam.design` turns them into columns, once it
 has seen a frame; `tripwatt.gam.formula` reads them from text.
 """
 

@@ -283,7 +283,7 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
         Returns
         -------
         ndarray of shape (n_rows,)
-            Predictions. Attributes `fold_labels_`, `fold_params_`, `fold_rounds_` say what each fold used.
+            Predictions. Attributes `fold_labels_`, `fold_params_`, `fold_rounds_` record what each fold used.
         """
         sample, clusters, rows, seed = self._prepare(X, y, groups)
         fold_labels, fold_of_group = folds_of(folds, clusters)

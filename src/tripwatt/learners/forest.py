@@ -97,7 +97,7 @@ class ClusteredForest(RegressorMixin, BaseEstimator):
         Weight of a drawn group: the same for each, or in proportion to its rows. Drawn twice weighs twice.
     max_rows_per_group : int or None
         Learn from at most so many rows of a group, evenly spaced, the first and the last among them. Neighbouring
-        rows of a long series say the same: thinning them changes the fit little and the time a lot. None
+        rows of a long series are nearly redundant: thinning them changes the fit little and the time a lot. None
         takes all rows. Prediction is for all rows.
     max_bins : int
         Most bins of a column; edges depend on X alone.
@@ -293,7 +293,7 @@ class ClusteredForest(RegressorMixin, BaseEstimator):
         Returns
         -------
         ndarray of shape (n_rows,)
-            Predictions. Attributes `fold_labels_`, `fold_params_`, `fold_refitted_` say what each fold used.
+            Predictions. Attributes `fold_labels_`, `fold_params_`, `fold_refitted_` record what each fold used.
         """
         sample, clusters, rows, seed = self._prepare(X, y, groups)
         fold_labels, fold_of_group = folds_of(folds, clusters)

@@ -5,7 +5,7 @@ one column, or a smooth function of a few. Rows of a cluster are far from indepe
 carries the information: each cluster's weighted total. Smooth parts are represented on inducing points (Nystrom), so
 the whole is Bayesian linear regression in a few hundred features and is stored as plain arrays. The variances of the
 parts are found by maximum a posteriori of the marginal likelihood (Rasmussen and Williams 2006, sections 2.2, 5.4 and
-8.1). Knows neither cars nor trips.
+8.1). It is independent of cars and trips.
 """
 
 from __future__ import annotations

@@ -188,7 +188,7 @@ def prepare(estimator: Any, X: Any, y: Any, groups: Any) -> tuple[Sample, Cluste
 
 
 def about_columns(estimator: Any) -> dict[str, Any]:
-    """What a fitted estimator knows of its columns and settings, as JSON knows it."""
+    """Columns and settings of a fitted estimator as JSON values."""
     settings = estimator.get_params(deep=False)
     return {
         # what JSON cannot hold is left out, so that its default stands
@@ -342,7 +342,7 @@ def booster_of(array: npt.NDArray[np.uint8]) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """A setting as JSON knows it; what JSON cannot hold (a generator, a function) becomes None."""
+    """A setting as a JSON value; what JSON cannot hold (a generator, a function) becomes None."""
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, Mapping):

@@ -71,7 +71,7 @@ class BatteryRun:
     """The battery over a trip. Arrays have shape (samples,); value k belongs to the interval that ends at k.
 
     `power_w` [W] is the terminal power after limits, `open_circuit_power_w` [W] that with the heat in the battery; `soc` and `temperature_degc` are those at the end of the
-    interval. `converged` says whether the passes settled.
+    interval. `converged` is whether the passes settled.
     """
 
     power_w: FloatArray

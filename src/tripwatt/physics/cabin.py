@@ -16,7 +16,7 @@ from tripwatt.arrays import FloatArray
 from tripwatt.vehicles import Climate
 
 CONTROL_STEP_S: Final = 10.0
-"""Step of the climate control; the cabin's air answers in about a minute."""
+"""Step of the climate control; the cabin's air responds in about a minute."""
 
 UNKNOWN_SUN_W_M2: Final = 300.0
 """Irradiance when nothing is known: about the mean of a bright half-day in middle latitudes."""
@@ -44,7 +44,7 @@ WINTER_SUN: Final = 0.5
 
 
 def irradiance(weather: str | None, season: str | None = None) -> float:
-    """Sun on the car [W/m²] that a weather report lets expect.
+    """Sun on the car [W/m²] expected from a weather report.
 
     Examples
     --------
@@ -78,7 +78,7 @@ class CabinStart:
     temperature_degc : float
         Of air and interior [°C].
     setpoint_degc : float
-        What the driver asks for [°C].
+        Temperature that the driver has set [°C].
     solar_irradiance_w_m2 : float
     warmth : float
         0 after a long stop, 1 when windows and seats are warm and dry from a drive just before.
@@ -110,9 +110,9 @@ def condition_cabin(
 ) -> CabinRun:
     """Keep the cabin at its set-point along a speed trace. O(samples + duration / CONTROL_STEP_S).
 
-    Air and interior are two heat capacities, stepped implicitly. The control asks for the heat that brings the air
+    Air and interior are two heat capacities, stepped implicitly. The control demands the heat that brings the air
     towards the set-point with its time constant, gets it within the limits of heater and cooler, and blows more
-    fresh air the more it asks for. Air that is cool enough outside cools without the compressor.
+    fresh air the more it demands. Air that is cool enough outside cools without the compressor.
 
     Examples
     --------

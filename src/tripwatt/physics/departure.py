@@ -7,13 +7,14 @@ from typing import Final
 from tripwatt.vehicles import Vehicle
 
 SUN_HEATS_CABINS_FROM_DEGC: Final = 12.0
-"""In outside air warmer than this a warm cabin may be the sun's work and says nothing of an earlier drive."""
+"""In outside air warmer than this a warm cabin may come from the sun and is no sign of an earlier drive."""
 
 
 def cabin_at_departure(vehicle: Vehicle, logged_degc: float | None, ambient_degc: float) -> float:
     """Cabin temperature [°C] at departure: as logged, else that of the outside air.
 
-    A sensor at the lower end of its range says nothing; the cabin is then as cold as the air outside.
+    A sensor at the lower end of its range has no information; the cabin is then assumed to be as cold as the air
+    outside.
 
     Examples
     --------
@@ -32,10 +33,10 @@ def cabin_at_departure(vehicle: Vehicle, logged_degc: float | None, ambient_degc
 def warmth_from_cabin(
     vehicle: Vehicle, logged_degc: float | None, setpoint_degc: float | None, ambient_degc: float
 ) -> float:
-    """Warmth of tyres and driveline that a cabin still warm in cold weather tells of, 0 to 1.
+    """Warmth of tyres and driveline at departure, from a cabin that is still warm in cold weather, 0 to 1.
 
     Interior and tyres cool at a similar pace, in about half an hour, so the cabin's excess over the outside air,
-    relative to that at the set-point, stands for the rest.
+    relative to that at the set-point, is the measure of the rest.
 
     Examples
     --------

@@ -48,7 +48,7 @@ def motor_loss(torque_nm: FloatArray, speed_rad_s: FloatArray, drivetrain: Drive
 
 @dataclass(frozen=True, slots=True)
 class Propulsion:
-    """What the drivetrain does with the wheel power that a trace asks for. Arrays have shape (samples,).
+    """What the drivetrain does with the wheel power of a trace. Arrays have shape (samples,).
 
     `motor_power_w` [W] is on the direct-current side, + discharges. `friction_brake_power_w` [W] is braking that
     becomes heat, `shortfall_power_w` [W] the wheel power that the motor could not give; neither is negative.
@@ -105,10 +105,10 @@ def propulsion(
     """
     speed_rad_s = speed_m_s * (drivetrain.gear_ratio / drivetrain.wheel_radius_m)
     efficiency = drivetrain.gearbox_efficiency
-    asked = np.maximum(wheel_power_w, 0.0) / efficiency
+    demand = np.maximum(wheel_power_w, 0.0) / efficiency
     torque_bound = drivetrain.motor_max_torque_nm * speed_rad_s
-    shaft = np.minimum(np.minimum(asked, drivetrain.motor_max_power_w), torque_bound)
-    short = asked - shaft
+    shaft = np.minimum(np.minimum(demand, drivetrain.motor_max_power_w), torque_bound)
+    short = demand - shaft
     braking = np.maximum(-wheel_power_w, 0.0)
     fade_range = regeneration.full_speed_m_s - regeneration.zero_speed_m_s
     fade = np.minimum(np.maximum((speed_m_s - regeneration.zero_speed_m_s) / fade_range, 0.0), 1.0)
@@ -121,7 +121,7 @@ def propulsion(
     useless = (taken > 0.0) & (motor_power >= 0.0)
     motor_power[useless] = 0.0
     taken[useless] = 0.0
-    limited = short > 1e-9 * asked
+    limited = short > 1e-9 * demand
     by_torque = limited & (torque_bound < drivetrain.motor_max_power_w)
     return Propulsion(
         motor_power_w=motor_power,

@@ -1,4 +1,4 @@
-"""Forces on the car: air, rolling, grade, inertia; and the grade that a logged elevation stands for."""
+"""Forces on the car: air, rolling, grade, inertia; and the grade of a logged elevation."""
 
 from __future__ import annotations
 

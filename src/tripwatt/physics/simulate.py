@@ -68,7 +68,7 @@ class Simulation:
     aero_drag_force_n, rolling_resistance_force_n, grade_force_n, inertia_force_n : ndarray
         Their sum is the traction force at the wheels.
     wheel_power_w : ndarray
-        Power at the wheels that the trace asks for.
+        Power at the wheels that the trace needs.
     motor_power_w : ndarray
         Electric power of motor and inverter.
     regen_power_w : ndarray
@@ -125,7 +125,7 @@ class Simulation:
 
     @property
     def traction_force_n(self) -> FloatArray:
-        """Force at the wheels that the trace asks for [N], + propels."""
+        """Force at the wheels that the trace needs [N], + propels."""
         return (
             self.aero_drag_force_n
             + self.rolling_resistance_force_n

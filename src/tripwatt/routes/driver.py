@@ -5,7 +5,7 @@ its end. The speed over *distance* is found first, by one pass forwards (how fas
 backwards (how fast may it be to make the next limit?). Both are running minima of a potential, so that no loop over
 samples is needed. Only then does distance become time.
 
-These are pure functions of arrays and know neither cars nor trips: whether the car can follow is for the physics to say.
+These are pure functions of arrays and independent of cars and trips: whether the car can follow is a question of the physics.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ LEAST_EFFORT: Final = 0.3
 class DriverStyle:
     """How somebody drives.
 
-    The acceleration that a driver asks for falls with speed as `acceleration_m_s2 / (1 + (v / v_half)²)`, with
+    The acceleration of a driver falls with speed as `acceleration_m_s2 / (1 + (v / v_half)²)`, with
     `v_half = half_acceleration_speed_m_s`; braking is equally firm at every speed. The defaults are a choice, near the
     1.48 m/s² at which EPA's urban schedule (UDDS) both speeds up and brakes at most, and far from the 3.8 and 3.1 m/s²
     of its aggressive one (US06).
@@ -46,7 +46,7 @@ class DriverStyle:
     Attributes
     ----------
     acceleration_m_s2 : float
-        Acceleration from standstill [m/s²], the most this driver ever asks for.
+        Acceleration from standstill [m/s²], the largest of this driver.
     deceleration_m_s2 : float
         Deceleration when braking [m/s²], positive.
     half_acceleration_speed_m_s : float
@@ -57,7 +57,7 @@ class DriverStyle:
         Standard deviation of the aimed speed's logarithm; the pressure on the pedals varies with it. 0 is a perfectly
         steady foot.
     fluctuation_time_s : float
-        Time [s] at the links' speed over which the fluctuation forgets itself.
+        Time [s] at the links' speed constant of the fluctuation.
     dwell_mean_s : float
         Mean standstill at a stop [s].
     """
@@ -395,7 +395,7 @@ def profile_over_time(
     into_s = np.minimum(np.maximum(time - departure[cell], 0.0), driving_s[cell])
     slope = (node_speed[cell + 1] - node_speed[cell]) / driving_s[cell]
     there = into_s >= driving_s[cell]
-    there[-1] = True  # the last sample has arrived, whatever the last bit of its time says
+    there[-1] = True  # the last sample has arrived, whatever the rounding of its time
     speed = np.where(there, node_speed[cell + 1], node_speed[cell] + slope * into_s)
     driven = position[cell] + into_s * (node_speed[cell] + 0.5 * slope * into_s)
     driven = np.where(there, position[cell + 1], driven)

@@ -37,7 +37,7 @@ LINK_KEYS: Final = frozenset(
         "speed_limit_m_s",
     }
 )
-"""What a link may say of itself, see `route_from_links`."""
+"""Keys of a link, see `route_from_links`."""
 
 
 def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
@@ -47,7 +47,7 @@ def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
     ----------
     links : iterable of mapping
         Each with `length_m` [m] and either `speed_m_s`, the mean speed including every standstill [m/s], or
-        `travel_time_s` [s]. Optional: `stop_s`, the standstill at the end of the link (part of the travel time; 0 says
+        `travel_time_s` [s]. Optional: `stop_s`, the standstill at the end of the link (part of the travel time; 0 means
         that the car does not stop), `moving_speed_m_s`, the speed while nothing stands in the way, `speed_limit_m_s`,
         and either `grade` or `start_elevation_m` and `end_elevation_m` [m]. None counts as not given.
 
@@ -117,7 +117,7 @@ def columns_at_once(links: Sequence[object]) -> dict[str, FloatArray] | None:
             and not any((columns[name] <= 0).any() for name in ("length_m", "speed_m_s", "travel_time_s"))
             and not (np.abs(columns["grade"]) > STEEPEST_LINK).any()
             and not any(np.isinf(values).any() for values in columns.values())
-            # a NaN that was given is a fault, unlike one that stands for nothing
+            # a NaN that was given is a fault, unlike the NaN of a missing key
             and all(there[name].sum() == len(rows) - lists[name].count(None) for name in LINK_KEYS)
         )
     return columns if sound else None

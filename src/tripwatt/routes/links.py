@@ -16,7 +16,7 @@ from tripwatt.routes.profile import LinkStyle, link_profile
 from tripwatt.trips import COLUMNS, LINK_COLUMNS, Flag, Plan, Recorded, raise_faults, table_of
 
 MOST_LINKS: Final = 200_000
-"""Links of one route; a router's answer has one for each piece between two nodes of the map."""
+"""Links of one route; a router response has one for each piece between two nodes of the map."""
 
 MOST_TRAVEL_TIME_S: Final = LINK_COLUMNS["travel_time_s"].maximum
 """No battery lasts longer than this without a charge."""
@@ -283,14 +283,14 @@ def _stretches(route: LinkRoute) -> IntArray:
 
 
 def _stops(route: LinkRoute, first: IntArray, last: IntArray) -> FloatArray:
-    """Given standstill at the end of each stretch; unknown as soon as one of its links does not know."""
+    """Given standstill at the end of each stretch; unknown where it is unknown on one of its links."""
     unknown = np.add.reduceat(np.isnan(route.stop_s).astype(np.float64), first) > 0
     end = route.stop_s[last]
     return np.where(unknown & ~(end > 0), np.nan, np.nan_to_num(end, nan=0.0))
 
 
 def _moving_speeds(route: LinkRoute, first: IntArray) -> FloatArray:
-    """Length over the sum of the moving times of a stretch, unknown as soon as one of its links does not know."""
+    """Length over the sum of the moving times of a stretch, unknown where it is unknown on one of its links."""
     return np.asarray(
         np.add.reduceat(route.length_m, first)
         / np.add.reduceat(route.length_m / route.moving_speed_m_s, first),
@@ -299,7 +299,7 @@ def _moving_speeds(route: LinkRoute, first: IntArray) -> FloatArray:
 
 
 def _limits(route: LinkRoute, first: IntArray) -> FloatArray | None:
-    """Highest speed limit of each stretch, unknown as soon as one of its links does not know."""
+    """Highest speed limit of each stretch, unknown where it is unknown on one of its links."""
     return (
         None
         if route.speed_limit_m_s is None
@@ -308,7 +308,7 @@ def _limits(route: LinkRoute, first: IntArray) -> FloatArray | None:
 
 
 def join_routes(routes: Sequence[LinkRoute]) -> LinkRoute:
-    """Routes one after the other; heights only where all of them know theirs. O(links)."""
+    """Routes one after the other; heights only where all of them have heights. O(links)."""
     heights = [r.elevation_m for r in routes if r.elevation_m is not None]
     places, driven = [], 0.0
     for route in routes:

@@ -29,7 +29,7 @@ def plan_from_route(
     ----------
     route : LinkRoute or Track
     speed_m_s : float, optional
-        Mean speed [m/s] of a track's pieces that know neither time nor speed.
+        Mean speed [m/s] of a track's pieces without time and speed.
     trip_id : str
     style : LinkStyle, optional
     rng : numpy.random.Generator, optional

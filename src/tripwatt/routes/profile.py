@@ -1,10 +1,10 @@
-"""From what links say, a length and a travel time, to speed over time: where the car stops and how fast it is between.
+"""From the length and travel time of links to speed over time: where the car stops and how fast it is between.
 
-A link's mean speed includes every standstill. The driver model therefore asks twice. How fast would this driver go if
-nothing stood in the way (`LinkStyle.free_speed`)? And what becomes of the time that is left over? A little of it is a
-place at which the car slows down, more of it a stop, still more a longer stop or several. Links that are faster
-than the free speed are driven faster. One number per link, its *delay*, runs through all of this, and travel time
-grows with it, so that the delays can be found that reproduce the travel times of all links at once.
+A link's mean speed includes every standstill. The driver model therefore has two steps: the speed of this driver
+without any disturbance (`LinkStyle.free_speed`), and the use of the time that is left over. A little of it is a place
+at which the car slows down, more of it a stop, still more a longer stop or several. Links that are faster than the free
+speed are driven faster. All of this follows from one number per link, its *delay*. Travel time grows with the delay, so
+that the delays that reproduce the travel times of all links are found at once.
 """
 
 from __future__ import annotations
@@ -146,7 +146,7 @@ def link_profile(
     """Drive links in their travel times, from standstill to standstill. O(length / 4 m + samples).
 
     Speed is continuous and changes no faster than `style.driver` allows. Where the travel time of a link cannot be
-    reproduced within these limits, the link takes longer than it says; everywhere else it takes what it says, to
+    reproduced within these limits, the link takes longer; everywhere else it takes its travel time, to
     5 per mille or 0.2 s (see `docs/routes.md` for the measured share).
 
     Parameters
@@ -155,7 +155,7 @@ def link_profile(
         Length of each link [m] and time on it including every standstill [s].
     stop_s : array_like, shape (links,), optional
         Standstill at the end of each link [s], part of its travel time: 0 = the car does not stop on this link, NaN =
-        not known, so that stops are placed where the travel time asks for them. All unknown without it.
+        not known, so that stops are placed where the travel time needs them. All unknown without it.
     moving_speed_m_s : array_like, shape (links,), optional
         Speed while nothing stands in the way [m/s], NaN = not known.
     speed_limit_m_s : array_like, shape (links,), optional
@@ -445,7 +445,7 @@ def _number_of_dips(
     unknown: BoolArray,
     style: LinkStyle,
 ) -> IntArray:
-    """How often the car slows down or stops on each link: once, and more often if the time left over asks for it."""
+    """How often the car slows down or stops on each link: once, and more often if there is time left over."""
     up = style.comfort * style.driver.acceleration_m_s2
     down = style.comfort * style.driver.deceleration_m_s2
     half_squared = style.driver.half_acceleration_speed_m_s**2

@@ -1,6 +1,6 @@
 """Saved responses of routers (OSRM, Valhalla, openrouteservice, GraphHopper) as links.
 
-Each reader knows one response's JSON as its public documentation describes it; `docs/routes.md` names the pages. All of
+Each reader follows the public documentation of one router's JSON; `docs/routes.md` names the pages. All of
 them take the first route. What a router expects includes the traffic lights and turns that it counts, so that its times
 are travel times with standstill.
 """
@@ -168,7 +168,7 @@ def _add_steps(
 
 
 def route_from_valhalla(response: Mapping[str, Any], where: str = "Valhalla response") -> LinkRoute:
-    """Links of a Valhalla trip: its manoeuvres, with the elevation if it was asked for.
+    """Links of a Valhalla trip: its manoeuvres, with the elevation if the response has it.
 
     Raises
     ------
@@ -210,7 +210,7 @@ def route_from_valhalla(response: Mapping[str, Any], where: str = "Valhalla resp
 def route_from_openrouteservice(
     response: Mapping[str, Any], where: str = "openrouteservice response"
 ) -> LinkRoute:
-    """Links of an openrouteservice response, JSON or GeoJSON: its steps, with the elevation if it was asked for.
+    """Links of an openrouteservice response, JSON or GeoJSON: its steps, with the elevation if the response has it.
 
     Raises
     ------
@@ -242,7 +242,7 @@ def route_from_openrouteservice(
 
 
 def _openrouteservice_unit(response: Mapping[str, Any], where: str) -> float:
-    """Metres in a unit of length of the response, which repeats the request; metres where it does not say."""
+    """Metres in a unit of length of the response, which repeats the request; metres by default."""
     metadata = response.get("metadata")
     query = metadata.get("query") if isinstance(metadata, dict) else None
     units = query.get("units", "m") if isinstance(query, dict) else "m"
@@ -297,7 +297,7 @@ def _graphhopper_points(path: Mapping[str, Any], where: str) -> FloatArray | Non
 
 
 def _graphhopper_polyline(text: str, path: Mapping[str, Any], multiplier: float, where: str) -> FloatArray:
-    """Points of an encoded text that does not say whether heights are in it: as many as fit the path's length."""
+    """Points of an encoded text, with or without heights: whichever fits the length of the path."""
     found = {}
     faults: list[Fault] = []
     for dimensions in (2, 3):
@@ -393,7 +393,7 @@ def read_response(
     source : bytes, str or path
         The JSON text itself as bytes, or the path of a file.
     router : str, optional
-        One of `ROUTERS`; told from the response when not given.
+        One of `ROUTERS`; recognised from the response when not given.
     where : str, optional
         Name for messages.
 
@@ -438,7 +438,7 @@ def is_route(path: Path | str) -> bool:
 def parse_route(source: bytes | str | Path, *, where: str | None = None) -> LinkRoute | Track:
     """A route in any of the formats: GPX, GeoJSON, a router's response, or links as JSON or CSV. O(bytes).
 
-    The format is told from the content. Links are a JSON array of objects, or an object with a key `links`, as
+    The format is recognised from the content. Links are a JSON array of objects, or an object with a key `links`, as
     `route_from_links` reads them, or a CSV table with the same names as columns (`route_from_table`).
 
     Parameters
@@ -455,7 +455,7 @@ def parse_route(source: bytes | str | Path, *, where: str | None = None) -> Link
     Raises
     ------
     InvalidInput
-        When it is none of these, or what the format's own reader says.
+        When it is none of these, or with the faults that the format's reader finds.
 
     Examples
     --------

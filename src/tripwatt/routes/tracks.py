@@ -53,7 +53,7 @@ class Track:
     time_s : ndarray or None
         Increasing or equal, from 0; None without times.
     piece_speed_m_s : ndarray, shape (points - 1,)
-        Mean speed between two points where the source says it, else NaN.
+        Mean speed between two points where the source has it, else NaN.
     started_at : datetime or None
         Time of the first point.
     flags : tuple of Flag
@@ -133,7 +133,7 @@ class Track:
 
 
 def needs_speed(route: LinkRoute | Track) -> bool:
-    """Whether a route is a track of which some piece knows neither time nor speed.
+    """Whether a route is a track with a piece without time and speed.
 
     Examples
     --------
@@ -183,12 +183,12 @@ def route_from_track(track: Track, speed_m_s: float | None = None) -> LinkRoute:
     ----------
     track : Track
     speed_m_s : float, optional
-        Mean speed, standstill included, where the track says neither time nor speed [m/s].
+        Mean speed, standstill included, where the track has neither time nor speed [m/s].
 
     Raises
     ------
     InvalidInput
-        When neither is known, or the times ask for a speed that no car has.
+        When neither is known, or the times imply a speed that no car reaches.
 
     Examples
     --------
@@ -263,7 +263,7 @@ def plan_from_track(
     Raises
     ------
     InvalidInput
-        Without times, or when the track asks for a speed that no car has.
+        Without times, or when the track implies a speed that no car reaches.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A CSV or Parquet file as columns that are asked for by name."""
+"""A CSV or Parquet file as columns, read by name."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def open_table(path: Path, decimal: str = ".") -> TableFile:
     Raises
     ------
     InvalidInput
-        When it cannot be read as what its suffix says.
+        When it cannot be read in the format of its suffix.
     """
     if path.suffix.lower() != ".parquet":
         return CsvTable(path, open_delimited(path), decimal)

@@ -1,6 +1,6 @@
-"""What the values of a table say of its columns.
+"""Units and meaning of a table's columns from their values.
 
-Units come from ranges, time stamps from their form, and Newton's second law says which column is the current, which way
+Units come from ranges, time stamps from their form, and Newton's second law gives which column is the current, which way
 it counts, and in which unit the speed is.
 """
 
@@ -61,7 +61,7 @@ STAMP_FORMATS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Flow:
-    """What the flow of power says: columns found by it, direction of the current, mass in the assumed unit of speed.
+    """Findings from the flow of power: columns found by it, direction of the current, mass in the assumed unit of speed.
 
     `found` holds (our name, column, unit, why).
     """
@@ -100,7 +100,7 @@ def stamp_format(texts: Sequence[str]) -> tuple[str, str] | None:
 
 
 def unit_of_values(ours: str, known: FloatArray) -> tuple[str, str]:
-    """Unit of a column whose name does not say it, from the range of its values, and why."""
+    """Unit of a column whose name has none, from the range of its values, and why."""
     low, high = float(np.min(known)), float(np.max(known))
     seen = f"values of {low:g} to {high:g}"
     if ours == "time_s":
@@ -173,7 +173,7 @@ def speed_unit(assumed: str, mass_kg: float) -> tuple[str, str]:
 def best_flow(
     clock: FloatArray, known: Mapping[str, tuple[str, FloatArray]], others: Mapping[str, FloatArray]
 ) -> Flow:
-    """Columns that only their values give away, and the direction of the current.
+    """Columns recognised by their values alone, and the direction of the current.
 
     Parameters
     ----------

@@ -59,7 +59,7 @@ _WATT: Final = {"w": (1.0, 0.0), "kw": (1000.0, 0.0), "hp": (745.699872, 0.0), "
 _SECOND: Final = {"s": (1.0, 0.0), "ms": (1e-3, 0.0), "min": (60.0, 0.0), "h": (SECONDS_PER_HOUR, 0.0)}
 
 TIME_STAMPS: Final = MappingProxyType({"timestamp": math.nan, "epoch_s": 1.0, "epoch_ms": 1e-3})
-"""Units of a time that also tell the day: text, or seconds or milliseconds since 1970."""
+"""Units of a time that include the day: text, or seconds or milliseconds since 1970."""
 
 UNITS: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = MappingProxyType(
     {
@@ -135,7 +135,7 @@ class ColumnMapping:
     discharge_sign : float
         1 when the table counts discharge as positive, -1 when it counts charge so.
     trip_column : str or None
-        Column that tells the trips of one file apart; each file is a trip without it.
+        Column that identifies the trips of one file; each file is a trip without it.
     nominal_voltage_v, usable_capacity_kwh, usable_capacity_uncertainty : float or None
     decimal : str
         Decimal separator of text files.

@@ -1,7 +1,7 @@
 """Proposes a mapping for a table from its header and from its values, and explains each guess.
 
-A name is a hint, the values decide: a voltage has to be a traction battery's, a time has to increase. Where a name does
-not say a unit, physics does: in the wrong unit of speed the car would have a mass that no car has.
+A name is a hint, the values decide: a voltage has to be a traction battery's, a time has to increase. Where a name has
+no unit, physics gives it: in the wrong unit of speed the car would have a mass that no car has.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class Suggestion:
     Attributes
     ----------
     toml : str
-        The mapping, ready to be saved; each line says why.
+        The mapping, ready to be saved, with the reason in each line.
     guesses : tuple of Guess
     missing : tuple of str
         What has to be added by hand before the mapping can be used.
@@ -190,7 +190,7 @@ def _numbers(table: TableFile) -> dict[str, FloatArray]:
 
 
 def _trip_column(table: TableFile, columns: Mapping[str, FloatArray]) -> tuple[str | None, IntArray]:
-    """A column that tells trips apart by its name, and the number of each row's trip."""
+    """A column that identifies trips by its name, and the number of each row's trip."""
     for name in table.names:
         if _TRIP_NAME.match(words(name)):
             keys = columns[name] if name in columns else np.array(table.texts(name), dtype=object)
@@ -215,7 +215,7 @@ def _by_name(table: TableFile, columns: Mapping[str, FloatArray], trip: str | No
 
 
 def _with_unit(ours: str, name: str, table: TableFile, values: FloatArray | None) -> Guess | None:
-    """The guess with its unit, from the name if it says one, else from the values; None where they cannot be it."""
+    """The guess with its unit, from the name if it has one, else from the values; None where they cannot be it."""
     if values is None:
         if ours != "time_s":
             return None

@@ -185,7 +185,7 @@ def _missing(table: TableFile, name: str, mapping: ColumnMapping) -> Fault:
 
 
 def _stamps(table: TableFile, entry: MappedColumn) -> tuple[FloatArray, list[dt.datetime | None] | None]:
-    """Seconds since 1970 of a column of time stamps; since the first sample, and no start, where they tell no day."""
+    """Seconds since 1970 of a column of time stamps; since the first sample, and no start, where they have no day."""
     texts = pd.Series(table.texts(entry.column), dtype=object)
     stamps = pd.to_datetime(texts, format=entry.format or "ISO8601", utc=True, errors="coerce")
     bad = np.flatnonzero(stamps.isna() & (texts != ""))
@@ -306,7 +306,7 @@ def _range_faults(
     ours: Mapping[str, FloatArray],
     by_row: bool,
 ) -> Iterator[Fault]:
-    """Columns of which too many values cannot be what the mapping says they are."""
+    """Columns with too many values that are impossible with the mapping's unit."""
     for name, values in ours.items():
         if name not in COLUMNS or name == "time_s":
             continue

@@ -107,7 +107,7 @@ def read_tum(folder: Path | str, *, columns: Iterable[str] | None = None, n_jobs
     Returns
     -------
     Fleet
-        Raw trips in the order of their ids. Without the sheet season and weather are None and `notes` says so.
+        Raw trips in the order of their ids. Without the sheet season and weather are None and `notes` has a note.
 
     Raises
     ------

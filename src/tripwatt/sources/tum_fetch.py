@@ -48,7 +48,7 @@ class FolderReport:
     unreadable : mapping of str to tuple of Fault
         Trips whose files cannot be used, and why.
     shortened : mapping of str to tuple of (float, float)
-        Trips whose log [s] is shorter than the sheet says [s].
+        Trips whose log [s] is shorter than in the sheet [s].
     overview : bool
         Whether the sheet of contexts is there and can be read.
     notes : tuple of str
@@ -120,7 +120,7 @@ def where_to_get_tum() -> str:
 
 
 def check_tum_folder(folder: Path | str) -> FolderReport:
-    """Read every trip of a folder and say what is there, missing, unreadable or shortened.
+    """Read every trip of a folder and report what is there, missing, unreadable or shortened.
 
     Raises
     ------

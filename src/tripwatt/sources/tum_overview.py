@@ -1,6 +1,6 @@
 """Context of the TUM trips from `Overview.xlsx`: season, weather, departure, set-point, payload, notes.
 
-Only what the logs cannot know is taken from the sheet; its states of charge, distances and durations are in part
+Only what is not in the logs is taken from the sheet; its states of charge, distances and durations are in part
 wrong and are never read.
 """
 
@@ -18,7 +18,7 @@ from tripwatt.sources.delimited import column_key
 from tripwatt.trips import Context, Flag
 
 SEASONS: Final = {"A": "summer", "B": "winter"}
-"""The set's two campaigns, told by the letter in the trip's id."""
+"""The set's two campaigns, by the letter in the trip's id."""
 
 _TRIP_ID: Final = re.compile(r"trip([ab]\d{2,3})", re.IGNORECASE)
 _PAYLOAD: Final = re.compile(r"\+\s*(\d+(?:[.,]\d+)?)\s*kg", re.IGNORECASE)

@@ -2,7 +2,7 @@
 
 G. S. Oh, D. J. LeBlanc, H. Peng, "Vehicle Energy Dataset (VED), a large-scale dataset for vehicle energy consumption
 research", IEEE Transactions on Intelligent Transportation Systems 23(4), 2022, doi 10.1109/TITS.2020.3035596; data at
-github.com/gsoh/VED, Apache-2.0. A trip is told by (VehId, Trip). Samples come when a sensor has something new to say,
+github.com/gsoh/VED, Apache-2.0. A trip is identified by (VehId, Trip). A sample is logged when a sensor has a new value,
 so that steps are irregular and every other signal keeps its last value.
 """
 
@@ -79,7 +79,7 @@ def read_ved(folder: Path | str, *, n_jobs: int | None = None) -> Fleet:
     -------
     Fleet
         Raw trips named `VED<VehId>-<Trip>`, in the order of departure. `notes` counts the trips of combustion cars
-        and hybrids that were skipped, and says that the road counts as flat.
+        and hybrids that were skipped, and the note that the road counts as flat.
 
     Raises
     ------

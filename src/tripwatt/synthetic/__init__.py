@@ -1,14 +1,13 @@
-"""A built-in fleet with a known truth, so that the whole pipeline can be seen to work and be held to account.
+"""A built-in fleet with a known truth, to demonstrate and to test the whole pipeline.
 
 Nothing here is measured. Drivers, days, routes and weather are drawn from a seed (`scenario`, `roads`); the driver model
 gives the speed; a *hidden* car and world give the energy (`world`): the physics of the i3 on the true road, with wind,
-wet or cold tyres, habits, a cabin with its own heat balance, lamps, and heavy-tailed noise that no model of the package
-knows. The truth is then read by noisy sensors of the usual resolution (`sensors`). `synthetic_truth` tells what was
-hidden.
+wet or cold tyres, habits, a cabin with its own heat balance, lamps, and heavy-tailed noise that is in no model of the
+package. Noisy sensors of the usual resolution (`sensors`) then log the truth. `synthetic_truth` has the hidden effects.
 
 Every trip draws from streams of its own, keyed by the seed, its day and its place in the day: a longer fleet begins
 with the shorter one, and no trip depends on another. A following trip starts with the warmth and the charge that its
-day's scenario expects, not with those that the trip before it happened to end with.
+day's scenario expects, not with those at the end of the trip before it.
 """
 
 from __future__ import annotations
@@ -66,7 +65,7 @@ def synthetic_fleet(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0, fa
     Returns
     -------
     Fleet
-        Name "synthetic"; its notes say that nothing was measured; no reference trips.
+        Name "synthetic"; a note states that nothing was measured; no reference trips.
 
     Raises
     ------
@@ -134,7 +133,7 @@ def synthetic_truth(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0) ->
         the work [Wh] at the wheel against hidden wind and rolling resistance, part of driving. `headwind_m_s`,
         `rolling_share`, `driver_share` and `trip_share` are what caused them; `ambient_temperature_degc` is the true
         mean outside temperature [°C]; `end_soc` is the true state of charge at the end; `driver`, `day`, `season`,
-        `sky`, `route` say whose and when.
+        `sky`, `route` describe the trip.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """The hidden truth of a trip: the i3's physics in a world with wind, weather, habits, a cabin and heavy tails.
 
-Forces that the package's physics does not know act on the true car as an equivalent slope; loads that it does not know
-come on top at the battery terminals. Every figure here *defines* the synthetic world and describes no real one.
+Forces that are not in the package's physics act on the true car as an equivalent slope; loads that are not in it
+come on top at the battery terminals. Every figure here *defines* the synthetic world and does not describe a real one.
 """
 
 from __future__ import annotations
@@ -222,7 +222,7 @@ def draw_ambient(scenario: Scenario, time_s: FloatArray, rng: np.random.Generato
 
 
 def compressor_hunting(time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Factor around 1 by which a compressor takes more or less than its cooling asks for."""
+    """Factor around 1 by which a compressor takes more or less than its cooling needs."""
     wave = np.interp(time_s, *smooth_field(float(time_s[-1]), HUNTING_TIME_S, rng))
     return np.maximum(1.0 + HUNTING_SHARE * wave, 0.5)
 

@@ -29,7 +29,7 @@ class Context:
     car : str or None
         Which car of a data set of several drove it; None where the set has one car.
     driver : str or None
-        Who drove, where the source tells.
+        Who drove, None where the source has no name.
     """
 
     season: str | None = None

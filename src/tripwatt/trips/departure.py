@@ -1,4 +1,4 @@
-"""What is known when the car leaves: one class for a person's answers, a log's first sample and a request's fields."""
+"""What is known when the car leaves: one class for options of a command, a log's first sample and a request's fields."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class Departure:
 
     @classmethod
     def from_drive(cls, drive: Drive, context: Context) -> Departure:
-        """What the first sample of a drive and its context tell.
+        """The departure of a drive, from its first sample and its context.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Logs that were read together, and what their source tells of them."""
+"""Logs that were read together, and the notes of their source."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tripwatt.trips.trip import Recorded, Trip
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Fleet:
-    """Logs that were read together, and what their source tells of them.
+    """Logs that were read together, and the notes of their source.
 
     Attributes
     ----------
@@ -26,7 +26,7 @@ class Fleet:
         The data set's reference trips: id -> time [s] at which the trip ends, None for its own end. None when the
         data set defines none.
     citation : str
-        Attribution that the data's licence asks for, empty when it asks for none.
+        Attribution that the data's licence requires, empty when it requires none.
     """
 
     name: str
@@ -41,7 +41,7 @@ class Fleet:
         return tuple(map(Trip.from_log, self.logs))
 
     def reference_trips(self) -> tuple[Trip, ...]:
-        """The reference trips among the logs, ended where the reference says; empty without a reference."""
+        """The reference trips among the logs, ended where the reference ends; empty without a reference."""
         ends = self.reference or {}
         return tuple(
             t if ends[t.trip_id] is None else t.between(-math.inf, ends[t.trip_id] or math.inf)

@@ -41,7 +41,7 @@ class Plan(Drive):
     start_s : float
         Time of the departure on the clock of what is measured on the way [s].
     end_s : float or None
-        Time of the arrival on that clock [s]; None when only the plan tells.
+        Time of the arrival on that clock [s]; None when only the plan has it.
 
     Examples
     --------
@@ -125,7 +125,7 @@ class Plan(Drive):
 def plan_from_trip(trip: Recorded, *, step_s: float = 1.0) -> Plan:
     """What was known of a trip at its departure: its speed trace and road, and the first raw sample of the rest.
 
-    Everything after that (simulation, features, forecast) sees nothing else, so nothing that was measured on the way
+    Everything after that (simulation, features, forecast) has no other input, so nothing that was measured on the way
     can leak into a forecast before departure. O(samples).
 
     Parameters

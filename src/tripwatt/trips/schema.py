@@ -110,9 +110,10 @@ def scalar_faults(values: Mapping[str, float | None]) -> Iterator[Fault]:
 
 
 def is_sound(samples: pd.DataFrame) -> bool:
-    """Whether a table of nothing but canonical columns of floats has no fault; False also where nothing can be said.
+    """Whether a table of nothing but canonical columns of floats has no fault; False also for any other table.
 
-    It says at once what `structure_faults` and `value_faults` find out column by column. O(samples x columns).
+    One pass over all columns, with the result of `structure_faults` and `value_faults` column by column.
+    O(samples x columns).
     """
     names = samples.columns.tolist()
     if len(samples) < 2 or not {*REQUIRED_COLUMNS} <= set(names) <= set(COLUMNS):

@@ -6,7 +6,7 @@ car's own entries replace earlier ones. `[scaled]` computes entries from a refer
 - `motor_losses = "CAR"`: the loss map of motor and inverter at the same shares of torque and speed,
 - `cell_resistance = "CAR"`: resistance of one cell at the same product of resistance and capacity.
 
-Every entry taken over keeps its source and licence, and says from where it came.
+Every entry taken over keeps its source and licence, and names the file that it came from.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def bundled_bases() -> tuple[str, ...]:
 
 
 def inherit(document: Mapping[str, Any], where: str, faults: list[Fault]) -> dict[str, Any]:
-    """The document with what it takes over and the licences filled in, and without the keys that ask for it.
+    """The document with what it takes over and the licences filled in, and without the keys that control this.
 
     Parameters
     ----------

@@ -67,7 +67,7 @@ def licence_faults(expression: object, place: str) -> Iterator[Fault]:
 
 
 def with_licences(document: Mapping[str, Any], where: str, faults: list[Fault]) -> dict[str, Any]:
-    """The document with a licence in every entry that has a source, and without the keys that say which.
+    """The document with a licence in every entry that has a source, and without the keys that name them.
 
     Parameters
     ----------

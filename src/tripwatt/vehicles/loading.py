@@ -180,7 +180,7 @@ def _read(path: Path) -> str:
 
 @cache
 def _shared_presets() -> dict[str, dict[str, Any]]:
-    """Presets that every car has unless its own file says otherwise."""
+    """Presets that every car has unless its own file overrides them."""
     files = sorted((_data_folder() / "presets").iterdir(), key=lambda f: str(f.name))
     faults: list[Fault] = []
     presets = {

@@ -1,4 +1,4 @@
-"""The parts of a car as frozen dataclasses. Each field says its unit and what it may be; the TOML says its value."""
+"""The parts of a car as frozen dataclasses. Each field has its unit and its bounds; the TOML has its value."""
 
 from __future__ import annotations
 
