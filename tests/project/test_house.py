@@ -50,6 +50,8 @@ def compared_names(tree: ast.AST) -> list[tuple[int, str]]:
     for node in ast.walk(tree):
         texts: list[ast.expr] = []
         if isinstance(node, ast.Compare) and all(isinstance(op, ast.Eq | ast.NotEq) for op in node.ops):
+            if isinstance(node.left, ast.Attribute) and node.left.attr == "kind":
+                continue  # a kind of model is no name
             texts = [node.left, *node.comparators]
         elif isinstance(node, ast.MatchValue):
             texts = [node.value]

@@ -157,11 +157,10 @@ def _stored(folder: Path) -> tuple[ForecastModel, dict[str, Any]]:
 
 
 def _require_storable(corrector: str) -> None:
-    from tripwatt.hybrid import POWER_CORRECTORS
+    from tripwatt.hybrid import STORABLE
 
-    storable = [name for name in POWER_CORRECTORS if name != "gamm"]
-    if corrector not in storable:
-        raise InvalidInput(Fault("unknown corrector", "--corrector", corrector, ", ".join(storable)))
+    if corrector not in STORABLE:
+        raise InvalidInput(Fault("unknown corrector", "--corrector", corrector, ", ".join(STORABLE)))
 
 
 def _require_one_way(base: Path | None, calibrate: bool) -> None:

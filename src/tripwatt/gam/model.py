@@ -148,7 +148,7 @@ class GAMM(RegressorMixin, BaseEstimator):
             raise InvalidInput(
                 Fault("too few rows", "frame", got, f"more than {stack.null_dim} unpenalised coefficients")
             )
-        given = self._given_logs(design)
+        given = _given_logs(self.smoothing_parameters, design)
         settings = self._settings(family, None if given is None else given[which])
         rows = design.rows.subset(columns=active)
         solution = solve(rows, values, sums, stack, active, settings)
@@ -268,7 +268,7 @@ class GAMM(RegressorMixin, BaseEstimator):
                 Fault("no groups", "leave_groups_out", "groups is None", "a group for each row")
             )
         design = build_design(formula, frame, self.discretise, self.extrapolation)
-        given = self._given_logs(design)
+        given = _given_logs(self.smoothing_parameters, design)
         settings = self._settings(family, given)
         units = group_codes if fold_codes is None else fold_codes
         predictions, report = leave_out(design, frame, values, group_codes, units, settings)
@@ -333,28 +333,6 @@ class GAMM(RegressorMixin, BaseEstimator):
     def _moments(self, design: Design, y: FloatArray, groups: Index | None) -> Moments:
         codes = groups if groups is not None else np.zeros(len(y), dtype=np.intp)
         return grouped_moments(design, y, codes, np.arange(len(y), dtype=np.intp), self.ar1_rho is not None)
-
-    def _given_logs(self, design: Design) -> FloatArray | None:
-        """Given smoothing parameters as logs, in the order of the design."""
-        if self.smoothing_parameters is None:
-            return None
-        names = design.penalty_names
-        if isinstance(self.smoothing_parameters, Mapping):
-            odd = set(self.smoothing_parameters) ^ set(names)
-            if odd:
-                raise InvalidInput(
-                    Fault("smoothing parameters do not match", ", ".join(sorted(odd)), "", ", ".join(names))
-                )
-            values = np.array([self.smoothing_parameters[name] for name in names], dtype=np.float64)
-        else:
-            values = np.asarray(self.smoothing_parameters, dtype=np.float64).ravel()
-        if len(values) != len(names) or not (np.isfinite(values) & (values > 0)).all():
-            got = f"{len(values)} values"
-            allowed = f"{len(names)} positive numbers for {', '.join(names)}"
-            raise InvalidInput(
-                Fault("invalid smoothing parameters", "GAMM(smoothing_parameters=)", got, allowed)
-            )
-        return np.log(values)
 
     def _keep(
         self,
@@ -423,3 +401,24 @@ class GAMM(RegressorMixin, BaseEstimator):
         if faults:
             raise InvalidInput(dict.fromkeys(faults))
         return frame
+
+
+def _given_logs(given: Sequence[float] | Mapping[str, float] | None, design: Design) -> FloatArray | None:
+    """Given smoothing parameters as logs, in the order of the design."""
+    if given is None:
+        return None
+    names = design.penalty_names
+    if isinstance(given, Mapping):
+        odd = set(given) ^ set(names)
+        if odd:
+            raise InvalidInput(
+                Fault("smoothing parameters do not match", ", ".join(sorted(odd)), "", ", ".join(names))
+            )
+        values = np.array([given[name] for name in names], dtype=np.float64)
+    else:
+        values = np.asarray(given, dtype=np.float64).ravel()
+    if len(values) != len(names) or not (np.isfinite(values) & (values > 0)).all():
+        got = f"{len(values)} values"
+        allowed = f"{len(names)} positive numbers for {', '.join(names)}"
+        raise InvalidInput(Fault("invalid smoothing parameters", "GAMM(smoothing_parameters=)", got, allowed))
+    return np.log(values)

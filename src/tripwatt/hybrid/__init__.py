@@ -5,7 +5,7 @@ what is known before departure. In both ``residual = observed - simulated`` and 
 """
 
 from tripwatt.hybrid.baselines import EnergyRegression, PhysicsOnly
-from tripwatt.hybrid.correctors import POWER_CORRECTORS, TRANSFERABLE, power_corrector
+from tripwatt.hybrid.correctors import POWER_CORRECTORS, STORABLE, TRANSFERABLE, power_corrector
 from tripwatt.hybrid.power import PowerCorrector
 from tripwatt.hybrid.segments import SEGMENT_S, SegmentTable, segment_table, segment_trips
 from tripwatt.hybrid.trip_table import COVARIATES, EnergyModel, TripTable, build_table
@@ -14,6 +14,7 @@ __all__ = [
     "COVARIATES",
     "POWER_CORRECTORS",
     "SEGMENT_S",
+    "STORABLE",
     "TRANSFERABLE",
     "EnergyModel",
     "EnergyRegression",

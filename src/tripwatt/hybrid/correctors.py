@@ -31,6 +31,9 @@ POWER_CORRECTORS: Final[Mapping[str, Callable[[int], PowerCorrector]]] = Mapping
 )
 """Name -> a fresh corrector, made from a seed."""
 
+STORABLE: Final = ("linear", "gp", "boosting", "forest", "split", "ensemble")
+"""Correctors that can be stored: all but the GAMM."""
+
 TRANSFERABLE: Final = ("linear", "gp", "ensemble", "split")
 """Correctors with a Gaussian process: these can be put on another car."""
 
