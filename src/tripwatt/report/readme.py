@@ -45,10 +45,10 @@ def render_short(results: Mapping[str, Any]) -> str:
     view = View(results)
     parts = [_SYNTHETIC] if view.synthetic else []
     parts.append(markdown(short_table(view)))
-    parts.append(
-        "The best model of each kind, on trips that it was not fitted on, given the driven speed trace."
+    given = ", ".join(
+        filter(None, ["The best model of each kind, on trips that it was not fitted on", view.given])
     )
-    return "\n\n".join(parts)
+    return "\n\n".join([*parts, f"{given}."])
 
 
 def render_paper(results: Mapping[str, Any]) -> str:

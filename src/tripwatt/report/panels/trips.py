@@ -206,9 +206,8 @@ def plot_trip_errors(
         words = model_style(name).label
         axes.plot(np.minimum(values, limit), rows, "o", label=words, gid=gid, clip_on=False, **look)
 
-    axes.hlines(
-        rows, np.minimum(own, limit), np.minimum([*others, 0 * own][0], limit), color=RULE, lw=1.4, zorder=1
-    )
+    base = others[0] if others else np.zeros_like(own)
+    axes.hlines(rows, np.minimum(own, limit), np.minimum(base, limit), color=RULE, lw=1.4, zorder=1)
     for other in others:
         dots(other, str(against), "other", mfc=PAPER_COLOUR, mec=model_style(str(against)).colour, ms=4)
     dots(own, model, "own", color=model_style(model).colour, ms=4.5)
