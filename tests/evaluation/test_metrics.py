@@ -31,3 +31,7 @@ def test_paired_difference_is_antisymmetric_and_knows_significance():
     assert clear.diff < 0
     assert paired_difference(a + 0.02 + noise, a, seed=5).diff == pytest.approx(-clear.diff)
     assert not paired_difference(a, a + noise - noise.mean(), seed=5).significant
+
+
+def test_one_trip_has_an_interval_without_width() -> None:
+    assert bootstrap_interval(np.array([0.25]), seed=3) == (0.25, 0.25)

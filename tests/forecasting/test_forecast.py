@@ -1,4 +1,4 @@
-"""The forecast: nothing leaks, parts add up, what was measured counts exactly, doubt behaves."""
+"""The forecast: nothing leaks, parts add up, what was measured counts exactly, uncertainty behaves."""
 
 import dataclasses
 
@@ -157,10 +157,10 @@ def test_conditioning_is_exact_on_what_was_seen():
     segments = some_blocks(rng, n)
     K = PROCESS.covariance(segments)
     seen, power = np.array([0, 3, 4]), rng.normal(0, 800, 3)
-    belief = PowerPosterior.from_covariance(K).given(np.eye(n)[seen], power, np.full(3, 1e-6))
-    np.testing.assert_allclose(belief.mean_w[seen], power, atol=1e-3)
+    posterior = PowerPosterior.from_covariance(K).given(np.eye(n)[seen], power, np.full(3, 1e-6))
+    np.testing.assert_allclose(posterior.mean_w[seen], power, atol=1e-3)
     dense = K[:, seen] @ np.linalg.solve(K[np.ix_(seen, seen)], power)
-    np.testing.assert_allclose(belief.mean_w, dense, rtol=1e-5, atol=1e-3)
+    np.testing.assert_allclose(posterior.mean_w, dense, rtol=1e-5, atol=1e-3)
 
 
 @pytest.mark.parametrize("components", [("drive",), ("climate",), ("drive", "climate")])

@@ -83,6 +83,8 @@ def bootstrap_interval(values: FloatArray, seed: int, *, draws: int = BOOTSTRAP_
     >>> bootstrap_interval(np.full(5, 0.1), seed=0)
     (0.1, 0.1)
     """
+    if len(values) == 1:  # every draw is the same
+        return round(float(values[0]), 12), round(float(values[0]), 12)
     found = stats.bootstrap(
         (values,),
         np.mean,
