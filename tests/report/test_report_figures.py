@@ -17,7 +17,7 @@ from rich.console import Console
 
 from tripwatt.errors import InvalidInput
 from tripwatt.report import render_table, update_readme, update_results_page
-from tripwatt.report.models import MODELS as STYLES
+from tripwatt.report.model_styles import MODELS as STYLES
 from tripwatt.report.panels import (
     build_sections,
     correctors,

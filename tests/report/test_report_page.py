@@ -13,8 +13,8 @@ import pytest
 
 from tripwatt.evaluation import PROTOCOLS
 from tripwatt.report import render_report, write_report
-from tripwatt.report.models import MODELS as STYLES
-from tripwatt.report.models import model_style
+from tripwatt.report.model_styles import MODELS as STYLES
+from tripwatt.report.model_styles import model_style
 from tripwatt.report.panels import PANELS, build_sections, figure_keys
 from tripwatt.report.view import View
 

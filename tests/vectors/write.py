@@ -18,8 +18,8 @@ from tripwatt.forecasting import Forecast, load_model
 from tripwatt.routes import route_from_links
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import Trip, plan_from_samples
+from tripwatt.trips.energy import observed_cumulative_energy
 from tripwatt.trips.messages import MESSAGES
-from tripwatt.trips.samples import observed_cumulative_energy
 from tripwatt.units import KG_PER_LB, M_PER_MILE, M_S_PER_KM_H, SECONDS_PER_HOUR, WH_PER_J
 
 FOLDER: Final = Path(__file__).resolve().parent

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 import tripwatt
-from tripwatt.cli import cars, evaluate, export, forecast, logs, models, serve, transfer
+from tripwatt.cli import cars, evaluate, export, fit, forecast, inspect, logs, serve, transfer
 from tripwatt.errors import TripwattError
 
 __all__ = ["app", "main"]
@@ -42,8 +42,9 @@ def _main(
 
 
 evaluate.add_commands(app)
-models.add_commands(app)
+fit.add_commands(app)
 forecast.add_commands(app)
+inspect.add_commands(app)
 transfer.add_commands(app)
 logs.add_commands(app)
 cars.add_commands(app)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from tripwatt.report.models import model_style
+from tripwatt.report.model_styles import model_style
 from tripwatt.report.tables import Table, number, span
 from tripwatt.report.view import Record, View, named_evaluation
 from tripwatt.report.words import label

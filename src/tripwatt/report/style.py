@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.report.models import model_style
+from tripwatt.report.model_styles import model_style
 from tripwatt.report.view import plain
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.evaluation import DEFAULT_PROTOCOL, PROTOCOLS, EvaluationProtocol
-from tripwatt.report.models import model_style, ordered
+from tripwatt.report.model_styles import model_style, ordered
 
 if TYPE_CHECKING:
     from tripwatt.evaluation.forecast_scores import ForecastInsight

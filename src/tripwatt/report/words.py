@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tripwatt.report.models import model_style
+from tripwatt.report.model_styles import model_style
 from tripwatt.report.view import Record, plain
 
 

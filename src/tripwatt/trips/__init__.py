@@ -3,10 +3,11 @@
 from tripwatt.trips.context import Context
 from tripwatt.trips.departure import ASKED, SIGNALS, TEMPERATURES, Departure
 from tripwatt.trips.drive import Drive
+from tripwatt.trips.energy import observed_cumulative_energy, observed_energy
 from tripwatt.trips.flags import Flag
 from tripwatt.trips.fleet import Fleet
 from tripwatt.trips.plan import ROUTE_COLUMNS, Plan, plan_from_samples, plan_from_trip
-from tripwatt.trips.samples import bin_means, observed_cumulative_energy, observed_energy, table_of
+from tripwatt.trips.samples import bin_means, table_of
 from tripwatt.trips.schema import (
     COLUMNS,
     LINK_COLUMNS,

@@ -11,7 +11,8 @@ import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.trips.departure import Departure
-from tripwatt.trips.samples import bin_means, observed_cumulative_energy, observed_energy
+from tripwatt.trips.energy import observed_cumulative_energy, observed_energy
+from tripwatt.trips.samples import bin_means
 from tripwatt.trips.schema import raise_faults, structure_faults, validate_samples
 from tripwatt.trips.showing import html_table, journey
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.report.covariates import covariate_words
-from tripwatt.report.models import model_style, ordered
+from tripwatt.report.model_styles import model_style, ordered
 from tripwatt.report.panel import Content, panel
 from tripwatt.report.style import INK, PAPER_COLOUR, annotate, new_figure, styled, thinned
 from tripwatt.report.view import View, plain

@@ -12,7 +12,7 @@ from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.gam.effects import CurveEffect, RandomEffects, SurfaceEffect
 from tripwatt.gam.figures import RED
 from tripwatt.report.covariates import axis_of, term_in_words
-from tripwatt.report.models import model_style
+from tripwatt.report.model_styles import model_style
 from tripwatt.report.panel import Content, panel
 from tripwatt.report.style import INK, RULE, annotate, few_ticks, kept_points, new_figure, padded, styled
 from tripwatt.report.tables import Table, number

@@ -13,7 +13,7 @@ from tripwatt.gam.covariates import REACH
 from tripwatt.gam.effects import FactorEffect
 from tripwatt.gam.figures import RED
 from tripwatt.report.covariates import term_in_words
-from tripwatt.report.models import model_style
+from tripwatt.report.model_styles import model_style
 from tripwatt.report.panel import Content, panel
 from tripwatt.report.style import INK, few_ticks, kept_points, new_figure, padded, styled
 from tripwatt.report.tables import DASH, Table, number

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tripwatt.report.models import PAPER, model_style, ordered
+from tripwatt.report.model_styles import PAPER, model_style, ordered
 from tripwatt.report.panel import Content, panel
 from tripwatt.report.style import INK, model_rows, new_figure, percent_axis, styled
 from tripwatt.report.view import Record, View, named_evaluation

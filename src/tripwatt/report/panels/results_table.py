@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tripwatt.report.models import PAPER, PAPER_CAR, PAPER_IMPROVED, PAPER_TRIPS, model_style, ordered
+from tripwatt.report.model_styles import PAPER, PAPER_CAR, PAPER_IMPROVED, PAPER_TRIPS, model_style, ordered
 from tripwatt.report.panel import Content, panel
 from tripwatt.report.tables import DASH, Table, number, span
 from tripwatt.report.view import Record, View, named_evaluation, of_evaluation

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from tripwatt.report.models import model_style
+from tripwatt.report.model_styles import model_style
 from tripwatt.report.panel import Content, panel
 from tripwatt.report.style import annotate, model_rows, new_figure, styled
 from tripwatt.report.tables import Table, number

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tripwatt.evaluation.forecast_scores import FORECAST, WITHOUT_PHYSICS
-from tripwatt.report.models import model_style
+from tripwatt.report.model_styles import model_style
 from tripwatt.report.panel import Content, panel
 from tripwatt.report.style import (
     RULE,

@@ -1,0 +1,111 @@
+"""The command that describes a model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from tripwatt.cli.options import (
+    JsonOption,
+    examples,
+)
+from tripwatt.cli.printing import print_json, print_table
+
+
+def add_commands(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command(
+        epilog=examples(
+            ("tripwatt inspect", "describe the bundled model"),
+            ("tripwatt inspect my-model --json", "print all metadata of your model"),
+        )
+    )(inspect)
+
+
+def inspect(
+    model: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="MODEL",
+            help="Folder of a model. Default: the bundled model.",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Show the inputs, the provenance and the scores of a model, and verify its checksums."""
+    from tripwatt.forecasting import load_metadata
+
+    about = load_metadata(model)
+    if as_json:
+        print_json(about)
+        return
+    print_table("Model", ("", "value"), _about_rows(about), folding=("value",))
+    columns = ("input", "unit", "allowed", "range in training", "required")
+    rows = [
+        (
+            entry["name"],
+            entry["unit"],
+            _range(entry["minimum"], entry["maximum"]),
+            _range(*entry["training"]) if "training" in entry else "",
+            ("yes" if entry["required"] else "no")
+            + (", first sample" if entry["samples"] == "first" else ""),
+        )
+        for entry in about["contract"]["inputs"]
+    ]
+    print_table("Inputs", columns, rows)
+
+
+def _about_rows(about: dict[str, Any]) -> list[tuple[str, str]]:
+    fitted, origin, figures = about["model"], about["provenance"], about["evaluation"]
+    rows = [
+        ("format", f"{about['format_version']}, written by tripwatt {about['tripwatt']}"),
+        ("car", f"{fitted['vehicle_title']} ({fitted['vehicle']}, preset {fitted['vehicle_preset']})"),
+        ("corrector", f"{fitted['corrector']}, seed {fitted['seed']}, {fitted['trips']} trips"),
+    ]
+    if "data" in origin:
+        rows.append(("data", f"{origin['data']['name']}, SHA-256 {origin['data']['sha256']}"))
+        rows += [("citation", origin["data"]["citation"])] if origin["data"]["citation"] else []
+        rows += [("note", note) for note in origin["data"]["notes"]]
+    if "adapted" in origin:
+        rows += _adapted_rows(origin)
+    if "mape" in figures:
+        rows.append(
+            (
+                "held-out trips",
+                f"mean error {figures['mape']:.1%}, RMSE {figures['rmse_wh'] / 1000.0:.3f} kWh, "
+                f"bias {figures['bias_wh']:+.0f} Wh on {figures['trips']} trips, {figures['given']}",
+            )
+        )
+        rows.append(("protocol", figures["protocol"]))
+    rows.append(
+        ("parts", ", ".join(f"{name} ({part['bytes']} bytes)" for name, part in about["parts"].items()))
+    )
+    return rows
+
+
+def _adapted_rows(origin: dict[str, Any]) -> list[tuple[str, str]]:
+    """Where an adapted model comes from, and what its own trips changed."""
+    how, base = origin["adapted"], origin["base"]
+    changes = [
+        f"{name.replace('_', ' ')} {value['change']:+.1%} (standard deviation {value['sd']:.1%})"
+        for name, value in how["parameters"].items()
+    ]
+    about = base["model"]
+    return [
+        (
+            "base",
+            f"{about['vehicle_title']}, {about['corrector']}, {about['trips']} trips, SHA-256 {base['sha256']}",
+        ),
+        (
+            "adapted",
+            f"with {how['trips']} own trips; {how['share_in_common']:.0%} of the base's correction is shared",
+        ),
+        *([("car against published values", ", ".join(changes))] if changes else []),
+    ]
+
+
+def _range(low: float | None, high: float | None) -> str:
+    return f"{'-' if low is None else f'{low:g}'} to {'-' if high is None else f'{high:g}'}"
