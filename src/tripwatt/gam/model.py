@@ -384,11 +384,8 @@ class GAMM(RegressorMixin, BaseEstimator):
         if groups is not None and len(absent) == 1:
             labels = frame[groups] if isinstance(groups, str) else np.asarray(groups)
             frame = frame.assign(**{absent[0]: np.asarray(labels)})
-        used = [
-            fitted.term
-            for fitted in self.terms_
-            if fitted.label not in set(exclude) and fitted.term is not None
-        ]
+        kept = [fitted.term for fitted in self.terms_ if fitted.label not in set(exclude)]
+        used = [term for term in kept if term is not None]
         needed = dict.fromkeys(name for term in used for name in term.columns if name not in random)
         faults += missing_columns(frame, needed)
         for term in used:

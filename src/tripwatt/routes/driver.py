@@ -57,7 +57,7 @@ class DriverStyle:
         Standard deviation of the aimed speed's logarithm; the pressure on the pedals varies with it. 0 is a perfectly
         steady foot.
     fluctuation_time_s : float
-        Time [s] at the links' speed constant of the fluctuation.
+        Time constant [s] of the fluctuation at the links' speed.
     dwell_mean_s : float
         Mean standstill at a stop [s].
     """
