@@ -257,7 +257,7 @@ def test_json_is_the_file_and_notes_tell_of_car_and_dropped_covariates(
     assert results == json.loads((out / "results.json").read_text())
     assert results["vehicle"] == "bmw_i3_94ah"
     assert "bmw_i3_94ah with body.curb_mass_kg = 1250.0" in results["notes"]
-    assert {f"covariate {name} dropped: no trip knows it" for name in ("season", "weather")} <= set(
+    assert {f"covariate {name} dropped: no trip has it" for name in ("season", "weather")} <= set(
         results["notes"]
     )
 
