@@ -305,7 +305,7 @@ def mark(fold: Path) -> None:
 
 def test_a_run_that_is_interrupted_resumes_to_the_identical_table(tables: Path, tmp_path: Path) -> None:
     def arguments(out: Path) -> list[str]:
-        models = "constant,physics-paper,boosting"
+        models = "constant,physics-paper,forest"
         return command(
             "evaluate", tables, "--dataset", "table", "--models", models, "--jobs", 2, "--out", out
         )
