@@ -1,17 +1,14 @@
 """`tripwatt forecast` with planned routes, and `tripwatt export`, as a new user meets them."""
 
 import json
-import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 from urllib.parse import parse_qs
 
 import numpy as np
 import pytest
 from tests.support import ROOT
+from tests.support.command import Run
 
-from tripwatt.cli import main
 from tripwatt.export import EXPORTS, consumption_curve
 from tripwatt.forecasting import load_model, save_model
 from tripwatt.routes import parse_route, plan_from_route, route_from_links
@@ -19,31 +16,6 @@ from tripwatt.trips import Departure, Plan
 from tripwatt.vehicles import load_vehicle
 
 RESPONSES = ROOT / "tests" / "routes" / "responses"
-
-
-class Answer(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-
-Run = Callable[..., Answer]
-
-
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
-    def call(*arguments: object) -> Answer:
-        monkeypatch.setattr(sys, "argv", ["tripwatt", *map(str, arguments)])
-        capsys.readouterr()
-        code = 0
-        try:
-            main()
-        except SystemExit as end:
-            code = int(end.code or 0)
-        said = capsys.readouterr()
-        return Answer(code, said.out, said.err)
-
-    return call
 
 
 LINKS = [{"length_m": 600.0, "speed_m_s": 9.0, "grade": 0.01}, {"length_m": 4000.0, "travel_time_s": 200.0}]

@@ -4,11 +4,11 @@ import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 import pytest
+from tests.support.command import Answer
 
 from tripwatt.cli import main
 
@@ -24,12 +24,6 @@ elevation_m = { column = "Height", unit = "m" }
 positive = "discharge"
 """
 Table = pd.DataFrame
-
-
-class Answer(NamedTuple):
-    code: int
-    out: str
-    err: str
 
 
 @pytest.fixture
