@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from tripwatt.errors import InvalidInput
-from tripwatt.hybrid.calibrate import calibrate
+from tripwatt.hybrid.calibrate import _most_probable, calibrate
 from tripwatt.hybrid.parameters import PARAMETERS, changed
 from tripwatt.physics import simulate_trip
 from tripwatt.synthetic import synthetic_fleet
@@ -59,3 +60,28 @@ def test_a_few_trips_cannot_be_sure_of_six_values():
     found = calibrate(synthetic_fleet(3).trips, book)
     for parameter in PARAMETERS:
         assert found.sd[parameter.name] > 0.2 * parameter.width
+
+
+def test_calibration_is_the_mode_of_the_errors_t_distribution():
+    rng = np.random.default_rng(7)
+    X = rng.normal(0.0, 400.0, (12, 2))
+    width, usual_wh = np.array([0.3, 0.1]), 60.0
+    residual = X @ np.array([0.25, -0.05]) + rng.normal(0.0, 50.0, 12)
+    residual[3] += 900.0  # one trip on a stormy day
+
+    def cost(values: np.ndarray) -> float:
+        mean, scale2 = values[:2], np.exp(values[2])
+        left = residual - X @ mean
+        trips = 2.5 * np.log1p(left**2 / (4.0 * scale2)).sum() + 6.0 * np.log(scale2)
+        usual = 2.0 * np.log(scale2) + 2.0 * usual_wh**2 / scale2
+        return float(trips + usual + 0.5 * np.sum((mean / width) ** 2))
+
+    best = minimize(cost, [0.0, 0.0, 8.0], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-11})
+    mean, covariance = _most_probable(X, residual, width, usual_wh)
+    assert mean == pytest.approx(best.x[:2], rel=2e-3)
+    # the outlier weighs (4 + 1) / (4 + r^2 / s^2), the others about 5 / 4 at most
+    left = residual - X @ mean
+    weight = 5.0 / (4.0 + left**2 / np.exp(best.x[2]))
+    assert weight[3] < 0.1
+    precision = (X.T * weight) @ X / np.exp(best.x[2]) + np.diag(1.0 / width**2)
+    np.testing.assert_allclose(covariance, np.linalg.inv(precision), rtol=0.02)

@@ -1,0 +1,265 @@
+"""Every score of the results on skewed data, against arithmetic that is written out here."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import beta
+
+from tripwatt.evaluation.forecast_results import add_crps_of_points, learning_curve
+from tripwatt.evaluation.forecast_scores import (
+    FRACTIONS,
+    LEVELS,
+    UPDATES,
+    clopper_pearson,
+    coverage_scores,
+    crps,
+    crps_scores,
+    strata_of,
+    strata_scores,
+    symmetric_quantiles,
+    update_scores,
+)
+from tripwatt.evaluation.metrics import (
+    absolute_percentage_error,
+    bootstrap_interval,
+    paired_difference,
+    summarise_errors,
+)
+from tripwatt.evaluation.protocol import FoldResult
+
+EXACT = {"rel": 1e-9, "abs": 1e-12}
+
+OBSERVED = np.array([1000.0, 2000.0, 500.0, 4000.0, -200.0])
+PREDICTED = np.array([1100.0, 1500.0, 600.0, 4040.0, -150.0])
+ERROR = np.array([100.0, -500.0, 100.0, 40.0, 50.0])
+APE = np.array([0.1, 0.25, 0.2, 0.01, 0.25])
+
+
+def test_errors_of_a_model():
+    summary = summarise_errors(OBSERVED, PREDICTED, seed=0)
+    np.testing.assert_allclose(absolute_percentage_error(OBSERVED, PREDICTED), APE, rtol=1e-12)
+    assert summary.mape == pytest.approx(0.81 / 5, **EXACT)
+    assert summary.median_ape == pytest.approx(0.2, **EXACT)
+    assert summary.max_ape == pytest.approx(0.25, **EXACT)
+    # positive where the model says too much: 0.1 - 0.25 + 0.2 + 0.01, and a descent that gave back 200 Wh
+    assert summary.bias == pytest.approx((0.1 - 0.25 + 0.2 + 0.01 - 0.25) / 5, **EXACT)
+    assert summary.rmse_wh == pytest.approx(np.sqrt((1e4 + 25e4 + 1e4 + 1600 + 2500) / 5), **EXACT)
+    assert summary.mape_ci95 == bootstrap_interval(APE, 0)
+
+
+def test_bias_is_positive_where_too_much_is_predicted():
+    observed = np.array([100.0, 400.0])
+    assert summarise_errors(observed, np.array([130.0, 440.0]), 0).bias == pytest.approx(0.2, **EXACT)
+    assert summarise_errors(observed, np.array([70.0, 360.0]), 0).bias == pytest.approx(-0.2, **EXACT)
+
+
+def test_the_bootstrap_draws_trips():
+    # two trips: the mean of two draws is 0, 1/2 or 1 with chances 1/4, 1/2, 1/4
+    assert bootstrap_interval(np.array([0.0, 1.0]), seed=1) == (0.0, 1.0)
+    # ten trips of which one errs: no draw of it has a chance of 0.9^10 = 0.35, four or more of 0.013
+    assert bootstrap_interval(np.array([1.0] + [0.0] * 9), seed=1) == (0.0, 0.3)
+    assert bootstrap_interval(np.array([0.0, 1.0, 5.0]), seed=1, draws=200) != bootstrap_interval(
+        np.array([0.0, 1.0, 9.0]), seed=1, draws=200
+    )
+
+
+def test_paired_difference_is_first_less_second():
+    found = paired_difference(np.array([0.1, 0.3, 0.5]), np.array([0.2, 0.2, 0.9]), seed=0)
+    assert found.diff == pytest.approx((-0.1 + 0.1 - 0.4) / 3, **EXACT)
+    assert found.ci95 == pytest.approx((-0.4, 0.1), abs=1e-9)
+    assert not found.significant
+    assert paired_difference(np.full(4, 0.1), np.full(4, 0.3), seed=0).significant
+    assert paired_difference(np.full(4, 0.3), np.full(4, 0.1), seed=0).significant
+    assert not paired_difference(np.full(4, 0.3), np.full(4, 0.3), seed=0).significant
+
+
+def test_crps_of_quantiles_by_hand():
+    # levels 1/4 and 3/4; twice the pinball loss, averaged
+    low, high = 2.0 * 0.25 * (5.0 - 3.0), 2.0 * 0.25 * (7.0 - 5.0)
+    inside = crps(np.array([5.0]), np.array([[3.0, 7.0]]))
+    assert inside[0] == pytest.approx((low + high) / 2, **EXACT)
+    above = crps(np.array([10.0]), np.array([[3.0, 7.0]]))
+    assert above[0] == pytest.approx((2 * 0.25 * 7.0 + 2 * 0.75 * 3.0) / 2, **EXACT)
+    below = crps(np.array([1.0]), np.array([[3.0, 7.0]]))
+    assert below[0] == pytest.approx((2 * 0.75 * 2.0 + 2 * 0.25 * 6.0) / 2, **EXACT)
+
+
+def test_symmetric_quantiles_ascend_around_the_centre():
+    found = symmetric_quantiles(np.array([10.0, 20.0]), np.array([[1.0, 3.0], [2.0, 8.0]]))
+    np.testing.assert_allclose(found, [[7.0, 9.0, 11.0, 13.0], [12.0, 18.0, 22.0, 28.0]], rtol=1e-12)
+
+
+def test_crps_with_own_and_with_one_width():
+    observed, centre, sd = np.array([12.0, 20.0]), np.array([10.0, 20.0]), np.array([1.0, 3.0])
+    factors = np.array([[1.0], [1.0]])
+
+    def score(first: float, second: float) -> float:
+        # quantiles centre -+ sd at levels 1/4 and 3/4
+        one = (0.25 * (12.0 - (10.0 - first)) + _pinball(0.75, 12.0 - (10.0 + first))) * 2 / 2
+        two = (0.25 * second + 0.25 * second) * 2 / 2
+        return (one + two) / 2
+
+    scores = crps_scores(observed, centre, sd, factors)
+    assert scores["crps_wh"] == pytest.approx(score(1.0, 3.0), **EXACT)
+    assert scores["crps_same_width_wh"] == pytest.approx(score(2.0, 2.0), **EXACT)
+    best = min(score(2.0 * s, 2.0 * s) for s in np.geomspace(0.25, 4.0, 49))
+    assert scores["crps_best_same_width_wh"] == pytest.approx(best, **EXACT)
+
+
+def _pinball(level: float, error: float) -> float:
+    return level * error if error > 0 else (level - 1.0) * error
+
+
+def test_the_crps_of_a_number_is_its_absolute_error():
+    models = {"a": {}, "b": {}}
+    frame = pd.DataFrame(
+        {
+            "model": ["a", "a", "a", "b", "b", "b"],
+            "observed_energy_wh": [1.0, 2.0, 3.0, 1.0, 2.0, 3.0],
+            "predicted_energy_wh": [2.0, 2.0, -2.0, 1.0, 2.0, 3.5],
+        }
+    )
+    add_crps_of_points(models, frame)
+    assert models["a"]["crps_wh"] == pytest.approx(2.0, **EXACT)
+    assert models["b"]["crps_wh"] == pytest.approx(0.5 / 3, **EXACT)
+
+
+def test_coverage_and_width_by_level():
+    observed = np.array([10.0, 20.0, 30.0, 40.0])
+    half = np.array([[1.0, 2.0, 4.0, 9.0]] * 3 + [[2.0, 4.0, 8.0, 18.0]])
+    centre = np.array([11.0, 17.0, 22.0, 40.0])[:, None]  # the first two lie on a bound: inside
+    scores = coverage_scores(observed, centre - half, centre + half, seed=0)
+    assert LEVELS == (0.5, 0.8, 0.9, 0.95)
+    assert scores["coverage"] == {"0.5": 0.5, "0.8": 0.5, "0.9": 0.75, "0.95": 1.0}
+    assert scores["interval_width_wh"] == {"0.5": 2.5, "0.8": 5.0, "0.9": 10.0, "0.95": 22.5}
+    assert scores["coverage_ci95"]["0.9"] == clopper_pearson(3, 4)
+    assert scores["coverage_bootstrap95"]["0.95"] == (1.0, 1.0)
+    above = coverage_scores(observed, centre - 100.0 * half, observed[:, None] - 1e-6 * half, seed=0)
+    assert set(above["coverage"].values()) == {0.0}
+    below = coverage_scores(observed, observed[:, None] + 1e-6 * half, centre + 100.0 * half, seed=0)
+    assert set(below["coverage"].values()) == {0.0}
+
+
+def test_the_interval_of_a_proportion_is_that_of_the_beta_distribution():
+    for hits, n in ((3, 4), (52, 57), (1, 60)):
+        low, high = clopper_pearson(hits, n)
+        assert low == pytest.approx(beta.ppf(0.025, hits, n - hits + 1), rel=1e-9)
+        assert high == pytest.approx(beta.ppf(0.975, hits + 1, n - hits), rel=1e-9)
+    assert clopper_pearson(0, 5)[0] == 0.0
+    assert clopper_pearson(5, 5)[1] == 1.0
+
+
+def test_updates_against_their_baselines():
+    observed = np.array([1000.0, 2000.0, 400.0])
+    one = {
+        "update": [1100.0, 1900.0, 400.0],
+        "soc_only": [1300.0, np.nan, 500.0],
+        "no_update": [1200.0, 1800.0, 440.0],
+        "naive_gauge": [700.0, 2200.0, 300.0],
+        "update_low": [1000.0, 1700.0, 401.0],
+        "update_high": [1200.0, 2000.0, 500.0],
+    }
+    assert set(one) == set(UPDATES)
+    energies = np.array([[[one[name][trip] for name in UPDATES] for _ in FRACTIONS] for trip in range(3)])
+    scores = update_scores(observed, energies, seed=0)
+    assert list(scores) == ["0.1", "0.25", "0.5", "0.75"]
+    for found in scores.values():
+        assert found["mape"] == pytest.approx((0.1 + 0.05 + 0.0) / 3, **EXACT)
+        assert found["no_update"] == pytest.approx((0.2 + 0.1 + 0.1) / 3, **EXACT)
+        assert found["naive_gauge"] == pytest.approx((0.3 + 0.1 + 0.25) / 3, **EXACT)
+        assert found["soc_only"] == pytest.approx((0.3 + 0.25) / 2, **EXACT)
+        assert found["diff"] == pytest.approx((-0.1 - 0.05 - 0.1) / 3, **EXACT)
+        assert found["diff_gauge"] == pytest.approx((-0.2 - 0.05 - 0.25) / 3, **EXACT)
+        assert found["significant"]
+        assert found["diff_ci95"] == pytest.approx((-0.1, -0.05), abs=1e-9)
+        assert found["diff_gauge_ci95"] == pytest.approx((-0.25, -0.05), abs=1e-9)
+        assert found["mape_ci95"] == pytest.approx((0.0, 0.1), abs=1e-9)
+        assert found["coverage"] == pytest.approx(2 / 3, **EXACT)  # on a bound is inside
+        assert found["interval_width_wh"] == pytest.approx((200.0 + 300.0 + 99.0) / 3, **EXACT)
+    without = energies.copy()
+    without[:, :, UPDATES.index("soc_only")] = np.nan
+    assert update_scores(observed, without, seed=0)["0.5"]["soc_only"] is None
+
+
+def test_strata_hold_their_bounds():
+    trips = pd.DataFrame(
+        {
+            "net_climb_m": [-10.0, -10.1, 0.0, np.nan],
+            "battery_temperature_degc": [4.9, 5.0, 28.0, 28.1],
+            "ambient_temperature_degc": [4.9, 5.0, 15.0, 25.0],
+            "distance_m": [9_999.0, 10_000.0, 20_000.0, 40_000.0],
+            "duration_s": [1_200.0, 1_200.0, 1_440.0, 3_600.0],  # 30, 30, 50, 40 km/h
+            "driver": ["a", "b", "a", None],
+        }
+    )
+    found = {(s.by, s.name): s.members.tolist() for s in strata_of(trips)}
+    yes, no = True, False
+    assert found == {
+        ("road", "net descent of more than 10 m"): [no, yes, no, no],
+        ("road", "no net descent"): [yes, no, yes, no],
+        ("battery", "below 5 °C"): [yes, no, no, no],
+        ("battery", "5 to 28 °C"): [no, yes, yes, no],
+        ("battery", "above 28 °C"): [no, no, no, yes],
+        ("ambient", "below 5 °C"): [yes, no, no, no],
+        ("ambient", "5 to 15 °C"): [no, yes, no, no],
+        ("ambient", "15 to 25 °C"): [no, no, yes, no],
+        ("ambient", "25 °C or more"): [no, no, no, yes],
+        ("length", "below 10 km"): [yes, no, no, no],
+        ("length", "10 to 20 km"): [no, yes, no, no],
+        ("length", "20 to 40 km"): [no, no, yes, no],
+        ("length", "40 km or more"): [no, no, no, yes],
+        ("mean speed", "below 30 km/h"): [yes, no, no, no],
+        ("mean speed", "30 to 50 km/h"): [no, yes, no, yes],
+        ("mean speed", "50 km/h or more"): [no, no, yes, no],
+        ("driver", "a"): [yes, no, yes, no],
+        ("driver", "b"): [no, yes, no, no],
+    }
+
+
+def test_scores_by_stratum():
+    trips = pd.DataFrame(
+        {
+            "net_climb_m": [-50.0, 5.0, 5.0],
+            "battery_temperature_degc": np.nan,
+            "ambient_temperature_degc": np.nan,
+            "distance_m": 5_000.0,
+            "duration_s": 600.0,
+            "driver": None,
+        },
+        index=range(3),
+    )
+    strata = [s for s in strata_of(trips) if s.by == "road"]
+    down, flat = strata_scores(strata, np.array([0.3, 0.1, 0.2]), np.array([0.1, 0.4, 0.6]), seed=0)
+    assert (down["n_trips"], flat["n_trips"]) == (1, 2)
+    assert (down["hybrid"], flat["hybrid"]) == pytest.approx((0.3, 0.15), **EXACT)
+    assert (down["boosting-only"], flat["boosting-only"]) == pytest.approx((0.1, 0.5), **EXACT)
+    assert (down["diff"], flat["diff"]) == pytest.approx((0.2, -0.35), **EXACT)
+    assert down["diff_ci95"] is None
+    assert flat["diff_ci95"] == pytest.approx((-0.4, -0.3), abs=1e-9)
+    assert "boosting-only" not in strata_scores(strata, np.array([0.3, 0.1, 0.2]), None, seed=0)[0]
+
+
+def test_learning_curve_is_the_mean_over_trips_of_a_draw_and_over_draws():
+    def draw(size: int, number: int, hybrid: list[float], data: list[float]) -> FoldResult:
+        extra = {
+            "size": np.array(size),
+            "draw": np.array(number),
+            "hybrid": np.array(hybrid),
+            "boosting-only": np.array(data),
+        }
+        return FoldResult(0, "curve", number, np.zeros(1), 0.0, 0.0, extra)
+
+    rows = learning_curve(
+        [
+            draw(10, 1, [0.3, 0.1], [0.5, 0.5]),
+            draw(5, 0, [0.4], [0.6]),
+            draw(10, 0, [0.1], [0.2]),
+        ],
+        seed=0,
+    )
+    assert [(row["n_trips"], row["draws"]) for row in rows] == [(5, 1), (10, 2)]
+    assert rows[1]["hybrid_by_draw"] == pytest.approx([0.1, 0.2], **EXACT)
+    assert rows[1]["hybrid"] == pytest.approx(0.15, **EXACT)
+    assert rows[1]["boosting-only"] == pytest.approx(0.35, **EXACT)
+    assert rows[1]["diff"] == pytest.approx(-0.2, **EXACT)
+    assert rows[1]["diff_ci95"] is None

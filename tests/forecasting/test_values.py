@@ -1,0 +1,318 @@
+"""A forecast of three segments, every number of it against arithmetic that is written out here."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import t as student
+
+from tripwatt.forecasting.expected import ExpectedDrive
+from tripwatt.forecasting.forecast import Forecast
+from tripwatt.hybrid import SegmentTable
+from tripwatt.trips import Plan
+from tripwatt.uncertainty import PowerPosterior, RouteUncertainty, UncertaintyModel
+from tripwatt.uncertainty.conformal import ConformalScores
+from tripwatt.uncertainty.process import ComponentProcess, ResidualProcess, Segments
+from tripwatt.uncertainty.scale import TotalScale
+from tripwatt.uncertainty.shrinkage import UpdateShrinkage
+from tripwatt.vehicles import load_vehicle
+
+EXACT = {"rel": 1e-9, "abs": 1e-9}
+
+STEP_S = np.array([60.0, 120.0, 180.0])
+HOURS = np.array([1 / 60, 1 / 30, 1 / 20])
+SIMULATED_W = np.array([3000.0, 12000.0, 6000.0])
+CORRECTION_W = np.array([100.0, -200.0, 50.0])
+EXPECTED_W = np.array([3100.0, 11800.0, 6050.0])
+ENERGY_WH = np.array([3100 / 60, 11800 / 30, 6050 / 20])
+SPEED_M_S = np.array([5.0, 20.0, 10.0])
+MOVED_W = np.array([1000.0, 9000.0, 4000.0])
+HVAC_W = np.array([800.0, 600.0, 500.0])
+SD_W = np.array([400.0, 300.0, 200.0])
+
+VOLTAGE_V = 350.0
+CAPACITY_AH = 60.0
+WH_PER_SOC = CAPACITY_AH * VOLTAGE_V
+ZERO, FULL = 0.1, 0.9
+START_SOC = 0.5
+
+SCORES = ConformalScores.from_errors([0.5, -1.0, 1.5, -2.0])
+SD_FACTOR, WIDENING, ROUTE_SD_WH = 1.5, 1.2, 30.0
+
+JOINT = np.array([0.2, 0.5, 0.6, 0.7, 0.8, 0.9])
+CLIMATE = np.array([0.4, 0.7, 0.7, 0.7, 0.8, 0.9])
+DRIVE = np.array([0.1, 0.25, 0.3, 0.3, 0.3, 0.3])
+SPLIT_FACTOR = np.array([1.2, 1.5, 1.5, 1.5, 1.5, 1.5])
+JOINT_FACTOR = np.array([1.1, 1.4, 1.4, 1.4, 1.4, 1.4])
+ONE_SIXTH = (1 / 6 - 0.1) / (0.25 - 0.1)
+"""Place of a sixth of the trip, where the first segment ends, between the first two fractions of the shrinkage."""
+
+CONSTANT_W, DRIVE_NOISE, CLIMATE_SD_W, CLIMATE_NOISE = 500.0, 0.5, 300.0, 80.0
+PROCESS = ResidualProcess(
+    ComponentProcess(CONSTANT_W, 0.0, 0.0, 300.0, DRIVE_NOISE),
+    ComponentProcess(CLIMATE_SD_W, 0.0, 0.0, 300.0, CLIMATE_NOISE),
+    climate_limit_w=600.0,
+    split=False,
+)
+NOISE_W2 = (DRIVE_NOISE * (100.0 + 0.3 * MOVED_W)) ** 2
+BOTH_W2 = CONSTANT_W**2 + CLIMATE_SD_W**2
+"""Covariance of two segments."""
+
+
+class LoggedClimate:
+    """A corrector that corrects the climate control by 50 W."""
+
+    def predict_climate(self, table: SegmentTable) -> np.ndarray:
+        return np.full(len(table.hours), 50.0)
+
+
+def car():
+    usual = load_vehicle("bmw_i3_60ah")
+    battery = dataclasses.replace(
+        usual.battery, capacity_ah=CAPACITY_AH, displayed_zero_soc=ZERO, displayed_full_soc=FULL
+    )
+    return dataclasses.replace(usual, battery=battery)
+
+
+def drive() -> ExpectedDrive:
+    time = np.arange(361.0)
+    plan = Plan.from_samples("by hand", pd.DataFrame({"time_s": time, "speed_m_s": np.full(361, 12.0)}))
+    features = pd.DataFrame({"speed_m_s": SPEED_M_S, "hvac_w": HVAC_W})
+    table = SegmentTable(("by hand",), np.array([0, 3]), features, HOURS, SIMULATED_W)
+    segments = Segments(np.array([30.0, 120.0, 270.0]), STEP_S, MOVED_W, HVAC_W)
+    simulation = SimpleNamespace(
+        time_s=np.array([0.0, 120.0, 360.0]),
+        soc=np.array([START_SOC, 0.49, 0.48]),
+        terminal_voltage_v=np.array([VOLTAGE_V - 10.0, VOLTAGE_V, VOLTAGE_V + 10.0]),
+        battery_loss_w=np.array([999.0, 300.0, 600.0]),
+        energy_by_cause_wh={"aero": np.array([0.0, 500.0]), "hvac": np.array([0.0, 240.0])},
+    )
+    return ExpectedDrive(plan, car(), simulation, table, segments, LoggedClimate(), CORRECTION_W)
+
+
+def uncertainty(split: bool = False) -> UncertaintyModel:
+    shrinkage = UpdateShrinkage(CLIMATE, DRIVE, JOINT, SPLIT_FACTOR, JOINT_FACTOR)
+    process = dataclasses.replace(PROCESS, split=split)
+    return UncertaintyModel(process, TotalScale(np.ones(4)), SCORES, shrinkage)
+
+
+@pytest.fixture
+def forecast() -> Forecast:
+    posterior = PowerPosterior.from_covariance(np.diag(SD_W**2))
+    return Forecast(drive(), uncertainty(), posterior, SD_FACTOR, 1.0, WIDENING, ROUTE_SD_WH)
+
+
+def departing(split: bool = False) -> Forecast:
+    """As the process has it, neither widened nor on a planned route."""
+    known = uncertainty(split)
+    expected = drive()
+    posterior = PowerPosterior.from_covariance(known.process.covariance(expected.segments))
+    return Forecast(expected, known, posterior, SD_FACTOR)
+
+
+TOTAL_WH = 3100 / 60 + 11800 / 30 + 6050 / 20
+CUMULATIVE_SD_WH = np.array(
+    [
+        WIDENING * np.hypot(SD_FACTOR * 400 / 60, ROUTE_SD_WH / 6),
+        WIDENING * np.hypot(SD_FACTOR * np.sqrt((400 / 60) ** 2 + 10.0**2), ROUTE_SD_WH / 2),
+        WIDENING * np.hypot(SD_FACTOR * np.sqrt((400 / 60) ** 2 + 10.0**2 + 10.0**2), ROUTE_SD_WH),
+    ]
+)
+"""The shares of a planned route's error are those of the time: 60, 180 and 360 of 360 s."""
+SD_WH = CUMULATIVE_SD_WH[-1]
+TAIL_90 = 2.0 * student.ppf(0.95, 4) / student.ppf(0.9, 4)
+"""Four scores reach to a level of 4 / 5; beyond, the largest grows as a t distribution with 4 degrees of freedom."""
+
+
+def test_energy_and_its_standard_deviation(forecast):
+    np.testing.assert_allclose(forecast.power_w, EXPECTED_W, rtol=1e-12)
+    np.testing.assert_allclose(forecast.segment_energy_wh, ENERGY_WH, rtol=1e-12)
+    assert forecast.energy_wh == pytest.approx(TOTAL_WH, **EXACT)
+    assert forecast.sd_wh == pytest.approx(SD_WH, **EXACT)
+
+
+def test_intervals_quantiles_and_probabilities(forecast):
+    for level, factor in ((0.2, 0.5), (0.4, 1.0), (0.5, 1.25), (0.8, 2.0), (0.9, TAIL_90)):
+        assert forecast.interval(level) == pytest.approx(
+            (TOTAL_WH - factor * SD_WH, TOTAL_WH + factor * SD_WH), **EXACT
+        )
+        low, high = 0.5 - level / 2, 0.5 + level / 2
+        assert forecast.quantile(low) == pytest.approx(TOTAL_WH - factor * SD_WH, **EXACT)
+        assert forecast.quantile(high) == pytest.approx(TOTAL_WH + factor * SD_WH, **EXACT)
+        assert forecast.probability_below(TOTAL_WH + factor * SD_WH) == pytest.approx(high, **EXACT)
+        assert forecast.probability_below(TOTAL_WH - factor * SD_WH) == pytest.approx(low, **EXACT)
+    assert forecast.quantile(0.5) == pytest.approx(TOTAL_WH, **EXACT)
+
+
+def test_arrival(forecast):
+    bms = START_SOC - TOTAL_WH / WH_PER_SOC
+    assert forecast.soc_arrival == pytest.approx((bms - ZERO) / (FULL - ZERO), **EXACT)
+    # a reserve that is met when the trip takes 1.25 standard deviations more than expected: level 0.5
+    reserve = (START_SOC - (TOTAL_WH + 1.25 * SD_WH) / WH_PER_SOC - ZERO) / (FULL - ZERO)
+    assert forecast.p_arrive(reserve) == pytest.approx(0.75, **EXACT)
+    reserve = (START_SOC - (TOTAL_WH - 1.0 * SD_WH) / WH_PER_SOC - ZERO) / (FULL - ZERO)
+    assert forecast.p_arrive(reserve) == pytest.approx(0.3, **EXACT)
+    # of an empty display 0.1 of the charge is left
+    whole = (START_SOC - ZERO) * WH_PER_SOC
+    beyond = 2.0 * student.cdf((whole - TOTAL_WH) / SD_WH / 2.0 * student.ppf(0.9, 4), 4) - 1.0
+    assert forecast.p_arrive() == pytest.approx(0.5 + beyond / 2, **EXACT)
+
+
+def test_series(forecast):
+    series = forecast.series()
+    energy = np.concatenate(([0.0], np.cumsum(ENERGY_WH)))
+    half = TAIL_90 * np.concatenate(([0.0], CUMULATIVE_SD_WH))
+    expected = {
+        "time_s": [0.0, 60.0, 180.0, 360.0],
+        "distance_m": [0.0, 300.0, 2700.0, 4500.0],
+        "energy_wh": energy,
+        "energy_low_wh": energy - half,
+        "energy_high_wh": energy + half,
+        "displayed_soc": (START_SOC - energy / WH_PER_SOC - ZERO) / (FULL - ZERO),
+        "displayed_soc_low": (START_SOC - (energy + half) / WH_PER_SOC - ZERO) / (FULL - ZERO),
+        "displayed_soc_high": (START_SOC - (energy - half) / WH_PER_SOC - ZERO) / (FULL - ZERO),
+    }
+    assert list(series) == list(expected)
+    for name, values in expected.items():
+        np.testing.assert_allclose(series[name], values, rtol=1e-9, atol=1e-12, err_msg=name)
+
+
+def test_causes(forecast):
+    simulated = 3000 / 60 + 12000 / 30 + 6000 / 20
+    causes = forecast.by_cause_wh
+    assert causes["aero"] == pytest.approx(500.0, **EXACT)
+    assert causes["hvac"] == pytest.approx(240.0 + simulated - 740.0, **EXACT)
+    assert causes["learned_correction"] == pytest.approx(100 / 60 - 200 / 30 + 50 / 20, **EXACT)
+    assert forecast.battery_loss_wh == pytest.approx((300 * 120 + 600 * 240) / 3600, **EXACT)
+
+
+def test_a_planned_route_adds_its_share_of_the_energy():
+    route = RouteUncertainty(np.array([250.0, 1000.0]), np.array([0.0004, 0.0016]), 20)
+    driven = departing()
+    assert driven.with_route_error(route) is driven
+    on_links = dataclasses.replace(
+        driven, drive=dataclasses.replace(driven.drive, plan=dataclasses.replace(driven.plan, link_m=625.0))
+    )
+    found = on_links.with_route_error(route)
+    assert found.route_sd_wh == pytest.approx(np.sqrt(0.001) * TOTAL_WH, **EXACT)
+    assert found.sd_wh == pytest.approx(np.hypot(driven.sd_wh, found.route_sd_wh), **EXACT)
+    assert found.flags == ()
+    longer = dataclasses.replace(
+        on_links,
+        drive=dataclasses.replace(driven.drive, plan=dataclasses.replace(driven.plan, link_m=1500.0)),
+    )
+    (flag,) = longer.with_route_error(route).flags
+    assert (flag.code, flag.value) == ("links_too_long", 1500.0)
+    (flag,) = on_links.with_route_error(None).flags
+    assert flag.code == "route_error_unknown"
+    assert on_links.with_route_error(None).sd_wh == pytest.approx(driven.sd_wh, **EXACT)
+
+
+def powered(**columns: float) -> pd.DataFrame:
+    """The first minute at 4 kW."""
+    return pd.DataFrame({"time_s": np.arange(61.0), "voltage_v": 400.0, "current_a": 10.0, **columns})
+
+
+def test_an_update_by_power():
+    updated = departing().update(powered())
+    residual = 4000.0 - 3100.0
+    first = BOTH_W2 + NOISE_W2[0] + CLIMATE_NOISE**2
+    gain = BOTH_W2 / (first + 1.0)
+    share = 0.2 + ONE_SIXTH * (0.5 - 0.2)
+    rest = share * gain * residual
+    ahead = (11800 + rest) / 30 + (6050 + rest) / 20
+    assert updated.measured_until_s == 60.0
+    assert updated.energy_wh == pytest.approx(4000 / 60 + ahead, **EXACT)
+    # what is left of the constant after the first segment was seen, and what is new in each
+    constant = BOTH_W2 - gain * BOTH_W2
+    new = NOISE_W2 + CLIMATE_NOISE**2
+    variance = constant * (1 / 30 + 1 / 20) ** 2 + new[1] / 30**2 + new[2] / 20**2
+    factor = 1.1 + ONE_SIXTH * (1.4 - 1.1)
+    assert updated.sd_wh == pytest.approx(SD_FACTOR * factor * np.sqrt(variance), rel=1e-9)
+    np.testing.assert_allclose(
+        updated.series()["energy_wh"],
+        np.cumsum([0.0, 4000 / 60, (11800 + rest) / 30, (6050 + rest) / 20]),
+        rtol=1e-9,
+    )
+    # without a reading of the charge, the energy is taken from that of the departure
+    bms = START_SOC - updated.energy_wh / WH_PER_SOC
+    assert updated.soc_arrival == pytest.approx((bms - ZERO) / (FULL - ZERO), **EXACT)
+
+
+def test_an_update_by_power_with_climate_control_beside_it():
+    logged = powered(heating_power_w=1000.0, aircon_power_w=150.0)
+    updated = departing(split=True).update(logged)
+    climate = 1150.0 - 800.0 - 50.0
+    driving = 900.0 - climate
+    climate_gain = CLIMATE_SD_W**2 / (CLIMATE_SD_W**2 + CLIMATE_NOISE**2 + 1.0)
+    drive_gain = CONSTANT_W**2 / (CONSTANT_W**2 + NOISE_W2[0] + 1.0)
+    rest = (0.4 + ONE_SIXTH * 0.3) * climate_gain * climate + (0.1 + ONE_SIXTH * 0.15) * drive_gain * driving
+    assert updated.energy_wh == pytest.approx(
+        4000 / 60 + (11800 + rest) / 30 + (6050 + rest) / 20, **EXACT
+    )
+    constant = CLIMATE_SD_W**2 * (1 - climate_gain) + CONSTANT_W**2 * (1 - drive_gain)
+    new = NOISE_W2 + CLIMATE_NOISE**2
+    variance = constant * (1 / 30 + 1 / 20) ** 2 + new[1] / 30**2 + new[2] / 20**2
+    factor = 1.2 + ONE_SIXTH * (1.5 - 1.2)
+    assert updated.sd_wh == pytest.approx(SD_FACTOR * factor * np.sqrt(variance), rel=1e-9)
+
+
+def test_a_burst_of_the_heater_counts_up_to_the_limit():
+    burst = departing(split=True).update(powered(heating_power_w=3000.0, aircon_power_w=0.0))
+    climate, driving = 600.0, 900.0 - (3000.0 - 850.0)
+    climate_gain = CLIMATE_SD_W**2 / (CLIMATE_SD_W**2 + CLIMATE_NOISE**2 + 1.0)
+    drive_gain = CONSTANT_W**2 / (CONSTANT_W**2 + NOISE_W2[0] + 1.0)
+    rest = (0.4 + ONE_SIXTH * 0.3) * climate_gain * climate + (0.1 + ONE_SIXTH * 0.15) * drive_gain * driving
+    assert burst.energy_wh == pytest.approx(4000 / 60 + (11800 + rest) / 30 + (6050 + rest) / 20, **EXACT)
+
+
+def test_an_update_by_charge():
+    readings = pd.DataFrame({"time_s": [0.0, 20.0, 40.0, 60.0], "soc": [0.50, 0.49, 0.48, 0.47]})
+    updated = departing().update(readings)
+    # steps of 0.01: the first mark that is three steps away is the last reading
+    taken = 0.03 * WH_PER_SOC
+    residual = taken * 60.0 - 3100.0
+    error_w2 = ((0.01 * WH_PER_SOC) ** 2 / 6.0 + (0.03 * taken) ** 2) * 60.0**2
+    first = BOTH_W2 + NOISE_W2[0] + CLIMATE_NOISE**2
+    seen = first * residual / (first + error_w2)
+    share = 0.2 + ONE_SIXTH * (0.5 - 0.2)
+    rest = share * BOTH_W2 * residual / (first + error_w2)
+    energy = np.array([(3100 + seen) / 60, (11800 + rest) / 30, (6050 + rest) / 20])
+    assert updated.energy_wh == pytest.approx(energy.sum(), rel=1e-9)
+    # arrival counts from the last reading, not from the first
+    bms = 0.47 - energy[1:].sum() / WH_PER_SOC
+    assert updated.soc_arrival == pytest.approx((bms - ZERO) / (FULL - ZERO), rel=1e-9)
+    reserve = (bms - 1.5 * updated.sd_wh / WH_PER_SOC - ZERO) / (FULL - ZERO)
+    assert updated.p_arrive(reserve) == pytest.approx(0.8, rel=1e-9)
+
+
+def test_displayed_charge_is_converted_before_it_counts():
+    times = {"time_s": [0.0, 20.0, 40.0, 60.0]}
+    shown = departing().update(pd.DataFrame({**times, "displayed_soc": [0.50, 0.48, 0.46, 0.44]}))
+    managed = departing().update(pd.DataFrame({**times, "soc": [0.500, 0.484, 0.468, 0.452]}))
+    assert shown.energy_wh == pytest.approx(managed.energy_wh, rel=1e-9)
+    assert shown.soc_arrival == pytest.approx(managed.soc_arrival, rel=1e-9)
+    assert shown.measured.anchor == pytest.approx((60.0, ZERO + 0.44 * (FULL - ZERO)))
+
+
+@pytest.mark.parametrize(("until_s", "counts"), [(47.0, False), (48.0, True), (60.0, True)])
+def test_a_segment_counts_from_four_fifths_of_its_time_on(until_s, counts):
+    log = powered()[lambda rows: rows["time_s"] <= until_s]
+    updated = departing().update(log)
+    if not counts:
+        assert updated.posterior.mean_w.tolist() == [0.0, 0.0, 0.0]
+        return
+    # a part of a segment tells of the whole as far as its noise allows
+    error_w2 = (1.0 - until_s / 60.0) * NOISE_W2[0] + 1.0
+    share = np.interp(until_s / 360.0, [0.0, 0.1, 0.25], [0.0, 0.2, 0.5])
+    gain = BOTH_W2 / (BOTH_W2 + NOISE_W2[0] + CLIMATE_NOISE**2 + error_w2)
+    assert updated.posterior.mean_w[1] == pytest.approx(share * gain * 900.0, rel=1e-9)
+
+
+def test_a_gap_of_fifteen_seconds_is_bridged_and_a_longer_one_is_not():
+    for gap_s, hours in ((15.0, 60.0), (16.0, 44.0)):
+        log = powered()
+        kept = log[(log["time_s"] <= 20.0) | (log["time_s"] >= 20.0 + gap_s)]
+        assert departing().update(kept).measured.hours[0] * 3600.0 == pytest.approx(hours, rel=1e-9)
