@@ -280,15 +280,19 @@ def mark(fold: Path) -> None:
 
 
 def test_a_run_that_is_interrupted_resumes_to_the_identical_table(tables: Path, tmp_path: Path) -> None:
-    def arguments(out: Path) -> list[str]:
+    def arguments(out: Path, jobs: int = 1) -> list[str]:
         models = "constant,physics-paper,forest"
         return command(
-            "evaluate", tables, "--dataset", "table", "--models", models, "--jobs", 2, "--out", out
+            "evaluate", tables, "--dataset", "table", "--models", models, "--jobs", jobs, "--out", out
         )
 
     out = tmp_path / "out"
     process = subprocess.Popen(
-        arguments(out), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        arguments(out, jobs=2),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
     )
     deadline = time.monotonic() + 300
     while len(kept := list(tmp_path.glob("out.unfinished/folds/*/0.constant.*.npz"))) < 4:

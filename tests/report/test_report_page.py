@@ -69,6 +69,12 @@ def html(run: SimpleNamespace) -> str:
     return render_report(run)
 
 
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are laid out but not drawn: for tests of words."""
+    monkeypatch.setattr("tripwatt.report.html.svg_text", lambda figure: "<svg></svg>")
+
+
 SYNTHETIC = ("synthetic", ["s1", "s2", "s3", "s4"])
 
 
@@ -210,6 +216,7 @@ def test_an_unknown_protocol_is_read_as_the_default_one(made_up: MakeRun) -> Non
     assert [(s.key, [p.key for p in s.panels]) for s in build_sections(View.from_run(run))] == known
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_is_missing_is_said(made_up: MakeRun) -> None:
     whole = made_up("tum", trips=["a", "b", "c"])
     results = {**whole.results, "notes": ["leave-one-day-out left out: 3 trips have no date"]}
@@ -236,6 +243,7 @@ def test_an_empty_run_makes_a_page_that_says_so(results: dict) -> None:
     assert "No fold is known" in words
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_unknown_models_and_missing_scores_are_shown_as_they_are(made_up: MakeRun) -> None:
     strange = made_up("tum", trips=["a", "b"])
     strange.folds["model"] = strange.folds["model"].replace({"linear6": "my <new> model"})

@@ -207,7 +207,7 @@ def test_the_second_half_is_not_looked_at(first_car, second_car) -> None:
         for i, t in enumerate(second_car.trips)
     ]
     runs = [
-        evaluate_transfer(first_car, fleet, trips=(0, 2), draws=3, min_distance_m=0.0)
+        evaluate_transfer(first_car, fleet, trips=(0, 2), draws=1, min_distance_m=0.0)
         for fleet in (second_car, replace(second_car, logs=tuple(louder)))
     ]
     before, after = (run.trips.set_index(["trip", "model"]) for run in runs)
