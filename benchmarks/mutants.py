@@ -47,7 +47,8 @@ ROOMS: Final = (
     "service",
 )
 LEAST_SHARE: Final = 0.9
-NO_PART: Final = ("tests/page", "tests/project")
+NO_PART: Final = ("tests/page", "tests/project", "tests/report", "tests/gam", "tests/cli", "src/tripwatt/gam")
+"""Tests of the browser, of the project's files, of words and figures, and of rooms that no mutant is planted in."""
 PATIENCE_S: Final = 120.0
 """A mutant that takes this much longer than its tests does not end."""
 
@@ -124,18 +125,24 @@ def read_map(kept: Path) -> TestMap:
 
 
 def tests_for(mutant: Mutant, known: TestMap, uses: Mapping[str, Mapping[str, Sequence[int]]]) -> set[str]:
-    """Tests that run the mutant: its statement, else its function, else functions that use the name it assigns."""
+    """Tests that run the mutant: its statement, else its function, else functions that use the name it assigns.
+
+    What runs in processes of its own alone, such as the service, is left to the tests of its room.
+    """
     path = mutant.path.relative_to(ROOT).as_posix()
+    found: set[str] = set()
     if mutant.function is not None:
         first, last = mutant.function
-        inside = first <= mutant.first
-        found = known.of_lines(path, range(mutant.first, mutant.last + 1)) if inside else set()
-        return found or known.of_lines(path, range(first, last + 1))
-    found = set()
-    for name in mutant.names:
-        for other, lines in uses.get(name, {}).items():
-            found |= known.of_lines(other, lines)
-    return found or known.of_lines(path, known.by_line.get(path, {}))
+        if first <= mutant.first:
+            found = known.of_lines(path, range(mutant.first, mutant.last + 1))
+        found = found or known.of_lines(path, range(first, last + 1))
+    else:
+        for name in mutant.names:
+            for other, lines in uses.get(name, {}).items():
+                found |= known.of_lines(other, lines)
+        found = found or known.of_lines(path, known.by_line.get(path, {}))
+    room = mutant.path.relative_to(ROOT / "src" / "tripwatt").parts[0]
+    return found or {test for test in known.seconds if test.startswith(f"tests/{room}/")}
 
 
 def uses_of_names(package: Path) -> dict[str, dict[str, list[int]]]:

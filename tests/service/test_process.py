@@ -75,14 +75,14 @@ def test_shutdown_finishes_running_requests(tmp_path: Path) -> None:
         workers = service.workers()
         assert len(workers) == 2
         sent = [
-            pool.submit(httpx.post, f"{service.url}/v1/forecast", json=LONG, timeout=30) for _ in range(4)
+            pool.submit(httpx.post, f"{service.url}/v1/forecast", json=LONG, timeout=120) for _ in range(4)
         ]
         assert wait_for(lambda: b"tripwatt_requests_running 5.0" in service.client.get("/metrics").content)
         service.client.close()
         service.process.send_signal(signal.SIGTERM)
         assert [answer.result().status_code for answer in sent] == [200] * 4
-        assert service.process.wait(20) == 0
-        assert wait_for(lambda: not any(map(alive, workers)), 5.0)
+        assert service.process.wait(60) == 0
+        assert wait_for(lambda: not any(map(alive, workers)))
 
 
 def test_workers_do_not_outlive_the_service(tmp_path: Path) -> None:
@@ -94,12 +94,13 @@ def test_workers_do_not_outlive_the_service(tmp_path: Path) -> None:
 
 def test_no_response_is_lost_with_a_killed_worker(tmp_path: Path, drive: dict[str, Any]) -> None:
     """Two workers are killed under load, one after the other; every response is right."""
-    with serving(tmp_path, "--workers", "2") as service, ThreadPoolExecutor(4) as pool:
+    patient = ("--limit", "timeout_s=120")  # no job times out on a busy machine
+    with serving(tmp_path, "--workers", "2", *patient) as service, ThreadPoolExecutor(4) as pool:
         asked = [drive | {"payload_mass_kg": 10.0 * k} for k in range(5)]
         right = [service.forecast(request).json() for request in asked]
 
         def ask(number: int) -> list[bool]:
-            with httpx.Client(base_url=service.url, timeout=30) as client:
+            with httpx.Client(base_url=service.url, timeout=120) as client:
                 answers = [client.post("/v1/forecast", json=asked[(number + k) % 5]) for k in range(25)]
             return [
                 a.status_code == 200 and a.json() == right[(number + k) % 5] for k, a in enumerate(answers)

@@ -15,6 +15,7 @@ import pytest
 from tests.support.service_fuzz import seeds
 from tests.support.service_process import Service
 
+import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.service.jobs import require_finite
 
@@ -47,6 +48,16 @@ def test_the_forecast_of_a_planned_route_equals_that_of_the_command_line(
     printed = command_line(tmp_path / "trip.json", "--soc", 0.6, "--ambient", 3, "--reserve", 0.2)
     assert service.forecast(asked).json() == printed
     assert printed["given"] == "a planned route"
+
+
+def test_python_gives_the_numbers_of_the_service(service: Service) -> None:
+    departure = tw.Departure(soc=0.6, ambient_temperature_degc=3.0)
+    for vehicle in (None, "vw_id3"):
+        own = tw.forecast(tw.read_route(LINKS), vehicle=vehicle, departure=departure).to_dict(0.2)
+        asked = {"links": LINKS, "soc": 0.6, "ambient_temperature_degc": 3.0, "reserve": 0.2}
+        answer = service.forecast(asked | ({"vehicle": vehicle} if vehicle else {})).json()
+        for name in ("energy_wh", "quantiles_wh", "soc_arrival", "p_arrive", "series", "by_cause_wh", "flags"):
+            assert answer[name] == json.loads(json.dumps(own[name])), name
 
 
 def test_an_update_uses_the_measurements(service: Service, drive: dict[str, Any], tmp_path: Path) -> None:

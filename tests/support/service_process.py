@@ -22,7 +22,7 @@ class Service:
 
     def __init__(self, process: subprocess.Popen[str], url: str, log: Path) -> None:
         self.process, self.url, self.log = process, url, log
-        self.client = httpx.Client(base_url=url, timeout=30.0)
+        self.client = httpx.Client(base_url=url, timeout=120.0)
 
     @property
     def port(self) -> int:
@@ -47,7 +47,7 @@ class Service:
         return self.client.post("/v1/forecast", json=request)
 
 
-def wait_for(condition: Callable[[], Any], seconds: float = 20.0) -> bool:
+def wait_for(condition: Callable[[], Any], seconds: float = 60.0) -> bool:
     """Whether something becomes true in time."""
     until = time.monotonic() + seconds
     while not (found := condition()) and time.monotonic() < until:

@@ -1,0 +1,136 @@
+"""Parts of the uncertainty model against values that are found another way."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.stats import t as student
+from tests.forecasting import test_values as by_hand
+
+from tripwatt.errors import InvalidInput
+from tripwatt.forecasting import ForecastModel
+from tripwatt.forecasting.measured import CAPACITY_SD, _from_power
+from tripwatt.forecasting.ranges import Range, Unfamiliar
+from tripwatt.synthetic import synthetic_fleet
+from tripwatt.uncertainty.conformal import ConformalScores
+from tripwatt.uncertainty.process import Segments
+from tripwatt.uncertainty.route import RouteUncertainty
+from tripwatt.uncertainty.scale import TotalScale
+from tripwatt.uncertainty.shrinkage import SURE, UpdateShrinkage, _best_share
+from tripwatt.vehicles import load_vehicle
+
+
+def test_the_scale_is_the_mode_of_t_distributed_errors():
+    rng = np.random.default_rng(2)
+    trips = [
+        Segments(np.arange(n) * 60.0, np.full(n, 60.0), rng.uniform(2e3, 9e3, n), np.zeros(n), 20.0 + n)
+        for n in rng.integers(5, 60, 40)
+    ]
+    errors = rng.standard_t(4, 40) * np.array([40.0 + 3.0 * len(trip) for trip in trips])
+    sizes = np.array(
+        [[1.0, t.hours.sum(), t.moved_w @ t.hours, t.corrector_sd_wh] for t in trips]
+    ) * np.array([100.0, 200.0, 0.03, 1.0])
+
+    def cost(logs: np.ndarray) -> float:
+        sd = np.sqrt((sizes**2 * np.exp(2.0 * logs)).sum(axis=1))
+        return float(-student.logpdf(errors, 4, scale=sd).sum() + 0.5 * np.sum((logs / 2.0) ** 2))
+
+    best = minimize(cost, np.zeros(4), method="L-BFGS-B", bounds=[(-6.0, 6.0)] * 4)
+    found = TotalScale.from_errors(trips, errors)
+    np.testing.assert_allclose(
+        found.values, np.array([100.0, 200.0, 0.03, 1.0]) * np.exp(best.x), rtol=0.02, atol=1e-6
+    )
+
+
+def test_scores_by_rank():
+    scores = ConformalScores.from_errors([3.0, -1.0, 2.0])
+    # the k-th of three covers k / 4 of new trips
+    assert [scores.factor(level) for level in (0.0, 0.125, 0.25, 0.5, 0.75)] == [0.0, 0.5, 1.0, 2.0, 3.0]
+    top = student.ppf(0.875, 4)
+    for level in (0.8, 0.9, 0.99):
+        assert scores.factor(level) == pytest.approx(
+            3.0 * student.ppf(0.5 + level / 2, 4) / top, rel=1e-9
+        )
+    for size, chance in ((0.0, 0.5), (1.5, 0.6875), (3.0, 0.875), (-2.0, 0.25)):
+        assert scores.probability(size) == pytest.approx(chance, rel=1e-12)
+    assert scores.probability(6.0) == pytest.approx(student.cdf(2.0 * top, 4), rel=1e-9)
+    assert scores.probability(-6.0) == pytest.approx(1.0 - student.cdf(2.0 * top, 4), rel=1e-9)
+
+
+def test_scores_of_zero_are_sure():
+    sure = ConformalScores.from_errors([0.0, 0.0])
+    assert (sure.probability(1e-9), sure.probability(-1e-9)) == (1.0, 0.0)
+
+
+def test_the_share_of_an_update_is_the_lower_end_of_a_slope():
+    x = np.array([100.0, -50.0, 25.0, 80.0])
+    assert _best_share(0.11 * x, x, np.ones(4)) == pytest.approx(0.11)
+    assert _best_share(0.09 * x, x, np.ones(4)) == 0.0  # too small to change a forecast
+    assert _best_share(1.7 * x, x, np.ones(4)) == 1.0
+    assert _best_share(-0.5 * x, x, np.ones(4)) == 0.0
+    assert _best_share(x, np.zeros(4), np.ones(4)) == 0.0
+    truth, scale = np.array([90.0, -20.0, 40.0, 75.0]), np.array([10.0, 20.0, 10.0, 40.0])
+    t, z = truth / scale, x / scale
+    slope = (z @ t) / (z @ z)
+    error = np.sqrt(np.mean((t - slope * z) ** 2) / (z @ z))
+    assert SURE == pytest.approx(student.ppf(0.95, 1e6), abs=2e-4)
+    assert _best_share(truth, x, scale) == pytest.approx(slope - SURE * error, rel=1e-9)
+
+
+def test_shares_are_interpolated_from_none_at_departure():
+    rising = np.array([0.2, 0.4, 0.6, 0.8, 0.9, 1.0])
+    ones = np.ones(6)
+    shrinkage = UpdateShrinkage(rising, rising / 2, rising / 4, 2 * ones, 3 * ones)
+    for fraction, share in ((0.0, 0.0), (0.05, 0.1), (0.1, 0.2), (0.175, 0.3), (0.9, 1.0), (1.0, 1.0)):
+        assert shrinkage.at("climate", fraction) == pytest.approx(share)
+        assert shrinkage.at("drive", fraction) == pytest.approx(share / 2)
+        assert shrinkage.at("joint", fraction) == pytest.approx(share / 4)
+    assert shrinkage.sd_factor(True, 0.05) == pytest.approx(1.5)
+    assert shrinkage.sd_factor(False, 0.05) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(("stretch", "counts"), [(1.0, True), (1.5, True), (1.51, False), (3.0, False)])
+def test_a_segment_that_took_long_is_no_evidence_of_its_power(stretch, counts):
+    drive = by_hand.drive()
+    ends = drive.edges_s.copy()
+    ends[1:] += (stretch - 1.0) * 60.0  # the first segment took longer than planned, the others as planned
+    readings = _from_power(
+        np.array([60.0, 400.0, 300.0]), by_hand.HOURS.copy(), drive, by_hand.PROCESS, ends
+    )
+    assert readings.weights[:, 0].sum() == float(counts)
+    assert len(readings.power_w) == 2 + counts
+    assert readings.power_w[-1] == pytest.approx(300.0 * 20)
+
+
+def test_the_error_of_the_capacity_is_that_of_ageing():
+    """A battery loses 2 to 3 % of its energy a year, and as much for each 10 K below 20 °C."""
+    assert 0.02 <= CAPACITY_SD <= 0.05
+
+
+def test_seven_trips_are_too_few_and_eight_are_enough():
+    trips = synthetic_fleet(n_trips=8, seed=1).trips
+    car = load_vehicle("bmw_i3_60ah")
+    with pytest.raises(InvalidInput, match="too few trips"):
+        ForecastModel(car, corrector="linear").fit(trips[:7])
+    assert len(ForecastModel(car, corrector="linear").fit(trips).held_out_) == 8
+
+
+def test_distance_outside_a_range_is_in_standard_deviations():
+    seen = Range(10.0, 20.0, 4.0)
+    assert [seen.beyond(v) for v in (4.0, 10.0, 15.0, 20.0, 22.0, float("nan"))] == [1.5, 0, 0, 0, 0.5, 0]
+
+
+def test_differences_of_links_become_variances():
+    differences = np.array([[0.01, 0.03, 0.02], [-0.03, 0.01, 0.04], [0.02, np.nan, 0.01]] * 3)
+    found = RouteUncertainty.from_differences(differences)
+    assert found.trips == 6
+    first, second, third = (1e-4 + 9e-4) / 2, (9e-4 + 1e-4) / 2, (4e-4 + 16e-4) / 2
+    np.testing.assert_allclose(found.variance, [first, max(first, second), third], rtol=1e-12)
+    assert found.share(4000.0) ** 2 == pytest.approx(third)
+    assert found.share(2500.0) ** 2 == pytest.approx((second + third) / 2)
+    assert found.share(125.0) ** 2 == pytest.approx(first / 2)
+    assert RouteUncertainty.from_differences(differences[:6]) is None  # four whole rows
+
+
+def test_widening_is_the_root_of_one_and_the_squares():
+    assert Unfamiliar().widening == 1.0
+    assert Unfamiliar({"a": 2.0, "b": 1.0}, ("c",)).widening == pytest.approx(np.sqrt(1 + 4.25 + 1.25 + 0.1))
