@@ -9,7 +9,7 @@ pass survives; it is printed with its file, line and change. ``--since`` takes t
 ``--named`` plants those of named_mutants.toml. Survivors that change nothing are listed, with the reason, in
 equivalent_mutants.toml. Exit code 1 when fewer than 90 % are killed.
 
-Costs one run of the tests with coverage (about twice its usual time), then 5 to 60 s for each mutant on one core.
+Costs one run of the tests with coverage (about twice its usual time), then 5 to 90 s for each mutant on one core.
 """
 
 from __future__ import annotations
@@ -369,7 +369,7 @@ def main() -> int:
     parser.add_argument("--since", help="mutants of the lines that differ from this revision")
     parser.add_argument("--named", action="store_true", help="those of named_mutants.toml")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--budget", type=float, default=45.0, help="seconds of tests for a mutant")
+    parser.add_argument("--budget", type=float, default=90.0, help="seconds of tests for a mutant")
     parser.add_argument("--map", type=Path, help="file that keeps which tests run which line")
     arguments = parser.parse_args()
     mutants = (
