@@ -314,9 +314,7 @@ def named_mutants() -> list[Mutant]:
         place = (
             (same[0].first, same[0].last, same[0].function, same[0].names) if same else (line, line, None, ())
         )
-        found.append(
-            Mutant(path, line, "named", entry["old"], entry["new"], start, start + len(old), *place)
-        )
+        found.append(Mutant(path, line, "named", entry["old"], entry["new"], start, start + len(old), *place))
     return found
 
 

@@ -49,9 +49,9 @@ def test_the_sentence_holds_the_numbers_of_the_forecast() -> None:
 
 
 def test_a_battery_that_may_not_last_is_told_with_its_probability() -> None:
-    perhaps = forecast_in_words(made((0.12, 0.03, -0.02, 0.07)))
+    perhaps = forecast_in_words(made((0.12, 0.03, 0.0, 0.07)))
     assert "you arrive with 3 % (0 to 7 %). The probability to arrive is 42 %." in perhaps
-    not_enough = forecast_in_words(made((0.05, -0.06, -0.1, -0.02)))
+    not_enough = forecast_in_words(made((0.05, 0.0, 0.0, 0.0)))
     assert (
         "Leaving with 5 % the battery does not last for the trip; the probability to arrive is 42 %."
         in not_enough

@@ -24,6 +24,7 @@ from tripwatt.evaluation.forecast_scores import (
     strata_of,
     update_scores,
 )
+from tripwatt.evaluation.protocol import CarChoice
 from tripwatt.forecasting import ForecastModel
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Trip, plan_from_trip
@@ -313,3 +314,39 @@ def test_too_few_trips_are_refused(fleet):
     few = dataclasses.replace(fleet, logs=fleet.logs[:6])
     with pytest.raises(InvalidInput, match="too few trips"):
         evaluate(few, protocol="forecast", models=("constant",), execution=Execution(n_jobs=1))
+
+
+def test_kinds_of_trips_are_scored_by_models_that_did_not_see_them(car):
+    fleet = synthetic_fleet(n_trips=26, seed=8)
+    found = QUICK.prepare(fleet, None, CarChoice("bmw_i3_60ah"))
+    by_name = {(h.scheme, h.trips): h for h in found.hold_outs}
+    for name, measure in (
+        ("longer third", lambda plan: plan.duration_s),
+        ("faster third", lambda plan: plan.distance_m / plan.duration_s),
+    ):
+        held = by_name["leave_regime_out", name]
+        values = np.array([measure(plan) for plan in held.data.plans])
+        assert values[held.folds == 0].min() > values[held.folds == -1].max()
+        assert (held.folds == 0).sum() == pytest.approx(len(values) / 3, abs=1)
+        assert held.data.segments.trip_ids == held.table.trip_ids == tuple(p.trip_id for p in held.data.plans)
+        assert len(held.data.data_features) == len(held.data.segments.hours)
+    seasons = [h for (scheme, name), h in by_name.items() if "fitted on" in name]
+    for held in seasons:
+        kinds = {(trip.context.season, fold) for trip, fold in zip(held.table.trips, held.folds, strict=True)}
+        assert len(kinds) == 2
+    later = by_name.get(("time_split", "last third by date"))
+    if later is not None:
+        days = [str(trip.context.day) for trip in later.table.trips]
+        scored = [d for d, fold in zip(days, later.folds, strict=True) if fold == 0]
+        fitted = [d for d, fold in zip(days, later.folds, strict=True) if fold == -1]
+        assert max(fitted) <= min(scored)
+
+
+def test_a_first_sample_without_a_value_takes_the_next_within_a_minute(fleet):
+    trip = fleet.trips[0]
+    samples = trip.samples.copy()
+    samples.loc[:2, "displayed_soc"] = np.nan
+    late = dataclasses.replace(trip, samples=samples)
+    assert plan_from_trip(late).departure.soc == samples["displayed_soc"].iloc[3]
+    samples = samples.assign(displayed_soc=samples["displayed_soc"].where(samples["time_s"] > 60.5))
+    assert plan_from_trip(dataclasses.replace(trip, samples=samples)).departure.soc is None

@@ -9,11 +9,14 @@ from tripwatt.evaluation.forecast_results import add_crps_of_points, learning_cu
 from tripwatt.evaluation.forecast_scores import (
     FRACTIONS,
     LEVELS,
+    RESERVE_OFFSETS,
     UPDATES,
+    arrival_scores,
     clopper_pearson,
     coverage_scores,
     crps,
     crps_scores,
+    reliability,
     strata_of,
     strata_scores,
     symmetric_quantiles,
@@ -263,3 +266,37 @@ def test_learning_curve_is_the_mean_over_trips_of_a_draw_and_over_draws():
     assert rows[1]["boosting-only"] == pytest.approx(0.35, **EXACT)
     assert rows[1]["diff"] == pytest.approx(-0.2, **EXACT)
     assert rows[1]["diff_ci95"] is None
+
+
+def test_arrival_by_what_was_known_at_departure():
+    shown = np.array([0.50, 0.30, 0.10, np.nan])
+    from_display = [[0.52, 0.48, 0.56], [0.29, 0.30, 0.35], [0.20, 0.15, 0.25], [0.4, 0.3, 0.5]]
+    arrival = np.array([[row, [np.nan] * 3] for row in from_display])
+    chance = np.full((4, 2, len(RESERVE_OFFSETS)), 0.5)
+    found = arrival_scores(shown, arrival, chance, seed=0)
+    assert found["bms_soc"] is None
+    scores = found["soc"]
+    assert scores["n_trips"] == 3
+    assert scores["mae"] == pytest.approx((0.02 + 0.01 + 0.10) / 3, **EXACT)
+    assert scores["bias"] == pytest.approx((0.02 - 0.01 + 0.10) / 3, **EXACT)
+    assert scores["coverage"] == pytest.approx(2 / 3, **EXACT)  # on a bound is inside
+    assert scores["coverage_ci95"] == clopper_pearson(2, 3)
+    assert scores["interval_width"] == pytest.approx((0.08 + 0.05 + 0.10) / 3, **EXACT)
+    # reserves of the first trip from 0.46 to 0.58: it had 0.50, so five of 13 were met; the others nine and none
+    (row,) = scores["reliability"]
+    assert len(RESERVE_OFFSETS) == 13
+    met = sum(0.52 + o <= 0.50 for o in RESERVE_OFFSETS) + sum(0.29 + o <= 0.30 for o in RESERVE_OFFSETS)
+    assert row["observed"] == pytest.approx(met / 39, **EXACT)
+    assert row["share"] == 1.0
+
+
+def test_reliability_by_tenths_and_over_trips():
+    chance = np.array([[0.05, 0.15, 0.95], [0.08, 0.55, 1.0]])
+    happened = np.array([[False, True, True], [False, False, True]])
+    rows = reliability(chance, happened, seed=0)
+    assert [row["stated"] for row in rows] == pytest.approx([0.065, 0.15, 0.55, 0.975], **EXACT)
+    assert [row["observed"] for row in rows] == [0.0, 1.0, 0.0, 1.0]
+    assert [row["share"] for row in rows] == pytest.approx([2 / 6, 1 / 6, 1 / 6, 2 / 6], **EXACT)
+    mixed = reliability(np.full((2, 4), 0.7), np.array([[True] * 4, [False] * 4]), seed=0)
+    assert mixed[0]["observed"] == 0.5
+    assert mixed[0]["observed_ci95"] == (0.0, 1.0)  # two trips are two pieces of evidence, not eight

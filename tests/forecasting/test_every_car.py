@@ -28,14 +28,12 @@ def forecast(request):
 
 
 def test_probability_to_arrive_is_that_of_the_quantiles(forecast):
-    battery, start = forecast.vehicle.battery, forecast.drive.departure_soc
     for level in (0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95):
-        # the charge that is left in `level` of all trips: what the trip takes at that quantile
-        left = start - forecast.quantile(level) / forecast.drive.wh_per_soc
-        reserve = (left - battery.displayed_zero_soc) / (
-            battery.displayed_full_soc - battery.displayed_zero_soc
-        )
+        reserve = forecast.soc_quantile(1.0 - level)
         assert forecast.p_arrive(reserve) == pytest.approx(level, abs=1e-9)
+    # what the trip takes at a quantile is less uncertain than the charge that it leaves
+    left = 0.4 - forecast.quantile(0.9) / forecast.charge.wh_per_display
+    assert 0.5 < forecast.p_arrive(left) < 0.9
     assert forecast.p_arrive(forecast.soc_arrival) == pytest.approx(0.5, abs=1e-9)
 
 
@@ -43,7 +41,9 @@ def test_series_starts_at_the_departure_and_ends_at_the_totals(forecast):
     series = forecast.series()
     first, last = series.iloc[0], series.iloc[-1]
     low, high = forecast.interval(0.9)
-    assert first[["time_s", "distance_m", "energy_wh", "energy_low_wh", "energy_high_wh"]].tolist() == [0.0] * 5
+    assert (
+        first[["time_s", "distance_m", "energy_wh", "energy_low_wh", "energy_high_wh"]].tolist() == [0.0] * 5
+    )
     assert first["displayed_soc"] == pytest.approx(0.4, abs=1e-6)
     assert last["energy_wh"] == pytest.approx(forecast.energy_wh, rel=1e-12)
     assert (last["energy_low_wh"], last["energy_high_wh"]) == pytest.approx((low, high), rel=1e-9)
@@ -80,4 +80,6 @@ def test_each_thing_that_is_unknown_has_its_flag(unknown, flag):
     assert flag in found - whole
     assert ("no_elevation", "road") not in found
     flat = [{name: value for name, value in link.items() if name != "grade"} for link in LINKS]
-    assert ("no_elevation", "road") in {(f.code, f.subject) for f in tw.forecast(tw.read_route(flat), departure=KNOWN).flags}
+    assert ("no_elevation", "road") in {
+        (f.code, f.subject) for f in tw.forecast(tw.read_route(flat), departure=KNOWN).flags
+    }

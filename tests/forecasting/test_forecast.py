@@ -124,7 +124,14 @@ def test_what_training_never_saw_is_flagged_and_widens(model, trip):
     arctic = dataclasses.replace(trip, samples=trip.samples.assign(ambient_temperature_degc=-40.0))
     usual, unusual = model.forecast(trip), model.forecast(arctic)
     assert ("outside_training", "ambient_temperature_degc") in {(f.code, f.subject) for f in unusual.flags}
-    assert unusual.widening > 1.5 * usual.widening
+    assert usual.drive.segments.outside_sd_wh == 0.0
+    assert unusual.drive.segments.outside_sd_wh > 0.0
+    assert unusual.sd_wh > usual.sd_wh
+    # far outside the correction is as uncertain as before any trip, and no more
+    colder = dataclasses.replace(trip, samples=trip.samples.assign(ambient_temperature_degc=-60.0))
+    drive = model.forecast(colder).drive
+    prior = np.sqrt(2.0 * model.corrector_.model.variances_[: len(model.corrector_.terms)].sum())
+    assert drive.segments.outside_sd_wh <= prior * drive.table.hours.sum() * (1.0 + 1e-9)
 
 
 def test_unusable_samples_are_refused(model, trip):

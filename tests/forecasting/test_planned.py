@@ -124,7 +124,7 @@ def test_links_widen_and_the_driven_trace_does_not(model, trips):
         assert wide.given == wide.to_dict()["given"] == "a planned route"
         assert wide.energy_wh == narrow.energy_wh
         share = model.uncertainty_.route.share(plan.link_m)
-        extra = share * wide.energy_wh * wide.widening
+        extra = share * wide.energy_wh
         assert share > 0.0
         assert wide.sd_wh**2 == pytest.approx(narrow.sd_wh**2 + extra**2)
         ratio = np.sqrt(1.0 + extra**2 / narrow.sd_wh**2)

@@ -3,19 +3,21 @@
 import numpy as np
 import pytest
 from scipy.optimize import minimize
+from scipy.stats import norm
 from scipy.stats import t as student
 from tests.forecasting import test_values as by_hand
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel
-from tripwatt.forecasting.measured import CAPACITY_SD, _from_power
-from tripwatt.forecasting.ranges import Range, Unfamiliar
+from tripwatt.forecasting.measured import _from_power
+from tripwatt.forecasting.ranges import Range, unknown_state_sd_wh
 from tripwatt.synthetic import synthetic_fleet
+from tripwatt.uncertainty.charge import CAPACITY_SD, NORMAL_SCALE, ChargeScale
 from tripwatt.uncertainty.conformal import ConformalScores
-from tripwatt.uncertainty.process import Segments
+from tripwatt.uncertainty.process import HeldOutResidual, Segments
 from tripwatt.uncertainty.route import RouteUncertainty
 from tripwatt.uncertainty.scale import TotalScale
-from tripwatt.uncertainty.shrinkage import SURE, UpdateShrinkage, _best_share
+from tripwatt.uncertainty.shrinkage import FRACTIONS, SURE, UpdateShrinkage, _best_share, _rest
 from tripwatt.vehicles import load_vehicle
 
 
@@ -47,9 +49,7 @@ def test_scores_by_rank():
     assert [scores.factor(level) for level in (0.0, 0.125, 0.25, 0.5, 0.75)] == [0.0, 0.5, 1.0, 2.0, 3.0]
     top = student.ppf(0.875, 4)
     for level in (0.8, 0.9, 0.99):
-        assert scores.factor(level) == pytest.approx(
-            3.0 * student.ppf(0.5 + level / 2, 4) / top, rel=1e-9
-        )
+        assert scores.factor(level) == pytest.approx(3.0 * student.ppf(0.5 + level / 2, 4) / top, rel=1e-9)
     for size, chance in ((0.0, 0.5), (1.5, 0.6875), (3.0, 0.875), (-2.0, 0.25)):
         assert scores.probability(size) == pytest.approx(chance, rel=1e-12)
     assert scores.probability(6.0) == pytest.approx(student.cdf(2.0 * top, 4), rel=1e-9)
@@ -72,7 +72,7 @@ def test_the_share_of_an_update_is_the_lower_end_of_a_slope():
     t, z = truth / scale, x / scale
     slope = (z @ t) / (z @ z)
     error = np.sqrt(np.mean((t - slope * z) ** 2) / (z @ z))
-    assert SURE == pytest.approx(student.ppf(0.95, 1e6), abs=2e-4)
+    assert student.ppf(0.95, 1e6) == pytest.approx(SURE, abs=2e-4)
     assert _best_share(truth, x, scale) == pytest.approx(slope - SURE * error, rel=1e-9)
 
 
@@ -93,9 +93,7 @@ def test_a_segment_that_took_long_is_no_evidence_of_its_power(stretch, counts):
     drive = by_hand.drive()
     ends = drive.edges_s.copy()
     ends[1:] += (stretch - 1.0) * 60.0  # the first segment took longer than planned, the others as planned
-    readings = _from_power(
-        np.array([60.0, 400.0, 300.0]), by_hand.HOURS.copy(), drive, by_hand.PROCESS, ends
-    )
+    readings = _from_power(np.array([60.0, 400.0, 300.0]), by_hand.HOURS.copy(), drive, by_hand.PROCESS, ends)
     assert readings.weights[:, 0].sum() == float(counts)
     assert len(readings.power_w) == 2 + counts
     assert readings.power_w[-1] == pytest.approx(300.0 * 20)
@@ -131,6 +129,75 @@ def test_differences_of_links_become_variances():
     assert RouteUncertainty.from_differences(differences[:6]) is None  # four whole rows
 
 
-def test_widening_is_the_root_of_one_and_the_squares():
-    assert Unfamiliar().widening == 1.0
-    assert Unfamiliar({"a": 2.0, "b": 1.0}, ("c",)).widening == pytest.approx(np.sqrt(1 + 4.25 + 1.25 + 0.1))
+@pytest.mark.parametrize(
+    ("unknown", "expected_wh"),
+    [
+        ((), 0.0),
+        (("ambient_temperature_degc",), 8.0 * 70.0 * 0.5 / 0.95),
+        (("cabin_setpoint_degc",), 1.5 * 70.0 * 0.5 / 0.95),
+        # no more than the heat of 12 kJ/K of air and 90 kJ/K of seats
+        (("cabin_temperature_degc",), 6.0 * (102_000.0 / 3600.0) / 0.95),
+        (("battery_temperature_degc",), 6.0 * 10.0 * 0.5),
+    ],
+)
+def test_an_unknown_temperature_costs_heat(unknown, expected_wh):
+    car = load_vehicle("bmw_i3_60ah")
+    assert unknown_state_sd_wh(car, unknown, 0.5) == pytest.approx(expected_wh, rel=1e-9)
+
+
+def test_unknown_temperatures_are_independent_and_a_heat_pump_saves():
+    car, leaf = load_vehicle("bmw_i3_60ah"), load_vehicle("nissan_leaf_24")
+    both = ("ambient_temperature_degc", "cabin_setpoint_degc")
+    parts = [unknown_state_sd_wh(car, (name,), 0.5) for name in both]
+    assert unknown_state_sd_wh(car, both, 0.5) == pytest.approx(np.hypot(*parts))
+    climate = leaf.climate
+    heat_w_k = climate.shell_w_k + climate.fresh_air_low_w_k
+    expected = 8.0 * heat_w_k * 0.5 / climate.heat_pump_cop_at_0_degc
+    assert unknown_state_sd_wh(leaf, both[:1], 0.5) == pytest.approx(expected)
+
+
+def test_charge_is_learned_from_readings():
+    energy = np.array([500.0, 1000.0, 2000.0, 3000.0, 800.0, 1500.0, 2500.0, 400.0])
+    start = np.array([0.9, 0.8, 0.7, 0.9, 0.6, 0.5, 0.8, 0.4])
+    shown = np.column_stack([start, start - energy / 16_000.0])
+    exact = ChargeScale.from_readings(np.hstack([0.1 + 0.8 * shown, shown]), energy)
+    assert (exact.zero_soc, exact.full_soc) == pytest.approx((0.1, 0.9), rel=1e-9)
+    assert exact.wh_per_display == pytest.approx(16_000.0, rel=1e-9)
+    assert exact.trips == 8
+    # at least a step of the display, as a scale of t-distributed errors with the same central 90 %
+    t_scale = NORMAL_SCALE
+    assert t_scale == pytest.approx(norm.ppf(0.95) / student.ppf(0.95, 4), abs=1e-4)
+    assert exact.displayed_sd == pytest.approx(0.005 / np.sqrt(6.0) * t_scale, rel=1e-9)
+    off = np.array([1, -1, 1, -1, -1, 1, -1, 1]) * 0.02
+    noisy = ChargeScale.from_readings(
+        np.hstack([0.1 + 0.8 * shown, np.column_stack([start, shown[:, 1] + off])]), energy
+    )
+    per_wh = float(energy @ (start - shown[:, 1] - off)) / float(energy @ energy)
+    assert noisy.wh_per_display == pytest.approx(1.0 / per_wh, rel=1e-9)
+    error = (start - shown[:, 1] - off) - energy * per_wh
+    left = np.sum(error**2 - (0.03 * energy * per_wh) ** 2) / 7
+    assert noisy.displayed_sd == pytest.approx(np.sqrt(left) * t_scale, rel=1e-9)
+    assert ChargeScale.from_readings(np.hstack([shown, shown])[:7], energy[:7]) is None
+    assert ChargeScale.from_readings(np.hstack([shown, shown]), -energy) is None
+
+
+def test_the_mean_width_never_grows_on_the_way():
+    rng = np.random.default_rng(6)
+    held_out = []
+    for _ in range(40):
+        segments = by_hand_segments(rng, 30)
+        size = np.where(np.arange(30) < 15, 1.0, 4.0)  # the second half errs more than the process believes
+        held_out.append(HeldOutResidual(segments, rng.normal(0.0, 800.0, 30) * size))
+    own = np.array([by_hand.PROCESS.sd_wh(trip.segments) for trip in held_out])
+    found = UpdateShrinkage.from_trips(by_hand.PROCESS, held_out, own)
+    before = own.mean()
+    for fraction, factor in zip(FRACTIONS, found.joint_sd_factor, strict=True):
+        rest = np.mean([factor * _rest(by_hand.PROCESS, trip, fraction)[5] for trip in held_out])
+        assert rest <= before * (1.0 + 1e-9)
+        before = rest
+
+
+def by_hand_segments(rng: np.random.Generator, n: int) -> Segments:
+    return Segments(
+        15.0 + 30.0 * np.arange(n), np.full(n, 30.0), rng.uniform(0, 9000, n), rng.uniform(0, 3000, n)
+    )

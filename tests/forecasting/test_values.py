@@ -10,8 +10,9 @@ from scipy.stats import t as student
 
 from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.forecasting.forecast import Forecast
+from tripwatt.forecasting.measured import ChargeReading
 from tripwatt.hybrid import SegmentTable
-from tripwatt.trips import Plan
+from tripwatt.trips import Departure, Plan
 from tripwatt.uncertainty import PowerPosterior, RouteUncertainty, UncertaintyModel
 from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.uncertainty.process import ComponentProcess, ResidualProcess, Segments
@@ -37,9 +38,19 @@ CAPACITY_AH = 60.0
 WH_PER_SOC = CAPACITY_AH * VOLTAGE_V
 ZERO, FULL = 0.1, 0.9
 START_SOC = 0.5
+START = 0.5
+"""The battery management's half is half of the display as well."""
+WH_PER_DISPLAY = WH_PER_SOC * (FULL - ZERO)
 
 SCORES = ConformalScores.from_errors([0.5, -1.0, 1.5, -2.0])
-SD_FACTOR, WIDENING, ROUTE_SD_WH = 1.5, 1.2, 30.0
+SD_FACTOR, STATE_SD_WH, ROUTE_SD_WH = 1.5, 18.0, 24.0
+BESIDE_SD_WH = 30.0
+"""Of 18 and 24."""
+
+AIR_W, ROLLING_W = np.array([500.0, 4000.0, 2000.0]), np.array([300.0, 1500.0, 900.0])
+CLIMB_W, ACCELERATION_W = np.array([0.0, 1000.0, -500.0]), np.array([200.0, 0.0, -100.0])
+LEAST_WH = np.array([600 / 60, 3750 / 30, 850 / 20])
+"""Half of air and rolling, the climb and the kinetic energy, in each segment."""
 
 JOINT = np.array([0.2, 0.5, 0.6, 0.7, 0.8, 0.9])
 CLIMATE = np.array([0.4, 0.7, 0.7, 0.7, 0.8, 0.9])
@@ -78,8 +89,18 @@ def car():
 
 def drive() -> ExpectedDrive:
     time = np.arange(361.0)
-    plan = Plan.from_samples("by hand", pd.DataFrame({"time_s": time, "speed_m_s": np.full(361, 12.0)}))
-    features = pd.DataFrame({"speed_m_s": SPEED_M_S, "hvac_w": HVAC_W})
+    samples = pd.DataFrame({"time_s": time, "speed_m_s": np.full(361, 12.0)})
+    plan = Plan.from_samples("by hand", samples, Departure(soc=START))
+    features = pd.DataFrame(
+        {
+            "speed_m_s": SPEED_M_S,
+            "hvac_w": HVAC_W,
+            "air_w": AIR_W,
+            "rolling_w": ROLLING_W,
+            "climb_w": CLIMB_W,
+            "acceleration_w": ACCELERATION_W,
+        }
+    )
     table = SegmentTable(("by hand",), np.array([0, 3]), features, HOURS, SIMULATED_W)
     segments = Segments(np.array([30.0, 120.0, 270.0]), STEP_S, MOVED_W, HVAC_W)
     simulation = SimpleNamespace(
@@ -101,11 +122,11 @@ def uncertainty(split: bool = False) -> UncertaintyModel:
 @pytest.fixture
 def forecast() -> Forecast:
     posterior = PowerPosterior.from_covariance(np.diag(SD_W**2))
-    return Forecast(drive(), uncertainty(), posterior, SD_FACTOR, 1.0, WIDENING, ROUTE_SD_WH)
+    return Forecast(drive(), uncertainty(), posterior, SD_FACTOR, 1.0, STATE_SD_WH, ROUTE_SD_WH)
 
 
 def departing(split: bool = False) -> Forecast:
-    """As the process has it, neither widened nor on a planned route."""
+    """As the process has it, with a known state and not on a planned route."""
     known = uncertainty(split)
     expected = drive()
     posterior = PowerPosterior.from_covariance(known.process.covariance(expected.segments))
@@ -115,12 +136,12 @@ def departing(split: bool = False) -> Forecast:
 TOTAL_WH = 3100 / 60 + 11800 / 30 + 6050 / 20
 CUMULATIVE_SD_WH = np.array(
     [
-        WIDENING * np.hypot(SD_FACTOR * 400 / 60, ROUTE_SD_WH / 6),
-        WIDENING * np.hypot(SD_FACTOR * np.sqrt((400 / 60) ** 2 + 10.0**2), ROUTE_SD_WH / 2),
-        WIDENING * np.hypot(SD_FACTOR * np.sqrt((400 / 60) ** 2 + 10.0**2 + 10.0**2), ROUTE_SD_WH),
+        np.hypot(SD_FACTOR * 400 / 60, BESIDE_SD_WH / 6),
+        np.hypot(SD_FACTOR * np.sqrt((400 / 60) ** 2 + 10.0**2), BESIDE_SD_WH / 2),
+        np.hypot(SD_FACTOR * np.sqrt((400 / 60) ** 2 + 10.0**2 + 10.0**2), BESIDE_SD_WH),
     ]
 )
-"""The shares of a planned route's error are those of the time: 60, 180 and 360 of 360 s."""
+"""The errors of a planned route and of an unknown state grow with the time: 60, 180 and 360 of 360 s."""
 SD_WH = CUMULATIVE_SD_WH[-1]
 TAIL_90 = 2.0 * student.ppf(0.95, 4) / student.ppf(0.9, 4)
 """Four scores reach to a level of 4 / 5; beyond, the largest grows as a t distribution with 4 degrees of freedom."""
@@ -146,33 +167,90 @@ def test_intervals_quantiles_and_probabilities(forecast):
     assert forecast.quantile(0.5) == pytest.approx(TOTAL_WH, **EXACT)
 
 
+def test_a_low_energy_stays_above_the_least_of_the_road(forecast):
+    least = LEAST_WH.sum()
+    straight, rest = 0.75 * (TOTAL_WH - least), 0.25 * (TOTAL_WH - least)
+    half = straight + 100.0
+    wide = dataclasses.replace(forecast, sd_factor=1e-9, state_sd_wh=half / 2.0, route_sd_wh=0.0)
+    expected = least + rest * np.exp(-100.0 / rest)
+    assert wide.quantile(0.1) == pytest.approx(
+        expected, rel=1e-6
+    )  # the largest score, 2, is of a level of 0.8
+    assert wide.probability_below(expected) == pytest.approx(0.1, rel=1e-6)
+    assert wide.probability_below(least) == 0.0
+    assert wide.quantile(0.9) == pytest.approx(TOTAL_WH + half, rel=1e-6)
+    boundless = dataclasses.replace(wide, state_sd_wh=1e9)
+    assert boundless.quantile(0.001) >= least
+
+
+def charge_sd(energy_sd_wh: float, energy_wh: float, display_sd: float = 0.01) -> float:
+    """Of energy, display and capacity."""
+    return np.sqrt(
+        (energy_sd_wh / WH_PER_DISPLAY) ** 2 + display_sd**2 + (0.03 * energy_wh / WH_PER_DISPLAY) ** 2
+    )
+
+
 def test_arrival(forecast):
-    bms = START_SOC - TOTAL_WH / WH_PER_SOC
-    assert forecast.soc_arrival == pytest.approx((bms - ZERO) / (FULL - ZERO), **EXACT)
-    # a reserve that is met when the trip takes 1.25 standard deviations more than expected: level 0.5
-    reserve = (START_SOC - (TOTAL_WH + 1.25 * SD_WH) / WH_PER_SOC - ZERO) / (FULL - ZERO)
-    assert forecast.p_arrive(reserve) == pytest.approx(0.75, **EXACT)
-    reserve = (START_SOC - (TOTAL_WH - 1.0 * SD_WH) / WH_PER_SOC - ZERO) / (FULL - ZERO)
-    assert forecast.p_arrive(reserve) == pytest.approx(0.3, **EXACT)
-    # of an empty display 0.1 of the charge is left
-    whole = (START_SOC - ZERO) * WH_PER_SOC
-    beyond = 2.0 * student.cdf((whole - TOTAL_WH) / SD_WH / 2.0 * student.ppf(0.9, 4), 4) - 1.0
+    left = START - TOTAL_WH / WH_PER_DISPLAY
+    sd = charge_sd(SD_WH, TOTAL_WH)
+    assert forecast.soc_arrival == pytest.approx(left, **EXACT)
+    for level, factor in ((0.2, 0.5), (0.5, 1.25), (0.8, 2.0), (0.9, TAIL_90)):
+        assert forecast.soc_interval(level) == pytest.approx(
+            (left - factor * sd, left + factor * sd), **EXACT
+        )
+        assert forecast.p_arrive(left - factor * sd) == pytest.approx(0.5 + level / 2, **EXACT)
+        assert forecast.p_arrive(left + factor * sd) == pytest.approx(0.5 - level / 2, **EXACT)
+    beyond = 2.0 * student.cdf(left / sd / 2.0 * student.ppf(0.9, 4), 4) - 1.0
     assert forecast.p_arrive() == pytest.approx(0.5 + beyond / 2, **EXACT)
+    assert forecast.empty_at_m == (None, None, None)
+
+
+def test_arrival_from_the_charge_of_the_battery_management(forecast):
+    plan = dataclasses.replace(forecast.plan, departure=Departure(bms_soc=START_SOC))
+    managed = dataclasses.replace(forecast, drive=dataclasses.replace(forecast.drive, plan=plan))
+    left = START - TOTAL_WH / WH_PER_DISPLAY
+    sd = charge_sd(SD_WH, TOTAL_WH, 0.02)
+    assert managed.soc_arrival == pytest.approx(left, **EXACT)
+    assert managed.soc_interval(0.5) == pytest.approx((left - 1.25 * sd, left + 1.25 * sd), **EXACT)
+    assert managed.series()["displayed_soc_high"][0] == pytest.approx(START + TAIL_90 * 0.02, **EXACT)
+
+
+def test_a_battery_that_runs_empty(forecast):
+    plan = dataclasses.replace(forecast.plan, departure=Departure(soc=0.03))
+    weak = dataclasses.replace(forecast, drive=dataclasses.replace(forecast.drive, plan=plan))
+    assert weak.soc_arrival == 0.0
+    sd = charge_sd(SD_WH, TOTAL_WH)
+    short = TOTAL_WH / WH_PER_DISPLAY - 0.03
+    assert short < 2.0 * sd
+    assert weak.p_arrive() == pytest.approx(
+        0.5 - np.interp(short / sd, [0, 0.5, 1, 1.5, 2], [0, 0.1, 0.2, 0.3, 0.4]), **EXACT
+    )
+    early, expected, late = weak.empty_at_m
+    # the display is at 0 when 504 Wh are taken: in the third segment, at 30 of whose 302.5 Wh
+    share = (0.03 * WH_PER_DISPLAY - 3100 / 60 - 11800 / 30) / (6050 / 20)
+    assert expected == pytest.approx(2700.0 + 1800.0 * share, **EXACT)
+    assert early < expected
+    assert late is None
+    assert (weak.series()["displayed_soc"] >= 0.0).all()
 
 
 def test_series(forecast):
     series = forecast.series()
     energy = np.concatenate(([0.0], np.cumsum(ENERGY_WH)))
     half = TAIL_90 * np.concatenate(([0.0], CUMULATIVE_SD_WH))
+    low = energy - half
+    assert np.all(half[1:] < 0.75 * (energy - np.cumsum([0.0, *LEAST_WH]))[1:])
+    charge = START - energy / WH_PER_DISPLAY
+    charge_half = [0.0, *(TAIL_90 * charge_sd(CUMULATIVE_SD_WH[k], energy[k + 1]) for k in range(3))]
     expected = {
         "time_s": [0.0, 60.0, 180.0, 360.0],
         "distance_m": [0.0, 300.0, 2700.0, 4500.0],
         "energy_wh": energy,
-        "energy_low_wh": energy - half,
+        "energy_low_wh": low,
         "energy_high_wh": energy + half,
-        "displayed_soc": (START_SOC - energy / WH_PER_SOC - ZERO) / (FULL - ZERO),
-        "displayed_soc_low": (START_SOC - (energy + half) / WH_PER_SOC - ZERO) / (FULL - ZERO),
-        "displayed_soc_high": (START_SOC - (energy - half) / WH_PER_SOC - ZERO) / (FULL - ZERO),
+        "displayed_soc": charge,
+        "displayed_soc_low": charge - charge_half,
+        "displayed_soc_high": charge + charge_half,
     }
     assert list(series) == list(expected)
     for name, values in expected.items():
@@ -237,8 +315,7 @@ def test_an_update_by_power():
         rtol=1e-9,
     )
     # without a reading of the charge, the energy is taken from that of the departure
-    bms = START_SOC - updated.energy_wh / WH_PER_SOC
-    assert updated.soc_arrival == pytest.approx((bms - ZERO) / (FULL - ZERO), **EXACT)
+    assert updated.soc_arrival == pytest.approx(START - updated.energy_wh / WH_PER_DISPLAY, **EXACT)
 
 
 def test_an_update_by_power_with_climate_control_beside_it():
@@ -249,9 +326,7 @@ def test_an_update_by_power_with_climate_control_beside_it():
     climate_gain = CLIMATE_SD_W**2 / (CLIMATE_SD_W**2 + CLIMATE_NOISE**2 + 1.0)
     drive_gain = CONSTANT_W**2 / (CONSTANT_W**2 + NOISE_W2[0] + 1.0)
     rest = (0.4 + ONE_SIXTH * 0.3) * climate_gain * climate + (0.1 + ONE_SIXTH * 0.15) * drive_gain * driving
-    assert updated.energy_wh == pytest.approx(
-        4000 / 60 + (11800 + rest) / 30 + (6050 + rest) / 20, **EXACT
-    )
+    assert updated.energy_wh == pytest.approx(4000 / 60 + (11800 + rest) / 30 + (6050 + rest) / 20, **EXACT)
     constant = CLIMATE_SD_W**2 * (1 - climate_gain) + CONSTANT_W**2 * (1 - drive_gain)
     new = NOISE_W2 + CLIMATE_NOISE**2
     variance = constant * (1 / 30 + 1 / 20) ** 2 + new[1] / 30**2 + new[2] / 20**2
@@ -282,10 +357,10 @@ def test_an_update_by_charge():
     energy = np.array([(3100 + seen) / 60, (11800 + rest) / 30, (6050 + rest) / 20])
     assert updated.energy_wh == pytest.approx(energy.sum(), rel=1e-9)
     # arrival counts from the last reading, not from the first
-    bms = 0.47 - energy[1:].sum() / WH_PER_SOC
-    assert updated.soc_arrival == pytest.approx((bms - ZERO) / (FULL - ZERO), rel=1e-9)
-    reserve = (bms - 1.5 * updated.sd_wh / WH_PER_SOC - ZERO) / (FULL - ZERO)
-    assert updated.p_arrive(reserve) == pytest.approx(0.8, rel=1e-9)
+    left = (0.47 - ZERO) / (FULL - ZERO) - energy[1:].sum() / WH_PER_DISPLAY
+    assert updated.soc_arrival == pytest.approx(left, rel=1e-9)
+    sd = charge_sd(updated.sd_wh, energy[1:].sum(), 0.02)
+    assert updated.p_arrive(left - 1.5 * sd) == pytest.approx(0.8, rel=1e-9)
 
 
 def test_displayed_charge_is_converted_before_it_counts():
@@ -294,7 +369,8 @@ def test_displayed_charge_is_converted_before_it_counts():
     managed = departing().update(pd.DataFrame({**times, "soc": [0.500, 0.484, 0.468, 0.452]}))
     assert shown.energy_wh == pytest.approx(managed.energy_wh, rel=1e-9)
     assert shown.soc_arrival == pytest.approx(managed.soc_arrival, rel=1e-9)
-    assert shown.measured.anchor == pytest.approx((60.0, ZERO + 0.44 * (FULL - ZERO)))
+    assert shown.measured.anchor == ChargeReading(60.0, 0.44, True)
+    assert managed.measured.anchor == ChargeReading(60.0, 0.452, False)
 
 
 @pytest.mark.parametrize(("until_s", "counts"), [(47.0, False), (48.0, True), (60.0, True)])

@@ -57,8 +57,18 @@ def test_python_gives_the_numbers_of_the_service(service: Service) -> None:
         own = tw.forecast(tw.read_route(LINKS), vehicle=vehicle, departure=departure).to_dict(0.2)
         asked = {"links": LINKS, "soc": 0.6, "ambient_temperature_degc": 3.0, "reserve": 0.2}
         answer = service.forecast(asked | ({"vehicle": vehicle} if vehicle else {})).json()
-        for name in ("energy_wh", "quantiles_wh", "soc_arrival", "p_arrive", "series", "by_cause_wh", "flags"):
+        names = (
+            "energy_wh",
+            "quantiles_wh",
+            "soc_arrival",
+            "soc_quantiles",
+            "p_arrive",
+            "series",
+            "by_cause_wh",
+        )
+        for name in names:
             assert differences(own[name], answer[name])[2] == [], name
+        assert answer["flags"] == own["flags"]
 
 
 def test_an_update_uses_the_measurements(service: Service, drive: dict[str, Any], tmp_path: Path) -> None:

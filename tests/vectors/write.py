@@ -108,9 +108,8 @@ def links() -> dict[str, Any]:
 
 def _charge(forecast: Forecast, energy_wh: float) -> float:
     """Displayed charge at the end of a trip that takes so much."""
-    battery = forecast.vehicle.battery
-    window = battery.displayed_full_soc - battery.displayed_zero_soc
-    return forecast.soc_arrival - (energy_wh - forecast.energy_wh) / forecast.drive.wh_per_soc / window
+    start = float(forecast.series()["displayed_soc"].iloc[0])
+    return float(np.clip(start - energy_wh / forecast.charge.wh_per_display, 0.0, 1.0))
 
 
 def _arrival(forecast: Forecast) -> dict[str, Any]:
@@ -120,25 +119,27 @@ def _arrival(forecast: Forecast) -> dict[str, Any]:
         "energy_wh",
         "quantiles_wh",
         "soc_arrival",
+        "soc_quantiles",
+        "empty_at_m",
+        "wh_per_display",
         "p_arrive",
         "series",
         "by_cause_wh",
         "measured_until_s",
     )
-    low, high = forecast.interval(0.9)
-    inner, outer = (np.diff(forecast.interval(level)).item() for level in (0.5, 0.9))
-    levels = sorted(map(float, document["quantiles_wh"]))
-    middles = 1.0 - (np.arange(DOTS) + 0.5) / DOTS
-    dots = np.interp(middles, levels, [forecast.quantile(p) for p in levels])
+    inner, outer = (forecast.quantile(p) - forecast.energy_wh for p in (0.75, 0.95))
+    levels = sorted(map(float, document["soc_quantiles"]))
+    middles = (np.arange(DOTS) + 0.5) / DOTS
+    dots = np.interp(middles, levels, [forecast.soc_quantile(p) for p in levels])
     return {
         "forecast": {name: document[name] for name in kept},
         "reserve": RESERVE,
         "chance": forecast.p_arrive(RESERVE),
-        "band": [_charge(forecast, high), _charge(forecast, low)],
+        "band": list(forecast.soc_interval(0.9)),
         "inner_share": inner / outer,
         "energies_wh": ENERGIES_WH,
         "charges": [_charge(forecast, energy_wh) for energy_wh in ENERGIES_WH],
-        "dots": [_charge(forecast, energy_wh) for energy_wh in dots.tolist()],
+        "dots": dots.tolist(),
     }
 
 

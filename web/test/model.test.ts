@@ -160,12 +160,8 @@ test("naive gauge half way", () => {
 });
 
 test("a battery that does not last ends between two points", () => {
-  const series = {
-    ...forecastFrom(arrivals.departure).series,
-    displayed_soc: [0.2, 0.1, -0.3],
-    distance_m: [0, 100, 300],
-  };
-  near(emptyAfterM({ ...forecastFrom(arrivals.departure), series }) ?? Number.NaN, 150);
+  const empty_at_m = { early: 120, expected: 150, late: null };
+  near(emptyAfterM({ ...forecastFrom(arrivals.departure), empty_at_m }) ?? Number.NaN, 150);
   assert.equal(emptyAfterM(forecastFrom(arrivals.departure)), null);
 });
 

@@ -268,17 +268,29 @@ def _draw(found: Forecast, plot: Path) -> None:
         raise InvalidInput(Fault("cannot write the image", "--plot", got, "a writable file")) from error
 
 
+def _where_empty(found: Forecast) -> list[tuple[str, str]]:
+    """A row with the distance at which the battery runs empty, where it may on this trip."""
+    early, expected, late = (None if m is None else m / 1000.0 for m in found.empty_at_m)
+    if early is None:
+        return []
+    middle = "" if expected is None else f", expected at {expected:.0f} km"
+    until = "or never on this trip" if late is None else f"to {late:.0f} km"
+    return [("battery empty", f"from {early:.0f} km {until}{middle}")]
+
+
 def _show_forecast(found: Forecast, reserve: float) -> None:
     from tripwatt.cli.sentences import chance, forecast_in_words
     from tripwatt.forecasting.plots import CAUSE_NAMES
     from tripwatt.trips.messages import period
 
-    low, high = found.interval(0.9)
+    (low, high), (least, most) = found.interval(0.9), found.soc_interval(0.9)
     when = "before departure" if found.measured_until_s <= 0.0 else f"after {period(found.measured_until_s)}"
     rows = [
         ("energy", f"{found.energy_wh / 1000.0:.2f} kWh"),
         ("90 % interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
         ("state of charge at arrival", f"{100.0 * found.soc_arrival:.0f} %"),
+        ("90 % interval of it", f"{100.0 * least:.0f} to {100.0 * most:.0f} %"),
+        *_where_empty(found),
         ("probability to arrive", chance(found.p_arrive())),
         (f"probability to arrive with {100.0 * reserve:g} % or more", chance(found.p_arrive(reserve))),
     ]

@@ -63,9 +63,9 @@ def _arrival(forecast: Forecast) -> str:
             f"Leaving with {_percent(start)} % the battery does not last for the trip; "
             f"the probability to arrive is {_percent(forecast.p_arrive())} %."
         )
-    band = f"{_percent(max(low, 0.0))} to {_percent(high)} %"
+    band = f"{_percent(low)} to {_percent(high)} %"
     text = f"Leaving with {_percent(start)} % you arrive with {_percent(end)} % ({band})."
-    if low < 0.0:
+    if low <= 0.0:
         text += f" The probability to arrive is {_percent(forecast.p_arrive())} %."
     return text
 

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.hybrid import SegmentTable, segment_trips
 from tripwatt.hybrid.climate_log import TOLD_BY
@@ -22,6 +22,7 @@ from tripwatt.trips import (
     ROUTE_COLUMNS,
     SIGNALS,
     TEMPERATURES,
+    Departure,
     Plan,
     Trip,
     observed_cumulative_energy,
@@ -81,19 +82,33 @@ class ForecastData:
     def __len__(self) -> int:
         return len(self.plans)
 
+    def take(self, members: IntArray) -> ForecastData:
+        """Some of the trips, in the order of their numbers."""
+        rows = np.isin(self.segments.groups, members)
+        return ForecastData(
+            self.vehicle,
+            self.table.take(members),
+            self.segments.take(members),
+            self.data_features[rows].reset_index(drop=True),
+            tuple(self.plans[i] for i in members),
+            tuple(self.logs[i] for i in members),
+        )
+
     def slim(self) -> ForecastData:
         """Segments and data features alone: cheap to send to a process."""
         return replace(self, table=self.table.take([]), plans=(), logs=())
 
 
 def at_departure_only(trip: Trip) -> Trip:
-    """A raw trip in which every signal but road and measured energy is constant: its first sample.
+    """A raw trip in which every signal but road and measured energy is constant: as it was known at departure.
 
     Columns that are not part of a departure are dropped.
     """
     kept = [c for c in (*ROUTE_COLUMNS, "voltage_v", "current_a", "observed_energy_wh") if c in trip]
-    first = {c: float(trip.array(c)[0]) for c in SIGNALS.values() if c in trip}
-    return replace(trip, samples=trip.samples[kept].assign(**first))
+    known = Departure.from_drive(trip, trip.context)
+    first = {c: getattr(known, name) for name, c in SIGNALS.items() if c in trip}
+    values = {c: np.nan if value is None else float(value) for c, value in first.items()}
+    return replace(trip, samples=trip.samples[kept].assign(**values))
 
 
 def measured_log(trip: Trip, step_s: float = 1.0) -> pd.DataFrame:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -18,7 +18,14 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.evaluation.forecast_data import CHARGE_COLUMNS, ForecastData
-from tripwatt.evaluation.forecast_scores import FRACTIONS, LEVELS, UPDATE_LEVEL, UPDATES
+from tripwatt.evaluation.forecast_scores import (
+    ARRIVAL_STARTS,
+    FRACTIONS,
+    LEVELS,
+    RESERVE_OFFSETS,
+    UPDATE_LEVEL,
+    UPDATES,
+)
 from tripwatt.evaluation.protocol import LEAVE_ONE_TRIP_OUT, TRAINING_ONLY, FoldResult, HoldOut
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.hybrid import SegmentTable, power_corrector
@@ -235,10 +242,12 @@ class ForecastTask:
         began = time.perf_counter()
         model.fit_segments(self.segments.take(np.flatnonzero(self.folds != self.fold)))
         fitted = time.perf_counter()
-        forecasts = [model.forecast(self.plans[int(i)]) for i in test]
+        plans = [self.plans[int(i)] for i in test]
+        forecasts = [model.forecast(plan) for plan in plans]
         energies = np.array([f.energy_wh for f in forecasts])
         each_ms = 1000.0 * (time.perf_counter() - fitted) / len(test)
-        extra = _kept(forecasts, [self.logs[int(i)] for i in test])
+        logs = [self.logs[int(i)] for i in test]
+        extra = _kept(forecasts, logs) | _arrivals(model, plans, logs)
         return [
             FoldResult(self.evaluation, self.spec.name, self.fold, energies, fitted - began, each_ms, extra)
         ]
@@ -329,6 +338,35 @@ def _kept(forecasts: Sequence[Forecast], logs: Sequence[pd.DataFrame]) -> dict[s
         "series_names": np.array(list(series[0].columns)),
         "series_rows": np.array([len(s) for s in series]),
         "series": np.concatenate([s.to_numpy(dtype=np.float64) for s in series]),
+    }
+
+
+def _arrivals(
+    model: ForecastModel, plans: Sequence[Plan], logs: Sequence[pd.DataFrame]
+) -> dict[str, npt.NDArray[Any]]:
+    """Displayed charge at arrival: observed, and as forecast from each start of `ARRIVAL_STARTS`."""
+    rows, chances, observed = [], [], []
+    low_p, high_p = 0.5 - 0.5 * UPDATE_LEVEL, 0.5 + 0.5 * UPDATE_LEVEL
+    for plan, log in zip(plans, logs, strict=True):
+        shown = log["displayed_soc"].dropna() if "displayed_soc" in log else pd.Series(dtype=float)
+        observed.append(float(shown.iloc[-1]) if len(shown) else np.nan)
+        for start in ARRIVAL_STARTS:
+            departure = plan.departure
+            if getattr(departure, start) is None:
+                rows.append([np.nan] * 3)
+                chances.append([np.nan] * len(RESERVE_OFFSETS))
+                continue
+            other = "bms_soc" if start == "soc" else "soc"
+            alone = replace(plan, departure=replace(departure, **{other: None}))
+            found = model.forecast(alone)
+            centre = found.soc_quantile(0.5)
+            rows.append([centre, found.soc_quantile(low_p), found.soc_quantile(high_p)])
+            chances.append([found.p_arrive(centre + offset) for offset in RESERVE_OFFSETS])
+    n = len(plans)
+    return {
+        "shown": np.array(observed),
+        "arrival": np.array(rows).reshape(n, len(ARRIVAL_STARTS), 3),
+        "arrival_chance": np.array(chances).reshape(n, len(ARRIVAL_STARTS), len(RESERVE_OFFSETS)),
     }
 
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import IntArray
+from tripwatt.arrays import BoolArray, IntArray
 from tripwatt.auditing import Audit, audit
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.evaluation.forecast_data import ForecastData
@@ -31,7 +31,9 @@ from tripwatt.evaluation.forecast_scores import FORECAST, WITHOUT_PHYSICS
 from tripwatt.evaluation.protocol import (
     LEAVE_ONE_DAY_OUT,
     LEAVE_ONE_TRIP_OUT,
+    LEAVE_REGIME_OUT,
     OTHER_TRIPS,
+    TIME_SPLIT,
     TRAINING_ONLY,
     CarChoice,
     FoldResult,
@@ -49,6 +51,10 @@ from tripwatt.trips.messages import message
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 MIN_DAYS: Final = 3
+SPLIT: Final = 2.0 / 3.0
+"""Part of the trips that a regime or a later time is forecast from."""
+MIN_SCORED: Final = 3
+"""Fewest trips of a regime that is scored."""
 CURVE: Final = "learning-curve"
 
 _TITLES: Final[Mapping[str, str]] = MappingProxyType(
@@ -84,7 +90,8 @@ class ForecastProtocol:
     title = "the forecast before departure and on the way, beside models of power"
     sections = (
         ReportSection("result", "Result", ("table", "mean-errors", "legend", "sets", "full-tables")),
-        ReportSection("sure", "Uncertainty", ("coverage", "pit", "widths", "crps")),
+        ReportSection("sure", "Uncertainty", ("coverage", "pit", "widths", "crps", "regimes")),
+        ReportSection("arrival", "State of charge at arrival", ("arrival",)),
         ReportSection("during", "During the trip", ("updates",)),
         ReportSection("learning", "Amount of training data, and kinds of trips", ("training-size", "strata")),
         ReportSection("why", "Energy by cause", ("waterfall", "example")),
@@ -192,6 +199,39 @@ def _held_out(fleet: Fleet, audited: Audit, vehicle: Vehicle) -> tuple[list[Hold
         notes.append("leave-one-day-out left out: too few trips remain without the fullest day")
     else:
         found.append(HoldOut(LEAVE_ONE_DAY_OUT, main.trips, main.table, day.astype(np.int64), main.data))
+    regimes, more = _regimes(main)
+    return [*found, *regimes], [*notes, *more]
+
+
+def _regimes(main: HoldOut) -> tuple[list[HoldOut], list[str]]:
+    """Fit on a part of the trips, score another kind: longer, faster, the other season, later."""
+    plans, trips = main.data.plans, main.table.trips
+    duration = np.array([plan.duration_s for plan in plans])
+    speed = np.array([plan.distance_m for plan in plans]) / np.maximum(duration, 1.0)
+    seasons = np.array([str(trip.context.season) for trip in trips])
+    every = np.ones(len(plans), dtype=bool)
+    parts: list[tuple[str, str, BoolArray, BoolArray]] = []
+    for name, values in (("longer third", duration), ("faster third", speed)):
+        beyond = values > np.quantile(values, SPLIT)
+        parts.append((LEAVE_REGIME_OUT, name, ~beyond, beyond))
+    for train, test in (("summer", "winter"), ("winter", "summer")):
+        parts.append((LEAVE_REGIME_OUT, f"{test}, fitted on {train}", seasons == train, seasons == test))
+    days = [None if trip.context.day is None else str(trip.context.day) for trip in trips]
+    if all(day is not None for day in days):
+        order = np.argsort(np.array(days, dtype=np.str_), kind="stable")
+        later = ~every
+        later[order[int(np.ceil(SPLIT * len(order))) :]] = True
+        parts.append((TIME_SPLIT, "last third by date", ~later, later))
+    found, left_out = [], []
+    for scheme, name, fitted, scored in parts:
+        if fitted.sum() < MIN_TRIPS or scored.sum() < MIN_SCORED:
+            left_out.append(name)
+            continue
+        chosen = np.flatnonzero(fitted | scored)
+        folds = np.where(scored[chosen], 0, TRAINING_ONLY).astype(np.int64)
+        data = main.data.take(chosen)
+        found.append(HoldOut(scheme, name, data.table, folds, data))
+    notes = [f"regimes left out for too few trips: {', '.join(left_out)}"] if left_out else []
     return found, notes
 
 

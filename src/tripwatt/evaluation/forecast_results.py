@@ -18,6 +18,7 @@ from tripwatt.evaluation.forecast_scores import (
     UPDATES,
     WITHOUT_PHYSICS,
     ForecastInsight,
+    arrival_scores,
     coverage_scores,
     crps,
     crps_scores,
@@ -31,6 +32,8 @@ from tripwatt.evaluation.protocol import FoldResult, HoldOut
 
 PER_TRIP: Final = ("sd", "low", "high", "factors", "pit", "flags", "causes", "updates")
 """Arrays of a fold of the forecast with one row per trip."""
+ARRIVALS: Final = ("shown", "arrival", "arrival_chance")
+"""Those of the charge at arrival."""
 
 
 def by_trip_of(hold_out: HoldOut, results: Sequence[FoldResult], name: str | None = None) -> FloatArray:
@@ -60,7 +63,9 @@ def forecast_scores(
     part = frame[frame["model"] == FORECAST]
     observed, centre = part["observed_energy_wh"].to_numpy(), part["predicted_energy_wh"].to_numpy()
     found = {name: by_trip_of(hold_out, own, name) for name in PER_TRIP}
+    shown, arrival, chance = (by_trip_of(hold_out, own, name) for name in ARRIVALS)
     return {
+        "arrival": arrival_scores(shown, arrival, chance, seed),
         **coverage_scores(observed, found["low"], found["high"], seed),
         **crps_scores(observed, centre, found["sd"], found["factors"]),
         "update": update_scores(observed, found["updates"], seed),

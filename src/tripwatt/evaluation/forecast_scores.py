@@ -12,7 +12,12 @@ import pandas as pd
 from scipy import stats
 
 from tripwatt.arrays import BoolArray, FloatArray
-from tripwatt.evaluation.metrics import absolute_percentage_error, bootstrap_interval, paired_difference
+from tripwatt.evaluation.metrics import (
+    BOOTSTRAP_DRAWS,
+    absolute_percentage_error,
+    bootstrap_interval,
+    paired_difference,
+)
 
 FORECAST: Final = "hybrid"
 """Name of the forecast in the files of the protocol."""
@@ -23,6 +28,11 @@ FRACTIONS: Final = (0.1, 0.25, 0.5, 0.75)
 TOTALS: Final = ("update", "soc_only", "no_update", "naive_gauge")
 """Energies of the whole trip after a part of it: re-forecast, the same from the state of charge alone, two baselines."""
 UPDATE_LEVEL: Final = 0.9
+ARRIVAL_STARTS: Final = ("soc", "bms_soc")
+"""Fields of a departure that the charge at arrival is forecast from: the display, or the battery management."""
+RESERVE_OFFSETS: Final = tuple(round(0.01 * k, 2) for k in range(-6, 7))
+"""Reserves around the forecast charge at arrival for which the probability to arrive is scored."""
+DECILES: Final = 10
 UPDATES: Final = (*TOTALS, "update_low", "update_high")
 """These, and the bounds of the re-forecast at `UPDATE_LEVEL`."""
 
@@ -193,6 +203,87 @@ def update_scores(observed_wh: FloatArray, energies_wh: FloatArray, seed: int) -
             "interval_width_wh": float(np.mean(high - low)),
         }
     return scores
+
+
+def arrival_scores(
+    shown: FloatArray, arrival: FloatArray, chance: FloatArray, seed: int
+) -> dict[str, dict[str, Any] | None]:
+    """Displayed charge at arrival, and the probability to arrive with a reserve, by what was known at departure.
+
+    Parameters
+    ----------
+    shown : ndarray, shape (trips,)
+        Displayed charge at arrival; NaN where it was not logged.
+    arrival : ndarray, shape (trips, len(ARRIVAL_STARTS), 3)
+        Its median and the bounds of its interval of `UPDATE_LEVEL`.
+    chance : ndarray, shape (trips, len(ARRIVAL_STARTS), len(RESERVE_OFFSETS))
+        Probability to arrive with the median plus each of `RESERVE_OFFSETS`.
+
+    Returns
+    -------
+    dict
+        Start -> `n_trips, mae, bias, coverage, coverage_ci95, interval_width` [1], `reliability`: see `reliability`;
+        None where no trip has the readings.
+    """
+    found: dict[str, dict[str, Any] | None] = {}
+    for k, start in enumerate(ARRIVAL_STARTS):
+        known = np.isfinite(shown) & np.isfinite(arrival[:, k]).all(axis=1)
+        if not known.any():
+            found[start] = None
+            continue
+        truth, (centre, low, high) = shown[known], arrival[known, k].T
+        inside = (low <= truth) & (truth <= high)
+        arrived = truth[:, None] >= centre[:, None] + np.array(RESERVE_OFFSETS)
+        found[start] = {
+            "n_trips": int(known.sum()),
+            "mae": float(np.mean(np.abs(centre - truth))),
+            "bias": float(np.mean(centre - truth)),
+            "coverage": float(inside.mean()),
+            "coverage_ci95": clopper_pearson(int(inside.sum()), len(inside)),
+            "interval_width": float(np.mean(high - low)),
+            "reliability": reliability(chance[known, k], arrived, seed),
+        }
+    return found
+
+
+def reliability(chance: FloatArray, happened: BoolArray, seed: int) -> list[dict[str, Any]]:
+    """Stated probability and share of what happened, by tenths of the probability. O(draws x trips).
+
+    Parameters
+    ----------
+    chance : ndarray, shape (trips, pairs)
+    happened : ndarray of bool, shape (trips, pairs)
+
+    Returns
+    -------
+    list of dict
+        For each tenth with pairs: `share` of all pairs, mean `stated` probability, `observed` share, and
+        `observed_ci95`, a bootstrap over trips: pairs of one trip are no independent evidence.
+    """
+    n_trips = len(chance)
+    tenth = np.minimum((chance * DECILES).astype(np.int64), DECILES - 1)
+    one_hot = tenth[:, :, None] == np.arange(DECILES)
+    count = one_hot.sum(axis=1).astype(np.float64)
+    stated = (one_hot * chance[:, :, None]).sum(axis=1)
+    hits = (one_hot & happened[:, :, None]).sum(axis=1).astype(np.float64)
+    draws = np.random.default_rng(seed).multinomial(
+        n_trips, np.full(n_trips, 1.0 / n_trips), size=BOOTSTRAP_DRAWS
+    )
+    with np.errstate(invalid="ignore"):
+        drawn = (draws @ hits) / (draws @ count)
+    rows = []
+    for k in np.flatnonzero(count.sum(axis=0) > 0):
+        total = count[:, k].sum()
+        low, high = np.nanquantile(drawn[:, k], [0.025, 0.975])
+        rows.append(
+            {
+                "share": float(total / chance.size),
+                "stated": float(stated[:, k].sum() / total),
+                "observed": float(hits[:, k].sum() / total),
+                "observed_ci95": (float(low), float(high)),
+            }
+        )
+    return rows
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,6 +22,8 @@ TRAINING_ONLY: Final = -1
 LEAVE_ONE_TRIP_OUT: Final = "leave_one_trip_out"
 LEAVE_ONE_DAY_OUT: Final = "leave_one_day_out"
 OTHER_TRIPS: Final = "other_trips"
+LEAVE_REGIME_OUT: Final = "leave_regime_out"
+TIME_SPLIT: Final = "time_split"
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +32,9 @@ class HoldOut:
 
     Attributes
     ----------
-    scheme : {"leave_one_trip_out", "leave_one_day_out", "other_trips"}
-    trips : {"reference", "audited", "all"}
+    scheme : {"leave_one_trip_out", "leave_one_day_out", "other_trips", "leave_regime_out", "time_split"}
+    trips : str
+        "reference", "audited" or "all"; where a regime is held out, its name.
     table : TripTable
     folds : ndarray of int, shape (trips,)
         `TRAINING_ONLY` for a trip that is not scored.

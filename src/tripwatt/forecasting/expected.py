@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
@@ -14,6 +15,10 @@ from tripwatt.trips import Plan
 from tripwatt.uncertainty import Segments
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
+
+LEAST_RESISTANCE: Final = 0.5
+"""Part of air drag and rolling resistance that every trip has: tail wind and good tyres take less than half of them."""
+LEAST_CAUSES: Final = ("air", "rolling", "climb", "acceleration")
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +64,17 @@ class ExpectedDrive:
         """Distance at the edges of the segments [m], shape (segments + 1,)."""
         speed = self.table.features["speed_m_s"].to_numpy()
         return np.concatenate(([0.0], np.cumsum(speed * self.table.hours * SECONDS_PER_HOUR)))
+
+    @cached_property
+    def least_w(self) -> FloatArray:
+        """Least possible mean power of each segment [W], shape (segments,).
+
+        A part of air drag and rolling resistance, the climb and the kinetic energy, without any loss or load.
+        """
+        part = {name: self.table.features[f"{name}_w"].to_numpy() for name in LEAST_CAUSES}
+        return np.asarray(
+            LEAST_RESISTANCE * (part["air"] + part["rolling"]) + part["climb"] + part["acceleration"]
+        )
 
     @cached_property
     def wh_per_soc(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
@@ -16,7 +17,13 @@ from tripwatt.forecasting.update import updated_power
 from tripwatt.trips import Flag, Plan
 from tripwatt.trips.messages import flag_to_dict, message
 from tripwatt.trips.showing import html_table
-from tripwatt.uncertainty import PowerPosterior, RouteUncertainty, UncertaintyModel
+from tripwatt.uncertainty import (
+    ChargeScale,
+    PowerPosterior,
+    PowerPrior,
+    RouteUncertainty,
+    UncertaintyModel,
+)
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
@@ -26,6 +33,8 @@ if TYPE_CHECKING:
 QUANTILES: Final = (0.025, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.975)
 ARRIVAL_LEVELS: Final = (0.0, 0.05, 0.1, 0.2)
 BAND: Final = 0.9
+STRAIGHT: Final = 0.75
+"""Part of the way from the expected to the least energy over which a distance below counts as it is."""
 DRIVEN: Final = "the driven speed trace"
 PLANNED: Final = "a planned route"
 NOT_MEASURED: Final = Measured(0.0)
@@ -41,14 +50,14 @@ class Forecast:
         The plan, simulated and corrected.
     uncertainty : UncertaintyModel
         Of the model.
-    posterior : PowerPosterior
+    posterior : PowerPosterior or PowerPrior
         Residual power of the segments: mean 0 before departure.
     sd_factor : float
         Standard deviation of the trip's energy over that of the process, from held-out trips.
     rest_sd_factor : float
         The same factor for the rest of the trip on the way; 1 before departure.
-    widening : float
-        Factor of the standard deviation for values outside the range of the training trips.
+    state_sd_wh : float
+        Standard deviation of the trip's energy by what is unknown of the state at departure [Wh].
     route_sd_wh : float
         Standard deviation that a planned route adds to the trip's energy [Wh]; 0 for a driven trace.
     flags : tuple of Flag
@@ -58,10 +67,10 @@ class Forecast:
 
     drive: ExpectedDrive
     uncertainty: UncertaintyModel
-    posterior: PowerPosterior
+    posterior: PowerPosterior | PowerPrior
     sd_factor: float = 1.0
     rest_sd_factor: float = 1.0
-    widening: float = 1.0
+    state_sd_wh: float = 0.0
     route_sd_wh: float = 0.0
     flags: tuple[Flag, ...] = ()
     measured: Measured = NOT_MEASURED
@@ -116,31 +125,74 @@ class Forecast:
         return float(self._cumulative_sd_wh[-1])
 
     def quantile(self, p: float) -> float:
-        """Quantile of the energy of the whole trip [Wh]."""
-        factor = self.uncertainty.scores.factor(abs(2.0 * p - 1.0))
-        return self.energy_wh + float(np.sign(p - 0.5)) * factor * self.sd_wh
+        """Quantile of the energy of the whole trip [Wh]; above the least that the drive can take."""
+        half = self.uncertainty.scores.factor(abs(2.0 * p - 1.0)) * self.sd_wh
+        if p >= 0.5:
+            return self.energy_wh + half
+        return float(possible_energy(self.energy_wh, half, float(self._least_wh[-1])))
 
     def interval(self, level: float) -> tuple[float, float]:
         """Central interval of the energy of the whole trip [Wh]."""
-        half = self.uncertainty.scores.factor(level) * self.sd_wh
-        return self.energy_wh - half, self.energy_wh + half
+        return self.quantile(0.5 - 0.5 * level), self.quantile(0.5 + 0.5 * level)
 
     def probability_below(self, energy_wh: float) -> float:
-        """Probability that the trip takes less than `energy_wh`."""
+        """Probability that the trip takes less than `energy_wh`: the inverse of `quantile`."""
         if self.sd_wh <= 0.0:
             return float(self.energy_wh <= energy_wh)
-        return self.uncertainty.scores.probability((energy_wh - self.energy_wh) / self.sd_wh)
+        below = distance_below(self.energy_wh, energy_wh, float(self._least_wh[-1]))
+        return self.uncertainty.scores.probability(-below / self.sd_wh)
+
+    @cached_property
+    def charge(self) -> ChargeScale:
+        """Energy by displayed charge: as learned from the car's trips, else of its published values."""
+        found = self.uncertainty.charge
+        return found or ChargeScale.from_book(self.vehicle.battery, self.drive.wh_per_soc)
 
     @property
     def soc_arrival(self) -> float:
-        """Displayed state of charge at the end of the trip; below 0 when the battery does not last."""
-        return float(self._displayed_soc(np.array([self.energy_wh]))[0])
+        """Displayed state of charge at the end of the trip, 0 to 1; 0 when the battery does not last."""
+        return float(np.clip(self._charge_band[0][-1], 0.0, 1.0))
+
+    def soc_quantile(self, p: float) -> float:
+        """Quantile of the displayed state of charge at the end of the trip, 0 to 1."""
+        centre, sd = (values[-1] for values in self._charge_band)
+        half = self.uncertainty.scores.factor(abs(2.0 * p - 1.0)) * sd
+        return float(np.clip(centre + np.sign(p - 0.5) * half, 0.0, 1.0))
+
+    def soc_interval(self, level: float) -> tuple[float, float]:
+        """Central interval of the displayed state of charge at the end of the trip, 0 to 1."""
+        return self.soc_quantile(0.5 - 0.5 * level), self.soc_quantile(0.5 + 0.5 * level)
 
     def p_arrive(self, reserve: float = 0.0) -> float:
-        """Probability to arrive with at least this displayed state of charge, 0 to 1."""
-        time, start = self._anchor
-        taken = (start - self.vehicle.battery.soc_from_displayed(reserve)) * self.drive.wh_per_soc
-        return self.probability_below(taken + self._energy_at(time))
+        """Probability to arrive with at least this displayed state of charge, 0 to 1.
+
+        Energy, capacity and the display itself are uncertain.
+        """
+        centre, sd = (float(values[-1]) for values in self._charge_band)
+        if sd <= 0.0:
+            return float(centre >= reserve)
+        return self.uncertainty.scores.probability((centre - reserve) / sd)
+
+    @property
+    def empty_at_m(self) -> tuple[float | None, float | None, float | None]:
+        """Distance at which the display reaches 0 [m]: early, expected and late, at the ends of the 90 % band.
+
+        None where it does not on this trip.
+        """
+        centre, sd = self._charge_band
+        half = self.uncertainty.scores.factor(BAND) * sd
+        early, expected, late = (self._first_empty(line) for line in (centre - half, centre, centre + half))
+        return early, expected, late
+
+    def _first_empty(self, charge: FloatArray) -> float | None:
+        empty = np.flatnonzero(charge <= 0.0)
+        if not len(empty):
+            return None
+        k, distance = int(empty[0]), self.drive.distance_m
+        if k == 0:
+            return 0.0
+        share = charge[k - 1] / (charge[k - 1] - charge[k])
+        return float(distance[k - 1] + share * (distance[k] - distance[k - 1]))
 
     def series(self) -> pd.DataFrame:
         """Along the route, a row at the end of each segment and one at the start.
@@ -154,18 +206,18 @@ class Forecast:
         return pd.DataFrame(self._series())
 
     def _series(self) -> dict[str, FloatArray]:
-        energy = self._cumulative_wh
-        half = self.uncertainty.scores.factor(BAND) * np.concatenate(([0.0], self._cumulative_sd_wh))
-        low, high = energy - half, energy + half
+        energy, factor = self._cumulative_wh, self.uncertainty.scores.factor(BAND)
+        half = factor * np.concatenate(([0.0], self._cumulative_sd_wh))
+        charge, charge_sd = self._charge_band
         return {
             "time_s": self._ends_s,
             "distance_m": self.drive.distance_m,
             "energy_wh": energy,
-            "energy_low_wh": low,
-            "energy_high_wh": high,
-            "displayed_soc": self._displayed_soc(energy),
-            "displayed_soc_low": self._displayed_soc(high),
-            "displayed_soc_high": self._displayed_soc(low),
+            "energy_low_wh": possible_energy(energy, half, self._least_wh),
+            "energy_high_wh": energy + half,
+            "displayed_soc": np.clip(charge, 0.0, 1.0),
+            "displayed_soc_low": np.clip(charge - factor * charge_sd, 0.0, 1.0),
+            "displayed_soc_high": np.clip(charge + factor * charge_sd, 0.0, 1.0),
         }
 
     @property
@@ -262,6 +314,9 @@ class Forecast:
             "energy_wh": self.energy_wh,
             "quantiles_wh": {f"{p:g}": self.quantile(p) for p in QUANTILES},
             "soc_arrival": self.soc_arrival,
+            "soc_quantiles": {f"{p:g}": self.soc_quantile(p) for p in QUANTILES},
+            "wh_per_display": self.charge.wh_per_display,
+            "empty_at_m": dict(zip(("early", "expected", "late"), self.empty_at_m, strict=True)),
             "p_arrive": {f"{level:g}": self.p_arrive(level) for level in levels},
             "series": {name: values.tolist() for name, values in self._series().items()},
             "by_cause_wh": self.by_cause_wh,
@@ -309,21 +364,45 @@ class Forecast:
     def _cumulative_sd_wh(self) -> FloatArray:
         """Standard deviation of the energy up to the end of each segment [Wh], shape (segments,)."""
         own = self.sd_factor * self.rest_sd_factor * self.posterior.energy_wh(self.open_hours)[1]
-        return self.widening * np.asarray(np.hypot(own, self._remaining_route_sd_wh))
+        return np.asarray(np.hypot(own, self._remaining_sd_wh))
 
     @property
-    def _remaining_route_sd_wh(self) -> FloatArray:
-        """The route's part, in proportion to the time that was not measured, as if all links erred together [Wh]."""
+    def _remaining_sd_wh(self) -> FloatArray:
+        """The parts of route and unknown state, in proportion to the time that was not measured, fully correlated [Wh]."""
         ahead, anchor = self.open_hours, self.measured.anchor
         if self.measured.hours is None and anchor is not None:  # the state of charge was read up to here
             step_s = self.drive.segments.step_s
-            ahead = ahead * np.clip((self.drive.edges_s[1:] - anchor[0]) / step_s, 0.0, 1.0)
-        return np.asarray(self.route_sd_wh * np.cumsum(ahead) / self.drive.table.hours.sum())
+            ahead = ahead * np.clip((self.drive.edges_s[1:] - anchor.time_s) / step_s, 0.0, 1.0)
+        whole = np.hypot(self.route_sd_wh, self.state_sd_wh)
+        return np.asarray(whole * np.cumsum(ahead) / self.drive.table.hours.sum())
+
+    @cached_property
+    def _least_wh(self) -> FloatArray:
+        """Least energy up to each edge of the segments [Wh], shape (segments + 1,)."""
+        ahead, measured = self.drive.least_w * self.open_hours, self.measured.energy_wh
+        return np.concatenate(([0.0], np.cumsum(ahead if measured is None else measured + ahead)))
 
     @property
-    def _anchor(self) -> tuple[float, float]:
-        """Time [s] and state of charge (battery management's) of the last reading, or at departure."""
-        return self.measured.anchor or (0.0, self.drive.departure_soc)
+    def _charge_start(self) -> tuple[float, float, bool]:
+        """Time [s] and displayed charge of the last reading or at departure; whether the display itself was read."""
+        anchor, departure = self.measured.anchor, self.plan.departure
+        if anchor is not None:
+            shown = anchor.value if anchor.displayed else float(self.charge.displayed(anchor.value))
+            return anchor.time_s, shown, anchor.displayed
+        if departure.soc is not None:
+            return 0.0, departure.soc, True
+        if departure.bms_soc is not None:
+            return 0.0, float(self.charge.displayed(departure.bms_soc)), False
+        return 0.0, float(self.vehicle.battery.displayed_from_soc(self.drive.departure_soc)), True
+
+    @cached_property
+    def _charge_band(self) -> tuple[FloatArray, FloatArray]:
+        """Displayed charge at each edge of the segments and its standard deviation; not held in 0..1."""
+        time, start, displayed = self._charge_start
+        taken = self._cumulative_wh - self._energy_at(time)
+        energy_sd = np.concatenate(([0.0], self._cumulative_sd_wh)) / self.charge.wh_per_display
+        own_sd = np.where((self._ends_s > time) | (not displayed), self.charge.sd(taken, displayed), 0.0)
+        return np.asarray(self.charge.left(start, taken)), np.asarray(np.hypot(energy_sd, own_sd))
 
     @property
     def _ends_s(self) -> FloatArray:
@@ -332,8 +411,33 @@ class Forecast:
     def _energy_at(self, time_s: float) -> float:
         return float(np.interp(time_s, self._ends_s, self._cumulative_wh))
 
-    def _displayed_soc(self, energy_wh: FloatArray) -> FloatArray:
-        """Displayed state of charge after this energy was taken since departure."""
-        time, soc = self._anchor
-        soc_after = soc - (energy_wh - self._energy_at(time)) / self.drive.wh_per_soc
-        return self.vehicle.battery.displayed_from_soc(np.asarray(soc_after))
+
+def possible_energy(centre_wh: Any, half_wh: Any, least_wh: Any) -> Any:
+    """Energy that lies `half_wh` below a centre, but above the least energy; arrays of one shape, or numbers [Wh].
+
+    The distance is taken as it is over `STRAIGHT` of the way to the least energy. What is left of the way then falls
+    exponentially: the result falls with `half_wh` and never reaches the least energy. Without a way down, the distance
+    counts as it is.
+
+    Examples
+    --------
+    >>> float(possible_energy(1000.0, 300.0, 200.0)), round(float(possible_energy(1000.0, 1000.0, 200.0)), 2)
+    (700.0, 227.07)
+    """
+    way = np.asarray(centre_wh, dtype=np.float64) - least_wh
+    open_ = way > 0.0
+    straight = np.where(open_, STRAIGHT * way, 1.0)
+    rest = np.where(open_, (1.0 - STRAIGHT) * way, 1.0)
+    squeezed = least_wh + rest * np.exp(-np.maximum(half_wh - straight, 0.0) / rest)
+    return np.where(open_ & (half_wh > straight), squeezed, centre_wh - half_wh)
+
+
+def distance_below(centre_wh: float, energy_wh: float, least_wh: float) -> float:
+    """The `half_wh` with which `possible_energy` gives an energy; negative above the centre, infinite below the least."""
+    way, below = centre_wh - least_wh, centre_wh - energy_wh
+    if way <= 0.0 or below <= STRAIGHT * way:
+        return below
+    if energy_wh <= least_wh:
+        return math.inf
+    rest = (1.0 - STRAIGHT) * way
+    return STRAIGHT * way - rest * math.log((energy_wh - least_wh) / rest)

@@ -16,6 +16,7 @@ from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.hybrid.climate_log import CLIMATE_COLUMNS
 from tripwatt.trips import Plan, observed_cumulative_energy, raise_faults, structure_faults, value_faults
 from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
+from tripwatt.uncertainty.charge import CAPACITY_SD
 from tripwatt.uncertainty.process import EXACT_W2, ResidualProcess
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles.parts import Battery
@@ -24,8 +25,6 @@ GAP_S: Final = 15.0
 """Segments under a longer gap between two samples are unmeasured."""
 SOC_STEP: Final = 0.005
 """Smallest resolution that a logged state of charge is taken to have."""
-CAPACITY_SD: Final = 0.03
-"""Relative standard deviation of the energy of a unit of state of charge: ageing and temperature."""
 MOST_STRETCH: Final = 1.5
 """On a planned route, the power of a segment that took longer than this many times its planned time is not used."""
 MIN_COVER: Final = 0.8
@@ -34,6 +33,15 @@ change of speed, so a part of it is a poor estimate of the rest."""
 FILL_S: Final = 5.0
 DRIVEN_S: Final = "driven_s"
 """Column of the car's own clock beside that of its plan."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChargeReading:
+    """A state of charge that was read on the way: time [s since departure], value, and whether the display was read."""
+
+    time_s: float
+    value: float
+    displayed: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,14 +54,14 @@ class Measured:
         Time up to which the trip was measured [s since departure].
     energy_wh, hours : ndarray or None, shape (segments,)
         Measured energy of each segment and for how long it was measured; None where only the state of charge is known.
-    anchor : (float, float) or None
-        Time [s] and state of charge (battery management's) of the last reading.
+    anchor : ChargeReading or None
+        The last reading of the state of charge.
     """
 
     until_s: float
     energy_wh: FloatArray | None = None
     hours: FloatArray | None = None
-    anchor: tuple[float, float] | None = None
+    anchor: ChargeReading | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,10 +106,7 @@ def read_measured(
     """
     time = np.asarray(samples["time_s"], dtype=np.float64)
     soc = _measured_soc(samples, drive.vehicle.battery)
-    anchor = None
-    if soc is not None and np.isfinite(soc).any():
-        last = int(np.flatnonzero(np.isfinite(soc))[-1])
-        anchor = (float(time[last]), float(soc[last]))
+    anchor = _last_reading(samples, time)
     cumulative = measured_energy(samples)
     if cumulative is not None:
         until = float(time[np.flatnonzero(np.isfinite(cumulative))[-1]])
@@ -114,6 +119,16 @@ def read_measured(
     raise InvalidInput(
         Fault("no measured energy", "observed samples", where, "voltage_v and current_a, or soc")
     )
+
+
+def _last_reading(samples: pd.DataFrame, time: FloatArray) -> ChargeReading | None:
+    """The last reading of the display, else of the battery management."""
+    for name in ("displayed_soc", "soc"):
+        if name in samples and samples[name].notna().any():
+            values = np.asarray(samples[name], dtype=np.float64)
+            last = int(np.flatnonzero(np.isfinite(values))[-1])
+            return ChargeReading(float(time[last]), float(values[last]), name == "displayed_soc")
+    return None
 
 
 def _measured_soc(samples: pd.DataFrame, battery: Battery) -> FloatArray | None:

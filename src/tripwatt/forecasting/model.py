@@ -19,7 +19,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.donor import DonorModel
 from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.forecasting.forecast import Forecast
-from tripwatt.forecasting.ranges import Range, compare, training_ranges
+from tripwatt.forecasting.ranges import Range, compare, training_ranges, unknown_state_sd_wh
 from tripwatt.hybrid import PowerCorrector, SegmentTable, power_corrector, segment_table, segment_trips
 from tripwatt.hybrid.hierarchy import Members
 from tripwatt.physics import simulate_trip
@@ -27,7 +27,13 @@ from tripwatt.routes.links import FLAT_ROAD
 from tripwatt.trips import Departure, Flag, Plan, Trip, plan_from_trip
 from tripwatt.trips.messages import name_of
 from tripwatt.trips.showing import html_table
-from tripwatt.uncertainty import LinkedTrips, PowerPosterior, RouteUncertainty, UncertaintyModel, linked_trips
+from tripwatt.uncertainty import (
+    ChargeScale,
+    LinkedTrips,
+    RouteUncertainty,
+    UncertaintyModel,
+    linked_trips,
+)
 from tripwatt.uncertainty.held_out import held_out_residual, process_segments
 from tripwatt.uncertainty.model import scale_wh
 from tripwatt.uncertainty.process import HeldOutResidual
@@ -146,8 +152,9 @@ class ForecastModel:
     def _estimate_uncertainty(
         self, table: SegmentTable, held_out: Sequence[HeldOutResidual], route: RouteUncertainty | None
     ) -> None:
-        self.uncertainty_ = UncertaintyModel.from_held_out(held_out, route)
         observed = table.totals_wh(table.observed_power_w)
+        charge = None if table.charge is None else ChargeScale.from_readings(table.charge, observed)
+        self.uncertainty_ = UncertaintyModel.from_held_out(held_out, route, charge)
         errors = np.array([trip.error_wh for trip in held_out])
         scores = errors / scale_wh(self.uncertainty_.scale, held_out)
         self.held_out_ = tuple(
@@ -218,16 +225,16 @@ class ForecastModel:
         simulation = simulate_trip(self.vehicle, plan)
         table = segment_table(plan, simulation)
         correction, own = corrector.predict_with_uncertainty(table)
-        segments = process_segments(table, own)
+        segments = process_segments(table, own, corrector.outside_factor(table))
         drive = ExpectedDrive(plan, self.vehicle, simulation, table, segments, corrector, correction)
-        posterior = PowerPosterior.from_covariance(uncertainty.process.covariance(segments))
+        posterior = uncertainty.process.prior(segments)
         unfamiliar = compare(table, self.ranges_)
         forecast = Forecast(
             drive,
             uncertainty,
             posterior,
             sd_factor=uncertainty.scale.sd_wh(segments) / float(posterior.energy_wh(segments.hours)[1][-1]),
-            widening=unfamiliar.widening,
+            state_sd_wh=unknown_state_sd_wh(self.vehicle, unfamiliar.unknown, float(segments.hours.sum())),
             flags=(*unfamiliar.flags, *_assumed(drive), *simulation.flags),
         )
         return forecast.with_route_error(uncertainty.route)

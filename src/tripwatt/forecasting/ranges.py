@@ -1,16 +1,19 @@
-"""Ranges of the training trips: outside of them a forecast is flagged and its interval is wider."""
+"""What a trip has that training did not: values outside its range, which are flagged, and an unknown departure state."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 
 from tripwatt.hybrid import SegmentTable
+from tripwatt.physics.cabin import heat_pump_cop
 from tripwatt.trips import TEMPERATURES, Flag
 from tripwatt.units import SECONDS_PER_HOUR
+from tripwatt.vehicles import Vehicle
 
 WATCHED: Final = (*TEMPERATURES, "trip_speed_m_s", "duration_s")
 """Quantities of a trip that are compared with the training trips."""
@@ -30,6 +33,20 @@ class Range:
             return 0.0
         return max(self.low - value, value - self.high, 0.0) / self.sd
 
+
+UNKNOWN_SD_K: Final[Mapping[str, float]] = MappingProxyType(
+    {
+        "ambient_temperature_degc": 8.0,
+        "cabin_setpoint_degc": 1.5,
+        "cabin_temperature_degc": 6.0,
+        "battery_temperature_degc": 6.0,
+    }
+)
+"""Standard deviation of each temperature around what is assumed where it is unknown [K]. Outside air: that of the hours
+of a year in central Europe. Set-point: drivers choose 20 to 23 °C. Cabin and battery: between those of a car that
+stood outside and one from a garage or from a drive."""
+BATTERY_W_PER_K: Final = 10.0
+"""Power by a kelvin of the battery at departure [W/K]: its resistance changes by 2 to 3 % of a loss of 300 to 500 W."""
 
 NEVER_KNOWN: Final = Range(-np.inf, np.inf, 1.0)
 """Range of a quantity that no training trip has."""
@@ -51,16 +68,48 @@ class Unfamiliar:
     unknown: tuple[str, ...] = ()
 
     @property
-    def widening(self) -> float:
-        """Factor of the standard deviation of the trip's energy."""
-        beyond = sum(b**2 + 0.25 for b in self.outside.values())
-        return float(np.sqrt(1.0 + beyond + 0.1 * len(self.unknown)))
-
-    @property
     def flags(self) -> list[Flag]:
         """A flag for each of them."""
         outside = [Flag("outside_training", name, beyond, "sd") for name, beyond in self.outside.items()]
         return outside + [Flag("usual_value_assumed", name) for name in self.unknown]
+
+
+def unknown_state_sd_wh(vehicle: Vehicle, unknown: Collection[str], hours: float) -> float:
+    """Standard deviation of a trip's energy by what is unknown of the state at departure [Wh].
+
+    A cabin in other air needs another power, by its heat loss; one that starts at another temperature another energy,
+    by its heat capacity. Heat of the heat pump costs a share of it. The parts are independent.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    unknown : collection of str
+        Temperatures of `UNKNOWN_SD_K`.
+    hours : float
+        Duration of the trip.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> round(unknown_state_sd_wh(load_vehicle("bmw_i3_60ah"), ["ambient_temperature_degc"], 0.5), 1)
+    294.7
+    """
+    climate = vehicle.climate
+    parts = [0.0]
+    for name in unknown:
+        kelvin = UNKNOWN_SD_K[name]
+        if name == "battery_temperature_degc":
+            parts.append(BATTERY_W_PER_K * kelvin * hours)
+        elif climate is not None:
+            cost = 1.0 / climate.heater_efficiency
+            if climate.heat_pump_max_heat_w > 0.0:
+                cost = 1.0 / heat_pump_cop(0.0, climate)
+            heat_wh_k = (climate.shell_w_k + climate.fresh_air_low_w_k) * hours
+            if name == "cabin_temperature_degc":
+                stored = climate.air_heat_capacity_j_k + climate.interior_heat_capacity_j_k
+                heat_wh_k = min(heat_wh_k, stored / SECONDS_PER_HOUR)
+            parts.append(kelvin * heat_wh_k * cost)
+    return float(np.linalg.norm(parts))
 
 
 def compare(table: SegmentTable, ranges: Mapping[str, Range]) -> Unfamiliar:

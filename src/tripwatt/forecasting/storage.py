@@ -30,6 +30,7 @@ from tripwatt.hybrid.stored import (
 from tripwatt.modelfile import Part, read_metadata, read_model, write_model
 from tripwatt.trips import COLUMNS, QUANTITIES, REQUIRED_COLUMNS, ROUTE_COLUMNS, SIGNALS
 from tripwatt.uncertainty import (
+    ChargeScale,
     ConformalScores,
     ResidualProcess,
     RouteUncertainty,
@@ -82,6 +83,7 @@ def model_parts(model: ForecastModel) -> dict[str, Part]:
         "scores": uncertainty.scores.values.tolist(),
         "gain": {key: getattr(shrinkage, name).tolist() for key, name in _SHRINKAGE.items()},
         "route_doubt": _route_part(uncertainty.route),
+        "charge": None if uncertainty.charge is None else asdict(uncertainty.charge),
         "ranges": {n: [_finite(r.low), _finite(r.high), r.sd] for n, r in model.ranges_.items()},
         "trip_ids": list(model.trip_ids_),
     }
@@ -129,6 +131,7 @@ def model_of_parts(parts: Mapping[str, Part]) -> ForecastModel:
                     **{n: np.array(values["gain"][k], dtype=np.float64) for k, n in _SHRINKAGE.items()}
                 ),
                 route=_route_of_part(values.get("route_doubt")),
+                charge=ChargeScale(**values["charge"]) if values.get("charge") else None,
             ),
             ranges_=ranges,
             trip_ids_=tuple(values["trip_ids"]),
@@ -274,6 +277,9 @@ def contract(model: ForecastModel) -> dict[str, Any]:
         "energy_wh": "Wh",
         "quantiles_wh": "Wh",
         "soc_arrival": "1, displayed",
+        "soc_quantiles": "1, displayed, by probability",
+        "wh_per_display": "Wh",
+        "empty_at_m": "m, early, expected and late",
         "p_arrive": "1, by displayed state of charge at the end",
         "series": "by column",
         "by_cause_wh": "Wh",

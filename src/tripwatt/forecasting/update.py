@@ -9,7 +9,7 @@ from tripwatt.arrays import FloatArray
 from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.forecasting.measured import Measured, PowerReadings
 from tripwatt.hybrid.climate_log import logged_climate
-from tripwatt.uncertainty import PowerPosterior, UncertaintyModel
+from tripwatt.uncertainty import PowerPosterior, PowerPrior, UncertaintyModel
 from tripwatt.uncertainty.process import EXACT_W2
 
 
@@ -19,14 +19,14 @@ def updated_power(
     samples: pd.DataFrame,
     measured: Measured,
     readings: PowerReadings,
-) -> tuple[PowerPosterior, float]:
+) -> tuple[PowerPosterior | PowerPrior, float]:
     """Posterior of the residual power, and the factor of its standard deviation for the rest of the trip.
 
     Climate control is updated separately where the samples have its power. O(segments^2 x readings).
     """
     process, shrinkage = uncertainty.process, uncertainty.shrinkage
     if not len(readings.power_w):  # no segment was measured for long enough
-        return PowerPosterior.from_covariance(process.covariance(drive.segments)), 1.0
+        return process.prior(drive.segments), 1.0
     weights = readings.weights
     ahead = drive.edges_s[1:] > measured.until_s + 1e-9
     fraction = min(measured.until_s / float(drive.edges_s[-1]), 1.0)

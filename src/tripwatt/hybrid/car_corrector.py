@@ -91,6 +91,10 @@ class HierarchicalCorrector:
         """`L` with `L @ L.T` the covariance of what is not known of the second car."""
         return self.predict_with_uncertainty(table)[1]
 
+    def outside_factor(self, table: SegmentTable) -> FloatArray:
+        """No columns: what fades outside the first car's range is part of `uncertainty_factor`."""
+        return np.zeros((len(table.hours), 0))
+
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
         """`predict` and `uncertainty_factor`."""
         segments = CarTransfer(self.base, self.scales).rows(table)

@@ -30,14 +30,16 @@ import numpy as np
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.hybrid.parameters import PARAMETERS, Parameter
-from tripwatt.hybrid.power import EnsembleCorrector, GPCorrector, PowerCorrector
+from tripwatt.hybrid.power import EnsembleCorrector, GPCorrector, PowerCorrector, settled
 from tripwatt.hybrid.segments import SegmentTable
 from tripwatt.hybrid.split import SplitCorrector
 from tripwatt.learners.gp import KernelTerm
 from tripwatt.vehicles import Vehicle
 
 SHARES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
-OWN_SCALES: Final = (0.0, 0.25, 0.5, 1.0, 2.0)
+OWN_SCALES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""At 1 both cars are alike before any trip: each correction is drawn from the same prior. More would say that the book
+values of the second car are worse than those of the first."""
 BOOK_SCALES: Final = (0.0, 1.0)
 NOISE_SCALES: Final = (0.5, 1.0, 2.0, 4.0, 8.0)
 MODES: Final = ("effects", "parameters", "both")
@@ -156,11 +158,12 @@ class Members:
 
     def familiarity(self, table: SegmentTable) -> FloatArray:
         """How near each row is to what was learned from: 1 inside, towards 0 far outside, shape (rows,)."""
+        features = settled(table.features)
         distances: dict[str, FloatArray] = {}
         for corrector in self.correctors:
             model = corrector.model
             for name in {c for term in corrector.terms if term.kind == "smooth" for c in term.columns}:
-                values = np.asarray(table.features[name], dtype=np.float64)
+                values = np.asarray(features[name], dtype=np.float64)
                 low, high = model.ranges_[name]
                 beyond = np.maximum(low - values, values - high) / model.sds_[name]
                 beyond = np.where(np.isfinite(beyond), np.maximum(beyond, 0.0), 0.0)

@@ -33,6 +33,10 @@ class PowerCorrector(Protocol):
         """`L` with `L @ L.T` the covariance of the corrector's own uncertainty [W²], shape (rows, any)."""
         ...
 
+    def outside_factor(self, table: SegmentTable) -> FloatArray:
+        """`L` as of `uncertainty_factor`, of what the correction may be outside of what it was learned from [W]."""
+        ...
+
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
         """`predict` and `uncertainty_factor` at once."""
         ...
@@ -64,8 +68,22 @@ LINES: Final = tuple(KernelTerm((f"{cause}_w",), "line", 0.1) for cause in LINE_
 """Each cause of the simulation may be off by about 10 %: a calibration of the physics that is shrunk to none."""
 
 
+SETTLED_S: Final = 3600.0
+"""Time after which cabin and driveline have settled: the cabin's time constant is 24 minutes (102 kJ/K of air and interior
+over 70 W/K), so a twelfth of the difference is left. The battery then follows weather and load, not the time."""
+
+
+def settled(features: pd.DataFrame) -> pd.DataFrame:
+    """Features with the time since departure held at `SETTLED_S`: a longer drive is no other kind of drive."""
+    return features.assign(time_s=np.minimum(features["time_s"].to_numpy(dtype=np.float64), SETTLED_S))
+
+
 class _Joint:
-    """A corrector of climate control and driving jointly."""
+    """A corrector of climate control and driving jointly, which claims nothing outside of what it was learned from."""
+
+    def outside_factor(self, table: SegmentTable) -> FloatArray:
+        """No columns: not given."""
+        return np.zeros((len(table.hours), 0))
 
     def predict_climate(self, table: SegmentTable) -> FloatArray | None:
         """None: both are corrected jointly."""
@@ -128,6 +146,10 @@ class GPCorrector(_Joint):
     def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
         """From the posterior of the process."""
         return self.model.uncertainty_factor(table.features)
+
+    def outside_factor(self, table: SegmentTable) -> FloatArray:
+        """From the prior of the process."""
+        return self.model.outside_factor(settled(table.features))
 
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
         """Both from the same features."""
@@ -223,6 +245,10 @@ class EnsembleCorrector(_Joint):
     def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
         """Of the first member."""
         return self.members[0].uncertainty_factor(table)
+
+    def outside_factor(self, table: SegmentTable) -> FloatArray:
+        """Of the first member; trees are constant outside of their range and claim nothing."""
+        return self.members[0].outside_factor(table)
 
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
         """The first member does both at once."""

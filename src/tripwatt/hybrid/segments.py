@@ -42,6 +42,9 @@ class SegmentTable:
         Measured power at the battery terminals.
     observed_hvac_w : ndarray or None, shape (rows,)
         Measured power of climate control; NaN where it was not logged.
+    charge : ndarray or None, shape (trips, 4)
+        Readings of the state of charge: the battery management's at departure and arrival, the displayed one at both;
+        NaN where it was not logged. None for plans.
     """
 
     trip_ids: tuple[str, ...]
@@ -51,6 +54,7 @@ class SegmentTable:
     simulated_w: FloatArray
     observed_w: FloatArray | None = None
     observed_hvac_w: FloatArray | None = None
+    charge: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.trip_ids)
@@ -93,6 +97,7 @@ class SegmentTable:
             simulated_w=self.simulated_w[rows],
             observed_w=None if self.observed_w is None else self.observed_w[rows],
             observed_hvac_w=None if self.observed_hvac_w is None else self.observed_hvac_w[rows],
+            charge=None if self.charge is None else self.charge[index],
         )
 
     def totals_wh(self, power_w: FloatArray) -> FloatArray:
@@ -118,6 +123,9 @@ class SegmentTable:
             observed_hvac_w=None
             if all(t.observed_hvac_w is None for t in tables)
             else np.concatenate(climate),
+            charge=None
+            if any(t.charge is None for t in tables)
+            else np.concatenate([t.charge for t in tables if t.charge is not None]),
         )
 
 
@@ -168,6 +176,7 @@ def segment_table(
         simulated_w=np.asarray(features["simulated_w"]),
         observed_w=None if measured is None else _measured_power(measured, segment, plan, seconds),
         observed_hvac_w=None if measured is None else _measured_climate(measured, seconds),
+        charge=None if measured is None else _charge_readings(measured),
     )
 
 
@@ -210,6 +219,16 @@ def _measured_power(measured: Trip, segment: IntArray, plan: Plan, seconds: Floa
     cumulative = raw.array("observed_energy_wh")
     ends = np.append(np.flatnonzero(np.diff(segment)), len(segment) - 1)
     return np.asarray(np.diff(cumulative[ends], prepend=0.0) / (seconds / SECONDS_PER_HOUR))
+
+
+def _charge_readings(measured: Trip) -> FloatArray:
+    """First and last state of charge of the battery management and of the display, shape (1, 4)."""
+    found = []
+    for name in ("soc", "displayed_soc"):
+        values = measured.array(name) if name in measured else np.empty(0)
+        known = values[np.isfinite(values)]
+        found += [known[0], known[-1]] if len(known) else [np.nan, np.nan]
+    return np.array([found], dtype=np.float64)
 
 
 def _measured_climate(measured: Trip, seconds: FloatArray) -> FloatArray | None:

@@ -133,6 +133,12 @@ class SplitCorrector:
         parts = [one.uncertainty_factor(table) for one in (self.climate, self.drive)]
         return np.hstack(parts)
 
+    def outside_factor(self, table: SegmentTable) -> FloatArray:
+        """Side by side, as the uncertainty."""
+        if not self.split_:
+            return self.joint.outside_factor(table)
+        return np.hstack([one.outside_factor(table) for one in (self.climate, self.drive)])
+
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
         """Both at once."""
         if not self.split_:

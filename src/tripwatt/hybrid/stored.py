@@ -70,6 +70,10 @@ class StoredTrees:
         """Zeros: trees have no uncertainty of their own."""
         return np.zeros((len(table.hours), 1))
 
+    def outside_factor(self, table: SegmentTable) -> FloatArray:
+        """No columns: trees are constant outside of their range and claim nothing."""
+        return np.zeros((len(table.hours), 0))
+
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
         """`predict` and `uncertainty_factor`."""
         return self.predict(table), self.uncertainty_factor(table)

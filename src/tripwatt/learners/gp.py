@@ -170,6 +170,27 @@ class AdditiveGP:
         """As `uncertainty_factor`, from the rows' features."""
         return np.asarray(features @ self.factor_)
 
+    def outside_factor(self, X: pd.DataFrame) -> FloatArray:
+        """What each smooth term may have outside of its training range, shape (rows, smooth terms).
+
+        A term is held at the edge of its range. Under its prior, of variance `v`, its value at a scaled distance `d`
+        differs from that at the edge with mean square ``2 v (1 - exp(-d²/2))``: nothing inside the range, and twice
+        the prior variance far outside. Each column is the root of it, the same unknown for all rows of a group.
+        """
+        columns = _columns(X)
+        smooth = [(i, term) for i, term in enumerate(self.terms) if term.kind == "smooth"]
+        beyond = {}
+        for name in dict.fromkeys(c for _, term in smooth for c in term.columns):
+            values = self._fill_missing(columns[name], name) - self.means_[name]
+            beyond[name] = (values - self._held(columns, name)) / self.sds_[name]
+        if not any(values.any() for values in beyond.values()):
+            return np.zeros((len(X), 0))
+        found = np.empty((len(X), len(smooth)))
+        for k, (i, term) in enumerate(smooth):
+            distance2 = np.sum([(beyond[c] / term.length) ** 2 for c in term.columns], axis=0)
+            found[:, k] = np.sqrt(-2.0 * self.variances_[i] * np.expm1(-0.5 * distance2))
+        return found
+
     def effect_sds(self) -> tuple[float, float]:
         """Standard deviation of the group effect and of the group's share."""
         effects = np.sqrt(self.variances_[len(self.terms) :])

@@ -25,6 +25,8 @@ SCHEMES: Final = {
     "leave_one_trip_out": "leave one trip out",
     "leave_one_day_out": "leave one day out",
     "other_trips": "fitted on other trips",
+    "leave_regime_out": "another kind of trip",
+    "time_split": "later trips",
 }
 TRIP_SETS: Final = {
     "reference": "reference trips",

@@ -204,9 +204,17 @@ class Series(ResponseModel):
     energy_wh: list[float] = Field(description="energy since departure [Wh]")
     energy_low_wh: list[float]
     energy_high_wh: list[float]
-    displayed_soc: list[float] = Field(description="displayed state of charge; below 0 the battery is empty")
+    displayed_soc: list[float] = Field(description="displayed state of charge; 0 where the battery is empty")
     displayed_soc_low: list[float]
     displayed_soc_high: list[float]
+
+
+class EmptyAt(ResponseModel):
+    """Distance at which the display reaches 0 [m], at the ends and the middle of the 90 % band; null: not on this trip."""
+
+    early: float | None
+    expected: float | None
+    late: float | None
 
 
 class ForecastResponse(ResponseModel):
@@ -217,8 +225,13 @@ class ForecastResponse(ResponseModel):
     energy_wh: float = Field(description="energy at the battery terminals over the whole trip [Wh]")
     quantiles_wh: dict[str, float] = Field(description="quantiles of the energy [Wh] by probability")
     soc_arrival: float = Field(
-        description="displayed state of charge at arrival; below 0 the battery is empty before arrival"
+        description="displayed state of charge at arrival; 0 where the battery is empty before arrival"
     )
+    soc_quantiles: dict[str, float] = Field(
+        description="quantiles of the displayed state of charge at arrival by probability"
+    )
+    empty_at_m: EmptyAt
+    wh_per_display: float = Field(description="energy of a whole display [Wh]")
     p_arrive: dict[str, float] = Field(
         description="probability to arrive with at least this displayed state of charge"
     )

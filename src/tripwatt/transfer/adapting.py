@@ -21,6 +21,7 @@ from tripwatt.hybrid.hierarchy import CarTransfer, Evidence, Posterior, require_
 from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
 from tripwatt.trips import Fleet, Trip, plan_from_trip
 from tripwatt.trips.messages import message
+from tripwatt.uncertainty import ChargeScale
 from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.uncertainty.scale import TAIL_DF, TotalScale
 from tripwatt.vehicles import Vehicle
@@ -113,10 +114,12 @@ def adaptation(
     source = f"calibrated on {len(trips)} trip{'s' if len(trips) > 1 else ''} of the car"
     own_car = changed(vehicle, calibrated, source=source) if mode != "effects" else vehicle
     corrector = HierarchicalCorrector.from_posterior(transfer, posterior, frozenset(calibrated))
+    observed = table.totals_wh(table.observed_power_w)
     scores, held_out = _scores(transfer, evidence, posterior, donor.scores, table)
     uncertainty = replace(
         own,
         process=replace(own.process, split=False),
+        charge=None if table.charge is None else ChargeScale.from_readings(table.charge, observed),
         scale=adapted_scale(donor.scale, posterior.noise_scale),
         scores=scores,
     )

@@ -62,6 +62,7 @@ def zero_shot_model(base: ForecastModel, vehicle: Vehicle) -> ForecastModel:
     uncertainty = replace(
         own,
         process=replace(own.process, split=False),
+        charge=None,
         scale=adapted_scale(donor.scale, posterior.noise_scale),
         scores=ConformalScores.from_errors(weighted_quantiles(values, weight).tolist()),
     )

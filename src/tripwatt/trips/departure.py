@@ -37,6 +37,9 @@ TEMPERATURES: Final = (
 )
 """Fields that the correctors learn from, and that a forecast compares with its training."""
 
+FIRST_S: Final = 60.0
+"""A signal that is logged within this time counts as that of the departure: loggers start one after the other."""
+
 ASKED: Final = ("soc", *TEMPERATURES, "payload_mass_kg")
 """Fields that a person gives: options of the command line, fields of a request."""
 
@@ -94,17 +97,21 @@ class Departure:
     def from_drive(cls, drive: Drive, context: Context) -> Departure:
         """The departure of a drive, from its first sample and its context.
 
+        A signal that the first sample lacks is that of the next one within `FIRST_S`, else it is unknown.
+
         Raises
         ------
         InvalidInput
             When a value of the first sample is out of its bounds.
         """
         first: dict[str, float] = {}
+        times = drive.array("time_s")
         for name, column in SIGNALS.items():
             if column in drive:
-                value = float(drive.array(column)[0])
-                if np.isfinite(value):
-                    first[name] = value
+                values = drive.array(column)
+                known = np.flatnonzero(np.isfinite(values))
+                if len(known) and times[known[0]] - times[0] <= FIRST_S:
+                    first[name] = float(values[known[0]])
         if "cabin_setpoint_degc" not in first and context.cabin_setpoint_degc is not None:
             first["cabin_setpoint_degc"] = context.cabin_setpoint_degc
         return cls(

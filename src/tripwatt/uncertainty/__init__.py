@@ -1,16 +1,19 @@
 """Uncertainty of a trip's energy: residual process, scale of the total, conformal scores, updates and planned routes."""
 
+from tripwatt.uncertainty.charge import ChargeScale
 from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.uncertainty.model import UncertaintyModel
-from tripwatt.uncertainty.process import PowerPosterior, ResidualProcess, Segments, fit_process
+from tripwatt.uncertainty.process import PowerPosterior, PowerPrior, ResidualProcess, Segments, fit_process
 from tripwatt.uncertainty.route import LinkedTrips, RouteUncertainty, linked_trips
 from tripwatt.uncertainty.scale import TotalScale
 from tripwatt.uncertainty.shrinkage import UpdateShrinkage
 
 __all__ = [
+    "ChargeScale",
     "ConformalScores",
     "LinkedTrips",
     "PowerPosterior",
+    "PowerPrior",
     "ResidualProcess",
     "RouteUncertainty",
     "Segments",

@@ -10,7 +10,9 @@ from tripwatt.uncertainty.process import HeldOutResidual, Segments
 from tripwatt.units import SECONDS_PER_HOUR
 
 
-def process_segments(table: SegmentTable, uncertainty_w: FloatArray) -> Segments:
+def process_segments(
+    table: SegmentTable, uncertainty_w: FloatArray, outside_w: FloatArray | None = None
+) -> Segments:
     """Segments of one trip as the residual process takes them.
 
     Parameters
@@ -19,6 +21,8 @@ def process_segments(table: SegmentTable, uncertainty_w: FloatArray) -> Segments
         Of one trip.
     uncertainty_w : ndarray, shape (segments, any)
         From `PowerCorrector.uncertainty_factor`.
+    outside_w : ndarray, shape (segments, any), optional
+        From `PowerCorrector.outside_factor`.
     """
     features = table.features
     return Segments(
@@ -27,13 +31,14 @@ def process_segments(table: SegmentTable, uncertainty_w: FloatArray) -> Segments
         moved_w=features["moved_w"].to_numpy(dtype=np.float64),
         hvac_w=features["hvac_w"].to_numpy(dtype=np.float64),
         corrector_sd_wh=float(np.linalg.norm(table.hours @ uncertainty_w)),
+        outside_sd_wh=0.0 if outside_w is None else float(np.linalg.norm(table.hours @ outside_w)),
     )
 
 
 def held_out_residual(corrector: PowerCorrector, table: SegmentTable) -> HeldOutResidual:
     """Residual power of one trip under a corrector that was fitted without it."""
     correction, uncertainty = corrector.predict_with_uncertainty(table)
-    segments = process_segments(table, uncertainty)
+    segments = process_segments(table, uncertainty, corrector.outside_factor(table))
     climate = corrector.predict_climate(table)
     left = None if climate is None else table.climate_residual_w - climate
     logged = left is not None and bool(np.isfinite(left).all())

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripwatt.arrays import FloatArray
+from tripwatt.uncertainty.charge import ChargeScale
 from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.uncertainty.process import HeldOutResidual, ResidualProcess, fit_process
 from tripwatt.uncertainty.route import RouteUncertainty
@@ -31,6 +32,8 @@ class UncertaintyModel:
         Share of an update on the way that counts.
     route : RouteUncertainty or None
         What a planned route adds; None where the training trips could not be cut into links.
+    charge : ChargeScale or None
+        Displayed charge by energy; None where the training trips have too few readings.
     """
 
     process: ResidualProcess
@@ -38,10 +41,14 @@ class UncertaintyModel:
     scores: ConformalScores
     shrinkage: UpdateShrinkage
     route: RouteUncertainty | None = None
+    charge: ChargeScale | None = None
 
     @classmethod
     def from_held_out(
-        cls, trips: Sequence[HeldOutResidual], route: RouteUncertainty | None = None
+        cls,
+        trips: Sequence[HeldOutResidual],
+        route: RouteUncertainty | None = None,
+        charge: ChargeScale | None = None,
     ) -> UncertaintyModel:
         """Estimate every part from trips that the corrector was not fitted on. O(trips x segments^3) a step."""
         errors = np.array([trip.error_wh for trip in trips])
@@ -49,7 +56,7 @@ class UncertaintyModel:
         scale = TotalScale.from_errors([trip.segments for trip in trips], errors)
         sd = scale_wh(scale, trips)
         scores = ConformalScores.from_errors((errors / sd).tolist())
-        return cls(process, scale, scores, UpdateShrinkage.from_trips(process, trips, sd), route)
+        return cls(process, scale, scores, UpdateShrinkage.from_trips(process, trips, sd), route, charge)
 
 
 def scale_wh(scale: TotalScale, trips: Sequence[HeldOutResidual]) -> FloatArray:

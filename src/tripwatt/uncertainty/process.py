@@ -56,6 +56,8 @@ class Segments:
         Simulated power of climate control.
     corrector_sd_wh : float
         Standard deviation of the corrector's own uncertainty of the trip's energy [Wh].
+    outside_sd_wh : float
+        Standard deviation of what the corrector may have missed outside of what it was learned from [Wh].
     """
 
     time_s: FloatArray
@@ -63,6 +65,7 @@ class Segments:
     moved_w: FloatArray
     hvac_w: FloatArray
     corrector_sd_wh: float = 0.0
+    outside_sd_wh: float = 0.0
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -151,6 +154,67 @@ class ResidualProcess:
     def limited(self, climate_w: FloatArray) -> FloatArray:
         """Climate residual within the limit [W]."""
         return np.clip(climate_w, -self.climate_limit_w, self.climate_limit_w)
+
+    def prior(self, segments: Segments) -> PowerPrior:
+        """The residual power before anything was observed."""
+        return PowerPrior(self, segments)
+
+
+_TOGETHER: Final = 64
+"""Segments whose drifts are summed with one matrix product."""
+
+
+@dataclass(frozen=True, eq=False)
+class PowerPrior:
+    """Distribution of a trip's residual power before departure: mean 0, without the matrix of its covariance.
+
+    Attributes
+    ----------
+    process : ResidualProcess
+    segments : Segments
+    """
+
+    process: ResidualProcess
+    segments: Segments
+
+    @property
+    def mean_w(self) -> FloatArray:
+        """Zeros, shape (segments,)."""
+        return np.zeros(len(self.segments))
+
+    def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """As `PowerPosterior.energy_wh`. O(segments)."""
+        segments, process = self.segments, self.process
+        parts = (
+            (process.drive, segments.moved_w, segments.drive_noise_w),
+            (process.climate, segments.hvac_w, np.ones(len(segments))),
+        )
+        variance = np.zeros(len(segments))
+        for component, size_w, noise_w in parts:
+            variance += (component.constant_sd_w * np.cumsum(hours)) ** 2
+            variance += (component.share_sd * np.cumsum(hours * size_w)) ** 2
+            variance += np.cumsum((component.noise * noise_w * hours) ** 2)
+            variance += self._drift_wh2(component, hours)
+        return np.zeros(len(segments)), np.sqrt(variance)
+
+    def _drift_wh2(self, component: ComponentProcess, hours: FloatArray) -> FloatArray:
+        """Variance of the drift's energy up to the end of each segment.
+
+        With `c` the covariance of that energy and the drift, ``c[k] = sum over i <= k of w[i] exp(-(t[k] - t[i]) / T)``,
+        each segment adds ``w[k] (2 c[k] - w[k])``. The sum runs in pieces: what is before a piece fades as one.
+        """
+        time = self.segments.time_s
+        early = component.onset**2 * np.exp(-time / component.onset_time_s)
+        weight = hours * component.drift_sd_w * np.sqrt(1.0 + early)
+        c = np.empty(len(time))
+        before, last = 0.0, 0.0
+        for start in range(0, len(time), _TOGETHER):
+            piece = slice(start, start + _TOGETHER)
+            t, w = time[piece], weight[piece]
+            fading = np.tril(np.exp(-np.abs(t[:, None] - t) / component.drift_time_s))
+            c[piece] = fading @ w + before * np.exp(-(t - last) / component.drift_time_s)
+            before, last = float(c[piece][-1]), float(t[-1])
+        return np.cumsum(weight * (2.0 * c - weight))
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,9 +341,7 @@ def _merged(segments: Segments, residual_w: FloatArray) -> tuple[Segments, Float
     def mean(values: FloatArray) -> FloatArray:
         return np.asarray(np.add.reduceat(values * share, start))
 
-    merged = Segments(
-        mean(segments.time_s), step, mean(segments.moved_w), mean(segments.hvac_w), segments.corrector_sd_wh
-    )
+    merged = Segments(mean(segments.time_s), step, mean(segments.moved_w), mean(segments.hvac_w))
     return merged, mean(residual_w), np.sqrt(np.add.reduceat(share**2, start))
 
 

@@ -21,9 +21,9 @@ _LOG_SD: Final = 2.0
 class TotalScale:
     """Standard deviation of a trip's energy: independent parts that grow with the trip.
 
-    ``sd² = a² + (b hours)² + (c moved)² + (d corrector)²``: an error of every trip, one of every hour (climate control,
-    auxiliaries), a share of the energy moved at the wheels, and the corrector's own uncertainty of a trip unlike those
-    of its training.
+    ``sd² = a² + (b hours)² + (c moved)² + (d corrector)² + outside²``: an error of every trip, one of every hour (climate
+    control, auxiliaries), a share of the energy moved at the wheels, the corrector's own uncertainty of a trip unlike
+    those of its training, and in full what it may have missed outside of their range.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class TotalScale:
 
     def sd_wh(self, segments: Segments) -> float:
         """Standard deviation of the trip's energy [Wh]."""
-        return float(np.linalg.norm(self.values * _sizes(segments)))
+        return float(np.hypot(np.linalg.norm(self.values * _sizes(segments)), segments.outside_sd_wh))
 
     @classmethod
     def from_errors(cls, trips: Sequence[Segments], errors_wh: FloatArray) -> TotalScale:
@@ -50,10 +50,11 @@ class TotalScale:
         from scipy.optimize import minimize
 
         sizes = np.array([_sizes(segments) for segments in trips]) * _START
+        outside = np.array([segments.outside_sd_wh for segments in trips])
 
         def cost(logs: FloatArray) -> tuple[float, FloatArray]:
             parts = sizes**2 * np.exp(2.0 * logs)
-            variance = parts.sum(axis=1)
+            variance = parts.sum(axis=1) + outside**2
             square = errors_wh**2 / variance
             value = 0.5 * np.log(variance) + 0.5 * (TAIL_DF + 1.0) * np.log1p(square / TAIL_DF)
             slope = 0.5 - 0.5 * (TAIL_DF + 1.0) * square / (TAIL_DF + square)

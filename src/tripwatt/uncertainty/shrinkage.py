@@ -32,7 +32,8 @@ class UpdateShrinkage:
     separately, comes first; driving explains the remainder. `joint` is for samples without the power of climate control.
 
     The intervals on the way are scaled by a factor: the 90 % point of the standardised errors of the rest over that of
-    the errors before departure.
+    the errors before departure. It is held so that the mean width over the held-out trips never grows on the way: that
+    chance errors of few trips are larger after a quarter than after a tenth is no reason to know less.
 
     Attributes
     ----------
@@ -63,6 +64,7 @@ class UpdateShrinkage:
         split = np.array([process.split and trip.climate_w is not None for trip in trips])
         own = np.array([process.sd_wh(trip.segments) for trip in trips])
         before = _point(np.array([trip.error_wh for trip in trips]) / scale_wh)
+        widths = np.ones(2)
         for row, fraction in enumerate(FRACTIONS):
             truth, climate, drive, joint, split_sd, joint_sd = np.array(
                 [_rest(process, trip, fraction) for trip in trips]
@@ -80,7 +82,10 @@ class UpdateShrinkage:
             for column, (left, sd) in enumerate(zip(errors, (split_sd, joint_sd), strict=True)):
                 known = (sd > 0.0) & (split if column == 0 else True)
                 if known.sum() >= _LEAST_TRIPS and before > 0.0:
-                    sd_factors[row, column] = _point((left * own)[known] / (sd * scale_wh)[known]) / before
+                    factor = _point((left * own)[known] / (sd * scale_wh)[known]) / before
+                    unscaled = float(np.sum((sd * scale_wh / own)[known]) / np.sum(scale_wh[known]))
+                    sd_factors[row, column] = min(factor, widths[column] / unscaled)
+                    widths[column] = sd_factors[row, column] * unscaled
         return cls(*shares.T, *sd_factors.T)
 
     def at(self, component: str, fraction: float) -> float:

@@ -41,6 +41,11 @@ export interface Forecast {
   energy_wh: number;
   quantiles_wh: Record<string, number>;
   soc_arrival: number;
+  soc_quantiles: Record<string, number>;
+  /** Distance at which the display reaches 0 [m]; null where it does not on this trip. */
+  empty_at_m: { early: number | null; expected: number | null; late: number | null };
+  /** Energy of a whole display [Wh]. */
+  wh_per_display: number;
   p_arrive: Record<string, number>;
   series: Series;
   by_cause_wh: Record<string, number>;

@@ -5,18 +5,10 @@ import { interpolate } from "./interpolate";
 
 export const DOTS = 20;
 
-/** Displayed charge per watt-hour: the charge of a forecast is linear in its energy. */
-export function socPerWh({ series }: Forecast): number {
-  const last = series.energy_wh.length - 1;
-  const energySpan = (series.energy_high_wh[last] as number) - (series.energy_low_wh[last] as number);
-  const span = (series.displayed_soc_high[last] as number) - (series.displayed_soc_low[last] as number);
-  if (energySpan > 0) return span / energySpan;
-  const soc = (series.displayed_soc[0] as number) - (series.displayed_soc[last] as number);
-  return soc / ((series.energy_wh[last] as number) - (series.energy_wh[0] as number));
-}
-
-export function socFromEnergy(forecast: Forecast, energyWh: number): number {
-  return forecast.soc_arrival - (energyWh - forecast.energy_wh) * socPerWh(forecast);
+/** Displayed charge on arrival of a trip that takes so much energy, between 0 and 1. */
+export function socFromEnergy({ series, wh_per_display }: Forecast, energyWh: number): number {
+  const left = (series.displayed_soc[0] as number) - energyWh / wh_per_display;
+  return Math.min(Math.max(left, 0), 1);
 }
 
 /** Central 90 % interval of the charge on arrival. */
@@ -32,14 +24,12 @@ export function innerShare({ quantiles_wh: q, energy_wh }: Forecast): number {
 
 /** `DOTS` equally likely values of the charge on arrival. */
 export function equallyLikely(forecast: Forecast): number[] {
-  const rows = Object.entries(forecast.quantiles_wh)
-    .map(([p, energy]) => [Number(p), energy] as const)
+  const rows = Object.entries(forecast.soc_quantiles)
+    .map(([p, soc]) => [Number(p), soc] as const)
     .sort((a, b) => a[0] - b[0]);
   const ps = rows.map(([p]) => p);
-  const energies = rows.map(([, energy]) => energy);
-  return Array.from({ length: DOTS }, (_, k) =>
-    socFromEnergy(forecast, interpolate(1 - (k + 0.5) / DOTS, ps, energies)),
-  );
+  const socs = rows.map(([, soc]) => soc);
+  return Array.from({ length: DOTS }, (_, k) => interpolate((k + 0.5) / DOTS, ps, socs));
 }
 
 /** Probability to arrive with the reserve, as computed by the service; null when the forecast has none for it. */
@@ -81,12 +71,6 @@ export function hundredthsOf(chance: number): { side: "above" | "below" | "near"
 }
 
 /** Distance at which the battery is empty by the median forecast [m]; null when it is not. */
-export function emptyAfterM({ series }: Forecast): number | null {
-  const k = series.displayed_soc.findIndex((soc) => soc <= 0);
-  if (k < 0) return null;
-  if (k === 0) return 0;
-  const above = series.displayed_soc[k - 1] as number;
-  const share = above / (above - (series.displayed_soc[k] as number));
-  const start = series.distance_m[k - 1] as number;
-  return start + share * ((series.distance_m[k] as number) - start);
+export function emptyAfterM(forecast: Forecast): number | null {
+  return forecast.empty_at_m.expected;
 }

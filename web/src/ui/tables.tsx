@@ -2,7 +2,6 @@
 
 import type { ComponentChildren } from "preact";
 import type { Forecast } from "../api/types";
-import { socFromEnergy } from "../model/arrival";
 import { interpolate } from "../model/interpolate";
 import { PERCENT } from "../model/units";
 import { history, shownProfile } from "../state/drive";
@@ -83,8 +82,8 @@ export function RouteTable({ of }: { of: Forecast }) {
 export function ArrivalTable({ of }: { of: Forecast }) {
   const { shown } = format.value;
   const { tables } = text.value;
-  const rows = Object.entries(of.quantiles_wh)
-    .map(([p, wh]): [number, number] => [1 - Number(p), socFromEnergy(of, wh)])
+  const rows = Object.entries(of.soc_quantiles)
+    .map(([p, soc]): [number, number] => [Number(p), soc])
     .sort(([a], [b]) => a - b)
     .map(([p, soc]) => [shown(p, PERCENT, 1), shown(soc, PERCENT, 1)]);
   return <Table title={tables.plain} head={[tables.share, tables.atMost]} rows={rows} />;

@@ -14,6 +14,7 @@ from typing import Final
 from tripwatt.evaluation import EvaluationProtocol
 from tripwatt.report.panel import Panel, PanelSpec, Section
 from tripwatt.report.panels import (
+    arrival,
     audit,
     correctors,
     error_distribution,
@@ -45,6 +46,7 @@ _MODULES: Final = (
     signals,
     running_time,
     uncertainty,
+    arrival,
     updates,
     without_physics,
     waterfall,

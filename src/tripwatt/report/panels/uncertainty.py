@@ -23,7 +23,7 @@ from tripwatt.report.style import (
     styled,
 )
 from tripwatt.report.tables import Table, number, span
-from tripwatt.report.view import Record, View
+from tripwatt.report.view import Record, View, named_evaluation
 from tripwatt.report.words import label, listed, percent
 
 if TYPE_CHECKING:
@@ -100,6 +100,55 @@ def plot_coverage(score: Record, *, note: str = "", synthetic: bool = False) -> 
     axes.grid(axis="y")
     figure.legend(loc="outside lower left", ncols=1)
     return figure
+
+
+@panel("regimes", "Trips unlike those that were learned from", wide=True)
+def regimes(view: View) -> Content:
+    """Error, coverage and width where the scored trips are of another kind, beside leave-one-trip-out."""
+    name = view.protocol.focus
+    found = [e for e in view.evaluations if "coverage" in (e.get("models") or {}).get(name, {})]
+    if len(found) < 2:
+        return Content("No other kind of trips was scored.")
+    low = [e for e in found if e["models"][name]["coverage_ci95"]["0.9"][1] < 0.9]
+    said = (
+        f"The 90 % interval holds significantly too few trips of: {listed([named_evaluation(e) for e in low])}."
+        if low
+        else "In no row does the 90 % interval hold significantly too few trips."
+    )
+    return Content(
+        f"{said} Nothing in the model is chosen by the kind of trip.", tables=(regimes_table(view),)
+    )
+
+
+def regimes_table(view: View) -> Table:
+    """A row for each evaluation of the forecast."""
+    name = view.protocol.focus
+    rows = []
+    for evaluation in view.evaluations:
+        score = (evaluation.get("models") or {}).get(name, {})
+        if "coverage" not in score:
+            continue
+        rows.append(
+            (
+                named_evaluation(evaluation),
+                str(evaluation.get("n_trips", "")),
+                number(score["mape"], 100, 1),
+                number(score["bias"], 100, 1),
+                number(score["coverage"]["0.9"], 100, 0),
+                span(score["coverage_ci95"]["0.9"]),
+                number(score["interval_width_wh"]["0.9"], 1e-3),
+            )
+        )
+    columns = (
+        "Scored",
+        "Trips",
+        "Mean error [%]",
+        "Bias [%]",
+        "Inside 90 % [%]",
+        "Clopper-Pearson 95 %",
+        "Its width [kWh]",
+    )
+    return Table(view.captioned(f"Held-out trips by kind, {view.given}"), columns, tuple(rows))
 
 
 PIT_BINS: Final = 10
@@ -245,4 +294,5 @@ PANELS = (
     pit,
     widths,
     crps,
+    regimes,
 )

@@ -1,0 +1,82 @@
+"""Widths of the 90 % interval over the energy, for every car of the library: ``python -m benchmarks.widths``.
+
+Flat roads of 20 to 600 km at 50 to 130 km/h and -15 to 35 °C, links of 5 km, everything known at departure. Prints the
+widest for each car; for the packaged model's own car also by the conditions of its bar, and whether an interval outside
+the range of its training is narrower than one inside at the same length.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import tripwatt as tw
+from tripwatt.transfer.zero_shot import on_vehicle
+from tripwatt.trips import Departure
+from tripwatt.vehicles import vehicle_names
+
+KM = (20, 60, 160, 300, 600)
+KM_H = (50, 90, 110, 130)
+DEGC = (-15, -5, 10, 20, 30, 35)
+MOST = 0.70
+MOST_OWN_USUAL, MOST_OWN = 0.30, 0.45
+
+
+@dataclass(frozen=True, slots=True)
+class Width:
+    """One drive: its conditions, its width over the energy, and whether it is flagged as unlike the training."""
+
+    km: int
+    km_h: int
+    degc: int
+    share: float
+    low_wh: float
+    outside: bool
+
+
+def drives(model: tw.ForecastModel) -> Iterator[Width]:
+    """Every combination of conditions."""
+    for km, km_h in itertools.product(KM, KM_H):
+        pieces = max(km // 5, 1)
+        plan = tw.read_route([{"length_m": 1000.0 * km / pieces, "speed_m_s": km_h / 3.6}] * pieces)
+        for degc in DEGC:
+            air = dict.fromkeys(("ambient_temperature_degc", "battery_temperature_degc"), float(degc))
+            known = Departure(soc=0.9, cabin_temperature_degc=float(degc), cabin_setpoint_degc=21.0, **air)
+            found = model.forecast(plan, known)
+            low, high = found.interval(0.9)
+            outside = any(flag.code == "outside_training" for flag in found.flags)
+            yield Width(km, km_h, degc, (high - low) / found.energy_wh, low, outside)
+
+
+def main() -> int:
+    """Print the widths; exit code 1 when a bar is missed."""
+    base = tw.load_model()
+    missed = 0
+    for name in vehicle_names():
+        rows = list(drives(on_vehicle(base, name)[0]))
+        widest = max(rows, key=lambda row: row.share)
+        least = min(row.low_wh for row in rows)
+        bound = MOST
+        if name == base.vehicle.name:
+            bound = MOST_OWN
+            usual = [r for r in rows if r.km >= 60 and -5 <= r.degc <= 30 and r.km_h <= 110]
+            worst = max(usual, key=lambda row: row.share)
+            missed += worst.share > MOST_OWN_USUAL
+            print(f"{name}: from 60 km, -5 to 30 °C, up to 110 km/h: {worst.share:.1%} ({worst})")
+            for km in KM:
+                inside = [r.share for r in rows if r.km == km and not r.outside]
+                beyond = [r.share for r in rows if r.km == km and r.outside]
+                if inside and beyond:
+                    print(f"  {km} km: narrowest inside {min(inside):.1%}, outside {min(beyond):.1%}")
+        missed += widest.share > bound or least <= 0.0
+        print(
+            f"{name:24s} widest {widest.share:6.1%} at {widest.km} km, {widest.km_h} km/h, {widest.degc} °C; "
+            f"lowest bound {least:.0f} Wh",
+            flush=True,
+        )
+    return int(missed > 0)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

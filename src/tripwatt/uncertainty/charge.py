@@ -1,0 +1,136 @@
+"""The displayed state of charge at arrival: what energy a part of it holds, and how well that is known.
+
+A driver sees a state of charge that the car computes from the battery management's: a window of it, rounded and
+smoothed. Where logs have the readings, the window and the energy of a whole display are learned from them, with what
+they leave open; else they are those of the car's published values, with usual errors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.vehicles.parts import Battery
+
+CAPACITY_SD: Final = 0.03
+"""Relative standard deviation of the energy of a unit of state of charge: ageing and temperature."""
+BOOK_DISPLAY_SD: Final = 0.01
+"""Scale of the error of a displayed charge where no log tells: displays step by 0.5 to 1 %, and lag behind."""
+BOOK_MANAGED_SD: Final = 0.02
+"""The same for a display computed from the battery management's charge by published reserves, which makers change."""
+RESOLUTION: Final = 0.005
+"""Smallest step that a display is taken to have."""
+NORMAL_SCALE: Final = 0.7716
+"""Scale of the t distribution with 4 degrees of freedom, which all errors are taken to have, over the standard deviation
+of a normal one with the same central 90 %: 1.6449 / 2.1318."""
+LEAST_TRIPS: Final = 8
+"""Fewest trips with readings that the display is learned from."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChargeScale:
+    """Displayed state of charge, energy and the battery management's state of charge of one car.
+
+    Attributes
+    ----------
+    zero_soc, full_soc : float
+        State of charge of the battery management where the display shows 0 and 1.
+    wh_per_display : float
+        Energy at the terminals from a display of 1 to one of 0 [Wh].
+    displayed_sd : float
+        Scale of the error of the displayed charge at arrival, for a known energy and display at departure [1].
+    managed_sd : float
+        The same where the battery management's charge was known at departure.
+    trips : int
+        Trips that they were learned from; 0 for published values.
+
+    Examples
+    --------
+    >>> scale = ChargeScale(0.1, 0.9, 16000.0, 0.01, 0.02)
+    >>> round(scale.displayed(0.5), 3), scale.left(0.8, 4000.0), float(scale.sd(4000.0, True).round(4))
+    (0.5, 0.55, 0.0125)
+    """
+
+    zero_soc: float
+    full_soc: float
+    wh_per_display: float
+    displayed_sd: float
+    managed_sd: float
+    trips: int = 0
+
+    def displayed(self, soc: Any) -> Any:
+        """What the display shows, for the battery management's state of charge."""
+        return (soc - self.zero_soc) / (self.full_soc - self.zero_soc)
+
+    def left(self, start: float, energy_wh: Any) -> Any:
+        """Displayed charge after an energy was taken from a displayed start; below 0 where it does not last."""
+        return start - energy_wh / self.wh_per_display
+
+    def sd(self, energy_wh: Any, from_display: bool) -> Any:
+        """Scale of the error of `left`, but for that of the energy: reading and conversion, and the capacity."""
+        base = self.displayed_sd if from_display else self.managed_sd
+        return np.hypot(base, CAPACITY_SD * np.abs(energy_wh) / self.wh_per_display)
+
+    @classmethod
+    def from_book(cls, battery: Battery, wh_per_soc: float) -> ChargeScale:
+        """Of a car's published values.
+
+        Parameters
+        ----------
+        battery : Battery
+        wh_per_soc : float
+            Energy of a unit of the battery management's state of charge [Wh].
+        """
+        window = battery.displayed_full_soc - battery.displayed_zero_soc
+        return cls(
+            battery.displayed_zero_soc,
+            battery.displayed_full_soc,
+            wh_per_soc * window,
+            BOOK_DISPLAY_SD,
+            BOOK_MANAGED_SD,
+        )
+
+    @classmethod
+    def from_readings(cls, readings: FloatArray, energy_wh: FloatArray) -> ChargeScale | None:
+        """Learn from trips; None where too few have all readings. O(trips).
+
+        The energy of a display is the slope of displayed charge over energy, the window that of a straight line. What
+        is left of the displayed charge at arrival is the error; the capacity explains its share of it.
+
+        Parameters
+        ----------
+        readings : ndarray, shape (trips, 4)
+            Battery management's charge at departure and arrival, displayed charge at both; NaN where unknown.
+        energy_wh : ndarray, shape (trips,)
+            Measured.
+        """
+        known = np.isfinite(readings).all(axis=1) & np.isfinite(energy_wh)
+        soc, shown, energy = readings[known, :2], readings[known, 2:], energy_wh[known]
+        taken = shown[:, 0] - shown[:, 1]
+        if len(energy) < LEAST_TRIPS or float(energy @ taken) <= 0.0 or float(np.ptp(soc)) <= 0.0:
+            return None
+        wh_per_display = float(energy @ energy) / float(energy @ taken)
+        slope, shift = np.polyfit(soc.ravel(), shown.ravel(), 1)
+        if slope <= 0.0:
+            return None
+        expected = energy / wh_per_display
+        capacity2 = (CAPACITY_SD * expected) ** 2
+
+        def scale(error: FloatArray) -> float:
+            left = float(np.sum(error**2 - capacity2)) / (len(error) - 1)
+            least = RESOLUTION**2 / 6.0
+            return float(np.sqrt(max(left, least))) * NORMAL_SCALE
+
+        from_display = taken - expected
+        from_soc = shown[:, 1] - (slope * soc[:, 0] + shift - expected)
+        return cls(
+            float(-shift / slope),
+            float((1.0 - shift) / slope),
+            wh_per_display,
+            scale(from_display),
+            scale(from_soc),
+            len(energy),
+        )

@@ -1,0 +1,125 @@
+"""Forecasts stay possible from 1 to 900 km, in every car: energies, charge, and how the chance to arrive moves."""
+
+from functools import cache
+
+import numpy as np
+import pandas as pd
+import pytest
+from tests.forecasting.test_values import PROCESS
+
+import tripwatt as tw
+from tripwatt.forecasting.forecast import QUANTILES, distance_below, possible_energy
+from tripwatt.transfer.zero_shot import on_vehicle
+from tripwatt.trips import Departure
+from tripwatt.uncertainty import PowerPosterior, Segments
+from tripwatt.uncertainty.process import ComponentProcess, ResidualProcess
+from tripwatt.vehicles import vehicle_names
+
+KM = (1, 20, 60, 160, 400, 900)
+LEAST_CHANGE = 1e-9
+
+
+def flat(km: float, speed_km_h: float = 90.0) -> tw.Plan:
+    pieces = max(int(km / 5), 1)
+    return tw.read_route([{"length_m": 1000.0 * km / pieces, "speed_m_s": speed_km_h / 3.6}] * pieces)
+
+
+def departing(**known: float) -> Departure:
+    usual = {"soc": 0.9, "ambient_temperature_degc": 20.0, "battery_temperature_degc": 20.0}
+    return Departure(**{**usual, "cabin_temperature_degc": 20.0, "cabin_setpoint_degc": 21.0, **known})
+
+
+def at(degc: float) -> dict[str, float]:
+    return {f"{what}_temperature_degc": degc for what in ("ambient", "battery", "cabin")}
+
+
+@cache
+def model_of(vehicle: str) -> tw.ForecastModel:
+    return on_vehicle(tw.load_model(), vehicle)[0]
+
+
+@pytest.mark.parametrize("vehicle", vehicle_names())
+def test_long_drives_are_possible(vehicle):
+    chances = []
+    for km in KM:
+        found = model_of(vehicle).forecast(flat(km), departing())
+        quantiles = [found.quantile(p) for p in QUANTILES]
+        charges = [found.soc_quantile(p) for p in QUANTILES]
+        series = found.series()
+        assert np.all(np.diff(quantiles) > 0.0)
+        assert quantiles[0] > 0.0
+        assert found.quantile(1e-6) > 0.0
+        assert np.all(np.diff(charges) >= 0.0)
+        for name in ("displayed_soc", "displayed_soc_low", "displayed_soc_high"):
+            assert series[name].between(0.0, 1.0).all()
+        assert (series["energy_low_wh"] >= 0.0).all()
+        low, high = found.interval(0.9)
+        assert high - low <= 0.7 * found.energy_wh or km < 20
+        early, expected, late = found.empty_at_m
+        reached = [m for m in (early, expected, late) if m is not None]
+        assert reached == sorted(reached)
+        assert (expected is not None) == (found.soc_arrival == 0.0)
+        chances.append([found.p_arrive(reserve) for reserve in (0.0, 0.1, 0.3)])
+    assert np.all(np.diff(chances, axis=0) <= LEAST_CHANGE)  # falls with the distance
+    assert np.all(np.diff(chances, axis=1) <= LEAST_CHANGE)  # and with the reserve
+    assert chances[-1][0] < 0.05
+
+
+@pytest.mark.parametrize("vehicle", ["bmw_i3_60ah", "vw_id3", "nissan_leaf_24", "tesla_model_3_lr"])
+def test_the_chance_to_arrive_falls_with_cold_and_load_and_rises_with_charge(vehicle):
+    for km in (30, 90, 200):
+        plan = flat(km)
+
+        def chances(*departures, plan=plan):
+            return [model_of(vehicle).forecast(plan, d).p_arrive(0.1) for d in departures]
+
+        cold = chances(*(departing(**at(degc)) for degc in (15.0, 5.0, -5.0, -15.0)))
+        # colder is also less certain, which lifts the chance of a hopeless trip by less than half a point
+        hopeless = np.where(np.array(cold[1:]) < 0.02, 0.005, LEAST_CHANGE)
+        assert np.all(np.diff(cold) <= hopeless), cold
+        load = chances(*(departing(payload_mass_kg=kg) for kg in (0.0, 150.0, 400.0)))
+        assert np.all(np.diff(load) <= LEAST_CHANGE), load
+        charge = chances(*(departing(soc=soc) for soc in (0.2, 0.5, 0.8, 1.0)))
+        assert np.all(np.diff(charge) >= -LEAST_CHANGE), charge
+
+
+def test_an_hour_at_a_standstill_costs_energy():
+    samples = pd.DataFrame({"time_s": np.arange(3601.0), "speed_m_s": 0.0})
+    parked = tw.Plan.from_samples("parked", samples)
+    found = tw.forecast(parked, departing())
+    low, high = found.interval(0.95)
+    assert 0.0 < low < found.energy_wh < high < 2000.0
+
+
+def test_the_least_energy_bounds_from_below_and_is_reversible():
+    for least in (-50.0, 0.0, 700.0):
+        halves = np.linspace(0.0, 5000.0, 200)
+        found = possible_energy(np.full(200, 1000.0), halves, np.full(200, least))
+        assert np.all(np.diff(found) <= 0.0)
+        assert np.all(np.diff(found[:80]) < 0.0)
+        assert np.all(found >= least)
+        for half, energy in zip(halves[:80], found[:80], strict=True):
+            assert distance_below(1000.0, float(energy), least) == pytest.approx(half, rel=1e-6, abs=1e-6)
+    assert distance_below(1000.0, -60.0, -50.0) == np.inf
+    # a drive that gives energy back has no floor above its expectation
+    assert possible_energy(-300.0, 100.0, -200.0) == -400.0
+    assert distance_below(-300.0, -400.0, -200.0) == 100.0
+
+
+@pytest.mark.parametrize("segments", [1, 3, 64, 65, 200])
+def test_the_prior_without_its_matrix_is_the_prior(segments):
+    rng = np.random.default_rng(segments)
+    time = np.cumsum(rng.uniform(20.0, 40.0, segments))
+    trip = Segments(
+        time, np.full(segments, 30.0), rng.uniform(0, 9e3, segments), rng.uniform(0, 3e3, segments)
+    )
+    both = ResidualProcess(
+        ComponentProcess(50.0, 0.02, 400.0, 90.0, 0.5),
+        ComponentProcess(200.0, 0.1, 300.0, 300.0, 60.0, 2.0, 150.0),
+        1000.0,
+        True,
+    )
+    for process in (both, PROCESS):
+        hours = rng.uniform(0.0, 1.0, segments) / 120.0
+        dense = PowerPosterior.from_covariance(process.covariance(trip)).energy_wh(hours)[1]
+        np.testing.assert_allclose(process.prior(trip).energy_wh(hours)[1], dense, rtol=1e-9)

@@ -1,0 +1,62 @@
+"""The tool that plants mutants: what it changes, and that its named places still exist."""
+
+from pathlib import Path
+
+from benchmarks.mutants import named_mutants, ordered, read_map
+from benchmarks.mutating import mutants_of
+
+SOURCE = '''"""Text of 3 words."""
+LIMIT: Final = 0.5
+
+def f(x: int | None = None, *, n: int = 2) -> float | None:
+    """Doc."""
+    if x is None or n <= 1:
+        raise ValueError(f"{n + 1}")
+    return max(x, 0) * LIMIT - 1.0
+'''
+
+
+def test_operators_constants_comparisons_and_boundaries_are_changed(tmp_path: Path) -> None:
+    path = tmp_path / "module.py"
+    path.write_text(SOURCE)
+    changes = {(m.kind, m.change) for m in mutants_of(path)}
+    assert ("constant", "0.5  ->  1.0") in changes
+    assert ("operator", "max(x, 0) * LIMIT - 1.0  ->  max(x, 0) * LIMIT + 1.0") in changes
+    assert ("operator", "max(x, 0) * LIMIT  ->  max(x, 0) / LIMIT") in changes
+    assert ("boundary", "max(x, 0)  ->  min(x, 0)") in changes
+    assert ("boundary", "n <= 1  ->  n < 1") in changes
+    assert ("comparison", "n <= 1  ->  n > 1") in changes
+    assert ("comparison", "x is None or n <= 1  ->  x is None and n <= 1") in changes
+    # neither annotations nor what an error says
+    assert not [c for _, c in changes if "int" in c or "n + 1" in c]
+
+
+def test_every_mutant_is_a_program_and_one_change(tmp_path: Path) -> None:
+    path = tmp_path / "module.py"
+    path.write_text(SOURCE)
+    for mutant in mutants_of(path):
+        text = mutant.applied(path.read_bytes())
+        compile(text, "module.py", "exec")
+        assert text != SOURCE.encode()
+
+
+def test_named_places_exist_and_change() -> None:
+    found = named_mutants()
+    assert len(found) == 12
+    for mutant in found:
+        compile(mutant.applied(mutant.path.read_bytes()), str(mutant.path), "exec")
+
+
+def test_tests_are_chosen_by_line_and_quick_files_come_first(tmp_path: Path) -> None:
+    kept = tmp_path / "map.json"
+    kept.write_text(
+        '{"lines": {"src/a.py": {"1": ["t/x.py::slow|run"], "2": ["t/y.py::one|setup"]}},'
+        ' "seconds": {"t/x.py::slow": [0, 9.0], "t/y.py::one": [1.0, 0.5], "t/y.py::two": [0, 0.1]}}'
+    )
+    known = read_map(kept)
+    assert known.of_lines("src/a.py", [1]) == {"t/x.py::slow"}
+    assert known.of_lines("src/a.py", [2]) == {"t/y.py::one", "t/y.py::two"}  # a fixture of the module
+    chosen, seconds = ordered(known.of_lines("src/a.py", [1, 2]), known, 60.0)
+    assert chosen == ["t/y.py::two", "t/y.py::one", "t/x.py::slow"]
+    assert seconds == 10.6
+    assert ordered(known.of_lines("src/a.py", [1, 2]), known, 5.0)[0] == ["t/y.py::two", "t/y.py::one"]
