@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import subprocess
 import sys
 from importlib import resources
@@ -91,7 +92,10 @@ def test_a_car_changed_after_loading_comes_back_as_changed(car) -> None:
 
 
 def test_a_car_stored_before_licences_were_recorded_loads(car) -> None:
-    stored = json.loads((resources.files("tripwatt") / "models/bmw_i3_tum/vehicle.json").read_text("utf-8"))
+    text = (resources.files("tripwatt") / "models/bmw_i3_tum/vehicle.json").read_text("utf-8")
+    stored = json.loads(
+        re.sub(r'"licence": "[^"]*",?', "", re.sub(r',\s*"licence": "[^"]*"(?=\s*\})', "", text))
+    )
     assert "licence" not in json.dumps(stored)
     assert {entry.licence for entry in vehicle_of_part(stored).entries.values()} == {"not-stated"}
     again = vehicle_of_part(json.loads(json.dumps(vehicle_part(car))))

@@ -25,9 +25,6 @@ from tripwatt.forecasting.storage import model_folder
 from tripwatt.service.problems import TITLES
 from tripwatt.service.settings import Limits
 
-LONG = {"samples": {"time_s": [0.0, 20000.0, 40000.0], "speed_m_s": [10.0, 10.0, 10.0]}}
-"""A trip whose forecast takes about half a second."""
-
 
 def refused(*arguments: str, **environment: str) -> str:
     """The error output of `tripwatt serve` when it does not start."""
@@ -70,16 +67,21 @@ def test_models_are_named_after_their_folders(tmp_path: Path) -> None:
         models_of([], tmp_path / "nowhere")
 
 
-def test_shutdown_finishes_running_requests(tmp_path: Path) -> None:
-    with serving(tmp_path, "--workers", "2") as service, ThreadPoolExecutor(4) as pool:
+def test_shutdown_finishes_running_requests(tmp_path: Path, drive: dict[str, Any]) -> None:
+    patient = ("--limit", "timeout_s=120")
+    with serving(tmp_path, "--workers", "2", *patient) as service, ThreadPoolExecutor(4) as pool:
         workers = service.workers()
         assert len(workers) == 2
+        for pid in workers:
+            os.kill(pid, signal.SIGSTOP)  # the requests run until the workers go on
         sent = [
-            pool.submit(httpx.post, f"{service.url}/v1/forecast", json=LONG, timeout=120) for _ in range(4)
+            pool.submit(httpx.post, f"{service.url}/v1/forecast", json=drive, timeout=120) for _ in range(4)
         ]
         assert wait_for(lambda: b"tripwatt_requests_running 5.0" in service.client.get("/metrics").content)
         service.client.close()
         service.process.send_signal(signal.SIGTERM)
+        for pid in workers:
+            os.kill(pid, signal.SIGCONT)
         assert [answer.result().status_code for answer in sent] == [200] * 4
         assert service.process.wait(60) == 0
         assert wait_for(lambda: not any(map(alive, workers)))
