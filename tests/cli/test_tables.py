@@ -1,16 +1,13 @@
 """Tables, mappings and vehicle files on the command line: what is wrong is one message with place, finding and remedy."""
 
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from tests.support.command import Answer
-
-from tripwatt.cli import main
+from tests.support.command import Answer, Run
 
 MAPPING = """
 [columns]
@@ -27,22 +24,13 @@ Table = pd.DataFrame
 
 
 @pytest.fixture
-def run(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> Callable[..., Answer]:
-    """The command in this process, started where the files are."""
+def run(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Run:
+    """The command, started where the files are, its errors on one line."""
     monkeypatch.chdir(tmp_path)
 
     def call(*arguments: object) -> Answer:
-        monkeypatch.setattr(sys, "argv", ["tripwatt", *map(str, arguments)])
-        capsys.readouterr()
-        code = 0
-        try:
-            main()
-        except SystemExit as end:
-            code = int(end.code or 0)
-        said = capsys.readouterr()
-        return Answer(code, said.out, " ".join(said.err.split()))
+        answer = run(*arguments)
+        return answer._replace(err=" ".join(answer.err.split()))
 
     return call
 

@@ -65,6 +65,21 @@ def test_doubt_is_smallest_where_the_data_are():
     assert far > 10.0 * near
 
 
+def test_outside_of_the_range_the_prior_returns():
+    X, _, y, site = clusters()
+    model = AdditiveGP(PARTS, effect_sd=1.0).fit(X, y, site)
+    high, sd = float(X["age"].max()), float(X["age"].std(ddof=0))
+    ages = [5.0, high, high + 0.5 * sd, high + 2.0 * sd, 1e6]
+    found = model.outside_factor(pd.DataFrame({"dose": np.linspace(0.0, 99.0, 5), "age": ages}))
+    prior = model.variances_[1]
+    # the mean square of the difference of two values of a process with a squared-exponential kernel
+    expected = [0.0, 0.0, 2.0 * prior * (1 - np.exp(-0.125)), 2.0 * prior * (1 - np.exp(-2.0)), 2.0 * prior]
+    np.testing.assert_allclose(found[:, 0] ** 2, expected, rtol=1e-9, atol=1e-9 * prior)
+    # a line has a posterior everywhere and is no part of it
+    assert found.shape == (5, 1)
+    assert model.outside_factor(X).shape == (len(X), 0)
+
+
 def test_arrays_hold_everything():
     X, _, y, site = clusters()
     model = AdditiveGP(PARTS, effect_sd=1.0).fit(X, y, site)

@@ -273,9 +273,10 @@ def _where_empty(found: Forecast) -> list[tuple[str, str]]:
     early, expected, late = (None if m is None else m / 1000.0 for m in found.empty_at_m)
     if early is None:
         return []
-    middle = "" if expected is None else f", expected at {expected:.0f} km"
-    until = "or never on this trip" if late is None else f"to {late:.0f} km"
-    return [("battery empty", f"from {early:.0f} km {until}{middle}")]
+    if expected is None:
+        return [("battery empty", f"possible from {early:.0f} km on")]
+    until = "later than this trip" if late is None else f"{late:.0f} km"
+    return [("battery empty", f"after {expected:.0f} km ({early:.0f} km to {until})")]
 
 
 def _show_forecast(found: Forecast, reserve: float) -> None:

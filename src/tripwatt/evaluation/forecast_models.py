@@ -346,7 +346,6 @@ def _arrivals(
 ) -> dict[str, npt.NDArray[Any]]:
     """Displayed charge at arrival: observed, and as forecast from each start of `ARRIVAL_STARTS`."""
     rows, chances, observed = [], [], []
-    low_p, high_p = 0.5 - 0.5 * UPDATE_LEVEL, 0.5 + 0.5 * UPDATE_LEVEL
     for plan, log in zip(plans, logs, strict=True):
         shown = log["displayed_soc"].dropna() if "displayed_soc" in log else pd.Series(dtype=float)
         observed.append(float(shown.iloc[-1]) if len(shown) else np.nan)
@@ -359,9 +358,8 @@ def _arrivals(
             other = "bms_soc" if start == "soc" else "soc"
             alone = replace(plan, departure=replace(departure, **{other: None}))
             found = model.forecast(alone)
-            centre = found.soc_quantile(0.5)
-            rows.append([centre, found.soc_quantile(low_p), found.soc_quantile(high_p)])
-            chances.append([found.p_arrive(centre + offset) for offset in RESERVE_OFFSETS])
+            rows.append([found.soc_arrival, *found.soc_interval(UPDATE_LEVEL)])
+            chances.append([found.p_arrive(found.soc_arrival + offset) for offset in RESERVE_OFFSETS])
     n = len(plans)
     return {
         "shown": np.array(observed),

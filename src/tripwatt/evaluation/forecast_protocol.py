@@ -209,7 +209,6 @@ def _regimes(main: HoldOut) -> tuple[list[HoldOut], list[str]]:
     duration = np.array([plan.duration_s for plan in plans])
     speed = np.array([plan.distance_m for plan in plans]) / np.maximum(duration, 1.0)
     seasons = np.array([str(trip.context.season) for trip in trips])
-    every = np.ones(len(plans), dtype=bool)
     parts: list[tuple[str, str, BoolArray, BoolArray]] = []
     for name, values in (("longer third", duration), ("faster third", speed)):
         beyond = values > np.quantile(values, SPLIT)
@@ -219,7 +218,7 @@ def _regimes(main: HoldOut) -> tuple[list[HoldOut], list[str]]:
     days = [None if trip.context.day is None else str(trip.context.day) for trip in trips]
     if all(day is not None for day in days):
         order = np.argsort(np.array(days, dtype=np.str_), kind="stable")
-        later = ~every
+        later = np.zeros(len(plans), dtype=bool)
         later[order[int(np.ceil(SPLIT * len(order))) :]] = True
         parts.append((TIME_SPLIT, "last third by date", ~later, later))
     found, left_out = [], []

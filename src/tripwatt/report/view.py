@@ -25,7 +25,7 @@ SCHEMES: Final = {
     "leave_one_trip_out": "leave one trip out",
     "leave_one_day_out": "leave one day out",
     "other_trips": "fitted on other trips",
-    "leave_regime_out": "another kind of trip",
+    "leave_regime_out": "trips of another kind",
     "time_split": "later trips",
 }
 TRIP_SETS: Final = {
@@ -89,6 +89,8 @@ def of_evaluation(evaluation: Record) -> str:
     --------
     >>> of_evaluation({"scheme": "leave_one_trip_out", "trips": "reference", "n_trips": 58})
     'leave one trip out, 58 reference trips'
+    >>> of_evaluation({"scheme": "leave_regime_out", "trips": "longer third", "n_trips": 19})
+    'trips of another kind, longer third (19 trips)'
     """
     scheme, trips = str(evaluation.get("scheme", "")), str(evaluation.get("trips", ""))
     words = TRIP_SETS.get(trips, trips)
@@ -97,8 +99,10 @@ def of_evaluation(evaluation: Record) -> str:
         counted = words
     elif trips == "all":
         counted = f"all {number} trips, unaudited"
-    else:
+    elif trips in TRIP_SETS:
         counted = f"{number} {words}"
+    else:
+        counted = f"{words} ({number} trips)"
     return f"{SCHEMES.get(scheme, scheme.replace('_', ' '))}, {counted}"
 
 

@@ -116,39 +116,33 @@ def regimes(view: View) -> Content:
         else "In no row does the 90 % interval hold significantly too few trips."
     )
     return Content(
-        f"{said} Nothing in the model is chosen by the kind of trip.", tables=(regimes_table(view),)
+        f"{said} Nothing in the model is chosen by the kind of trip.", tables=(regimes_table(view, found),)
     )
 
 
-def regimes_table(view: View) -> Table:
+def regimes_table(view: View, evaluations: Sequence[Record]) -> Table:
     """A row for each evaluation of the forecast."""
-    name = view.protocol.focus
-    rows = []
-    for evaluation in view.evaluations:
-        score = (evaluation.get("models") or {}).get(name, {})
-        if "coverage" not in score:
-            continue
-        rows.append(
-            (
-                named_evaluation(evaluation),
-                str(evaluation.get("n_trips", "")),
-                number(score["mape"], 100, 1),
-                number(score["bias"], 100, 1),
-                number(score["coverage"]["0.9"], 100, 0),
-                span(score["coverage_ci95"]["0.9"]),
-                number(score["interval_width_wh"]["0.9"], 1e-3),
-            )
+    scores = [evaluation["models"][view.protocol.focus] for evaluation in evaluations]
+    rows = tuple(
+        (
+            named_evaluation(evaluation),
+            number(score["mape"], 100, 1),
+            number(score["bias"], 100, 1),
+            number(score["coverage"]["0.9"], 100, 0),
+            span(score["coverage_ci95"]["0.9"]),
+            number(score["interval_width_wh"]["0.9"], 1e-3),
         )
+        for evaluation, score in zip(evaluations, scores, strict=True)
+    )
     columns = (
         "Scored",
-        "Trips",
         "Mean error [%]",
         "Bias [%]",
         "Inside 90 % [%]",
         "Clopper-Pearson 95 %",
         "Its width [kWh]",
     )
-    return Table(view.captioned(f"Held-out trips by kind, {view.given}"), columns, tuple(rows))
+    return Table(view.captioned(f"Held-out trips by kind, {view.given}"), columns, rows)
 
 
 PIT_BINS: Final = 10
