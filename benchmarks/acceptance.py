@@ -265,7 +265,7 @@ def driven_wh_per_km(vehicle: Vehicle, cycle: str, test_mass_kg: float) -> float
             payload_mass_kg=test_mass_kg - vehicle.body.test_mass_kg,
             initial_soc=INITIAL_SOC,
             initial_warmth=1.0,
-            climate=False,
+            climate="off",
             air_density_kg_m3=density if vehicle.road_load.method == "coastdown" else air_density(20.0),
         ),
     )

@@ -46,7 +46,7 @@ def argonne_rows(data: Path, reference: Path, vehicle_name: str = "bmw_i3_60ah")
             conditions=DriveConditions(
                 ambient_temperature_degc=float(row.cell_temperature_degc),
                 payload_mass_kg=TEST_MASS_KG - vehicle.body.test_mass_kg,
-                climate=row.climate != "off",
+                climate="off" if row.climate == "off" else "auto",
                 initial_cabin_temperature_degc=setpoint if row.start == "hot" else None,
                 cabin_setpoint_degc=setpoint,
                 solar_irradiance_w_m2=850.0 if "850" in str(row.climate) else 0.0,

@@ -1,5 +1,7 @@
 """Parts of the uncertainty model against values that are found another way."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -13,11 +15,12 @@ from tripwatt.forecasting.measured import _from_power
 from tripwatt.forecasting.ranges import Range, unknown_state_sd_wh
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.uncertainty.charge import CAPACITY_SD, NORMAL_SCALE, ChargeScale
+from tripwatt.uncertainty.charge import FULL as FULL_DISPLAY
 from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.uncertainty.process import HeldOutResidual, Segments
 from tripwatt.uncertainty.route import RouteUncertainty
-from tripwatt.uncertainty.scale import TotalScale
-from tripwatt.uncertainty.shrinkage import FRACTIONS, SURE, UpdateShrinkage, _best_share, _rest
+from tripwatt.uncertainty.scale import TimeCourse, TotalScale
+from tripwatt.uncertainty.shrinkage import FRACTIONS, SURE, UpdateShrinkage, _best_share, _rest, is_off
 from tripwatt.vehicles import load_vehicle
 
 
@@ -181,6 +184,50 @@ def test_charge_is_learned_from_readings():
     assert ChargeScale.from_readings(np.hstack([shown, shown]), -energy) is None
 
 
+def test_a_full_display_hides_charge():
+    energy = np.array([500.0, 1000.0, 2000.0, 3000.0, 800.0, 1500.0, 2500.0, 400.0, 700.0, 1800.0])
+    full = np.arange(10) < 5
+    start = np.where(full, 1.0, 0.7)
+    end = start + 0.02 * full - energy / 16_000.0
+    soc = 0.1 + 0.8 * np.column_stack([start + 0.02 * full, end])
+    found = ChargeScale.from_readings(np.hstack([soc, np.column_stack([start, end])]), energy)
+    assert found.hidden == pytest.approx(0.02, rel=1e-9)
+    assert found.wh_per_display == pytest.approx(16_000.0, rel=1e-9)
+    few = ChargeScale.from_readings(np.hstack([soc, np.column_stack([start, end])])[:9], energy[:9])
+    assert few.hidden == 0.0  # four trips of the other kind are too few
+    assert found.left(1.0, 4000.0) == pytest.approx(0.77)
+    assert found.left(FULL_DISPLAY, 4000.0) == pytest.approx(FULL_DISPLAY + 0.02 - 0.25)
+    assert found.left(0.99, 4000.0) == pytest.approx(0.74)
+    # what is computed from the battery management's charge hides nothing
+    assert found.left(1.0, 4000.0, from_display=False) == pytest.approx(0.75)
+
+
+def test_climate_control_that_was_off_stays_off():
+    rng = np.random.default_rng(8)
+    held_out = []
+    for i in range(40):
+        segments = by_hand_segments(rng, 40)
+        expected = rng.uniform(500.0, 1500.0) * np.ones(40)
+        drawn = 0.1 * expected * (np.arange(40) >= 30) if i < 12 else expected + rng.normal(0.0, 100.0, 40)
+        climate = drawn - expected
+        held_out.append(HeldOutResidual(segments, climate + rng.normal(0, 100, 40), climate, expected))
+    split = dataclasses.replace(by_hand.PROCESS, split=True)
+    own = np.array([split.sd_wh(trip.segments) for trip in held_out])
+    found = UpdateShrinkage.from_trips(split, held_out, own)
+    # after half of the trip, ten segments of nothing and ten of a tenth are to come: 95 % is not drawn
+    assert found.off[FRACTIONS.index(0.5)] == pytest.approx(0.95, abs=0.03)
+    none_off = UpdateShrinkage.from_trips(split, held_out[10:], own[10:])
+    assert (none_off.off == 0.0).all()  # two trips are too few
+
+
+@pytest.mark.parametrize(
+    ("climate_w", "seconds", "off"),
+    [([50.0, 0.0], 60.0, True), ([50.1, 0.0], 60.0, False), ([0.0, 0.0], 59.0, False)],
+)
+def test_when_climate_control_counts_as_off(climate_w, seconds, off):
+    assert is_off(np.array(climate_w), np.full(2, seconds)) is off
+
+
 def test_the_mean_width_never_grows_on_the_way():
     rng = np.random.default_rng(6)
     held_out = []
@@ -201,3 +248,27 @@ def by_hand_segments(rng: np.random.Generator, n: int) -> Segments:
     return Segments(
         15.0 + 30.0 * np.arange(n), np.full(n, 30.0), rng.uniform(0, 9000, n), rng.uniform(0, 3000, n)
     )
+
+
+def test_errors_of_power_add_up_as_the_process_says():
+    course = TimeCourse.from_process(by_hand.PROCESS)
+    assert course == TimeCourse(float(np.hypot(500.0, 300.0)), ())  # two constants, no drift
+    assert course.hours(7.0) == pytest.approx(7.0, rel=1e-12)
+    mixed = TimeCourse(100.0, ((300.0, 600.0), (50.0, 60.0)))
+    for hours in (0.05, 1.0, 12.0):
+        time = (np.arange(2000) + 0.5) * hours * 3600.0 / 2000
+        lag = np.abs(time[:, None] - time)
+        covariance = 100.0**2 + 300.0**2 * np.exp(-lag / 600.0) + 50.0**2 * np.exp(-lag / 60.0)
+        expected = hours * np.sqrt(covariance.mean() / (100.0**2 + 300.0**2 + 50.0**2))
+        assert mixed.hours(hours) == pytest.approx(expected, rel=1e-3)
+        assert mixed.hours(hours) <= hours
+
+
+def test_the_scale_counts_hours_as_its_course_does():
+    n = 240
+    segments = Segments(30.0 + 60.0 * np.arange(n), np.full(n, 60.0), np.zeros(n), np.zeros(n))
+    course = TimeCourse(100.0, ((300.0, 600.0),))
+    assert TotalScale(np.array([0.0, 50.0, 0.0, 1.0])).sd_wh(segments) == pytest.approx(200.0)
+    shorter = TotalScale(np.array([0.0, 50.0, 0.0, 1.0]), course).sd_wh(segments)
+    assert shorter == pytest.approx(50.0 * course.hours(4.0))
+    assert shorter < 100.0

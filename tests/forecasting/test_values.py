@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from scipy.stats import t as student
 
+import tripwatt as tw
 from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.measured import ChargeReading
@@ -332,6 +333,49 @@ def test_an_update_by_power_with_climate_control_beside_it():
     variance = constant * (1 / 30 + 1 / 20) ** 2 + new[1] / 30**2 + new[2] / 20**2
     factor = 1.2 + ONE_SIXTH * (1.5 - 1.2)
     assert updated.sd_wh == pytest.approx(SD_FACTOR * factor * np.sqrt(variance), rel=1e-9)
+
+
+def test_climate_control_that_was_off_is_left_out_of_the_rest():
+    known = uncertainty(split=True)
+    off = np.array([0.0, 0.0, 0.0, 0.8, 0.8, 0.8])
+    known = dataclasses.replace(known, shrinkage=dataclasses.replace(known.shrinkage, off=off))
+    start = dataclasses.replace(departing(split=True), uncertainty=known)
+    log = pd.DataFrame(
+        {
+            "time_s": np.arange(181.0),
+            "voltage_v": 400.0,
+            "current_a": 10.0,
+            "heating_power_w": 0.0,
+            "aircon_power_w": 50.0,
+        }
+    )
+    updated = start.update(log)
+    # after half of the trip; the last segment was to have 500 W, corrected by 50 W
+    seen = np.array([4000.0 - 3100.0, 4000.0 - 11800.0]) - (50.0 - (HVAC_W[:2] + 50.0))
+    noise = NOISE_W2[:2] + 1.0
+    drive_gain = CONSTANT_W**2 / (1.0 + CONSTANT_W**2 * np.sum(1.0 / noise))
+    driving = 0.3 * drive_gain * np.sum(seen / noise)
+    assert updated.energy_wh == pytest.approx(
+        4000 / 60 + 4000 / 30 + (6050 - 0.8 * 550 + driving) / 20, **EXACT
+    )
+    drawn = start.update(log.assign(aircon_power_w=51.0))  # more than fans take
+    assert drawn.posterior.mean_w[2] != pytest.approx(updated.posterior.mean_w[2], abs=1.0)
+
+
+def test_a_departure_without_climate_control_has_no_energy_for_it():
+    model, plan = tw.load_model(), tw.read_route([{"length_m": 20000.0, "speed_m_s": 20.0}])
+    known = tw.Departure(soc=0.8, ambient_temperature_degc=-5.0, cabin_setpoint_degc=21.0)
+    auto, off = (model.forecast(plan, dataclasses.replace(known, climate=mode)) for mode in ("auto", "off"))
+    drive = auto.drive
+    climate_wh = float((drive.table.hours * drive.climate_w).sum())
+    assert climate_wh > 300.0
+    # the battery is as cold in both, so little else changes
+    assert auto.energy_wh - off.energy_wh == pytest.approx(climate_wh, rel=0.05)
+    assert off.by_cause_wh["hvac"] == pytest.approx(0.0, abs=0.1)  # a second of the base load, at the end
+    assert (off.drive.climate_w == 0.0).all()
+    heat = model.forecast(plan, dataclasses.replace(known, climate="heat"))
+    assert heat.energy_wh == pytest.approx(auto.energy_wh, rel=1e-12)
+    assert model.forecast(plan, known).energy_wh == auto.energy_wh
 
 
 def test_a_burst_of_the_heater_counts_up_to_the_limit():

@@ -119,9 +119,9 @@ def test_more_mass_or_drag_never_takes_less_at_the_wheel(trace, more) -> None:
     base, heavy, wide = (
         net_energy_wh(trace["time_s"], run.wheel_power_w)
         for run in (
-            simulate(car, **trace, conditions=DriveConditions(climate=False)),
-            simulate(car, **trace, conditions=DriveConditions(climate=False, payload_mass_kg=more)),
-            simulate(draggy, **trace, conditions=DriveConditions(climate=False)),
+            simulate(car, **trace, conditions=DriveConditions(climate="off")),
+            simulate(car, **trace, conditions=DriveConditions(climate="off", payload_mass_kg=more)),
+            simulate(draggy, **trace, conditions=DriveConditions(climate="off")),
         )
     )
     assert heavy >= base

@@ -5,12 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tripwatt.errors import InvalidInput
 from tripwatt.physics.battery import discharge, internal_resistance, open_circuit_voltage
 from tripwatt.physics.cabin import HEAT_PUMP_RATING_DEGC, CabinStart, condition_cabin, heat_pump_heat
 from tripwatt.physics.conditions import DriveConditions
 from tripwatt.physics.road_load import air_density, grade_from_elevation, rolling_factor
 from tripwatt.physics.simulate import simulate
 from tripwatt.physics.thermal import Relaxation
+from tripwatt.trips import Departure
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 
@@ -204,7 +206,36 @@ class TestCabin:
             i3,
             self.time,
             np.zeros(3601),
-            conditions=DriveConditions(ambient_temperature_degc=-10.0, climate=False),
+            conditions=DriveConditions(ambient_temperature_degc=-10.0, climate="off"),
         )
         assert run.simulated_energy_wh == pytest.approx(i3.auxiliaries.base_load_w)
         assert np.isnan(run.cabin_temperature_degc).all()
+
+
+@pytest.mark.parametrize("ambient", [-10.0, 15.0, 35.0])
+def test_climate_modes_take_away_heater_or_compressor(i3: Vehicle, ambient: float) -> None:
+    time = np.arange(3601.0)
+    runs = {
+        mode: condition_cabin(
+            i3.climate, time, np.full(3601, 15.0), ambient, CabinStart(ambient, 22.0, 0.0, mode=mode)
+        )
+        for mode in ("auto", "heat", "cool")
+    }
+    energy = {mode: run.power_w[1:].sum() for mode, run in runs.items()}
+    end = {mode: run.temperature_degc[-1] for mode, run in runs.items()}
+    if ambient > 30.0:
+        np.testing.assert_array_equal(runs["cool"].power_w, runs["auto"].power_w)
+        assert energy["heat"] < energy["auto"]
+        assert end["heat"] > end["auto"] + 2.0
+    else:
+        np.testing.assert_array_equal(runs["heat"].power_w, runs["auto"].power_w)
+        # only the blower runs
+        np.testing.assert_allclose(runs["cool"].power_w, i3.climate.blower_low_power_w)
+        assert end["cool"] < end["auto"] - 2.0
+
+
+def test_an_unknown_climate_mode_is_refused() -> None:
+    with pytest.raises(InvalidInput, match=r"climate.*one of auto, off, heat, cool"):
+        DriveConditions(climate="warm")
+    with pytest.raises(InvalidInput, match=r"climate.*one of auto, off, heat, cool"):
+        Departure(climate="warm")

@@ -101,7 +101,7 @@ def test_no_acceleration_beyond_the_drivers_and_no_teleport(route, seed):
 
 def electric_energy(time, speed):
     return simulate(
-        CAR, time, speed, conditions=DriveConditions(climate=False, initial_warmth=1.0)
+        CAR, time, speed, conditions=DriveConditions(climate="off", initial_warmth=1.0)
     ).simulated_energy_wh
 
 

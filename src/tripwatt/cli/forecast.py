@@ -115,6 +115,15 @@ def forecast(
             show_default=False,
         ),
     ] = None,
+    climate: Annotated[
+        str | None,
+        typer.Option(
+            "--climate",
+            metavar="MODE",
+            help="What climate control may do: auto, off, heat (no cooling) or cool (no heating).",
+            show_default=False,
+        ),
+    ] = None,
     battery_temperature: Annotated[
         float | None,
         typer.Option(
@@ -204,6 +213,7 @@ def forecast(
                     cabin_temperature_degc=cabin_temperature,
                     battery_temperature_degc=battery_temperature,
                     payload_mass_kg=payload,
+                    climate=climate,
                 )
             ),
         )

@@ -72,6 +72,7 @@ OPTION_OF: Final = {
     "cabin_temperature_degc": "--cabin-temperature",
     "battery_temperature_degc": "--battery-temperature",
     "payload_mass_kg": "--payload",
+    "climate": "--climate",
     "speed_m_s": "--speed",
     "vehicle": "--vehicle",
 }

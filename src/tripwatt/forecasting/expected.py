@@ -55,6 +55,14 @@ class ExpectedDrive:
         return self.table.simulated_w + self.correction_w
 
     @cached_property
+    def climate_w(self) -> FloatArray | None:
+        """Expected mean power of climate control in each segment [W]; None where the correction is joint."""
+        if self.plan.departure.climate == "off":
+            return np.zeros(len(self.segments))
+        correction = self.corrector.predict_climate(self.table)
+        return None if correction is None else np.asarray(self.segments.hvac_w + correction)
+
+    @cached_property
     def edges_s(self) -> FloatArray:
         """Time at the edges of the segments [s since departure], shape (segments + 1,)."""
         return np.concatenate(([0.0], np.cumsum(self.segments.step_s)))

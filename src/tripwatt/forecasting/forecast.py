@@ -24,6 +24,7 @@ from tripwatt.uncertainty import (
     RouteUncertainty,
     UncertaintyModel,
 )
+from tripwatt.uncertainty.charge import FULL
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
@@ -386,6 +387,8 @@ class Forecast:
     def _charge_start(self) -> tuple[float, float, bool]:
         """Time [s] and displayed charge of the last reading or at departure; whether the display itself was read."""
         anchor, departure = self.measured.anchor, self.plan.departure
+        if anchor is not None and anchor.displayed and min(anchor.value, departure.soc or 0.0) >= FULL:
+            anchor = None  # still full: what it hid at departure is known better than what it hides now
         if anchor is not None:
             shown = anchor.value if anchor.displayed else float(self.charge.displayed(anchor.value))
             return anchor.time_s, shown, anchor.displayed
@@ -402,7 +405,7 @@ class Forecast:
         taken = self._cumulative_wh - self._energy_at(time)
         energy_sd = np.concatenate(([0.0], self._cumulative_sd_wh)) / self.charge.wh_per_display
         own_sd = np.where((self._ends_s > time) | (not displayed), self.charge.sd(taken, displayed), 0.0)
-        return np.asarray(self.charge.left(start, taken)), np.asarray(np.hypot(energy_sd, own_sd))
+        return np.asarray(self.charge.left(start, taken, displayed)), np.asarray(np.hypot(energy_sd, own_sd))
 
     @property
     def _ends_s(self) -> FloatArray:

@@ -225,6 +225,9 @@ class ForecastModel:
         simulation = simulate_trip(self.vehicle, plan)
         table = segment_table(plan, simulation)
         correction, own = corrector.predict_with_uncertainty(table)
+        if plan.departure.climate == "off":
+            climate = corrector.predict_climate(table)
+            correction = correction if climate is None else correction - climate
         segments = process_segments(table, own, corrector.outside_factor(table))
         drive = ExpectedDrive(plan, self.vehicle, simulation, table, segments, corrector, correction)
         posterior = uncertainty.process.prior(segments)

@@ -39,6 +39,7 @@ from tripwatt.uncertainty import (
     UpdateShrinkage,
 )
 from tripwatt.uncertainty.process import ComponentProcess
+from tripwatt.uncertainty.scale import TimeCourse
 from tripwatt.vehicles import Vehicle, vehicle_from_document
 
 GIVEN: Final = "given the driven speed trace"
@@ -50,6 +51,7 @@ _SHRINKAGE: Final = {
     "whole": "joint",
     "apart_spread": "split_sd_factor",
     "whole_spread": "joint_sd_factor",
+    "off": "off",
 }
 """Key in the file -> field of `UpdateShrinkage`."""
 
@@ -79,7 +81,7 @@ def model_parts(model: ForecastModel) -> dict[str, Part]:
         "block_s": SEGMENT_S,
         "fitted": about,
         "process": process | {"climate_limit_w": _finite(uncertainty.process.climate_limit_w)},
-        "scale": uncertainty.scale.values.tolist(),
+        **_scale_part(uncertainty.scale),
         "scores": uncertainty.scores.values.tolist(),
         "gain": {key: getattr(shrinkage, name).tolist() for key, name in _SHRINKAGE.items()},
         "route_doubt": _route_part(uncertainty.route),
@@ -125,10 +127,14 @@ def model_of_parts(parts: Mapping[str, Part]) -> ForecastModel:
                     climate_limit_w=_bound(process["climate_limit_w"], math.inf),
                     split=process["apart"],
                 ),
-                scale=TotalScale(np.array(values["scale"], dtype=np.float64)),
+                scale=_scale_of_part(values),
                 scores=ConformalScores(np.array(values["scores"], dtype=np.float64)),
                 shrinkage=UpdateShrinkage(
-                    **{n: np.array(values["gain"][k], dtype=np.float64) for k, n in _SHRINKAGE.items()}
+                    **{
+                        n: np.array(values["gain"][k], dtype=np.float64)
+                        for k, n in _SHRINKAGE.items()
+                        if k in values["gain"]  # models of older versions have no `off`
+                    }
                 ),
                 route=_route_of_part(values.get("route_doubt")),
                 charge=ChargeScale(**values["charge"]) if values.get("charge") else None,
@@ -322,7 +328,7 @@ def _donor_part(donor: DonorModel) -> Stored:
     about, arrays = members_parts(donor.members, "corrector-elsewhere")
     values = {
         "fitted": about,
-        "scale": donor.scale.values.tolist(),
+        **_scale_part(donor.scale),
         "scores": donor.scores.values.tolist(),
         "hidden": list(donor.masked_inputs),
     }
@@ -332,7 +338,7 @@ def _donor_part(donor: DonorModel) -> Stored:
 def _donor_of_part(values: Mapping[str, Any], parts: Mapping[str, Part]) -> DonorModel:
     return DonorModel(
         members_of_parts(values["fitted"], parts),
-        TotalScale(np.array(values["scale"], dtype=np.float64)),
+        _scale_of_part(values),
         ConformalScores(np.array(values["scores"], dtype=np.float64)),
         tuple(values["hidden"]),
     )
@@ -361,6 +367,19 @@ def _take_values(document: dict[str, dict[str, Any]], vehicle: Vehicle) -> None:
                 "licence": licence,
                 **scale,
             }
+
+
+def _scale_part(scale: TotalScale) -> dict[str, Any]:
+    return {"scale": scale.values.tolist(), "course": asdict(scale.course)}
+
+
+def _scale_of_part(values: Mapping[str, Any]) -> TotalScale:
+    """Errors of power are constant over a trip in models of older versions."""
+    course = values.get("course", {"constant_w": 1.0, "drifts": []})
+    drifts = tuple((float(sd_w), float(time_s)) for sd_w, time_s in course["drifts"])
+    return TotalScale(
+        np.array(values["scale"], dtype=np.float64), TimeCourse(float(course["constant_w"]), drifts)
+    )
 
 
 def _route_part(route: RouteUncertainty | None) -> dict[str, Any] | None:

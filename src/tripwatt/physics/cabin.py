@@ -87,12 +87,15 @@ class CabinStart:
     solar_irradiance_w_m2 : float
     warmth : float
         0 after a long stop, 1 when windows and seats are warm and dry from a drive just before.
+    mode : {"auto", "heat", "cool"}
+        What climate control may do.
     """
 
     temperature_degc: float
     setpoint_degc: float
     solar_irradiance_w_m2: float = UNKNOWN_SUN_W_M2
     warmth: float = 0.0
+    mode: str = "auto"
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +162,9 @@ def _control_steps(
     setpoint = start.setpoint_degc
     fan_range = climate.fresh_air_high_w_k - climate.fresh_air_low_w_k
     blower_range = climate.blower_high_power_w - climate.blower_low_power_w
-    most_heat, most_cooling = climate.heater_max_heat_w, climate.cooler_max_heat_w
+    most_heat = climate.heater_max_heat_w if start.mode != "cool" else 0.0
+    most_cooling = climate.cooler_max_heat_w if start.mode != "heat" else 0.0
+    full_heat, full_cooling = climate.heater_max_heat_w, climate.cooler_max_heat_w
     most_pumped, pump_cop = heat_pump_heat(ambient, climate), heat_pump_cop(ambient, climate)
     resistive, cooler_cop = climate.heater_efficiency, climate.cooler_cop
     shell, per_speed = climate.shell_w_k, climate.shell_per_speed_w_s_k_m
@@ -179,19 +184,19 @@ def _control_steps(
             heat = wanted if wanted < most_heat else most_heat
             pumped = heat if heat < most_pumped else most_pumped
             power = pumped / pump_cop + (heat - pumped) / resistive
-            fan = heat / most_heat
+            fan = heat / full_heat
         else:
             free = (high_fresh - fresh) * (air - ambient) if air > ambient else 0.0
             free = min(free, -wanted)
             cooling = min(-wanted - free, most_cooling)
             heat = -cooling - free
             power = cooling / cooler_cop
-            fan = min(1.0, -heat / most_cooling)
+            fan = min(1.0, -heat / full_cooling)
         air = (given + heat) / total
         interior = (interior_rate * interior + exchange * air + to_interior) / (interior_rate + exchange)
         powers.append(power + low_blower + fan * blower_range)
         temperatures.append(air)
-    if ambient < climate.defrost_below_degc:
+    if ambient < climate.defrost_below_degc and start.mode != "cool":
         for number in range(min(len(powers), math.ceil(climate.defrost_time_s / dt))):
             powers[number] += (1.0 - start.warmth) * climate.defrost_power_w
     return powers, temperatures

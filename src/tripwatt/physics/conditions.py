@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from tripwatt.physics.cabin import UNKNOWN_SUN_W_M2, CabinStart
-from tripwatt.trips import COLUMNS, QUANTITIES
+from tripwatt.trips import COLUMNS, QUANTITIES, raise_faults
+from tripwatt.trips.departure import climate_faults
 from tripwatt.vehicles import Vehicle
 
 UNKNOWN_AMBIENT_DEGC: Final = 20.0
@@ -31,8 +32,8 @@ class DriveConditions:
         The ambient temperature when not given.
     payload_mass_kg : float
         Load on top of the car's test mass; may be negative for a lighter test.
-    climate : bool
-        Whether the climate control is on; without effect for a car without one.
+    climate : {"auto", "off", "heat", "cool"}
+        What climate control may do; without effect for a car without one.
     initial_cabin_temperature_degc : float, optional
         The ambient temperature when not given.
     cabin_setpoint_degc : float, optional
@@ -42,6 +43,11 @@ class DriveConditions:
         0 for tyres and driveline after a long stop, 1 as warm as after a long fast drive.
     air_density_kg_m3 : float, optional
         Air density [kg/m³] in place of the atmosphere's, as on a dynamometer.
+
+    Raises
+    ------
+    InvalidInput
+        When the mode of climate control is unknown.
 
     Examples
     --------
@@ -53,12 +59,15 @@ class DriveConditions:
     initial_soc: float = 0.8
     initial_battery_temperature_degc: float | None = None
     payload_mass_kg: float = 0.0
-    climate: bool = True
+    climate: str = "auto"
     initial_cabin_temperature_degc: float | None = None
     cabin_setpoint_degc: float | None = None
     solar_irradiance_w_m2: float = UNKNOWN_SUN_W_M2
     initial_warmth: float = 0.0
     air_density_kg_m3: float | None = None
+
+    def __post_init__(self) -> None:
+        raise_faults(climate_faults(self.climate))
 
     @property
     def battery_start_degc(self) -> float:
@@ -74,7 +83,9 @@ class DriveConditions:
             temperature = self.ambient_temperature_degc
         if setpoint is None:
             setpoint = UNKNOWN_SETPOINT_DEGC if vehicle.climate is None else vehicle.climate.setpoint_degc
-        return CabinStart(temperature, setpoint, self.solar_irradiance_w_m2, self.initial_warmth)
+        return CabinStart(
+            temperature, setpoint, self.solar_irradiance_w_m2, self.initial_warmth, self.climate
+        )
 
     def bounded_values(self, vehicle: Vehicle) -> dict[str, tuple[float, float, float]]:
         """Each number by its name, with the lowest and the highest that is allowed."""

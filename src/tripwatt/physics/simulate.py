@@ -182,7 +182,7 @@ def simulate(
     Examples
     --------
     >>> from tripwatt.vehicles import load_vehicle
-    >>> car, without_climate = load_vehicle("bmw_i3_60ah"), DriveConditions(climate=False)
+    >>> car, without_climate = load_vehicle("bmw_i3_60ah"), DriveConditions(climate="off")
     >>> parked = simulate(car, [0.0, 3600.0], [0.0, 0.0], conditions=without_climate)
     >>> parked.simulated_energy_wh
     300.0
@@ -208,7 +208,7 @@ def simulate(
     else:
         density = conditions.air_density_kg_m3
     cabin: CabinRun | None = None
-    if conditions.climate and hvac_power_w is None and vehicle.climate is not None:
+    if conditions.climate != "off" and hvac_power_w is None and vehicle.climate is not None:
         start = conditions.cabin_start(vehicle)
         cabin = condition_cabin(vehicle.climate, time, speed, conditions.ambient_temperature_degc, start)
     trace = _Trace.from_samples(time, speed, slope)
@@ -256,6 +256,7 @@ def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
         cabin_setpoint_degc=setpoint,
         solar_irradiance_w_m2=irradiance(known.weather, known.season),
         initial_warmth=warmth,
+        climate=known.climate or "auto",
     )
     return simulate(
         vehicle,

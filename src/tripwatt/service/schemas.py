@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from types import NoneType
-from typing import Annotated, Any, Final, TypeVar
+from typing import Annotated, Any, Final, Literal, TypeVar
 
 import numpy as np
 import orjson
@@ -171,6 +171,9 @@ class ForecastRequest(BaseModel):
     cabin_temperature_degc: float | None = _field(COLUMNS, "cabin_temperature_degc")
     battery_temperature_degc: float | None = _field(COLUMNS, "battery_temperature_degc")
     payload_mass_kg: float | None = _field(QUANTITIES, "payload_mass_kg")
+    climate: Literal["auto", "off", "heat", "cool"] | None = Field(
+        None, description="what climate control may do; heat: no cooling, cool: no heating"
+    )
     reserve: float = _field(QUANTITIES, "reserve", 0.1)
 
 

@@ -30,6 +30,7 @@ from tripwatt.trips import (
     raise_faults,
     structure_faults,
 )
+from tripwatt.trips.elevation import elevation_over_distance
 from tripwatt.units import M_S_PER_KM_H
 
 CITATION: Final = (
@@ -209,7 +210,7 @@ def trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:
 def read_tum_file(
     path: Path, trip_id: str, context: Context | None = None, columns: frozenset[str] | None = None
 ) -> Log:
-    """One trip file as a log. See `read_tum`.
+    """One trip file as a log, its elevation interpolated over distance. See `read_tum`.
 
     Raises
     ------
@@ -227,6 +228,9 @@ def read_tum_file(
         copy=False,
     )
     raise_faults(structure_faults(samples, str(path)))
+    if "elevation_m" in samples:
+        time, speed, height = (samples[c].to_numpy() for c in ("time_s", "speed_m_s", "elevation_m"))
+        samples["elevation_m"] = elevation_over_distance(time, speed, height)
     return Log.from_samples(trip_id, samples, context)
 
 

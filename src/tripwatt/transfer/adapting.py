@@ -227,7 +227,7 @@ def _donor(base: ForecastModel, trips: Sequence[Trip]) -> tuple[DonorModel, tupl
 def adapted_scale(base: TotalScale, noise_scale: float) -> TotalScale:
     """Scale of an adapted model's totals: the base's errors times the noise of own trips; the corrector's uncertainty in full."""
     factor = np.sqrt(noise_scale * T_VARIANCE)
-    return TotalScale(np.append(base.values[:3] * factor, 1.0))
+    return TotalScale(np.append(base.values[:3] * factor, 1.0), base.course)
 
 
 def _scores(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
+from tripwatt.errors import Fault
 from tripwatt.trips.context import Context
 from tripwatt.trips.drive import Drive
 from tripwatt.trips.schema import raise_faults, scalar_faults
@@ -40,8 +41,18 @@ TEMPERATURES: Final = (
 FIRST_S: Final = 60.0
 """A signal that is logged within this time counts as that of the departure: loggers start one after the other."""
 
-ASKED: Final = ("soc", *TEMPERATURES, "payload_mass_kg")
+CLIMATE_MODES: Final = ("auto", "off", "heat", "cool")
+"""What the driver allows climate control: all, nothing, no compressor for cooling, or no heater."""
+
+ASKED: Final = ("soc", *TEMPERATURES, "payload_mass_kg", "climate")
 """Fields that a person gives: options of the command line, fields of a request."""
+
+
+def climate_faults(mode: object) -> list[Fault]:
+    """The fault of a climate mode that is none of `CLIMATE_MODES`; None is unknown and no fault."""
+    if mode is None or mode in CLIMATE_MODES:
+        return []
+    return [Fault("unknown mode", "climate", str(mode)[:40], f"one of {', '.join(CLIMATE_MODES)}")]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -64,6 +75,8 @@ class Departure:
         Whether the car comes directly from another trip: tyres and driveline are warm.
     started_at : datetime or None
         Local time of departure.
+    climate : {"auto", "off", "heat", "cool"} or None
+        What the driver allows climate control: "heat" never cools with the compressor, "cool" never heats. None is "auto".
 
     Raises
     ------
@@ -87,11 +100,12 @@ class Departure:
     weather: str | None = None
     follows_trip: bool | None = None
     started_at: dt.datetime | None = None
+    climate: str | None = None
 
     def __post_init__(self) -> None:
         numbers = {name: getattr(self, name) for name in ("soc", *TEMPERATURES, "payload_mass_kg")}
-        raise_faults(scalar_faults(numbers))
-        raise_faults(scalar_faults({"soc": self.bms_soc}))
+        faults = [*scalar_faults(numbers), *climate_faults(self.climate)]
+        raise_faults([*faults, *scalar_faults({"soc": self.bms_soc})])
 
     @classmethod
     def from_drive(cls, drive: Drive, context: Context) -> Departure:
@@ -104,7 +118,7 @@ class Departure:
         InvalidInput
             When a value of the first sample is out of its bounds.
         """
-        first: dict[str, float] = {}
+        first: dict[str, Any] = {}
         times = drive.array("time_s")
         for name, column in SIGNALS.items():
             if column in drive:

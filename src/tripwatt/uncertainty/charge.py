@@ -28,6 +28,10 @@ NORMAL_SCALE: Final = 0.7716
 of a normal one with the same central 90 %: 1.6449 / 2.1318."""
 LEAST_TRIPS: Final = 8
 """Fewest trips with readings that the display is learned from."""
+FULL: Final = 0.995
+"""A display of this or more is full: what is above it does not show."""
+LEAST_FULL: Final = 5
+"""Fewest trips from a full display, and fewest others, that what a full display hides is learned from."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +50,16 @@ class ChargeScale:
         The same where the battery management's charge was known at departure.
     trips : int
         Trips that they were learned from; 0 for published values.
+    hidden : float
+        Displayed charge that a battery with a full display gives before the display falls [1].
 
     Examples
     --------
     >>> scale = ChargeScale(0.1, 0.9, 16000.0, 0.01, 0.02)
     >>> round(scale.displayed(0.5), 3), scale.left(0.8, 4000.0), float(scale.sd(4000.0, True).round(4))
     (0.5, 0.55, 0.0125)
+    >>> round(ChargeScale(0.1, 0.9, 16000.0, 0.01, 0.02, hidden=0.02).left(1.0, 4000.0), 3)
+    0.77
     """
 
     zero_soc: float
@@ -60,14 +68,19 @@ class ChargeScale:
     displayed_sd: float
     managed_sd: float
     trips: int = 0
+    hidden: float = 0.0
 
     def displayed(self, soc: Any) -> Any:
         """What the display shows, for the battery management's state of charge."""
         return (soc - self.zero_soc) / (self.full_soc - self.zero_soc)
 
-    def left(self, start: float, energy_wh: Any) -> Any:
-        """Displayed charge after an energy was taken from a displayed start; below 0 where it does not last."""
-        return start - energy_wh / self.wh_per_display
+    def left(self, start: float, energy_wh: Any, from_display: bool = True) -> Any:
+        """Displayed charge after an energy was taken; below 0 where it does not last.
+
+        A full display that was read gives what it hides first, so the result may lie above 1.
+        """
+        hidden = self.hidden if from_display and start >= FULL else 0.0
+        return start + hidden - energy_wh / self.wh_per_display
 
     def sd(self, energy_wh: Any, from_display: bool) -> Any:
         """Scale of the error of `left`, but for that of the energy: reading and conversion, and the capacity."""
@@ -97,8 +110,10 @@ class ChargeScale:
     def from_readings(cls, readings: FloatArray, energy_wh: FloatArray) -> ChargeScale | None:
         """Learn from trips; None where too few have all readings. O(trips).
 
-        The energy of a display is the slope of displayed charge over energy, the window that of a straight line. What
-        is left of the displayed charge at arrival is the error; the capacity explains its share of it.
+        The energy of a display is the slope of displayed charge over energy; trips from a full display take less of it, by
+        what that hides. The window is that of a straight line of the display at arrival, plus what was taken, over the
+        battery management's charge at departure. What is left of the displayed charge at arrival is the error; the
+        capacity explains its share of it.
 
         Parameters
         ----------
@@ -110,13 +125,21 @@ class ChargeScale:
         known = np.isfinite(readings).all(axis=1) & np.isfinite(energy_wh)
         soc, shown, energy = readings[known, :2], readings[known, 2:], energy_wh[known]
         taken = shown[:, 0] - shown[:, 1]
-        if len(energy) < LEAST_TRIPS or float(energy @ taken) <= 0.0 or float(np.ptp(soc)) <= 0.0:
+        if len(energy) < LEAST_TRIPS or float(np.ptp(soc[:, 0])) <= 0.0:
             return None
-        wh_per_display = float(energy @ energy) / float(energy @ taken)
-        slope, shift = np.polyfit(soc.ravel(), shown.ravel(), 1)
+        full = (shown[:, 0] >= FULL).astype(np.float64)
+        per_wh, hidden = float(energy @ taken) / float(energy @ energy), 0.0
+        if LEAST_FULL <= full.sum() <= len(full) - LEAST_FULL:
+            both = np.linalg.lstsq(np.column_stack([energy, -full]), taken, rcond=None)[0]
+            if both[1] > 0.0:
+                per_wh, hidden = float(both[0]), float(both[1])
+        if per_wh <= 0.0:
+            return None
+        wh_per_display = 1.0 / per_wh
+        expected = energy / wh_per_display
+        slope, shift = np.polyfit(soc[:, 0], shown[:, 1] + expected, 1)
         if slope <= 0.0:
             return None
-        expected = energy / wh_per_display
         capacity2 = (CAPACITY_SD * expected) ** 2
 
         def scale(error: FloatArray) -> float:
@@ -124,7 +147,7 @@ class ChargeScale:
             least = RESOLUTION**2 / 6.0
             return float(np.sqrt(max(left, least))) * NORMAL_SCALE
 
-        from_display = taken - expected
+        from_display = taken + hidden * full - expected
         from_soc = shown[:, 1] - (slope * soc[:, 0] + shift - expected)
         return cls(
             float(-shift / slope),
@@ -133,4 +156,5 @@ class ChargeScale:
             scale(from_display),
             scale(from_soc),
             len(energy),
+            hidden,
         )

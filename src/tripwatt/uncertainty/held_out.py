@@ -41,5 +41,6 @@ def held_out_residual(corrector: PowerCorrector, table: SegmentTable) -> HeldOut
     segments = process_segments(table, uncertainty, corrector.outside_factor(table))
     climate = corrector.predict_climate(table)
     left = None if climate is None else table.climate_residual_w - climate
-    logged = left is not None and bool(np.isfinite(left).all())
-    return HeldOutResidual(segments, table.residual_w - correction, left if logged else None)
+    if climate is None or left is None or not np.isfinite(left).all():
+        return HeldOutResidual(segments, table.residual_w - correction)
+    return HeldOutResidual(segments, table.residual_w - correction, left, segments.hvac_w + climate)

@@ -12,7 +12,7 @@ from tripwatt.uncertainty.charge import ChargeScale
 from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.uncertainty.process import HeldOutResidual, ResidualProcess, fit_process
 from tripwatt.uncertainty.route import RouteUncertainty
-from tripwatt.uncertainty.scale import TotalScale
+from tripwatt.uncertainty.scale import TimeCourse, TotalScale
 from tripwatt.uncertainty.shrinkage import UpdateShrinkage
 
 
@@ -53,7 +53,8 @@ class UncertaintyModel:
         """Estimate every part from trips that the corrector was not fitted on. O(trips x segments^3) a step."""
         errors = np.array([trip.error_wh for trip in trips])
         process = fit_process(trips)
-        scale = TotalScale.from_errors([trip.segments for trip in trips], errors)
+        course = TimeCourse.from_process(process)
+        scale = TotalScale.from_errors([trip.segments for trip in trips], errors, course)
         sd = scale_wh(scale, trips)
         scores = ConformalScores.from_errors((errors / sd).tolist())
         return cls(process, scale, scores, UpdateShrinkage.from_trips(process, trips, sd), route, charge)

@@ -280,11 +280,14 @@ class HeldOutResidual:
         Observed minus predicted power.
     climate_w : ndarray or None, shape (segments,)
         Its part of climate control; None where the corrector is joint or climate control was not logged throughout.
+    climate_expected_w : ndarray or None, shape (segments,)
+        Predicted power of climate control, where `climate_w` is known.
     """
 
     segments: Segments
     residual_w: FloatArray
     climate_w: FloatArray | None = None
+    climate_expected_w: FloatArray | None = None
 
     @property
     def error_wh(self) -> float:

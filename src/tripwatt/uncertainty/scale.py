@@ -9,12 +9,54 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.uncertainty.process import Segments
+from tripwatt.uncertainty.process import ResidualProcess, Segments
+from tripwatt.units import SECONDS_PER_HOUR
 
 TAIL_DF: Final = 4.0
 """Degrees of freedom of the errors' t distribution, as Lange, Little and Taylor (1989) advise for few data."""
 _START: Final = np.array([100.0, 200.0, 0.03, 1.0])
 _LOG_SD: Final = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class TimeCourse:
+    """How the error of a power adds up over a trip: a constant adds up in full, drifts in part, the faster the less.
+
+    Attributes
+    ----------
+    constant_w : float
+        Standard deviation of the part that is constant over a trip [W].
+    drifts : tuple of (float, float)
+        Standard deviation [W] and correlation time [s] of each drift.
+
+    Examples
+    --------
+    >>> TimeCourse().hours(2.0), round(TimeCourse(0.0, ((300.0, 60.0),)).hours(2.0), 3)
+    (2.0, 0.257)
+    """
+
+    constant_w: float = 1.0
+    drifts: tuple[tuple[float, float], ...] = ()
+
+    @classmethod
+    def from_process(cls, process: ResidualProcess) -> TimeCourse:
+        """Constants and drifts of both components."""
+        parts = (process.drive, process.climate)
+        constant = float(np.hypot(process.drive.constant_sd_w, process.climate.constant_sd_w))
+        drifts = tuple((part.drift_sd_w, part.drift_time_s) for part in parts if part.drift_sd_w > 0.0)
+        return cls(constant, drifts)
+
+    def hours(self, hours: float) -> float:
+        """Hours of a constant error with the same standard deviation: at most the duration [h].
+
+        The integral of a drift over a time ``t`` has the variance ``2 sd² T² (t / T - 1 + exp(-t / T))``.
+        """
+        seconds = hours * SECONDS_PER_HOUR
+        square, whole = (self.constant_w * seconds) ** 2, self.constant_w**2
+        for sd_w, time_s in self.drifts:
+            square += 2.0 * (sd_w * time_s) ** 2 * (seconds / time_s + np.expm1(-seconds / time_s))
+            whole += sd_w**2
+        return float(np.sqrt(square / whole)) / SECONDS_PER_HOUR if whole > 0.0 else hours
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +65,14 @@ class TotalScale:
 
     ``sd² = a² + (b hours)² + (c moved)² + (d corrector)² + outside²``: an error of every trip, one of every hour (climate
     control, auxiliaries), a share of the energy moved at the wheels, the corrector's own uncertainty of a trip unlike
-    those of its training, and in full what it may have missed outside of their range.
+    those of its training, and in full what it may have missed outside of their range. The hours count as the errors of
+    power add up: those of a drift cancel in part on a long trip.
 
     Attributes
     ----------
     values : ndarray, shape (4,)
         ``a`` [Wh], ``b`` [W], ``c`` and ``d`` [1].
+    course : TimeCourse
 
     Examples
     --------
@@ -39,17 +83,22 @@ class TotalScale:
     """
 
     values: FloatArray
+    course: TimeCourse = TimeCourse()
 
     def sd_wh(self, segments: Segments) -> float:
         """Standard deviation of the trip's energy [Wh]."""
-        return float(np.hypot(np.linalg.norm(self.values * _sizes(segments)), segments.outside_sd_wh))
+        sizes = _sizes(segments, self.course)
+        return float(np.hypot(np.linalg.norm(self.values * sizes), segments.outside_sd_wh))
 
     @classmethod
-    def from_errors(cls, trips: Sequence[Segments], errors_wh: FloatArray) -> TotalScale:
+    def from_errors(
+        cls, trips: Sequence[Segments], errors_wh: FloatArray, course: TimeCourse | None = None
+    ) -> TotalScale:
         """Maximum a posteriori of t-distributed errors, with log-normal priors around usual values. O(trips) a step."""
         from scipy.optimize import minimize
 
-        sizes = np.array([_sizes(segments) for segments in trips]) * _START
+        course = course or TimeCourse()
+        sizes = np.array([_sizes(segments, course) for segments in trips]) * _START
         outside = np.array([segments.outside_sd_wh for segments in trips])
 
         def cost(logs: FloatArray) -> tuple[float, FloatArray]:
@@ -62,9 +111,10 @@ class TotalScale:
             return float(value.sum() + 0.5 * np.sum((logs / _LOG_SD) ** 2)), gradient
 
         found = minimize(cost, np.zeros(4), jac=True, method="L-BFGS-B", bounds=[(-6.0, 6.0)] * 4).x
-        return cls(_START * np.exp(found))
+        return cls(_START * np.exp(found), course)
 
 
-def _sizes(segments: Segments) -> FloatArray:
+def _sizes(segments: Segments, course: TimeCourse) -> FloatArray:
     hours = segments.hours
-    return np.array([1.0, hours.sum(), segments.moved_w @ hours, segments.corrector_sd_wh])
+    whole = course.hours(float(hours.sum()))
+    return np.array([1.0, whole, segments.moved_w @ hours, segments.corrector_sd_wh])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -17,7 +17,12 @@ SURE: Final = 1.645
 """Standard errors to the lower end of a one-sided confidence interval of 95 %."""
 LEAST: Final = 0.1
 """A smaller share is no reason to change a forecast."""
-COMPONENTS: Final = ("climate", "drive", "joint")
+COMPONENTS: Final = ("climate", "drive", "joint", "off")
+OFF_W: Final = 50.0
+"""Climate control that draws no more than this in every segment is off: fans and valves take less than this."""
+OFF_S: Final = 120.0
+"""It counts as off after this time: heaters and compressors start within the first two minutes."""
+_LEAST_OFF: Final = 3
 _POINT: Final = 0.9
 _LEAST_TRIPS: Final = 5
 
@@ -31,6 +36,9 @@ class UpdateShrinkage:
     rest stands) and 1 (the process is right), and never falls as more is measured. Climate control, which is measured
     separately, comes first; driving explains the remainder. `joint` is for samples without the power of climate control.
 
+    Climate control that was off so far mostly stays off. `off` is the share of its expected power that the rest then
+    does without; it takes the place of `climate`.
+
     The intervals on the way are scaled by a factor: the 90 % point of the standardised errors of the rest over that of
     the errors before departure. It is held so that the mean width over the held-out trips never grows on the way: that
     chance errors of few trips are larger after a quarter than after a tenth is no reason to know less.
@@ -40,6 +48,7 @@ class UpdateShrinkage:
     climate, drive, joint : ndarray, shape (len(FRACTIONS),)
     split_sd_factor, joint_sd_factor : ndarray, shape (len(FRACTIONS),)
         Factor of the standard deviation of the rest, with separate and with joint components.
+    off : ndarray, shape (len(FRACTIONS),)
 
     Examples
     --------
@@ -53,6 +62,7 @@ class UpdateShrinkage:
     joint: FloatArray
     split_sd_factor: FloatArray
     joint_sd_factor: FloatArray
+    off: FloatArray = field(default_factory=lambda: np.zeros(len(FRACTIONS)))
 
     @classmethod
     def from_trips(
@@ -66,17 +76,21 @@ class UpdateShrinkage:
         before = _point(np.array([trip.error_wh for trip in trips]) / scale_wh)
         widths = np.ones(2)
         for row, fraction in enumerate(FRACTIONS):
-            truth, climate, drive, joint, split_sd, joint_sd = np.array(
+            truth, climate, drive, joint, split_sd, joint_sd, off, not_drawn = np.array(
                 [_rest(process, trip, fraction) for trip in trips]
             ).T
             shares[row, 2] = _best_share(truth, joint, scale_wh)
-            if split.any():
-                shares[row, 0] = _best_share(truth[split], climate[split], scale_wh[split])
+            stays, on = off != 0.0, split & (off == 0.0)
+            if stays.sum() >= _LEAST_OFF:
+                shares[row, 3] = _best_share(not_drawn[stays], off[stays], scale_wh[stays])
+            if on.any():
+                shares[row, 0] = _best_share(truth[on], climate[on], scale_wh[on])
                 left = truth - shares[row, 0] * climate
-                shares[row, 1] = _best_share(left[split], drive[split], scale_wh[split])
+                shares[row, 1] = _best_share(left[on], drive[on], scale_wh[on])
             shares[: row + 1] = np.maximum.accumulate(shares[: row + 1], axis=0)
+            climate = np.where(stays, off * shares[row, 3], climate * shares[row, 0])
             errors = (
-                truth - climate * shares[row, 0] - drive * shares[row, 1],
+                truth - climate - drive * shares[row, 1],
                 truth - joint * shares[row, 2],
             )
             for column, (left, sd) in enumerate(zip(errors, (split_sd, joint_sd), strict=True)):
@@ -86,7 +100,9 @@ class UpdateShrinkage:
                     unscaled = float(np.sum((sd * scale_wh / own)[known]) / np.sum(scale_wh[known]))
                     sd_factors[row, column] = min(factor, widths[column] / unscaled)
                     widths[column] = sd_factors[row, column] * unscaled
-        return cls(*shares.T, *sd_factors.T)
+        split_sd, joint_sd = sd_factors.T
+        climate_share, drive_share, joint_share, off_share = shares.T
+        return cls(climate_share, drive_share, joint_share, split_sd, joint_sd, off_share)
 
     def at(self, component: str, fraction: float) -> float:
         """Share of a component at a measured fraction of the trip."""
@@ -106,12 +122,11 @@ class UpdateShrinkage:
         return PowerPosterior(posterior.mean_w * kept, posterior.covariance_w2)
 
 
-def _rest(
-    process: ResidualProcess, trip: HeldOutResidual, fraction: float
-) -> tuple[float, float, float, float, float, float]:
+def _rest(process: ResidualProcess, trip: HeldOutResidual, fraction: float) -> tuple[float, ...]:
     """Energy of the rest beyond the departure forecast [Wh].
 
-    Observed; expected by climate, driving and both jointly; and its standard deviation, split and joint.
+    Observed; expected by climate, driving and both jointly; its standard deviation, split and joint. Where climate control
+    was off so far, what the rest takes less if it stays off, and what climate control then took less; else 0.
     """
     segments, left = trip.segments, trip.residual_w
     share = np.cumsum(segments.step_s) / segments.step_s.sum()
@@ -129,11 +144,28 @@ def _rest(
     )
     joint = expected(climate_covariance + drive_covariance, left)
     climate = drive = (0.0, 0.0)
+    off = not_drawn = 0.0
     if process.split and trip.climate_w is not None:
         climate = expected(climate_covariance, process.limited(trip.climate_w))
         drive = expected(drive_covariance, left - trip.climate_w)
+        if trip.climate_expected_w is not None and is_off(
+            (trip.climate_w + trip.climate_expected_w)[seen], segments.step_s[seen]
+        ):
+            off, not_drawn = -float(hours @ trip.climate_expected_w), float(hours @ trip.climate_w)
     split_sd, joint_sd = np.sqrt(np.maximum([climate[1] + drive[1], joint[1]], 0.0))
-    return float(hours @ left), climate[0], drive[0], joint[0], float(split_sd), float(joint_sd)
+    expected_wh = climate[0], drive[0], joint[0]
+    return float(hours @ left), *expected_wh, float(split_sd), float(joint_sd), off, not_drawn
+
+
+def is_off(climate_w: FloatArray, step_s: FloatArray) -> bool:
+    """Whether measured climate control was off: in every segment, and for long enough to know.
+
+    Examples
+    --------
+    >>> is_off(np.array([0.0, 20.0]), np.array([60.0, 60.0])), is_off(np.array([0.0, 800.0]), np.array([60.0, 60.0]))
+    (True, False)
+    """
+    return bool(step_s.sum() >= OFF_S and np.all(climate_w <= OFF_W))
 
 
 def _point(errors: FloatArray) -> float:

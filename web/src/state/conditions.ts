@@ -5,12 +5,16 @@ import { signal } from "@preact/signals";
 /** Where the temperatures of cabin and battery at departure come from. */
 export type BeforeDeparture = "logged" | "parked" | "garage" | "unknown";
 
+/** What climate control may do. */
+export type ClimateMode = "auto" | "off" | "heat" | "cool";
+
 export interface Conditions {
   ambientDegc: number;
   setpointDegc: number;
   soc: number;
   payloadKg: number;
   reserve: number;
+  climate: ClimateMode;
   beforeDeparture: BeforeDeparture;
   /** Speed on the motorway of a planned route; null as planned. */
   motorwayMS: number | null;
@@ -30,6 +34,7 @@ export const USUAL: Conditions = {
   soc: 0.8,
   payloadKg: 0,
   reserve: 0.1,
+  climate: "auto",
   beforeDeparture: "parked",
   motorwayMS: null,
 };
@@ -66,6 +71,7 @@ export function fieldsOf(at: Conditions, logged: StartTemperatures) {
     cabin_setpoint_degc: at.setpointDegc,
     payload_mass_kg: at.payloadKg,
     reserve: at.reserve,
+    climate: at.climate,
     ...startTemperaturesOf(at, logged),
   };
 }

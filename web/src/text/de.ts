@@ -73,6 +73,8 @@ export const de: Text = {
     reserve: "Reserve",
     motorway: "Tempo auf der Autobahn",
     changeMotorway: (speed) => `Tempo auf Links ändern, die mit mehr als ${speed} geplant sind`,
+    climate: "Klimatisierung",
+    climateModes: { auto: "Automatisch", heat: "Nur heizen", cool: "Nur kühlen", off: "Aus" },
     before: "Vor der Abfahrt",
     parked: (temperature) => `Im Freien geparkt, ${temperature}`,
     garage: (temperature) => `Garage oder vorgeheizt, ${temperature}`,

@@ -71,6 +71,8 @@ export const en = {
     reserve: "Reserve to keep",
     motorway: "Motorway speed",
     changeMotorway: (speed: string) => `Change the speed on links planned above ${speed}`,
+    climate: "Climate control",
+    climateModes: { auto: "Automatic", heat: "Heating only", cool: "Cooling only", off: "Off" },
     before: "Before departure",
     parked: (temperature: string) => `Parked outside, ${temperature}`,
     garage: (temperature: string) => `Garage or preheated, ${temperature}`,

@@ -1,5 +1,12 @@
 import { hasMotorway, MOTORWAY_M_S } from "../model/links";
-import { change, conditions, type BeforeDeparture, GARAGE_DEGC, resetTo } from "../state/conditions";
+import {
+  change,
+  conditions,
+  type BeforeDeparture,
+  type ClimateMode,
+  GARAGE_DEGC,
+  resetTo,
+} from "../state/conditions";
 import { faults, mode, other } from "../state/forecast";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
@@ -17,6 +24,27 @@ const SLIDERS = [
 ] as const;
 
 const BEFORE_DEPARTURE: BeforeDeparture[] = ["parked", "garage", "logged", "unknown"];
+
+const CLIMATE_MODES: ClimateMode[] = ["auto", "heat", "cool", "off"];
+
+function ClimateSelect() {
+  const { conditions: words } = text.value;
+  return (
+    <label class="field">
+      <span>{words.climate}</span>
+      <select
+        value={conditions.value.climate}
+        onChange={(event) => change({ climate: event.currentTarget.value as ClimateMode })}
+      >
+        {CLIMATE_MODES.map((mode) => (
+          <option key={mode} value={mode}>
+            {words.climateModes[mode]}
+          </option>
+        ))}
+      </select>
+    </label>
+  );
+}
 
 function beforeDepartureText(choice: BeforeDeparture): string {
   const { conditions: words } = text.value;
@@ -103,6 +131,7 @@ export function ConditionsPanel() {
         />
       ))}
       <Motorway />
+      <ClimateSelect />
       <BeforeDepartureSelect />
     </section>
   );
