@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,6 +13,11 @@ from tripwatt.arrays import FloatArray
 
 BOOTSTRAP_DRAWS: Final = 10_000
 CONFIDENCE: Final = 0.95
+SIGNIFICANCE_SEEDS: Final = 40
+"""A difference is significant where the interval of each of so many seeds of the bootstrap leaves out 0."""
+NEAR: Final = 0.1
+"""An interval that ends further than this part of its width from 0 does so for any seed: the seeds move its ends by a
+hundredth of its width."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,15 +53,13 @@ class PairedDifference:
         Negative when `a` errs less.
     ci95 : tuple of float
         95 % percentile bootstrap interval over trips.
+    significant : bool
+        Whether the interval leaves out 0, whatever the seed of the bootstrap. See `leaves_out_zero`.
     """
 
     diff: float
     ci95: tuple[float, float]
-
-    @property
-    def significant(self) -> bool:
-        """Whether the interval leaves out 0."""
-        return not self.ci95[0] <= 0.0 <= self.ci95[1]
+    significant: bool
 
 
 def absolute_percentage_error(observed_wh: FloatArray, predicted_wh: FloatArray) -> FloatArray:
@@ -113,4 +117,34 @@ def summarise_errors(observed_wh: FloatArray, predicted_wh: FloatArray, seed: in
 def paired_difference(ape_a: FloatArray, ape_b: FloatArray, seed: int) -> PairedDifference:
     """Mean difference of two models' APE over the same trips, arrays of shape (trips,)."""
     difference = ape_a - ape_b
-    return PairedDifference(float(difference.mean()), bootstrap_interval(difference, seed))
+    interval = bootstrap_interval(difference, seed)
+    sure = leaves_out_zero(interval, lambda other: bootstrap_interval(difference, seed + other))
+    return PairedDifference(float(difference.mean()), interval, sure)
+
+
+def leaves_out_zero(
+    interval: tuple[float, float],
+    again: Callable[[int], tuple[float, float]],
+    seeds: int = SIGNIFICANCE_SEEDS,
+) -> bool:
+    """Whether a bootstrap interval leaves out 0 for each of some seeds.
+
+    Parameters
+    ----------
+    interval : tuple of float
+        Of the first seed.
+    again : callable
+        Gives the interval of the seed that is so many further; asked only where the first one ends near 0.
+    seeds : int
+
+    Examples
+    --------
+    >>> leaves_out_zero((0.1, 0.3), lambda other: (0.0, 0.0)), leaves_out_zero((0.001, 0.3), lambda other: (-0.001, 0.3))
+    (True, False)
+    """
+    low, high = interval
+    if low <= 0.0 <= high:
+        return False
+    if min(abs(low), abs(high)) > NEAR * (high - low):
+        return True
+    return not any(low <= 0.0 <= high for low, high in map(again, range(1, seeds)))

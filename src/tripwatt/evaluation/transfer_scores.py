@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.evaluation.metrics import leaves_out_zero
 from tripwatt.hybrid.hierarchy import DrawsForecast
 
 RESAMPLES: Final = 4000
@@ -49,11 +50,17 @@ def paired_energy_error(
 ) -> dict[str, Any]:
     """Error of `a` minus that of `b` over the same trips; negative when `a` errs less."""
     difference = np.abs(a_wh - observed_wh) - np.abs(b_wh - observed_wh)
-    interval = _interval(difference[index].sum(axis=1) / observed_wh[index].sum(axis=1))
+
+    def interval(index: IntArray) -> tuple[float, float]:
+        low, high = _interval(difference[index].sum(axis=1) / observed_wh[index].sum(axis=1))
+        return low, high
+
+    first = interval(index)
+    n, trips = index.shape
     return {
         "diff": float(difference.sum() / observed_wh.sum()),
-        "diff_ci95": interval,
-        "significant": not interval[0] <= 0.0 <= interval[1],
+        "diff_ci95": list(first),
+        "significant": leaves_out_zero(first, lambda seed: interval(resamples(trips, seed, n))),
     }
 
 

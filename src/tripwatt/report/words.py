@@ -75,12 +75,24 @@ def compared(pairs: Sequence[Record], model: str, others: Sequence[str]) -> str:
     return f"Its mean error {listed(parts)}." if parts else ""
 
 
+def is_significant(pair: Record) -> bool:
+    """As the results say; for a pair without a word on it, whether its interval leaves out 0.
+
+    Examples
+    --------
+    >>> is_significant({"ci95": [0.01, 0.02]}), is_significant({"ci95": [0.0001, 0.02], "significant": False})
+    (True, False)
+    """
+    low, high = pair["ci95"]
+    return bool(pair.get("significant", low > 0 or high < 0))
+
+
 def _difference(pair: Record, model: str, other: str) -> str:
     """The end of a sentence on one pair, as seen from `model`."""
     sign = 1.0 if pair["a"] == model else -1.0
     low, high = sorted(sign * float(end) for end in pair["ci95"])
     difference = sign * float(pair["diff"])
-    if low <= 0.0 <= high:
+    if not is_significant(pair):
         bounds = f"{points(difference)}, 95 % interval {points(low)} to {points(high)}".replace(
             " points to", " to"
         )

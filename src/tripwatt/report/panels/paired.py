@@ -10,7 +10,7 @@ from tripwatt.report.panel import Content, panel
 from tripwatt.report.style import INK, PAPER_COLOUR, new_figure, percent_axis, row_names, styled
 from tripwatt.report.tables import Table
 from tripwatt.report.view import Record, View, of_evaluation, plain
-from tripwatt.report.words import label, listed, points
+from tripwatt.report.words import is_significant, label, listed, points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,8 +24,8 @@ def paired_differences(view: View) -> Content:
         return Content("No pair of models was compared.")
     shown = paired_with(pairs, best) or pairs
     said = (
-        f"{on_paired(pairs, best)} A difference is significant if its interval does not contain 0; the table has all "
-        f"{len(table.rows)} pairs."
+        f"{on_paired(pairs, best)} A difference is significant if its interval does not contain 0 for any of 40 seeds of "
+        f"the bootstrap; the table has all {len(table.rows)} pairs."
     )
     return Content(said, plot_paired_differences(shown, note=view.note, synthetic=view.synthetic), (table,))
 
@@ -56,8 +56,7 @@ def in_words(pair: Record) -> str:
     >>> in_words({"a": "forest", "b": "boosting", "diff": 0.01, "ci95": [-0.01, 0.02]})
     'no significant difference'
     """
-    low, high = pair["ci95"]
-    if low > 0 or high < 0:
+    if is_significant(pair):
         better, worse = (pair["b"], pair["a"]) if pair["diff"] > 0 else (pair["a"], pair["b"])
         return f"{label(str(better))} has a significantly lower error than {label(str(worse))}"
     return "no significant difference"
@@ -72,9 +71,9 @@ def on_paired(pairs: Sequence[Record], best: str | None) -> str:
         if best not in (pair["a"], pair["b"]):
             continue
         other = str(pair["b"] if pair["a"] == best else pair["a"])
-        low, high = pair["ci95"]
         side = 1.0 if pair["b"] == best else -1.0
-        (equal if low <= 0 <= high else beaten if side * pair["diff"] > 0 else above).append(label(other))
+        better = beaten if side * pair["diff"] > 0 else above
+        (better if is_significant(pair) else equal).append(label(other))
     if best is None or not (beaten or equal or above):
         return "No pair of models was compared."
     parts = []
@@ -109,7 +108,7 @@ def paired_table(view: View) -> Table:
 
 @styled
 def plot_paired_differences(paired: Sequence[Record], *, note: str = "", synthetic: bool = False) -> Figure:
-    """Forest plot of paired differences of the mean APE: an interval that leaves out 0 is drawn solid.
+    """Forest plot of paired differences of the mean APE: a significant difference is drawn solid.
 
     Parameters
     ----------
@@ -127,7 +126,7 @@ def plot_paired_differences(paired: Sequence[Record], *, note: str = "", synthet
     labels = []
     for row, pair in enumerate(paired):
         low, high = pair["ci95"]
-        apart = low > 0 or high < 0
+        apart = is_significant(pair)
         colour = model_style(str(pair["a"])).colour
         axes.plot(
             [low, high], [row, row], color=colour, lw=2.0 if apart else 1.2, ls="-" if apart else (0, (3, 2))
@@ -147,7 +146,7 @@ def plot_paired_differences(paired: Sequence[Record], *, note: str = "", synthet
     row_names(axes, labels)
     axes.spines["left"].set_visible(False)
     difference = f"mean error minus that of {common}" if common else "difference of mean errors"
-    percent_axis(axes, f"{difference}\n[percentage points];  solid: 95 % interval without 0")
+    percent_axis(axes, f"{difference}\n[percentage points];  solid: significant")
     return figure
 
 
