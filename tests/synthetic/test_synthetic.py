@@ -12,6 +12,7 @@ from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
 from tripwatt.physics import DriveConditions, Simulation, simulate
 from tripwatt.synthetic import (
+    VEHICLE,
     example_trip,
     faulty_fleet,
     synthetic_fleet,
@@ -363,3 +364,37 @@ def test_example_trip_is_a_table_and_arguments_are_checked():
     with pytest.raises(InvalidInput) as caught:
         synthetic_fleet(0, seed=-1, step_s=0.0)
     assert [f.where for f in caught.value.faults] == ["n_trips", "seed", "step_s"]
+
+
+def test_long_drives_take_the_hours_that_were_asked():
+    fleet = synthetic_fleet(3, seed=2, hours=(1.0, 1.2))
+    for trip in fleet.trips:
+        assert 3600.0 * 0.8 < trip.duration_s < 3600.0 * 1.5
+        assert trip.distance_m > 55_000.0
+        assert trip.array("soc")[0] == pytest.approx(0.9, abs=0.01)
+        assert trip.context.follows_trip is False
+
+
+def test_another_car_stands_on_its_own_physics():
+    usual, other = (synthetic_fleet(2, seed=4, vehicle=load_vehicle(n)) for n in (VEHICLE, "tesla_model_3_lr"))
+    assert usual.trips[0].observed_energy_wh == synthetic_fleet(2, seed=4).trips[0].observed_energy_wh
+    for a, b in zip(usual.trips, other.trips, strict=True):
+        np.testing.assert_array_equal(a.array("speed_m_s"), b.array("speed_m_s"))  # the same drives
+        assert 0.8 < b.observed_energy_wh / a.observed_energy_wh < 1.6
+        # a battery of four times the energy
+        fall = [float(np.ptp(t.array("soc"))) for t in (a, b)]
+        assert fall[0] > 2.0 * fall[1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        ({"hours": (2.0, 1.0)}, "hours"),
+        ({"hours": (0.05, 1.0)}, "hours"),
+        ({"hours": (1.0, 13.0)}, "hours"),
+        ({"hours": (1.0, 2.0), "faults": True}, "hours"),
+    ],
+)
+def test_impossible_hours_are_refused(arguments, named):
+    with pytest.raises(InvalidInput, match=named):
+        synthetic_fleet(3, **arguments)

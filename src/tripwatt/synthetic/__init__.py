@@ -21,7 +21,7 @@ import pandas as pd
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.synthetic.faults import FEWEST_TRIPS, PlantedFault, plant_faults
 from tripwatt.synthetic.roads import drive_route
-from tripwatt.synthetic.scenario import Scenario, draw_scenarios
+from tripwatt.synthetic.scenario import Scenario, draw_scenarios, long_drive
 from tripwatt.synthetic.sensors import log_samples
 from tripwatt.synthetic.world import simulate_truth
 from tripwatt.trips import Context, Flag, Fleet, Trip
@@ -48,7 +48,15 @@ NOTES: Final = (Flag("synthetic", "synthetic"),)
 FAULTY_NOTE: Final = Flag("planted_faults", "synthetic", 3.0, "1")
 
 
-def synthetic_fleet(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0, faults: bool = False) -> Fleet:
+def synthetic_fleet(
+    n_trips: int = 32,
+    seed: int = 0,
+    *,
+    step_s: float = 1.0,
+    faults: bool = False,
+    vehicle: Vehicle | None = None,
+    hours: tuple[float, float] | None = None,
+) -> Fleet:
     """A computed fleet of one car and several drivers over summer and winter days. O(samples).
 
     Parameters
@@ -61,6 +69,11 @@ def synthetic_fleet(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0, fa
         Time between two samples [s], 1 or less.
     faults : bool
         Plant one fault of a logger into each of three trips, as `faulty_fleet`; all other trips stay as they are.
+    vehicle : Vehicle, optional
+        The car whose physics the hidden car stands on; `VEHICLE` by default. Not together with `faults`.
+    hours : tuple of float, optional
+        Shortest and longest duration [h], 0.1 to 12, of long drives mostly on motorways, which start with a battery of
+        90 %. By default trips take a quarter to three quarters of an hour. Not together with `faults`.
 
     Returns
     -------
@@ -79,8 +92,9 @@ def synthetic_fleet(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0, fa
     ('synthetic', ['S001', 'S002', 'S003'])
     """
     if faults:
+        _require_plain(vehicle, hours)
         return faulty_fleet(n_trips, seed, step_s=step_s)[0]
-    return synthetic_world(n_trips, seed, step_s=step_s)[0]
+    return synthetic_world(n_trips, seed, step_s=step_s, vehicle=vehicle, hours=hours)[0]
 
 
 def faulty_fleet(
@@ -149,7 +163,14 @@ def synthetic_truth(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0) ->
     return synthetic_world(n_trips, seed, step_s=step_s)[1]
 
 
-def synthetic_world(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0) -> tuple[Fleet, pd.DataFrame]:
+def synthetic_world(
+    n_trips: int = 32,
+    seed: int = 0,
+    *,
+    step_s: float = 1.0,
+    vehicle: Vehicle | None = None,
+    hours: tuple[float, float] | None = None,
+) -> tuple[Fleet, pd.DataFrame]:
     """Fleet and truth together, computed once. Arguments, results and errors as in those two.
 
     Examples
@@ -158,10 +179,12 @@ def synthetic_world(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0) ->
     >>> fleet.trips[0].trip_id == truth.index[0]
     True
     """
-    _require_sound(n_trips, seed, step_s)
-    vehicle = load_vehicle(VEHICLE)
+    _require_sound(n_trips, seed, step_s, hours)
+    vehicle = vehicle or load_vehicle(VEHICLE)
     trips, rows = [], []
     for scenario in draw_scenarios(n_trips, seed):
+        if hours is not None:
+            scenario = long_drive(scenario, seed, hours)
         trip, row = _trip(scenario, vehicle, seed, step_s)
         trips.append(trip)
         rows.append(row)
@@ -180,7 +203,18 @@ def example_trip(seed: int = 0) -> pd.DataFrame:
     return synthetic_fleet(1, seed).trips[0].samples
 
 
-def _require_sound(n_trips: int, seed: int, step_s: float) -> None:
+def _require_plain(vehicle: Vehicle | None, hours: tuple[float, float] | None) -> None:
+    given = {"vehicle": vehicle, "hours": hours}
+    faults = [
+        Fault("argument has no effect", name, str(value)[:40], "only without faults")
+        for name, value in given.items()
+        if value is not None
+    ]
+    if faults:
+        raise InvalidInput(faults)
+
+
+def _require_sound(n_trips: int, seed: int, step_s: float, hours: tuple[float, float] | None) -> None:
     faults = []
     if n_trips < 1:
         faults.append(Fault("no trips", "n_trips", f"{n_trips}", "at least 1"))
@@ -188,6 +222,8 @@ def _require_sound(n_trips: int, seed: int, step_s: float) -> None:
         faults.append(Fault("seed out of range", "seed", f"{seed}", "0 or more"))
     if not (math.isfinite(step_s) and 0.01 <= step_s <= 1.0):
         faults.append(Fault("step out of range", "step_s", f"{step_s}", "0.01 to 1 s"))
+    if hours is not None and not 0.1 <= hours[0] <= hours[1] <= 12.0:
+        faults.append(Fault("duration out of range", "hours", f"{hours}", "0.1 to 12 h, the shorter first"))
     if faults:
         raise InvalidInput(faults)
 

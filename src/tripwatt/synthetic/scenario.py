@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -182,6 +182,22 @@ def draw_day(seed: int, number: int) -> Day:
 def _draw_duration_s(route: str, rng: np.random.Generator) -> float:
     longest = 1700.0 if route == "highway" else 2500.0
     return float(np.clip(1250.0 * math.exp(0.4 * rng.normal()), 820.0, longest))
+
+
+LONG_DRIVE_SOC: Final = 0.9
+
+
+def long_drive(scenario: Scenario, seed: int, hours: tuple[float, float]) -> Scenario:
+    """The scenario as a long drive on the motorway, alone on its day; the duration is evenly distributed."""
+    duration_s = 3600.0 * float(stream(seed, TRIPS, *scenario.key, 0).uniform(*hours))
+    return replace(
+        scenario,
+        route="highway",
+        duration_s=duration_s,
+        parked_s=None,
+        trips_before=0,
+        soc=LONG_DRIVE_SOC,
+    )
 
 
 def draw_scenarios(n_trips: int, seed: int) -> Iterator[Scenario]:
