@@ -204,7 +204,7 @@ def test_output_without_permission_is_refused_before_any_work(
 def evaluated(tables: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Answer]:
     """One run of the real command, to its end, in a folder that does not exist yet."""
     out = tmp_path_factory.mktemp("evaluated") / "new" / "out"
-    models = "constant,linear4,physics-paper,physics,boosting"
+    models = "constant,linear4,physics-paper,physics"
     done = subprocess.run(
         command("evaluate", tables, "--dataset", "table", "--vehicle", "bmw_i3_94ah", "--set", "mass=1250",
                 "--models", models, "--out", out, "--json"),

@@ -135,8 +135,8 @@ def test_an_interrupted_run_resumes_to_the_identical_table(fleet, tmp_path):
 
 def test_the_number_of_processes_changes_nothing(fleet):
     few = dataclasses.replace(fleet, logs=fleet.logs[:4])
-    one = evaluate(few, models=("linear6", "boosting"), seed=5, execution=Execution(n_jobs=1))
-    two = evaluate(few, models=("linear6", "boosting"), seed=5, execution=Execution(n_jobs=2))
+    one = evaluate(few, models=("linear6", "physics4"), seed=5, execution=Execution(n_jobs=1))
+    two = evaluate(few, models=("linear6", "physics4"), seed=5, execution=Execution(n_jobs=2))
     pd.testing.assert_frame_equal(one.folds, two.folds)
 
 

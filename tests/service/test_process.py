@@ -121,7 +121,7 @@ def test_no_response_is_lost_with_a_killed_worker(tmp_path: Path, drive: dict[st
 
 
 def test_a_job_of_a_hung_worker_times_out(tmp_path: Path, drive: dict[str, Any]) -> None:
-    with serving(tmp_path, "--workers", "1", "--limit", "timeout_s=0.5") as service:
+    with serving(tmp_path, "--workers", "1", "--limit", "timeout_s=2") as service:
         (worker,) = service.workers()
         os.kill(worker, signal.SIGSTOP)  # it hangs
         answer = service.forecast(drive)

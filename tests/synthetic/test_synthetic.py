@@ -376,7 +376,9 @@ def test_long_drives_take_the_hours_that_were_asked():
 
 
 def test_another_car_stands_on_its_own_physics():
-    usual, other = (synthetic_fleet(2, seed=4, vehicle=load_vehicle(n)) for n in (VEHICLE, "tesla_model_3_lr"))
+    usual, other = (
+        synthetic_fleet(2, seed=4, vehicle=load_vehicle(n)) for n in (VEHICLE, "tesla_model_3_lr")
+    )
     assert usual.trips[0].observed_energy_wh == synthetic_fleet(2, seed=4).trips[0].observed_energy_wh
     for a, b in zip(usual.trips, other.trips, strict=True):
         np.testing.assert_array_equal(a.array("speed_m_s"), b.array("speed_m_s"))  # the same drives

@@ -37,7 +37,7 @@ class UpdateShrinkage:
     separately, comes first; driving explains the remainder. `joint` is for samples without the power of climate control.
 
     Climate control that was off so far mostly stays off. `off` is the share of its expected power that the rest then
-    does without; it takes the place of `climate`.
+    does without, by least absolute errors over all fractions; it takes the place of `climate`.
 
     The intervals on the way are scaled by a factor: the 90 % point of the standardised errors of the rest over that of
     the errors before departure. It is held so that the mean width over the held-out trips never grows on the way: that
@@ -75,14 +75,12 @@ class UpdateShrinkage:
         own = np.array([process.sd_wh(trip.segments) for trip in trips])
         before = _point(np.array([trip.error_wh for trip in trips]) / scale_wh)
         widths = np.ones(2)
-        for row, fraction in enumerate(FRACTIONS):
-            truth, climate, drive, joint, split_sd, joint_sd, off, not_drawn = np.array(
-                [_rest(process, trip, fraction) for trip in trips]
-            ).T
+        rests = np.array([[_rest(process, trip, fraction) for trip in trips] for fraction in FRACTIONS])
+        shares[:, 3] = _off_share(rests[:, :, 6], rests[:, :, 7], scale_wh)
+        for row in range(len(FRACTIONS)):
+            truth, climate, drive, joint, split_sd, joint_sd, off, _ = rests[row].T
             shares[row, 2] = _best_share(truth, joint, scale_wh)
             stays, on = off != 0.0, split & (off == 0.0)
-            if stays.sum() >= _LEAST_OFF:
-                shares[row, 3] = _best_share(not_drawn[stays], off[stays], scale_wh[stays])
             if on.any():
                 shares[row, 0] = _best_share(truth[on], climate[on], scale_wh[on])
                 left = truth - shares[row, 0] * climate
@@ -120,6 +118,22 @@ class UpdateShrinkage:
         """The posterior with the mean of every segment of which a part is still to come taken by the share."""
         kept = np.where(ahead, self.at(component, fraction), 1.0)
         return PowerPosterior(posterior.mean_w * kept, posterior.covariance_w2)
+
+
+def _off_share(off: FloatArray, not_drawn: FloatArray, scale_wh: FloatArray) -> float:
+    """Share of the expected power that climate control does without after it was off: least absolute error.
+
+    Shapes (fractions, trips); `off` is 0 where it was not off. A driver leaves it off or turns it on, so the middle counts
+    and not the mean. 0 for too few trips.
+    """
+    stays = off != 0.0
+    if int(stays.any(axis=0).sum()) < _LEAST_OFF:
+        return 0.0
+    share, weight = (not_drawn[stays] / off[stays]), (np.abs(off) / scale_wh)[stays]
+    order = np.argsort(share, kind="stable")
+    below = np.cumsum(weight[order])
+    middle = share[order][np.searchsorted(below, 0.5 * below[-1])]
+    return float(np.clip(middle, 0.0, 1.0))
 
 
 def _rest(process: ResidualProcess, trip: HeldOutResidual, fraction: float) -> tuple[float, ...]:
