@@ -304,7 +304,7 @@ class AdditiveGP:
         self.variances_ = self._variances(kernels, target, effects, scale)
         for _ in range(_T_PASSES if self.df is not None else 0):
             scale = self._latent_scale(kernels, target, effects, scale)
-            self.variances_ = self._variances(kernels, target, effects, scale)
+            self.variances_ = self._variances(kernels, target, effects, scale, self.variances_)
         K = self._covariance(kernels, effects, scale)
         prior = np.concatenate(
             [np.full(s.stop - s.start, v) for s, v in zip(self.slices_, self.variances_, strict=False)]
@@ -316,9 +316,17 @@ class AdditiveGP:
         self.factor_ = np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
     def _variances(
-        self, kernels: FloatArray, target: FloatArray, effects: FloatArray, scale: FloatArray
+        self,
+        kernels: FloatArray,
+        target: FloatArray,
+        effects: FloatArray,
+        scale: FloatArray,
+        before: FloatArray | None = None,
     ) -> FloatArray:
-        """Maximum a posteriori of the variances, by exact gradients. O(parts x groups^2 + groups^3) a step."""
+        """Maximum a posteriori of the variances, by exact gradients. O(parts x groups^2 + groups^3) a step.
+
+        The search starts at the prior, or at the variances `before`.
+        """
         from scipy.optimize import minimize
 
         every = np.concatenate([kernels, [np.diag(e**2 * scale) for e in effects]])
@@ -338,7 +346,8 @@ class AdditiveGP:
             return float(value + 0.5 * pull @ pull), gradient + pull / _LOG_SD
 
         bounds = [(s - 9.0, s + 9.0) for s in start]
-        found = minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 100})
+        first = start if before is None else np.log(before)
+        found = minimize(cost, first, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 100})
         return np.asarray(np.exp(found.x))
 
     def _covariance(self, kernels: FloatArray, effects: FloatArray, scale: FloatArray) -> FloatArray:
