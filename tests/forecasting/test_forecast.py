@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from tests.support.dense_process import DensePower, component_covariance, covariance
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel
@@ -13,7 +14,6 @@ from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.uncertainty.process import (
     ComponentProcess,
     HeldOutResidual,
-    PowerPosterior,
     ResidualBatch,
     ResidualProcess,
     Segments,
@@ -162,9 +162,9 @@ def test_conditioning_is_exact_on_what_was_seen():
     rng = np.random.default_rng(0)
     n = 12
     segments = some_blocks(rng, n)
-    K = PROCESS.covariance(segments)
+    K = covariance(PROCESS, segments)
     seen, power = np.array([0, 3, 4]), rng.normal(0, 800, 3)
-    posterior = PowerPosterior.from_covariance(K).given(np.eye(n)[seen], power, np.full(3, 1e-6))
+    posterior = DensePower.from_covariance(K).given(np.eye(n)[seen], power, np.full(3, 1e-6))
     np.testing.assert_allclose(posterior.mean_w[seen], power, atol=1e-3)
     dense = K[:, seen] @ np.linalg.solve(K[np.ix_(seen, seen)], power)
     np.testing.assert_allclose(posterior.mean_w, dense, rtol=1e-5, atol=1e-3)
@@ -192,9 +192,13 @@ def test_likelihood_and_its_gradient_are_exact(components: tuple[str, ...]):
         merged = Segments(pairs @ b.time_s, 2 * (pairs @ b.step_s), pairs @ b.moved_w, pairs @ b.hvac_w)
         K = np.zeros((len(merged), len(merged)))
         if "drive" in components:
-            K += PROCESS.drive.covariance(merged.time_s, merged.moved_w, np.sqrt(0.5) * merged.drive_noise_w)
+            K += component_covariance(
+                PROCESS.drive, merged.time_s, merged.moved_w, np.sqrt(0.5) * merged.drive_noise_w
+            )
         if "climate" in components:
-            K += PROCESS.climate.covariance(merged.time_s, merged.hvac_w, np.full(len(merged), np.sqrt(0.5)))
+            K += component_covariance(
+                PROCESS.climate, merged.time_s, merged.hvac_w, np.full(len(merged), np.sqrt(0.5))
+            )
         left = pairs @ trip.residual_w
         dense += 0.5 * left @ np.linalg.solve(K, left) + 0.5 * np.linalg.slogdet(K)[1]
     assert cost == pytest.approx(dense, rel=1e-9)
@@ -235,7 +239,7 @@ def test_intervals_on_the_way_are_as_wide_as_what_held_out_trips_leave():
     for _ in range(80):
         segments = some_blocks(rng, 30)
         size = np.where(np.arange(30) < 15, 1.0, 3.0)  # the second half errs more than the process believes
-        errors = np.linalg.cholesky(PROCESS.covariance(segments)) @ rng.standard_normal(30) * size
+        errors = np.linalg.cholesky(covariance(PROCESS, segments)) @ rng.standard_normal(30) * size
         held_out.append(HeldOutResidual(segments, errors))
     own = np.array([PROCESS.sd_wh(trip.segments) for trip in held_out])
     shrinkage = UpdateShrinkage.from_trips(PROCESS, held_out, own)

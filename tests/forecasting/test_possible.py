@@ -6,12 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from tests.forecasting.test_values import PROCESS
+from tests.support.dense_process import DensePower, covariance
 
 import tripwatt as tw
 from tripwatt.forecasting.forecast import QUANTILES, distance_below, possible_energy
 from tripwatt.transfer.zero_shot import on_vehicle
 from tripwatt.trips import Departure
-from tripwatt.uncertainty import PowerPosterior, Segments
+from tripwatt.uncertainty import Segments
 from tripwatt.uncertainty.process import ComponentProcess, ResidualProcess
 from tripwatt.vehicles import vehicle_names
 
@@ -121,5 +122,5 @@ def test_the_prior_without_its_matrix_is_the_prior(segments):
     )
     for process in (both, PROCESS):
         hours = rng.uniform(0.0, 1.0, segments) / 120.0
-        dense = PowerPosterior.from_covariance(process.covariance(trip)).energy_wh(hours)[1]
+        dense = DensePower.from_covariance(covariance(process, trip)).energy_wh(hours)[1]
         np.testing.assert_allclose(process.prior(trip).energy_wh(hours)[1], dense, rtol=1e-9)

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import t as student
+from tests.support.dense_process import DensePower
 
 import tripwatt as tw
 from tripwatt.forecasting.expected import ExpectedDrive
@@ -14,7 +15,7 @@ from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.measured import ChargeReading
 from tripwatt.hybrid import SegmentTable
 from tripwatt.trips import Departure, Plan
-from tripwatt.uncertainty import PowerPosterior, RouteUncertainty, UncertaintyModel
+from tripwatt.uncertainty import RouteUncertainty, UncertaintyModel
 from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.uncertainty.process import ComponentProcess, ResidualProcess, Segments
 from tripwatt.uncertainty.scale import TotalScale
@@ -122,7 +123,7 @@ def uncertainty(split: bool = False) -> UncertaintyModel:
 
 @pytest.fixture
 def forecast() -> Forecast:
-    posterior = PowerPosterior.from_covariance(np.diag(SD_W**2))
+    posterior = DensePower.from_covariance(np.diag(SD_W**2))
     return Forecast(drive(), uncertainty(), posterior, SD_FACTOR, 1.0, STATE_SD_WH, ROUTE_SD_WH)
 
 
@@ -130,7 +131,7 @@ def departing(split: bool = False) -> Forecast:
     """As the process has it, with a known state and not on a planned route."""
     known = uncertainty(split)
     expected = drive()
-    posterior = PowerPosterior.from_covariance(known.process.covariance(expected.segments))
+    posterior = known.process.prior(expected.segments)
     return Forecast(expected, known, posterior, SD_FACTOR)
 
 

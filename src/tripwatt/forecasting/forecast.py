@@ -19,8 +19,7 @@ from tripwatt.trips.messages import flag_to_dict, message
 from tripwatt.trips.showing import html_table
 from tripwatt.uncertainty import (
     ChargeScale,
-    PowerPosterior,
-    PowerPrior,
+    ResidualPower,
     RouteUncertainty,
     UncertaintyModel,
 )
@@ -51,7 +50,7 @@ class Forecast:
         The plan, simulated and corrected.
     uncertainty : UncertaintyModel
         Of the model.
-    posterior : PowerPosterior or PowerPrior
+    posterior : ResidualPower
         Residual power of the segments: mean 0 before departure.
     sd_factor : float
         Standard deviation of the trip's energy over that of the process, from held-out trips.
@@ -68,7 +67,7 @@ class Forecast:
 
     drive: ExpectedDrive
     uncertainty: UncertaintyModel
-    posterior: PowerPosterior | PowerPrior
+    posterior: ResidualPower
     sd_factor: float = 1.0
     rest_sd_factor: float = 1.0
     state_sd_wh: float = 0.0
@@ -258,7 +257,7 @@ class Forecast:
         return replace(self, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags)))
 
     def update(self, observed: pd.DataFrame) -> Forecast:
-        """Forecast again from what was measured so far. O(segments^2 x measured segments).
+        """Forecast again from what was measured so far. O(samples + segments).
 
         Parameters
         ----------
@@ -275,7 +274,7 @@ class Forecast:
         return self.update_since_departure(since_departure(observed, self.plan))
 
     def update_since_departure(self, observed: pd.DataFrame) -> Forecast:
-        """Forecast again from what was measured so far, timed from the departure. O(segments^2 x measured segments).
+        """Forecast again from what was measured so far, timed from the departure. O(samples + segments).
 
         Parameters
         ----------

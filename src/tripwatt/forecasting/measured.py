@@ -9,13 +9,14 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.auditing.signals import blank_stuck_heater
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.hybrid.climate_log import CLIMATE_COLUMNS
 from tripwatt.trips import Plan, observed_cumulative_energy, raise_faults, structure_faults, value_faults
 from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
+from tripwatt.uncertainty import PowerPrior, ResidualPower
 from tripwatt.uncertainty.charge import CAPACITY_SD
 from tripwatt.uncertainty.process import EXACT_W2, ResidualProcess
 from tripwatt.units import SECONDS_PER_HOUR
@@ -65,8 +66,39 @@ class Measured:
 
 
 @dataclass(frozen=True, eq=False)
-class PowerReadings:
-    """Mean powers that samples show: linear functions of the power of segments, with independent errors.
+class SegmentReadings:
+    """Mean powers of single segments that samples show, with independent errors.
+
+    Attributes
+    ----------
+    seen : ndarray, shape (readings,)
+        Numbers of the segments, ascending.
+    power_w : ndarray, shape (readings,)
+    variance_w2 : ndarray, shape (readings,)
+    """
+
+    seen: IntArray
+    power_w: FloatArray
+    variance_w2: FloatArray
+
+    def mean_of(self, values: FloatArray) -> FloatArray:
+        """Of values of all segments, what each reading shows."""
+        return values[self.seen]
+
+    def touches(self, n: int) -> BoolArray:
+        """Which of n segments a reading shows a part of."""
+        found = np.zeros(n, dtype=bool)
+        found[self.seen] = True
+        return found
+
+    def condition(self, prior: PowerPrior, power_w: FloatArray, variance_w2: FloatArray) -> ResidualPower:
+        """The residual power given these values of the readings."""
+        return prior.measured(self.seen, power_w, variance_w2)
+
+
+@dataclass(frozen=True, eq=False)
+class SpanReadings:
+    """Mean powers over spans of time that readings of the state of charge show, with independent errors.
 
     Attributes
     ----------
@@ -78,6 +110,21 @@ class PowerReadings:
     weights: FloatArray
     power_w: FloatArray
     variance_w2: FloatArray
+
+    def mean_of(self, values: FloatArray) -> FloatArray:
+        """As of `SegmentReadings`."""
+        return self.weights @ values
+
+    def touches(self, n: int) -> BoolArray:
+        """As of `SegmentReadings`."""
+        return np.asarray((self.weights > 0.0).any(axis=0))
+
+    def condition(self, prior: PowerPrior, power_w: FloatArray, variance_w2: FloatArray) -> ResidualPower:
+        """As of `SegmentReadings`."""
+        return prior.averaged(self.weights, power_w, variance_w2)
+
+
+PowerReadings = SegmentReadings | SpanReadings
 
 
 def checked_samples(observed: pd.DataFrame, plan: Plan) -> pd.DataFrame:
@@ -97,7 +144,7 @@ def checked_samples(observed: pd.DataFrame, plan: Plan) -> pd.DataFrame:
 def read_measured(
     samples: pd.DataFrame, drive: ExpectedDrive, process: ResidualProcess
 ) -> tuple[Measured, PowerReadings]:
-    """What samples show of each segment. O(samples + segments^2).
+    """What samples show of each segment. O(samples), and O(segments x readings) of a state of charge.
 
     Raises
     ------
@@ -167,7 +214,7 @@ def _from_power(
     drive: ExpectedDrive,
     process: ResidualProcess,
     driven_s: FloatArray | None,
-) -> PowerReadings:
+) -> SegmentReadings:
     """Mean power of each segment that was measured for long enough.
 
     `driven_s` is the car's own clock at the edges, None where it is the plan's.
@@ -179,10 +226,10 @@ def _from_power(
     seen = np.flatnonzero(counts)
     noise = (process.drive.noise * drive.segments.drive_noise_w[seen]) ** 2
     variance = (1.0 - share[seen]) * noise + EXACT_W2
-    return PowerReadings(np.eye(len(drive.segments))[seen], energy_wh[seen] / hours[seen], variance)
+    return SegmentReadings(seen, energy_wh[seen] / hours[seen], variance)
 
 
-def _from_soc(time_s: FloatArray, soc: FloatArray, drive: ExpectedDrive) -> PowerReadings:
+def _from_soc(time_s: FloatArray, soc: FloatArray, drive: ExpectedDrive) -> SpanReadings:
     """Mean power between readings of the state of charge that differ by a few steps."""
     known = np.isfinite(soc)
     time_s, soc = time_s[known], soc[known]
@@ -194,7 +241,7 @@ def _from_soc(time_s: FloatArray, soc: FloatArray, drive: ExpectedDrive) -> Powe
             marks.append(int(k))
     if len(marks) < 2:
         empty = np.empty(0)
-        return PowerReadings(np.empty((0, len(drive.segments))), empty, empty)
+        return SpanReadings(np.empty((0, len(drive.segments))), empty, empty)
     edges = _edges_to(drive, float(time_s[-1]))
     weights, power, variance = [], [], []
     for a, b in itertools.pairwise(marks):
@@ -205,7 +252,7 @@ def _from_soc(time_s: FloatArray, soc: FloatArray, drive: ExpectedDrive) -> Powe
         weights.append(inside / (time_s[b] - time_s[a]))
         power.append(taken / hours)
         variance.append(error_wh2 / hours**2)
-    return PowerReadings(np.array(weights), np.array(power), np.array(variance))
+    return SpanReadings(np.array(weights), np.array(power), np.array(variance))
 
 
 def since_departure(observed: pd.DataFrame, plan: Plan) -> pd.DataFrame:

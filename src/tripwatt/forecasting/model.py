@@ -192,7 +192,7 @@ class ForecastModel:
         return DonorModel(members, uncertainty.scale, uncertainty.scores, tuple(masked_inputs))
 
     def forecast(self, trip: Plan | Trip, departure: Departure | None = None) -> Forecast:
-        """Forecast a trip from what is known at its departure. O(samples + segments^2).
+        """Forecast a trip from what is known at its departure. O(samples).
 
         Parameters
         ----------

@@ -9,8 +9,9 @@ from tripwatt.arrays import FloatArray
 from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.forecasting.measured import Measured, PowerReadings
 from tripwatt.hybrid.climate_log import logged_climate
-from tripwatt.uncertainty import PowerPosterior, PowerPrior, UncertaintyModel
+from tripwatt.uncertainty import ResidualPower, UncertaintyModel
 from tripwatt.uncertainty.process import EXACT_W2
+from tripwatt.uncertainty.residual_power import PowerSum, ShiftedPower
 from tripwatt.uncertainty.shrinkage import is_off
 
 
@@ -20,36 +21,34 @@ def updated_power(
     samples: pd.DataFrame,
     measured: Measured,
     readings: PowerReadings,
-) -> tuple[PowerPosterior | PowerPrior, float]:
+) -> tuple[ResidualPower, float]:
     """Posterior of the residual power, and the factor of its standard deviation for the rest of the trip.
 
-    Climate control is updated separately where the samples have its power. O(segments^2 x readings).
+    Climate control is updated separately where the samples have its power. O(segments).
     """
     process, shrinkage = uncertainty.process, uncertainty.shrinkage
     if not len(readings.power_w):  # no segment was measured for long enough
         return process.prior(drive.segments), 1.0
-    weights = readings.weights
+    segments = drive.segments
     ahead = drive.edges_s[1:] > measured.until_s + 1e-9
     fraction = min(measured.until_s / float(drive.edges_s[-1]), 1.0)
-    residual = readings.power_w - weights @ drive.power_w
+    residual = readings.power_w - readings.mean_of(drive.power_w)
     expected, logged = _climate_power(drive, samples) if process.split else (None, None)
-    needed = (weights > 0.0).any(axis=0)
+    needed = readings.touches(len(segments))
     if expected is None or logged is None or not np.isfinite(logged[needed]).all():
-        joint = PowerPosterior.from_covariance(process.covariance(drive.segments))
-        joint = joint.given(weights, residual, readings.variance_w2)
+        joint = readings.condition(process.prior(segments), residual, readings.variance_w2)
         return shrinkage.applied("joint", joint, ahead, fraction), shrinkage.sd_factor(False, fraction)
-    seen = weights @ np.nan_to_num(logged - expected)
-    own = PowerPosterior.from_covariance(process.climate_covariance(drive.segments))
-    own = own.given(weights, process.limited(seen), np.full(len(seen), EXACT_W2))
-    driving = PowerPosterior.from_covariance(process.drive_covariance(drive.segments))
-    driving = driving.given(weights, residual - seen, readings.variance_w2)
-    if is_off(logged[needed], drive.segments.step_s[needed]):
-        posterior = PowerPosterior(np.where(ahead, -expected, own.mean_w), own.covariance_w2)
-        posterior = shrinkage.applied("off", posterior, ahead, fraction)
+    seen = readings.mean_of(np.nan_to_num(logged - expected))
+    exact = np.full(len(seen), EXACT_W2)
+    climate = readings.condition(process.prior(segments, "climate"), process.limited(seen), exact)
+    driving = readings.condition(process.prior(segments, "drive"), residual - seen, readings.variance_w2)
+    if is_off(logged[needed], segments.step_s[needed]):
+        off = ShiftedPower(climate, np.where(ahead, -expected, climate.mean_w))
+        climate = shrinkage.applied("off", off, ahead, fraction)
     else:
-        posterior = shrinkage.applied("climate", own, ahead, fraction)
-    posterior += shrinkage.applied("drive", driving, ahead, fraction)
-    return posterior, shrinkage.sd_factor(True, fraction)
+        climate = shrinkage.applied("climate", climate, ahead, fraction)
+    driving = shrinkage.applied("drive", driving, ahead, fraction)
+    return PowerSum.from_parts(climate, driving), shrinkage.sd_factor(True, fraction)
 
 
 def _climate_power(

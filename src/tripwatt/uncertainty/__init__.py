@@ -3,7 +3,8 @@
 from tripwatt.uncertainty.charge import ChargeScale
 from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.uncertainty.model import UncertaintyModel
-from tripwatt.uncertainty.process import PowerPosterior, PowerPrior, ResidualProcess, Segments, fit_process
+from tripwatt.uncertainty.process import ResidualProcess, Segments, fit_process
+from tripwatt.uncertainty.residual_power import PowerPrior, ResidualPower
 from tripwatt.uncertainty.route import LinkedTrips, RouteUncertainty, linked_trips
 from tripwatt.uncertainty.scale import TotalScale
 from tripwatt.uncertainty.shrinkage import UpdateShrinkage
@@ -12,8 +13,8 @@ __all__ = [
     "ChargeScale",
     "ConformalScores",
     "LinkedTrips",
-    "PowerPosterior",
     "PowerPrior",
+    "ResidualPower",
     "ResidualProcess",
     "RouteUncertainty",
     "Segments",

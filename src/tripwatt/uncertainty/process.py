@@ -10,9 +10,8 @@ variances.
 Where the log has the power of climate control, each component is fitted and updated separately. A burst of a heater
 does not last, so the observed climate residual is limited.
 
-Conditioning is the textbook formula for a Gaussian vector of which linear functions were observed (Rasmussen and
-Williams 2006, section 2.2): it is the same for measured power, for missing or late samples, and for a state of
-charge read now and then.
+`residual_power` conditions it on what was measured: power, with missing or late samples, or a state of charge read now and
+then.
 """
 
 from __future__ import annotations
@@ -24,6 +23,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import BoolArray, FloatArray
+from tripwatt.uncertainty.residual_power import PowerPrior
 from tripwatt.units import SECONDS_PER_HOUR
 
 _LOG_BOUND: Final = 4.6  # parameters stay within a factor of 100 of their start
@@ -107,15 +107,6 @@ class ComponentProcess:
     onset: float = 0.0
     onset_time_s: float = 1.0
 
-    def covariance(self, time_s: FloatArray, size_w: FloatArray, noise_w: FloatArray) -> FloatArray:
-        """Covariance [W²], shape (segments, segments)."""
-        lag = np.abs(time_s[:, None] - time_s)
-        start = np.sqrt(1.0 + self.onset**2 * np.exp(-time_s / self.onset_time_s))
-        covariance = self.drift_sd_w**2 * np.exp(-lag / self.drift_time_s) * np.outer(start, start)
-        covariance += self.constant_sd_w**2 + self.share_sd**2 * np.outer(size_w, size_w)
-        covariance[np.diag_indices(len(time_s))] += (self.noise * noise_w) ** 2
-        return np.asarray(covariance)
-
 
 @dataclass(frozen=True, eq=False)
 class ResidualProcess:
@@ -135,138 +126,22 @@ class ResidualProcess:
     climate_limit_w: float
     split: bool
 
-    def drive_covariance(self, segments: Segments) -> FloatArray:
-        """Of the driving component [W²], shape (segments, segments)."""
-        return self.drive.covariance(segments.time_s, segments.moved_w, segments.drive_noise_w)
-
-    def climate_covariance(self, segments: Segments) -> FloatArray:
-        """Of the climate component [W²], shape (segments, segments)."""
-        return self.climate.covariance(segments.time_s, segments.hvac_w, np.ones(len(segments)))
-
-    def covariance(self, segments: Segments) -> FloatArray:
-        """Of both [W²], shape (segments, segments)."""
-        return self.drive_covariance(segments) + self.climate_covariance(segments)
+    def prior(self, segments: Segments, component: str = "joint") -> PowerPrior:
+        """The residual power before anything was observed: of "drive", of "climate", or of both ("joint")."""
+        parts = {
+            "drive": (self.drive, segments.moved_w, segments.drive_noise_w),
+            "climate": (self.climate, segments.hvac_w, np.ones(len(segments))),
+        }
+        chosen = list(parts.values()) if component == "joint" else [parts[component]]
+        return PowerPrior.from_components(segments.time_s, chosen)
 
     def sd_wh(self, segments: Segments) -> float:
         """Standard deviation of the trip's energy [Wh]."""
-        return float(np.sqrt(segments.hours @ self.covariance(segments) @ segments.hours))
+        return float(np.sqrt(self.prior(segments).variance_wh2(segments.hours)[-1]))
 
     def limited(self, climate_w: FloatArray) -> FloatArray:
         """Climate residual within the limit [W]."""
         return np.clip(climate_w, -self.climate_limit_w, self.climate_limit_w)
-
-    def prior(self, segments: Segments) -> PowerPrior:
-        """The residual power before anything was observed."""
-        return PowerPrior(self, segments)
-
-
-_TOGETHER: Final = 64
-"""Segments whose drifts are summed with one matrix product."""
-
-
-@dataclass(frozen=True, eq=False)
-class PowerPrior:
-    """Distribution of a trip's residual power before departure: mean 0, without the matrix of its covariance.
-
-    Attributes
-    ----------
-    process : ResidualProcess
-    segments : Segments
-    """
-
-    process: ResidualProcess
-    segments: Segments
-
-    @property
-    def mean_w(self) -> FloatArray:
-        """Zeros, shape (segments,)."""
-        return np.zeros(len(self.segments))
-
-    def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """As `PowerPosterior.energy_wh`. O(segments)."""
-        segments, process = self.segments, self.process
-        parts = (
-            (process.drive, segments.moved_w, segments.drive_noise_w),
-            (process.climate, segments.hvac_w, np.ones(len(segments))),
-        )
-        variance = np.zeros(len(segments))
-        for component, size_w, noise_w in parts:
-            variance += (component.constant_sd_w * np.cumsum(hours)) ** 2
-            variance += (component.share_sd * np.cumsum(hours * size_w)) ** 2
-            variance += np.cumsum((component.noise * noise_w * hours) ** 2)
-            variance += self._drift_wh2(component, hours)
-        return np.zeros(len(segments)), np.sqrt(variance)
-
-    def _drift_wh2(self, component: ComponentProcess, hours: FloatArray) -> FloatArray:
-        """Variance of the drift's energy up to the end of each segment.
-
-        With `c` the covariance of that energy and the drift, ``c[k] = sum over i <= k of w[i] exp(-(t[k] - t[i]) / T)``,
-        each segment adds ``w[k] (2 c[k] - w[k])``. The sum runs in pieces: what is before a piece fades as one.
-        """
-        time = self.segments.time_s
-        early = component.onset**2 * np.exp(-time / component.onset_time_s)
-        weight = hours * component.drift_sd_w * np.sqrt(1.0 + early)
-        c = np.empty(len(time))
-        before, last = 0.0, 0.0
-        for start in range(0, len(time), _TOGETHER):
-            piece = slice(start, start + _TOGETHER)
-            t, w = time[piece], weight[piece]
-            fading = np.tril(np.exp(-np.abs(t[:, None] - t) / component.drift_time_s))
-            c[piece] = fading @ w + before * np.exp(-(t - last) / component.drift_time_s)
-            before, last = float(c[piece][-1]), float(t[-1])
-        return np.cumsum(weight * (2.0 * c - weight))
-
-
-@dataclass(frozen=True, eq=False)
-class PowerPosterior:
-    """Distribution of a trip's residual power, before departure or on the way.
-
-    Attributes
-    ----------
-    mean_w : ndarray, shape (segments,)
-    covariance_w2 : ndarray, shape (segments, segments)
-    """
-
-    mean_w: FloatArray
-    covariance_w2: FloatArray
-
-    @classmethod
-    def from_covariance(cls, covariance_w2: FloatArray) -> PowerPosterior:
-        """Before anything was observed: mean 0."""
-        return cls(np.zeros(len(covariance_w2)), covariance_w2)
-
-    def __add__(self, other: PowerPosterior) -> PowerPosterior:
-        """The sum of two independent parts."""
-        return PowerPosterior(self.mean_w + other.mean_w, self.covariance_w2 + other.covariance_w2)
-
-    def given(self, weights: FloatArray, observed: FloatArray, variance: FloatArray) -> PowerPosterior:
-        """Posterior after linear functions of the residual power were observed. O(segments^2 x observations).
-
-        Parameters
-        ----------
-        weights : ndarray, shape (observations, segments)
-            Each observation is ``weights @ residual power`` plus an independent error.
-        observed : ndarray, shape (observations,)
-        variance : ndarray, shape (observations,)
-            Variance of the error of each observation.
-        """
-        if not len(observed):
-            return self
-        cross = self.covariance_w2 @ weights.T
-        total = weights @ cross + np.diag(variance)
-        scale = np.sqrt(np.diag(total))
-        gain = np.linalg.solve(total / np.outer(scale, scale), (cross / scale).T).T / scale
-        covariance = self.covariance_w2 - gain @ cross.T
-        return PowerPosterior(
-            self.mean_w + gain @ (observed - weights @ self.mean_w), 0.5 * (covariance + covariance.T)
-        )
-
-    def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Mean and standard deviation of the cumulative residual energy at the end of each segment [Wh]."""
-        mean = np.cumsum(self.mean_w * hours)
-        scaled = self.covariance_w2 * np.outer(hours, hours)
-        variance = np.diag(np.cumsum(np.cumsum(scaled, axis=0), axis=1))
-        return mean, np.sqrt(np.maximum(variance, 0.0))
 
 
 @dataclass(frozen=True, eq=False)

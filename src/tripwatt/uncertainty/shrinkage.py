@@ -10,7 +10,8 @@ import numpy as np
 
 from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.uncertainty.conformal import ConformalScores
-from tripwatt.uncertainty.process import EXACT_W2, HeldOutResidual, PowerPosterior, ResidualProcess
+from tripwatt.uncertainty.process import EXACT_W2, HeldOutResidual, ResidualProcess
+from tripwatt.uncertainty.residual_power import ResidualPower, ShiftedPower
 
 FRACTIONS: Final = (0.1, 0.25, 0.375, 0.5, 0.75, 0.9)
 SURE: Final = 1.645
@@ -68,7 +69,7 @@ class UpdateShrinkage:
     def from_trips(
         cls, process: ResidualProcess, trips: Sequence[HeldOutResidual], scale_wh: FloatArray
     ) -> UpdateShrinkage:
-        """Learn from held-out trips; `scale_wh` is the standard deviation of each total. O(trips x segments^3)."""
+        """Learn from held-out trips; `scale_wh` is the standard deviation of each total. O(segments of all trips)."""
         shares = np.zeros((len(FRACTIONS), len(COMPONENTS)))
         sd_factors = np.ones((len(FRACTIONS), 2))
         split = np.array([process.split and trip.climate_w is not None for trip in trips])
@@ -113,11 +114,11 @@ class UpdateShrinkage:
         return float(np.interp(fraction, (0.0, *FRACTIONS), np.concatenate(([1.0], values))))
 
     def applied(
-        self, component: str, posterior: PowerPosterior, ahead: BoolArray, fraction: float
-    ) -> PowerPosterior:
+        self, component: str, posterior: ResidualPower, ahead: BoolArray, fraction: float
+    ) -> ResidualPower:
         """The posterior with the mean of every segment of which a part is still to come taken by the share."""
         kept = np.where(ahead, self.at(component, fraction), 1.0)
-        return PowerPosterior(posterior.mean_w * kept, posterior.covariance_w2)
+        return ShiftedPower(posterior, posterior.mean_w * kept)
 
 
 def _off_share(off: FloatArray, not_drawn: FloatArray, scale_wh: FloatArray) -> float:
@@ -145,23 +146,21 @@ def _rest(process: ResidualProcess, trip: HeldOutResidual, fraction: float) -> t
     segments, left = trip.segments, trip.residual_w
     share = np.cumsum(segments.step_s) / segments.step_s.sum()
     seen = np.flatnonzero(share <= fraction + 1e-9)
-    weights, exact = np.eye(len(segments))[seen], np.full(len(seen), EXACT_W2)
+    exact = np.full(len(seen), EXACT_W2)
     hours = np.where(share > fraction + 1e-9, segments.hours, 0.0)
 
-    def expected(covariance: FloatArray, residual_w: FloatArray) -> tuple[float, float]:
-        posterior = PowerPosterior.from_covariance(covariance).given(weights, residual_w[seen], exact)
-        return float(hours @ posterior.mean_w), float(hours @ posterior.covariance_w2 @ hours)
+    def expected(component: str, residual_w: FloatArray) -> tuple[float, float]:
+        prior = process.prior(segments, component)
+        found = prior.measured(seen, residual_w[seen], exact) if len(seen) else prior
+        mean, sd = found.energy_wh(hours)
+        return float(mean[-1]), float(sd[-1] ** 2)
 
-    climate_covariance, drive_covariance = (
-        process.climate_covariance(segments),
-        process.drive_covariance(segments),
-    )
-    joint = expected(climate_covariance + drive_covariance, left)
+    joint = expected("joint", left)
     climate = drive = (0.0, 0.0)
     off = not_drawn = 0.0
     if process.split and trip.climate_w is not None:
-        climate = expected(climate_covariance, process.limited(trip.climate_w))
-        drive = expected(drive_covariance, left - trip.climate_w)
+        climate = expected("climate", process.limited(trip.climate_w))
+        drive = expected("drive", left - trip.climate_w)
         if trip.climate_expected_w is not None and is_off(
             (trip.climate_w + trip.climate_expected_w)[seen], segments.step_s[seen]
         ):

@@ -1,0 +1,365 @@
+"""The residual power of one trip before departure and on the way, without the matrix of its covariance.
+
+The process is a linear Gaussian state space: what is constant over the trip (a constant, and shares of the power that is
+moved), drifts with an exponential covariance, and what is new in every segment. Given the measured power of segments, the
+precision of the drifts is a band matrix with the constants as its border (Rue and Held 2005, section 2.4): conditioning
+costs O(segments). The segments to come follow from the constants and from the drifts at the last measured segment. A few
+means over several segments, as readings of the state of charge are, condition by a matrix of their own size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Protocol
+
+import numpy as np
+
+from tripwatt.arrays import BoolArray, FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from tripwatt.uncertainty.process import ComponentProcess
+
+_TOGETHER: Final = 64
+"""Segments whose drifts are summed with one matrix product."""
+_NOTHING_H: Final = 1e-9
+"""Less of a segment than this was measured as a whole [h]."""
+
+
+class ResidualPower(Protocol):
+    """Distribution of a trip's residual power."""
+
+    @property
+    def mean_w(self) -> FloatArray:
+        """Mean of each segment [W], shape (segments,)."""
+        ...
+
+    def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Mean and standard deviation of the cumulative residual energy at the end of each segment [Wh].
+
+        Parameters
+        ----------
+        hours : ndarray, shape (segments,)
+            Part of each segment that counts [h].
+        """
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Drift:
+    """A drift of one component: unit variance in time, times `size_w` of each segment."""
+
+    size_w: FloatArray
+    time_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class PowerPrior:
+    """Distribution of a trip's residual power before departure, of one component or of their sum: mean 0.
+
+    Attributes
+    ----------
+    time_s : ndarray, shape (segments,)
+    constant_w : ndarray, shape (segments, any)
+        What is constant over the trip, by independent sources of unit variance.
+    drifts : tuple of Drift
+    new_w2 : ndarray, shape (segments,)
+        Variance of what is new in each segment.
+    """
+
+    time_s: FloatArray
+    constant_w: FloatArray
+    drifts: tuple[Drift, ...]
+    new_w2: FloatArray
+
+    @classmethod
+    def from_components(
+        cls, time_s: FloatArray, parts: list[tuple[ComponentProcess, FloatArray, FloatArray]]
+    ) -> PowerPrior:
+        """The sum of independent components, each with the power that it moves and the scale of what is new [W]."""
+        n = len(time_s)
+        constant = float(np.sqrt(sum(part.constant_sd_w**2 for part, _, _ in parts)))
+        columns = [np.full(n, constant)] if constant > 0.0 else []
+        columns += [part.share_sd * size for part, size, _ in parts if part.share_sd > 0.0]
+        drifts = tuple(
+            Drift(
+                part.drift_sd_w * np.sqrt(1.0 + part.onset**2 * np.exp(-time_s / part.onset_time_s)),
+                part.drift_time_s,
+            )
+            for part, _, _ in parts
+            if part.drift_sd_w > 0.0
+        )
+        new = sum(((part.noise * noise) ** 2 for part, _, noise in parts), np.zeros(n))
+        return cls(time_s, np.column_stack(columns) if columns else np.zeros((n, 0)), drifts, new)
+
+    @property
+    def mean_w(self) -> FloatArray:
+        """Zeros, shape (segments,)."""
+        return np.zeros(len(self.time_s))
+
+    def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """As of `ResidualPower`. O(segments)."""
+        return self.mean_w, np.sqrt(self.variance_wh2(hours))
+
+    def variance_wh2(self, hours: FloatArray) -> FloatArray:
+        """Variance of the cumulative energy at the end of each segment [Wh²]. O(segments)."""
+        constant = np.cumsum(hours[:, None] * self.constant_w, axis=0)
+        found = np.sum(constant**2, axis=1) + np.cumsum(hours**2 * self.new_w2)
+        for drift in self.drifts:
+            found += drift_variance(self.time_s, hours * drift.size_w, drift.time_s)
+        return np.asarray(found)
+
+    def times(self, columns: FloatArray) -> FloatArray:
+        """Covariance times each column, shape (segments, columns). O(segments x columns)."""
+        found = self.constant_w @ (self.constant_w.T @ columns) + self.new_w2[:, None] * columns
+        for drift in self.drifts:
+            inner = drift.size_w[:, None] * columns
+            time = self.time_s
+            both = fading_sums(time, inner, drift.time_s) - inner
+            both += fading_sums(-time[::-1], inner[::-1], drift.time_s)[::-1]
+            found += drift.size_w[:, None] * both
+        return np.asarray(found)
+
+    def measured(self, seen: IntArray, power_w: FloatArray, variance_w2: FloatArray) -> MeasuredPower:
+        """The distribution after the power of some segments was measured. O(segments).
+
+        Parameters
+        ----------
+        seen : ndarray, shape (measured,)
+            Their numbers, ascending, at least one.
+        power_w : ndarray, shape (measured,)
+        variance_w2 : ndarray, shape (measured,)
+            Of the error of each measurement.
+        """
+        return MeasuredPower.from_segments(self, seen, power_w, variance_w2)
+
+    def averaged(self, weights: FloatArray, power_w: FloatArray, variance_w2: FloatArray) -> AveragedPower:
+        """The distribution after means over segments were measured. O(segments x readings²).
+
+        Parameters
+        ----------
+        weights : ndarray, shape (readings, segments)
+            Each reading is ``weights @ residual power`` plus an independent error.
+        power_w : ndarray, shape (readings,)
+        variance_w2 : ndarray, shape (readings,)
+            Of the error of each reading.
+        """
+        return AveragedPower.from_readings(self, weights, power_w, variance_w2)
+
+
+def fading_sums(time_s: FloatArray, values: FloatArray, fading_s: float) -> FloatArray:
+    """``sum over i <= k of values[i] exp(-(t[k] - t[i]) / T)`` for each k, along the first axis. O(values).
+
+    The sums run in pieces: what is before a piece fades as one.
+    """
+    n, columns = len(time_s), values.reshape(len(time_s), -1)
+    pieces = -(-n // _TOGETHER)
+    time = np.append(time_s, np.full(pieces * _TOGETHER - n, time_s[-1])).reshape(pieces, _TOGETHER)
+    padded = np.zeros((pieces * _TOGETHER, columns.shape[1]))
+    padded[:n] = columns
+    lag = np.abs(time[:, :, None] - time[:, None, :])
+    found = np.tril(np.exp(-lag / fading_s)) @ padded.reshape(pieces, _TOGETHER, -1)
+    fading = np.exp(-(time[1:] - time[:-1, -1:]) / fading_s)
+    for k in range(1, pieces):
+        found[k] += fading[k - 1][:, None] * found[k - 1, -1]
+    return np.asarray(found.reshape(pieces * _TOGETHER, -1)[:n].reshape(values.shape))
+
+
+def drift_variance(time_s: FloatArray, weight: FloatArray, fading_s: float) -> FloatArray:
+    """Variance of the cumulative sum of a drift of unit variance times `weight`, at each segment. O(segments).
+
+    With ``c[k]`` the covariance of that sum and the drift, each segment adds ``w[k] (2 c[k] - w[k])``.
+    """
+    c = fading_sums(time_s, weight, fading_s)
+    return np.asarray(np.cumsum(weight * (2.0 * c - weight)))
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredPower:
+    """Distribution of the residual power after the power of some segments was measured.
+
+    The unknowns are the constants and, up to the last measured segment, the drifts; `X` and `constant_covariance` are
+    those of the bordered band matrix.
+    """
+
+    prior: PowerPrior
+    seen: BoolArray
+    variance_w2: FloatArray
+    mean_w: FloatArray
+    solve: Callable[[FloatArray], FloatArray]
+    X: FloatArray
+    constant_covariance: FloatArray
+
+    @classmethod
+    def from_segments(
+        cls, prior: PowerPrior, seen: IntArray, power_w: FloatArray, variance_w2: FloatArray
+    ) -> MeasuredPower:
+        """See `PowerPrior.measured`."""
+        n, J, last = len(prior.time_s), len(prior.drifts), int(seen[-1])
+        is_seen = np.zeros(n, dtype=bool)
+        is_seen[seen] = True
+        error = np.zeros(n)
+        error[seen] = variance_w2
+        observed = np.zeros(n)
+        observed[seen] = power_w
+        weight = np.where(is_seen, 1.0 / np.where(is_seen, prior.new_w2 + error, 1.0), 0.0)[: last + 1]
+        S = prior.constant_w[: last + 1]
+        sizes = np.array([drift.size_w[: last + 1] for drift in prior.drifts]).reshape(J, last + 1).T
+        solve = _band_solver(prior, sizes, weight)
+        border = (sizes[:, :, None] * (weight[:, None] * S)[:, None, :]).reshape((last + 1) * J, S.shape[1])
+        X = solve(border)
+        corner = np.eye(S.shape[1]) + S.T @ (weight[:, None] * S) - border.T @ X
+        covariance = np.asarray(np.linalg.inv(corner))
+        seen_w = weight * observed[: last + 1]
+        b = (sizes * seen_w[:, None]).reshape(-1)
+        constants = covariance @ (S.T @ seen_w - X.T @ b)
+        drifts = (solve(b[:, None])[:, 0] - X @ constants).reshape(last + 1, J)
+        mean = prior.constant_w @ constants
+        mean[: last + 1] += np.sum(sizes * drifts, axis=1)
+        mean[: last + 1] += prior.new_w2[: last + 1] * weight * (observed - mean)[: last + 1]
+        ahead = np.arange(last + 1, n)
+        for j, drift in enumerate(prior.drifts):
+            mean[ahead] += _carried(prior, drift, last)[ahead] * drifts[last, j]
+        return cls(prior, is_seen, error, mean, solve, X, covariance)
+
+    def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """As of `ResidualPower`. O(segments x (1 + segments behind that count))."""
+        prior, J = self.prior, len(self.prior.drifts)
+        last = int(np.flatnonzero(self.seen)[-1])
+        hours = np.where(hours > _NOTHING_H, hours, 0.0)
+        known = np.where(self.seen, self.variance_w2 / (prior.new_w2 + self.variance_w2), 1.0)
+        behind = np.flatnonzero(hours[: last + 1])
+        # linear functions of constants and drifts: segments behind, the constants, and the drifts at the last segment
+        m, k = len(behind), prior.constant_w.shape[1]
+        local = np.zeros((len(self.X), m + J))
+        for j, drift in enumerate(prior.drifts):
+            local[behind * J + j, np.arange(m)] = known[behind] * drift.size_w[behind]
+            local[last * J + j, m + j] = 1.0
+        fixed = np.concatenate([known[behind, None] * prior.constant_w[behind], np.zeros((J, k))])
+        free = fixed - local.T @ self.X
+        inner = local.T @ self.solve(local) + free @ self.constant_covariance @ free.T
+        cross = free @ self.constant_covariance
+        variance = np.zeros(len(hours))
+        at = hours[behind]
+        scaled = inner[:m, :m] * np.outer(at, at)
+        variance[behind] = np.diff(np.diag(np.cumsum(np.cumsum(scaled, axis=0), axis=1)), prepend=0.0)
+        variance = np.cumsum(variance)
+        # ahead: sums over segments of what constants and last drifts give
+        tail = np.arange(len(hours)) > last
+        reach = np.cumsum(np.where(tail, hours, 0.0)[:, None] * self._carried_all(last), axis=0)
+        state = np.block([[self.constant_covariance, cross[m:].T], [cross[m:], inner[m:, m:]]])
+        with_behind = np.concatenate([at @ cross[:m], at @ inner[:m, m:]])
+        variance += np.einsum("ij,jk,ik->i", reach, state, reach) + 2.0 * reach @ with_behind
+        for j, drift in enumerate(prior.drifts):
+            weight = np.where(tail, hours, 0.0) * drift.size_w
+            variance += drift_variance(prior.time_s, weight, drift.time_s) - reach[:, k + j] ** 2
+        variance += np.cumsum(hours**2 * prior.new_w2 * known)
+        return np.cumsum(self.mean_w * hours), np.sqrt(np.maximum(variance, 0.0))
+
+    def _carried_all(self, last: int) -> FloatArray:
+        """What constants and last drifts give in each segment, shape (segments, constants + drifts)."""
+        drifts = [_carried(self.prior, drift, last)[:, None] for drift in self.prior.drifts]
+        return np.concatenate([self.prior.constant_w, *drifts], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class AveragedPower:
+    """Distribution of the residual power after a few means over segments were measured.
+
+    Attributes
+    ----------
+    prior : PowerPrior
+    mean_w : ndarray, shape (segments,)
+    factor_w : ndarray, shape (segments, readings)
+        The covariance is that of the prior less ``factor_w @ factor_w.T``.
+    """
+
+    prior: PowerPrior
+    mean_w: FloatArray
+    factor_w: FloatArray
+
+    @classmethod
+    def from_readings(
+        cls, prior: PowerPrior, weights: FloatArray, power_w: FloatArray, variance_w2: FloatArray
+    ) -> AveragedPower:
+        """See `PowerPrior.averaged`."""
+        from scipy.linalg import solve_triangular
+
+        cross = prior.times(np.ascontiguousarray(weights.T))
+        total = weights @ cross + np.diag(variance_w2)
+        lower = np.linalg.cholesky(total)
+        factor = solve_triangular(lower, cross.T, lower=True).T
+        return cls(prior, factor @ solve_triangular(lower, power_w, lower=True), factor)
+
+    def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """As of `ResidualPower`. O(segments x readings)."""
+        known = np.cumsum(hours[:, None] * self.factor_w, axis=0)
+        variance = self.prior.variance_wh2(hours) - np.sum(known**2, axis=1)
+        return np.cumsum(self.mean_w * hours), np.sqrt(np.maximum(variance, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class PowerSum:
+    """The sum of independent parts.
+
+    Attributes
+    ----------
+    parts : tuple of ResidualPower
+    mean_w : ndarray, shape (segments,)
+    """
+
+    parts: tuple[ResidualPower, ...]
+    mean_w: FloatArray
+
+    @classmethod
+    def from_parts(cls, *parts: ResidualPower) -> PowerSum:
+        """Means add up as they are."""
+        return cls(parts, np.sum([part.mean_w for part in parts], axis=0))
+
+    def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """As of `ResidualPower`; variances add up."""
+        sds = np.array([part.energy_wh(hours)[1] for part in self.parts])
+        return np.cumsum(self.mean_w * hours), np.sqrt(np.sum(sds**2, axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class ShiftedPower:
+    """A distribution with another mean."""
+
+    of: ResidualPower
+    mean_w: FloatArray
+
+    def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """As of `ResidualPower`."""
+        return np.cumsum(self.mean_w * hours), self.of.energy_wh(hours)[1]
+
+
+def _carried(prior: PowerPrior, drift: Drift, last: int) -> FloatArray:
+    """What a unit of a drift at the last measured segment is expected to give in each segment [W]."""
+    since = np.maximum(prior.time_s - prior.time_s[last], 0.0)
+    return np.asarray(drift.size_w * np.exp(-since / drift.time_s))
+
+
+def _band_solver(
+    prior: PowerPrior, sizes: FloatArray, weight: FloatArray
+) -> Callable[[FloatArray], FloatArray]:
+    """Solver for the precision of the drifts, of segment after segment, given measured power of weight 1 / variance."""
+    from scipy.linalg import cho_solve_banded, cholesky_banded
+
+    n, J = sizes.shape
+    if not J:
+        return lambda columns: columns
+    band = np.zeros((J + 1, n * J))
+    step = np.diff(prior.time_s[:n])
+    for j, drift in enumerate(prior.drifts):
+        rho = np.exp(-step / drift.time_s)
+        free = -1.0 / np.expm1(-2.0 * step / drift.time_s)  # 1 / (1 - rho²)
+        diagonal = np.ones(n)
+        diagonal[1:] += free - 1.0
+        diagonal[:-1] += rho**2 * free
+        band[0, j::J] = diagonal + weight * sizes[:, j] ** 2
+        band[J, j : (n - 1) * J : J] = -rho * free
+        for other in range(j + 1, J):
+            band[other - j, j::J] = weight * sizes[:, j] * sizes[:, other]
+    factor = cholesky_banded(band, lower=True, check_finite=False)
+    return lambda columns: np.asarray(cho_solve_banded((factor, True), columns, check_finite=False))
