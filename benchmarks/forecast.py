@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 import tempfile
@@ -9,14 +10,21 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import pandas as pd
+
 from benchmarks.measure import Row, median_seconds, reference_loop, tum_folder
-from tripwatt.forecasting import load_model
+from tripwatt.forecasting import ForecastModel, load_model
 from tripwatt.synthetic import synthetic_fleet
-from tripwatt.trips import Trip, plan_from_samples
+from tripwatt.trips import plan_from_samples
 
 TRIP_S = 1300.0
 RUNS = 101
 ONE = "one forecast of 1,300 s at 1 Hz, in process"
+LONG_TRIP_H = 12
+LONG = f"one forecast of {LONG_TRIP_H} h at 1 Hz, in process, with its interval"
+LONG_UPDATE = f"one update after half of {LONG_TRIP_H} h, in process, with its interval"
+GROWTH = f"growth exponent of the forecast from 1,300 s to {LONG_TRIP_H} h"
+GROWTH_UPDATE = f"growth exponent of the update from 1,300 s to {LONG_TRIP_H} h"
 COMMAND = "tripwatt forecast, the whole command"
 FIT_TUM = "fit on the TUM trips, one process"
 
@@ -24,9 +32,10 @@ FIT_TUM = "fit on the TUM trips, one process"
 def run() -> Iterator[Row]:
     """All rows, as they are measured."""
     yield Row("reference loop", reference_loop(), "s")
-    trip = trip_of(TRIP_S)
+    samples = samples_of(TRIP_S)
+    trip = plan_from_samples(samples, "bench")
     model = load_model()
-    seen = trip.samples[trip.samples["time_s"] <= 0.5 * TRIP_S]
+    seen = samples[samples["time_s"] <= 0.5 * TRIP_S]
     before = model.forecast(trip)
     jobs: dict[str, Callable[[], object]] = {
         ONE: lambda: model.forecast(trip),
@@ -37,9 +46,10 @@ def run() -> Iterator[Row]:
     for name, job in jobs.items():
         yield Row(name, 1000.0 * median_seconds(job, runs=RUNS), "ms")
         yield Row(f"{name}: processor time", 1000.0 * processor_seconds(job), "ms")
+    yield from long_trips(model, samples)
     with tempfile.TemporaryDirectory() as scratch:
         table = Path(scratch) / "trip.csv"
-        trip.samples.to_csv(table, index=False)
+        samples.to_csv(table, index=False)
         yield Row(COMMAND, commanding("forecast", str(table)), "s")
         folder = tum_folder()
         if folder is None:
@@ -48,10 +58,44 @@ def run() -> Iterator[Row]:
         yield Row(FIT_TUM, commanding("fit", str(folder), "--out", f"{scratch}/model", runs=1), "s")
 
 
-def trip_of(duration_s: float) -> Trip:
-    """The first samples of a synthetic trip that is long enough."""
+def samples_of(duration_s: float) -> pd.DataFrame:
+    """The first samples of a synthetic trip that is long enough, with what was measured."""
     long = next(t for t in synthetic_fleet(8).trips if t.duration_s >= duration_s)
-    return plan_from_samples(long.samples[long.samples["time_s"] <= duration_s], "bench")
+    return long.samples[long.samples["time_s"] <= duration_s]
+
+
+def long_trips(model: ForecastModel, samples: pd.DataFrame) -> Iterator[Row]:
+    """A trip of many hours, which repeats a short one: best of some runs, and the growth from one to the other."""
+    repeats = round(LONG_TRIP_H * 3600.0 / (TRIP_S + 1.0))
+    clock = samples["time_s"] - samples["time_s"].iloc[0]
+    long = pd.concat(
+        [samples.assign(time_s=clock + (TRIP_S + 1.0) * k) for k in range(repeats)], ignore_index=True
+    )
+    seconds: list[tuple[float, float]] = []
+    for log in (samples, long):
+        plan = plan_from_samples(log, "bench")
+        seen = log[log["time_s"] <= 0.5 * log["time_s"].iloc[-1]]
+        before = model.forecast(plan)
+        seconds.append(
+            (
+                best_seconds(lambda plan=plan: model.forecast(plan).sd_wh),
+                best_seconds(lambda seen=seen, before=before: before.update(seen).sd_wh),
+            )
+        )
+    for name, k in ((LONG, 0), (LONG_UPDATE, 1)):
+        yield Row(name, 1000.0 * seconds[1][k], "ms")
+    for name, k in ((GROWTH, 0), (GROWTH_UPDATE, 1)):
+        yield Row(name, math.log(seconds[1][k] / seconds[0][k]) / math.log(repeats), "1")
+
+
+def best_seconds(job: Callable[[], object], runs: int = 15) -> float:
+    """Shortest wall time of some runs [s]."""
+    took = []
+    for _ in range(runs):
+        started = time.perf_counter()
+        job()
+        took.append(time.perf_counter() - started)
+    return min(took)
 
 
 def processor_seconds(job: Callable[[], object], runs: int = RUNS) -> float:

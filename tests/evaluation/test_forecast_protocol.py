@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 
 import numpy as np
 import pandas as pd
@@ -26,12 +27,13 @@ from tripwatt.evaluation.forecast_scores import (
 )
 from tripwatt.evaluation.protocol import CarChoice
 from tripwatt.forecasting import ForecastModel
+from tripwatt.report import render_report
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Trip, plan_from_trip
 from tripwatt.vehicles import load_vehicle
 
 ROAD = ("time_s", "speed_m_s", "elevation_m")
-FAST = ("constant", "physics", "physics4", "power-ensemble", "hybrid")
+FAST = ("constant", "physics", "physics4", "power-kriging", "hybrid")
 
 
 QUICK = ForecastProtocol(corrector="linear")
@@ -276,6 +278,19 @@ def test_held_out_trips_do_not_move_their_own_forecast(prepared, car):
     assert not np.array_equal(run(5, own), run(5, louder))
 
 
+def test_the_report_shows_other_kinds_of_trips_and_the_arrival(whole, monkeypatch):
+    monkeypatch.setattr("tripwatt.report.html.svg_text", lambda figure: "<svg></svg>")
+    run, _ = whole
+    text = re.sub(r"<[^>]+>", " ", render_report(run))
+    for evaluation in run.results["evaluations"]:
+        if evaluation["scheme"] in ("leave_regime_out", "time_split"):
+            assert f"{evaluation['trips']} ({evaluation['n_trips']} trips)" in text
+            assert text.count(f"{evaluation['trips']} has") == 0  # no set of the audit
+    arrival = run.results["evaluations"][0]["models"]["hybrid"]["arrival"]["soc"]
+    assert f"{100 * arrival['mae']:.1f}" in text
+    assert f"{100 * arrival['coverage']:.0f} %" in text
+
+
 def test_resumed_run_is_the_identical_one(fleet, whole):
     run, folder = whole
     kept = sorted(folder.rglob("*.npz"))
@@ -297,7 +312,7 @@ def test_fit_here_score_there(fleet):
     run = evaluate(
         fleet,
         protocol=QUICK,
-        models=("physics", "power-ensemble", "hybrid"),
+        models=("physics", "power-kriging", "hybrid"),
         test_fleet=other,
         execution=Execution(n_jobs=1),
     )

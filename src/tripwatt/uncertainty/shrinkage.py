@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -11,7 +11,7 @@ import numpy as np
 from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.uncertainty.process import EXACT_W2, HeldOutResidual, ResidualProcess
-from tripwatt.uncertainty.residual_power import ResidualPower, ShiftedPower
+from tripwatt.uncertainty.residual_power import PowerPrior, ResidualPower, ShiftedPower
 
 FRACTIONS: Final = (0.1, 0.25, 0.375, 0.5, 0.75, 0.9)
 SURE: Final = 1.645
@@ -76,7 +76,7 @@ class UpdateShrinkage:
         own = np.array([process.sd_wh(trip.segments) for trip in trips])
         before = _point(np.array([trip.error_wh for trip in trips]) / scale_wh)
         widths = np.ones(2)
-        rests = np.array([[_rest(process, trip, fraction) for trip in trips] for fraction in FRACTIONS])
+        rests = np.array([_rests(process, trip) for trip in trips]).transpose(1, 0, 2)
         shares[:, 3] = _off_share(rests[:, :, 6], rests[:, :, 7], scale_wh)
         for row in range(len(FRACTIONS)):
             truth, climate, drive, joint, split_sd, joint_sd, off, _ = rests[row].T
@@ -137,7 +137,17 @@ def _off_share(off: FloatArray, not_drawn: FloatArray, scale_wh: FloatArray) -> 
     return float(np.clip(middle, 0.0, 1.0))
 
 
-def _rest(process: ResidualProcess, trip: HeldOutResidual, fraction: float) -> tuple[float, ...]:
+def _rests(process: ResidualProcess, trip: HeldOutResidual) -> list[tuple[float, ...]]:
+    """`_rest` of each of `FRACTIONS`."""
+    split = process.split and trip.climate_w is not None
+    names = ("joint", "climate", "drive") if split else ("joint",)
+    priors = {name: process.prior(trip.segments, name) for name in names}
+    return [_rest(process, trip, priors, fraction) for fraction in FRACTIONS]
+
+
+def _rest(
+    process: ResidualProcess, trip: HeldOutResidual, priors: Mapping[str, PowerPrior], fraction: float
+) -> tuple[float, ...]:
     """Energy of the rest beyond the departure forecast [Wh].
 
     Observed; expected by climate, driving and both jointly; its standard deviation, split and joint. Where climate control
@@ -150,7 +160,7 @@ def _rest(process: ResidualProcess, trip: HeldOutResidual, fraction: float) -> t
     hours = np.where(share > fraction + 1e-9, segments.hours, 0.0)
 
     def expected(component: str, residual_w: FloatArray) -> tuple[float, float]:
-        prior = process.prior(segments, component)
+        prior = priors[component]
         found = prior.measured(seen, residual_w[seen], exact) if len(seen) else prior
         mean, sd = found.energy_wh(hours)
         return float(mean[-1]), float(sd[-1] ** 2)
@@ -158,7 +168,7 @@ def _rest(process: ResidualProcess, trip: HeldOutResidual, fraction: float) -> t
     joint = expected("joint", left)
     climate = drive = (0.0, 0.0)
     off = not_drawn = 0.0
-    if process.split and trip.climate_w is not None:
+    if trip.climate_w is not None and "climate" in priors:
         climate = expected("climate", process.limited(trip.climate_w))
         drive = expected("drive", left - trip.climate_w)
         if trip.climate_expected_w is not None and is_off(

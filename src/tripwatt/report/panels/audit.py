@@ -28,7 +28,7 @@ def trips_used(view: View) -> Content | None:
 
 def on_audit(view: View) -> str:
     """How many trips were read, how many each set uses, what the audit did."""
-    used = view.results.get("trips_used") or {}
+    used = _sets(view)
     counts = {
         e["trips"]: e.get("n_trips") for e in view.evaluations if e.get("scheme") == "leave_one_trip_out"
     }
@@ -67,7 +67,7 @@ def audit_table(view: View) -> Table:
 
 def used_table(view: View) -> Table:
     """The trips of each set, and those that were read but are not in it, with the reason."""
-    used: Mapping[str, Sequence[str]] = view.results.get("trips_used") or {}
+    used = _sets(view)
     read = [str(trip) for trip in view.results.get("trips_read") or ()]
     rows = []
     for name, ids in used.items():
@@ -82,6 +82,12 @@ def used_table(view: View) -> Table:
         )
     columns = ("Set", "Number", "Trips", "Read, but not in it")
     return Table(view.captioned("Trips of each set"), columns, tuple(rows), frozenset({0, 2, 3}))
+
+
+def _sets(view: View) -> Mapping[str, Sequence[str]]:
+    """Trips of the sets that the audit decides on; a set by the kind of trip is a part of one of them."""
+    used: Mapping[str, Sequence[str]] = view.results.get("trips_used") or {}
+    return {name: ids for name, ids in used.items() if name in TRIP_SETS}
 
 
 def _why_absent(view: View, name: str, trip: str) -> str:
