@@ -26,7 +26,13 @@ def told(findings):
 
 def samples_of(n=200, start_s=10.0, **columns):
     return pd.DataFrame(
-        {"time_s": start_s + np.arange(n), "speed_m_s": 10.0, "voltage_v": 380.0, "current_a": 20.0, **columns}
+        {
+            "time_s": start_s + np.arange(n),
+            "speed_m_s": 10.0,
+            "voltage_v": 380.0,
+            "current_a": 20.0,
+            **columns,
+        }
     )
 
 
@@ -47,7 +53,9 @@ def test_missing_columns_set_aside_without_a_measured_energy():
     assert [f.consequence for f in missing_columns(counted.assign(speed_m_s=NO), "t")] == ["set aside"]
     by_grade = full.drop(columns="elevation_m").assign(grade=0.0)
     assert list(missing_columns(by_grade, "t")) == []
-    assert [f.what[:22] for f in missing_columns(by_grade.drop(columns="grade"), "t")] == ["no values of elevation"]
+    assert [f.what[:22] for f in missing_columns(by_grade.drop(columns="grade"), "t")] == [
+        "no values of elevation"
+    ]
     (cold,) = missing_columns(full.drop(columns="ambient_temperature_degc"), "t")
     assert cold.what.startswith("no values of outside temperature")
 
@@ -104,9 +112,7 @@ def test_values_at_the_bounds_are_possible(name, low, high):
 
 def test_slow_negative_speeds_are_reversing():
     mended, findings = changed("speed_m_s", [0.0, -5.0, -10.0], speed_m_s=3.0)
-    assert told(findings) == [
-        (61.0, 62.0, "noted", "2 samples of negative speed are treated as reversing")
-    ]
+    assert told(findings) == [(61.0, 62.0, "noted", "2 samples of negative speed are treated as reversing")]
     assert mended["speed_m_s"][49:54].tolist() == [3.0, 0.0, 5.0, 10.0, 3.0]
     mended, findings = changed("speed_m_s", [-10.5], speed_m_s=3.0)
     assert [f.what for f in findings] == ["speed of -10.5 m/s in 1 samples is impossible"]
@@ -159,7 +165,9 @@ def test_a_guess_needs_the_column_and_the_value():
 def test_air_is_never_hotter_than_57_degrees_in_the_mean():
     samples = samples_of(4, ambient_temperature_degc=[50.0, 64.0, NO, 57.0])
     assert blank_fahrenheit(samples, "t")[1] == []
-    mended, (finding,) = blank_fahrenheit(samples.assign(ambient_temperature_degc=[51.0, 64.0, NO, 57.0]), "t")
+    mended, (finding,) = blank_fahrenheit(
+        samples.assign(ambient_temperature_degc=[51.0, 64.0, NO, 57.0]), "t"
+    )
     assert mended["ambient_temperature_degc"].isna().all()
     assert finding.what.startswith("mean outside temperature of 57.3 °C is impossible")
     assert blank_fahrenheit(samples.drop(columns="ambient_temperature_degc"), "t")[1] == []

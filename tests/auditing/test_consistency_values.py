@@ -150,7 +150,11 @@ def test_a_car_that_scatters_is_allowed_five_standard_deviations(error, found):
 
 def test_a_drive_too_short_for_a_step_has_the_usual_resolution():
     """Two steps of 0.02, a hundredth and a tenth of 0.2 are 0.07."""
-    fleet = [*alike(2, step=0.02), leg("C", 12.0, 0.2, step=0.04), *(leg(f"S{k}", 12.0, 0.2) for k in range(5))]
+    fleet = [
+        *alike(2, step=0.02),
+        leg("C", 12.0, 0.2, step=0.04),
+        *(leg(f"S{k}", 12.0, 0.2) for k in range(5)),
+    ]
     assert judged(leg("Odd", 12.0, 0.132), fleet) == []
     assert len(judged(leg("Odd", 12.0, 0.128), fleet)) == 1
     coarse = leg("Odd", 12.0, 0.092, step=0.04)
@@ -168,14 +172,19 @@ def standing(moves, change=0.01, still=10, current_a=36.0):
     """0.01 for every 60 s of 36 A: a battery of 60 Ah; then the state of charge stands."""
     n = moves + still + 1
     soc = 0.8 - change * np.minimum(np.arange(n), moves)
-    return Recorded("T", pd.DataFrame({"time_s": 50.0 + 60.0 * np.arange(n), "soc": soc, "current_a": current_a}))
+    return Recorded(
+        "T", pd.DataFrame({"time_s": 50.0 + 60.0 * np.arange(n), "soc": soc, "current_a": current_a})
+    )
 
 
 def test_a_state_of_charge_that_fits_until_it_stands_has_a_stopped_sensor():
     finding = _stopped_soc(standing(10), 60.0, 0.0)
     assert finding is not None
     assert (finding.from_s, finding.to_s, finding.consequence) == (650.0, 1250.0, "noted")
-    assert finding.what == "state of charge stays at 0.700 while the battery delivers current: the sensor stopped"
+    assert (
+        finding.what
+        == "state of charge stays at 0.700 while the battery delivers current: the sensor stopped"
+    )
     assert _stopped_soc(standing(10), 30.0, 0.0) is None
     assert _stopped_soc(standing(10), 30.0, 1.0) is not None
     assert _stopped_soc(standing(0), 60.0, 0.0) is None
@@ -275,7 +284,9 @@ def test_a_car_weighs_450_to_8000_kilograms(monkeypatch):
 def test_power_is_voltage_times_current(monkeypatch):
     seen = []
     monkeypatch.setattr(consistency, "apparent_mass", lambda *given: seen.append(given))
-    samples = pd.DataFrame({"time_s": [0.0, 9.0], "speed_m_s": 1.0, "voltage_v": 400.0, "current_a": [20.0, -5.0]})
+    samples = pd.DataFrame(
+        {"time_s": [0.0, 9.0], "speed_m_s": 1.0, "voltage_v": 400.0, "current_a": [20.0, -5.0]}
+    )
     assert unit_findings(Recorded("t", samples)) == []
     assert seen[0][2].tolist() == [8000.0, -2000.0]
 

@@ -241,6 +241,7 @@ def test_a_line_keeps_to_a_two_thousandth_of_the_signal_s_range(kink_v, found):
     samples.loc[outside, "voltage_v"] = jagged(201, 60.0, 62.0)[outside]
     samples.loc[[2, 20, 10], "voltage_v"] = [-1e4, -5e3, 0.0]
     samples.loc[[6, 16, 26], "voltage_v"] = [100.0, 5e3, 1e4]
+    samples["voltage_v"] += 300.0
     samples.loc[59, "voltage_v"] += kink_v  # either half is too short by itself
     assert len(gaps(samples)) == found
 

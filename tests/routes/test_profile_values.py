@@ -44,7 +44,9 @@ def test_bounds_of_a_link_style(name, low, high):
             LinkStyle(**{name: value})
 
 
-@pytest.mark.parametrize("name", ["acceleration_m_s2", "deceleration_m_s2", "fluctuation_time_s", "speed_share"])
+@pytest.mark.parametrize(
+    "name", ["acceleration_m_s2", "deceleration_m_s2", "fluctuation_time_s", "speed_share"]
+)
 def test_a_driver_style_is_positive(name):
     for value in (0.0, -1.0, NO, np.inf):
         with pytest.raises(InvalidInput, match=name):
@@ -150,7 +152,12 @@ def dips(length_m, stops, place=1, unknown=True, count=3):
 def test_a_link_has_as_many_stops_as_fit_into_the_time_that_is_left():
     assert pytest.approx(3.75 + 7.5 + 1.25) == A_STOP_S
     assert [dips(3000.0, k) for k in (0.4, 1.4, 1.6, 2.4, 2.6, 7.6)] == [1, 1, 2, 2, 3, 8]
-    assert [dips(3000.0, k, 0) for k in (0.9, 1.1, 1.9, 2.1)] == [0, 1, 1, 2]  # standing at the start is half a stop
+    assert [dips(3000.0, k, 0) for k in (0.9, 1.1, 1.9, 2.1)] == [
+        0,
+        1,
+        1,
+        2,
+    ]  # standing at the start is half a stop
     assert [dips(3000.0, k, 2) for k in (0.9, 1.1, 1.9, 2.1)] == [0, 1, 1, 2]
     assert [dips(3000.0, k, 0, count=1) for k in (1.4, 1.6)] == [0, 1]
     assert dips(3000.0, 3.0, unknown=False) == 0
@@ -201,7 +208,9 @@ def test_what_is_known_of_a_link_before_the_delays():
     assert grid.can_wait.tolist() == [True, False, False, True, True, False]
     np.testing.assert_allclose(grid.fastest, [18.0, 26.0, 10.0, 18.0, 13.0, 18.0], **EXACT)
     np.testing.assert_allclose(
-        grid.ramp, _ramps(grid.position, grid.ends, np.minimum(grid.free, [18, 26, 18, 18, 18, 18]), SOFT), **EXACT
+        grid.ramp,
+        _ramps(grid.position, grid.ends, np.minimum(grid.free, [18, 26, 18, 18, 18, 18]), SOFT),
+        **EXACT,
     )
 
 
@@ -295,7 +304,9 @@ def test_time_that_is_left_is_spent_at_stops():
     np.testing.assert_allclose(wait[[*of_last, 180]], 20.0 / (len(of_last) + 1), **EXACT)
     assert wait.sum() == pytest.approx(50.0)
     drawn = grid.waiting(speed, driving_s, np.random.default_rng(1))
-    share = draw_dwell(np.ones(len(grid.dip_node[speed[grid.dip_node] < 0.5]) + 2), SOFT.driver, np.random.default_rng(1))
+    share = draw_dwell(
+        np.ones(len(grid.dip_node[speed[grid.dip_node] < 0.5]) + 2), SOFT.driver, np.random.default_rng(1)
+    )
     last_share = np.array([*share[-2 - len(of_last) : -2], share[-1]])
     np.testing.assert_allclose(drawn[[*of_last, 180]], 20.0 * last_share / last_share.sum(), **EXACT)
 
@@ -337,7 +348,9 @@ def test_an_unsteady_foot_aims_beside_the_limit_and_varies_its_pressure(aims, fl
     expected = allowed * share
     expected[[0, -1]] = 0.0
     np.testing.assert_allclose(aim, expected, rtol=1e-9)
-    np.testing.assert_allclose(effort, np.clip(1.0 - 2.0 * fluctuation * (1.0 + press), 0.3, 1.0)[1:], rtol=1e-9)
+    np.testing.assert_allclose(
+        effort, np.clip(1.0 - 2.0 * fluctuation * (1.0 + press), 0.3, 1.0)[1:], rtol=1e-9
+    )
 
 
 def test_a_steady_foot_aims_at_its_share_and_stops_where_it_has_to(aims):
