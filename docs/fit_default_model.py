@@ -21,11 +21,17 @@ from tripwatt.vehicles import load_vehicle
 def published(results: Path) -> list[dict[str, Any]]:
     """Scores of the default model, one for each scheme of an evaluation."""
     evaluations = json.loads(results.read_text(encoding="utf-8"))["evaluations"]
-    return [
-        {**{k: v for k, v in e.items() if k != "models"}, **e["models"]["hybrid"]}
-        for e in evaluations
-        if "hybrid" in e["models"]
-    ]
+    found = []
+    for evaluation in evaluations:
+        if "hybrid" in evaluation["models"]:
+            scores = {**evaluation["models"]["hybrid"]}
+            arrival = scores.get("arrival") or {}
+            scores["arrival"] = {
+                start: row and {k: v for k, v in row.items() if k != "reliability"}
+                for start, row in arrival.items()
+            }
+            found.append({**{k: v for k, v in evaluation.items() if k != "models"}, **scores})
+    return found
 
 
 def make(data: Path, results: Path | None = None) -> Path:

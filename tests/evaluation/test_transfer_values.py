@@ -10,7 +10,7 @@ from scipy import stats
 from tripwatt.errors import InvalidInput
 from tripwatt.evaluation import transfer
 from tripwatt.evaluation.folds import Execution, run_folds
-from tripwatt.evaluation.metrics import PairedDifference, bootstrap_interval
+from tripwatt.evaluation.metrics import bootstrap_interval, leaves_out_zero, paired_difference
 from tripwatt.evaluation.protocol import FoldResult
 from tripwatt.evaluation.results import _plain, paired_summary, summary_of
 from tripwatt.evaluation.transfer import _bars, _by_car, _Car, _check, _forecasts, _paired, _period, _require
@@ -322,7 +322,24 @@ def test_the_interval_of_a_mean_has_ten_thousand_draws_and_95_percent():
 
 def test_an_interval_that_ends_at_zero_is_not_significant():
     cases = [(-0.2, -0.1), (-0.2, 0.0), (-0.1, 0.1), (0.0, 0.2), (0.1, 0.2)]
-    assert [PairedDifference(0.0, ci).significant for ci in cases] == [True, False, False, False, True]
+    assert [leaves_out_zero(ci, lambda _: (0.1, 0.2)) for ci in cases] == [True, False, False, False, True]
+
+
+def test_an_interval_near_zero_has_to_leave_it_out_for_every_seed():
+    asked = []
+
+    def again(seed: int, crossing: int = 0) -> tuple[float, float]:
+        asked.append(seed)
+        return (-0.001, 0.1) if seed == crossing else (0.001, 0.1)
+
+    assert leaves_out_zero((0.01, 0.1), again)  # further from 0 than a tenth of its width
+    assert asked == []
+    assert leaves_out_zero((0.009, 0.1), again)
+    assert asked == list(range(1, 40))
+    assert not leaves_out_zero((0.009, 0.1), lambda seed: again(seed, 39))
+    assert not leaves_out_zero((-0.1, -0.009), lambda seed: again(seed, 1))
+    difference = paired_difference(np.array([0.1, 0.2, 0.35]), np.array([0.1, 0.1, 0.1]), 3)
+    assert difference.significant is (difference.ci95[0] > 0.0)
 
 
 def frame_of(**models):
