@@ -38,7 +38,7 @@ from tripwatt.uncertainty import (
     UncertaintyModel,
     UpdateShrinkage,
 )
-from tripwatt.uncertainty.process import ComponentProcess
+from tripwatt.uncertainty.residual_power import ComponentProcess
 from tripwatt.uncertainty.scale import TimeCourse
 from tripwatt.vehicles import Vehicle, vehicle_from_document
 

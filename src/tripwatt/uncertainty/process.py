@@ -23,7 +23,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import BoolArray, FloatArray
-from tripwatt.uncertainty.residual_power import PowerPrior
+from tripwatt.uncertainty.residual_power import ComponentProcess, PowerPrior
 from tripwatt.units import SECONDS_PER_HOUR
 
 _LOG_BOUND: Final = 4.6  # parameters stay within a factor of 100 of their start
@@ -79,33 +79,6 @@ class Segments:
     def drive_noise_w(self) -> FloatArray:
         """Scale of what is new in every segment of the driving component: it grows with the power that is moved [W]."""
         return FLOOR_W + MOVED_SHARE * self.moved_w
-
-
-@dataclass(frozen=True, slots=True)
-class ComponentProcess:
-    """Covariance of one component's residual power.
-
-    Attributes
-    ----------
-    constant_sd_w : float
-        Standard deviation of the trip's constant [W].
-    share_sd : float
-        Standard deviation of the trip's share of the power that the component moves.
-    drift_sd_w, drift_time_s : float
-        Standard deviation [W] and correlation time [s] of the drift.
-    noise : float
-        Standard deviation of what is new in each segment, over the component's scale of it.
-    onset, onset_time_s : float
-        The drift's variance is ``1 + onset² exp(-t / onset_time_s)`` times as large t seconds after departure.
-    """
-
-    constant_sd_w: float
-    share_sd: float
-    drift_sd_w: float
-    drift_time_s: float
-    noise: float
-    onset: float = 0.0
-    onset_time_s: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,19 +11,43 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import Final, Protocol
 
 import numpy as np
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
 
-if TYPE_CHECKING:
-    from tripwatt.uncertainty.process import ComponentProcess
-
 _TOGETHER: Final = 64
 """Segments whose drifts are summed with one matrix product."""
 _NOTHING_H: Final = 1e-9
 """Less of a segment than this was measured as a whole [h]."""
+
+
+@dataclass(frozen=True, slots=True)
+class ComponentProcess:
+    """Covariance of one component's residual power.
+
+    Attributes
+    ----------
+    constant_sd_w : float
+        Standard deviation of the trip's constant [W].
+    share_sd : float
+        Standard deviation of the trip's share of the power that the component moves.
+    drift_sd_w, drift_time_s : float
+        Standard deviation [W] and correlation time [s] of the drift.
+    noise : float
+        Standard deviation of what is new in each segment, over the component's scale of it.
+    onset, onset_time_s : float
+        The drift's variance is ``1 + onset² exp(-t / onset_time_s)`` times as large t seconds after departure.
+    """
+
+    constant_sd_w: float
+    share_sd: float
+    drift_sd_w: float
+    drift_time_s: float
+    noise: float
+    onset: float = 0.0
+    onset_time_s: float = 1.0
 
 
 class ResidualPower(Protocol):
