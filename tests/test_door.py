@@ -186,3 +186,20 @@ def test_sentences_have_the_figures_of_their_flags(flag, said):
         "unit": flag.unit,
         "message": said,
     }
+
+
+def test_forecast_takes_what_read_route_reads(model):
+    departure = tw.Departure(soc=0.8, ambient_temperature_degc=-5)
+    plan = tw.read_route(LINKS)
+    assert tw.forecast(LINKS, departure).energy_wh == model.forecast(plan, departure).energy_wh
+    with pytest.raises(tw.InvalidInput, match=r"departure: got 0\.7; allowed: a Departure"):
+        tw.forecast(plan, 0.7)
+
+
+def test_a_file_of_the_tum_set_is_a_speed_trace(data_dir):
+    file = data_dir / "tum" / "TripB05.csv"
+    plan = tw.read_route(file)
+    (trip,) = (t for t in tw.read_logs(data_dir / "tum", "tum").trips if t.trip_id == "TripB05")
+    assert plan.distance_m == pytest.approx(trip.distance_m, rel=1e-3)
+    assert plan.departure.soc == trip.departure.soc
+    assert plan.departure.ambient_temperature_degc == trip.departure.ambient_temperature_degc

@@ -23,6 +23,7 @@ from tripwatt.routes.links import LinkRoute
 from tripwatt.routes.tracks import Track
 from tripwatt.sources import read_logs
 from tripwatt.sources.canonical import read_canonical
+from tripwatt.sources.tum import is_tum_log, read_tum_file
 from tripwatt.transfer.adapting import adaptation
 from tripwatt.transfer.zero_shot import on_vehicle
 from tripwatt.trips import Departure, Fleet, Plan, Trip, plan_from_samples, plan_from_trip
@@ -42,7 +43,7 @@ def read_route(
     source : path, bytes or sequence of mapping
         A file or its content: links as CSV or JSON, GPX, GeoJSON, a saved response of OSRM, Valhalla,
         openrouteservice or GraphHopper; or a driven speed trace as CSV or Parquet with canonical columns, of whose
-        other signals the first sample becomes the departure. Or links themselves, as `route_from_links` takes them.
+        other signals the first sample becomes the departure, or a file of the TUM set. Or links themselves, as `route_from_links` takes them.
     speed_m_s : float, optional
         Mean speed [m/s] of a track without times and speeds.
     trip_id : str, optional
@@ -70,6 +71,8 @@ def read_route(
         return _planned(parse_route(source), where, speed_m_s, named)
     if speed_m_s is not None:
         raise InvalidInput(_without_effect(Path(source).name))
+    if is_tum_log(Path(source)):
+        return plan_from_samples(read_tum_file(Path(source), named).samples, named)
     return plan_from_samples(read_canonical(source), named)
 
 
@@ -107,7 +110,7 @@ def read_trips(path: Path | str, dataset: str = "tum", mapping: Path | str | Non
 
 
 def forecast(
-    plan: Plan | Trip,
+    plan: Plan | Trip | Path | str | bytes | Sequence[Mapping[str, float | None]],
     departure: Departure | None = None,
     *,
     model: ForecastModel | Path | str | None = None,
@@ -117,8 +120,7 @@ def forecast(
 
     Parameters
     ----------
-    plan : Plan or Trip
-        From `read_route`.
+    plan : Plan or Trip, or what `read_route` reads
     departure : Departure, optional
         Its known fields take the place of those of the plan.
     model : ForecastModel or path, optional
@@ -129,7 +131,7 @@ def forecast(
     Raises
     ------
     InvalidInput
-        As `load_model`, `load_vehicle` and `ForecastModel.forecast`.
+        As `read_route`, `load_model`, `load_vehicle` and `ForecastModel.forecast`; also for a departure of another type.
 
     Examples
     --------
@@ -137,6 +139,11 @@ def forecast(
     >>> forecast(plan, Departure(soc=0.8, ambient_temperature_degc=-5)).plan.departure
     Departure(soc=0.8, ambient_temperature_degc=-5)
     """
+    if departure is not None and not isinstance(departure, Departure):
+        got, fix = f"{departure!r}"[:40], "for example Departure(soc=0.8)"
+        raise InvalidInput(Fault("unknown type", "departure", got, "a Departure", fix))
+    if not isinstance(plan, Plan | Trip):
+        plan = read_route(plan)
     fitted = model if isinstance(model, ForecastModel) else load_model(model)
     own, flags = on_vehicle(fitted, vehicle)
     found = own.forecast(plan, departure)

@@ -297,6 +297,7 @@ def _show_forecast(found: Forecast, reserve: float) -> None:
     (low, high), (least, most) = found.interval(0.9), found.soc_interval(0.9)
     when = "before departure" if found.measured_until_s <= 0.0 else f"after {period(found.measured_until_s)}"
     rows = [
+        ("car", found.vehicle.title),
         ("energy", f"{found.energy_wh / 1000.0:.2f} kWh"),
         ("90 % interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
         ("state of charge at arrival", f"{100.0 * found.soc_arrival:.0f} %"),

@@ -35,6 +35,12 @@ def print_json(value: object) -> None:
     typer.echo(json.dumps(value, allow_nan=False, ensure_ascii=False))
 
 
+NARROWEST: Final = 12
+"""Characters of a line that a column which may break has at least."""
+WIDEST: Final = 10_000
+"""Characters of a line that no table reaches."""
+
+
 def print_table(
     title: str,
     columns: Sequence[str],
@@ -45,21 +51,27 @@ def print_table(
 ) -> None:
     """A table on standard output. Columns in `numbers` stand to the right, those in `folding` may break lines."""
     from rich.box import SIMPLE
+    from rich.cells import cell_len
     from rich.table import Table
 
+    rows = list(rows)
     table = Table(box=SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
-    for column in columns:
+    for k, column in enumerate(columns):
+        longest = max([cell_len(column), *(cell_len(row[k]) for row in rows)])
         table.add_column(
             column,
             justify="right" if column in numbers else "left",
             no_wrap=column not in folding,
             overflow="fold",
+            min_width=min(longest, NARROWEST) if column in folding else longest,
         )
     for row in rows:
         table.add_row(*row)
     shown = console(sys.stdout)
     shown.print(title)
-    shown.print(table)
+    # a column that does not fit would lose its ends, and numbers their last digits: the terminal breaks the line instead
+    least = shown.measure(table, options=shown.options.update(max_width=WIDEST)).minimum
+    shown.print(table, width=max(shown.width, least), crop=False)
 
 
 def _sentence(flag: Flag) -> str:

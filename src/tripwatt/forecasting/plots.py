@@ -81,7 +81,7 @@ def plot_forecast(
             axis.axvline(measured_until_s / 60.0, color=_TOTAL, lw=1, ls=":")
         axis.set_ylabel(label)
     soc.set_xlabel("time [min]")
-    energy.set_title("with the central 90 %", fontsize="medium")
+    energy.set_title("expected, with the central 90 % interval", fontsize="medium")
     _waterfall(figure.add_subplot(grid[:, 1]), by_cause_wh)
     figure.suptitle(title)
     return figure
@@ -144,10 +144,17 @@ def _waterfall(axis: Any, by_cause_wh: Mapping[str, float]) -> None:
     axis.barh(len(sizes), ends[-1], color=_TOTAL)
     for place, (end, size) in enumerate(zip(ends, sizes, strict=True)):
         axis.annotate(
-            f"{size:+.2f}", (max(end, end - size), place), (4, 0), textcoords="offset points", va="center"
+            f"{round(size, 2) + 0.0:+.2f}",
+            (max(end, end - size), place),
+            (4, 0),
+            textcoords="offset points",
+            va="center",
         )
     axis.annotate(f"{ends[-1]:.2f}", (ends[-1], len(sizes)), (4, 0), textcoords="offset points", va="center")
     axis.set_yticks([*places, len(sizes)], [*(CAUSE_NAMES.get(k, k) for k in values), "total"])
     axis.invert_yaxis()
-    axis.margins(x=0.15)
+    reach = np.concatenate([ends, ends - sizes, [0.0]])
+    low, high = float(reach.min()), float(reach.max())
+    # bars stick to the limits of an axis, their numbers stand beside them
+    axis.set_xlim(low - 0.03 * (high - low) * (low < 0.0), high + 0.18 * (high - low))
     axis.set_xlabel("energy at the battery terminals [kWh]")

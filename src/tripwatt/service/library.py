@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
+from tripwatt.forecasting import load_model
 from tripwatt.physics.battery import open_circuit_voltage
 from tripwatt.routes import LinkRoute
 from tripwatt.synthetic import synthetic_fleet
@@ -64,12 +65,16 @@ def vehicles() -> tuple[dict[str, Any], ...]:
 @cache
 def examples() -> dict[str, dict[str, Any]]:
     """Return synthetic trips as examples, by name."""
+    charge = load_model().fitted_parts("examples")[1].charge
     battery = load_vehicle(EXAMPLE_CAR).battery
     found = {}
     for trip in synthetic_fleet(EXAMPLE_COUNT).trips:
         known = trip.departure.to_dict()
         at_departure: dict[str, Any] = {name: known[name] for name in ASKED if name in known}
-        at_departure["soc"] = float(battery.displayed_from_soc(trip.array("soc")[0]))
+        managed = float(trip.array("soc")[0])
+        # as the bundled model reads the samples on the way, so that the curve starts where the departure does
+        shown = battery.displayed_from_soc(managed) if charge is None else charge.displayed(managed)
+        at_departure["soc"] = float(np.clip(shown, 0.0, 1.0))
         route = [c for c in ("time_s", "speed_m_s", "elevation_m") if c in trip]
         measured = [c for c in ("time_s", "voltage_v", "current_a", "soc") if c in trip]
         found[trip.trip_id] = {

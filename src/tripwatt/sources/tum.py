@@ -207,6 +207,19 @@ def trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:
     return files, ([Flag("files_not_read", "CSV files", float(others), "1")] if others else [])
 
 
+def is_tum_log(path: Path) -> bool:
+    """Whether a CSV file has the speed and the time of the TUM set in its first line; False for one that cannot be read."""
+    if path.suffix.lower() != ".csv":
+        return False
+    try:
+        with path.open("rb") as file:
+            head = file.read(4096).decode("latin-1")
+    except OSError:
+        return False
+    names = {column_key(name) for name in re.split(r"[;,\t]", head.splitlines()[0])} if head else set()
+    return {column_key("Time [s]"), column_key("Velocity [km/h]")} <= names
+
+
 def read_tum_file(
     path: Path, trip_id: str, context: Context | None = None, columns: frozenset[str] | None = None
 ) -> Log:

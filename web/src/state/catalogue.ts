@@ -4,7 +4,7 @@ import { batch, effect, signal } from "@preact/signals";
 import { listExamples, listModels, listVehicles, loadExample, readRoute } from "../api/client";
 import type { ExampleSummary } from "../api/types";
 import { type Car, car, chooseFirst, models, vehicles } from "./car";
-import { type Conditions, conditions } from "./conditions";
+import { type Conditions, conditions, USUAL } from "./conditions";
 import { reportProblem, problem } from "./forecast";
 import { readStored, writeStored } from "./preferences";
 import { type Source, type Trip, trip, tripFromExample, tripFromRoute } from "./trip";
@@ -88,7 +88,7 @@ export async function startPage(): Promise<void> {
     const found = await whileLoading({ what: "trip" }, () => loadExample(known.trip));
     if (!found) return;
     const same = known.trip === last.example && last.conditions !== undefined;
-    if (same) conditions.value = last.conditions as Conditions;
+    if (same) conditions.value = { ...USUAL, ...last.conditions };
     const next = tripFromExample(found);
     show(next, same ? { ...next.start, ...last.conditions } : next.start);
   }

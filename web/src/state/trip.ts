@@ -5,7 +5,7 @@ import type { Columns, Example, Flag, Link, Route } from "../api/types";
 import { atMotorwaySpeed } from "../model/links";
 import { type Profile, profileFromSamples } from "../model/profile";
 import type { Car } from "./car";
-import { type Conditions, fieldsOf, USUAL, type StartTemperatures } from "./conditions";
+import { type Conditions, conditions, fieldsOf, USUAL, type StartTemperatures } from "./conditions";
 
 const ROAD = ["time_s", "speed_m_s", "elevation_m", "grade"];
 const MEASURED = ["time_s", "voltage_v", "current_a", "soc", "displayed_soc"];
@@ -42,15 +42,17 @@ function membersOf(object: object): string {
   return JSON.stringify(object).slice(1, -1);
 }
 
-function conditionsFrom(known: Record<string, unknown>): Conditions {
+/** Conditions as far as they are known; the others are the usual ones, or those of before. */
+function conditionsFrom(known: Record<string, unknown>, before: Conditions = USUAL): Conditions {
   const number = (name: string, usual: number) =>
     typeof known[name] === "number" ? (known[name] as number) : usual;
   return {
-    ...USUAL,
-    ambientDegc: number("ambient_temperature_degc", USUAL.ambientDegc),
-    setpointDegc: number("cabin_setpoint_degc", USUAL.setpointDegc),
-    soc: Math.min(number("soc", USUAL.soc), FULL_SOC),
-    payloadKg: number("payload_mass_kg", USUAL.payloadKg),
+    ...before,
+    motorwayMS: null,
+    ambientDegc: number("ambient_temperature_degc", before.ambientDegc),
+    setpointDegc: number("cabin_setpoint_degc", before.setpointDegc),
+    soc: Math.min(number("soc", before.soc), FULL_SOC),
+    payloadKg: number("payload_mass_kg", before.payloadKg),
     beforeDeparture: typeof known.cabin_temperature_degc === "number" ? "logged" : "parked",
   };
 }
@@ -104,7 +106,7 @@ export function tripFromRoute(route: Route, title: string, source: Source): Trip
     profile: profileFromSamples(route.samples),
     observed: isMeasured(measured) ? measured : null,
     logged: startTemperaturesFrom(first),
-    start: conditionsFrom(first),
+    start: conditionsFrom(first, conditions.value),
   };
 }
 

@@ -1,0 +1,23 @@
+"""Tables of the command line lose nothing in a narrow terminal."""
+
+import io
+import sys
+
+import pytest
+from rich.console import Console
+
+from tripwatt.cli import printing
+
+
+@pytest.mark.parametrize("width", [20, 40, 200])
+def test_a_narrow_terminal_cuts_no_number(monkeypatch: pytest.MonkeyPatch, width: int) -> None:
+    shown = Console(file=io.StringIO(), width=width)
+    monkeypatch.setattr(printing, "console", lambda stream=sys.stderr: shown)
+    rows = [("elevation_m", "-500 to 9000", "words that may break"), ("speed_m_s", "0 to 90", "more words")]
+    printing.print_table("Inputs", ("input", "allowed", "meaning"), rows, folding=("meaning",))
+    lines = shown.file.getvalue().splitlines()
+    assert lines[0] == "Inputs"
+    (elevation,) = (line for line in lines if "elevation_m" in line)
+    assert "-500 to 9000" in elevation
+    for word in ["words", "that", "may", "break", "more"]:
+        assert any(word in line for line in lines)
