@@ -37,8 +37,8 @@ def print_json(value: object) -> None:
 
 NARROWEST: Final = 12
 """Characters of a line that a column which may break has at least."""
-WIDEST: Final = 10_000
-"""Characters of a line that no table reaches."""
+PADDING: Final = 2
+"""Characters between two columns."""
 
 
 def print_table(
@@ -56,22 +56,25 @@ def print_table(
 
     rows = list(rows)
     table = Table(box=SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
+    needed = 0
     for k, column in enumerate(columns):
         longest = max([cell_len(column), *(cell_len(row[k]) for row in rows)])
+        least = min(longest, NARROWEST) if column in folding else longest
+        needed += least + PADDING
         table.add_column(
             column,
             justify="right" if column in numbers else "left",
             no_wrap=column not in folding,
             overflow="fold",
-            min_width=min(longest, NARROWEST) if column in folding else longest,
+            min_width=least,
         )
     for row in rows:
         table.add_row(*row)
     shown = console(sys.stdout)
     shown.print(title)
     # a column that does not fit would lose its ends, and numbers their last digits: the terminal breaks the line instead
-    least = shown.measure(table, options=shown.options.update(max_width=WIDEST)).minimum
-    shown.print(table, width=max(shown.width, least), crop=False)
+    shown.width = max(shown.width, needed)
+    shown.print(table, crop=False)
 
 
 def _sentence(flag: Flag) -> str:
