@@ -20,10 +20,7 @@ from tripwatt.errors import Fault, InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import Forecast
-    from tripwatt.trips import Departure, Flag, Plan
 
-FAR_K: Final = 10.0
-"""A cabin or battery so far from the air outside is worth a word when the air was chosen."""
 PLOT_SUFFIXES: Final = (".png", ".svg", ".pdf")
 
 
@@ -220,27 +217,12 @@ def forecast(
         fitted, flags = on_vehicle(got["model"], got["car"])
     plan, departure = got["plan"], got["departure"]
     found = fitted.forecast(plan, departure)
-    found = replace(found, flags=(*flags, *found.flags, *_still_warm(plan, departure)))
+    found = replace(found, flags=(*flags, *found.flags))
     if observed is not None:
         found = found.update(got["observed"])
     if plot is not None:
         _draw(found, plot)
     print_json(found.to_dict(reserve)) if as_json else _show_forecast(found, reserve)
-
-
-def _still_warm(plan: Plan, given: Departure) -> list[Flag]:
-    """Temperatures of the file that are far from the outside temperature that was given."""
-    from tripwatt.trips import Flag
-
-    ambient = given.ambient_temperature_degc
-    flags = []
-    for name in ("cabin_temperature_degc", "battery_temperature_degc"):
-        start = getattr(plan.departure, name)
-        if ambient is None or getattr(given, name) is not None or start is None:
-            continue
-        if abs(start - ambient) > FAR_K:
-            flags.append(Flag("file_value_kept", name, start, "degc"))
-    return flags
 
 
 def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:

@@ -19,7 +19,13 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.donor import DonorModel
 from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.forecasting.forecast import Forecast
-from tripwatt.forecasting.ranges import Range, compare, training_ranges, unknown_state_sd_wh
+from tripwatt.forecasting.ranges import (
+    Range,
+    compare,
+    kept_temperatures,
+    training_ranges,
+    unknown_state_sd_wh,
+)
 from tripwatt.hybrid import PowerCorrector, SegmentTable, power_corrector, segment_table, segment_trips
 from tripwatt.hybrid.hierarchy import Members
 from tripwatt.physics import simulate_trip
@@ -220,15 +226,16 @@ class ForecastModel:
         >>> bool(cold.energy_wh > mild.energy_wh)
         True
         """
-        plan = (trip if isinstance(trip, Plan) else plan_from_trip(trip)).with_departure(departure)
+        own = trip if isinstance(trip, Plan) else plan_from_trip(trip)
+        plan = own.with_departure(departure)
         corrector, uncertainty = self.fitted_parts("forecast")
         simulation = simulate_trip(self.vehicle, plan)
         table = segment_table(plan, simulation)
-        correction, own = corrector.predict_with_uncertainty(table)
+        correction, factor = corrector.predict_with_uncertainty(table)
         if plan.departure.climate == "off":
             climate = corrector.predict_climate(table)
             correction = correction if climate is None else correction - climate
-        segments = process_segments(table, own, corrector.outside_factor(table))
+        segments = process_segments(table, factor, corrector.outside_factor(table))
         drive = ExpectedDrive(plan, self.vehicle, simulation, table, segments, corrector, correction)
         posterior = uncertainty.process.prior(segments)
         unfamiliar = compare(table, self.ranges_)
@@ -238,7 +245,12 @@ class ForecastModel:
             posterior,
             sd_factor=uncertainty.scale.sd_wh(segments) / float(posterior.energy_wh(segments.hours)[1][-1]),
             state_sd_wh=unknown_state_sd_wh(self.vehicle, unfamiliar.unknown, float(segments.hours.sum())),
-            flags=(*unfamiliar.flags, *_assumed(drive), *simulation.flags),
+            flags=(
+                *unfamiliar.flags,
+                *_assumed(drive),
+                *simulation.flags,
+                *kept_temperatures(own, departure),
+            ),
         )
         return forecast.with_route_error(uncertainty.route)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from tripwatt.hybrid import SegmentTable
 from tripwatt.physics.cabin import heat_pump_cop
-from tripwatt.trips import TEMPERATURES, Flag
+from tripwatt.trips import TEMPERATURES, Departure, Flag, Plan
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
@@ -47,6 +47,9 @@ of a year in central Europe. Set-point: drivers choose 20 to 23 °C. Cabin and b
 stood outside and one from a garage or from a drive."""
 BATTERY_W_PER_K: Final = 10.0
 """Power by a kelvin of the battery at departure [W/K]: its resistance changes by 2 to 3 % of a loss of 300 to 500 W."""
+
+FAR_K: Final = 10.0
+"""A cabin or battery this far from the outside temperature that was given came from elsewhere than this parking space."""
 
 NEVER_KNOWN: Final = Range(-np.inf, np.inf, 1.0)
 """Range of a quantity that no training trip has."""
@@ -110,6 +113,19 @@ def unknown_state_sd_wh(vehicle: Vehicle, unknown: Collection[str], hours: float
                 heat_wh_k = min(heat_wh_k, stored / SECONDS_PER_HOUR)
             parts.append(kelvin * heat_wh_k * cost)
     return float(np.linalg.norm(parts))
+
+
+def kept_temperatures(plan: Plan, given: Departure | None) -> list[Flag]:
+    """Flags of temperatures of the plan that are far from the outside temperature that was given with it."""
+    ambient = None if given is None else given.ambient_temperature_degc
+    if given is None or ambient is None:
+        return []
+    flags = []
+    for name in ("cabin_temperature_degc", "battery_temperature_degc"):
+        start = getattr(plan.departure, name)
+        if getattr(given, name) is None and start is not None and abs(start - ambient) > FAR_K:
+            flags.append(Flag("file_value_kept", name, start, "degc"))
+    return flags
 
 
 def compare(table: SegmentTable, ranges: Mapping[str, Range]) -> Unfamiliar:
