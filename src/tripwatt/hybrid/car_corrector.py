@@ -7,7 +7,7 @@ from typing import Final, NoReturn
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, eigen
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.hybrid.hierarchy import CarTransfer, Members, Posterior
 from tripwatt.hybrid.power import less_trip_mean
@@ -67,7 +67,7 @@ class HierarchicalCorrector:
                     onto[row, 3 * features + j] = 1.0
                     moved[row, 3 * features + j] = float(parameter.name not in calibrated)
         covariance = onto @ posterior.covariance @ onto.T
-        values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
+        values, vectors = eigen(0.5 * (covariance + covariance.T))
         kept = values > _SMALLEST * max(float(values[-1]), 0.0)
         factor = vectors[:, kept] * np.sqrt(values[kept])
         factor = np.asarray(factor, dtype=np.float32).astype(np.float64)  # as it is stored: half the size

@@ -19,7 +19,7 @@ import numpy.typing as npt
 import pandas as pd
 from numpy.linalg import cholesky, solve
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, eigen
 from tripwatt.errors import Fault, InvalidInput
 
 _JITTER: Final = 1e-8
@@ -312,7 +312,7 @@ class AdditiveGP:
         gain = solve(K, totals * prior).T
         self.weights_ = np.asarray(gain @ target)
         covariance = np.diag(prior) - gain @ (totals * prior)
-        values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
+        values, vectors = eigen(0.5 * (covariance + covariance.T))
         self.factor_ = np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
     def _variances(
