@@ -5,8 +5,8 @@ export OPENBLAS_NUM_THREADS ?= 1
 PYTHON ?= python3
 DATA ?=
 OUT ?= out
-# one more than the cores of a small machine: some tests wait for processes
-WORKERS ?= 3
+# processes that run the tests
+WORKERS ?= 2
 PIP_INSTALL = -m pip install --quiet --disable-pip-version-check
 UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 

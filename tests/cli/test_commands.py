@@ -281,7 +281,7 @@ def mark(fold: Path) -> None:
 
 def test_a_run_that_is_interrupted_resumes_to_the_identical_table(tables: Path, tmp_path: Path) -> None:
     def arguments(out: Path, jobs: int = 1) -> list[str]:
-        models = "constant,physics-paper,linear4"
+        models = "constant,physics-paper,forest"
         return command(
             "evaluate", tables, "--dataset", "table", "--models", models, "--jobs", jobs, "--out", out
         )
