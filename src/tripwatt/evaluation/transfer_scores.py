@@ -11,7 +11,6 @@ from tripwatt.evaluation.metrics import leaves_out_zero
 from tripwatt.hybrid.hierarchy import DrawsForecast
 
 RESAMPLES: Final = 4000
-BAND: Final = 0.9
 _HALF: Final = 1.6448536269514722  # standard deviations of the central 90 % of a normal distribution
 
 
