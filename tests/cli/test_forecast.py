@@ -160,6 +160,7 @@ def test_fit_writes_a_model_that_forecast_and_inspect_take(run: Run, trip: Path,
     out = tmp_path / "model"
     answer = run("fit", "--out", out, "--corrector", "linear", "--set", "mass=1300")
     assert answer.code == 0
+    assert "fitted on 32 trips (synthetic)" in answer.out
     assert "synthetic" in answer.out
     assert "given the driven speed trace" in answer.out
     assert "the trips are synthetic" in answer.err

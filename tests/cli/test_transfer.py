@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import shutil
 import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from tests.support import ROOT
 
@@ -72,11 +74,16 @@ def test_fit_on_a_base_with_one_trip_of_a_table(
         synthetic_fleet(9, seed=12), load_vehicle("bmw_i3_60ah"), corrector="linear"
     )
     save_model(model, base, provenance=provenance, evaluation=figures)
-    one = sorted(logs.glob("*.csv"))[0]
+    some = tmp_path / "logs"
+    some.mkdir()
+    sound = sorted(logs.glob("*.csv"))[0]
+    shutil.copy(sound, some)
+    wrong = pd.read_csv(sound).assign(ampere=lambda samples: -samples["ampere"])
+    wrong.to_csv(some / "wrong_sign.csv", index=False)
     table = ("--dataset", "table", "--mapping", logs.parent / "my.toml", "--vehicle", "nissan_leaf_24")
     out = tmp_path / "leaf"
-    assert run(monkeypatch, "fit", one, *table, "--base", base, "--out", out) == 0
-    assert "adapted to 1 trips" in capsys.readouterr().out
+    assert run(monkeypatch, "fit", some, *table, "--base", base, "--out", out) == 0
+    assert "adapted to 1 trips of 2 (`tripwatt audit` has the reasons)" in capsys.readouterr().out
     about = load_metadata(out)
     assert about["provenance"]["base"]["sha256"] == load_metadata(base)["sha256"]
     assert about["provenance"]["adapted"]["trips"] == 1

@@ -63,6 +63,14 @@ def test_quantiles_and_levels_agree(forecast):
     assert forecast.to_dict()["quantiles_wh"]["0.5"] == pytest.approx(forecast.energy_wh, rel=1e-12)
 
 
+ASSUMED_DEGC = {
+    "ambient_temperature_degc": 20.0,
+    "battery_temperature_degc": KNOWN.ambient_temperature_degc,
+    "cabin_temperature_degc": KNOWN.ambient_temperature_degc,
+    "cabin_setpoint_degc": 22.0,
+}
+
+
 @pytest.mark.parametrize(
     ("unknown", "flag"),
     [
@@ -76,8 +84,10 @@ def test_quantiles_and_levels_agree(forecast):
 def test_each_thing_that_is_unknown_has_its_flag(unknown, flag):
     whole = {(f.code, f.subject) for f in tw.forecast(tw.read_route(LINKS), departure=KNOWN).flags}
     part = dataclasses.replace(KNOWN, **{unknown: None})
-    found = {(f.code, f.subject) for f in tw.forecast(tw.read_route(LINKS), departure=part).flags}
+    forecast = tw.forecast(tw.read_route(LINKS), departure=part)
+    found = {(f.code, f.subject) for f in forecast.flags}
     assert flag in found - whole
+    assert {f.value for f in forecast.flags if f.code == "usual_value_assumed"} <= {ASSUMED_DEGC.get(unknown)}
     assert ("no_elevation", "road") not in found
     flat = [{name: value for name, value in link.items() if name != "grade"} for link in LINKS]
     assert ("no_elevation", "road") in {

@@ -174,7 +174,9 @@ def _show_fit(
         print_json({"model": str(out), "data": fleet.name, "evaluation": brief, "notes": notes})
         return
     how = "adapted to" if figures.get("protocol") == PROTOCOL else "fitted on"
-    typer.echo(f"model: {out}, {how} {figures['trips']} trips ({fleet.name})")
+    used, read = figures["trips"], len(fleet.trips)
+    others = f" of {read} (`tripwatt audit` has the reasons)" if used < read else ""
+    typer.echo(f"model: {out}, {how} {used} trips{others} ({fleet.name})")
     typer.echo(
         f"held-out trips: mean error {figures['mape']:.1%}, RMSE {figures['rmse_wh'] / 1000.0:.3f} kWh, "
         f"{figures['given']}"

@@ -238,7 +238,7 @@ class ForecastModel:
         segments = process_segments(table, factor, corrector.outside_factor(table))
         drive = ExpectedDrive(plan, self.vehicle, simulation, table, segments, corrector, correction)
         posterior = uncertainty.process.prior(segments)
-        unfamiliar = compare(table, self.ranges_)
+        unfamiliar = compare(table, self.ranges_, self.vehicle, plan.departure)
         forecast = Forecast(
             drive,
             uncertainty,

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.hybrid import SegmentTable
+from tripwatt.physics import conditions_at_departure
 from tripwatt.physics.cabin import heat_pump_cop
 from tripwatt.trips import TEMPERATURES, Departure, Flag, Plan
 from tripwatt.units import SECONDS_PER_HOUR
@@ -63,18 +64,20 @@ class Unfamiliar:
     ----------
     outside : mapping of str to float
         Quantity -> distance outside its range, in standard deviations.
-    unknown : tuple of str
-        Temperatures that training trips have and the departure has not.
+    unknown : mapping of str to float
+        Temperatures that training trips have and the departure has not -> what is assumed [°C].
     """
 
     outside: Mapping[str, float] = field(default_factory=dict)
-    unknown: tuple[str, ...] = ()
+    unknown: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def flags(self) -> list[Flag]:
         """A flag for each of them."""
         outside = [Flag("outside_training", name, beyond, "sd") for name, beyond in self.outside.items()]
-        return outside + [Flag("usual_value_assumed", name) for name in self.unknown]
+        return outside + [
+            Flag("usual_value_assumed", name, value, "degc") for name, value in self.unknown.items()
+        ]
 
 
 def unknown_state_sd_wh(vehicle: Vehicle, unknown: Collection[str], hours: float) -> float:
@@ -128,18 +131,28 @@ def kept_temperatures(plan: Plan, given: Departure | None) -> list[Flag]:
     return flags
 
 
-def compare(table: SegmentTable, ranges: Mapping[str, Range]) -> Unfamiliar:
-    """Compare a trip with the training ranges; `table` holds that one trip."""
+def compare(
+    table: SegmentTable, ranges: Mapping[str, Range], vehicle: Vehicle, departure: Departure
+) -> Unfamiliar:
+    """Compare a trip of a car with the training ranges; `table` holds that one trip."""
     known = _watched(table)
+    conditions = conditions_at_departure(vehicle, departure)
+    cabin = conditions.cabin_start(vehicle)
+    assumed = {
+        "ambient_temperature_degc": conditions.ambient_temperature_degc,
+        "cabin_temperature_degc": cabin.temperature_degc,
+        "cabin_setpoint_degc": cabin.setpoint_degc,
+        "battery_temperature_degc": conditions.battery_start_degc,
+    }
     outside = {name: ranges[name].beyond(value) for name, value in known.items()}
     return Unfamiliar(
         {name: beyond for name, beyond in outside.items() if beyond > 0.0},
-        tuple(
-            name
+        {
+            name: assumed[name]
             for name in TEMPERATURES
             # a temperature that no training trip has is none that the corrector uses
             if not np.isfinite(known[name]) and np.isfinite(ranges[name].low)
-        ),
+        },
     )
 
 

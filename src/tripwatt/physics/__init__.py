@@ -2,6 +2,14 @@
 
 from tripwatt.physics.conditions import DriveConditions
 from tripwatt.physics.road_load import grade_from_elevation
-from tripwatt.physics.simulate import CAUSES, Simulation, simulate, simulate_trip
+from tripwatt.physics.simulate import CAUSES, Simulation, conditions_at_departure, simulate, simulate_trip
 
-__all__ = ["CAUSES", "DriveConditions", "Simulation", "grade_from_elevation", "simulate", "simulate_trip"]
+__all__ = [
+    "CAUSES",
+    "DriveConditions",
+    "Simulation",
+    "conditions_at_departure",
+    "grade_from_elevation",
+    "simulate",
+    "simulate_trip",
+]

@@ -26,7 +26,7 @@ from tripwatt.physics.road_load import (
     rolling_factor,
     rolling_resistance_force,
 )
-from tripwatt.trips import Flag, Plan, Recorded
+from tripwatt.trips import Departure, Flag, Plan, Recorded
 from tripwatt.units import WH_PER_J
 from tripwatt.vehicles import Vehicle
 
@@ -238,7 +238,26 @@ def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
     >>> bool(run.simulated_energy_wh > 0.0)
     True
     """
-    known = trip.departure
+    return simulate(
+        vehicle,
+        trip.array("time_s"),
+        trip.array("speed_m_s"),
+        grade=trip.array("grade") if "grade" in trip and trip.has("grade") else None,
+        elevation_m=trip.array("elevation_m") if "elevation_m" in trip else None,
+        conditions=conditions_at_departure(vehicle, trip.departure),
+    )
+
+
+def conditions_at_departure(vehicle: Vehicle, known: Departure) -> DriveConditions:
+    """Conditions of a drive from what is known at departure; the usual value of what is unknown.
+
+    Examples
+    --------
+    >>> from tripwatt.trips import Departure
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> conditions_at_departure(load_vehicle("bmw_i3_60ah"), Departure(soc=0.8)).ambient_temperature_degc
+    20.0
+    """
     soc = known.bms_soc
     if soc is None and known.soc is not None:
         soc = min(1.0, max(0.0, vehicle.battery.soc_from_displayed(known.soc)))
@@ -247,7 +266,7 @@ def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
         ambient = UNKNOWN_AMBIENT_DEGC
     cabin, setpoint = known.cabin_temperature_degc, known.cabin_setpoint_degc
     warmth = 1.0 if known.follows_trip else warmth_from_cabin(vehicle, cabin, setpoint, ambient)
-    conditions = DriveConditions(
+    return DriveConditions(
         ambient_temperature_degc=ambient,
         initial_soc=0.8 if soc is None else soc,
         initial_battery_temperature_degc=known.battery_temperature_degc,
@@ -257,14 +276,6 @@ def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
         solar_irradiance_w_m2=irradiance(known.weather, known.season),
         initial_warmth=warmth,
         climate=known.climate or "auto",
-    )
-    return simulate(
-        vehicle,
-        trip.array("time_s"),
-        trip.array("speed_m_s"),
-        grade=trip.array("grade") if "grade" in trip and trip.has("grade") else None,
-        elevation_m=trip.array("elevation_m") if "elevation_m" in trip else None,
-        conditions=conditions,
     )
 
 

@@ -100,7 +100,7 @@ MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
             f"{name_of(f.subject)} is {'far ' if _number(f) >= 1.0 else ''}outside the range of the training "
             "trips: the interval is wider"
         ),
-        "usual_value_assumed": lambda f: f"{name_of(f.subject)} is unknown: the usual value is assumed",
+        "usual_value_assumed": lambda f: f"{name_of(f.subject)} is unknown: {_number(f):.0f} °C is assumed",
         "soc_assumed": lambda f: f"state of charge at departure is unknown: {_number(f):.0%} is assumed",
         "no_elevation": lambda f: "elevation is unknown: a flat road is assumed",
         "no_trips_of_car": lambda f: (

@@ -100,7 +100,13 @@ const GROUPS: Group[] = [
     codes: ["usual_value_assumed"],
     toWarning: (flags, wording) => {
       const { usualValue, wider } = wording.text.flags;
-      return { text: usualValue(namesOf(flags, wording), flags.length), effect: wider };
+      const { format, units } = wording;
+      const assumed = flags.map((flag) =>
+        isMeasured(flag)
+          ? `${nameOf(flag.subject, wording)} (${format.shown(flag.value, units.temperature)})`
+          : nameOf(flag.subject, wording),
+      );
+      return { text: usualValue(format.list(assumed)), effect: wider };
     },
   },
   byValue("soc_assumed", (soc, { text, format }) => ({

@@ -292,8 +292,7 @@ export const de: Text = {
       const how = { slight: "knapp", clear: "deutlich", far: "weit" }[distance];
       return `${names} ${verb} ${how} außerhalb des Bereichs der Trainingsfahrten.`;
     },
-    usualValue: (names, fields) =>
-      `Nicht angegeben: ${names}. ${fields > 1 ? "Angenommen werden die üblichen Werte" : "Angenommen wird der übliche Wert"}.`,
+    usualValue: (assumed) => `Nicht angegeben und daher angenommen: ${assumed}.`,
     socAssumed: (soc) => `Der Ladestand bei Abfahrt ist nicht angegeben; angenommen werden ${soc}.`,
     noElevation: "Die Route hat keine Höhendaten und gilt als eben.",
     noElevationEffect: "Die Energie für Steigungen ist nicht enthalten.",

@@ -290,8 +290,7 @@ export const en = {
       const how = { slight: "slightly", clear: "well", far: "far" }[distance];
       return `${names} ${verb} ${how} outside the range of the training trips.`;
     },
-    usualValue: (names: string, fields: number) =>
-      `Not given: ${names}. ${fields > 1 ? "The usual values are" : "The usual value is"} assumed.`,
+    usualValue: (assumed: string) => `Not given, and assumed: ${assumed}.`,
     socAssumed: (soc: string) => `The battery charge at departure is not given; ${soc} is assumed.`,
     noElevation: "The route has no elevation data and is taken as flat.",
     noElevationEffect: "The energy for climbing is not included.",
