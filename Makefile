@@ -43,7 +43,7 @@ check: .venv-check/.ready  ## the whole gate, with the versions of constraints/c
 	.venv-check/bin/ruff check .
 	.venv-check/bin/mypy
 	.venv-check/bin/lint-imports
-	.venv-check/bin/python -m pytest -n $(WORKERS)
+	.venv-check/bin/python -m pytest -n $(WORKERS) --dist loadscope
 
 check-latest: .venv-tools/.ready  ## the gate with the newest release of everything
 	$(PYTHON) -m venv --clear .venv-latest
@@ -52,12 +52,12 @@ check-latest: .venv-tools/.ready  ## the gate with the newest release of everyth
 	.venv-latest/bin/ruff check .
 	.venv-latest/bin/mypy
 	.venv-latest/bin/lint-imports
-	.venv-latest/bin/python -m pytest -n $(WORKERS)
+	.venv-latest/bin/python -m pytest -n $(WORKERS) --dist loadscope
 
 lowest: .venv-tools/.ready  ## the tests without a browser, with the lowest declared release of each dependency
 	$(UV) venv --quiet --clear --python 3.11 .venv-lowest
 	$(UV) pip install --quiet --python .venv-lowest/bin/python --resolution lowest-direct -e ".[dev]"
-	.venv-lowest/bin/python -m pytest -n $(WORKERS) --ignore=tests/page
+	.venv-lowest/bin/python -m pytest -n $(WORKERS) --dist loadscope --ignore=tests/page
 
 constraints: .venv-tools/.ready  ## the newest release of everything into constraints/check.txt, with hashes
 	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
