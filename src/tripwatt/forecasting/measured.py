@@ -13,7 +13,7 @@ from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.auditing.signals import blank_stuck_heater
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.expected import ExpectedDrive
-from tripwatt.hybrid.climate_log import CLIMATE_COLUMNS
+from tripwatt.hybrid.climate_log import CLIMATE_COLUMNS, CLIMATE_IN_ALL
 from tripwatt.trips import Plan, observed_cumulative_energy, raise_faults, structure_faults, value_faults
 from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.uncertainty import PowerPrior, ResidualPower
@@ -346,7 +346,9 @@ def along_the_plan(samples: pd.DataFrame, plan: Plan) -> pd.DataFrame:
     clock = np.interp(driven, there[moves], at[moves])
     states = {n: samples[n].to_numpy(dtype=np.float64) for n in ("soc", "displayed_soc") if n in samples}
     sound = blank_stuck_heater(samples, "")[0]  # by the log's own clock
-    powers = {n: sound[n].to_numpy(dtype=np.float64) for n in CLIMATE_COLUMNS if n in sound}
+    powers = {
+        n: sound[n].to_numpy(dtype=np.float64) for n in (*CLIMATE_COLUMNS, CLIMATE_IN_ALL) if n in sound
+    }
     energy = measured_energy(samples)
     # of a standstill the last sample counts, and the first of all, from which energy is counted
     last = np.append(np.diff(clock) > 0.0, True)

@@ -1,4 +1,4 @@
-"""Climate power as a log has it: heater and air conditioner, where both are logged and plausible."""
+"""Climate power as a log has it: in all, or heater and air conditioner where both are logged and plausible."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from tripwatt.arrays import FloatArray
 from tripwatt.auditing.signals import blank_stuck_heater
 
 CLIMATE_COLUMNS: Final = ("heating_power_w", "aircon_power_w")
-TOLD_BY: Final = (*CLIMATE_COLUMNS, "requested_heating_power_w")
+CLIMATE_IN_ALL: Final = "climate_power_w"
+TOLD_BY: Final = (*CLIMATE_COLUMNS, "requested_heating_power_w", CLIMATE_IN_ALL)
 """Columns that `logged_climate` reads: the requested power shows whether the heater's signal is stuck."""
 LEAST_SHARE: Final = 0.5
 """Share of a segment's time that has to be logged before its mean counts."""
@@ -19,6 +20,8 @@ LEAST_SHARE: Final = 0.5
 
 def logged_climate(samples: pd.DataFrame, edges_s: FloatArray) -> FloatArray | None:
     """Mean electric power of heater and air conditioner between edges. O(samples).
+
+    Their logged sum counts before the sum of the two.
 
     Parameters
     ----------
@@ -29,8 +32,8 @@ def logged_climate(samples: pd.DataFrame, edges_s: FloatArray) -> FloatArray | N
     Returns
     -------
     ndarray or None, shape (segments,)
-        [W]; NaN where a segment was not logged for long enough. None without both columns, or when the heater's signal
-        is stuck: one of the two alone is not their sum.
+        [W]; NaN where a segment was not logged for long enough. None without their sum or both columns, or when the
+        heater's signal is stuck: one of the two alone is not their sum.
 
     Examples
     --------
@@ -38,12 +41,8 @@ def logged_climate(samples: pd.DataFrame, edges_s: FloatArray) -> FloatArray | N
     >>> logged_climate(log, np.array([0.0, 1.0, 2.0, 3.0])).tolist()
     [100.0, 250.0, nan]
     """
-    if not all(name in samples and samples[name].notna().any() for name in CLIMATE_COLUMNS):
-        return None
-    sound = blank_stuck_heater(samples, "")[0]
-    heater, cooler = (np.maximum(np.asarray(sound[name], dtype=np.float64), 0.0) for name in CLIMATE_COLUMNS)
-    power = heater + cooler
-    if not np.isfinite(power).any():
+    power = _climate_power(samples)
+    if power is None or not np.isfinite(power).any():
         return None
     time = np.asarray(samples["time_s"], dtype=np.float64)
     step = np.diff(time)
@@ -55,3 +54,20 @@ def logged_climate(samples: pd.DataFrame, edges_s: FloatArray) -> FloatArray | N
     gained = np.diff(np.interp(edges_s, time, energy))
     enough = covered >= LEAST_SHARE * np.diff(edges_s)
     return np.where(enough, gained / np.where(enough, covered, 1.0), np.nan)
+
+
+def _climate_power(samples: pd.DataFrame) -> FloatArray | None:
+    """Power of heater and air conditioner at each sample [W]; None when not logged."""
+
+    def logged(name: str) -> bool:
+        return name in samples and bool(samples[name].notna().any())
+
+    if logged(CLIMATE_IN_ALL):
+        whole: FloatArray = np.maximum(samples[CLIMATE_IN_ALL].to_numpy(dtype=np.float64), 0.0)
+        return whole
+    if not all(map(logged, CLIMATE_COLUMNS)):
+        return None
+    sound = blank_stuck_heater(samples, "")[0]
+    heater, cooler = (np.maximum(sound[name].to_numpy(dtype=np.float64), 0.0) for name in CLIMATE_COLUMNS)
+    power: FloatArray = heater + cooler
+    return power

@@ -35,6 +35,9 @@ MOST_COLUMNS: Final = 12
 SINCE_1970: Final = 1e8
 """No trip lasts so many seconds: larger times count since 1970."""
 
+PPM_FROM: Final = 1e4
+"""No state of charge in percent is so large; Leaf Spy writes percent times 10,000."""
+
 SPEED_UNITS: Final = MappingProxyType({"m/s": 1.0, "km/h": M_S_PER_KM_H, "mph": M_S_PER_MPH})
 
 STAMP_FORMATS: Final = (
@@ -111,6 +114,8 @@ def unit_of_values(ours: str, known: FloatArray) -> tuple[str, str]:
             if high > 60.0
             else ("m/s", f"{seen}: CHECK: m/s or km/h")
         )
+    if ours in ("soc", "displayed_soc") and high > PPM_FROM:
+        return "ppm", f"{seen} are percent times 10,000"
     if ours in ("soc", "displayed_soc", "grade"):
         return ("%", f"{seen} are percent") if high > 1.5 else ("1", f"{seen} are a fraction")
     if ours.endswith("_degc"):

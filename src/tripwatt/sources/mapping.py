@@ -54,8 +54,17 @@ _TEMPERATURE: Final = {
     "°f": (5.0 / 9.0, -160.0 / 9.0),
     "f": (5.0 / 9.0, -160.0 / 9.0),
 }
-_FRACTION: Final = {"1": (1.0, 0.0), "fraction": (1.0, 0.0), "%": (0.01, 0.0), "percent": (0.01, 0.0)}
-_WATT: Final = {"w": (1.0, 0.0), "kw": (1000.0, 0.0), "hp": (745.699872, 0.0), "ps": (735.49875, 0.0)}
+_FRACTION: Final = {
+    "1": (1.0, 0.0),
+    "fraction": (1.0, 0.0),
+    "%": (0.01, 0.0),
+    "percent": (0.01, 0.0),
+    "ppm": (1e-6, 0.0),
+}
+_WATT: Final = {"w": (1.0, 0.0), "kw": (1000.0, 0.0), "hp": (745.699872, 0.0), "ps": (735.49875, 0.0)} | {
+    f"{step}w": (float(step), 0.0)
+    for step in (50, 100, 250)  # loggers that count steps of so many watts
+}
 _SECOND: Final = {"s": (1.0, 0.0), "ms": (1e-3, 0.0), "min": (60.0, 0.0), "h": (SECONDS_PER_HOUR, 0.0)}
 
 TIME_STAMPS: Final = MappingProxyType({"timestamp": math.nan, "epoch_s": 1.0, "epoch_ms": 1e-3})
@@ -79,6 +88,7 @@ UNITS: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = MappingProxyType
         "heating_power_w": _WATT,
         "requested_heating_power_w": _WATT,
         "aircon_power_w": _WATT,
+        "climate_power_w": _WATT,
         POWER: _WATT,
     }
 )

@@ -45,6 +45,7 @@ NAMES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
             r"\busable\b.*\b(level|soc)\b",
             r"\b(soc|state of charge)\b.*\bdisplay(ed)?\b",
             r"\b(soc|state of charge)\b.*\bdash(board)?\b",
+            r"\b(soc|ladezustand)\b.*\banzeige\b|\banzeige\b.*\b(soc|ladezustand)\b",
         ),
         "soc": (
             r"\bsoc\b",
@@ -61,24 +62,39 @@ NAMES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
             r"\b(ambient|outside|outdoor|oat|aussentemperatur|aussen|exterieure?|exterior|external|umgebung\w*)\b",
             r"\b(t|temp|temperature) ?(amb|ambient|out|outside|ext|env|air)\b",
             r"\b(amb|out|ext|env|air) ?(t|temp|temperature)\b",
-            r"^tamb$|^tout$|^text$|^weather temp",
+            r"^tamb$|^tout$|^text$|^weather temp|^v e temp$",
             r"^(t|temp|temperature|temperatur)$",
         ),
         "cabin_temperature_degc": (
             r"\b(cabin|interior|innenraum|habitacle)\b",
+            r"\binnentemp\w*\b|\bcabintemp\b",
             r"\binside ?temp",
             r"\b(t|temp) ?(cabin|in|inside)\b",
         ),
         "battery_temperature_degc": (
             r"\bbatt?(ery|erie)?\b.*\b(temp|temperature|temperatur|t)\b",
             r"\b(t|temp|temperature)\b.*\bbatt?(ery|erie)?\b",
+            r"^v b temp$",
+            r"^pack t\d? c$",
         ),
         "motor_torque_nm": (r"\b(torque|drehmoment|couple)\b",),
-        "heating_power_w": (r"\bheat(er|ing)? ?power\b", r"\bheizleistung\b", r"\bptc ?power\b"),
-        "aircon_power_w": (r"\b(air ?con\w*|a c|ac|climate|hvac) ?power\b",),
+        "heating_power_w": (
+            r"\bheat(er|ing)? ?power\b",
+            r"\bheizleistung\b",
+            r"\bptc ?power\b",
+            r"\bpwr htr\b",
+        ),
+        "aircon_power_w": (r"\b(air ?con\w*|a c|ac) ?power\b", r"\bpwr a c\b"),
+        "climate_power_w": (r"\b(climate|hvac) ?(control )?power\b",),
     }
 )
 """What loggers call our columns, the likeliest first; matched on `words`."""
+
+_OTHER: Final = re.compile(
+    r"\b(id|range|reichweite|odo\w*|mileage|kilometerstand|lat|lon|lng|long|latitude|longitude|heading|bearing|pressure|"
+    r"tp|fan|cp\d*|gids|soh|hx|rpm)\b"
+)
+"""Words of columns that hold something else of a car than any of ours, whatever their values look like."""
 
 _NEVER: Final = (
     r"\b(12 ?v|lv|aux\w*|modul\w*|cell|cells|zelle\w*|min|max|avg|charger|obd|adapter|requested|request|target|"
@@ -98,6 +114,8 @@ _NOT: Final[Mapping[str, str]] = MappingProxyType(
     }
 )
 """Words of columns that share a name with ours but are something else."""
+
+_SHOWN: Final = re.compile(r"[(\[]\s*display(ed)?\s*[)\]]", re.IGNORECASE)
 
 _UNIT_WORDS: Final = MappingProxyType(
     {
@@ -157,7 +175,7 @@ def words(name: str) -> str:
     bare = re.sub(r"[\[({][^\])}]*[\])}]*", " ", name) or name
     if not bare.strip():
         bare = name
-    split = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", _ascii(bare))
+    split = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", re.sub(r"\bSoC\b", "SOC", _ascii(bare)))
     return " ".join(re.sub(r"[^a-z0-9]+", " ", split.casefold()).split())
 
 
@@ -201,6 +219,17 @@ def unit_in(ours: str, name: str) -> str | None:
     return next((unit for unit in found if unit in UNITS[ours]), None)
 
 
+def is_something_else(name: str) -> bool:
+    """Whether a name says that a column is none of ours: its values need not be looked at.
+
+    Examples
+    --------
+    >>> is_something_else("ideal_battery_range_km"), is_something_else("odometer"), is_something_else("a4")
+    (True, True, False)
+    """
+    return _OTHER.search(words(name)) is not None
+
+
 def candidates(ours: str, names: Sequence[str]) -> list[str]:
     """Columns that may be `ours` by their names, the likeliest first.
 
@@ -215,7 +244,10 @@ def candidates(ours: str, names: Sequence[str]) -> list[str]:
     found: dict[str, None] = {}
     for pattern in NAMES[ours]:
         for name in names:
-            text = words(name)
+            shown = _SHOWN.search(name) is not None  # "State of charge (display)": brackets are no unit here
+            if ours == "soc" and shown:
+                continue
+            text = f"{words(name)} display" if ours == "displayed_soc" and shown else words(name)
             if re.search(pattern, text) and not forbidden.search(text):
                 found.setdefault(name)
                 continue

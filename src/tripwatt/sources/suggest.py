@@ -28,13 +28,24 @@ from tripwatt.sources.evidence import (
     stamp_format,
     unit_of_values,
 )
-from tripwatt.sources.mapping import POWER, TIME_STAMPS, UNITS, load_mapping, shipped_mappings, shipped_text
-from tripwatt.sources.naming import NAMES, candidates, unit_in, words
+from tripwatt.sources.mapping import (
+    POWER,
+    TIME_STAMPS,
+    UNITS,
+    ColumnMapping,
+    load_mapping,
+    shipped_mappings,
+    shipped_text,
+)
+from tripwatt.sources.naming import NAMES, candidates, is_something_else, unit_in, words
 from tripwatt.trips import COLUMNS
 
 SPARSE_SHARE: Final = 0.2
 """With more missing values than this in a measured column the logger writes what changes."""
 HOLD_S: Final = 10
+
+LEAST_OPTIONAL: Final = 0.6
+"""Share of a shipped mapping's optional columns from which a table is taken for that logger's."""
 
 RISING_SHARE: Final = 0.9
 """Time goes on from row to row, but for the starts of other trips."""
@@ -46,6 +57,7 @@ FURTHEST_KG: Final = (300.0, 9000.0)
 OWN_NAME: Final = "canonical name"
 NAME_AND_UNIT: Final = "name and unit match"
 NAME_ONLY: Final = "name matches"
+AS_SHIPPED: Final = "as in the shipped mapping"
 
 _TRIP_NAME: Final = re.compile(
     r"^(trip|drive|journey|fahrt|ride|route|session|segment|track)( ?(id|no|nr|num|number|name|uid|uuid|index|idx))?$"
@@ -62,7 +74,7 @@ SPELLED: Final[Mapping[str, str]] = MappingProxyType(
         "f": "degF",
         "k": "K",
     }
-    | {"nm": "Nm", "mv": "mV", "kv": "kV", "ma": "mA", "da": "dA", "kmh": "km/h", "kph": "km/h"}
+    | {"nm": "Nm", "mv": "mV", "kv": "kV", "ma": "mA", "da": "dA", "kmh": "km/h", "kph": "km/h", "ps": "PS"}
 )
 
 
@@ -118,18 +130,21 @@ def suggest_mapping(path: Path | str) -> Suggestion:
     guesses = _by_name(table, columns, trip)
     if "time_s" not in guesses:
         guesses |= _rising(table, columns, {g.column for g in guesses.values()} | {trip or ""})
+    shipped = next((name for name in shipped_mappings() if _has_all(table, name)), None)
+    if shipped is not None:
+        guesses = _as_shipped(guesses, load_mapping(shipped), table, columns)
+    taken = {g.column for g in guesses.values()} | {trip or ""}
     flow = best_flow(
         _clock(guesses, columns, len(groups)),
         _drive_by_drive(guesses, columns, groups),
-        {n: v for n, v in columns.items() if n not in {g.column for g in guesses.values()} and n != trip},
+        {n: v for n, v in columns.items() if n not in taken and not is_something_else(n)},
     )
     guesses |= {g[0]: Guess(*g) for g in flow.found}
     if {"voltage_v", "current_a"} <= guesses.keys():
         guesses.pop(POWER, None)
     guesses = {ours: guesses[ours] for ours in NAMES if ours in guesses}
-    guesses = _with_fahrenheit_check(_with_speed_unit(guesses, flow))
+    guesses = _with_american_check(_with_speed_unit(guesses, flow))
     missing = tuple(_missing(guesses))
-    shipped = next((name for name in shipped_mappings() if _has_all(table, name)), None)
     used = {g.column for g in guesses.values()} | {trip or ""}
     unused = tuple(n for n in dict.fromkeys(table.names) if n and n not in used)
     settings = _file_settings(decimal, guesses, columns)
@@ -236,6 +251,35 @@ def _with_unit(ours: str, name: str, table: TableFile, values: FloatArray | None
     return Guess(ours, name, unit, f"{NAME_ONLY}; {why}") if _possible(ours, unit, known) else None
 
 
+def _as_shipped(
+    guesses: dict[str, Guess], mapping: ColumnMapping, table: TableFile, columns: Mapping[str, FloatArray]
+) -> dict[str, Guess]:
+    """The guesses with the lines of a shipped mapping in their place, where the table looks like its logger's.
+
+    Names such as "date", "speed" and "power" are anybody's: most of the optional columns have to be there as well, and
+    every value has to be possible in the unit of the mapping.
+    """
+    there = {column_key(n): n for n in table.names}
+    optional = [e.column for e in mapping.columns.values() if e.optional]
+    if sum(column_key(c) in there for c in optional) < LEAST_OPTIONAL * len(optional):
+        return guesses
+    found: dict[str, Guess] = {}
+    for ours, entry in mapping.columns.items():
+        name = there.get(column_key(entry.column))
+        if name is None:
+            continue
+        if entry.unit not in TIME_STAMPS:
+            known = columns.get(name, np.zeros(0))
+            known = known[np.isfinite(known)]
+            if not len(known) or not _possible(ours, entry.unit, known):
+                return guesses
+        elif ours in guesses and guesses[ours].column == name:
+            entry = replace(entry, unit=guesses[ours].unit, format=guesses[ours].format)
+        found[ours] = Guess(ours, name, entry.unit, f"{AS_SHIPPED} {mapping.source!r}", entry.format)
+    taken = {g.column for g in found.values()}
+    return {ours: g for ours, g in guesses.items() if g.column not in taken} | found
+
+
 def _rising(table: TableFile, columns: Mapping[str, FloatArray], taken: set[str]) -> dict[str, Guess]:
     """The first column that holds time stamps or rises in even steps: time, whatever its name."""
     for name in (n for n in dict.fromkeys(table.names) if n and n not in taken):
@@ -307,19 +351,19 @@ def _with_speed_unit(guesses: dict[str, Guess], flow: Flow) -> dict[str, Guess]:
     return {**guesses, "speed_m_s": replace(speed, unit=unit, why=f"{speed.why.split(':')[0]}; {why}")}
 
 
-def _with_fahrenheit_check(guesses: dict[str, Guess]) -> dict[str, Guess]:
-    """A temperature without a unit beside miles or feet may be in °F."""
-    ambient = guesses.get("ambient_temperature_degc")
+def _with_american_check(guesses: dict[str, Guess]) -> dict[str, Guess]:
+    """Beside miles or feet a temperature without a unit may be in °F, and a height in feet."""
     units = {guesses[ours].unit for ours in ("speed_m_s", "elevation_m") if ours in guesses}
-    if (
-        ambient is None
-        or not units & {"mph", "ft"}
-        or ambient.unit != "degc"
-        or not ambient.why.startswith(NAME_ONLY)
-    ):
+    if not units & {"mph", "ft"}:
         return guesses
-    checked = replace(ambient, why=f"{ambient.why}; CHECK: may be °F, because other units are miles or feet")
-    return {**guesses, ambient.ours: checked}
+    others = {"ambient_temperature_degc": ("degc", "°F"), "elevation_m": ("m", "feet")}
+    return guesses | {
+        ours: replace(guess, why=f"{guess.why}; CHECK: may be {other}, because other units are miles or feet")
+        for ours, (unit, other) in others.items()
+        if (guess := guesses.get(ours)) is not None
+        and guess.unit == unit
+        and guess.why.startswith((NAME_ONLY, AS_SHIPPED))
+    }
 
 
 def _missing(guesses: Mapping[str, Guess]) -> list[str]:

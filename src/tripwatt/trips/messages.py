@@ -52,6 +52,7 @@ SIGNALS: Final[Mapping[str, str]] = MappingProxyType(
         "heating_power_w": "heating power",
         "requested_heating_power_w": "requested heating power",
         "aircon_power_w": "power of the air conditioner",
+        "climate_power_w": "power of climate control",
     }
 )
 """Names for people of the signals of a log."""

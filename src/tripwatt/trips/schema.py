@@ -60,6 +60,9 @@ COLUMNS: Final[Mapping[str, Column]] = MappingProxyType(
             "W", -500.0, 60_000.0, "heating power that the driver's setting requests"
         ),
         "aircon_power_w": Column("W", -500.0, 30_000.0, "electric power of the air conditioner"),
+        "climate_power_w": Column(
+            "W", -500.0, 60_000.0, "electric power of heater and air conditioner together"
+        ),
     }
 )
 """Canonical sample columns in SI units; temperatures in °C, `soc` as a fraction."""
