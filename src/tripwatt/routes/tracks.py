@@ -38,8 +38,6 @@ STANDING_M_S: Final = 0.5
 TRACK_LINK_M: Final = 100.0
 """Points of a sparse or timeless track are joined until a link has this length."""
 
-_EPOCH: Final = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Track:
@@ -167,7 +165,7 @@ def times_of(texts: list[str], where: str) -> tuple[FloatArray | None, dt.dateti
             raise InvalidInput(fault) from error
         moment = moment if moment.tzinfo is not None else moment.replace(tzinfo=dt.UTC)
         first = first or moment
-        values[k] = (moment - _EPOCH).total_seconds()
+        values[k] = moment.timestamp()
     known = np.flatnonzero(np.isfinite(values))
     flags = () if len(known) == len(values) else (Flag("times_interpolated", "track"),)
     values = np.interp(np.arange(len(values)), known, values[known])
