@@ -144,6 +144,12 @@ class TestLinks:
         assert made.length_m == pytest.approx([40.0, 40.0], rel=1e-6)
         assert made.travel_time_s == pytest.approx([4.0, 2.0], rel=1e-6)
         assert all(f.code != "speed_assumed" for f in made.flags)
+        quick = route_from_track(track([0.0, 20.0, 40.0], speed=[40.0, 20.0]))
+        assert quick.travel_time_s == pytest.approx([0.5, 1.0], rel=1e-6)
+
+    def test_less_than_a_hundred_metres_are_no_link(self) -> None:
+        made = route_from_track(track([0.0, 99.5, 199.0], [0.0, 10.0, 20.0]))
+        assert made.length_m == pytest.approx([199.0], rel=1e-6)
 
     def test_a_speed_for_pieces_without_one(self) -> None:
         some = track([0.0, 200.0, 400.0], speed=[10.0, NO], flags=(Flag("times_ignored", "track"),))

@@ -1,0 +1,616 @@
+"""Data, models and results of the forecast protocol, against arithmetic that is written out here."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tripwatt.errors import InvalidInput
+from tripwatt.evaluation import forecast_models, forecast_results
+from tripwatt.evaluation.forecast_data import ForecastData, _distinct, at_departure_only, measured_log
+from tripwatt.evaluation.forecast_models import (
+    CurveTask,
+    ForecastSpec,
+    ForecastTask,
+    LearningCurve,
+    PowerModel,
+    PowerTask,
+    fit_power,
+    fit_without_physics,
+    reforecast,
+)
+from tripwatt.evaluation.forecast_results import (
+    about_trips,
+    by_trip_of,
+    forecast_insight,
+    measured_beside,
+    strata,
+)
+from tripwatt.evaluation.forecast_scores import (
+    FORECAST,
+    FRACTIONS,
+    LEVELS,
+    UPDATES,
+    WITHOUT_PHYSICS,
+    ForecastInsight,
+)
+from tripwatt.evaluation.protocol import LEAVE_ONE_TRIP_OUT, FoldResult
+from tripwatt.hybrid import SegmentTable
+from tripwatt.trips import Context, Departure, Plan, Trip
+
+EXACT = {"rel": 1e-9, "abs": 1e-9}
+NO = np.nan
+
+
+def log_of(time, **columns) -> Trip:
+    rows = {"time_s": np.asarray(time, dtype=float), "speed_m_s": 10.0, "voltage_v": 360.0, "current_a": 10.0}
+    return Trip.from_samples("t", pd.DataFrame(rows | columns))
+
+
+class TestMeasuredLog:
+    """360 V and 10 A are 1 Wh in each second, 10 m/s are 10 m."""
+
+    def test_the_last_sample_that_is_not_after_each_second(self) -> None:
+        log = measured_log(log_of([5.0, 5.4, 6.0, 6.9, 7.0, 9.2, 9.6]))
+        # at 3 and 4 s the last one is still that of 2 s; the very last one ends the log
+        assert log["time_s"].tolist() == pytest.approx([0.0, 1.0, 2.0, 4.6], **EXACT)
+        assert log["observed_energy_wh"].tolist() == pytest.approx(log["time_s"].tolist(), **EXACT)
+        assert log["distance_m"].tolist() == pytest.approx((10.0 * log["time_s"]).tolist(), **EXACT)
+        assert list(log.columns) == ["time_s", "observed_energy_wh", "distance_m"]
+
+    def test_steps(self) -> None:
+        log = measured_log(log_of(np.arange(7.0)), step_s=2.5)
+        assert log["time_s"].tolist() == [0.0, 2.0, 5.0, 6.0]
+
+    def test_a_second_that_rounding_missed(self) -> None:
+        """A sample up to a nanosecond after a second is that of the second."""
+        log = measured_log(log_of([0.0, 0.5, 1.0 + 5e-10, 2.0]))
+        assert log["time_s"].tolist() == pytest.approx([0.0, 1.0, 2.0], abs=1e-6)
+        later = measured_log(log_of([0.0, 0.5, 1.0 + 2e-9, 2.0]))
+        assert later["time_s"].tolist() == pytest.approx([0.0, 0.5, 2.0], abs=1e-6)
+
+    def test_no_row_in_a_gap(self) -> None:
+        current = [10.0, 10.0, NO, NO, 10.0, NO]
+        log = measured_log(log_of(np.arange(6.0), current_a=current, soc=[0.5, 0.49, 0.48, 0.47, 0.46, 0.45]))
+        assert log["time_s"].tolist() == [0.0, 1.0, 4.0]
+        assert log["observed_energy_wh"].tolist() == pytest.approx([0.0, 1.0, 4.0], **EXACT)
+        assert log["soc"].tolist() == [0.5, 0.49, 0.46]
+
+    def test_changing_speed_and_a_counted_energy(self) -> None:
+        rows = {
+            "time_s": [0.0, 1.0, 3.0],
+            "speed_m_s": [0.0, 10.0, 20.0],
+            "observed_energy_wh": [5.0, 6.0, 8.0],
+        }
+        log = measured_log(Trip.from_samples("t", pd.DataFrame(rows)))
+        assert log["distance_m"].tolist() == [0.0, 5.0, 35.0]
+        assert log["observed_energy_wh"].tolist() == [0.0, 1.0, 3.0]
+        with pytest.raises(InvalidInput, match="no measured energy"):
+            measured_log(Trip.from_samples("t", pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": 1.0})))
+
+
+def test_only_the_departure_is_left_of_a_trip() -> None:
+    samples = {"soc": [0.5, 0.4], "heating_power_w": [1.0, 2.0], "ambient_temperature_degc": [NO, NO]}
+    trip = log_of([0.0, 1.0], elevation_m=[500.0, 510.0], **samples)
+    known = at_departure_only(trip).samples
+    assert known["soc"].tolist() == [0.5, 0.5]
+    assert known["elevation_m"].tolist() == [500.0, 510.0]
+    assert known["current_a"].tolist() == [10.0, 10.0]
+    assert "heating_power_w" not in known
+    if "ambient_temperature_degc" in known:
+        assert known["ambient_temperature_degc"].isna().all()
+
+
+def test_trips_of_one_name_get_marks() -> None:
+    trips = [dataclasses.replace(log_of([0.0, 1.0]), trip_id=name) for name in ("a", "a", "b", "a")]
+    assert [t.trip_id for t in _distinct(trips)] == ["a", "a'", "b", "a''"]
+
+
+def segments(*rows: int, observed=2.0) -> SegmentTable:
+    """Trips with these numbers of segments of half an hour, 100 W simulated, 2 W for each row more observed."""
+    n = sum(rows)
+    return SegmentTable(
+        tuple(f"t{i}" for i in range(len(rows))),
+        np.concatenate(([0], np.cumsum(rows))),
+        pd.DataFrame({"row": np.arange(float(n))}),
+        np.full(n, 0.5),
+        np.full(n, 100.0),
+        observed_w=100.0 + observed * np.arange(n),
+    )
+
+
+class Trips:
+    """As a table of trips."""
+
+    def __init__(self, ids) -> None:
+        self.trip_ids = tuple(ids)
+
+    def __len__(self) -> int:
+        return len(self.trip_ids)
+
+    def take(self, members):
+        return Trips(self.trip_ids[i] for i in members)
+
+
+def data(*rows: int) -> ForecastData:
+    own = segments(*rows)
+    plans = tuple(f"plan {i}" for i in range(len(rows)))
+    logs = tuple(f"log {i}" for i in range(len(rows)))
+    return ForecastData(
+        "car", Trips(own.trip_ids), own, own.features.rename(columns={"row": "seen"}), plans, logs
+    )
+
+
+class TestData:
+    def test_take(self) -> None:
+        some = data(1, 2, 1).take(np.array([0, 2]))
+        assert some.plans == ("plan 0", "plan 2")
+        assert some.logs == ("log 0", "log 2")
+        assert some.table.trip_ids == ("t0", "t2")
+        assert some.segments.features["row"].tolist() == [0.0, 3.0]
+        assert some.data_features["seen"].tolist() == [0.0, 3.0]
+        assert some.data_features.index.tolist() == [0, 1]
+        assert len(some) == 2
+
+    def test_slim(self) -> None:
+        slim = data(1, 2).slim()
+        assert (slim.plans, slim.logs, len(slim.table)) == ((), (), 0)
+        assert len(slim.segments) == 2
+
+
+class Half:
+    """Predicts half of the mean of what it was fitted on, and remembers what that was."""
+
+    def fit(self, columns, target, groups=None):
+        self.columns, self.target, self.groups = columns, np.asarray(target), groups
+        return self
+
+    def predict(self, columns):
+        return np.full(len(columns), 0.5 * self.target.mean())
+
+    def leave_groups_out(self, columns, target, groups, folds):
+        return 1000.0 * folds + 10.0 * groups + np.asarray(target)
+
+
+class HalfCorrector:
+    def __init__(self) -> None:
+        self.model = Half()
+
+    def fit(self, own):
+        self.seen = own
+        return self
+
+    def predict(self, own):
+        return np.full(len(own.hours), self.seen.residual_w.mean())
+
+    def columns(self, own):
+        return own.features
+
+
+@pytest.fixture
+def learner(monkeypatch):
+    made = []
+
+    def corrector(name, seed):
+        made.append(HalfCorrector())
+        return made[-1]
+
+    monkeypatch.setattr(forecast_models, "power_corrector", corrector)
+    monkeypatch.setattr(forecast_models, "LearnerCorrector", HalfCorrector)
+    return made
+
+
+class TestPowerModels:
+    def test_a_corrector_adds_to_the_simulation(self, learner) -> None:
+        """Trained on trips 0 and 2: residuals of 0, 2 and 8 W, mean 10 / 3."""
+        predict = fit_power("x", 0, data(2, 2, 1), np.array([0, 2]))
+        assert learner[0].seen.trip_ids == ("t0", "t2")
+        assert predict(np.array([1])) == pytest.approx([2 * 0.5 * (100.0 + 10 / 3)], **EXACT)
+
+    def test_without_physics_the_power_itself_is_learned(self, learner) -> None:
+        predict = fit_without_physics("x", 0, data(2, 2, 1), np.array([0, 2]))
+        own = learner[0].model
+        assert own.columns["seen"].tolist() == [0.0, 1.0, 4.0]
+        assert own.target.tolist() == [100.0, 102.0, 108.0]
+        assert own.groups.tolist() == [0, 0, 2]
+        half = 0.5 * 310.0 / 3.0
+        assert predict(np.array([1])) == pytest.approx([2 * 0.5 * half], **EXACT)
+        assert predict(np.array([1, 2])) == pytest.approx([half, 0.5 * half], **EXACT)
+
+    def test_folds_of_a_task(self, monkeypatch) -> None:
+        """Twelve folds in a task; all of them where the learner gives them at once."""
+        hold_out = SimpleNamespace(data=data(1, 1), folds=np.arange(2), fold_numbers=frozenset(range(30)))
+        model = PowerModel("m", "", "linear")
+        assert model.folds(hold_out) == frozenset(range(30))
+        tasks = list(model.tasks(4, hold_out, range(30), 0))
+        assert [len(t.members) for t in tasks] == [12, 12, 6]
+        assert [m for t in tasks for m in t.members] == list(range(30))
+        assert {t.rank for t in tasks} == {3}
+        assert {t.evaluation for t in tasks} == {4}
+        monkeypatch.setattr(forecast_models, "power_corrector", lambda name, seed: HalfCorrector())
+        monkeypatch.setattr(forecast_models, "LearnerCorrector", HalfCorrector)
+        (whole,) = model.tasks(4, hold_out, range(30), 0)
+        assert whole.members == tuple(range(30))
+        assert whole.rank == 0
+        assert list(model.tasks(4, hold_out, [], 0)) == []
+
+    @pytest.mark.parametrize("simulation", ["physics", None])
+    def test_all_folds_at_once(self, learner, simulation) -> None:
+        """Rows of the stub are 1000 for the fold, 10 for the trip, and their target; half an hour each."""
+        task = PowerTask(
+            1, PowerModel("m", "", "x", simulation), data(2, 1, 1), np.array([0, 1, 0]), (0, 1), 0
+        )
+        first, second = task.run()
+        start = 0.0 if simulation is None else 100.0
+        target = [100.0, 102.0, 104.0, 106.0] if simulation is None else [0.0, 2.0, 4.0, 6.0]
+        expected = [0.5 * (2 * start + target[0] + target[1]), 0.5 * (start + 20.0 + target[3])]
+        assert first.predicted_wh == pytest.approx(expected, **EXACT)
+        assert second.predicted_wh == pytest.approx([0.5 * (start + 1000.0 + 10.0 + target[2])], **EXACT)
+        assert (first.evaluation, first.model, first.fold, second.fold) == (1, "m", 0, 1)
+        assert 0.0 <= first.fit_s < 10.0
+        assert 0.0 <= first.predict_ms < 10_000.0
+
+    def test_one_fold_after_the_other_where_a_trip_is_for_training_alone(self, learner) -> None:
+        task = PowerTask(1, PowerModel("m", "", "x"), data(2, 1, 1), np.array([0, 1, -1]), (0, 1), 0)
+        first, second = task.run()
+        # trained on trips 1 and 2, residuals 4 and 6 W; then on 0 and 2, residuals 0, 2 and 6 W
+        assert first.predicted_wh == pytest.approx([0.5 * 2 * 105.0], **EXACT)
+        assert second.predicted_wh == pytest.approx([0.5 * (100.0 + 8 / 3)], **EXACT)
+        assert (first.fold, second.fold) == (0, 1)
+        assert 0.0 <= first.fit_s < 10.0
+        assert 0.0 <= first.predict_ms < 10_000.0
+
+
+class TestLearningCurve:
+    class Sum:
+        """Predicts 1 Wh for each training trip, beside the energy of the trip without its residual."""
+
+        def fit(self, seed, own, train):
+            self.train = train
+            return lambda test: (
+                own.segments.take(test).totals_wh(own.segments.take(test).simulated_w) + len(train)
+            )
+
+    def hold_out(self, n, scheme=LEAVE_ONE_TRIP_OUT):
+        return SimpleNamespace(scheme=scheme, table=range(n), data=data(*[1] * 9))
+
+    def test_sizes(self) -> None:
+        """Six draws of 5, 10, 20 and 40 trips, of which at least eight are left to score."""
+        curve = LearningCurve("c", "", {})
+        assert curve.folds(self.hold_out(12)) == frozenset()
+        assert curve.folds(self.hold_out(13)) == frozenset(1000 * d + 5 for d in range(6))
+        assert curve.folds(self.hold_out(48)) == frozenset(
+            1000 * d + s for d in range(6) for s in (5, 10, 20, 40)
+        )
+        assert len(curve.folds(self.hold_out(47))) == 18
+        assert curve.folds(self.hold_out(48, "other")) == frozenset()
+
+    def test_one_draw(self) -> None:
+        model = self.Sum()
+        curve = LearningCurve("c", "", {"mine": model})
+        (task,) = curve.tasks(2, self.hold_out(9), [3005], 7)
+        assert task.members == (3005,)
+        assert task.rank == 2
+        (result,) = task.run()
+        order = np.random.default_rng((7, 3)).permutation(9)
+        train, test = np.sort(order[:5]), np.sort(order[5:])
+        assert model.train.tolist() == train.tolist()
+        observed = 50.0 + test
+        assert result.predicted_wh == pytest.approx(observed, **EXACT)
+        assert result.extra["mine"] == pytest.approx(np.abs(55.0 - observed) / observed, **EXACT)
+        assert (int(result.extra["size"]), int(result.extra["draw"])) == (5, 3)
+        assert 0.0 <= result.fit_s < 10.0
+        assert result.predict_ms == 0.0
+        assert isinstance(task, CurveTask)
+
+
+class Told:
+    """A forecast of 100 Wh over 1000 m in 100 s whose updates add 1000 Wh for each measured column and keep the rows."""
+
+    energy_wh, sd_wh, flags = 100.0, 10.0, ("one", "two")
+    soc_arrival = 0.4
+
+    def __init__(self, energy_wh=100.0) -> None:
+        self.energy_wh = energy_wh
+        scores = SimpleNamespace(factor=lambda level: 4.0 * level)
+        self.uncertainty = SimpleNamespace(scores=scores)
+        self.by_cause_wh = {"air": 60.0, "hvac": 40.0}
+        self.told: list[pd.DataFrame] = []
+
+    def series(self):
+        return pd.DataFrame(
+            {
+                "time_s": [0.0, 50.0, 100.0],
+                "energy_wh": [0.0, 30.0, 100.0],
+                "distance_m": [0.0, 400.0, 1000.0],
+            }
+        )
+
+    def interval(self, level):
+        return self.energy_wh - 10.0 * level, self.energy_wh + 20.0 * level
+
+    def soc_interval(self, level):
+        return 0.4 - 0.1 * level, 0.4 + 0.2 * level
+
+    def p_arrive(self, reserve):
+        return 1.0 - reserve
+
+    def probability_below(self, energy):
+        return energy / 1000.0
+
+    def update_since_departure(self, observed):
+        self.told.append(observed)
+        return Told(1000.0 * len(observed.columns))
+
+
+def driven_log(**columns) -> pd.DataFrame:
+    time = np.array([0.0, 10.0, 20.0, 25.0, 60.0, 110.0])
+    return pd.DataFrame(
+        {"time_s": time, "observed_energy_wh": 2.0 * time, "distance_m": 5.0 * time, **columns}
+    )
+
+
+class TestReforecast:
+    def test_after_a_quarter(self) -> None:
+        """25 s: 50 Wh measured where 15 Wh were planned; 125 of 1000 m."""
+        forecast = Told()
+        log = driven_log(soc=[0.5, NO, NO, NO, 0.4, 0.3], displayed_soc=NO, heating_power_w=1.0)
+        found = dict(zip(UPDATES, reforecast(forecast, log, 0.25), strict=True))
+        assert found["update"] == 3000.0
+        assert found["soc_only"] == 2000.0
+        assert found["no_update"] == pytest.approx(50.0 + 100.0 - 15.0, **EXACT)
+        assert found["naive_gauge"] == pytest.approx(400.0, **EXACT)
+        assert found["update_low"] == pytest.approx(3000.0 - 9.0, **EXACT)
+        assert found["update_high"] == pytest.approx(3000.0 + 18.0, **EXACT)
+        energy, charge = forecast.told
+        assert list(energy.columns) == ["time_s", "observed_energy_wh", "heating_power_w"]
+        assert list(charge.columns) == ["time_s", "soc"]
+        assert energy["time_s"].tolist() == [0.0, 10.0, 20.0, 25.0]
+
+    def test_without_charge_or_motion(self) -> None:
+        log = driven_log(soc=[NO, NO, NO, NO, 0.4, 0.3]).assign(distance_m=0.0)
+        found = dict(zip(UPDATES, reforecast(Told(), log, 0.25), strict=True))
+        assert np.isnan(found["soc_only"])
+        assert found["naive_gauge"] == 100.0
+
+    def test_before_the_second_sample(self) -> None:
+        found = reforecast(Told(), driven_log(), 0.09)
+        assert found == pytest.approx([100.0, NO, 100.0, 100.0, 91.0, 118.0], nan_ok=True, **EXACT)
+        assert reforecast(Told(), driven_log(), 0.10)[0] == 2000.0
+
+
+def test_what_is_kept_of_forecasts() -> None:
+    kept = forecast_models._kept([Told(), Told(200.0)], [driven_log(), driven_log()])
+    levels = (np.arange(100) + 0.5) / 100
+    assert kept["factors"] == pytest.approx(np.array([4.0 * levels] * 2), **EXACT)
+    assert kept["low"][1] == pytest.approx([200.0 - 10.0 * level for level in LEVELS], **EXACT)
+    assert kept["high"][0] == pytest.approx([100.0 + 20.0 * level for level in LEVELS], **EXACT)
+    assert kept["pit"] == pytest.approx([0.22, 0.22], **EXACT)  # of 220 Wh at the end of the log
+    assert kept["flags"].tolist() == [2, 2]
+    assert kept["sd"].tolist() == [10.0, 10.0]
+    assert kept["cause_names"].tolist() == ["air", "hvac"]
+    assert kept["causes"].tolist() == [[60.0, 40.0]] * 2
+    assert kept["updates"].shape == (2, len(FRACTIONS), len(UPDATES))
+    assert kept["updates"][0, 1, 0] == 2000.0
+    assert kept["series_rows"].tolist() == [3, 3]
+    assert kept["series"][:, 1].tolist() == [0.0, 30.0, 100.0] * 2
+    assert kept["series_names"].tolist() == ["time_s", "energy_wh", "distance_m"]
+
+
+def test_arrivals_from_each_charge() -> None:
+    """From the display and from the battery management alone; nothing where one is not known."""
+    seen = []
+
+    class Model:
+        def forecast(self, plan):
+            seen.append((plan.departure.soc, plan.departure.bms_soc))
+            return Told()
+
+    samples = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": 1.0})
+    plans = [
+        Plan.from_samples("a", samples, Departure(soc=0.8, bms_soc=0.7)),
+        Plan.from_samples("b", samples, Departure(bms_soc=0.6)),
+    ]
+    logs = [driven_log(displayed_soc=[0.8, 0.7, 0.6, 0.5, 0.45, NO]), driven_log()]
+    found = forecast_models._arrivals(Model(), plans, logs)
+    assert seen == [(0.8, None), (None, 0.7), (None, 0.6)]
+    assert found["shown"] == pytest.approx([0.45, NO], nan_ok=True)
+    known = [0.4, 0.4 - 0.09, 0.4 + 0.18]
+    assert found["arrival"][0] == pytest.approx(np.array([known, known]), **EXACT)
+    assert np.isnan(found["arrival"][1, 0]).all()
+    assert found["arrival"][1, 1] == pytest.approx(known, **EXACT)
+    offsets = np.round(np.arange(-6, 7) * 0.01, 2)
+    assert found["arrival_chance"].shape == (2, 2, 13)
+    assert found["arrival_chance"][0, 0] == pytest.approx(1.0 - (0.4 + offsets), **EXACT)
+    assert np.isnan(found["arrival_chance"][1, 0]).all()
+
+
+class TestForecastTask:
+    def test_the_fold_is_held_out(self, monkeypatch) -> None:
+        seen = {}
+
+        class Model:
+            def __init__(self, vehicle, corrector, seed) -> None:
+                seen.update(vehicle=vehicle, corrector=corrector, seed=seed)
+
+            def fit_segments(self, own) -> None:
+                seen["trained"] = own.trip_ids
+
+            def forecast(self, plan):
+                return Told(100.0 + len(plan))
+
+        monkeypatch.setattr(forecast_models, "ForecastModel", Model)
+        monkeypatch.setattr(
+            forecast_models, "_arrivals", lambda model, plans, logs: {"shown": np.zeros(len(plans))}
+        )
+        own = dataclasses.replace(data(1, 1, 1), logs=(driven_log(),) * 3)
+        hold_out = SimpleNamespace(data=own, folds=np.array([5, 6, 5]), fold_numbers=frozenset({5, 6}))
+        spec = ForecastSpec("f", "", "split")
+        assert spec.folds(hold_out) == {5, 6}
+        tasks = list(spec.tasks(3, hold_out, [5, 6], 9))
+        assert [sorted(t.plans) for t in tasks] == [[0, 2], [1]]
+        assert [t.members for t in tasks] == [(5,), (6,)]
+        assert tasks[0].rank == 1
+        assert isinstance(tasks[0], ForecastTask)
+        (result,) = tasks[0].run()
+        assert seen == {"vehicle": "car", "corrector": "split", "seed": 9, "trained": ("t1",)}
+        assert result.predicted_wh.tolist() == [106.0, 106.0]
+        assert (result.evaluation, result.model, result.fold) == (3, "f", 5)
+        assert result.extra["pit"].tolist() == [0.22, 0.22]
+        assert 0.0 <= result.fit_s < 10.0
+        assert 0.0 <= result.predict_ms < 10_000.0
+
+
+def fold(number, trips, model=FORECAST, **extra) -> FoldResult:
+    return FoldResult(0, model, number, np.asarray(trips, dtype=float), 0.0, 0.0, extra)
+
+
+class TestResults:
+    def test_folds_in_the_order_of_the_trips(self) -> None:
+        """Trips 0 and 2 are in fold 0, 1 and 4 in fold 1; trip 3 is for training alone."""
+        hold_out = SimpleNamespace(
+            table=range(5), folds=np.array([0, 1, 0, -1, 1]), scored=np.array([0, 1, 2, 4])
+        )
+        results = [
+            fold(1, [2.0, 5.0], x=[[1.0, 2.0], [3.0, 4.0]]),
+            fold(0, [1.0, 3.0], x=[[5.0, 6.0], [7.0, 8.0]]),
+        ]
+        assert by_trip_of(hold_out, results).tolist() == [1.0, 2.0, 3.0, 5.0]
+        assert by_trip_of(hold_out, results, "x").tolist() == [[5.0, 6.0], [1.0, 2.0], [7.0, 8.0], [3.0, 4.0]]
+
+    def test_insight(self) -> None:
+        """Two folds of a trip each, given in the wrong order."""
+        samples = pd.DataFrame({"time_s": [0.0, 10.0], "speed_m_s": 10.0, "elevation_m": [500.0, 507.0]})
+        plans = [Plan.from_samples(name, samples, Departure(ambient_temperature_degc=-3.0)) for name in "ab"]
+        trips = [SimpleNamespace(context=Context(driver=name)) for name in "xy"]
+        own = SimpleNamespace(plans=plans, logs=("log a", "log b"), table=SimpleNamespace(trips=trips))
+        hold_out = SimpleNamespace(
+            table=Trips("ab"), folds=np.array([0, 1]), scored=np.array([0, 1]), data=own
+        )
+
+        def kept(k):
+            updates = 1000.0 * k + np.arange(24.0).reshape(1, 4, 6)
+            return {
+                "sd": [10.0 + k],
+                "low": [[1.0 + k, 2.0 + k, 3.0 + k, 4.0 + k]],
+                "high": [[5.0 + k, 6.0 + k, 7.0 + k, 8.0 + k]],
+                "factors": np.array([[1.0, 3.0]]),
+                "pit": [0.1 * k],
+                "flags": [k],
+                "causes": [[1.0 + k, 2.0 + k]],
+                "cause_names": np.array(["air", "hvac"]),
+                "updates": updates,
+                "series_rows": np.array([2]),
+                "series_names": np.array(["time_s", "energy_wh"]),
+                "series": np.array([[0.0, 0.0], [10.0, 50.0 + k]]),
+            }
+
+        results = [fold(1, [200.0], **kept(1)), fold(0, [100.0], **kept(0)), fold(0, [9.0], model="other")]
+        frame = pd.DataFrame(
+            {
+                "model": ["other", FORECAST, FORECAST],
+                "trip": ["a", "a", "b"],
+                "observed_energy_wh": [9.0, 110.0, 190.0],
+                "predicted_energy_wh": [9.0, 100.0, 200.0],
+            }
+        )
+        found = forecast_insight(hold_out, results, frame)
+        rows = found.trips
+        assert rows["trip"].tolist() == ["a", "b"]
+        assert rows["sd_wh"].tolist() == [10.0, 11.0]
+        assert rows["low_50"].tolist() == [1.0, 2.0]
+        assert rows["high_95"].tolist() == [8.0, 9.0]
+        assert rows["update_10"].tolist() == [0.0, 1000.0]
+        assert rows["soc_only_25"].tolist() == [7.0, 1007.0]
+        assert rows["update_high_75"].tolist() == [23.0, 1023.0]
+        assert rows["flags"].tolist() == [0, 1]
+        assert rows["net_climb_m"].tolist() == [7.0, 7.0]
+        assert rows["driver"].tolist() == ["x", "y"]
+        assert found.causes.loc["b"].tolist() == [2.0, 3.0]
+        assert found.series["a"]["energy_wh"].tolist() == [0.0, 50.0]
+        assert found.series["b"]["energy_wh"].tolist() == [0.0, 51.0]
+        assert found.logs == {"a": "log a", "b": "log b"}
+        assert forecast_insight(hold_out, results[2:], frame) is None
+
+    def test_series_of_several_trips_of_a_fold(self) -> None:
+        hold_out = SimpleNamespace(table=Trips("abc"), folds=np.array([4, 3, 4]))
+        extra = {
+            "series_rows": np.array([1, 2]),
+            "series_names": np.array(["v"]),
+            "series": np.array([[1.0], [2.0], [3.0]]),
+        }
+        found = forecast_results._series(hold_out, [fold(4, [0.0, 0.0], **extra)])
+        assert {name: frame["v"].tolist() for name, frame in found.items()} == {"a": [1.0], "c": [2.0, 3.0]}
+
+    def test_measured_beside_the_forecast(self) -> None:
+        """100 m in 10 s, then 60 m in 20 s; the last speed is none."""
+        series = pd.DataFrame(
+            {"time_s": [0.0, 10.0, 30.0], "distance_m": [0.0, 100.0, 160.0], "energy_wh": [0.0, 5.0, 9.0]}
+        )
+        log = pd.DataFrame({"time_s": [0.0, 20.0, 40.0], "observed_energy_wh": [0.0, 8.0, 12.0]})
+        frame = measured_beside(ForecastInsight(pd.DataFrame(), pd.DataFrame(), {"a": series}, {"a": log}))[
+            "a"
+        ]
+        assert frame["speed_m_s"].tolist() == [10.0, 3.0, 0.0]
+        assert frame["observed_energy_wh"].tolist() == [0.0, 4.0, 10.0]
+        assert frame[FORECAST].tolist() == [0.0, 5.0, 9.0]
+
+    def test_about_trips(self) -> None:
+        samples = pd.DataFrame({"time_s": [0.0, 10.0], "speed_m_s": 10.0})
+        known = Departure(battery_temperature_degc=4.0)
+        plans = [
+            Plan.from_samples("a", samples.assign(elevation_m=[9.0, 4.0]), known),
+            Plan.from_samples("b", samples),
+        ]
+        trips = [SimpleNamespace(context=Context(driver=name)) for name in ("x", None)]
+        own = SimpleNamespace(plans=plans, table=SimpleNamespace(trips=trips))
+        rows = about_trips(own, np.array([1, 0]))
+        assert rows["trip"].tolist() == ["b", "a"]
+        assert rows["net_climb_m"].tolist() == pytest.approx([NO, -5.0], nan_ok=True)
+        assert rows["battery_temperature_degc"].tolist() == pytest.approx([NO, 4.0], nan_ok=True)
+        assert rows["ambient_temperature_degc"].isna().all()
+        assert rows["distance_m"].tolist() == [plans[1].distance_m, plans[0].distance_m]
+        assert rows["duration_s"].tolist() == [plans[1].duration_s, plans[0].duration_s]
+
+    def test_scores_belong_to_the_forecast(self, monkeypatch) -> None:
+        hold_out = SimpleNamespace(table=range(2), folds=np.array([0, 1]), scored=np.array([0, 1]))
+        names = (*forecast_results.PER_TRIP, *forecast_results.ARRIVALS)
+        results = [fold(k, [1.0], **{name: [100.0 * i + k] for i, name in enumerate(names)}) for k in (0, 1)]
+        results.append(fold(0, [1.0], model="other"))
+        frame = pd.DataFrame(
+            {
+                "model": [FORECAST, "other", FORECAST],
+                "observed_energy_wh": [10.0, 99.0, 20.0],
+                "predicted_energy_wh": [11.0, 99.0, 22.0],
+            }
+        )
+        seen = {}
+        for name in ("arrival_scores", "coverage_scores", "crps_scores", "update_scores"):
+            monkeypatch.setattr(
+                forecast_results,
+                name,
+                lambda *given, name=name: seen.setdefault(name, given) and {name: 1},
+            )
+        found = forecast_results.forecast_scores(hold_out, results, frame, 7)
+        rows = {name: [100.0 * i, 100.0 * i + 1.0] for i, name in enumerate(names)}
+        plain = {
+            name: [v if isinstance(v, int) else v.tolist() for v in given] for name, given in seen.items()
+        }
+        assert plain["arrival_scores"] == [rows["shown"], rows["arrival"], rows["arrival_chance"], 7]
+        assert plain["coverage_scores"] == [[10.0, 20.0], rows["low"], rows["high"], 7]
+        assert plain["crps_scores"] == [[10.0, 20.0], [11.0, 22.0], rows["sd"], rows["factors"]]
+        assert plain["update_scores"] == [[10.0, 20.0], rows["updates"], 7]
+        assert set(found) == {"arrival", "coverage_scores", "crps_scores", "update"}
+
+    def test_strata_compare_with_the_model_without_physics(self, monkeypatch) -> None:
+        frame = pd.DataFrame(
+            {"model": [FORECAST, FORECAST, WITHOUT_PHYSICS, WITHOUT_PHYSICS], "ape": [0.1, 0.2, 0.3, 0.4]}
+        )
+        monkeypatch.setattr(forecast_results, "strata_of", lambda about: "kinds")
+        monkeypatch.setattr(forecast_results, "strata_scores", lambda *given: [given])
+        ((kinds, own, other, seed),) = strata(pd.DataFrame(), frame, 5)
+        assert (kinds, own.tolist(), other.tolist(), seed) == ("kinds", [0.1, 0.2], [0.3, 0.4], 5)
+        assert strata(pd.DataFrame(), frame[2:], 5) == []
+        assert strata(pd.DataFrame(), frame[:2], 5)[0][2] is None
