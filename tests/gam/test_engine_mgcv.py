@@ -9,6 +9,7 @@ import pytest
 
 from tripwatt.gam import GAMM, Formula, Parametric, RandomEffect, ScaledT, Smooth, Tensor
 from tripwatt.gam.matrix import fit_matrix
+from tripwatt.gam.summary import summary
 
 SYNTH = Path(__file__).parent.parent / "fixtures" / "mgcv_synth"
 
@@ -57,7 +58,22 @@ MODELS = {
         s("tamb", "delev", k=30),
         TRIP,
     ),
+    # ordered factors: `winter` is summer < winter, `sky` sunny < cloudy < rainy
+    "O": (
+        WEATHER,
+        *(s(name) for name in ("time", "tamb", "vel", "delev")),
+        *(s(name, by="winter") for name in ("time", "tamb")),
+        TRIP,
+    ),
+    "P": (
+        WEATHER,
+        s("time", basis="ps", k=12),
+        s("vel", basis="cr"),
+        s("time", by="sky", basis="ps", k=8),
+        TRIP,
+    ),
 }
+ORDERED = {"winter": ("season", ["summer", "winter"]), "sky": ("weather", ["sunny", "cloudy", "rainy"])}
 
 
 class Peer:
@@ -104,6 +120,45 @@ def test_at_the_parameters_of_gam_everything_is_equal(synth, name, errors):
     assert model.coef_[1:k] == pytest.approx(peer.coef["coef"][1:k].to_numpy(), rel=1e-5)
     se = np.sqrt(np.diag(model.Vp_))
     assert se[:k] == pytest.approx(peer.coef["se"][:k].to_numpy(), rel=1e-4)
+
+
+def with_ordered_factors(frame):
+    columns = {
+        name: pd.Categorical(frame[source], levels, ordered=True)
+        for name, (source, levels) in ORDERED.items()
+    }
+    return frame.assign(**columns)
+
+
+@pytest.mark.parametrize("name", ["O", "P"])
+@pytest.mark.parametrize("errors", ["gaussian", "scat"])
+def test_smooths_by_an_ordered_factor_are_those_of_gam(synth, name, errors):
+    peer = Peer(SYNTH / f"{name}_gam_{errors}")
+    family = (
+        "gaussian" if errors == "gaussian" else ScaledT(nu=peer.scalars["nu"], sigma=peer.scalars["sigma"])
+    )
+    frame = with_ordered_factors(synth)
+    model = fitted(name, frame, peer, family, method="REML", smoothing_parameters=peer.sp)
+    assert model.reml_ == pytest.approx(peer.scalars["score"], rel=1e-9)
+    assert np.abs(model.fitted_values_ - peer.fitted).max() < 1e-6
+    table = pd.read_csv(SYNTH / f"{name}_gam_{errors}" / "smooths.csv")
+    found = summary(model).smooth
+    assert list(found.index) == table["term"].tolist()  # no smooth for the reference level
+    assert found["edf"].to_numpy() == pytest.approx(table["edf"].to_numpy(), abs=1e-5)
+    assert found["ref_df"].to_numpy() == pytest.approx(table["Ref.df"].to_numpy(), abs=1e-3)
+    with_values = model.predict(frame.assign(winter=frame["season"], sky=frame["weather"]))
+    assert with_values == pytest.approx(model.fitted_values_, abs=1e-8)  # plain text at prediction
+
+
+@pytest.mark.parametrize("name", ["O", "P"])
+@pytest.mark.parametrize("engine", ["gam", "bam"])
+def test_at_our_optimum_every_smooth_by_an_ordered_factor_has_the_edf_of_mgcv(synth, name, engine):
+    peer = Peer(SYNTH / f"{name}_{engine}_scat")
+    table = pd.read_csv(SYNTH / f"{name}_{engine}_scat" / "smooths.csv")
+    method = "REML" if engine == "gam" else "fREML"
+    model = fitted(name, with_ordered_factors(synth), peer, "scat", method=method)
+    assert summary(model).smooth["edf"].to_numpy() == pytest.approx(table["edf"].to_numpy(), abs=0.05)
+    assert np.abs(model.fitted_values_ - peer.fitted).max() < 2e-3 * synth["y"].std()
 
 
 @pytest.mark.parametrize("name", ["A", "B"])

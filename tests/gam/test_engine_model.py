@@ -188,6 +188,44 @@ def test_numeric_by_variables_share_one_constant(frame):
     assert model.predict(frame.assign(on=0.0), exclude=["s(x)"]) == pytest.approx(model.coef_[0])
 
 
+def test_an_ordered_factor_gives_centred_differences_from_its_lowest_level(frame):
+    levels = ["b", "a", "c"]
+    ordered = frame.assign(w=pd.Categorical(frame["w"], levels, ordered=True))
+    model = GAMM(Formula("y", (X, Smooth(("x",), "ps", 8, by="w")))).fit(ordered)
+    assert [fitted.label for fitted in model.terms_] == ["(Intercept)", "s(x)", "s(x):wa", "s(x):wc"]
+    terms = model.predict(ordered, terms=True)
+    for level in "ac":
+        part = terms[f"s(x):w{level}"]
+        assert (part[ordered["w"] != level] == 0).all()
+        own = GAMM(Formula("y", (Smooth(("x",), "ps", 8),))).fit(frame)
+        matrix = model.terms_[[t.label for t in model.terms_].index(f"s(x):w{level}")].matrix(
+            ordered.assign(w=level)
+        )
+        assert np.abs(matrix.sum(axis=0)).max() < 1e-8  # centred over all rows, as every smooth
+        assert matrix == pytest.approx(own.terms_[1].matrix(frame))
+    assert set(model.training_.within) == {(("x",), "w", "a"), (("x",), "w", "c")}
+    unordered = GAMM(Formula("y", (X, Smooth(("x",), "ps", 8, by="w")))).fit(frame)
+    assert [fitted.label for fitted in unordered.terms_][2:] == ["s(x):wa", "s(x):wb", "s(x):wc"]
+
+
+def test_an_ordered_factor_of_many_rows_has_the_same_columns(frame, monkeypatch):
+    ordered = frame.assign(w=pd.Categorical(frame["w"], ["b", "a", "c"], ordered=True))
+    formula = Formula("y", (X, Smooth(("x",), "ps", 8, by="w")))
+    together = GAMM(formula).fit(ordered)
+    held_out = GAMM(formula).leave_groups_out(ordered, groups="g")
+    monkeypatch.setattr("tripwatt.gam.design.MOST_TABLE_CELLS", 0)
+    apart = GAMM(formula).fit(ordered)
+    assert apart.coef_ == pytest.approx(together.coef_, abs=1e-9)
+    assert GAMM(formula).leave_groups_out(ordered, groups="g") == pytest.approx(held_out, abs=1e-8)
+
+
+def test_an_ordered_factor_with_one_level_has_no_difference(frame):
+    one = frame.assign(w=pd.Categorical(["a"] * len(frame), ["a"], ordered=True))
+    with pytest.raises(InvalidInput, match=r"factor with one level: s\(x\):w: got a; allowed: at least two"):
+        GAMM(Formula("y", (Smooth(("x",), by="w"),))).fit(one)
+    GAMM(Formula("y", (Smooth(("x",), by="w"),))).fit(one.assign(w="a"))  # one smooth of an unordered factor
+
+
 def test_levels_without_rows_are_zero(frame):
     formula = Formula("y", (Parametric("w", ("a", "b", "c", "fog")), Smooth(("x",), "ps", 8, by="w")))
     wide = frame.assign(w=pd.Categorical(frame["w"], ["a", "b", "c", "fog"]))

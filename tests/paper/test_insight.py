@@ -97,7 +97,7 @@ def test_terms_that_cannot_vary_are_left_out_and_named(table: TripTable) -> None
     assert set(found.left_out) == {
         "weather",
         "s(ambient_temperature_degc)",
-        "s(ambient_temperature_degc, by=winter)",
+        "s(ambient_temperature_degc, by=season)",
         "s(ambient_temperature_degc, elevation_difference_m, k=30)",
     }
     assert not any("ambient" in term for term in found.summary.smooth.index)

@@ -36,6 +36,11 @@ def is_factor(column: pd.Series[Any]) -> bool:
     return not pd.api.types.is_numeric_dtype(column.dtype)
 
 
+def is_ordered(column: pd.Series[Any]) -> bool:
+    """Whether a factor's levels have an order: a categorical column that was declared `ordered`."""
+    return isinstance(column.dtype, pd.CategoricalDtype) and bool(column.dtype.ordered)
+
+
 def missing_columns(frame: pd.DataFrame, wanted: Iterable[str]) -> list[Fault]:
     """One fault for each column that the frame does not have."""
     names = [str(name) for name in frame.columns]

@@ -26,6 +26,7 @@ from tripwatt.gam.covariates import (
     Training,
     grid_limit,
     is_factor,
+    is_ordered,
     missing_columns,
     missing_levels,
     numbers,
@@ -35,6 +36,9 @@ from tripwatt.gam.penalties import PenaltyStack
 from tripwatt.gam.smoothers import Built, build_smooth, build_tensor
 from tripwatt.gam.tables import IndexedColumns, TableRows
 from tripwatt.gam.terms import Formula, Parametric, RandomEffect, Smooth, Tensor
+
+MOST_TABLE_CELLS = 4_000_000
+"""Largest table that holds the smooths of all levels of a factor; beyond it each level has a table of its own."""
 
 
 @dataclass
@@ -241,17 +245,29 @@ class _Builder:
             return
         assert term.by is not None
         levels, codes = self.factor(term.by, None, term.label)
-        by_level = [self._fitted_term(term, built, name, term.label + name) for name in levels.names]
+        first = (
+            1 if is_ordered(self.frame[term.by]) else 0
+        )  # the lowest level of an ordered factor is the reference
+        if len(levels.names) <= first:
+            fix = "leave the term out"
+            raise InvalidInput(
+                Fault("factor with one level", term.label, levels.names[0], "at least two levels", fix)
+            )
+        kept = range(first, len(levels.names))
+        by_level = [
+            self._fitted_term(term, built, levels.names[i], term.label + levels.names[i]) for i in kept
+        ]
         self.terms += by_level
-        for i, level in enumerate(levels.names):
-            self.members[term.names, term.by, level] = codes == i
+        for i in kept:
+            self.members[term.names, term.by, levels.names[i]] = codes == i
         m, q = built.table.shape
-        if m * q * len(by_level) ** 2 <= 4_000_000:
-            table: FloatArray = np.kron(np.eye(len(by_level)), built.table).astype(np.float64)
+        if m * q * len(levels.names) * len(by_level) <= MOST_TABLE_CELLS:
+            blocks = np.eye(len(levels.names))[:, first:]
+            table: FloatArray = np.kron(blocks, built.table).astype(np.float64)
             self.pieces.append((by_level, table, codes * m + points.index, None))
             return
         padded = np.vstack([built.table, np.zeros(q)])
-        for i, fitted in enumerate(by_level):
+        for i, fitted in zip(kept, by_level, strict=True):
             self.pieces.append(([fitted], padded, np.where(codes == i, points.index, m), None))
 
     def _fitted_term(self, term: Smooth | Tensor, built: Built, level: str | None, label: str) -> FittedTerm:

@@ -58,7 +58,9 @@ class Smooth:
         Basis dimension before the identifiability constraint. Default: 10 for one covariate, 30 for two,
         110 for three.
     by : str, optional
-        A numeric column multiplies the smooth; a factor gives one smooth per level.
+        A numeric column multiplies the smooth. A factor gives one smooth per level. An ordered factor (a pandas
+        categorical column with `ordered=True`) gives one centred difference smooth for each level but the lowest,
+        which is the reference: next to a smooth of the same covariates it is that level's deviation from it.
     m : int, optional
         Order of the penalty: derivatives for "tp", differences for "ps". Default 2 (thin plates in d
         dimensions: the smallest m with 2 m > d + 1).

@@ -185,7 +185,7 @@ def outside_the_others(table: TripTable, rows: Any = None) -> pd.DataFrame:
             ends = by_trip.agg(["min", "max"]).reindex(range(len(table)))
             outside = _beyond(values, groups, ends)
             note(str(name), outside)
-            if f"s({name}, by=winter)" in TABLE2 and winter.any():
+            if f"s({name}, by=season)" in TABLE2 and winter.any():
                 own = _beyond(values, groups, ends[winter].reindex(ends.index)) & winter[groups]
                 note(f"{name} in winter", own & ~outside)
         elif name == "weather":

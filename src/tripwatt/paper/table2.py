@@ -17,12 +17,16 @@ TABLE2: Final = (
     "s(ambient_temperature_degc)",
     "s(speed_m_s)",
     "s(elevation_difference_m)",
-    "s(time_s, by=winter)",
-    "s(ambient_temperature_degc, by=winter)",
+    "s(time_s, by=season)",
+    "s(ambient_temperature_degc, by=season)",
     "s(ambient_temperature_degc, elevation_difference_m, k=30)",
     's(trip, bs="re")',
 )
-"""Terms of the paper's Table 2; `winter` is a 0/1 variable, `trip` the cluster."""
+"""Terms of the paper's Table 2; `season` is an ordered factor, whose smooths are the difference of winter from summer,
+`trip` the cluster."""
+
+SEASONS: Final = ("summer", "winter")
+"""Levels of `season`; the first is the reference."""
 
 
 @dataclass
@@ -85,7 +89,12 @@ class Table2Corrector:
         assert self.medians_ is not None
         frame = X.fillna(self.medians_.to_dict())
         if "season" in frame:
-            frame["winter"] = (frame["season"] == "winter").astype(float)
+            winter = (
+                (frame["season"] == "winter").to_numpy().astype(np.intp)
+            )  # an unknown season counts as summer
+            frame["season"] = pd.Categorical.from_codes(
+                winter, dtype=pd.CategoricalDtype(SEASONS, ordered=True)
+            )
         if groups is not None:
             frame["trip"] = groups.astype(str)
         return frame

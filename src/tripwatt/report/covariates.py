@@ -39,8 +39,10 @@ def term_in_words(term: str) -> str:
     --------
     >>> term_in_words("s(ambient_temperature_degc,elevation_difference_m)")
     's(ambient temperature, elevation difference)'
+    >>> term_in_words("s(time_s):seasonwinter")
+    's(time):winter'
     """
-    spaced = re.sub(r",(?=\S)", ", ", term)
+    spaced = re.sub(r",(?=\S)", ", ", re.sub(r":season(?=\w)", ":", term))
     return re.sub(r"[a-z_]+", lambda found: COVARIATES.get(found[0], (found[0],))[0], spaced)
 
 
