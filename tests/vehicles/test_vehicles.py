@@ -7,6 +7,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
 import pytest
 from tests.support import ROOT
 
@@ -260,3 +262,26 @@ def test_what_is_taken_over_keeps_the_licence_of_its_own_file() -> None:
 def test_table_of_licences_in_the_documentation_is_that_of_the_code() -> None:
     page = (ROOT / "docs" / "vehicles.md").read_text("utf-8")
     assert render_licences() in page, "run: python docs/write_parameters.py"
+
+
+def test_the_largest_regenerative_torque_is_the_floor_of_the_logged_torque(data_dir: Path) -> None:
+    torque = load_vehicle("bmw_i3_60ah").regeneration.max_torque_nm
+    for name in ("TripA10", "TripB11", "TripB20"):
+        file = data_dir / "tum" / f"{name}.csv"
+        if not file.is_file():
+            continue
+        columns = pd.read_csv(file, sep=";", encoding="latin-1", usecols=lambda c: c.startswith("Motor Torque"))
+        braking = columns.iloc[:, 0].to_numpy()
+        braking = braking[braking < -70.0]
+        share = np.mean((braking >= -torque) & (braking <= 2.0 - torque))
+        assert share > 0.25, name  # a pile at the floor, not a tail
+
+
+def test_the_stated_formula_of_the_regenerative_torque_is_what_it_gives(document: dict[str, Any]) -> None:
+    entry = document["regeneration"]["max_torque_nm"]
+    body, drive = document["body"], document["drivetrain"]
+    mass = body["curb_mass_kg"]["value"] + body["driver_mass_kg"]["value"]
+    stated = mass * 1.6 * drive["wheel_radius_m"]["value"] / drive["gear_ratio"]["value"]
+    assert stated == pytest.approx(78.6, abs=0.05)
+    assert "= 78.6 Nm" in entry["estimated"]
+    assert entry["source"].startswith("TUM data set")

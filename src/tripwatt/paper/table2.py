@@ -93,7 +93,7 @@ class Table2Corrector:
                 (frame["season"] == "winter").to_numpy().astype(np.intp)
             )  # an unknown season counts as summer
             frame["season"] = pd.Categorical.from_codes(
-                winter, dtype=pd.CategoricalDtype(SEASONS, ordered=True)
+                winter, dtype=pd.CategoricalDtype(list(SEASONS), ordered=True)
             )
         if groups is not None:
             frame["trip"] = groups.astype(str)

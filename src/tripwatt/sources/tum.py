@@ -87,7 +87,8 @@ REFERENCE_TRIPS: Final[Mapping[str, float | None]] = MappingProxyType(
         if short not in _ABSENT_FROM_REFERENCE
     }
 )
-"""The 58 trips of every published comparison: id -> time [s] at which the trip ends, None for its own end."""
+"""The 58 trips on which tripwatt is compared with other systems: id -> time [s] at which the trip ends, None for its own
+end. arXiv:2405.10984 scores 72 trips of the set, which it does not name."""
 
 ALL_TRIP_IDS: Final = (*(f"TripA{i:02d}" for i in range(1, 33)), *(f"TripB{i:02d}" for i in range(1, 39)))
 """The 70 trips that were published."""

@@ -63,7 +63,7 @@ class FolderReport:
 
     @property
     def reference_missing(self) -> tuple[str, ...]:
-        """Reference trips without a readable file: published comparisons need all of them."""
+        """Reference trips without a readable file: the comparison with other systems needs all of them."""
         return tuple(t for t in REFERENCE_TRIPS if t not in self.present)
 
     @property
