@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from tripwatt.evaluation import evaluate
     from tripwatt.forecasting import Forecast, ForecastModel, load_model, save_model
     from tripwatt.sources import read_logs
+    from tripwatt.store import create_store, open_store
     from tripwatt.synthetic import synthetic_fleet
     from tripwatt.trips import Departure, Plan, Trip
     from tripwatt.vehicles import load_vehicle
@@ -39,11 +40,13 @@ __all__ = [
     "__version__",
     "adapt",
     "audit",
+    "create_store",
     "evaluate",
     "fit",
     "forecast",
     "load_model",
     "load_vehicle",
+    "open_store",
     "read_logs",
     "read_route",
     "read_trips",
@@ -61,11 +64,13 @@ _HOMES: Final = {
     "Trip": "trips",
     "adapt": "api",
     "audit": "auditing",
+    "create_store": "store",
     "evaluate": "evaluation",
     "fit": "api",
     "forecast": "api",
     "load_model": "forecasting",
     "load_vehicle": "vehicles",
+    "open_store": "store",
     "read_logs": "sources",
     "read_route": "api",
     "read_trips": "api",

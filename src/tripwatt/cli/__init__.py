@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 import tripwatt
-from tripwatt.cli import cars, evaluate, export, fit, forecast, inspect, logs, serve, transfer
+from tripwatt.cli import cars, evaluate, export, fit, forecast, inspect, logs, serve, stores, transfer
 from tripwatt.errors import TripwattError
 
 __all__ = ["app", "main"]
@@ -50,6 +50,7 @@ logs.add_commands(app)
 cars.add_commands(app)
 export.add_commands(app)
 serve.add_commands(app)
+stores.add_commands(app)
 
 
 def main() -> None:

@@ -11,6 +11,7 @@
 
     [trip]
     column = "drive_id"
+    vehicle = "vin"
 
 All tables but `[columns]` are optional; see `docs/data.md`.
 """
@@ -99,7 +100,7 @@ _TABLES: Final = MappingProxyType(
     {
         "columns": None,
         "current": ("positive",),
-        "trip": ("column",),
+        "trip": ("column", "vehicle"),
         "battery": ("nominal_voltage_v", "usable_capacity_kwh", "usable_capacity_uncertainty"),
         "file": ("decimal", "hold_s"),
         "long": ("name", "value"),
@@ -146,6 +147,8 @@ class ColumnMapping:
         1 when the table counts discharge as positive, -1 when it counts charge so.
     trip_column : str or None
         Column that identifies the trips of one file; each file is a trip without it.
+    vehicle_column : str or None
+        Column of the vehicle that drove. Trips of different vehicles may then have the same id.
     nominal_voltage_v, usable_capacity_kwh, usable_capacity_uncertainty : float or None
     decimal : str
         Decimal separator of text files.
@@ -166,6 +169,7 @@ class ColumnMapping:
     hold_s: float = 0.0
     long_name: str | None = None
     long_value: str | None = None
+    vehicle_column: str | None = None
 
 
 def shipped_mappings() -> tuple[str, ...]:
@@ -245,6 +249,7 @@ def parse_mapping(text: str, source: str) -> ColumnMapping:
         file.get("hold_s", 0.0),
         long.get("name"),
         long.get("value"),
+        tables.get("trip", {}).get("vehicle"),
     )
 
 
@@ -320,9 +325,10 @@ def _value_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:
             yield Fault(
                 "unknown value", f"{source} [{table}] {key}", repr(value), " or ".join(map(repr, allowed))
             )
-    for table, key in (("trip", "column"), ("long", "name"), ("long", "value")):
+    for table, key in (("trip", "column"), ("trip", "vehicle"), ("long", "name"), ("long", "value")):
         value = _get(tables, table, key)
-        if isinstance(tables.get(table), dict) and not isinstance(value, str):
+        optional = table == "trip" and value is None and isinstance(tables.get(table), dict) and tables[table]
+        if isinstance(tables.get(table), dict) and not isinstance(value, str) and not optional:
             yield Fault("missing key", f"{source} [{table}] {key}", repr(value), "the name of a column")
 
 

@@ -138,7 +138,7 @@ def _read_file(path: Path, mapping: ColumnMapping) -> tuple[list[Log], list[Flag
     entries = _entries(table, mapping)
     if mapping.long_name is not None:
         return _read_long(table, entries, mapping)
-    texts = table.texts(mapping.trip_column) if mapping.trip_column else None
+    texts = _trip_names(table, mapping)
     by_number = {ours: e for ours, e in entries.items() if ours != "time_s" or _numeric_time(e)}
     values = dict(zip(by_number, table.numbers([e.column for e in by_number.values()]), strict=True))
     started: list[dt.datetime | None] | None = None
@@ -150,13 +150,23 @@ def _read_file(path: Path, mapping: ColumnMapping) -> tuple[list[Log], list[Flag
     return _trips_of(table, entries, mapping, values, texts, stamped=started is not None)
 
 
+def _trip_names(table: TableFile, mapping: ColumnMapping) -> list[str] | None:
+    """The trip of each row, with its vehicle before it where both have a column; None where a file is one trip."""
+    trips = table.texts(mapping.trip_column) if mapping.trip_column else None
+    if mapping.vehicle_column is None or trips is None:
+        return trips
+    vehicles = table.texts(mapping.vehicle_column)
+    return [f"{car}-{trip}" if trip else "" for car, trip in zip(vehicles, trips, strict=True)]
+
+
 def _numeric_time(entry: MappedColumn) -> bool:
     return entry.unit != "timestamp"
 
 
 def _entries(table: TableFile, mapping: ColumnMapping) -> dict[str, MappedColumn]:
     """Entries with the file's own spelling of their columns. A name is matched exactly, else by `column_key`."""
-    needed: list[str] = [n for n in (mapping.trip_column, mapping.long_name, mapping.long_value) if n]
+    own = (mapping.trip_column, mapping.vehicle_column, mapping.long_name, mapping.long_value)
+    needed: list[str] = [n for n in own if n]
     faults = [_missing(table, n, mapping) for n in needed if n not in table.names]
     keys: dict[str, list[str]] = {}
     for name in table.names:
@@ -272,7 +282,17 @@ def _trips_of(
     if timeless.any() and not timeless.all():
         notes.append(Flag("rows_without_time", table.path.name, float(timeless.sum()), "1"))
         groups = [(name, rows[~timeless[rows]]) for name, rows in groups]
+    vehicles = None if mapping.vehicle_column is None else table.texts(mapping.vehicle_column)
     for name, rows in groups:
+        car = None
+        if vehicles is not None:
+            found = sorted({vehicles[int(i)] for i in rows})
+            if found == [""] or len(found) != 1:
+                where = f"{table.path} column {mapping.vehicle_column!r}, trip {name}"
+                got = ", ".join(map(repr, found[:4]))
+                faults.append(Fault("no single vehicle", where, got, "one vehicle for each trip"))
+                continue
+            car = found[0]
         samples = frame.iloc[rows].reset_index(drop=True)
         if stamped and bool((np.diff(samples["time_s"]) < 0).any()):
             samples = samples.sort_values("time_s", kind="stable", ignore_index=True)
@@ -285,7 +305,7 @@ def _trips_of(
                 Fault("too few samples", f"{table.path}, trip {name}", f"{len(samples)}", "at least 2")
             )
             continue
-        trips.append(_trip(name, samples, mapping, stamped=stamped))
+        trips.append(_trip(name, samples, mapping, stamped=stamped, car=car))
     raise_faults(faults)
     return trips, notes
 
@@ -363,11 +383,13 @@ def _reused_id(table: TableFile, name: str, samples: pd.DataFrame, rows: IntArra
         yield Fault("duplicate trip id", where, got, "one id per trip", "give each trip its own id")
 
 
-def _trip(name: str, samples: pd.DataFrame, mapping: ColumnMapping, *, stamped: bool) -> Log:
+def _trip(
+    name: str, samples: pd.DataFrame, mapping: ColumnMapping, *, stamped: bool, car: str | None = None
+) -> Log:
     time = np.asarray(samples["time_s"], dtype=np.float64)
-    context = Context()
+    context = Context(car=car)
     if stamped:
-        context = Context(started_at=_from_epoch(float(time[0])))
+        context = Context(car=car, started_at=_from_epoch(float(time[0])))
         time = time - time[0]
     held = {
         c: _held(time, np.asarray(samples[c], dtype=np.float64), mapping.hold_s)

@@ -1,0 +1,295 @@
+"""Commands on a trip store: make, fill, list, show, audit, compact it, and forget a vehicle."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tripwatt.cli.options import DatasetOption, JsonOption, MappingOption, examples
+from tripwatt.cli.printing import console, print_json, print_notes, print_table
+
+if TYPE_CHECKING:
+    from tripwatt.store import TripStore
+
+store_app = typer.Typer(
+    help="Trip stores: logs of many vehicles in Delta tables, in a folder or an object store. They need the extra "
+    "tripwatt[fleet].",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+StoreArgument = Annotated[
+    str, typer.Argument(metavar="STORE", help="Folder of the store, or its URL, such as s3://bucket/fleet.")
+]
+StoreOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--store-option",
+        metavar="KEY=VALUE",
+        help="What an object store needs, such as AWS_REGION=eu-central-1. You can repeat the option. Variables of the "
+        "environment count as well.",
+        show_default=False,
+    ),
+]
+VehicleIdOption = Annotated[
+    str | None,
+    typer.Option("--vehicle-id", metavar="ID", help="Trips of this vehicle only.", show_default=False),
+]
+CarModelOption = Annotated[
+    str | None,
+    typer.Option("--car-model", metavar="NAME", help="Trips of this car model only.", show_default=False),
+]
+SinceOption = Annotated[
+    str | None,
+    typer.Option(metavar="DATE", help="Trips that began on this day or later.", show_default=False),
+]
+UntilOption = Annotated[
+    str | None, typer.Option(metavar="DATE", help="Trips that began before this day.", show_default=False)
+]
+
+
+def add_commands(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    store_app.command(
+        "create", epilog=examples(("tripwatt store create fleet", "make an empty store in the folder fleet"))
+    )(create)
+    store_app.command(
+        "add",
+        epilog=examples(
+            ("tripwatt store add fleet logs --mapping my.toml --vehicle nissan_leaf_40", "add tables"),
+            (
+                "tripwatt store add fleet drive.csv --vehicle vw_id3 --vehicle-id V17",
+                "add a trip of one vehicle",
+            ),
+        ),
+    )(add)
+    store_app.command(
+        "list",
+        epilog=examples(
+            ("tripwatt store list fleet --vehicle-id V17", "list the trips of one vehicle"),
+            ("tripwatt store list fleet --since 2024-05-01 --json", "list newer trips as JSON"),
+        ),
+    )(list_trips)
+    store_app.command("show", epilog=examples(("tripwatt store show fleet", "count what a store holds")))(
+        show
+    )
+    store_app.command(
+        "audit",
+        epilog=examples(("tripwatt store audit fleet --vehicle-id V17", "list the faults of its logs")),
+    )(audit)
+    store_app.command(
+        "compact", epilog=examples(("tripwatt store compact fleet", "merge the small files of many nights"))
+    )(compact)
+    store_app.command(
+        "forget", epilog=examples(("tripwatt store forget fleet --vehicle-id V17", "erase one vehicle"))
+    )(forget)
+    app.add_typer(store_app, name="store")
+
+
+def opened(store: str, options: list[str] | None) -> TripStore:
+    """The store that a user means by STORE and --store-option."""
+    from tripwatt.store import open_store
+
+    return open_store(store, options=store_options(options))
+
+
+def store_options(options: list[str] | None) -> dict[str, str]:
+    """Pairs KEY=VALUE.
+
+    Examples
+    --------
+    >>> store_options(["AWS_REGION=eu-central-1"])
+    {'AWS_REGION': 'eu-central-1'}
+    """
+    from tripwatt.errors import Fault
+    from tripwatt.trips import raise_faults
+
+    pairs = [option.partition("=") for option in options or []]
+    raise_faults(
+        Fault("not a pair", "--store-option", key, "KEY=VALUE")
+        for key, sign, _ in pairs
+        if not (sign and key)
+    )
+    return {key: value for key, _, value in pairs}
+
+
+def create(
+    store: StoreArgument,
+    buckets: Annotated[
+        int,
+        typer.Option(metavar="N", help="Parts by vehicle. Some hundred vehicles a part are a good number."),
+    ] = 16,
+    options: StoreOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Make an empty trip store: the Delta tables samples and trips."""
+    from tripwatt.store import create_store
+
+    made = create_store(store, buckets=buckets, options=store_options(options))
+    print_json(made.about()) if as_json else typer.echo(f"{store}: an empty trip store")
+
+
+def add(
+    store: StoreArgument,
+    data: Annotated[Path, typer.Argument(metavar="DATA", help="Folder or file of logged trips.")],
+    vehicle: Annotated[
+        str, typer.Option("--vehicle", metavar="NAME", help="The car model: a name from `tripwatt vehicles`.")
+    ],
+    vehicle_id: Annotated[
+        str | None,
+        typer.Option(
+            "--vehicle-id",
+            metavar="ID",
+            help="The vehicle of logs whose mapping has no column of the vehicle.",
+            show_default=False,
+        ),
+    ] = None,
+    dataset: DatasetOption = None,
+    mapping: MappingOption = None,
+    options: StoreOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Add logs to a store. A trip that is in the store is not added again, so you can repeat the command.
+
+    The command audits every log and keeps it as it was logged. Several commands may add to one store at once. If some
+    files have faults, the command adds the others, lists all faults, and exits with code 2.
+    """
+    from dataclasses import asdict
+
+    from tripwatt.store import Added, add_files
+    from tripwatt.vehicles import load_vehicle
+
+    load_vehicle(vehicle)
+    target = opened(store, options)
+    shown = console()
+
+    def progress(sums: Added) -> None:
+        shown.print(f"{sums}")
+
+    kind = dataset or ("table" if mapping is not None or data.is_file() else "tum")
+    done = add_files(
+        target,
+        data,
+        car_model=vehicle,
+        vehicle_id=vehicle_id,
+        dataset=kind,
+        mapping=mapping,
+        progress=progress,
+    )
+    print_json(asdict(done)) if as_json else typer.echo(f"{store}: {done}")
+
+
+def list_trips(
+    store: StoreArgument,
+    vehicle_id: VehicleIdOption = None,
+    car_model: CarModelOption = None,
+    since: SinceOption = None,
+    until: UntilOption = None,
+    limit: Annotated[int, typer.Option(min=1, metavar="N", help="Most trips to list.")] = 50,
+    options: StoreOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """List trips of a store by vehicle and departure."""
+    frame = opened(store, options).trips(
+        vehicle_id=vehicle_id, car_model=car_model, since=since, until=until, limit=limit
+    )
+    if as_json:
+        print_json(frame.astype(object).where(frame.notna(), None).to_dict("records"))
+        return
+    columns = ("vehicle", "trip", "car model", "departure", "distance", "time", "energy", "from", "drives")
+    rows = [
+        (
+            row["vehicle_id"],
+            row["trip_id"],
+            row["car_model"],
+            row["started_at"] or "",
+            f"{row['distance_m'] / 1000.0:.1f} km",
+            f"{row['duration_s'] / 60.0:.0f} min",
+            "" if row["energy_wh"] != row["energy_wh"] else f"{row['energy_wh'] / 1000.0:.2f} kWh",
+            row["energy_from"],
+            f"{row['drives']}",
+        )
+        for row in frame.to_dict("records")
+    ]
+    print_table(f"{len(rows)} trips (--limit {limit})", columns, rows, numbers=columns[4:7])
+
+
+def show(store: StoreArgument, options: StoreOption = None, as_json: JsonOption = False) -> None:
+    """Count the trips, vehicles and car models of a store."""
+    about = opened(store, options).about()
+    if as_json:
+        print_json(about)
+        return
+    models = ", ".join(f"{name} ({count})" for name, count in about["car_models"].items())
+    rows: list[tuple[str, str]] = [
+        ("trips", f"{about['trips']}, {about['usable']} usable, {about['with_energy']} with measured energy"),
+        ("vehicles", f"{about['vehicles']} in {about['buckets']} parts"),
+        ("car models", models),
+        ("distance", f"{about['distance_m'] / 1000.0:.0f} km"),
+        ("departures", f"{about['first']} to {about['last']}" if about["first"] else "unknown"),
+        ("size", f"{about['bytes'] / 1e6:.1f} MB"),
+    ]
+    print_table(
+        f"Trip store {about['store']}, format {about['format']}", ("", "value"), rows, folding=("value",)
+    )
+
+
+def audit(
+    store: StoreArgument,
+    vehicle_id: VehicleIdOption = None,
+    car_model: CarModelOption = None,
+    since: SinceOption = None,
+    until: UntilOption = None,
+    options: StoreOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """List the faults of stored logs and their consequences. The logs of a vehicle are judged together."""
+    found = opened(store, options).audit(vehicle_id=vehicle_id, car_model=car_model, since=since, until=until)
+    rows: list[dict[str, Any]] = [
+        {"trip": f.trip, "from_s": f.from_s, "to_s": f.to_s, "what": f.what, "consequence": f.consequence}
+        for f in found
+    ]
+    if as_json:
+        print_json(rows)
+        return
+    columns = ("trip", "from [s]", "to [s]", "consequence", "finding")
+    shown = [(f.trip, f"{f.from_s:.1f}", f"{f.to_s:.1f}", f.consequence, f.what) for f in found]
+    print_table(f"{len(shown)} findings", columns, shown, numbers=columns[1:3], folding=("finding",))
+
+
+def compact(
+    store: StoreArgument,
+    keep_hours: Annotated[
+        int, typer.Option(min=0, metavar="H", help="Keep files of older versions for readers at work [h].")
+    ] = 168,
+    options: StoreOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Merge small data files and remove files that no version of the last hours needs."""
+    done = opened(store, options).compact(keep_hours=keep_hours)
+    if as_json:
+        print_json(done)
+        return
+    typer.echo(
+        f"{store}: {done['merged']} files merged into {done['made']}, {done['orphans']} samples without a trip dropped, "
+        f"{done['removed']} old files removed"
+    )
+
+
+def forget(
+    store: StoreArgument,
+    vehicle_id: Annotated[str, typer.Option("--vehicle-id", metavar="ID", help="The vehicle to erase.")],
+    options: StoreOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Erase a vehicle: its trips, its samples and the files that held them. Models that were fitted on it remain."""
+    erased = opened(store, options).forget(vehicle_id)
+    if as_json:
+        print_json({"vehicle_id": vehicle_id, "erased": erased})
+        return
+    typer.echo(f"{store}: {erased} trips of {vehicle_id} erased")
+    print_notes(
+        ["models and reports that were made with these trips still contain what was learned from them"]
+    )

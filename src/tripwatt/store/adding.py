@@ -1,0 +1,69 @@
+"""Logs on disk into a store: a folder of tables file by file, so that memory does not grow with the folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.sources import read_logs
+from tripwatt.sources.columnar import table_files
+from tripwatt.store.store import Added, TripStore
+from tripwatt.trips import Recorded
+
+FILES_AT_ONCE: Final = 64
+"""Tables of a folder that are read before their logs are committed together."""
+
+
+def add_files(
+    store: TripStore,
+    path: Path | str,
+    *,
+    car_model: str,
+    vehicle_id: str | None = None,
+    dataset: str = "table",
+    mapping: Path | str | None = None,
+    progress: Callable[[Added], None] | None = None,
+) -> Added:
+    """Add all logs of a data set; a folder of tables is read in parts.
+
+    Parameters
+    ----------
+    store : TripStore
+    path, dataset, mapping
+        As of `read_logs`.
+    car_model, vehicle_id, progress
+        As of `TripStore.add`.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of all files. What was read without a fault is in the store by then; adding again after the
+        repair adds the rest.
+    """
+    if dataset != "table":
+        logs = read_logs(path, dataset, mapping)
+        return store.add(logs, car_model=car_model, vehicle_id=vehicle_id, progress=progress)
+    total = Added()
+    faults: list[Fault] = []
+
+    def report(now: Added) -> None:
+        if progress is not None:
+            progress(total + now)
+
+    files = table_files(Path(path))
+    for first in range(0, len(files), FILES_AT_ONCE):
+        logs_of_files: list[Recorded] = []
+        for file in files[first : first + FILES_AT_ONCE]:
+            try:
+                logs_of_files += read_logs(file, "table", mapping).logs
+            except InvalidInput as error:
+                faults += error.faults
+        try:
+            total += store.add(logs_of_files, car_model=car_model, vehicle_id=vehicle_id, progress=report)
+        except InvalidInput as error:
+            faults += error.faults
+    if faults:
+        raise InvalidInput(faults)
+    return total

@@ -1,0 +1,294 @@
+"""Delta tables, from one place: made, opened, appended to by many writers at once, and their data files.
+
+The package `deltalake` is optional and imported on first use.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, TypeVar
+
+from tripwatt.errors import Fault, InvalidInput
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+Result = TypeVar("Result")
+
+MOST_TRIES: Final = 200
+"""Tries of one commit against other writers; each failure means that another writer succeeded."""
+
+ONE_FILE: Final = 1 << 40
+"""Target size of a data file [bytes] that no partition reaches: the samples of a log stay in one file."""
+
+ROW_GROUP: Final = 65_536
+"""Rows of a group in a data file: some fifty drives at 1 Hz."""
+
+
+def require_deltalake() -> Any:
+    """The package `deltalake`.
+
+    Raises
+    ------
+    InvalidInput
+        When it is not installed.
+    """
+    try:
+        import deltalake
+    except ImportError as error:
+        fix = "pip install 'tripwatt[fleet]'"
+        raise InvalidInput(Fault("package is missing", "deltalake", "", "for trip stores", fix)) from error
+    return deltalake
+
+
+def is_url(place: str) -> bool:
+    """Whether a place is an object store's URL.
+
+    Examples
+    --------
+    >>> is_url("s3://fleet/store"), is_url("data/store")
+    (True, False)
+    """
+    return "://" in place
+
+
+def joined(place: str, name: str) -> str:
+    """A name inside a place."""
+    return f"{place.rstrip('/')}/{name}" if is_url(place) else str(Path(place) / name)
+
+
+@dataclass(frozen=True, slots=True)
+class DataFile:
+    """A data file of a table.
+
+    Attributes
+    ----------
+    path : str
+        Relative to the table.
+    bucket : int
+    month : str
+    rows, bytes : int
+    first_batch, last_batch : str
+        Bounds of the batches in it.
+    """
+
+    path: str
+    bucket: int
+    month: str
+    rows: int
+    bytes: int
+    first_batch: str
+    last_batch: str
+
+
+@dataclass(frozen=True, slots=True)
+class DeltaFolder:
+    """One Delta table. It is opened anew for each use, so that every answer is of the newest version.
+
+    Attributes
+    ----------
+    place : str
+        A folder or a URL.
+    options : mapping of str to str
+        What the object store needs, as `deltalake` takes them.
+    """
+
+    place: str
+    options: Mapping[str, str]
+
+    def create(self, schema: pa.Schema, partition_by: list[str], name: str, about: Mapping[str, Any]) -> None:
+        """Make the table where there is none."""
+        deltalake = require_deltalake()
+        try:
+            deltalake.DeltaTable.create(
+                self.place,
+                schema,
+                mode="error",
+                partition_by=partition_by,
+                name=name,
+                description=json.dumps(dict(about)),
+                configuration={
+                    "delta.dataSkippingStatsColumns": "batch"
+                },  # bounds of others would outlive a vehicle
+                storage_options=dict(self.options),
+            )
+        except deltalake.exceptions.DeltaError as error:
+            if not self.exists():
+                raise InvalidInput(_unusable(self.place, error)) from error
+        except OSError as error:
+            raise InvalidInput(_unusable(self.place, error)) from error
+
+    def exists(self) -> bool:
+        """Whether there is a Delta table."""
+        return bool(require_deltalake().DeltaTable.is_deltatable(self.place, dict(self.options)))
+
+    def open(self) -> Any:
+        """The newest version.
+
+        Raises
+        ------
+        InvalidInput
+            When there is no table, or it cannot be read.
+        """
+        deltalake = require_deltalake()
+        try:
+            return deltalake.DeltaTable(self.place, storage_options=dict(self.options))
+        except deltalake.exceptions.TableNotFoundError as error:
+            fix = "make one with `tripwatt store create`"
+            raise InvalidInput(Fault("no trip store", self.place, "", "two Delta tables", fix)) from error
+        except (deltalake.exceptions.DeltaError, OSError) as error:
+            raise InvalidInput(_unusable(self.place, error)) from error
+
+    def about(self) -> dict[str, Any]:
+        """What was written at its creation."""
+        found = self.open().metadata().description
+        try:
+            about = json.loads(found or "")
+        except json.JSONDecodeError:
+            about = None
+        if not isinstance(about, dict) or "tripwatt_store" not in about:
+            got = "a Delta table of another kind"
+            raise InvalidInput(Fault("no trip store", self.place, got, "a table that tripwatt made"))
+        return about
+
+    def append(self, rows: pa.Table) -> None:
+        """Append rows in one commit, whatever other writers do meanwhile."""
+        self._repeated(lambda table: self._write(table, rows, tries=MOST_TRIES))
+
+    def append_checked(self, rows_for: Callable[[Any], pa.Table | None]) -> int:
+        """Append rows that depend on what the table holds: the commit succeeds only on the version that was read.
+
+        Parameters
+        ----------
+        rows_for : callable
+            From the opened table to the rows to append, None for none. It is called again when another writer was
+            first.
+
+        Returns
+        -------
+        int
+            Rows that were appended.
+        """
+        deltalake = require_deltalake()
+        for _ in range(MOST_TRIES):
+            table = self.open()
+            rows = rows_for(table)
+            if rows is None or not rows.num_rows:
+                return 0
+            try:
+                self._write(table, rows, tries=0)
+            except deltalake.exceptions.CommitFailedError:
+                continue
+            return int(rows.num_rows)
+        raise InvalidInput(_busy(self.place))
+
+    def _write(self, table: Any, rows: pa.Table, *, tries: int) -> None:
+        deltalake = require_deltalake()
+        deltalake.write_deltalake(
+            table,
+            rows,
+            mode="append",
+            target_file_size=ONE_FILE,
+            writer_properties=_writing(),
+            commit_properties=deltalake.CommitProperties(max_commit_retries=tries),
+        )
+
+    def delete(self, predicate: str) -> int:
+        """Delete rows by an SQL predicate; tried again when another writer was first.
+
+        Returns
+        -------
+        int
+            Rows that were deleted.
+        """
+        return int(
+            self._repeated(lambda table: table.delete(predicate, writer_properties=_writing())).get(
+                "num_deleted_rows"
+            )
+            or 0
+        )
+
+    def compact(self, target_size: int) -> dict[str, Any]:
+        """Merge small data files of each partition up to a size [bytes]."""
+        found = self._repeated(
+            lambda table: table.optimize.compact(target_size=target_size, writer_properties=_writing())
+        )
+        return {name: found[name] for name in ("numFilesAdded", "numFilesRemoved")}
+
+    def _repeated(self, action: Callable[[Any], Result]) -> Result:
+        failed = require_deltalake().exceptions.CommitFailedError
+        for _ in range(MOST_TRIES):
+            try:
+                return action(self.open())
+            except failed:
+                continue
+        raise InvalidInput(_busy(self.place))
+
+    def drop_old_files(self, hours: int) -> int:
+        """Remove data files that no version of the last `hours` uses; files of writers at work are never among them.
+
+        Returns
+        -------
+        int
+            Files that were removed.
+        """
+        removed = self.open().vacuum(
+            retention_hours=hours, dry_run=False, enforce_retention_duration=False, full=False
+        )
+        return len(removed)
+
+    def read(self, columns: list[str], where: Any = None) -> pa.Table:
+        """Rows of the newest version.
+
+        Parameters
+        ----------
+        columns : list of str
+        where : pyarrow.dataset.Expression, optional
+        """
+        return self.open().to_pyarrow_dataset().to_table(columns=columns, filter=where)
+
+    def data_files(self) -> Iterator[DataFile]:
+        """Data files of the newest version, by name."""
+        import pyarrow as pa
+
+        actions = pa.table(self.open().get_add_actions(flatten=True)).to_pylist()
+        for action in sorted(actions, key=lambda a: str(a["path"])):
+            yield DataFile(
+                action["path"],
+                action["partition.bucket"],
+                action.get("partition.month") or "",
+                action["num_records"],
+                action["size_bytes"],
+                action["min.batch"],
+                action["max.batch"],
+            )
+
+    def filesystem(self) -> Any:
+        """The table's folder as a file system of pyarrow."""
+        from pyarrow import fs
+
+        if not is_url(self.place):
+            return fs.SubTreeFileSystem(str(Path(self.place).absolute()), fs.LocalFileSystem())
+        from deltalake.fs import DeltaStorageHandler
+
+        return fs.PyFileSystem(DeltaStorageHandler(self.place, dict(self.options)))
+
+
+def _writing() -> Any:
+    """How data files are written; merged files are no larger than their parts."""
+    return require_deltalake().WriterProperties(compression="ZSTD", max_row_group_size=ROW_GROUP)
+
+
+def _unusable(place: str, error: Exception) -> Fault:
+    got = (str(error).splitlines() or [type(error).__name__])[0][:200]
+    return Fault(
+        "trip store cannot be used", place, got, "a folder or an object store that can be read and written"
+    )
+
+
+def _busy(place: str) -> Fault:
+    got = f"{MOST_TRIES} commits of other writers came first"
+    return Fault("trip store is busy", place, got, "fewer writers at once, or larger batches")

@@ -1,0 +1,290 @@
+"""Rows of the two tables of a store: what is kept of a log, and the log that comes back."""
+
+from __future__ import annotations
+
+import datetime as dt
+import hashlib
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from tripwatt.arrays import FloatArray
+from tripwatt.auditing import Finding, audit
+from tripwatt.trips import COLUMNS, Context, Log, Recorded, observed_energy
+
+COUNTED: Final = "observed_energy_wh"
+"""Cumulative energy of a log that has neither voltage nor current."""
+
+SIGNALS: Final = (*COLUMNS, COUNTED)
+"""Columns of samples that a store keeps."""
+
+UNKNOWN_MONTH: Final = "unknown"
+"""Month of a log without a time of departure."""
+
+SAMPLES: Final = pa.schema(
+    [
+        pa.field("bucket", pa.int32()),
+        pa.field("month", pa.string()),
+        pa.field("batch", pa.string()),
+        pa.field("digest", pa.string()),
+        pa.field("vehicle_id", pa.string()),
+        pa.field("sample", pa.int32()),
+        *(pa.field(name, pa.float64()) for name in SIGNALS),
+    ]
+)
+"""One row a sample; `sample` counts from 0 within a log."""
+
+TRIPS: Final = pa.schema(
+    [
+        pa.field("bucket", pa.int32()),
+        pa.field("month", pa.string()),
+        pa.field("batch", pa.string()),
+        pa.field("digest", pa.string()),
+        pa.field("vehicle_id", pa.string()),
+        pa.field("trip_id", pa.string()),
+        pa.field("car_model", pa.string()),
+        pa.field("driver", pa.string()),
+        pa.field("started_at", pa.string()),
+        pa.field("distance_m", pa.float64()),
+        pa.field("duration_s", pa.float64()),
+        pa.field("energy_wh", pa.float64()),
+        pa.field("energy_std_wh", pa.float64()),
+        pa.field("energy_from", pa.string()),
+        pa.field("drives", pa.int32()),
+        pa.field("as_logged", pa.bool_()),
+        pa.field("ambient_temperature_degc", pa.float64()),
+        pa.field("findings", pa.string()),
+        pa.field("context", pa.string()),
+        pa.field("columns", pa.string()),
+        pa.field("samples", pa.int32()),
+    ]
+)
+"""One row a log. `findings`, `context` and `columns` are JSON; `started_at` is ISO 8601, so that text sorts as time.
+`as_logged` is true where the audit found one drive and changed nothing in it."""
+
+_CONTEXT: Final = (
+    "season",
+    "weather",
+    "route",
+    "cabin_setpoint_degc",
+    "payload_mass_kg",
+    "follows_trip",
+    "remarks",
+    "car",
+)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class StoredLog:
+    """A log on its way into a store: its row of `trips` and its samples.
+
+    Attributes
+    ----------
+    row : dict
+        Every column of `TRIPS` but `batch`.
+    log : Recorded
+    """
+
+    row: dict[str, Any]
+    log: Recorded
+
+
+def bucket_of(vehicle_id: str, buckets: int) -> int:
+    """Hash bucket of a vehicle, 0 to `buckets` - 1; the same on every machine.
+
+    Examples
+    --------
+    >>> bucket_of("V17", 16), bucket_of("V17", 1)
+    (13, 0)
+    """
+    return int.from_bytes(hashlib.sha256(vehicle_id.encode()).digest()[:8], "big") % buckets
+
+
+def month_of(started_at: dt.datetime | None) -> str:
+    """Month of a departure as a partition.
+
+    Examples
+    --------
+    >>> month_of(dt.datetime(2024, 5, 31, 8)), month_of(None)
+    ('2024-05', 'unknown')
+    """
+    return UNKNOWN_MONTH if started_at is None else f"{started_at:%Y-%m}"
+
+
+def digest_of(vehicle_id: str, log: Recorded) -> str:
+    """SHA-256 over the vehicle, the departure and every kept value of a log; its name does not count. O(samples).
+
+    Examples
+    --------
+    >>> log = Log.from_samples("a", pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 1.0]}))
+    >>> digest_of("V1", log) == digest_of("V1", log), digest_of("V1", log) == digest_of("V2", log)
+    (True, False)
+    """
+    sha = hashlib.sha256()
+    started = log.context.started_at
+    for text in (vehicle_id, "" if started is None else started.isoformat()):
+        sha.update(text.encode() + b"\0")
+    for name in kept_columns(log):
+        sha.update(name.encode() + b"\0")
+        values = log.array(name)
+        # every missing value is the same missing value, and so is a zero of either sign
+        sha.update(np.where(np.isnan(values), np.nan, values + 0.0).astype("<f8").tobytes())
+    return sha.hexdigest()
+
+
+def kept_columns(log: Recorded) -> list[str]:
+    """Columns of a log that a store keeps, in the order of `SIGNALS`."""
+    return [name for name in SIGNALS if name in log]
+
+
+def stored_log(log: Recorded, vehicle_id: str, car_model: str, buckets: int) -> StoredLog:
+    """Audit one log by itself and sum it up. O(samples).
+
+    Parameters
+    ----------
+    log : Recorded
+    vehicle_id : str
+    car_model : str
+        Name of a car of the library.
+    buckets : int
+    """
+    found = audit([log])
+    started = log.context.started_at
+    drives = found.trips or (log,)
+    energy, std, source = _energy(found.trips)
+    row = {
+        "bucket": bucket_of(vehicle_id, buckets),
+        "month": month_of(started),
+        "digest": digest_of(vehicle_id, log),
+        "vehicle_id": vehicle_id,
+        "trip_id": log.trip_id,
+        "car_model": car_model,
+        "driver": log.context.driver,
+        "started_at": None if started is None else started.isoformat(),
+        "distance_m": sum(_distance(drive) for drive in drives),
+        "duration_s": sum(drive.duration_s for drive in drives),
+        "energy_wh": energy,
+        "energy_std_wh": std,
+        "energy_from": source,
+        "drives": len(found.trips),
+        "as_logged": _unchanged(log, found.trips),
+        "ambient_temperature_degc": _ambient(drives[0]),
+        "findings": findings_text(found.findings),
+        "context": json.dumps(_context_values(log), ensure_ascii=False),
+        "columns": json.dumps(kept_columns(log)),
+        "samples": len(log),
+    }
+    return StoredLog(row, log)
+
+
+def _unchanged(log: Recorded, drives: Sequence[Recorded]) -> bool:
+    """Whether the audit left the log as it is: one drive with the same id, context and samples."""
+    if len(drives) != 1:
+        return False
+    (drive,) = drives
+    same = (drive.trip_id, drive.context, drive.observed_energy_wh) == (
+        log.trip_id,
+        log.context,
+        log.observed_energy_wh,
+    )
+    return same and drive.samples.equals(log.samples)
+
+
+def _distance(drive: Recorded) -> float:
+    speed, time = drive.array("speed_m_s"), drive.array("time_s")
+    known = np.isfinite(speed) & np.isfinite(time)
+    return float(np.trapezoid(speed[known], time[known]))
+
+
+def _ambient(drive: Recorded) -> float | None:
+    if not drive.has("ambient_temperature_degc"):
+        return None
+    return float(np.nanmean(drive.array("ambient_temperature_degc")))
+
+
+def _energy(drives: Sequence[Recorded]) -> tuple[float | None, float | None, str]:
+    """Measured energy of sound drives [Wh], its standard error [Wh] where it has one, and what it is from."""
+    known = [drive for drive in drives if drive.observed_energy_wh is not None]
+    if not known or len(known) < len(drives):
+        return None, None, "unknown"
+    energy = math.fsum(drive.observed_energy_wh or 0.0 for drive in known)
+    if all(drive.observed_energy_std_wh is None for drive in known):
+        return energy, None, "voltage and current"
+    return energy, math.hypot(*(drive.observed_energy_std_wh or 0.0 for drive in known)), "state of charge"
+
+
+def findings_text(findings: Sequence[Finding]) -> str:
+    """Findings of an audit as JSON: from_s, to_s, what, consequence, and the leg they are about."""
+    values = [
+        {"drive": f.trip, "from_s": f.from_s, "to_s": f.to_s, "what": f.what, "consequence": f.consequence}
+        for f in findings
+    ]
+    return json.dumps(values, ensure_ascii=False)
+
+
+def _context_values(log: Recorded) -> dict[str, Any]:
+    empty = Context()
+    values = {name: getattr(log.context, name) for name in _CONTEXT}
+    known = {name: value for name, value in values.items() if value != getattr(empty, name)}
+    if log.observed_energy_std_wh is not None:
+        known["energy_std_wh"] = log.observed_energy_std_wh
+    return known
+
+
+def trips_table(stored: Sequence[StoredLog], batch: str) -> pa.Table:
+    """Rows of `trips`."""
+    return pa.Table.from_pylist([{**s.row, "batch": batch} for s in stored], schema=TRIPS)
+
+
+def samples_table(stored: Sequence[StoredLog], batch: str) -> pa.Table:
+    """Rows of `samples`; what a log lacks is null. O(samples x columns)."""
+    counts = [len(s.log) for s in stored]
+    arrays: dict[str, Any] = {
+        name: pa.array(np.repeat([s.row[name] for s in stored], counts), SAMPLES.field(name).type)
+        for name in ("bucket", "month", "digest", "vehicle_id")
+    }
+    arrays["batch"] = pa.array([batch] * sum(counts), pa.string())
+    arrays["sample"] = pa.array(np.concatenate([np.arange(n, dtype=np.int32) for n in counts]))
+    for name in SIGNALS:
+        blocks = [s.log.array(name) if name in s.log else np.full(len(s.log), np.nan) for s in stored]
+        arrays[name] = pa.array(np.concatenate(blocks), from_pandas=True)
+    return pa.table([arrays[name] for name in SAMPLES.names], schema=SAMPLES)
+
+
+def log_from_rows(row: Mapping[str, Any], columns: Mapping[str, FloatArray]) -> Log:
+    """The log of a row of `trips`, from its samples in their order: what was added, value for value.
+
+    Parameters
+    ----------
+    row : mapping
+        A row of `trips`.
+    columns : mapping of str to ndarray, shape (samples,)
+        At least the kept columns; NaN where a value is missing.
+    """
+    names = json.loads(row["columns"])
+    samples = pd.DataFrame(
+        np.array([columns[name] for name in names]).T, columns=pd.Index(names, dtype=object)
+    )
+    known = json.loads(row["context"])
+    std = known.pop("energy_std_wh", None)
+    started = row["started_at"]
+    context = Context(
+        **known,
+        driver=row["driver"],
+        started_at=None if started is None else dt.datetime.fromisoformat(started),
+    )
+    return Log(row["trip_id"], samples, context, observed_energy(samples), None, std)
+
+
+def stored_findings(row: Mapping[str, Any]) -> tuple[Finding, ...]:
+    """Findings of a row of `trips`."""
+    return tuple(
+        Finding(f["drive"], f["from_s"], f["to_s"], f["what"], f["consequence"])
+        for f in json.loads(row["findings"])
+    )
