@@ -290,7 +290,8 @@ class TripStore:
         wanted = self.trip_rows(**which) if rows is None else rows
         files = self.samples.filesystem()
         for part in self.file_trips(wanted):
-            yield from read_file(files, part.file.path, part.rows)
+            for _, log in read_file(files, part.file.path, part.rows):
+                yield log
 
     def trip_rows(self, **which: Any) -> list[dict[str, Any]]:
         """Rows of `trips` with all columns, as `trips` selects them."""
@@ -484,8 +485,10 @@ def open_store(place: Path | str, *, options: Mapping[str, str] | None = None) -
     return TripStore(store.place, store.options, int(about["buckets"]))
 
 
-def read_file(files: Any, path: str, rows: Sequence[Mapping[str, Any]]) -> Iterator[Log]:
-    """Those of some logs that are in one data file of samples, in the order of their first sample. O(rows of the file).
+def read_file(
+    files: Any, path: str, rows: Sequence[Mapping[str, Any]]
+) -> Iterator[tuple[Mapping[str, Any], Log]]:
+    """Those of some logs that are in one data file of samples, each with its row, by digest. O(rows of the file).
 
     Parameters
     ----------
@@ -514,7 +517,7 @@ def read_file(files: Any, path: str, rows: Sequence[Mapping[str, Any]]) -> Itera
         if last - first != row["samples"]:
             where, got = f"{path}, trip {row['trip_id']}", f"{last - first} samples"
             raise InvalidInput(Fault("samples are missing", where, got, f"{row['samples']} samples"))
-        yield log_from_rows(row, {name: values[first:last] for name, values in columns.items()})
+        yield row, log_from_rows(row, {name: values[first:last] for name, values in columns.items()})
 
 
 def _chosen_rows(keys: pa.Table, wanted: Iterable[tuple[str, str]]) -> IntArray:

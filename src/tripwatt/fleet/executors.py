@@ -1,0 +1,124 @@
+"""Where the map over a store runs: behind `concurrent.futures.Executor`, in this process, on its cores or on a cluster."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from typing import Any, Final, TypeVar
+
+from tripwatt.errors import Fault, InvalidInput
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+AHEAD: Final = 4
+"""Tasks a worker that are submitted before the first has finished: memory does not grow with the number of tasks."""
+
+CLUSTER_WAIT_S: Final = 30.0
+"""Time [s] in which a cluster has to answer."""
+
+
+class InProcess(Executor):
+    """Runs each task when it is submitted, in this process.
+
+    Examples
+    --------
+    >>> InProcess().submit(abs, -3).result()
+    3
+    """
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Call a function and keep what it gives or raises."""
+        future: Future[Any] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+@contextmanager
+def executor_for(n_jobs: int = 1, cluster: str | None = None) -> Iterator[tuple[Executor, int]]:
+    """An executor, and the number of its workers.
+
+    Parameters
+    ----------
+    n_jobs : int
+        Processes of this machine; 1 stays in this process.
+    cluster : str, optional
+        Address of the scheduler of a Dask cluster, such as tcp://10.0.0.5:8786.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such cluster, or the package `distributed` is missing.
+
+    Examples
+    --------
+    >>> with executor_for(1) as (executor, workers):
+    ...     workers, executor.submit(abs, -2).result()
+    (1, 2)
+    """
+    if cluster is not None:
+        with _dask(cluster) as found:
+            yield found
+    elif n_jobs == 1:
+        yield InProcess(), 1
+    elif n_jobs < 1:
+        raise InvalidInput(Fault("value out of range", "n_jobs", f"{n_jobs}", "at least 1"))
+    else:
+        with ProcessPoolExecutor(n_jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
+            yield pool, n_jobs
+
+
+@contextmanager
+def _dask(cluster: str) -> Iterator[tuple[Executor, int]]:
+    try:
+        from distributed import Client
+    except ImportError as error:
+        fix = "pip install 'tripwatt[fleet]'"
+        raise InvalidInput(Fault("package is missing", "distributed", "", "for clusters", fix)) from error
+    try:
+        client = Client(cluster, timeout=CLUSTER_WAIT_S, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        got = str(error)[:160] or type(error).__name__
+        allowed = "the address of a Dask scheduler"
+        raise InvalidInput(Fault("no cluster", cluster, got, allowed)) from error
+    try:
+        client.wait_for_workers(1, timeout=CLUSTER_WAIT_S)
+        workers = sum(client.nthreads().values())
+        # a task is a pure function of immutable files, so a lost worker's tasks run again elsewhere
+        yield client.get_executor(pure=False, retries=3), max(workers, 1)
+    except TimeoutError as error:
+        raise InvalidInput(Fault("cluster has no workers", cluster, "", "at least one worker")) from error
+    finally:
+        client.close()
+
+
+def map_bounded(
+    executor: Executor, workers: int, function: Callable[[Task], Result], tasks: Sequence[Task]
+) -> Iterator[Result]:
+    """Results as they finish; at most `AHEAD` tasks a worker wait at once."""
+    waiting: set[Future[Result]] = set()
+    remaining = iter(tasks)
+    exhausted = False
+    try:
+        while waiting or not exhausted:
+            while not exhausted and len(waiting) < AHEAD * workers:
+                try:
+                    task = next(remaining)
+                except StopIteration:
+                    exhausted = True
+                else:
+                    waiting.add(executor.submit(function, task))
+            finished = {f for f in waiting if f.done()}
+            if waiting and not finished:
+                finished, _ = wait(waiting, return_when=FIRST_COMPLETED)
+            waiting -= finished
+            for future in finished:
+                yield future.result()
+    finally:
+        for future in waiting:
+            future.cancel()

@@ -1,0 +1,59 @@
+"""The known features in which the correction of a fleet is linear: causes of the simulation, and the climate."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.hybrid import SegmentTable
+from tripwatt.hybrid.segments import LINE_CAUSES
+
+WARM_DEGC: Final = 20.0
+"""Outside air [°C] at which neither heating nor cooling is expected."""
+
+SETTLING_S: Final = 900.0
+"""Time constant [s] with which cabin and driveline settle after departure."""
+
+CLIMATE: Final = ("cold", "hot", "cold_start", "start")
+
+FEATURES: Final = (*LINE_CAUSES, *CLIMATE)
+"""Names of the features: power by cause [W] as simulated; degrees below and above `WARM_DEGC` [K], the first also as
+they fade after departure, and what fades by itself [1]."""
+
+SCALES: Final = np.array([0.1] * len(LINE_CAUSES) + [10.0, 10.0, 20.0, 150.0])
+"""Usual size of each weight: a cause is off by a tenth; watts by kelvin; watts at the start."""
+
+SPLIT: Final = np.array([0] * len(LINE_CAUSES) + [1] * len(CLIMATE))
+"""Group of each feature: those of one group have one variance by level."""
+
+
+def segment_features(table: SegmentTable) -> FloatArray:
+    """Features of each segment, in units of their usual weight [W], shape (segments, features). O(segments).
+
+    An unknown outside temperature counts as `WARM_DEGC`.
+    """
+    features = table.features
+    ambient = features["ambient_temperature_degc"].to_numpy(dtype=np.float64)
+    below = np.where(np.isfinite(ambient), WARM_DEGC - ambient, 0.0)
+    fading = np.exp(-features["time_s"].to_numpy(dtype=np.float64) / SETTLING_S)
+    cold, hot = np.maximum(below, 0.0), np.maximum(-below, 0.0)
+    causes = [features[f"{cause}_w"].to_numpy(dtype=np.float64) for cause in LINE_CAUSES]
+    return np.asarray(np.column_stack([*causes, cold, hot, cold * fading, fading]) * SCALES, dtype=np.float64)
+
+
+def trip_features(table: SegmentTable) -> FloatArray:
+    """Energy of each trip by each feature [Wh], shape (trips, features)."""
+    return np.asarray(
+        np.add.reduceat(segment_features(table) * table.hours[:, None], table.offsets[:-1], axis=0)
+    )
+
+
+def trip_variance_wh2(table: SegmentTable) -> FloatArray:
+    """Usual variance of the error of each trip [Wh²], shape (trips,): 40 Wh, and 5 % of the energy moved at the wheels.
+
+    Only the ratios between trips count; the level is estimated.
+    """
+    moved = table.totals_wh(table.features["moved_w"].to_numpy(dtype=np.float64))
+    return np.asarray(40.0**2 + (0.05 * moved) ** 2)

@@ -1,0 +1,390 @@
+"""One map over a store: every data file to the rows of its trips, and to the segments of a sample of them.
+
+`rows_of_file` is a pure function of one immutable data file and of what is wanted of it. Its result gets its final name
+only when it is whole, and the name is a digest of everything that the result depends on: a driver that was killed finds
+what is finished, and nothing is computed twice.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import uuid
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from tripwatt.auditing import audit
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.fleet.executors import map_bounded
+from tripwatt.fleet.features import FEATURES, trip_features, trip_variance_wh2
+from tripwatt.fleet.statistics import NO_DRIVER, ROWS, TripRows
+from tripwatt.hybrid import SegmentTable, segment_table
+from tripwatt.physics import simulate_trip
+from tripwatt.store import TripStore, read_file
+from tripwatt.store.delta import DeltaFolder
+from tripwatt.trips import Log, Trip, plan_from_trip
+from tripwatt.vehicles import Vehicle, load_vehicle
+
+VERSION: Final = 1
+"""Changes whenever rows of the same trips change."""
+
+_MEASURED: Final = (
+    "time_s",
+    "speed_m_s",
+    "voltage_v",
+    "current_a",
+    "observed_energy_wh",
+    "soc",
+    "displayed_soc",
+)
+"""Columns of a drive that its measured power and its charge need."""
+
+_ROW: Final = ("digest", "batch", "vehicle_id", "trip_id", "car_model", "driver", "started_at", "as_logged", "drives",
+               "context", "columns", "samples")  # fmt: skip
+"""Columns of `trips` that a task carries."""
+
+
+@dataclass(frozen=True, slots=True)
+class FileTask:
+    """What is wanted of one data file.
+
+    Attributes
+    ----------
+    place : str
+        Of the table of samples.
+    options : mapping of str to str
+    path : str
+        Of the data file, relative to the table.
+    rows : tuple of mapping
+        Rows of `trips`.
+    sampled : frozenset of str
+        Digests of trips whose segments are kept as well.
+    out : str
+        Folder of the results.
+    """
+
+    place: str
+    options: Mapping[str, str]
+    path: str
+    rows: tuple[Mapping[str, Any], ...]
+    sampled: frozenset[str]
+    out: str
+
+    @property
+    def name(self) -> str:
+        """Digest of everything that the result depends on."""
+        wanted = sorted((row["digest"], row["digest"] in self.sampled) for row in self.rows)
+        text = json.dumps([VERSION, self.place, self.path, wanted, FEATURES])
+        return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+@dataclass(frozen=True, slots=True)
+class FileResult:
+    """Where the result of a task is, and what it is of.
+
+    Attributes
+    ----------
+    rows : str
+        Parquet file of the schema `ROWS`.
+    segments : str or None
+        Parquet file of segments, None without any.
+    trips, drives : int
+        Trips that were wanted and found, and sound drives with measured energy among them.
+    """
+
+    rows: str
+    segments: str | None
+    trips: int
+    drives: int
+
+
+def tasks_of(
+    store: TripStore, rows: Iterable[Mapping[str, Any]], out: Path | str, sampled: Iterable[str] = ()
+) -> list[FileTask]:
+    """Tasks for some trips of a store, those without a sound drive or measured energy left out.
+
+    Parameters
+    ----------
+    store : TripStore
+    rows : iterable of mapping
+        Rows of `trips`, all columns.
+    out : path
+        Folder of the results; every worker has to reach it under this name.
+    sampled : iterable of str
+        Digests of trips whose segments are kept.
+    """
+    usable = [row for row in rows if row["drives"] and row["energy_wh"] is not None]
+    chosen = frozenset(sampled)
+    folder = str(Path(out).absolute())
+    place = store.samples.place
+    return [
+        FileTask(
+            place if "://" in place else str(Path(place).absolute()),
+            dict(store.options),
+            part.file.path,
+            tuple({name: row[name] for name in _ROW} for row in part.rows),
+            chosen & {row["digest"] for row in part.rows},
+            folder,
+        )
+        for part in store.file_trips(usable)
+    ]
+
+
+def map_store(
+    tasks: Sequence[FileTask],
+    executor: Executor,
+    workers: int,
+    progress: Callable[[int, int], None] | None = None,
+) -> Iterator[FileResult]:
+    """Results of all tasks, those that are finished already first.
+
+    Parameters
+    ----------
+    tasks : sequence of FileTask
+    executor : Executor
+    workers : int
+    progress : callable, optional
+        Called with (finished tasks, all tasks).
+    """
+    open_tasks = []
+    finished = 0
+    for task in tasks:
+        found = _finished(task)
+        if found is None:
+            open_tasks.append(task)
+        else:
+            finished += 1
+            yield found
+    for result in map_bounded(executor, workers, rows_of_file, open_tasks):
+        finished += 1
+        if progress is not None:
+            progress(finished, len(tasks))
+        yield result
+
+
+def rows_of_file(task: FileTask) -> FileResult:
+    """Audit, simulate, cut and sum up the wanted trips of one data file. A pure function of the file.
+
+    Trips whose car model cannot simulate them are left out, as are those without measured energy.
+    """
+    found = _finished(task)
+    if found is not None:
+        return found
+    files = DeltaFolder(task.place, task.options).filesystem()
+    rows: list[dict[str, Any]] = []
+    segments: list[pa.Table] = []
+    trips = 0
+    for row, log in read_file(files, task.path, task.rows):
+        trips += 1
+        for drive in drives_of(log, row):
+            table = segments_of(drive, row["car_model"])
+            if table is None:
+                continue
+            rows.append(row_of(drive, table, row))
+            if row["digest"] in task.sampled:
+                segments.append(table_of_segments(table, row))
+    out = Path(task.out)
+    out.mkdir(parents=True, exist_ok=True)
+    if segments:
+        _write_whole(pa.concat_tables(segments), _segments_path(task))
+    about = {"trips": f"{trips}", "segments": "yes" if segments else ""}
+    # the rows come last: where they are, all of the task is
+    _write_whole(pa.Table.from_pylist(rows, schema=ROWS).replace_schema_metadata(about), _rows_path(task))
+    return FileResult(
+        str(_rows_path(task)), str(_segments_path(task)) if segments else None, trips, len(rows)
+    )
+
+
+def _rows_path(task: FileTask) -> Path:
+    return Path(task.out) / f"{task.name}.rows.parquet"
+
+
+def _segments_path(task: FileTask) -> Path:
+    return Path(task.out) / f"{task.name}.segments.parquet"
+
+
+def _finished(task: FileTask) -> FileResult | None:
+    """The result of a task that is finished."""
+    path = _rows_path(task)
+    if not path.is_file():
+        return None
+    found = pq.ParquetFile(path)
+    about = found.schema_arrow.metadata or {}
+    segments = str(_segments_path(task)) if about.get(b"segments") else None
+    return FileResult(str(path), segments, int(about[b"trips"]), found.metadata.num_rows)
+
+
+def _write_whole(table: pa.Table, path: Path) -> None:
+    """A file under its final name only when it is whole; another process may write the same at the same time."""
+    partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
+    try:
+        pq.write_table(table, partial, compression="zstd")
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def drives_of(log: Log, row: Mapping[str, Any]) -> Sequence[Trip]:
+    """The sound drives of a stored log: the log itself where its audit changed nothing, else its audit's."""
+    return (Trip.from_log(log),) if row["as_logged"] else audit([log]).trips
+
+
+def segments_of(drive: Trip, car_model: str) -> SegmentTable | None:
+    """Segments of a drive; None without measured energy, or where it cannot be simulated."""
+    if drive.observed_energy_wh is None:
+        return None
+    measured = replace(drive, samples=drive.samples[[name for name in _MEASURED if name in drive]])
+    try:
+        plan = plan_from_trip(drive)
+        return segment_table(plan, simulate_trip(car_of(car_model), plan), measured)
+    except InvalidInput:
+        return None
+
+
+@lru_cache(maxsize=256)
+def car_of(name: str) -> Vehicle:
+    """A car of the library, read once in each process."""
+    return load_vehicle(name)
+
+
+def row_of(drive: Trip, table: SegmentTable, row: Mapping[str, Any]) -> dict[str, Any]:
+    """The row of one drive."""
+    ambient = table.features["ambient_temperature_degc"].to_numpy(dtype=np.float64)
+    observed = table.totals_wh(table.observed_power_w)[0]
+    started = drive.context.started_at
+    return {
+        "car_model": row["car_model"],
+        "vehicle_id": row["vehicle_id"],
+        "driver": row["driver"] or NO_DRIVER,
+        "digest": row["digest"],
+        "drive": drive.trip_id,
+        "started_at": None if started is None else started.isoformat(),
+        "distance_m": drive.distance_m,
+        "hours": float(table.hours.sum()),
+        "ambient_temperature_degc": float(ambient[0]),
+        "simulated_wh": float(table.totals_wh(table.simulated_w)[0]),
+        "observed_wh": float(observed),
+        "variance_wh2": float(trip_variance_wh2(table)[0] + (drive.observed_energy_std_wh or 0.0) ** 2),
+        **{f"x_{name}": float(x) for name, x in zip(FEATURES, trip_features(table)[0], strict=True)},
+    }
+
+
+def table_of_segments(table: SegmentTable, row: Mapping[str, Any]) -> pa.Table:
+    """Segments of one drive as rows: keys, features, hours, powers and readings of the charge."""
+    n = len(table.hours)
+    charge = np.full((1, 4), np.nan) if table.charge is None else table.charge
+    keys = {
+        "car_model": row["car_model"],
+        "vehicle_id": row["vehicle_id"],
+        "driver": row["driver"] or NO_DRIVER,
+        "digest": row["digest"],
+        "drive": table.trip_ids[0],
+    }
+    values = {name: table.features[name].to_numpy(dtype=np.float64) for name in table.features.columns}
+    return pa.table(
+        {
+            **{name: pa.array([text] * n, pa.string()) for name, text in keys.items()},
+            **{f"feature_{name}": v for name, v in values.items()},
+            "hours": table.hours,
+            "base_w": table.simulated_w,
+            "observed_w": table.observed_power_w,
+            **{f"charge_{k}": np.full(n, charge[0, k]) for k in range(4)},
+        }
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class SampledTrips:
+    """Segments of a sample of drives, sorted by car model, vehicle, driver and digest.
+
+    Attributes
+    ----------
+    table : SegmentTable
+        `trip_ids` are the digests with the drives.
+    groups : tuple of (str, str, str)
+        Car model, vehicle and driver of each drive.
+    digests : tuple of str
+    """
+
+    table: SegmentTable
+    groups: tuple[tuple[str, str, str], ...]
+    digests: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.groups)
+
+    @classmethod
+    def read(cls, paths: Iterable[str]) -> SampledTrips:
+        """From files of segments. O(rows log rows)."""
+        tables = [pq.read_table(path) for path in sorted(paths)]
+        if not tables:
+            raise InvalidInput(Fault("no trips", "sample", "0", "at least one trip with measured energy"))
+        frame = pa.concat_tables(tables).to_pandas()
+        keys = ["car_model", "vehicle_id", "driver", "digest", "drive"]
+        frame = frame.sort_values(keys, kind="stable", ignore_index=True)
+        frame = frame.drop_duplicates([*keys, "feature_time_s"], ignore_index=True)
+        drives = frame[keys].drop_duplicates()
+        offsets = np.append(drives.index.to_numpy(), len(frame)).astype(np.int64)
+        names = [name for name in frame.columns if name.startswith("feature_")]
+        features = frame[names].rename(columns=lambda name: name.removeprefix("feature_"))
+        first = frame.iloc[offsets[:-1]]
+        table = SegmentTable(
+            tuple(f"{d}/{name}" for d, name in zip(drives["digest"], drives["drive"], strict=True)),
+            offsets,
+            features,
+            frame["hours"].to_numpy(),
+            frame["base_w"].to_numpy(),
+            frame["observed_w"].to_numpy(),
+            None,
+            first[[f"charge_{k}" for k in range(4)]].to_numpy(dtype=np.float64),
+        )
+        groups = tuple(drives[keys[:3]].itertuples(index=False, name=None))
+        return cls(table, groups, tuple(drives["digest"]))
+
+
+def read_rows(results: Iterable[FileResult]) -> TripRows:
+    """Rows of all results, sorted."""
+    return TripRows.join([pq.read_table(result.rows).cast(ROWS) for result in results])
+
+
+def sample_of(
+    rows: Sequence[Mapping[str, Any]], per_vehicle: int, vehicles: int, seed: int = 0
+) -> frozenset[str]:
+    """Digests of a seeded sample of trips: at most so many of each vehicle, and of so many vehicles a car model.
+
+    The choice depends on the seed, the vehicles' names and the digests alone: a trip's order does not count.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Rows of `trips`.
+    per_vehicle : int
+    vehicles : int
+        Most vehicles of each car model.
+    seed : int
+    """
+
+    def rank(text: str) -> str:
+        return hashlib.sha256(f"{seed}/{text}".encode()).hexdigest()
+
+    by_vehicle: dict[tuple[str, str], list[str]] = {}
+    for row in rows:
+        if row["drives"] and row["energy_wh"] is not None:
+            by_vehicle.setdefault((row["car_model"], row["vehicle_id"]), []).append(row["digest"])
+    by_model: dict[str, list[tuple[str, str]]] = {}
+    for key in by_vehicle:
+        by_model.setdefault(key[0], []).append(key)
+    chosen: list[str] = []
+    for keys in by_model.values():
+        for key in sorted(keys, key=lambda k: rank(k[1]))[:vehicles]:
+            chosen += sorted(by_vehicle[key], key=rank)[:per_vehicle]
+    return frozenset(chosen)

@@ -1,0 +1,168 @@
+"""The mixed model of a fleet against its dense form: one Gaussian of all trips."""
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from tripwatt.errors import InvalidInput
+from tripwatt.fleet.hierarchy import FLEET_SD, Posterior, Scales, Tree, fit_scales, log_likelihood, posterior
+from tripwatt.fleet.statistics import Sums
+
+SPLIT = np.array([0, 0, 1])
+SCALES = Scales(((0.7, 0.4), (0.5, 0.9), (0.3, 0.2)), 1.7)
+GROUPS = (
+    ("a", "v1", ""),
+    ("a", "v1", "Ada"),
+    ("a", "v2", "Bob"),
+    ("b", "v3", ""),
+)
+
+
+def trips(seed=0, count=(3, 2, 4, 5)):
+    rng = np.random.default_rng(seed)
+    group = np.repeat(np.arange(len(count)), count)
+    X = rng.normal(size=(len(group), 3))
+    n = rng.uniform(0.5, 2.0, len(group))
+    y = X @ rng.normal(size=3) + rng.normal(size=len(group))
+    return group, X, y, n
+
+
+def sums_of(group, X, y, n, groups=GROUPS):
+    w = 1.0 / n
+    parts = [np.flatnonzero(group == i) for i in range(len(groups))]
+    return Sums(
+        tuple(groups),
+        np.array([float(len(p)) for p in parts]),
+        np.array([np.log(n[p]).sum() for p in parts]),
+        np.array([(X[p] * w[p, None]).T @ X[p] for p in parts]),
+        np.array([(X[p] * w[p, None]).T @ y[p] for p in parts]),
+        np.array([(y[p] * w[p]) @ y[p] for p in parts]),
+    )
+
+
+def dense_covariance(group, X, Z, other):
+    """Prior covariance of x'w_g between trips and target weights, by hand: levels that two groups share."""
+    shared = np.zeros((len(group), len(other), 3))
+    for i, g in enumerate(group):
+        for j, h in enumerate(other):
+            a = [GROUPS[g][0], GROUPS[g][:2], GROUPS[g]]
+            b = [GROUPS[h][0], GROUPS[h][:2], GROUPS[h]]
+            v = np.full(3, FLEET_SD**2)
+            for level in range(3):
+                if a[level] == b[level] and not (level == 2 and GROUPS[g][2] == ""):
+                    v = v + np.array(SCALES.sds[level])[SPLIT] ** 2
+            shared[i, j] = v
+    return np.einsum("ip,ijp,jp->ij", X, shared, Z)
+
+
+def test_likelihood_and_posterior_are_those_of_one_gaussian():
+    group, X, y, n = trips()
+    sums = sums_of(group, X, y, n)
+    K = dense_covariance(group, X, X, group) + SCALES.noise * np.diag(n)
+    dense = multivariate_normal(np.zeros(len(y)), K).logpdf(y)
+    assert log_likelihood(sums, SCALES, SPLIT) == pytest.approx(dense, rel=1e-10)
+    found = posterior(sums, SCALES, SPLIT)
+    for g, names in enumerate(GROUPS):
+        if names[2] == "" and names[1] == "v1":
+            continue  # a trip of v1 without a driver: its drivers' variance is checked below
+        targets = np.eye(3)
+        cross = dense_covariance(group, X, targets, [g] * 3)
+        prior = dense_covariance([g] * 3, targets, targets, [g] * 3)
+        gain = np.linalg.solve(K, cross)
+        mean, covariance = found.weights(*[name for name in names if name])
+        extra = np.diag(np.array(SCALES.sds[2])[SPLIT] ** 2) if names[2] == "" else 0.0
+        assert mean == pytest.approx(gain.T @ y, rel=1e-9, abs=1e-12)
+        assert covariance - extra == pytest.approx(prior - cross.T @ gain, rel=1e-8, abs=1e-10)
+
+
+def test_new_groups_take_the_weights_of_those_around_them():
+    group, X, y, n = trips()
+    found = posterior(sums_of(group, X, y, n), SCALES, SPLIT)
+    model_mean, model_cov = found.weights("a")
+    new_mean, new_cov = found.weights("a", "new")
+    assert new_mean.tolist() == model_mean.tolist()
+    assert new_cov.tolist() == model_cov.tolist()
+    node = found.tree.names.index(("a",))
+    own = np.array(SCALES.sds[1])[SPLIT] ** 2 + np.array(SCALES.sds[2])[SPLIT] ** 2
+    assert new_cov - found.covariance[node] == pytest.approx(np.diag(own))
+    unknown_mean, unknown_cov = found.weights("never seen")
+    assert unknown_mean.tolist() == found.mean[0].tolist()
+    every = sum(np.array(SCALES.sds[k])[SPLIT] ** 2 for k in range(3))
+    assert unknown_cov - found.covariance[0] == pytest.approx(np.diag(every))
+    known = found.weights("a", "v2", "Bob")[1]
+    assert known.tolist() == found.covariance[found.tree.names.index(("a", "v2", "Bob"))].tolist()
+    assert found.weights("a", "v2", "Eve")[0].tolist() == found.weights("a", "v2")[0].tolist()
+    assert found.weights(None, "v2")[0].tolist() == found.mean[0].tolist()
+    assert found.knows("a", "v1")
+    assert not found.knows("a", "v3")
+
+
+def test_without_drivers_no_driver_adds_to_the_variance():
+    group, X, y, n = trips(count=(3, 2))
+    found = posterior(sums_of(group, X, y, n, (("a", "v1", ""), ("a", "v2", ""))), SCALES, SPLIT)
+    node = found.tree.names.index(("a", "v1"))
+    assert found.weights("a", "v1")[1].tolist() == found.covariance[node].tolist()
+
+
+def test_sums_merge_and_a_group_without_trips_changes_nothing():
+    group, X, y, n = trips()
+    half = np.arange(len(y)) % 2 == 0
+    whole = sums_of(group, X, y, n)
+    parts = [sums_of(group[m], X[m], y[m], n[m]) for m in (half, ~half)]
+    merged = parts[0] + parts[1]
+    left = whole - parts[1]
+    for name in ("count", "log_variance", "xx", "xy", "yy"):
+        assert getattr(merged, name) == pytest.approx(getattr(whole, name), rel=1e-12)
+        assert getattr(left, name) == pytest.approx(getattr(parts[0], name), rel=1e-10, abs=1e-12)
+    with_empty = whole + sums_of(group[:0], X[:0], y[:0], n[:0], (("z", "v9", ""),))
+    assert len(with_empty.groups) == 5
+    assert log_likelihood(with_empty, SCALES, SPLIT) == pytest.approx(
+        log_likelihood(whole, SCALES, SPLIT), rel=1e-12
+    )
+    assert whole.take([2]).groups == (GROUPS[2],)
+    assert whole.take([2]).xy.tolist() == [whole.xy[2].tolist()]
+    again = Sums.from_arrays(whole.to_arrays())
+    assert again.groups == whole.groups
+    assert again.xx.tolist() == whole.xx.tolist()
+    assert (Sums.empty(3) + whole).yy.tolist() == whole.yy.tolist()
+
+
+def test_the_tree_puts_parents_first():
+    tree = Tree.from_groups(GROUPS)
+    assert tree.names[0] == ()
+    assert all(tree.parent[i] < i for i in range(1, len(tree.names)))
+    assert [tree.names[i] for i in tree.leaf] == [("a", "v1"), GROUPS[1], GROUPS[2], ("b", "v3")]
+    assert [len(tree.nodes(level)) for level in range(4)] == [1, 2, 3, 2]
+
+
+def test_scales_are_found_where_the_likelihood_is_largest():
+    rng = np.random.default_rng(3)
+    groups = tuple((f"m{i % 6}", f"v{i:03d}", "") for i in range(120))
+    groups = tuple(sorted(groups))
+    true = {"model": 0.6, "vehicle": 0.25, "noise": 0.5}
+    models = {f"m{k}": true["model"] * rng.normal(size=3) for k in range(6)}
+    group = np.repeat(np.arange(120), 12)
+    X, n = rng.normal(size=(1440, 3)), rng.uniform(0.5, 2.0, 1440)
+    own = np.array([models[g[0]] + true["vehicle"] * rng.normal(size=3) for g in groups])
+    y = np.einsum("ip,ip->i", X, own[group]) + np.sqrt(true["noise"] * n) * rng.normal(size=1440)
+    sums = sums_of(group, X, y, n, groups)
+    found = fit_scales(sums, SPLIT)
+    assert found.noise == pytest.approx(0.5, rel=0.1)
+    assert found.sds[1] == pytest.approx((0.25, 0.25), rel=0.25)
+    assert 0.3 < found.sds[0][0] < 1.2
+    best = log_likelihood(sums, found, SPLIT)
+    for factor in (0.8, 1.25):
+        assert log_likelihood(sums, Scales(found.sds, found.noise * factor), SPLIT) < best - 1.0
+    assert fit_scales(sums, SPLIT, found).noise == pytest.approx(found.noise, rel=1e-3)
+    with pytest.raises(InvalidInput, match="no trips"):
+        fit_scales(Sums.empty(3), SPLIT)
+
+
+def test_a_posterior_comes_back_from_its_arrays():
+    group, X, y, n = trips()
+    found = posterior(sums_of(group, X, y, n), SCALES, SPLIT)
+    again = Posterior.from_arrays(found.to_arrays())
+    for names in (("a",), ("a", "v2", "Bob"), ("b", "v3"), ("c",)):
+        for ours, theirs in zip(found.weights(*names), again.weights(*names), strict=True):
+            assert ours.tolist() == theirs.tolist()
+    assert again.scales == found.scales
