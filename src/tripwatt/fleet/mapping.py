@@ -31,7 +31,7 @@ from tripwatt.hybrid import SegmentTable, segment_table
 from tripwatt.physics import simulate_trip
 from tripwatt.store import TripStore, read_file
 from tripwatt.store.delta import DeltaFolder
-from tripwatt.trips import Log, Trip, plan_from_trip
+from tripwatt.trips import Log, Trip, plan_from_trip, table_of
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 VERSION: Final = 1
@@ -186,7 +186,7 @@ def rows_of_file(task: FileTask) -> FileResult:
     for row, log in read_file(files, task.path, task.rows):
         trips += 1
         for drive in drives_of(log, row):
-            table = segments_of(drive, row["car_model"])
+            table = segments_of(drive, row["car_model"], charge=row["digest"] in task.sampled)
             if table is None:
                 continue
             rows.append(row_of(drive, table, row))
@@ -238,11 +238,20 @@ def drives_of(log: Log, row: Mapping[str, Any]) -> Sequence[Trip]:
     return (Trip.from_log(log),) if row["as_logged"] else audit([log]).trips
 
 
-def segments_of(drive: Trip, car_model: str) -> SegmentTable | None:
-    """Segments of a drive; None without measured energy, or where it cannot be simulated."""
+def segments_of(drive: Trip, car_model: str, *, charge: bool = True) -> SegmentTable | None:
+    """Segments of a drive; None without measured energy, or where it cannot be simulated.
+
+    Parameters
+    ----------
+    drive : Trip
+    car_model : str
+    charge : bool
+        Whether the readings of the state of charge are wanted as well.
+    """
     if drive.observed_energy_wh is None:
         return None
-    measured = replace(drive, samples=drive.samples[[name for name in _MEASURED if name in drive]])
+    names = _MEASURED if charge else _MEASURED[:4]
+    measured = replace(drive, samples=table_of({name: drive.array(name) for name in names if name in drive}))
     try:
         plan = plan_from_trip(drive)
         return segment_table(plan, simulate_trip(car_of(car_model), plan), measured)

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 
 from tripwatt.arrays import FloatArray
 from tripwatt.auditing import Finding, audit
-from tripwatt.trips import COLUMNS, Context, Log, Recorded, observed_energy
+from tripwatt.trips import COLUMNS, Context, Log, Recorded, observed_energy, table_of
 
 COUNTED: Final = "observed_energy_wh"
 """Cumulative energy of a log that has neither voltage nor current."""
@@ -122,6 +121,7 @@ def digest_of(vehicle_id: str, log: Recorded) -> str:
 
     Examples
     --------
+    >>> import pandas as pd
     >>> log = Log.from_samples("a", pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 1.0]}))
     >>> digest_of("V1", log) == digest_of("V1", log), digest_of("V1", log) == digest_of("V2", log)
     (True, False)
@@ -268,9 +268,7 @@ def log_from_rows(row: Mapping[str, Any], columns: Mapping[str, FloatArray]) -> 
         At least the kept columns; NaN where a value is missing.
     """
     names = json.loads(row["columns"])
-    samples = pd.DataFrame(
-        np.array([columns[name] for name in names]).T, columns=pd.Index(names, dtype=object)
-    )
+    samples = table_of({name: columns[name] for name in names})
     known = json.loads(row["context"])
     std = known.pop("energy_std_wh", None)
     started = row["started_at"]

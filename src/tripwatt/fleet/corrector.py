@@ -1,0 +1,201 @@
+"""The correction of one vehicle of a fleet: its posterior weights, and the fleet's trees on top."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final, NoReturn
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray, IntArray, eigen
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.fleet.features import segment_features
+from tripwatt.hybrid import SegmentTable
+from tripwatt.hybrid.power import TREE_FEATURES
+
+TREE_SETTINGS: Final = {
+    "objective": "regression",
+    "learning_rate": 0.05,
+    "num_leaves": 8,
+    "min_data_in_leaf": 200,
+    "feature_fraction": 0.7,
+    "bagging_fraction": 0.7,
+    "bagging_freq": 1,
+    "lambda_l2": 1.0,
+    "max_bin": 63,
+    "verbosity": -1,
+    "deterministic": True,
+    "force_row_wise": True,
+    "num_threads": 1,
+}
+
+MOST_ROUNDS: Final = 120
+LEAST_GAIN: Final = 0.01
+"""Trees are used where they lower the held-out error of trips by at least this share."""
+
+
+def tree_columns(table: SegmentTable) -> FloatArray:
+    """What the trees see of a table, shape (segments, columns); NaN where unknown."""
+    return np.asarray(table.features[list(TREE_FEATURES)].to_numpy(dtype=np.float64))
+
+
+@dataclass(frozen=True, eq=False)
+class FleetTrees:
+    """Boosted trees on the residual power of segments that the linear part leaves; LightGBM's own text.
+
+    Attributes
+    ----------
+    text : str
+        Empty for no trees.
+    """
+
+    text: str = ""
+
+    @property
+    def booster(self) -> Any:
+        """The booster of the text."""
+        import lightgbm
+
+        return lightgbm.Booster(model_str=self.text)
+
+    def predict(self, table: SegmentTable) -> FloatArray:
+        """Residual power [W], shape (segments,)."""
+        if not self.text:
+            return np.zeros(len(table.hours))
+        return np.asarray(_booster(self.text).predict(tree_columns(table), num_threads=1), dtype=np.float64)
+
+    @classmethod
+    def fit(cls, table: SegmentTable, residual_w: FloatArray, rounds: int, seed: int) -> FleetTrees:
+        """Trees on the rows of a table, each trip of the same weight; the same rows and seed give the same trees.
+
+        Parameters
+        ----------
+        table : SegmentTable
+        residual_w : ndarray, shape (segments,)
+        rounds : int
+            0 for no trees.
+        seed : int
+        """
+        if not rounds:
+            return cls()
+        import lightgbm
+
+        weight = 1.0 / np.diff(table.offsets)[table.groups]
+        data = lightgbm.Dataset(
+            tree_columns(table), residual_w, weight=weight / weight.mean(), free_raw_data=True
+        )
+        booster = lightgbm.train({**TREE_SETTINGS, "seed": seed}, data, num_boost_round=rounds)
+        return cls(booster.model_to_string())
+
+
+_BOOSTERS: dict[int, Any] = {}
+
+
+def _booster(text: str) -> Any:
+    """A booster by its text; a few are kept, since reading one takes longer than a forecast."""
+    key = hash(text)
+    if key not in _BOOSTERS:
+        if len(_BOOSTERS) > 8:
+            _BOOSTERS.clear()
+        _BOOSTERS[key] = FleetTrees(text).booster
+    return _BOOSTERS[key]
+
+
+def choose_rounds(
+    table: SegmentTable, residual_w: FloatArray, folds: IntArray, seed: int, step: int = 20
+) -> tuple[int, FloatArray]:
+    """Rounds with the smallest error of the energy of held-out trips, and the held-out prediction [W] with them.
+
+    Parameters
+    ----------
+    table : SegmentTable
+    residual_w : ndarray, shape (segments,)
+    folds : ndarray of int, shape (trips,)
+    seed : int
+    step : int
+        Rounds are a multiple of it; 0 is among them, unless trees help by `LEAST_GAIN`.
+    """
+    import lightgbm
+
+    counts = list(range(step, MOST_ROUNDS + 1, step))
+    found = np.zeros((len(counts), len(residual_w)))
+    of_row = folds[table.groups]
+    X = tree_columns(table)
+    weight = 1.0 / np.diff(table.offsets)[table.groups]
+    for fold in np.unique(folds):
+        train, held = of_row != fold, of_row == fold
+        if not train.any():
+            continue
+        data = lightgbm.Dataset(X[train], residual_w[train], weight=weight[train] / weight[train].mean())
+        booster = lightgbm.train({**TREE_SETTINGS, "seed": seed}, data, num_boost_round=MOST_ROUNDS)
+        for i, count in enumerate(counts):
+            found[i, held] = booster.predict(X[held], num_iteration=count, num_threads=1)
+    before = float(np.mean(np.abs(table.totals_wh(residual_w))))
+    errors = [float(np.mean(np.abs(table.totals_wh(residual_w - prediction)))) for prediction in found]
+    best = int(np.argmin(errors))
+    if errors[best] > (1.0 - LEAST_GAIN) * before:
+        return 0, np.zeros(len(residual_w))
+    return counts[best], found[best]
+
+
+@dataclass(frozen=True, eq=False)
+class FleetCorrector:
+    """The correction of one vehicle.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (features,)
+        Posterior mean of the vehicle's weights.
+    factor : ndarray, shape (features, features)
+        ``factor @ factor.T`` is their covariance.
+    trees : FleetTrees
+    """
+
+    mean: FloatArray
+    factor: FloatArray
+    trees: FleetTrees = FleetTrees()
+
+    @classmethod
+    def from_weights(cls, mean: FloatArray, covariance: FloatArray, trees: FleetTrees) -> FleetCorrector:
+        """From the posterior of the vehicle's weights."""
+        values, vectors = eigen(0.5 * (covariance + covariance.T))
+        return cls(mean, vectors * np.sqrt(np.maximum(values, 0.0)), trees)
+
+    def fit(self, table: SegmentTable) -> NoReturn:
+        """Not possible: a fleet is fitted as one."""
+        raise InvalidInput(Fault("corrector of a fleet cannot be fitted", "fit", fix="fit the fleet again"))
+
+    def clone_tuned(self) -> NoReturn:
+        """Not possible, as `fit`."""
+        raise InvalidInput(
+            Fault("corrector of a fleet cannot be fitted", "clone_tuned", fix="fit the fleet again")
+        )
+
+    def predict(self, table: SegmentTable) -> FloatArray:
+        """Residual power [W]."""
+        return np.asarray(segment_features(table) @ self.mean + self.trees.predict(table))
+
+    def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
+        """From the posterior of the weights; the trees have no uncertainty of their own."""
+        return np.asarray(segment_features(table) @ self.factor)
+
+    def outside_factor(self, table: SegmentTable) -> FloatArray:
+        """No columns: the weights are those of all conditions."""
+        return np.zeros((len(table.hours), 0))
+
+    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
+        """`predict` and `uncertainty_factor`."""
+        return self.predict(table), self.uncertainty_factor(table)
+
+    def predict_climate(self, table: SegmentTable) -> FloatArray | None:
+        """None: climate control and driving are corrected jointly."""
+        return None
+
+
+def rows_by_group(groups: Sequence[tuple[str, str, str]]) -> dict[tuple[str, str, str], list[int]]:
+    """Numbers of the trips of each group, in order."""
+    found: dict[tuple[str, str, str], list[int]] = {}
+    for i, group in enumerate(groups):
+        found.setdefault(group, []).append(i)
+    return found

@@ -1,0 +1,415 @@
+"""A model of a fleet: fitted on a store, updated with the trips of a night, and the forecasts of each vehicle.
+
+The linear part is exact and cheap to update: sums of trips add up. Trees, residual process and conformal scores come from
+a seeded sample and stay as they are until the next fit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.fleet.corrector import FleetCorrector, FleetTrees, choose_rounds
+from tripwatt.fleet.features import FEATURES, trip_features, trip_variance_wh2
+from tripwatt.fleet.hierarchy import Posterior, Scales, fit_scales, posterior
+from tripwatt.fleet.mapping import SampledTrips, car_of, map_store, read_rows, sample_of, tasks_of
+from tripwatt.fleet.statistics import NO_DRIVER, Sums, TripRows
+from tripwatt.forecasting.forecast import Forecast
+from tripwatt.forecasting.model import ForecastModel
+from tripwatt.forecasting.ranges import Range, training_ranges
+from tripwatt.hybrid import SegmentTable
+from tripwatt.store import TripStore
+from tripwatt.trips import Departure, Plan, Trip
+from tripwatt.uncertainty import ChargeScale, ConformalScores, UncertaintyModel
+from tripwatt.uncertainty.held_out import held_out_residual
+from tripwatt.uncertainty.model import scale_wh
+from tripwatt.uncertainty.process import HeldOutResidual
+
+FOLDS: Final = 5
+MIN_TRIPS: Final = 8
+PROCESS_TRIPS: Final = 200
+"""Trips on which the residual process is estimated."""
+
+MODEL_SCORES: Final = 60
+"""A car model with so many sampled trips has conformal scores of its own; so has a temperature class of all models."""
+
+COLD_DEGC: Final = 8.0
+"""Bound [°C] of the two temperature classes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sampling:
+    """How many trips of a fit are looked at segment by segment.
+
+    Attributes
+    ----------
+    per_vehicle : int
+        Most trips of a vehicle.
+    vehicles : int
+        Most vehicles of a car model.
+    seed : int
+    """
+
+    per_vehicle: int = 10
+    vehicles: int = 25
+    seed: int = 0
+
+
+@dataclass(eq=False, repr=False)
+class FleetModel:
+    """A fitted model of a fleet.
+
+    Attributes
+    ----------
+    sums : Sums
+        Of all trips that the linear part has seen.
+    posterior : Posterior
+    trees : FleetTrees
+    uncertainty : UncertaintyModel
+        Of the whole fleet.
+    scores : mapping of str to ConformalScores
+        By car model, and by temperature class ("cold", "mild"), where there were enough trips.
+    charges : mapping of str to ChargeScale
+        By car model.
+    ranges : mapping of str to Range
+        Of the sampled trips.
+    digests : frozenset of str
+        Trips that were seen.
+    sampled : int
+        Sampled trips.
+    about : dict
+        Provenance.
+    """
+
+    sums: Sums
+    posterior: Posterior
+    trees: FleetTrees
+    uncertainty: UncertaintyModel
+    scores: Mapping[str, ConformalScores]
+    charges: Mapping[str, ChargeScale]
+    ranges: dict[str, Range]
+    digests: frozenset[str]
+    sampled: int = 0
+    about: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def trips(self) -> int:
+        """Trips that the linear part has seen."""
+        return round(float(self.sums.count.sum()))
+
+    def vehicles(self) -> dict[str, str]:
+        """Vehicle -> its car model."""
+        return {group[1]: group[0] for group in self.sums.groups}
+
+    def of_vehicle(
+        self,
+        vehicle_id: str | None = None,
+        *,
+        car_model: str | None = None,
+        driver: str | None = None,
+        cold: bool | None = None,
+    ) -> ForecastModel:
+        """The forecasting model of one vehicle.
+
+        Parameters
+        ----------
+        vehicle_id : str, optional
+            A vehicle without trips starts from its car model.
+        car_model : str, optional
+            Name of a car of the library; that of the vehicle's trips when not given.
+        driver : str, optional
+        cold : bool, optional
+            Temperature class of the trip, for the scores; None takes those of the car model.
+
+        Raises
+        ------
+        InvalidInput
+            When the vehicle is new and no car model is given, or it has trips as another one.
+        """
+        known = self.vehicles().get(vehicle_id or "")
+        if known is None and car_model is None:
+            got, fix = repr(vehicle_id), "give the car model of a new vehicle"
+            raise InvalidInput(Fault("unknown vehicle", "vehicle_id", got, "a vehicle with trips", fix))
+        if known is not None and car_model not in (None, known):
+            raise InvalidInput(Fault("another car model", "car_model", f"{car_model}", known))
+        name = known or car_model or ""
+        mean, covariance = self.posterior.weights(name, vehicle_id, driver)
+        made = ForecastModel(car_of(name), "fleet")
+        made.corrector_ = FleetCorrector.from_weights(mean, covariance, self.trees)
+        made.uncertainty_ = self.uncertainty_of(name, cold)
+        made.ranges_ = self.ranges
+        its = [group for group in self.sums.groups if group[:2] == (name, vehicle_id)]
+        count = sum(float(self.sums.count[i]) for i, group in enumerate(self.sums.groups) if group in its)
+        made.trip_ids_ = ("",) * round(count)
+        return made
+
+    def uncertainty_of(self, car_model: str, cold: bool | None = None) -> UncertaintyModel:
+        """The fleet's uncertainty with the scores and the charge of a car model."""
+        temperature = None if cold is None else ("cold" if cold else "mild")
+        own = self.scores.get(car_model)
+        if own is None:
+            own = self.scores.get(temperature or "", self.uncertainty.scores)
+        return replace(self.uncertainty, scores=own, charge=self.charges.get(car_model))
+
+    def forecast(
+        self,
+        trip: Plan | Trip,
+        departure: Departure | None = None,
+        *,
+        vehicle_id: str | None = None,
+        car_model: str | None = None,
+        driver: str | None = None,
+    ) -> Forecast:
+        """Forecast a trip of a vehicle: `ForecastModel.forecast` of `of_vehicle`.
+
+        Parameters
+        ----------
+        trip, departure
+            As of `ForecastModel.forecast`.
+        vehicle_id, car_model, driver
+            As of `of_vehicle`.
+        """
+        plan = trip.departure.merge(departure)
+        ambient = plan.ambient_temperature_degc
+        cold = None if ambient is None else ambient < COLD_DEGC
+        own = self.of_vehicle(vehicle_id, car_model=car_model, driver=driver, cold=cold)
+        return own.forecast(trip, departure)
+
+    def predict_rows(self, rows: TripRows) -> tuple[FloatArray, FloatArray]:
+        """Linear forecast [Wh] of rows of trips and the standard deviation of its weights [Wh]; without the trees.
+
+        Parameters
+        ----------
+        rows : TripRows
+        """
+        return predict_rows(self.posterior, rows)
+
+    def __repr__(self) -> str:
+        vehicles, models = len(self.vehicles()), len({group[0] for group in self.sums.groups})
+        return f"<FleetModel {self.trips} trips of {vehicles} vehicles, {models} car models>"
+
+
+def predict_rows(found: Posterior, rows: TripRows) -> tuple[FloatArray, FloatArray]:
+    """Energy [Wh] of rows of trips by the linear part, and the standard deviation of what is not known of the weights."""
+    X = rows.X
+    energy = rows.numbers("simulated_wh").copy()
+    sd = np.zeros(len(rows))
+    keys = [rows.texts(name) for name in ("car_model", "vehicle_id", "driver")]
+    groups: dict[tuple[str, str, str], list[int]] = {}
+    for i, key in enumerate(zip(*keys, strict=True)):
+        groups.setdefault(key, []).append(i)
+    for (car_model, vehicle_id, driver), index in groups.items():
+        mean, covariance = found.weights(car_model, vehicle_id, driver or None)
+        energy[index] += X[index] @ mean
+        sd[index] = np.sqrt(np.einsum("ip,pq,iq->i", X[index], covariance, X[index]))
+    return energy, sd
+
+
+def fit_fleet(
+    store: TripStore,
+    work: Path | str,
+    executor: Executor,
+    workers: int = 1,
+    *,
+    which: Mapping[str, Any] | None = None,
+    sampling: Sampling | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> FleetModel:
+    """Fit a model on the trips of a store.
+
+    Parameters
+    ----------
+    store : TripStore
+    work : path
+        Folder of finished parts, which every worker reaches. A fit that was interrupted goes on with them.
+    executor : Executor
+    workers : int
+    which : mapping, optional
+        Of `TripStore.trips`: the trips to fit on; all when not given.
+    sampling : Sampling, optional
+    progress : callable, optional
+        Called with (finished files, all files).
+
+    Raises
+    ------
+    InvalidInput
+        With fewer than `MIN_TRIPS` sound trips with measured energy.
+    """
+    sampling = sampling or Sampling()
+    wanted = store.trip_rows(**(which or {}))
+    chosen = sample_of(wanted, sampling.per_vehicle, sampling.vehicles, sampling.seed)
+    results = list(map_store(tasks_of(store, wanted, work, chosen), executor, workers, progress))
+    rows = read_rows(results)
+    if len(rows) < MIN_TRIPS:
+        raise InvalidInput(
+            Fault("too few trips", "fleet", f"{len(rows)}", f"at least {MIN_TRIPS} with measured energy")
+        )
+    sample = SampledTrips.read([r.segments for r in results if r.segments])
+    return fit_rows(rows, sample, sampling.seed)
+
+
+def fit_rows(rows: TripRows, sample: SampledTrips, seed: int = 0) -> FleetModel:
+    """Fit a model on rows of trips and the segments of a sample of them.
+
+    The sampled trips are held out in turn for trees and uncertainty: their part is taken out of the sums, and the whole
+    posterior follows. The scales of the deviations are those of all trips.
+    """
+    sums = Sums.from_rows(rows)
+    scales = fit_scales(sums)
+    found = posterior(sums, scales)
+    folds = np.array([int(hashlib.sha256(d.encode()).hexdigest()[:8], 16) % FOLDS for d in sample.digests])
+    correctors = held_out_correctors(sums, scales, sample, folds)
+    linear = np.concatenate([c.predict(sample.table.take([i])) for i, c in enumerate(correctors)])
+    rounds, held_out = choose_rounds(sample.table, sample.table.residual_w - linear, folds, seed)
+    trees = FleetTrees.fit(sample.table, sample.table.residual_w - linear, rounds, seed)
+    residuals = _residuals(sample.table, correctors, held_out)
+    # the residual process costs far more by trip than scale and scores
+    some = np.sort(np.random.default_rng(seed).permutation(len(sample))[:PROCESS_TRIPS])
+    uncertainty = UncertaintyModel.from_held_out([residuals[i] for i in some])
+    standardised = np.array([r.error_wh for r in residuals]) / scale_wh(uncertainty.scale, residuals)
+    uncertainty = replace(uncertainty, scores=ConformalScores.from_errors(standardised.tolist()))
+    model = FleetModel(
+        sums,
+        found,
+        trees,
+        uncertainty,
+        _scores(sample, standardised),
+        _charges(sample),
+        training_ranges(sample.table),
+        frozenset(rows.texts("digest").tolist()),
+        len(sample),
+    )
+    model.about = {"rounds": rounds, "seed": seed, "features": list(FEATURES)}
+    return model
+
+
+def held_out_correctors(
+    sums: Sums, scales: Scales, sample: SampledTrips, folds: IntArray
+) -> list[FleetCorrector]:
+    """For each sampled trip the linear part that has not seen its fold of the sample."""
+    X, n = trip_features(sample.table), trip_variance_wh2(sample.table)
+    y = sample.table.totals_wh(sample.table.residual_w)
+    found: list[FleetCorrector | None] = [None] * len(sample)
+    for fold in np.unique(folds):
+        held = np.flatnonzero(folds == fold)
+        left = posterior(sums - sums_of_trips(sample.groups, X, y, n, held), scales)
+        for i in held:
+            car_model, vehicle_id, driver = sample.groups[i]
+            weights = left.weights(car_model, vehicle_id, None if driver == NO_DRIVER else driver)
+            found[i] = FleetCorrector.from_weights(*weights, FleetTrees())
+    return [c for c in found if c is not None]
+
+
+def sums_of_trips(
+    groups: Sequence[tuple[str, str, str]], X: FloatArray, y: FloatArray, n: FloatArray, which: IntArray
+) -> Sums:
+    """Sums of some trips, from their features [Wh], residual energies [Wh] and usual variances [Wh²]."""
+    names = sorted({groups[i] for i in which})
+    place = {name: k for k, name in enumerate(names)}
+    p = X.shape[1]
+    total = Sums(
+        tuple(names),
+        np.zeros(len(names)),
+        np.zeros(len(names)),
+        np.zeros((len(names), p, p)),
+        np.zeros((len(names), p)),
+        np.zeros(len(names)),
+    )
+    for i in which:
+        k, w = place[groups[i]], 1.0 / n[i]
+        total.count[k] += 1.0
+        total.log_variance[k] += np.log(n[i])
+        total.xx[k] += w * np.outer(X[i], X[i])
+        total.xy[k] += w * X[i] * y[i]
+        total.yy[k] += w * y[i] ** 2
+    return total
+
+
+def _residuals(
+    table: SegmentTable, correctors: Sequence[FleetCorrector], held_out_w: FloatArray
+) -> list[HeldOutResidual]:
+    found = []
+    for i, corrector in enumerate(correctors):
+        part = held_out_residual(corrector, table.take([i]))
+        rows = slice(int(table.offsets[i]), int(table.offsets[i + 1]))
+        found.append(replace(part, residual_w=part.residual_w - held_out_w[rows]))
+    return found
+
+
+def _scores(sample: SampledTrips, standardised: FloatArray) -> dict[str, ConformalScores]:
+    ambient = sample.table.features["ambient_temperature_degc"].to_numpy()[sample.table.offsets[:-1]]
+    models = np.array([group[0] for group in sample.groups])
+    masks = {name: models == name for name in sorted(set(models.tolist()))}
+    masks |= {"cold": ambient < COLD_DEGC, "mild": ambient >= COLD_DEGC}
+    return {
+        name: ConformalScores.from_errors(standardised[mask].tolist())
+        for name, mask in masks.items()
+        if mask.sum() >= MODEL_SCORES
+    }
+
+
+def _charges(sample: SampledTrips) -> dict[str, ChargeScale]:
+    assert sample.table.charge is not None
+    observed = sample.table.totals_wh(sample.table.observed_power_w)
+    models = np.array([group[0] for group in sample.groups])
+    found = {}
+    for name in sorted(set(models.tolist())):
+        its = models == name
+        scale = ChargeScale.from_readings(sample.table.charge[its], observed[its])
+        if scale is not None:
+            found[name] = scale
+    return found
+
+
+def update_fleet(
+    model: FleetModel,
+    store: TripStore,
+    work: Path | str,
+    executor: Executor,
+    workers: int = 1,
+    *,
+    which: Mapping[str, Any] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[FleetModel, TripRows]:
+    """A model with the trips of the store that it has not seen; the cost is that of the new trips.
+
+    The linear part, with the scales of the last fit, is that of a fit on all trips. Trees, residual process and scores
+    stay as they are.
+
+    Returns
+    -------
+    model : FleetModel
+    rows : TripRows
+        Of the new trips.
+    """
+    wanted = [row for row in store.trip_rows(**(which or {})) if row["digest"] not in model.digests]
+    results = list(map_store(tasks_of(store, wanted, work), executor, workers, progress))
+    rows = read_rows(results)
+    if not len(rows):
+        return model, rows
+    sums = model.sums + Sums.from_rows(rows)
+    updated = replace(
+        model,
+        sums=sums,
+        posterior=posterior(sums, model.posterior.scales),
+        digests=model.digests | frozenset(rows.texts("digest").tolist()),
+    )
+    return updated, rows
+
+
+def without_vehicle(model: FleetModel, vehicle_id: str) -> FleetModel:
+    """A model without the sums of a vehicle, for a vehicle that was erased; its digests are kept as seen.
+
+    Trees and uncertainty of the last fit may still come from some of its trips.
+    """
+    kept = [i for i, group in enumerate(model.sums.groups) if group[1] != vehicle_id]
+    sums = model.sums.take(kept)
+    return replace(model, sums=sums, posterior=posterior(sums, model.posterior.scales))
