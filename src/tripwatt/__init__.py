@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tripwatt.errors import InvalidInput
     from tripwatt.evaluation import evaluate
     from tripwatt.forecasting import Forecast, ForecastModel, load_model, save_model
+    from tripwatt.journey import Journey, plan_journey
     from tripwatt.sources import read_logs
     from tripwatt.store import create_store, open_store
     from tripwatt.synthetic import synthetic_fleet
@@ -35,6 +36,7 @@ __all__ = [
     "Forecast",
     "ForecastModel",
     "InvalidInput",
+    "Journey",
     "Plan",
     "Trip",
     "__version__",
@@ -47,6 +49,7 @@ __all__ = [
     "load_model",
     "load_vehicle",
     "open_store",
+    "plan_journey",
     "read_logs",
     "read_route",
     "read_trips",
@@ -60,6 +63,7 @@ _HOMES: Final = {
     "Forecast": "forecasting",
     "ForecastModel": "forecasting",
     "InvalidInput": "errors",
+    "Journey": "journey",
     "Plan": "trips",
     "Trip": "trips",
     "adapt": "api",
@@ -71,6 +75,7 @@ _HOMES: Final = {
     "load_model": "forecasting",
     "load_vehicle": "vehicles",
     "open_store": "store",
+    "plan_journey": "journey",
     "read_logs": "sources",
     "read_route": "api",
     "read_trips": "api",

@@ -69,3 +69,13 @@ class InvalidInput(TripwattError):
 
     def __reduce__(self) -> tuple[type[InvalidInput], tuple[tuple[Fault, ...]]]:
         return (type(self), (self.faults,))  # survives the way back from a worker process
+
+
+class RemoteError(InvalidInput):
+    """A server that was asked gave no answer, or none that can be used: a router, a search for places, the weather.
+
+    Examples
+    --------
+    >>> print(RemoteError(Fault("the router does not respond", "127.0.0.1:8002", "connection refused")))
+    the router does not respond: 127.0.0.1:8002: got connection refused
+    """

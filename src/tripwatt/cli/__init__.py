@@ -11,7 +11,20 @@ from typing import Annotated
 import typer
 
 import tripwatt
-from tripwatt.cli import cars, evaluate, export, fit, forecast, inspect, logs, serve, stores, transfer
+from tripwatt.cli import (
+    cars,
+    evaluate,
+    export,
+    fit,
+    forecast,
+    inspect,
+    journey,
+    logs,
+    maps,
+    serve,
+    stores,
+    transfer,
+)
 from tripwatt.errors import TripwattError
 
 __all__ = ["app", "main"]
@@ -44,6 +57,8 @@ def _main(
 evaluate.add_commands(app)
 fit.add_commands(app)
 forecast.add_commands(app)
+journey.add_commands(app)
+maps.add_commands(app)
 inspect.add_commands(app)
 transfer.add_commands(app)
 logs.add_commands(app)

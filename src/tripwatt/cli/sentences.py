@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, Final
 
-from tripwatt.units import SECONDS_PER_MINUTE
+from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from tripwatt.forecasting import Forecast
+    from tripwatt.journey import Journey
 
 NINE_IN_TEN: Final = 0.9
 """Level of the interval that the sentences call "9 in 10"."""
@@ -68,6 +70,31 @@ def _arrival(forecast: Forecast) -> str:
     if low <= 0.0:
         text += f" The probability to arrive is {_percent(forecast.p_arrive())} %."
     return text
+
+
+def journey_in_words(journey: Journey) -> list[str]:
+    """What a driver asks of a journey, a sentence each: arrival, charge to leave with, speed, charging stop."""
+    forecast, reserve = journey.forecast, _percent(journey.reserve)
+    title = " to ".join(place.title for place in journey.stops)
+    sentences = [forecast_in_words(forecast, title)]
+    if journey.soc_needed is None:
+        sentences.append(f"A full battery does not suffice to arrive with {reserve} % in 19 of 20 trips.")
+    else:
+        needed = math.ceil(100.0 * journey.soc_needed - 1e-9)
+        sentences.append(f"Leave with {needed} % to arrive with {reserve} % or more in 19 of 20 trips.")
+    advice = journey.speed
+    if advice is not None and advice.speed_m_s is not None:
+        speed = round(advice.speed_m_s / M_S_PER_KM_H)
+        sentences.append(f"Drive at most {speed} km/h on motorways to arrive with {reserve} %.")
+    stop = journey.charging
+    if stop is not None:
+        minutes = round(stop.charging_s / SECONDS_PER_MINUTE)
+        sentences.append(
+            f"Charge at {stop.station.place.title} ({stop.station.power_w / 1000.0:.0f} kW) for {minutes} min: you arrive there "
+            f"with {_percent(stop.soc_arrival)} % and leave with {_percent(stop.soc_leave)} %; the probability to reach it is "
+            f"{chance(stop.p_station)}, and then to arrive with {reserve} % {chance(stop.p_arrive)}."
+        )
+    return sentences
 
 
 def held_out_in_words(trip: Mapping[str, Any], subject: str) -> str:

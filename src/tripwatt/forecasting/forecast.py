@@ -37,6 +37,7 @@ STRAIGHT: Final = 0.75
 """Part of the way from the expected to the least energy over which a distance below counts as it is."""
 DRIVEN: Final = "the driven speed trace"
 PLANNED: Final = "a planned route"
+FREE_FLOW: Final = "a planned route, free flow"
 NOT_MEASURED: Final = Measured(0.0)
 
 
@@ -88,6 +89,8 @@ class Forecast:
     @property
     def given(self) -> str:
         """What is taken as known of the speed: the driven speed trace, or a planned route."""
+        if self.plan.free_flow:
+            return FREE_FLOW
         return DRIVEN if self.plan.link_m is None else PLANNED
 
     @property
@@ -172,6 +175,32 @@ class Forecast:
         if sd <= 0.0:
             return float(centre >= reserve)
         return self.uncertainty.scores.probability((centre - reserve) / sd)
+
+    def soc_needed(self, reserve: float = 0.1, probability: float = 0.95) -> float:
+        """Displayed state of charge to leave with, to arrive with a reserve with a probability.
+
+        Energy and its uncertainty are those of this forecast, whatever the charge at departure. Above 1 where a full
+        battery does not suffice.
+
+        Parameters
+        ----------
+        reserve : float
+            Displayed state of charge to arrive with, 0 to 1.
+        probability : float
+            0.5 to 1.
+        """
+        _, start, _ = self._charge_start
+        centre, sd = (float(values[-1]) for values in self._charge_band)
+        lower = centre - self.uncertainty.scores.factor(abs(2.0 * probability - 1.0)) * sd
+        return start + reserve - lower
+
+    def soc_along(self, probability: float) -> FloatArray:
+        """Displayed charge at the edges of the segments that is exceeded with a probability, 0.5 to 1.
+
+        Not held in 0..1; the positions are those of `series`.
+        """
+        centre, sd = self._charge_band
+        return np.asarray(centre - self.uncertainty.scores.factor(abs(2.0 * probability - 1.0)) * sd)
 
     @property
     def empty_at_m(self) -> tuple[float | None, float | None, float | None]:

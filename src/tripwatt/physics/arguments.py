@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from typing import Final
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault
-from tripwatt.trips import COLUMNS
+from tripwatt.trips import COLUMNS, QUANTITIES
+
+STRONGEST_WIND_M_S: Final = QUANTITIES["wind_speed_m_s"].maximum
 
 
 def argument_faults(
@@ -19,11 +22,19 @@ def argument_faults(
     height: FloatArray | None,
     hvac: FloatArray,
     scalars: Mapping[str, tuple[float, float, float]],
+    headwind: FloatArray | None = None,
 ) -> Iterator[Fault]:
     """Every argument of `simulate` that cannot be used."""
     if time.ndim != 1 or len(time) < 2:
         yield Fault("wrong shape", "time_s", str(time.shape), "one dimension, at least 2 samples")
-    arrays = {"time_s": time, "speed_m_s": speed, "grade": slope, "elevation_m": height, "hvac_power_w": hvac}
+    arrays = {
+        "time_s": time,
+        "speed_m_s": speed,
+        "grade": slope,
+        "elevation_m": height,
+        "hvac_power_w": hvac,
+        "headwind_m_s": headwind,
+    }
     for name, values in arrays.items():
         if values is None or (name == "hvac_power_w" and values.ndim == 0):
             continue
@@ -45,6 +56,7 @@ def argument_faults(
         ("speed_m_s", speed, *COLUMNS["speed_m_s"].bounds),
         ("grade", slope, *COLUMNS["grade"].bounds),
         ("hvac_power_w", hvac, 0.0, 1e5),
+        ("headwind_m_s", headwind, -STRONGEST_WIND_M_S, STRONGEST_WIND_M_S),
     ):
         if values is None:
             continue

@@ -43,6 +43,8 @@ class DriveConditions:
         0 for tyres and driveline after a long stop, 1 as warm as after a long fast drive.
     air_density_kg_m3 : float, optional
         Air density [kg/m³] in place of the atmosphere's, as on a dynamometer.
+    rain_mm_h : float
+        Rain on the road.
 
     Raises
     ------
@@ -65,6 +67,7 @@ class DriveConditions:
     solar_irradiance_w_m2: float = UNKNOWN_SUN_W_M2
     initial_warmth: float = 0.0
     air_density_kg_m3: float | None = None
+    rain_mm_h: float = 0.0
 
     def __post_init__(self) -> None:
         raise_faults(climate_faults(self.climate))
@@ -114,4 +117,5 @@ class DriveConditions:
             ),
             "initial_warmth": (self.initial_warmth, 0.0, 1.0),
             "air_density_kg_m3": (density, 0.0, 10.0),
+            "rain_mm_h": (self.rain_mm_h, *QUANTITIES["rain_mm_h"].bounds),
         }

@@ -46,15 +46,43 @@ def air_density(temperature_degc: float, elevation_m: float = 0.0) -> float:
     return float(pressure / (DRY_AIR_GAS_CONSTANT_J_KG_K * (temperature_degc + ZERO_CELSIUS_K)))
 
 
-def aero_drag_force(speed_m_s: FloatArray, drag_area_m2: float, density_kg_m3: float) -> FloatArray:
-    """Air drag ρ/2 · c_d A · v² [N], shape of `speed_m_s`, without wind.
+def aero_drag_force(
+    speed_m_s: FloatArray,
+    drag_area_m2: float,
+    density_kg_m3: float,
+    headwind_m_s: FloatArray | None = None,
+) -> FloatArray:
+    """Air drag ρ/2 · c_d A · (v + w) |v + w| [N], shape of `speed_m_s`; w is the wind against the car.
+
+    Wind from the side changes neither the force along the car nor its drag coefficient here.
 
     Examples
     --------
-    >>> aero_drag_force(np.array([10.0]), 0.6, 1.2)
-    array([36.])
+    >>> aero_drag_force(np.array([10.0]), 0.6, 1.2), aero_drag_force(np.array([10.0]), 0.6, 1.2, np.array([-20.0]))
+    (array([36.]), array([-36.]))
     """
-    return 0.5 * density_kg_m3 * drag_area_m2 * speed_m_s * speed_m_s
+    if headwind_m_s is None:
+        return 0.5 * density_kg_m3 * drag_area_m2 * speed_m_s * speed_m_s
+    against = speed_m_s + headwind_m_s
+    return np.asarray(0.5 * density_kg_m3 * drag_area_m2 * against * np.abs(against), dtype=np.float64)
+
+
+WET_ROAD: Final = 0.1
+"""Relative rise of rolling resistance on a wet road; an estimate for a film of water of a few tenths of a millimetre."""
+
+WET_FROM_MM_H: Final = 1.0
+"""Rain that keeps a road wet; less rain wets it in proportion. A choice."""
+
+
+def wet_factor(rain_mm_h: float) -> float:
+    """Rolling resistance on a road in the rain over that on a dry one.
+
+    Examples
+    --------
+    >>> wet_factor(0.0), wet_factor(0.5), wet_factor(8.0)
+    (1.0, 1.05, 1.1)
+    """
+    return 1.0 + WET_ROAD * min(rain_mm_h / WET_FROM_MM_H, 1.0)
 
 
 def rolling_resistance_force(

@@ -25,8 +25,9 @@ from tripwatt.physics.road_load import (
     inertia_force,
     rolling_factor,
     rolling_resistance_force,
+    wet_factor,
 )
-from tripwatt.trips import Departure, Flag, Plan, Recorded
+from tripwatt.trips import Departure, Flag, Plan, PlanWeather, Recorded
 from tripwatt.units import WH_PER_J
 from tripwatt.vehicles import Vehicle
 
@@ -151,6 +152,7 @@ def simulate(
     grade: npt.ArrayLike | None = None,
     elevation_m: npt.ArrayLike | None = None,
     hvac_power_w: npt.ArrayLike | None = None,
+    headwind_m_s: npt.ArrayLike | None = None,
     conditions: DriveConditions | None = None,
 ) -> Simulation:
     """Drive a speed trace with a car. O(samples), no loop over samples.
@@ -167,6 +169,8 @@ def simulate(
     hvac_power_w : float or array_like, shape (samples,), optional
         Electric power of heating and cooling [W] over the interval that ends at each sample, in place of that of the
         car's climate model.
+    headwind_m_s : array_like, shape (samples,), optional
+        Wind against the direction of travel at the car's height [m/s], negative from behind; calm without it.
     conditions : DriveConditions, optional
         Surroundings, load and state of the car at the start; `DriveConditions()` when not given.
 
@@ -194,7 +198,8 @@ def simulate(
     height = None if elevation_m is None else np.asarray(elevation_m, dtype=np.float64)
     hvac = np.asarray(0.0 if hvac_power_w is None else hvac_power_w, dtype=np.float64)
     values = conditions.bounded_values(vehicle)
-    faults = tuple(argument_faults(time, speed, slope, height, hvac, values))
+    wind = None if headwind_m_s is None else np.asarray(headwind_m_s, dtype=np.float64)
+    faults = tuple(argument_faults(time, speed, slope, height, hvac, values, wind))
     if faults:
         raise InvalidInput(faults)
     if slope is None:
@@ -211,7 +216,7 @@ def simulate(
     if conditions.climate != "off" and hvac_power_w is None and vehicle.climate is not None:
         start = conditions.cabin_start(vehicle)
         cabin = condition_cabin(vehicle.climate, time, speed, conditions.ambient_temperature_degc, start)
-    trace = _Trace.from_samples(time, speed, slope)
+    trace = _Trace.from_samples(time, speed, slope, wind)
     power = np.broadcast_to(hvac, time.shape) if cabin is None else cabin.power_w
     temperature = np.full_like(time, np.nan) if cabin is None else cabin.temperature_degc
     return _chain(vehicle, trace, conditions, density, CabinRun(power, temperature))
@@ -238,17 +243,21 @@ def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
     >>> bool(run.simulated_energy_wh > 0.0)
     True
     """
+    weather = trip.weather if isinstance(trip, Plan) else None
     return simulate(
         vehicle,
         trip.array("time_s"),
         trip.array("speed_m_s"),
         grade=trip.array("grade") if "grade" in trip and trip.has("grade") else None,
         elevation_m=trip.array("elevation_m") if "elevation_m" in trip else None,
-        conditions=conditions_at_departure(vehicle, trip.departure),
+        headwind_m_s=None if weather is None else weather.headwind_m_s,
+        conditions=conditions_at_departure(vehicle, trip.departure, weather),
     )
 
 
-def conditions_at_departure(vehicle: Vehicle, known: Departure) -> DriveConditions:
+def conditions_at_departure(
+    vehicle: Vehicle, known: Departure, weather: PlanWeather | None = None
+) -> DriveConditions:
     """Conditions of a drive from what is known at departure; the usual value of what is unknown.
 
     Examples
@@ -276,6 +285,8 @@ def conditions_at_departure(vehicle: Vehicle, known: Departure) -> DriveConditio
         solar_irradiance_w_m2=irradiance(known.weather, known.season),
         initial_warmth=warmth,
         climate=known.climate or "auto",
+        air_density_kg_m3=None if weather is None else weather.air_density_kg_m3,
+        rain_mm_h=0.0 if weather is None else weather.rain_mm_h,
     )
 
 
@@ -288,16 +299,19 @@ class _Trace:
     mean_speed_m_s: FloatArray
     acceleration_m_s2: FloatArray
     grade: FloatArray
+    headwind_m_s: FloatArray | None
 
     @classmethod
-    def from_samples(cls, time: FloatArray, speed: FloatArray, grade: FloatArray) -> _Trace:
+    def from_samples(
+        cls, time: FloatArray, speed: FloatArray, grade: FloatArray, headwind: FloatArray | None
+    ) -> _Trace:
         step = np.zeros_like(time)
         np.subtract(time[1:], time[:-1], out=step[1:])
         mean_speed = speed.copy()
         mean_speed[1:] = 0.5 * (speed[1:] + speed[:-1])
         acceleration = np.zeros_like(speed)
         acceleration[1:] = (speed[1:] - speed[:-1]) / step[1:]
-        return cls(time, step, mean_speed, acceleration, grade)
+        return cls(time, step, mean_speed, acceleration, grade, headwind)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -365,8 +379,10 @@ def _forces(vehicle: Vehicle, trace: _Trace, conditions: DriveConditions, densit
     if vehicle.tyres is not None:
         ambient, warmth = conditions.ambient_temperature_degc, conditions.initial_warmth
         rolling *= rolling_factor(speed, trace.step_s, ambient, vehicle.tyres, warmth)
+    if conditions.rain_mm_h > 0.0:
+        rolling *= wet_factor(conditions.rain_mm_h)
     return _Forces(
-        aero=aero_drag_force(speed, load.drag_area_m2, density),
+        aero=aero_drag_force(speed, load.drag_area_m2, density, trace.headwind_m_s),
         rolling=rolling,
         climb=grade_force(trace.grade, mass),
         # Mean speed times change of speed is the change of v²/2: kinetic energy adds up exactly over a trip.

@@ -62,6 +62,8 @@ class LinkRoute:
         What had to be assumed.
     speed_limit_m_s : ndarray or None
         Highest allowed speed, NaN = not known; None = known of no link.
+    free_flow : bool
+        Whether the travel times are those of an empty road.
 
     Raises
     ------
@@ -77,6 +79,7 @@ class LinkRoute:
     elevation_m: FloatArray | None = None
     flags: tuple[Flag, ...] = ()
     speed_limit_m_s: FloatArray | None = None
+    free_flow: bool = False
 
     def __post_init__(self) -> None:
         raise_faults(_route_faults(self))
@@ -263,7 +266,7 @@ def plan_from_links(
         columns["elevation_m"] = height
     link_m = float(length @ length / length.sum())
     plan = Plan.from_samples(trip_id, table_of(columns), link_m=link_m, flags=route.flags)
-    return replace(plan, step_s=step_s)
+    return replace(plan, step_s=step_s, free_flow=route.free_flow)
 
 
 def _stretches(route: LinkRoute) -> IntArray:
@@ -334,4 +337,5 @@ def join_routes(routes: Sequence[LinkRoute]) -> LinkRoute:
                 for r, limit in zip(routes, limits, strict=True)
             ]
         ),
+        any(r.free_flow for r in routes),
     )

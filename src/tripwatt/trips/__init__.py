@@ -22,6 +22,7 @@ from tripwatt.trips.schema import (
     value_faults,
 )
 from tripwatt.trips.trip import Log, Recorded, Trip, require_unique_ids, resample
+from tripwatt.trips.weather import PlanWeather
 
 __all__ = [
     "ASKED",
@@ -40,6 +41,7 @@ __all__ = [
     "Fleet",
     "Log",
     "Plan",
+    "PlanWeather",
     "Recorded",
     "Trip",
     "bin_means",

@@ -114,6 +114,18 @@ MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
         "links_too_long": lambda f: (
             f"links of {_number(f):.0f} m are longer than the links with which the error of planned routes was measured"
         ),
+        "free_flow_times": lambda f: (
+            "travel times are those of an empty road; the usual loss of time is added from the trips of the model"
+        ),
+        "travel_time_error_unknown": lambda f: (
+            "the error of free-flow travel times was not measured for this model: the interval is too narrow"
+        ),
+        "no_stations": lambda f: "no charging stations are known on this map",
+        "no_stop_found": lambda f: "no single charging stop makes the journey arrive with 95 %",
+        "class_charging_curve": lambda f: (
+            "the charging curve of the car is unknown: that of a middle-class car is assumed"
+        ),
+        "map_ends": lambda f: "the map ends before the charge: the area of reach is larger than shown",
         "file_value_kept": lambda f: (
             f"{name_of(f.subject)} is {_number(f):.0f} °C as in the file; the outside temperature that you gave does not "
             "change it"

@@ -15,6 +15,7 @@ from tripwatt.trips.samples import bin_means, table_of
 from tripwatt.trips.schema import validate_samples
 from tripwatt.trips.showing import html_table, journey
 from tripwatt.trips.trip import Recorded
+from tripwatt.trips.weather import PlanWeather
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,6 +43,10 @@ class Plan(Drive):
         Time of the departure on the clock of what is measured on the way [s].
     end_s : float or None
         Time of the arrival on that clock [s]; None when only the plan has it.
+    weather : PlanWeather or None
+        Wind, density of the air and rain along the plan; None = calm, dry, standard atmosphere.
+    free_flow : bool
+        Whether the travel times are those of an empty road, as a router without traffic gives them.
 
     Examples
     --------
@@ -59,6 +64,8 @@ class Plan(Drive):
     step_s: float | None = None
     start_s: float = 0.0
     end_s: float | None = None
+    weather: PlanWeather | None = None
+    free_flow: bool = False
 
     @classmethod
     def from_samples(

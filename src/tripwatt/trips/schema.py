@@ -73,6 +73,10 @@ QUANTITIES: Final[Mapping[str, Column]] = MappingProxyType(
     {
         "payload_mass_kg": Column("kg", 0.0, 60_000.0, "load besides the driver"),
         "solar_irradiance_w_m2": Column("W/m²", 0.0, 1500.0, "sunshine on a horizontal surface"),
+        "wind_speed_m_s": Column("m/s", 0.0, 60.0, "wind 10 m above the ground"),
+        "wind_from_deg": Column("°", 0.0, 360.0, "direction from which the wind blows, clockwise from north"),
+        "rain_mm_h": Column("mm/h", 0.0, 200.0, "rain"),
+        "pressure_pa": Column("Pa", 30_000.0, 110_000.0, "air pressure at the ground"),
         "reserve": Column("1", 0.0, 1.0, "state of charge to arrive with, as the driver sees it"),
     }
 )

@@ -1,0 +1,81 @@
+"""Commands of maps: build one of an OpenStreetMap extract, show what it holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tripwatt.cli.options import JsonOption, examples
+from tripwatt.cli.printing import print_json, print_notes, print_table
+
+
+def add_commands(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    group = typer.Typer(help="Maps of a region on this machine.", no_args_is_help=True, rich_markup_mode=None)
+    group.command(
+        epilog=examples(
+            ("tripwatt map build liechtenstein.osm.pbf --out map", "roads, places and charging stations"),
+            (
+                "tripwatt map build region.osm.pbf --elevation srtm --out map",
+                "with elevation tiles (N47E009.hgt)",
+            ),
+        )
+    )(build)
+    group.command(epilog=examples(("tripwatt map info map", "what a map holds")))(info)
+    app.add_typer(group, name="map")
+
+
+def build(
+    extract: Annotated[Path, typer.Argument(metavar="REGION.osm.pbf", help="An OpenStreetMap extract.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder of the map.")] = Path(
+        "map"
+    ),
+    elevation: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Elevation tiles, for example N47E009.hgt; a flat land without.",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Build a map of an OpenStreetMap extract: roads for Valhalla, an index of places, charging stations.
+
+    The command requires the extra `tripwatt[routing]`. It writes into FOLDER.unfinished and renames it at the end.
+    """
+    from tripwatt.routes.maps import build_map
+
+    found = build_map(
+        extract, out, elevation=elevation, progress=lambda step: print_notes([f"building: {step}"])
+    )
+    _show(found.info, as_json)
+
+
+def info(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the map.")],
+    as_json: JsonOption = False,
+) -> None:
+    """Show what a map holds."""
+    from tripwatt.routes.maps import open_map
+
+    _show(open_map(folder).info, as_json)
+
+
+def _show(about: dict[str, object], as_json: bool) -> None:
+    if as_json:
+        print_json(about)
+        return
+    bounds = about.get("bounds_deg")
+    area = ", ".join(f"{value:.2f}°" for value in bounds) if isinstance(bounds, list) else "none"
+    rows = [
+        ("extract", str(about["extract"])),
+        ("south, west, north, east", area),
+        ("places", str(about["places"])),
+        ("charging stations", str(about["stations"])),
+        ("elevation tiles", str(about["elevation_tiles"])),
+    ]
+    print_table("Map", ("map", ""), rows)
+    print_notes([str(about["attribution"])])

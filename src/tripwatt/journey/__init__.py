@@ -1,0 +1,34 @@
+"""Journeys: from A to B with the charge at arrival, what to leave with, a stop to charge, and the area of reach."""
+
+from tripwatt.journey.atlas import Atlas, AtlasSettings, open_atlas
+from tripwatt.journey.charging import ChargingCurve
+from tripwatt.journey.forecasting import Drive
+from tripwatt.journey.planning import (
+    Journey,
+    JourneyOptions,
+    RoadForecast,
+    find_stops,
+    journey_with,
+    plan_journey,
+)
+from tripwatt.journey.reach import Reach, find_reach
+from tripwatt.journey.stops import ChargingStop
+from tripwatt.routes.places import Place
+
+__all__ = [
+    "Atlas",
+    "AtlasSettings",
+    "ChargingCurve",
+    "ChargingStop",
+    "Drive",
+    "Journey",
+    "JourneyOptions",
+    "Place",
+    "Reach",
+    "RoadForecast",
+    "find_reach",
+    "find_stops",
+    "journey_with",
+    "open_atlas",
+    "plan_journey",
+]

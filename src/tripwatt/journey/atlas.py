@@ -1,0 +1,138 @@
+"""What a journey needs to know of the world: roads, names of places, charging stations, weather."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.routes.maps import ATTRIBUTION, MapFolder, Station, open_map, read_stations
+from tripwatt.routes.routers import Router, is_server, open_server
+from tripwatt.routes.search import PlaceSearch, open_search
+from tripwatt.routes.weather import WeatherServer, WeatherSource
+
+MAP_VARIABLE: Final = "TRIPWATT_MAP"
+"""Environment variable of the map or router that is used where none is named."""
+
+NO_MAP: Final = "build a map with tripwatt map build, or name a router by its URL"
+
+
+@dataclass(frozen=True)
+class AtlasSettings:
+    """Where an atlas is, as a user names it. Empty texts are not used.
+
+    Attributes
+    ----------
+    map : str
+        Folder of a map, or a router's server as `KIND=URL`.
+    places : str
+        Server that finds places, as `KIND=URL`; the index of the map when empty.
+    weather : str
+        URL of a server with the interface of Open-Meteo.
+    stations : str
+        CSV file of charging stations; those of the map when empty.
+    """
+
+    map: str = ""
+    places: str = ""
+    weather: str = ""
+    stations: str = ""
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """Roads, and where known places, charging stations and weather.
+
+    Attributes
+    ----------
+    router : Router
+    places : PlaceSearch or None
+    stations : tuple of Station
+    weather : WeatherSource or None
+    attribution : str
+        What has to be shown beside a road or a place.
+    bounds_deg : tuple of float or None
+        South, west, north and east of the map, where it has an end.
+    """
+
+    router: Router
+    places: PlaceSearch | None = None
+    stations: tuple[Station, ...] = ()
+    weather: WeatherSource | None = None
+    attribution: str = ATTRIBUTION
+    bounds_deg: tuple[float, float, float, float] | None = None
+    folder: MapFolder | None = field(default=None, repr=False)
+
+
+def open_atlas(settings: AtlasSettings | Path | str | None = None) -> Atlas:
+    """Open an atlas.
+
+    Parameters
+    ----------
+    settings : AtlasSettings, path or str, optional
+        A folder or URL alone is that of the roads; `TRIPWATT_MAP` when not given.
+
+    Raises
+    ------
+    InvalidInput
+        With everything that cannot be opened.
+    """
+    if not isinstance(settings, AtlasSettings):
+        settings = AtlasSettings("" if settings is None else str(settings))
+    named = settings.map or os.environ.get(MAP_VARIABLE, "")
+    faults: list[Fault] = []
+    router: Router | None = None
+    folder: MapFolder | None = None
+    places: PlaceSearch | None = None
+    weather: WeatherSource | None = None
+    stations: tuple[Station, ...] = ()
+    try:
+        router, folder = _roads(named)
+    except InvalidInput as error:
+        faults += error.faults
+    try:
+        if settings.places:
+            places = open_search(settings.places)
+        elif folder is not None:
+            places = folder.index
+    except InvalidInput as error:
+        faults += error.faults
+    try:
+        weather = WeatherServer.from_url(settings.weather) if settings.weather else None
+    except InvalidInput as error:
+        faults += error.faults
+    try:
+        if settings.stations:
+            stations = read_stations(settings.stations)
+        elif folder is not None:
+            stations = folder.index.stations()
+    except InvalidInput as error:
+        faults += error.faults
+    if faults or router is None:
+        raise InvalidInput(tuple(dict.fromkeys(faults)))
+    bounds = None if folder is None else folder.info.get("bounds_deg")
+    return Atlas(
+        router,
+        places,
+        stations,
+        weather,
+        bounds_deg=None if bounds is None else (bounds[0], bounds[1], bounds[2], bounds[3]),
+        folder=folder,
+    )
+
+
+def _roads(named: str) -> tuple[Router, MapFolder | None]:
+    """The router, and the map folder that it comes from; `FOLDER@URL` has the map's places with a server's roads."""
+    if not named:
+        raise InvalidInput(
+            Fault("no map", "--map", "none", "a folder with a map, or the URL of a router", NO_MAP)
+        )
+    if not is_server(named):
+        folder = open_map(named)
+        return folder.router, folder
+    before, mark, url = named.partition("@")
+    if mark and "://" not in before:
+        return open_server(url, "--map"), open_map(before)
+    return open_server(named, "--map"), None

@@ -1,0 +1,92 @@
+"""Minutes of a charge from the car's charging curve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.routes.maps import Station
+from tripwatt.units import SECONDS_PER_HOUR
+from tripwatt.vehicles import Vehicle
+
+CLASS_SOC: Final = (0.0, 0.1, 0.5, 0.8, 0.9, 1.0)
+CLASS_RATE_1_H: Final = (1.2, 1.6, 1.4, 0.8, 0.4, 0.1)
+"""Power over the energy of a full display of a middle-class car with direct current [1/h], at displayed charges. A
+choice: such cars take 10 to 80 % in about half an hour."""
+
+ALTERNATING_W: Final = 11_000.0
+"""Highest power of the on-board charger where the car's is not known: three phases with 16 A."""
+
+EFFICIENCY: Final = 0.92
+"""Energy that reaches the battery over the energy of the station, with direct current; a choice."""
+
+STOP_S: Final = 300.0
+"""Parking, plugging in and paying."""
+
+STEP: Final = 0.005
+
+
+@dataclass(frozen=True, slots=True)
+class ChargingCurve:
+    """Charging power over the displayed state of charge.
+
+    Attributes
+    ----------
+    soc : tuple of float
+        Ascending, from 0 to 1.
+    power_w : tuple of float
+        Highest power with direct current at each of them.
+    alternating_w : float
+        Highest power of the on-board charger.
+    is_class : bool
+        Whether it is that of a class of cars and not of the car.
+
+    Raises
+    ------
+    InvalidInput
+        When it is no curve.
+    """
+
+    soc: tuple[float, ...]
+    power_w: tuple[float, ...]
+    alternating_w: float = ALTERNATING_W
+    is_class: bool = False
+
+    def __post_init__(self) -> None:
+        sound = len(self.soc) == len(self.power_w) >= 2 and bool((np.diff(self.soc) > 0).all())
+        if not (sound and self.soc[0] == 0.0 and self.soc[-1] == 1.0 and min(self.power_w) > 0.0):
+            got = f"{len(self.soc)} charges and {len(self.power_w)} powers"
+            allowed = "as many powers above 0 as charges that rise from 0 to 1"
+            raise InvalidInput(Fault("no charging curve", "charging_curve", got, allowed))
+
+    @classmethod
+    def from_class(cls, vehicle: Vehicle, display_wh: float) -> ChargingCurve:
+        """The curve of the class of a car, scaled to the energy of its display [Wh]."""
+        return cls(CLASS_SOC, tuple(rate * display_wh for rate in CLASS_RATE_1_H), is_class=True)
+
+    def power_at(self, soc: FloatArray, station: Station) -> FloatArray:
+        """Power into the battery at displayed charges [W], shape of `soc`."""
+        if not station.direct_current:
+            return np.full_like(soc, EFFICIENCY * min(station.power_w, self.alternating_w))
+        return np.asarray(EFFICIENCY * np.minimum(np.interp(soc, self.soc, self.power_w), station.power_w))
+
+    def seconds(self, start: float, end: float, station: Station, display_wh: float) -> float:
+        """Time to charge from one displayed charge to another [s], without `STOP_S`.
+
+        Examples
+        --------
+        >>> curve = ChargingCurve((0.0, 1.0), (46_000.0, 46_000.0))
+        >>> station = Station(47.0, 9.0, "", 100_000.0, direct_current=True)
+        >>> round(curve.seconds(0.2, 0.7, station, 46_000.0) / 60.0, 2)
+        32.61
+        """
+        if end <= start:
+            return 0.0
+        edges = np.linspace(start, end, int(np.ceil((end - start) / STEP)) + 1)
+        middle = 0.5 * (edges[1:] + edges[:-1])
+        energy_wh = np.diff(edges) * display_wh
+        return float((energy_wh / self.power_at(middle, station)).sum() * SECONDS_PER_HOUR)

@@ -1,0 +1,138 @@
+"""The forecast of one road, with the weather along it."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.arrays import BoolArray
+from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.physics import simulate_trip
+from tripwatt.routes.routers import Road
+from tripwatt.routes.weather import (
+    WIND_AT_CAR,
+    Weather,
+    WeatherSource,
+    plan_with_weather,
+    weather_along,
+)
+from tripwatt.trips import Departure, Flag, Plan
+
+RoadForecaster = Callable[[Road], Forecast]
+"""Forecasts a road; the departure, the car and the weather are fixed."""
+
+MOTORWAYS: Final = frozenset({"motorway", "motorway_link", "trunk"})
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """Who drives when: what is the same for all roads of a journey.
+
+    Attributes
+    ----------
+    model : ForecastModel
+        Of the car.
+    departure : Departure
+    weather : Weather, WeatherSource or None
+    flags : tuple of Flag
+        Of the car.
+    """
+
+    model: ForecastModel
+    departure: Departure
+    weather: Weather | WeatherSource | None = None
+    flags: tuple[Flag, ...] = ()
+
+    @property
+    def leaves(self) -> dt.datetime:
+        """Departure; now where it is not known."""
+        return self.departure.started_at or dt.datetime.now(dt.UTC)
+
+    def forecast(self, road: Road, trip_id: str = "journey", **changed: Any) -> Forecast:
+        """The forecast of a road.
+
+        Parameters
+        ----------
+        road : Road
+        trip_id : str
+        **changed : object
+            Fields of the departure that differ.
+
+        Raises
+        ------
+        InvalidInput
+            As the weather, and `ForecastModel.forecast`.
+        """
+        drive = self if not changed else replace(self, departure=replace(self.departure, **changed))
+        plan, weather = drive.plan(road, trip_id)
+        return drive.forecast_plan(plan, weather)
+
+    def plan(self, road: Road, trip_id: str = "journey") -> tuple[Plan, tuple[Weather, ...]]:
+        """The plan of a road with its weather."""
+        plan = road.plan(trip_id).with_departure(self.departure)
+        if self.weather is None:
+            return plan, ()
+        position, weather = weather_along(road, self.weather, self.leaves)
+        return plan_with_weather(plan, road, position, weather), weather
+
+    def forecast_plan(self, plan: Plan, weather: tuple[Weather, ...] = ()) -> Forecast:
+        """The forecast of a plan; the error of the weather is part of its standard deviation."""
+        found = self.model.forecast(plan)
+        sd_wh = self._weather_sd_wh(found, weather)
+        return replace(
+            found,
+            flags=(*self.flags, *found.flags),
+            state_sd_wh=float(np.hypot(found.state_sd_wh, sd_wh)),
+        )
+
+    def _weather_sd_wh(self, forecast: Forecast, weather: tuple[Weather, ...]) -> float:
+        """Standard deviation of the energy by the error of the weather forecast [Wh]: one simulation more for each."""
+        plan = forecast.plan
+        if not weather or plan.weather is None or weather[0].hours_ahead is None:
+            return 0.0
+        kelvin = float(np.mean([w.temperature_sd_k for w in weather]))
+        wind = WIND_AT_CAR * float(np.mean([w.wind_sd_m_s for w in weather]))
+        parts = []
+        ambient = plan.departure.ambient_temperature_degc
+        if ambient is not None and self.departure.ambient_temperature_degc is None:
+            colder = replace(
+                plan, departure=replace(plan.departure, ambient_temperature_degc=ambient - kelvin)
+            )
+            parts.append(self._simulated_wh(colder))
+        parts.append(self._simulated_wh(replace(plan, weather=plan.weather.with_more_wind(wind))))
+        base = forecast.drive.simulation.simulated_energy_wh
+        return float(np.linalg.norm([part - base for part in parts]))
+
+    def _simulated_wh(self, plan: Plan) -> float:
+        return simulate_trip(self.model.vehicle, plan).simulated_energy_wh
+
+
+def capped(road: Road, speed_m_s: float) -> Road:
+    """The road driven no faster than a speed on motorways. O(links).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tripwatt.routes.routers import Edges, pooled
+    >>> links, _ = pooled(Edges.from_speeds(np.array([3600.0]), np.array([100.0]), np.array([36.0])))
+    >>> road = Road(links, ("motorway",), np.zeros(2), np.array([0.0, 0.03]), np.array([0.0, 3600.0]))
+    >>> capped(road, 30.0).duration_s, capped(road, 40.0).duration_s
+    (120.0, 100.0)
+    """
+    links = road.links
+    moving = np.where(np.isnan(links.moving_speed_m_s), links.speed_m_s, links.moving_speed_m_s)
+    slower = on_motorway(road) & (moving > speed_m_s)
+    longer_s = np.where(slower, links.length_m * (1.0 / speed_m_s - 1.0 / moving), 0.0)
+    known = np.where(slower, speed_m_s, links.moving_speed_m_s)
+    return road.with_links(
+        replace(links, travel_time_s=links.travel_time_s + longer_s, moving_speed_m_s=known)
+    )
+
+
+def on_motorway(road: Road) -> BoolArray:
+    """Which links are motorways, shape (links,), bool."""
+    return np.array([kind in MOTORWAYS for kind in road.road_class], dtype=bool)

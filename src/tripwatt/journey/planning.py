@@ -1,0 +1,407 @@
+"""From A to B: roads, the forecast of each, and what a driver asks before leaving."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecasting import Forecast, ForecastModel, load_model
+from tripwatt.journey.atlas import Atlas, AtlasSettings, open_atlas
+from tripwatt.journey.charging import ChargingCurve
+from tripwatt.journey.forecasting import Drive, capped, on_motorway
+from tripwatt.journey.stops import ChargingStop, find_stop
+from tripwatt.routes.places import Place
+from tripwatt.routes.routers import Road
+from tripwatt.routes.search import find_place
+from tripwatt.routes.weather import Weather
+from tripwatt.transfer.zero_shot import on_vehicle
+from tripwatt.trips import Departure, Flag, raise_faults
+from tripwatt.trips.messages import flag_to_dict
+from tripwatt.trips.schema import scalar_faults
+from tripwatt.trips.showing import html_table
+from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
+from tripwatt.vehicles import Vehicle
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+CERTAIN: Final = 0.95
+"""Probability of "19 of 20 trips"."""
+
+MOST_STOPS: Final = 20
+MOTORWAY_SPEEDS_KM_H: Final = (130.0, 120.0, 110.0, 100.0, 90.0, 80.0)
+CHEAPER_KM_H: Final = 100.0
+"""The cost of speed is that over this speed on motorways."""
+
+LEAST_MOTORWAY_M: Final = 1000.0
+LEAVE_PASSES: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class JourneyOptions:
+    """What is asked of a journey.
+
+    Attributes
+    ----------
+    reserve : float
+        Displayed state of charge to arrive with.
+    alternatives : int
+        Other roads beside the fastest.
+    round_trip : bool
+        Back to the start.
+    weather : Weather or None
+        By hand, in place of the atlas'.
+    answers : bool
+        Whether costs, speed and charging are worked out beside the forecasts.
+    charging_curve : ChargingCurve or None
+        Of the car; that of its class when None.
+    """
+
+    reserve: float = 0.1
+    alternatives: int = 0
+    round_trip: bool = False
+    weather: Weather | None = None
+    answers: bool = True
+    charging_curve: ChargingCurve | None = None
+
+    def __post_init__(self) -> None:
+        faults = list(scalar_faults({"reserve": self.reserve}))
+        if not 0 <= self.alternatives <= 3:
+            faults.append(Fault("value out of range", "alternatives", f"{self.alternatives}", "0 to 3"))
+        raise_faults(faults)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RoadForecast:
+    """One road and its forecast.
+
+    Attributes
+    ----------
+    road : Road
+    forecast : Forecast
+    labels : tuple of str
+        Of "fastest", "shortest", "least energy".
+    """
+
+    road: Road
+    forecast: Forecast
+    labels: tuple[str, ...] = ()
+
+    def soc_at(self, position_m: float) -> float:
+        """Displayed charge that is expected at a distance from the start, 0 to 1."""
+        series = self.forecast.series()
+        scale = series["distance_m"].iloc[-1] / self.road.distance_m
+        return float(np.interp(position_m * scale, series["distance_m"], series["displayed_soc"]))
+
+    def to_dict(self, reserve: float | None = None) -> dict[str, Any]:
+        """Plain values: the line on the map, the kinds of road, the forecast."""
+        road = self.road
+        return {
+            "labels": list(self.labels),
+            "distance_m": road.distance_m,
+            "duration_s": self.forecast.plan.duration_s,
+            "line": {
+                "latitude_deg": np.round(road.latitude_deg, 6).tolist(),
+                "longitude_deg": np.round(road.longitude_deg, 6).tolist(),
+                "position_m": np.round(road.position_m, 1).tolist(),
+            },
+            "links": {
+                "length_m": road.links.length_m.tolist(),
+                "travel_time_s": road.links.travel_time_s.tolist(),
+                "road_class": list(road.road_class),
+            },
+            "stops": [
+                {"position_m": position, "displayed_soc": self.soc_at(position)}
+                for position in road.stop_position_m
+            ],
+            "forecast": self.forecast.to_dict(reserve),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedAdvice:
+    """Highest speed on motorways with which the journey arrives.
+
+    Attributes
+    ----------
+    speed_m_s : float or None
+        None where no speed suffices.
+    duration_s : float or None
+        Of the whole road at this speed.
+    """
+
+    speed_m_s: float | None
+    duration_s: float | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Journey:
+    """The answer to "from A to B, do I arrive?".
+
+    Attributes
+    ----------
+    stops : tuple of Place
+        As they were understood.
+    roads : tuple of RoadForecast
+        The fastest first; the answers are about it.
+    reserve : float
+        Displayed state of charge to arrive with.
+    soc_needed : float or None
+        Displayed charge to leave with, to arrive with the reserve in 19 of 20 trips; None where a full battery does
+        not suffice.
+    costs_wh : dict
+        Energy of `climate`, `wind` and `speed` (above 100 km/h on motorways): what the journey takes less without it.
+    speed : SpeedAdvice or None
+        None where the journey arrives as it is, or has no motorway.
+    charging : ChargingStop or None
+        Where the charge does not suffice and a stop helps.
+    flags : tuple of Flag
+        Assumptions of the answers; those of a road are with its forecast.
+    attribution : str
+    """
+
+    stops: tuple[Place, ...]
+    roads: tuple[RoadForecast, ...]
+    reserve: float
+    soc_needed: float | None
+    costs_wh: dict[str, float] = field(default_factory=dict)
+    speed: SpeedAdvice | None = None
+    charging: ChargingStop | None = None
+    flags: tuple[Flag, ...] = ()
+    attribution: str = ""
+
+    @property
+    def forecast(self) -> Forecast:
+        """Of the fastest road."""
+        return self.roads[0].forecast
+
+    @property
+    def arrives(self) -> bool:
+        """Whether at least 19 of 20 such trips arrive with the reserve."""
+        return self.forecast.p_arrive(self.reserve) >= CERTAIN
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, as the command line and the service give them."""
+        return {
+            "stops": [place.to_dict() for place in self.stops],
+            "reserve": self.reserve,
+            "arrives": self.arrives,
+            "p_arrive": self.forecast.p_arrive(self.reserve),
+            "soc_needed": self.soc_needed,
+            "costs_wh": dict(self.costs_wh),
+            "motorway_speed_m_s": None if self.speed is None else self.speed.speed_m_s,
+            "motorway_duration_s": None if self.speed is None else self.speed.duration_s,
+            "needs_motorway_speed": self.speed is not None,
+            "charging": None if self.charging is None else self.charging.to_dict(),
+            "roads": [road.to_dict(self.reserve) for road in self.roads],
+            "flags": [flag_to_dict(flag) for flag in self.flags],
+            "attribution": self.attribution,
+        }
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row for each road: length, time, energy with its 90 % interval, charge at arrival and its probability."""
+        rows = []
+        for found in self.roads:
+            low, high = found.forecast.interval(0.9)
+            rows.append(
+                {
+                    "labels": ", ".join(found.labels),
+                    "distance_m": found.road.distance_m,
+                    "duration_s": found.forecast.plan.duration_s,
+                    "energy_wh": found.forecast.energy_wh,
+                    "energy_low_wh": low,
+                    "energy_high_wh": high,
+                    "soc_arrival": found.forecast.soc_arrival,
+                    "p_arrive": found.forecast.p_arrive(self.reserve),
+                }
+            )
+        return pd.DataFrame(rows)
+
+    def plot(self) -> Figure:
+        """Energy and state of charge along the fastest road."""
+        return self.forecast.plot()
+
+    def _title(self) -> str:
+        return " to ".join(place.title for place in self.stops)
+
+    def __repr__(self) -> str:
+        low, high = self.forecast.soc_interval(0.9)
+        return (
+            f"<Journey {self._title()}: {self.roads[0].road.distance_m / 1000.0:.1f} km, arrival with "
+            f"{self.forecast.soc_arrival:.0%}, 90 % interval {low:.0%} to {high:.0%}>"
+        )
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                ", ".join(found.labels) or "road",
+                f"{found.road.distance_m / 1000.0:.1f} km, "
+                f"{found.forecast.plan.duration_s / SECONDS_PER_MINUTE:.0f} min, "
+                f"arrival with {found.forecast.soc_arrival:.0%}",
+            )
+            for found in self.roads
+        ]
+        needed = "a full battery does not suffice" if self.soc_needed is None else f"{self.soc_needed:.0%}"
+        return html_table(f"Journey {self._title()}", [*rows, ("leave with", needed), ("", self.attribution)])
+
+
+def plan_journey(
+    stops: Sequence[Place | str],
+    departure: Departure | None = None,
+    *,
+    atlas: Atlas | AtlasSettings | Path | str | None = None,
+    model: ForecastModel | Path | str | None = None,
+    vehicle: Vehicle | str | None = None,
+    options: JourneyOptions | None = None,
+) -> Journey:
+    """Plan a journey: find roads, forecast each, and answer what a driver asks.
+
+    Parameters
+    ----------
+    stops : sequence of Place or str
+        Start, places on the way, destination; a text is a name or latitude and longitude.
+    departure : Departure, optional
+        State of the car and time of departure.
+    atlas : Atlas, AtlasSettings, path or str, optional
+        Folder of a map, or URL of a router's server; `TRIPWATT_MAP` when not given.
+    model : ForecastModel or path, optional
+        The model that comes with the package when not given.
+    vehicle : Vehicle or str, optional
+        A car other than the model's own.
+    options : JourneyOptions, optional
+
+    Raises
+    ------
+    InvalidInput
+        When a place is unknown, no road connects them, or the model cannot be used.
+    RemoteError
+        When a server that was named does not answer.
+    """
+    options = options or JourneyOptions()
+    if not isinstance(atlas, Atlas):
+        atlas = open_atlas(atlas)
+    fitted = model if isinstance(model, ForecastModel) else load_model(model)
+    own, flags = on_vehicle(fitted, vehicle)
+    weather = options.weather if options.weather is not None else atlas.weather
+    drive = Drive(own, departure or Departure(), weather, flags)
+    return journey_with(drive, find_stops(stops, atlas, round_trip=options.round_trip), atlas, options)
+
+
+def find_stops(stops: Sequence[Place | str], atlas: Atlas, *, round_trip: bool = False) -> tuple[Place, ...]:
+    """Places of texts.
+
+    Raises
+    ------
+    InvalidInput
+        With every place that is unknown.
+    """
+    if not 2 <= len(stops) <= MOST_STOPS:
+        raise InvalidInput(
+            Fault("number of places out of range", "stops", f"{len(stops)}", f"2 to {MOST_STOPS}")
+        )
+    found: list[Place] = []
+    faults: list[Fault] = []
+    for k, stop in enumerate(stops):
+        try:
+            found.append(stop if isinstance(stop, Place) else find_place(stop, atlas.places, f"stops[{k}]"))
+        except InvalidInput as error:
+            faults += error.faults
+    if faults:
+        raise InvalidInput(faults)
+    return (*found, found[0]) if round_trip else tuple(found)
+
+
+def journey_with(drive: Drive, stops: tuple[Place, ...], atlas: Atlas, options: JourneyOptions) -> Journey:
+    """As `plan_journey`, with everything opened."""
+    title = " to ".join(place.title for place in stops)[:100]
+    roads = atlas.router.roads(stops, alternatives=options.alternatives)
+    found = _labelled([RoadForecast(road, drive.forecast(road, title)) for road in roads])
+    first = found[0]
+    needed = _soc_needed(drive, first, options.reserve)
+    journey = Journey(stops, found, options.reserve, needed, attribution=atlas.attribution)
+    if not options.answers:
+        return journey
+    journey = replace(journey, costs_wh=_costs(drive, first), speed=_speed(drive, first, options.reserve))
+    if journey.arrives:
+        return journey
+    curve = options.charging_curve or ChargingCurve.from_class(
+        drive.model.vehicle, first.forecast.charge.wh_per_display
+    )
+    stop = find_stop(drive, first.road, first.forecast, atlas, curve, options.reserve)
+    flags = list(journey.flags)
+    if not atlas.stations:
+        flags.append(Flag("no_stations", "charging"))
+    elif stop is None:
+        flags.append(Flag("no_stop_found", "charging"))
+    elif curve.is_class:
+        flags.append(Flag("class_charging_curve", "charging"))
+    return replace(journey, charging=stop, flags=tuple(flags))
+
+
+def _labelled(roads: list[RoadForecast]) -> tuple[RoadForecast, ...]:
+    """Roads with their labels, the fastest first."""
+    roads = sorted(roads, key=lambda found: found.road.duration_s)
+    best = {
+        "fastest": 0,
+        "shortest": int(np.argmin([found.road.distance_m for found in roads])),
+        "least energy": int(np.argmin([found.forecast.energy_wh for found in roads])),
+    }
+    return tuple(
+        replace(found, labels=tuple(label for label, index in best.items() if index == k))
+        for k, found in enumerate(roads)
+    )
+
+
+def _soc_needed(drive: Drive, first: RoadForecast, reserve: float) -> float | None:
+    """Charge to leave with; the forecast is made again from there, since the charge changes voltage and recovery."""
+    forecast = first.forecast
+    for _ in range(LEAVE_PASSES):
+        needed = forecast.soc_needed(reserve, CERTAIN)
+        if needed > 1.0:
+            return None
+        start = forecast.plan.departure.soc
+        if start is not None and abs(start - needed) < 0.002:
+            break
+        departure = replace(forecast.plan.departure, soc=max(needed, 0.0), bms_soc=None)
+        forecast = replace(
+            drive.forecast_plan(replace(forecast.plan, departure=departure)),
+            state_sd_wh=first.forecast.state_sd_wh,
+        )
+    needed = forecast.soc_needed(reserve, CERTAIN)
+    return None if needed > 1.0 else max(needed, 0.0)
+
+
+def _costs(drive: Drive, first: RoadForecast) -> dict[str, float]:
+    """What climate control, wind and speed take [Wh]."""
+    forecast, plan = first.forecast, first.forecast.plan
+    off = replace(plan, departure=replace(plan.departure, climate="off"))
+    costs = {"climate": forecast.energy_wh - drive.forecast_plan(off).energy_wh, "wind": 0.0, "speed": 0.0}
+    if plan.weather is not None and bool(plan.weather.headwind_m_s.any()):
+        calm = replace(plan, weather=plan.weather.calm())
+        costs["wind"] = forecast.energy_wh - drive.forecast_plan(calm).energy_wh
+    slower = capped(first.road, CHEAPER_KM_H * M_S_PER_KM_H)
+    if slower.duration_s > first.road.duration_s:
+        costs["speed"] = forecast.energy_wh - drive.forecast(slower).energy_wh
+    return costs
+
+
+def _speed(drive: Drive, first: RoadForecast, reserve: float) -> SpeedAdvice | None:
+    if first.forecast.p_arrive(reserve) >= CERTAIN:
+        return None
+    road = first.road
+    if float(road.links.length_m[on_motorway(road)].sum()) < LEAST_MOTORWAY_M:
+        return None
+    for speed in MOTORWAY_SPEEDS_KM_H:
+        slower = capped(road, speed * M_S_PER_KM_H)
+        if slower.duration_s <= road.duration_s:
+            continue
+        forecast = drive.forecast(slower)
+        if forecast.p_arrive(reserve) >= CERTAIN:
+            return SpeedAdvice(speed * M_S_PER_KM_H, forecast.plan.duration_s)
+    return SpeedAdvice(None, None)

@@ -1,0 +1,16 @@
+"""Maps of a region on this machine: roads, elevation, places and charging stations, made of an OpenStreetMap extract."""
+
+from tripwatt.routes.maps.folder import ATTRIBUTION, MapFolder, build_map, open_map
+from tripwatt.routes.maps.index import PlaceIndex
+from tripwatt.routes.maps.stations import Station, near, read_stations
+
+__all__ = [
+    "ATTRIBUTION",
+    "MapFolder",
+    "PlaceIndex",
+    "Station",
+    "build_map",
+    "near",
+    "open_map",
+    "read_stations",
+]

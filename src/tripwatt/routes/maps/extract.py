@@ -1,0 +1,177 @@
+"""Places and charging stations of an OpenStreetMap extract, read with `osmium` (extra `tripwatt[routing]`)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.routes.maps.stations import ASSUMED_POWER_W, Station
+from tripwatt.routes.web import EXTRA
+
+SETTLEMENTS: Final = (
+    "city",
+    "town",
+    "village",
+    "suburb",
+    "quarter",
+    "hamlet",
+    "neighbourhood",
+    "isolated_dwelling",
+)
+"""Values of `place` that are searched by name, the most important first."""
+
+POINTS_OF_INTEREST: Final = ("amenity", "tourism", "leisure", "shop", "railway", "aeroway", "healthcare")
+"""Keys of objects with a name that are searched, after settlements and streets."""
+
+KINDS: Final = (*SETTLEMENTS, "street", "poi", "house")
+"""Kinds of places, the most important first."""
+
+DC_SOCKETS: Final = (
+    "type2_combo",
+    "chademo",
+    "tesla_supercharger",
+    "tesla_supercharger_ccs",
+    "type1_combo",
+    "nacs",
+)
+AC_SOCKETS: Final = ("type2", "type2_cable", "type1", "schuko", "tesla_destination", "type3c")
+POWER: Final = re.compile(r"(\d+(?:[.,]\d+)?)\s*(kva|kw|w)?\b", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """Something with a name on the map: its kind is one of `KINDS`."""
+
+    kind: str
+    name: str
+    latitude_deg: float
+    longitude_deg: float
+    street: str = ""
+    """Street of a house."""
+    city: str = ""
+    """Settlement that the object itself names."""
+
+
+def read_objects(path: Path, *, settlements_only: bool = False) -> Iterator[Named | Station]:
+    """Named objects and charging stations of an extract, in its order. O(extract).
+
+    Parameters
+    ----------
+    path : Path
+        An extract in one of the formats of OpenStreetMap.
+    settlements_only : bool
+        Only nodes that are settlements, which is quicker.
+
+    Raises
+    ------
+    InvalidInput
+        When the extract cannot be read, or `osmium` is not installed.
+    """
+    osmium = _osmium()
+    try:
+        if settlements_only:
+            nodes = osmium.FileProcessor(str(path), osmium.osm.NODE)
+            objects = nodes.with_filter(osmium.filter.KeyFilter("place"))
+        else:
+            keys = ("place", "highway", "addr:housenumber", *POINTS_OF_INTEREST)
+            both = osmium.osm.NODE | osmium.osm.WAY
+            objects = osmium.FileProcessor(str(path), both).with_locations()
+            objects = objects.with_filter(osmium.filter.KeyFilter(*keys))
+        for found in objects:
+            yield from _read(found)
+    except (RuntimeError, OSError) as error:
+        got = str(error)[:120]
+        raise InvalidInput(
+            Fault("cannot read the extract", path.name, got, "an OpenStreetMap extract")
+        ) from error
+
+
+def _read(found: Any) -> Iterator[Named | Station]:
+    tags = {tag.k: tag.v for tag in found.tags}
+    where = _centre(found)
+    if where is None:
+        return
+    latitude, longitude = where
+    if tags.get("amenity") == "charging_station":
+        station = station_of_tags(tags, latitude, longitude)
+        if station is not None:
+            yield station
+    kind = _kind(tags, found.is_way())
+    name = tags.get("name", "")
+    if kind is not None and name:
+        yield Named(kind, name[:200], latitude, longitude)
+    number, street = tags.get("addr:housenumber"), tags.get("addr:street") or tags.get("addr:place")
+    if number and street:
+        yield Named("house", number[:20], latitude, longitude, street[:200], tags.get("addr:city", "")[:200])
+
+
+def _kind(tags: Mapping[str, str], is_way: bool) -> str | None:
+    place = tags.get("place")
+    if place in SETTLEMENTS and not is_way:
+        return place
+    if "highway" in tags:
+        return "street" if is_way else None
+    return "poi" if any(key in tags for key in POINTS_OF_INTEREST) else None
+
+
+def _centre(found: Any) -> tuple[float, float] | None:
+    """Latitude and longitude of a node, or of the middle node of a way; None where they are not in the extract."""
+    if not found.is_way():
+        return float(found.lat), float(found.lon)
+    nodes = [node.location for node in found.nodes]
+    known = [node for node in nodes if node.valid()]
+    if not known:
+        return None
+    middle = known[len(known) // 2]
+    return float(middle.lat), float(middle.lon)
+
+
+def station_of_tags(tags: Mapping[str, str], latitude_deg: float, longitude_deg: float) -> Station | None:
+    """A public charging station for cars by its tags; None where it is none.
+
+    Examples
+    --------
+    >>> station_of_tags({"socket:type2_combo": "2", "socket:type2_combo:output": "150 kW"}, 47.1, 9.5).power_w
+    150000.0
+    >>> station_of_tags({"motorcar": "no"}, 47.1, 9.5) is None
+    True
+    """
+    if tags.get("access") in ("private", "no") or tags.get("motorcar") == "no":
+        return None
+    sockets = [name for name in (*DC_SOCKETS, *AC_SOCKETS) if tags.get(f"socket:{name}", "no") != "no"]
+    direct = any(name in DC_SOCKETS for name in sockets)
+    outputs = [_power_w(tags.get(f"socket:{name}:output", "")) for name in sockets]
+    outputs += [_power_w(tags.get(key, "")) for key in ("charging_station:output", "maxpower")]
+    power = max(outputs, default=0.0)
+    known = power > 0.0
+    name = tags.get("name") or tags.get("operator") or tags.get("brand") or tags.get("network") or ""
+    return Station(
+        latitude_deg,
+        longitude_deg,
+        name[:200],
+        power if known else ASSUMED_POWER_W[direct],
+        direct_current=direct,
+        power_known=known,
+    )
+
+
+def _power_w(text: str) -> float:
+    """Highest power of a text such as "50 kW;22 kW" [W], 0 where there is none."""
+    found = [
+        float(number.replace(",", ".")) * (1.0 if unit.lower() == "w" else 1000.0)
+        for number, unit in POWER.findall(text[:200])
+    ]
+    return max((power for power in found if 1000.0 <= power <= 1_500_000.0), default=0.0)
+
+
+def _osmium() -> Any:
+    try:
+        import osmium  # an extra
+        import osmium.filter
+    except ImportError as error:
+        raise InvalidInput(Fault("missing package", "tripwatt map build", str(error), fix=EXTRA)) from error
+    return osmium

@@ -1,0 +1,174 @@
+"""A map folder: routing tiles, elevation, places and stations of one region, made of an OpenStreetMap extract."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.routes.maps.engine import build_tiles, require_valhalla, router_in_process
+from tripwatt.routes.maps.extract import Named, read_objects
+from tripwatt.routes.maps.index import PlaceIndex, write_index
+from tripwatt.routes.routers.valhalla import ValhallaRouter
+
+INFO_NAME: Final = "map.json"
+INDEX_NAME: Final = "places.sqlite"
+FORMAT: Final = 1
+ATTRIBUTION: Final = "© OpenStreetMap contributors, ODbL 1.0"
+"""What has to be shown wherever a map, a road or a place of an extract is."""
+
+ELEVATION_SUFFIXES: Final = (".hgt", ".hgt.gz", ".hgt.lz4")
+
+
+@dataclass(frozen=True)
+class MapFolder:
+    """A map that was built.
+
+    Attributes
+    ----------
+    folder : Path
+    info : dict
+        Source, time, bounds and counts.
+    """
+
+    folder: Path
+    info: dict[str, Any]
+
+    @cached_property
+    def index(self) -> PlaceIndex:
+        """Places and stations."""
+        return PlaceIndex(self.folder / INDEX_NAME)
+
+    @cached_property
+    def router(self) -> ValhallaRouter:
+        """Valhalla in this process."""
+        return router_in_process(self.folder)
+
+
+def open_map(folder: Path | str) -> MapFolder:
+    """Open a map.
+
+    Raises
+    ------
+    InvalidInput
+        When the folder holds none, or one of another format.
+    """
+    folder = Path(folder)
+    try:
+        info = json.loads((folder / INFO_NAME).read_text("utf-8"))
+    except (OSError, ValueError) as error:
+        fix = "build one with tripwatt map build REGION.osm.pbf"
+        raise InvalidInput(
+            Fault("no map", str(folder), type(error).__name__, "a folder with a map", fix)
+        ) from error
+    if not isinstance(info, dict) or info.get("format") != FORMAT:
+        got = f"format {info.get('format')!r}" if isinstance(info, dict) else "no object"
+        fix = "build the map again with tripwatt map build"
+        raise InvalidInput(Fault("map of another release", str(folder), got[:60], f"format {FORMAT}", fix))
+    return MapFolder(folder, info)
+
+
+def build_map(
+    extract: Path | str,
+    folder: Path | str,
+    *,
+    elevation: Path | str | None = None,
+    progress: Callable[[str], object] = lambda step: None,
+) -> MapFolder:
+    """Build a map of an OpenStreetMap extract. The folder is complete or not there.
+
+    Parameters
+    ----------
+    extract : path
+        A region as `.osm.pbf`.
+    folder : path
+        Is replaced if it holds a map.
+    elevation : path, optional
+        Folder with elevation tiles (`N47E009.hgt`), in it or in folders below; they are copied.
+    progress : callable
+        Called with the name of each step.
+
+    Raises
+    ------
+    InvalidInput
+        When the extract cannot be read, a package is missing, or the folder holds something else.
+    """
+    extract, folder = Path(extract), Path(folder)
+    require_valhalla()
+    tiles = _require_paths(extract, folder, elevation)
+    work = folder.with_name(folder.name + ".unfinished")
+    shutil.rmtree(work, ignore_errors=True)
+    work.mkdir(parents=True)
+    try:
+        progress("roads")
+        _copy_elevation(tiles, work)
+        build_tiles(work, extract)
+        progress("places")
+        places = [found for found in read_objects(extract, settlements_only=True) if isinstance(found, Named)]
+        counts = write_index(work / INDEX_NAME, places, read_objects(extract))
+        info = {
+            "format": FORMAT,
+            "extract": extract.name,
+            "extract_bytes": extract.stat().st_size,
+            "attribution": ATTRIBUTION,
+            "bounds_deg": _bounds(work / INDEX_NAME),
+            "elevation_tiles": len(tiles),
+            **counts,
+        }
+        (work / INFO_NAME).write_text(json.dumps(info, indent=1) + "\n", "utf-8")
+        shutil.rmtree(folder, ignore_errors=True)
+        os.replace(work, folder)
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+    return MapFolder(folder, info)
+
+
+def _require_paths(extract: Path, folder: Path, elevation: Path | str | None) -> list[Path]:
+    """The elevation tiles; raises with every path that cannot be used."""
+    faults, tiles = [], []
+    if not extract.is_file():
+        faults.append(Fault("no such file", "EXTRACT", str(extract), "an OpenStreetMap extract"))
+    if (
+        folder.exists()
+        and not (folder / INFO_NAME).is_file()
+        and any(folder.iterdir() if folder.is_dir() else [1])
+    ):
+        faults.append(
+            Fault("folder holds something else", "--out", str(folder), "a new folder, or one with a map")
+        )
+    if elevation is not None:
+        tiles = [
+            path for path in sorted(Path(elevation).rglob("*")) if path.name.endswith(ELEVATION_SUFFIXES)
+        ]
+        if not tiles:
+            faults.append(
+                Fault("no elevation tiles", "--elevation", str(elevation), "files such as N47E009.hgt")
+            )
+    if faults:
+        raise InvalidInput(faults)
+    return tiles
+
+
+def _copy_elevation(tiles: list[Path], work: Path) -> None:
+    """Copy tiles to where Valhalla looks for them: `N47/N47E009.hgt`."""
+    for tile in tiles:
+        place = work / "elevation" / tile.name[:3].upper()
+        place.mkdir(parents=True, exist_ok=True)
+        stem, dot, suffix = tile.name.partition(".")
+        shutil.copyfile(tile, place / (stem.upper() + dot + suffix))
+
+
+def _bounds(path: Path) -> list[float] | None:
+    """South, west, north and east of the places; None without any."""
+    database = PlaceIndex(path).database
+    row = database.execute(
+        "SELECT min(latitude), min(longitude), max(latitude), max(longitude) FROM places"
+    ).fetchone()
+    database.close()
+    return None if row[0] is None else [float(value) for value in row]

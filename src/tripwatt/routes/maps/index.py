@@ -1,0 +1,228 @@
+"""The index of places of a map: names by prefix, with SQLite's full-text search."""
+
+from __future__ import annotations
+
+import re
+import sqlite3
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.routes.maps.extract import KINDS, Named
+from tripwatt.routes.maps.stations import Station
+from tripwatt.routes.places import Place
+
+FAR_FROM_SETTLEMENT_DEG: Final = 0.3
+"""An object farther from a settlement than this [° of latitude] is named without it."""
+
+MOST_FOUND: Final = 50
+CANDIDATES: Final = 200
+"""Matches that are compared; the index holds the important ones first."""
+
+LONGEST_TEXT: Final = 200
+MOST_WORDS: Final = 10
+SETTLEMENT: Final = KINDS.index("street")
+"""Ranks below this are settlements."""
+
+WORD: Final = re.compile(r"\w+")
+SPELLINGS: Final = str.maketrans(
+    {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "æ": "ae", "ø": "oe", "å": "aa"}
+)
+"""How letters are typed on keyboards without them; the index folds other accents by itself."""
+
+SCHEMA: Final = """
+CREATE TABLE found (kind INTEGER, name TEXT, context TEXT, latitude REAL, longitude REAL);
+CREATE TABLE stations (latitude REAL, longitude REAL, name TEXT, power REAL, direct INTEGER, known INTEGER);
+CREATE TABLE places (id INTEGER PRIMARY KEY, kind INTEGER, name TEXT, context TEXT, latitude REAL, longitude REAL);
+CREATE VIRTUAL TABLE names USING fts5(
+    name, context, spelling, content='', prefix='1 2 3', tokenize="unicode61 remove_diacritics 2");
+"""
+
+
+def write_index(
+    path: Path, settlements: Sequence[Named], objects: Iterable[Named | Station]
+) -> dict[str, int]:
+    """Write the index of a map. O(objects log objects).
+
+    Parameters
+    ----------
+    path : Path
+        Is replaced.
+    settlements : sequence of Named
+        Their names are shown beside streets and houses near them.
+    objects : iterable of Named or Station
+
+    Returns
+    -------
+    dict
+        Number of `places` and of `stations`.
+    """
+    path.unlink(missing_ok=True)
+    nearest = _Nearest(settlements)
+    with closing(sqlite3.connect(path)) as database, database:
+        database.executescript(SCHEMA)
+        for batch in _batches(objects, 20_000):
+            stations = [found for found in batch if isinstance(found, Station)]
+            database.executemany(
+                "INSERT INTO stations VALUES (?, ?, ?, ?, ?, ?)", map(_station_row, stations)
+            )
+            named = [found for found in batch if isinstance(found, Named)]
+            database.executemany("INSERT INTO found VALUES (?, ?, ?, ?, ?)", _rows(named, nearest))
+        database.execute(
+            "INSERT INTO places (kind, name, context, latitude, longitude) "
+            "SELECT kind, name, context, avg(latitude), avg(longitude) FROM found "
+            "GROUP BY kind, name, context ORDER BY kind, length(name), name, context"
+        )
+        rows = database.execute("SELECT id, name, context FROM places")
+        database.executemany(
+            "INSERT INTO names (rowid, name, context, spelling) VALUES (?, ?, ?, ?)",
+            ((k, name, context, _spelling(f"{name} {context}")) for k, name, context in rows),
+        )
+        database.execute("DROP TABLE found")
+        return {
+            table: int(database.execute(f"SELECT count(*) FROM {table}").fetchone()[0])
+            for table in ("places", "stations")
+        }
+
+
+def _rows(named: Sequence[Named], nearest: _Nearest) -> Iterator[tuple[Any, ...]]:
+    for found, settlement in zip(named, nearest.names(named), strict=True):
+        kind, name, context = KINDS.index(found.kind), found.name, found.city or settlement
+        if found.kind == "house":
+            name = f"{found.street} {found.name}"
+        elif found.name == context:
+            context = ""
+        yield kind, name, context, found.latitude_deg, found.longitude_deg
+
+
+def _station_row(station: Station) -> tuple[Any, ...]:
+    return (
+        station.latitude_deg,
+        station.longitude_deg,
+        station.name,
+        station.power_w,
+        int(station.direct_current),
+        int(station.power_known),
+    )
+
+
+def _batches(objects: Iterable[Any], size: int) -> Iterator[list[Any]]:
+    batch: list[Any] = []
+    for found in objects:
+        batch.append(found)
+        if len(batch) == size:
+            yield batch
+            batch = []
+    if batch:
+        yield batch
+
+
+def _spelling(text: str) -> str:
+    """The words of a text as they are typed without their letters, empty where that is the same."""
+    plain = text.lower().translate(SPELLINGS)
+    return plain if plain != text.lower() else ""
+
+
+class _Nearest:
+    """The settlement nearest to each object."""
+
+    def __init__(self, settlements: Sequence[Named]) -> None:
+        from scipy.spatial import cKDTree
+
+        large = [s for s in settlements if s.kind in ("city", "town", "village")] or list(settlements)
+        self.known = [s.name for s in large]
+        self.tree = cKDTree(_plane(large)) if large else None
+
+    def names(self, objects: Sequence[Named]) -> list[str]:
+        """Its name for each object; empty where none is near."""
+        if self.tree is None or not objects:
+            return [""] * len(objects)
+        distance, index = self.tree.query(_plane(objects))
+        return [
+            self.known[int(k)] if off <= FAR_FROM_SETTLEMENT_DEG else ""
+            for off, k in zip(distance, index, strict=True)
+        ]
+
+
+def _plane(objects: Sequence[Named]) -> Any:
+    """Latitudes and longitudes on one scale: good enough to compare distances of some kilometres."""
+    table = np.array([(found.latitude_deg, found.longitude_deg) for found in objects])
+    table[:, 1] *= np.cos(np.radians(table[:, 0]))
+    return table
+
+
+class PlaceIndex:
+    """The places and stations of a map.
+
+    Parameters
+    ----------
+    path : Path
+        Written by `write_index`.
+
+    Raises
+    ------
+    InvalidInput
+        When it is none.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            self.database = sqlite3.connect(
+                f"{path.resolve().as_uri()}?mode=ro", uri=True, check_same_thread=False
+            )
+            self.database.execute("SELECT count(*) FROM stations").fetchone()
+        except sqlite3.Error as error:
+            fix = "build the map again with tripwatt map build"
+            raise InvalidInput(Fault("no index of places", str(path), str(error)[:80], fix=fix)) from error
+
+    def search(self, text: str, *, limit: int = 10) -> tuple[Place, ...]:
+        """Places whose name begins with the words of a text, the most important first.
+
+        Every word has to begin a word of the name or of the settlement around it. Accents and case do not count.
+
+        Parameters
+        ----------
+        text : str
+            Words, for example "Landstr 12 Vaduz".
+        limit : int
+            Most places.
+
+        Returns
+        -------
+        tuple of Place
+            Empty where there is none.
+        """
+        words = WORD.findall(text[:LONGEST_TEXT])[:MOST_WORDS]
+        if not words:
+            return ()
+        query = " ".join(f'"{word}"*' for word in words)
+        rows = self.database.execute(
+            "SELECT places.kind, places.name, places.context, places.latitude, places.longitude FROM names "
+            "JOIN places ON places.id = names.rowid WHERE names MATCH ? ORDER BY names.rowid LIMIT ?",
+            (query, CANDIDATES),
+        ).fetchall()
+        whole = " ".join(words).lower()
+        rows.sort(key=lambda row: _order(row, whole))
+        return tuple(
+            Place(latitude, longitude, f"{name}, {context}" if context else name, KINDS[kind])
+            for kind, name, context, latitude, longitude in rows[: min(limit, MOST_FOUND)]
+        )
+
+    def stations(self) -> tuple[Station, ...]:
+        """All charging stations."""
+        rows = self.database.execute("SELECT * FROM stations").fetchall()
+        return tuple(
+            Station(latitude, longitude, name, power, bool(direct), bool(known))
+            for latitude, longitude, name, power, direct, known in rows
+        )
+
+
+def _order(row: tuple[Any, ...], whole: str) -> tuple[bool, bool, int, int]:
+    """The whole name first, then what begins with the text, then the kind of place, then short names."""
+    kind, name = row[0], " ".join(WORD.findall(row[1])).lower()
+    return (name != whole, not name.startswith(whole), kind, len(name))

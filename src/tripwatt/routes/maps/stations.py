@@ -1,0 +1,136 @@
+"""Charging stations: of a map folder, or of a file that a user has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.routes.places import Place
+from tripwatt.routes.points import EARTH_RADIUS_M
+
+ASSUMED_POWER_W: Final[Mapping[bool, float]] = MappingProxyType({True: 50_000.0, False: 11_000.0})
+"""Power of a station without one, by whether it has direct current: the first generation of rapid chargers, and a
+three-phase socket of 16 A."""
+
+COLUMNS: Final = ("latitude_deg", "longitude_deg", "power_kw")
+"""Columns that a file of stations needs; `name` is optional."""
+
+DIRECT_FROM_W: Final = 43_001.0
+"""A station of a file with this power or more has direct current: alternating current ends at 43 kW."""
+
+MOST_STATIONS: Final = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Station:
+    """A charging station.
+
+    Attributes
+    ----------
+    latitude_deg, longitude_deg : float
+    name : str
+    power_w : float
+        Of its strongest socket.
+    direct_current : bool
+    power_known : bool
+        Whether the source gives the power; else it is assumed.
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    name: str
+    power_w: float
+    direct_current: bool = False
+    power_known: bool = True
+
+    @property
+    def place(self) -> Place:
+        """Where it is."""
+        return Place(
+            self.latitude_deg, self.longitude_deg, self.name or "charging station", "charging_station"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values."""
+        return asdict(self)
+
+
+def read_stations(path: Path | str) -> tuple[Station, ...]:
+    """Stations of a CSV file with the columns `latitude_deg`, `longitude_deg`, `power_kw` and optionally `name`.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of the file.
+    """
+    import pandas as pd
+
+    path = Path(path)
+    try:
+        table = pd.read_csv(path, nrows=MOST_STATIONS + 1)
+    except (OSError, ValueError) as error:
+        raise InvalidInput(
+            Fault("cannot read the stations", str(path), str(error)[:80], "a CSV table")
+        ) from error
+    missing = [name for name in COLUMNS if name not in table.columns]
+    if missing:
+        raise InvalidInput(Fault("missing column", path.name, ", ".join(missing), ", ".join(COLUMNS)))
+    if len(table) > MOST_STATIONS:
+        raise InvalidInput(Fault("too many stations", path.name, f"{len(table)}", f"at most {MOST_STATIONS}"))
+    bounds = {"latitude_deg": (-90.0, 90.0), "longitude_deg": (-180.0, 180.0), "power_kw": (1.0, 1500.0)}
+    faults = []
+    for column, (low, high) in bounds.items():
+        values = pd.to_numeric(table[column], errors="coerce").to_numpy(dtype=np.float64)
+        wrong = np.flatnonzero(~((values >= low) & (values <= high)))
+        if len(wrong):
+            where = f"{path.name}, column '{column}', row {wrong[0] + 1}"
+            faults.append(
+                Fault("value out of range", where, str(table[column].iloc[wrong[0]]), f"{low:g} to {high:g}")
+            )
+    if faults:
+        raise InvalidInput(faults)
+    names = table["name"].fillna("").astype(str) if "name" in table.columns else [""] * len(table)
+    rows = zip(table["latitude_deg"], table["longitude_deg"], names, table["power_kw"], strict=True)
+    return tuple(
+        Station(
+            float(lat),
+            float(lon),
+            name,
+            1000.0 * float(kw),
+            direct_current=1000.0 * float(kw) >= DIRECT_FROM_W,
+        )
+        for lat, lon, name, kw in rows
+    )
+
+
+def near(stations: Sequence[Station], points: Sequence[Place], farthest_m: float) -> list[tuple[int, int]]:
+    """Stations near a line: (index of the station, index of the nearest point), in the order of the points. O(n log n).
+
+    Examples
+    --------
+    >>> stations = [Station(47.0, 9.0, "a", 5e4), Station(48.0, 9.0, "b", 5e4)]
+    >>> near(stations, [Place(47.001, 9.0), Place(46.0, 9.0)], 500.0)
+    [(0, 0)]
+    """
+    from scipy.spatial import cKDTree
+
+    if not stations or not points:
+        return []
+    line = cKDTree(_on_sphere([(p.latitude_deg, p.longitude_deg) for p in points]))
+    where = _on_sphere([(s.latitude_deg, s.longitude_deg) for s in stations])
+    distance, nearest = line.query(where, distance_upper_bound=farthest_m)
+    found = [(k, int(nearest[k])) for k in range(len(stations)) if np.isfinite(distance[k])]
+    return sorted(found, key=lambda pair: pair[1])
+
+
+def _on_sphere(pairs: Sequence[tuple[float, float]]) -> Any:
+    lat, lon = np.radians(np.array(pairs)).T
+    return EARTH_RADIUS_M * np.column_stack(
+        (np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat))
+    )

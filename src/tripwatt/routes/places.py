@@ -1,0 +1,138 @@
+"""A place on the map: coordinates, and the name that a person gives it."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.routes.points import EARTH_RADIUS_M, haversine_m
+
+COORDINATES: Final = re.compile(r"^\s*(?:geo:)?(-?\d{1,3}(?:\.\d+)?)\s*[,; ]\s*(-?\d{1,3}(?:\.\d+)?)\s*$")
+"""Latitude and longitude as a person writes or pastes them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place.
+
+    Attributes
+    ----------
+    latitude_deg, longitude_deg : float
+        WGS 84.
+    name : str
+        As shown to a person; empty for coordinates.
+    kind : str
+        What it is: "city", "street", "house"; empty when unknown.
+
+    Raises
+    ------
+    InvalidInput
+        For coordinates that no place has.
+
+    Examples
+    --------
+    >>> Place(47.1410, 9.5209, "Vaduz").title
+    'Vaduz'
+    >>> Place(47.1410, 9.5209).title
+    '47.14100, 9.52090'
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    name: str = ""
+    kind: str = ""
+
+    def __post_init__(self) -> None:
+        bounds = {"latitude": (self.latitude_deg, 90.0), "longitude": (self.longitude_deg, 180.0)}
+        faults = [
+            Fault("coordinate out of range", name, f"{value:g}°", f"-{most:g}° to {most:g}°")
+            for name, (value, most) in bounds.items()
+            if not (math.isfinite(value) and abs(value) <= most)
+        ]
+        if faults:
+            raise InvalidInput(faults)
+
+    @property
+    def title(self) -> str:
+        """Name, or the coordinates to a metre."""
+        return self.name or f"{self.latitude_deg:.5f}, {self.longitude_deg:.5f}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, as the command line and the service give them."""
+        return {
+            "name": self.title,
+            "kind": self.kind,
+            "latitude_deg": self.latitude_deg,
+            "longitude_deg": self.longitude_deg,
+        }
+
+    def distance_m(self, other: Place) -> float:
+        """Distance to another place on the sphere [m].
+
+        Examples
+        --------
+        >>> round(Place(0.0, 0.0).distance_m(Place(0.0, 1.0)), 1)
+        111195.1
+        """
+        latitude, longitude = (
+            (self.latitude_deg, other.latitude_deg),
+            (self.longitude_deg, other.longitude_deg),
+        )
+        return float(haversine_m(latitude, longitude)[0])
+
+    def moved(self, bearing_deg: float, distance_m: float) -> Place:
+        """The place at a distance [m] in a direction, clockwise from north, on the sphere.
+
+        Examples
+        --------
+        >>> east = Place(0.0, 0.0).moved(90.0, 111195.08)
+        >>> round(east.latitude_deg, 6), round(east.longitude_deg, 6)
+        (0.0, 1.0)
+        """
+        angle, bearing = distance_m / EARTH_RADIUS_M, math.radians(bearing_deg)
+        lat, lon = math.radians(self.latitude_deg), math.radians(self.longitude_deg)
+        sine = math.sin(lat) * math.cos(angle) + math.cos(lat) * math.sin(angle) * math.cos(bearing)
+        there = math.asin(max(-1.0, min(1.0, sine)))
+        along = math.atan2(
+            math.sin(bearing) * math.sin(angle) * math.cos(lat),
+            math.cos(angle) - math.sin(lat) * math.sin(there),
+        )
+        longitude = (math.degrees(lon + along) + 540.0) % 360.0 - 180.0
+        return Place(math.degrees(there), longitude)
+
+
+def read_coordinates(text: str) -> Place | None:
+    """The place of a text with latitude and longitude; None for any other text.
+
+    Raises
+    ------
+    InvalidInput
+        For coordinates that no place has.
+
+    Examples
+    --------
+    >>> read_coordinates("47.141, 9.5209"), read_coordinates("Vaduz")
+    (Place(latitude_deg=47.141, longitude_deg=9.5209, name='', kind=''), None)
+    """
+    found = COORDINATES.match(text)
+    return None if found is None else Place(float(found[1]), float(found[2]))
+
+
+def bearings_deg(latitude_deg: FloatArray, longitude_deg: FloatArray) -> FloatArray:
+    """Direction from each point to the next, clockwise from north, 0 to 360 [°], shape (points - 1,).
+
+    Examples
+    --------
+    >>> bearings_deg(np.array([0.0, 1.0, 1.0]), np.array([0.0, 0.0, 1.0])).round(1).tolist()
+    [0.0, 90.0]
+    """
+    lat, lon = np.radians(latitude_deg), np.radians(longitude_deg)
+    east = np.sin(np.diff(lon)) * np.cos(lat[1:])
+    north = np.cos(lat[:-1]) * np.sin(lat[1:]) - np.sin(lat[:-1]) * np.cos(lat[1:]) * np.cos(np.diff(lon))
+    return np.asarray(np.degrees(np.arctan2(east, north)) % 360.0, dtype=np.float64)

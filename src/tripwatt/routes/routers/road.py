@@ -1,0 +1,307 @@
+"""A router's answer: a road with links, line on the map, headings and kinds of road; and the protocol of a router."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final, Protocol
+
+import numpy as np
+
+from tripwatt.arrays import BoolArray, FloatArray, IntArray
+from tripwatt.errors import Fault, InvalidInput, RemoteError
+from tripwatt.routes.links import FLAT_ROAD, SHORTEST_LINK_M, LinkRoute, plan_from_links
+from tripwatt.routes.places import Place, bearings_deg
+from tripwatt.routes.points import haversine_m
+from tripwatt.trips import Flag, Plan
+
+FARTHEST_START_M: Final = 1500.0
+"""A road that begins or ends farther from the place than this belongs to another place: the map ends before it."""
+
+SAME_SPEED: Final = 0.03
+SAME_TIME_S: Final = 0.06
+"""Edges have one speed where their times differ by less than these: routers round times to 0.1 s and speeds to 1 km/h."""
+
+LEAST_SIGNAL_STOP_S: Final = 2.0
+"""Shorter delays at a signal are no standstill."""
+
+MOST_ROUTES: Final = 4
+"""Alternatives of one question."""
+
+MOTORWAY: Final = "motorway"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Edges:
+    """The pieces of a road as a router gives them. Arrays have shape (edges,).
+
+    Attributes
+    ----------
+    length_m, time_s : ndarray
+        Time includes delays at the end of the edge.
+    speed_m_s : ndarray
+        Speed without any delay; NaN = length over time.
+    limit_m_s : ndarray
+        Speed limit, NaN = not known.
+    road_class : tuple of str
+        "motorway", "primary", ...; empty = not known.
+    signal : ndarray of bool
+        Whether a traffic signal is at the end of the edge.
+    """
+
+    length_m: FloatArray
+    time_s: FloatArray
+    speed_m_s: FloatArray
+    limit_m_s: FloatArray
+    road_class: tuple[str, ...]
+    signal: BoolArray
+
+    @classmethod
+    def from_speeds(cls, length_m: FloatArray, time_s: FloatArray, speed_m_s: FloatArray) -> Edges:
+        """Edges of which only length, time and speed are known."""
+        n = len(length_m)
+        return cls(length_m, time_s, speed_m_s, np.full(n, np.nan), ("",) * n, np.zeros(n, dtype=bool))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Road:
+    """A road from place to place.
+
+    Attributes
+    ----------
+    links : LinkRoute
+        With free-flow travel times: nothing of them is traffic.
+    road_class : tuple of str
+        Of each link.
+    latitude_deg, longitude_deg : ndarray, shape (points,)
+        The line on the map.
+    position_m : ndarray, shape (points,)
+        Distance of each point from the start, on the scale of the links.
+    stop_position_m : tuple of float
+        Distance of each intermediate stop from the start.
+    """
+
+    links: LinkRoute
+    road_class: tuple[str, ...]
+    latitude_deg: FloatArray
+    longitude_deg: FloatArray
+    position_m: FloatArray
+    stop_position_m: tuple[float, ...] = ()
+
+    @property
+    def distance_m(self) -> float:
+        """Length [m]."""
+        return self.links.distance_m
+
+    @property
+    def duration_s(self) -> float:
+        """Travel time of the links [s]."""
+        return self.links.duration_s
+
+    def place_at(self, position_m: float) -> Place:
+        """The point of the road at a distance from its start."""
+        latitude = float(np.interp(position_m, self.position_m, self.latitude_deg))
+        return Place(latitude, float(np.interp(position_m, self.position_m, self.longitude_deg)))
+
+    def heading_at(self, position_m: FloatArray) -> FloatArray:
+        """Direction of travel at distances from the start, clockwise from north [°], shape of `position_m`."""
+        if len(self.position_m) < 2:
+            return np.zeros_like(position_m)
+        heading = bearings_deg(self.latitude_deg, self.longitude_deg)
+        piece = np.searchsorted(self.position_m, position_m, side="right") - 1
+        return np.asarray(heading[np.clip(piece, 0, len(heading) - 1)], dtype=np.float64)
+
+    def plan(self, trip_id: str = "route") -> Plan:
+        """The road as a plan, see `plan_from_links`."""
+        return plan_from_links(self.links, trip_id=trip_id)
+
+    def with_links(self, links: LinkRoute) -> Road:
+        """The same line with other speeds or times of its links."""
+        return replace(self, links=links)
+
+
+class Router(Protocol):
+    """What finds roads between places."""
+
+    @property
+    def name(self) -> str:
+        """As messages call the router."""
+        ...
+
+    def roads(self, stops: Sequence[Place], *, alternatives: int = 0) -> tuple[Road, ...]:
+        """Roads through places in order; the fastest first.
+
+        Parameters
+        ----------
+        stops : sequence of Place
+            Two at least.
+        alternatives : int
+            Number of other roads that are wanted; a router may have fewer.
+
+        Raises
+        ------
+        InvalidInput
+            When there is no road, or a place is outside of the map.
+        RemoteError
+            When the router does not answer, or not with what it should.
+        """
+        ...
+
+    def outline(self, start: Place, minutes: float) -> tuple[Place, ...]:
+        """Places at the edge of what is reached in a time, in any order; empty where the router has no isochrones."""
+        ...
+
+
+def pooled(edges: Edges) -> tuple[LinkRoute, tuple[str, ...]]:
+    """Links of edges: neighbours of one speed, class and limit become one link, up to a signal. O(edges).
+
+    What is left of the time after driving at the free speeds stays with the link; at a signal it becomes standstill at
+    the end of the link.
+
+    Examples
+    --------
+    >>> links, kinds = pooled(Edges.from_speeds(np.array([100.0, 50.0, 300.0]), np.array([10.0, 5.0, 15.0]), np.full(3, np.nan)))
+    >>> links.length_m.tolist(), links.moving_speed_m_s.tolist(), kinds
+    ([150.0, 300.0], [10.0, 20.0], ('', ''))
+    """
+    length, time = edges.length_m, edges.time_s
+    moving_s = np.where(np.isnan(edges.speed_m_s), time, length / edges.speed_m_s)
+    first = _runs(edges, moving_s)
+    total_m, total_s, driving_s = (np.add.reduceat(values, first) for values in (length, time, moving_s))
+    total_s = np.maximum(total_s, driving_s)
+    last = np.append(first[1:], len(length)) - 1
+    spare = total_s - driving_s
+    stop = np.where(edges.signal[last] & (spare >= LEAST_SIGNAL_STOP_S), spare, np.nan)
+    limit = edges.limit_m_s[first]
+    links = LinkRoute(
+        total_m,
+        total_s,
+        stop,
+        total_m / driving_s,
+        flags=(FLAT_ROAD,),
+        speed_limit_m_s=limit if np.isfinite(limit).any() else None,
+        free_flow=True,
+    )
+    return links, tuple(edges.road_class[int(k)] for k in first)
+
+
+def _runs(edges: Edges, moving_s: FloatArray) -> IntArray:
+    """Index of the first edge of each link."""
+    length, limit = edges.length_m.tolist(), np.nan_to_num(edges.limit_m_s, nan=-1.0).tolist()
+    seconds, signal, kind = moving_s.tolist(), edges.signal.tolist(), edges.road_class
+    first, run_m, run_s = [0], length[0], seconds[0]
+    for k in range(1, len(length)):
+        wanted_s = run_s / run_m * length[k] if run_m > 0 else seconds[k]
+        alike = abs(seconds[k] - wanted_s) <= SAME_TIME_S + SAME_SPEED * seconds[k]
+        short = (
+            run_m < SHORTEST_LINK_M or run_s <= 0.0 or (k == len(length) - 1 and length[k] < SHORTEST_LINK_M)
+        )
+        same = kind[k] == kind[k - 1] and limit[k] == limit[k - 1]
+        if short or (alike and same and not signal[k - 1]):
+            run_m, run_s = run_m + length[k], run_s + seconds[k]
+        else:
+            first.append(k)
+            run_m, run_s = length[k], seconds[k]
+    return np.array(first, dtype=np.int64)
+
+
+@dataclass(slots=True)
+class RoadParts:
+    """The legs of one road as they come from a router."""
+
+    edges: list[Edges] = field(default_factory=list)
+    points: list[FloatArray] = field(default_factory=list)
+    heights: list[tuple[FloatArray, FloatArray] | None] = field(default_factory=list)
+
+    def add(self, edges: Edges, points: FloatArray, heights: tuple[FloatArray, FloatArray] | None) -> None:
+        """Add a leg: its edges, its line (latitude, longitude), and heights at distances from its start or None."""
+        self.edges.append(edges)
+        self.points.append(points)
+        self.heights.append(heights)
+
+    def road(self, stops: Sequence[Place], where: str, *flags: Flag) -> Road:
+        """The whole road.
+
+        Raises
+        ------
+        InvalidInput
+            When it is far from the places.
+        RemoteError
+            When its links are impossible.
+        """
+        legs_m = [float(edges.length_m.sum()) for edges in self.edges]
+        points = np.concatenate(self.points)
+        _require_near(points, stops)
+        try:
+            links, kinds = pooled(_joined(self.edges))
+            links = replace(_with_heights(links, self.heights, legs_m), flags=())
+        except InvalidInput as error:
+            raise RemoteError(error.faults) from error
+        known = links.elevation_m is not None
+        links = replace(links, flags=flags if known else (*flags, FLAT_ROAD))
+        steps = haversine_m(points[:, 0], points[:, 1])
+        position = np.concatenate(([0.0], np.cumsum(steps)))
+        if position[-1] > 0.0:
+            position *= links.distance_m / position[-1]
+        ends = np.cumsum(legs_m)[:-1].tolist()
+        return Road(links, kinds, points[:, 0], points[:, 1], position, tuple(ends))
+
+
+def _joined(parts: Sequence[Edges]) -> Edges:
+    edges = Edges(
+        np.concatenate([part.length_m for part in parts]),
+        np.concatenate([part.time_s for part in parts]),
+        np.concatenate([part.speed_m_s for part in parts]),
+        np.concatenate([part.limit_m_s for part in parts]),
+        tuple(kind for part in parts for kind in part.road_class),
+        np.concatenate([part.signal for part in parts]),
+    )
+    sound = (
+        np.isfinite(edges.length_m) & (edges.length_m >= 0) & np.isfinite(edges.time_s) & (edges.time_s >= 0)
+    )
+    with np.errstate(invalid="ignore"):
+        sound &= ~(edges.speed_m_s <= 0.0)
+    if not sound.all() or not len(sound) or not edges.length_m.sum() > 0 or not edges.time_s.sum() > 0:
+        bad = np.flatnonzero(~sound)
+        where = f"edge {bad[0] + 1}" if len(bad) else "edges"
+        raise InvalidInput(Fault("impossible edge of the road", where, "", "length and time above 0"))
+    return edges
+
+
+def _with_heights(
+    links: LinkRoute, heights: Sequence[tuple[FloatArray, FloatArray] | None], legs_m: Sequence[float]
+) -> LinkRoute:
+    known = [leg for leg in heights if leg is not None]
+    if not known or len(known) < len(heights):
+        return links
+    starts = np.concatenate(([0.0], np.cumsum(legs_m)[:-1]))
+    position = np.concatenate([start + leg[0] for start, leg in zip(starts, known, strict=True)])
+    return replace(
+        links, elevation_position_m=position, elevation_m=np.concatenate([leg[1] for leg in known])
+    )
+
+
+def _require_near(points: FloatArray, stops: Sequence[Place]) -> None:
+    ends = ((stops[0], points[0]), (stops[-1], points[-1]))
+    faults = []
+    for place, (latitude, longitude) in ends:
+        off = place.distance_m(Place(float(latitude), float(longitude)))
+        if off > FARTHEST_START_M:
+            got = f"{off / 1000.0:.1f} km from the nearest road of the map"
+            faults.append(
+                Fault(
+                    "place outside of the map", place.title, got, f"at most {FARTHEST_START_M / 1000.0:g} km"
+                )
+            )
+    if faults:
+        raise InvalidInput(faults)
+
+
+def require_stops(stops: Sequence[Place]) -> None:
+    """Raise `InvalidInput` for a journey without two different places."""
+    if len(stops) < 2:
+        raise InvalidInput(Fault("too few places", "stops", f"{len(stops)}", "a start and a destination"))
+    if all(stops[0].distance_m(place) < 1.0 for place in stops[1:]):
+        raise InvalidInput(
+            Fault("no way to drive", "stops", f"{stops[0].title} only", "two different places")
+        )

@@ -1,0 +1,232 @@
+"""Requests to servers that a user names by URL: time-outs, retries, bounded answers, keys that no message contains.
+
+Nothing is sent unless a URL is set. `httpx` is part of the extra `tripwatt[routing]`; only its transport is used, because
+its client logs URLs, and a URL may contain a key.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final
+from urllib.parse import urlsplit
+
+from tripwatt.errors import Fault, InvalidInput, RemoteError
+from tripwatt.routes.points import parse_json
+
+if TYPE_CHECKING:
+    import httpx
+
+CONNECT_TIMEOUT_S: Final = 3.0
+TOTAL_TIMEOUT_S: Final = 15.0
+"""Longest time [s] of one request with its retries and its answer."""
+
+MOST_ANSWER_BYTES: Final = 32 * 1024 * 1024
+"""Size of one answer: a route of 10,000 km with all its points has less."""
+
+ATTEMPTS: Final = 3
+FIRST_PAUSE_S: Final = 0.2
+"""Pause before the second attempt; the next ones are twice as long each."""
+
+PASSING: Final = frozenset({429, 502, 503, 504})
+"""Statuses after which another attempt may succeed."""
+
+EXTRA: Final = "run pip install 'tripwatt[routing]'"
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Status and body of an HTTP answer."""
+
+    status: int
+    body: bytes
+
+
+def require_url(url: str, where: str) -> str:
+    """The URL of a server without a slash at its end.
+
+    Raises
+    ------
+    InvalidInput
+        When it is no HTTP URL with a host, or contains user name and password.
+
+    Examples
+    --------
+    >>> require_url("http://127.0.0.1:8002/", "--router")
+    'http://127.0.0.1:8002'
+    """
+    try:
+        parts = urlsplit(url)
+        sound = parts.scheme in ("http", "https") and bool(parts.hostname) and (parts.port or 1) > 0
+    except ValueError:
+        sound = False
+    if not sound or parts.username or parts.password or parts.query or parts.fragment:
+        got = url.rpartition("@")[2][:60]  # no password in a message
+        allowed = "http://HOST[:PORT][/PATH] or https://..., without user name and query"
+        raise InvalidInput(Fault("not the URL of a server", where, got, allowed))
+    return url.rstrip("/")
+
+
+@dataclass(frozen=True)
+class WebClient:
+    """One server of a kind ("the router"), asked over HTTP.
+
+    Attributes
+    ----------
+    base_url : str
+    what : str
+        How messages call the server.
+    key_variable : str
+        Environment variable of the key; empty for a server without keys.
+    key_place : str
+        `header:NAME` or `query:NAME`: where the server expects the key.
+    timeout_s : float
+        Longest time [s] of one request with its retries.
+    pause : callable
+        Waits for a time [s].
+    """
+
+    base_url: str
+    what: str = "the server"
+    key_variable: str = ""
+    key_place: str = "header:Authorization"
+    timeout_s: float = TOTAL_TIMEOUT_S
+    pause: Callable[[float], object] = time.sleep
+    _transport: list[httpx.BaseTransport] = field(default_factory=list, repr=False, compare=False)
+
+    @property
+    def host(self) -> str:
+        """Host and port, as messages name the server."""
+        return urlsplit(self.base_url).netloc
+
+    def get_json(self, path: str, query: Mapping[str, Any] | None = None) -> Any:
+        """The JSON document of a GET request. See `post_json`."""
+        return self._document(self.request("GET", path, query=query))
+
+    def post_json(self, path: str, body: Any, query: Mapping[str, Any] | None = None) -> Any:
+        """The JSON document of the answer to a JSON document, of any status below 500 except 401, 403, 429.
+
+        Raises
+        ------
+        RemoteError
+            When the server does not answer in time, refuses the key, fails, or the answer is too large or not JSON.
+        """
+        return self._document(self.request("POST", path, body=body, query=query))
+
+    def request(
+        self, method: str, path: str, *, body: Any = None, query: Mapping[str, Any] | None = None
+    ) -> Answer:
+        """Send a request, again after failures that pass.
+
+        Raises
+        ------
+        RemoteError
+            As `post_json`, except that any body is accepted.
+        """
+        deadline = time.monotonic() + self.timeout_s
+        for attempt in range(ATTEMPTS):
+            last = attempt == ATTEMPTS - 1
+            found = self._attempt(method, path, body, query, deadline)
+            if isinstance(found, Answer) and found.status not in PASSING:
+                return self._accepted(found)
+            wait_s = FIRST_PAUSE_S * 2.0**attempt
+            if last or time.monotonic() + wait_s >= deadline:
+                break
+            self.pause(wait_s)
+        got = f"status {found.status}" if isinstance(found, Answer) else found
+        raise RemoteError(
+            Fault(f"{self.what} does not respond", self.host, got, "", "check the URL, or try again later")
+        )
+
+    def _accepted(self, answer: Answer) -> Answer:
+        if answer.status in (401, 403):
+            fix = f"set {self.key_variable} to a valid key" if self.key_variable else "use another server"
+            raise RemoteError(
+                Fault(f"{self.what} refuses access", self.host, f"status {answer.status}", "", fix)
+            )
+        if answer.status >= 500 and not answer.body.lstrip().startswith(b"{"):
+            raise RemoteError(Fault(f"{self.what} failed", self.host, f"status {answer.status}"))
+        return answer
+
+    def _attempt(
+        self, method: str, path: str, body: Any, query: Mapping[str, Any] | None, deadline: float
+    ) -> Answer | str:
+        """The answer, or in words why there is none."""
+        httpx = _httpx()
+        left_s = max(deadline - time.monotonic(), 0.05)
+        timeout = httpx.Timeout(left_s, connect=min(CONNECT_TIMEOUT_S, left_s))
+        try:
+            request = httpx.Request(
+                method,
+                self.base_url + path,
+                params=self._with_key(query),
+                json=body,
+                headers=self._headers(),
+                extensions={"timeout": timeout.as_dict()},
+            )
+            response = self._open_transport().handle_request(request)
+            try:
+                return Answer(response.status_code, self._body(response, request, deadline))
+            finally:
+                response.close()
+        except httpx.TimeoutException:
+            return f"no answer within {self.timeout_s:g} s"
+        except (httpx.TransportError, httpx.InvalidURL, httpx.DecodingError) as error:
+            return type(error).__name__.removesuffix("Error").lower() + " failed"
+
+    def _body(self, response: httpx.Response, request: httpx.Request, deadline: float) -> bytes:
+        httpx = _httpx()
+        response.request = request
+        parts, size = [], 0
+        for part in response.iter_bytes():
+            size += len(part)
+            if size > MOST_ANSWER_BYTES:
+                fault = Fault("answer too large", self.host, f"more than {MOST_ANSWER_BYTES} bytes")
+                raise RemoteError(fault)
+            if time.monotonic() > deadline:
+                raise httpx.ReadTimeout("slow answer", request=request)
+            parts.append(part)
+        return b"".join(parts)
+
+    def _document(self, answer: Answer) -> Any:
+        try:
+            return parse_json(answer.body, self.host)
+        except InvalidInput as error:
+            raise RemoteError(
+                Fault(
+                    f"{self.what} gives no JSON",
+                    self.host,
+                    f"status {answer.status}, {len(answer.body)} bytes",
+                    "JSON",
+                )
+            ) from error
+
+    @property
+    def _key(self) -> str:
+        return os.environ.get(self.key_variable, "").strip() if self.key_variable else ""
+
+    def _with_key(self, query: Mapping[str, Any] | None) -> dict[str, Any] | None:
+        place, _, name = self.key_place.partition(":")
+        own = {name: self._key} if place == "query" and self._key else {}
+        return {**(query or {}), **own} or None
+
+    def _headers(self) -> dict[str, str]:
+        place, _, name = self.key_place.partition(":")
+        own = {name: self._key} if place == "header" and self._key else {}
+        return {"Accept": "application/json", "User-Agent": "tripwatt", **own}
+
+    def _open_transport(self) -> httpx.BaseTransport:
+        """One transport for all requests, so that connections stay open."""
+        if not self._transport:
+            self._transport.append(_httpx().HTTPTransport(trust_env=False))
+        return self._transport[0]
+
+
+def _httpx() -> Any:
+    try:
+        import httpx  # an extra, and slow to import
+    except ImportError as error:
+        raise InvalidInput(Fault("missing package", "a server by URL", str(error), fix=EXTRA)) from error
+    return httpx

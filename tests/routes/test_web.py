@@ -1,0 +1,172 @@
+"""Requests to servers: time-outs, retries, bounds, and keys that nobody reads."""
+
+import gzip
+import logging
+import socket
+import threading
+import time
+
+import httpx
+import pytest
+from tests.support.roads import client
+
+from tripwatt.errors import InvalidInput, RemoteError
+from tripwatt.routes import web
+from tripwatt.routes.web import Answer, WebClient, require_url
+
+
+@pytest.mark.parametrize(
+    "url",
+    ["ftp://a", "a.b", "http://", "http://me:secret@host", "http://h?q=1", "http://h#a", "http://h:x", ""],
+)
+def test_what_is_no_url_of_a_server_is_refused_without_its_password(url):
+    with pytest.raises(InvalidInput, match="not the URL of a server: --router") as caught:
+        require_url(url, "--router")
+    assert "secret" not in str(caught.value)
+
+
+def test_a_slash_at_the_end_is_no_part_of_the_url():
+    assert require_url("https://a.b:8/c/", "x") == "https://a.b:8/c"
+
+
+def test_path_query_body_and_headers_are_sent():
+    seen = []
+
+    def answer(request):
+        seen.append(request)
+        return httpx.Response(200, json={"a": [1]})
+
+    server = client(answer)
+    assert server.post_json("/route", {"q": 1}, {"z": "2"}) == {"a": [1]}
+    assert server.get_json("/route") == {"a": [1]}
+    assert str(seen[0].url) == "http://router.test/base/route?z=2"
+    assert seen[0].content == b'{"q":1}'
+    assert (seen[0].method, seen[1].method, seen[1].content) == ("POST", "GET", b"")
+    assert seen[0].headers["accept"] == "application/json"
+
+
+def test_failures_that_pass_are_tried_three_times_with_longer_pauses():
+    statuses, pauses = [503, 429, 200], []
+    server = WebClient(
+        "http://h",
+        pause=pauses.append,
+        _transport=[httpx.MockTransport(lambda request: httpx.Response(statuses.pop(0), json={}))],
+    )
+    assert server.get_json("/x") == {}
+    assert pauses == [0.2, 0.4]
+    statuses += [502, 504, 503, 200]
+    with pytest.raises(RemoteError, match=r"the server does not respond: h: got status 503; check the URL"):
+        server.get_json("/x")
+    assert statuses == [200]
+
+
+def test_a_failure_that_stays_is_not_tried_again():
+    calls = []
+
+    def answer(request):
+        calls.append(1)
+        return httpx.Response(500, text="oops")
+
+    with pytest.raises(RemoteError, match=r"the server failed: router.test: got status 500"):
+        client(answer).get_json("/x")
+    assert len(calls) == 1
+
+
+def test_a_document_of_an_error_is_an_answer():
+    found = client(lambda r: httpx.Response(500, json={"error": "no"})).request("GET", "/x")
+    assert found == Answer(500, b'{"error":"no"}')
+    assert client(lambda r: httpx.Response(400, json={"error": "no"})).get_json("/x") == {"error": "no"}
+
+
+@pytest.mark.parametrize("status", [401, 403])
+def test_a_refused_key_is_named_by_its_variable_and_never_shown(status, monkeypatch, caplog):
+    monkeypatch.setenv("SOME_KEY", "s3cret")
+    caplog.set_level(logging.DEBUG)
+    server = client(
+        lambda r: httpx.Response(status, text="s3cret"), key_variable="SOME_KEY", key_place="query:key"
+    )
+    with pytest.raises(RemoteError, match="set SOME_KEY to a valid key") as caught:
+        server.get_json("/x")
+    assert "s3cret" not in str(caught.value) + caplog.text + repr(server)
+
+
+@pytest.mark.parametrize(("place", "there"), [("query:key", "query"), ("header:Authorization", "header")])
+def test_the_key_is_sent_where_the_server_expects_it(place, there, monkeypatch):
+    monkeypatch.setenv("SOME_KEY", " s3cret ")
+    seen = []
+
+    def answer(request):
+        seen.append(request)
+        return httpx.Response(200, json={})
+
+    client(answer, key_variable="SOME_KEY", key_place=place).get_json("/x", {"a": "1"})
+    assert (seen[0].url.params.get("key") == "s3cret") == (there == "query")
+    assert (seen[0].headers.get("authorization") == "s3cret") == (there == "header")
+    assert seen[0].url.params["a"] == "1"
+
+
+def test_without_a_key_none_is_sent(monkeypatch):
+    monkeypatch.delenv("SOME_KEY", raising=False)
+    seen = []
+    client(lambda r: seen.append(r) or httpx.Response(200, json={}), key_variable="SOME_KEY").get_json("/x")
+    assert "authorization" not in seen[0].headers
+
+
+@pytest.mark.parametrize("text", ["<html>", '{"a": NaN}', "", '{"a":'])
+def test_what_is_no_json_is_refused(text):
+    with pytest.raises(RemoteError, match=r"gives no JSON: router.test: got status 200"):
+        client(lambda r: httpx.Response(200, text=text)).get_json("/x")
+
+
+def test_answers_are_bounded_also_when_they_are_compressed(monkeypatch):
+    monkeypatch.setattr(web, "MOST_ANSWER_BYTES", 1000)
+    small = gzip.compress(b" " * 998 + b"{}")
+    large = gzip.compress(b" " * 999 + b"{}")
+    packed = {"content-encoding": "gzip"}
+    assert client(lambda r: httpx.Response(200, content=small, headers=packed)).get_json("/x") == {}
+    with pytest.raises(RemoteError, match="answer too large"):
+        client(lambda r: httpx.Response(200, content=large, headers=packed)).get_json("/x")
+    with pytest.raises(RemoteError, match="decoding failed"):
+        client(lambda r: httpx.Response(200, content=b"no gzip", headers=packed)).get_json("/x")
+
+
+def test_a_server_that_is_not_there_is_one_clear_error():
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        port = unused.getsockname()[1]
+        with pytest.raises(RemoteError, match=f"does not respond: 127.0.0.1:{port}: got connect failed"):
+            WebClient(f"http://127.0.0.1:{port}", pause=lambda s: None).get_json("/x")
+
+
+@pytest.mark.parametrize("first", [b"", b"HTTP/1.1 200 OK\r\ncontent-length: 100\r\n\r\n{"])
+def test_a_server_that_hangs_is_left_after_the_time_out(first):
+    """Without an answer, and with one that comes a byte at a time and never ends."""
+    stop = threading.Event()
+
+    def hang(server):
+        held = []
+        while not stop.is_set():
+            try:
+                connection, _ = server.accept()
+            except OSError:
+                return
+            held.append(connection)
+            connection.sendall(first) if first else None
+            for _ in range(60):
+                if stop.wait(0.05):
+                    return
+                try:
+                    connection.sendall(b" " if first else b"")
+                except OSError:
+                    break
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        thread = threading.Thread(target=hang, args=(server,), daemon=True)
+        thread.start()
+        started = time.monotonic()
+        slow = WebClient(f"http://127.0.0.1:{server.getsockname()[1]}", timeout_s=0.4, pause=lambda s: None)
+        with pytest.raises(RemoteError, match=r"does not respond: 127.0.0.1:\d+: got no answer within 0.4 s"):
+            slow.get_json("/x")
+        assert time.monotonic() - started < 3.0
+        stop.set()
+    thread.join(5.0)
