@@ -56,7 +56,7 @@ def valhalla(**changed: Any) -> Callable[[httpx.Request], httpx.Response]:
     answers = {
         "route": {"trip": {"status": 0, "legs": [{"shape": encoded([START, MIDDLE, END])}]}},
         "trace_attributes": {"edges": VALHALLA_EDGES},
-        "height": {"range_height": [[0, 500.0], [3700, 537.0], [5000, 900.0], [7583, 575.8]]},
+        "height": {"range_height": [[0, 500.0], [3700, 537.0], [5000, 900.0], [7590, 575.8]]},
         "isochrone": {
             "features": [
                 {"geometry": {"type": "Polygon", "coordinates": [[[9.1, 47.0], [9.0, 47.1], [8.9, 47.0]]]}}
@@ -139,7 +139,7 @@ def mutated(document: Any, count: int, seed: int) -> list[Any]:
     for k in range(count):
         copy = json.loads(json.dumps(document))
         for path in rng.sample(places, min(1 + k % 2, len(places))):
-            _replace(copy, path, rng.choice(bad), rng)
+            _replace(copy, path, json.loads(json.dumps(rng.choice(bad))), rng)
         copies.append(copy)
     return copies
 

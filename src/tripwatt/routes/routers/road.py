@@ -165,7 +165,8 @@ def pooled(edges: Edges) -> tuple[LinkRoute, tuple[str, ...]]:
     ([150.0, 300.0], [10.0, 20.0], ('', ''))
     """
     length, time = edges.length_m, edges.time_s
-    moving_s = np.where(np.isnan(edges.speed_m_s), time, length / edges.speed_m_s)
+    with np.errstate(all="ignore"):
+        moving_s = np.where(np.isnan(edges.speed_m_s), time, length / edges.speed_m_s)
     first = _runs(edges, moving_s)
     total_m, total_s, driving_s = (np.add.reduceat(values, first) for values in (length, time, moving_s))
     total_s = np.maximum(total_s, driving_s)
@@ -173,11 +174,13 @@ def pooled(edges: Edges) -> tuple[LinkRoute, tuple[str, ...]]:
     spare = total_s - driving_s
     stop = np.where(edges.signal[last] & (spare >= LEAST_SIGNAL_STOP_S), spare, np.nan)
     limit = edges.limit_m_s[first]
+    with np.errstate(all="ignore"):  # a link without time is named below
+        moving = total_m / driving_s
     links = LinkRoute(
         total_m,
         total_s,
         stop,
-        total_m / driving_s,
+        moving,
         flags=(FLAT_ROAD,),
         speed_limit_m_s=limit if np.isfinite(limit).any() else None,
         free_flow=True,

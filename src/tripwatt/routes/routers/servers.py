@@ -64,7 +64,7 @@ class OsrmRouter(_ServerRouter):
         }
         answer = an_object_of(self.client.get_json(f"/route/v1/driving/{line}", query), "route")
         code = answer.get("code")
-        if code in NO_ROUTE:
+        if isinstance(code, str) and code in NO_ROUTE:
             raise no_road(stops, str(answer.get("message") or code))
         if code != "Ok":
             raise RemoteError(Fault("the router failed", self.client.host, repr(code)[:60], "code Ok"))

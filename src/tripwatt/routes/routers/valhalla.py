@@ -204,7 +204,7 @@ class ValhallaRouter:
             return answer
         code, got = answer.get("error_code"), str(answer.get("error"))[:120]
         title = " to ".join(place.title for place in stops)
-        if code in NOT_ON_MAP:
+        if isinstance(code, int) and code in NOT_ON_MAP:
             raise InvalidInput(Fault("place outside of the map", title, got, "places near a road of the map"))
         raise InvalidInput(Fault("no road found", title, got, "places that a road connects"))
 
