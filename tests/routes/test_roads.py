@@ -293,7 +293,9 @@ def test_osrm_gives_a_link_for_each_speed_whatever_its_edges():
     (road,) = router_of("osrm").roads([A, B])
     assert road.links.length_m == pytest.approx([3792.0, 3792.0])
     assert road.links.moving_speed_m_s == pytest.approx([13.9, 27.8], rel=2e-3)
-    assert road.links.duration_s == pytest.approx(osrm(annotated=True)["routes"][0]["duration"], abs=1.0)  # speeds are rounded
+    assert road.links.duration_s == pytest.approx(
+        osrm(annotated=True)["routes"][0]["duration"], abs=1.0
+    )  # speeds are rounded
     (road,) = router_of("steps").roads([A, B])
     assert road.links.length_m == pytest.approx([3792.0, 3792.0])
     assert road.links.travel_time_s[0] == pytest.approx(273.6 + 4.0)

@@ -37,6 +37,24 @@ PlacesOption = Annotated[
         show_default=False,
     ),
 ]
+WeatherOption = Annotated[
+    str,
+    typer.Option(
+        "--weather",
+        metavar="URL",
+        help="Server with the interface of Open-Meteo. Default: no server is asked.",
+        show_default=False,
+    ),
+]
+StationsOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--stations",
+        metavar="FILE",
+        help="Charging stations as CSV: latitude_deg, longitude_deg, power_kw, name. Default: those of the map.",
+        show_default=False,
+    ),
+]
 ModelOption = Annotated[
     Path | None,
     typer.Option("--model", metavar="FOLDER", help="Default: the bundled model.", show_default=False),
@@ -131,22 +149,8 @@ def plan(
         ),
     ] = None,
     places_url: PlacesOption = "",
-    weather: Annotated[
-        str,
-        typer.Option(
-            metavar="URL",
-            help="Server with the interface of Open-Meteo. Default: no server is asked.",
-            show_default=False,
-        ),
-    ] = "",
-    stations: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Charging stations as CSV: latitude_deg, longitude_deg, power_kw, name. Default: those of the map.",
-            show_default=False,
-        ),
-    ] = None,
+    weather: WeatherOption = "",
+    stations: StationsOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Plan a journey from place to place: charge at arrival, what to leave with, a charging stop where one is needed.

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from tripwatt.cli.journey import MapOption, PlacesOption, StationsOption, WeatherOption
 from tripwatt.cli.options import examples, gather
 from tripwatt.errors import Fault, InvalidInput
 
@@ -18,6 +19,7 @@ def add_commands(app: typer.Typer) -> None:
         epilog=examples(
             ("tripwatt serve", "serve the bundled model on http://127.0.0.1:8000"),
             ("tripwatt serve my-i3 my-id3 --workers 4", "serve your own models; the first is the default"),
+            ("tripwatt serve --map map", "also plan journeys on a map (see `tripwatt map build`)"),
             ("TRIPWATT_TOKEN=... tripwatt serve --host 0.0.0.0", "serve other machines; they need the token"),
         )
     )(serve)
@@ -48,6 +50,10 @@ def serve(
         int, typer.Option(min=0, max=65535, metavar="PORT", help="Port to listen on; 0 selects a free port.")
     ] = 8000,
     workers: Annotated[int, typer.Option(min=1, metavar="N", help="Number of worker processes.")] = 2,
+    map_: MapOption = "",
+    places_url: PlacesOption = "",
+    weather: WeatherOption = "",
+    stations: StationsOption = None,
     limit: Annotated[
         list[str] | None,
         typer.Option(
@@ -70,6 +76,7 @@ def serve(
         raise InvalidInput(
             Fault("missing package", "tripwatt serve", str(error), fix="run pip install 'tripwatt[service]'")
         ) from error
+    from tripwatt.journey import AtlasSettings, open_atlas
     from tripwatt.service.serving import require_safe
     from tripwatt.service.serving import serve as run
     from tripwatt.service.settings import TOKEN_VARIABLE, Limits, Settings, parse_limits
@@ -81,7 +88,10 @@ def serve(
         lambda: limits.append(parse_limits(limit or [])),
     )
     token = os.environ.get(TOKEN_VARIABLE, "")
-    settings = Settings(folders, host, port, workers, token, limits[-1])
+    atlas = AtlasSettings(map_, places_url, weather, "" if stations is None else str(stations))
+    settings = Settings(folders, host, port, workers, token, limits[-1], atlas)
+    if map_:
+        open_atlas(atlas)
     require_safe(settings)
     run(settings, lambda address: typer.echo(f"tripwatt: {address}"))
 

@@ -25,6 +25,7 @@ from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.service import openapi, schemas
 from tripwatt.service.batching import forecast_lines, split_lines
 from tripwatt.service.compression import CompressionMiddleware
+from tripwatt.service.journey_schemas import MapResponse
 from tripwatt.service.metrics import Metrics
 from tripwatt.service.middleware import ServiceMiddleware
 from tripwatt.service.openapi import JSON, NDJSON
@@ -158,6 +159,7 @@ class Api:
         )
         self.running_batches = self.arriving_bodies = 0
         self.vehicles: bytes | None = None
+        self.map: bytes | None = None
         self.examples: ExampleDocuments | None = None
         self.models = _models_document(settings)
         self.app = FastAPI(
@@ -229,6 +231,10 @@ class Api:
             ("/v1/forecast/update", "POST", self.update, openapi.update()),
             ("/v1/forecast/batch", "POST", self.batch, openapi.batch()),
             ("/v1/routes", "POST", self.route, openapi.route()),
+            ("/v1/plan", "POST", self.plan, openapi.plan()),
+            ("/v1/reachable", "POST", self.reach, openapi.reach()),
+            ("/v1/places", "GET", self.get_places, openapi.places()),
+            ("/v1/map", "GET", self.get_map, openapi.library(MapResponse, "The map")),
             ("/v1/models", "GET", self.get_models, openapi.library(schemas.ModelsResponse, "models")),
             ("/v1/vehicles", "GET", self.get_vehicles, openapi.library(schemas.VehiclesResponse, "vehicles")),
             ("/v1/examples", "GET", self.get_examples, openapi.library(schemas.ExamplesResponse, "examples")),
@@ -282,6 +288,40 @@ class Api:
         body = await self._body(request, tuple(openapi.UPLOADS))
         speed = speed_m_s if speed_m_s is not None and math.isfinite(speed_m_s) else None
         return await self._job(request, {"kind": "route", "speed_m_s": speed}, body)
+
+    async def plan(self, request: Request) -> Response:
+        """Plan a journey: roads, their forecasts, the charge to leave with, a charging stop."""
+        self._require_map()
+        return await self._job(request, {"kind": "plan"}, await self._body(request, (JSON,)))
+
+    async def reach(self, request: Request) -> Response:
+        """Return the area that the charge reaches with 95 % and with 50 %."""
+        self._require_map()
+        return await self._job(request, {"kind": "reach"}, await self._body(request, (JSON,)))
+
+    async def get_places(
+        self,
+        request: Request,
+        q: Annotated[
+            str, Query(min_length=1, max_length=200, description="start of a name, a street, a house")
+        ],
+        limit: Annotated[int, Query(ge=1, le=50, description="most places")] = 10,
+    ) -> Response:
+        """Find places by the start of their names."""
+        require_accepts(request, JSON)
+        self._require_map()
+        return await self._job(request, {"kind": "places", "text": q, "limit": limit}, b"")
+
+    async def get_map(self, request: Request) -> Response:
+        """Return what the service knows of roads, places and weather."""
+        require_accepts(request, JSON)
+        if self.map is None:
+            self.map = await self._document("map")
+        return Response(self.map, media_type=JSON)
+
+    def _require_map(self) -> None:
+        if not self.settings.atlas.map:
+            raise Problem("no-map", "start the service with --map")
 
     async def get_models(self, request: Request) -> Response:
         """List the models with their inputs, provenance and scores."""

@@ -26,6 +26,8 @@ from tripwatt.routes import (
     plan_from_route,
     route_from_track,
 )
+from tripwatt.service.journey_schemas import PlanRequest, ReachRequest
+from tripwatt.service.journeys import JourneyJobs
 from tripwatt.service.library import columns_of, examples, links_of, vehicles
 from tripwatt.service.schemas import (
     ForecastRequest,
@@ -57,16 +59,21 @@ class Jobs:
     models : mapping of str to ForecastModel
         Models that requests may name; the first is the default.
     limits : Limits
+    journeys : JourneyJobs
+        The atlas of the service.
     transferred : dict
         Models transferred to other cars of the library, made when first used, by model and car; with their flags.
     """
 
     models: Mapping[str, ForecastModel]
     limits: Limits
+    journeys: JourneyJobs = field(default_factory=JourneyJobs)
     transferred: dict[tuple[str, str], tuple[ForecastModel, tuple[Flag, ...]]] = field(default_factory=dict)
 
     @classmethod
-    def from_folders(cls, folders: Mapping[str, Path], limits: Limits) -> Jobs:
+    def from_folders(
+        cls, folders: Mapping[str, Path], limits: Limits, journeys: JourneyJobs | None = None
+    ) -> Jobs:
         """Load the models.
 
         Parameters
@@ -74,9 +81,10 @@ class Jobs:
         folders : mapping of str to Path
             Name -> folder; empty for the model of the package.
         limits : Limits
+        journeys : JourneyJobs, optional
         """
         models = {name: load_model(folder) for name, folder in folders.items()}
-        return cls(models or {DEFAULT_MODEL: load_model()}, limits)
+        return cls(models or {DEFAULT_MODEL: load_model()}, limits, journeys or JourneyJobs())
 
     def warm_up(self) -> None:
         """Compute one forecast per model, so that the first request takes no longer than the others."""
@@ -122,7 +130,22 @@ class Jobs:
         forecast = model.forecast(self._plan(request), departure)
         return replace(forecast, flags=(*flags, *forecast.flags)) if flags else forecast
 
-    def _model(self, request: ForecastRequest) -> tuple[ForecastModel, tuple[Flag, ...]]:
+    def plan(self, body: bytes) -> dict[str, Any]:
+        """Return the response to a `PlanRequest`."""
+        request = parse_request(body, PlanRequest)
+        found = self.journeys.plan(request, *self._model(request))
+        for road in found["roads"]:
+            require_finite(road["forecast"])
+        return found
+
+    def reach(self, body: bytes) -> dict[str, Any]:
+        """Return the response to a `ReachRequest`."""
+        request = parse_request(body, ReachRequest)
+        return self.journeys.reach(request, *self._model(request))
+
+    def _model(
+        self, request: ForecastRequest | PlanRequest | ReachRequest
+    ) -> tuple[ForecastModel, tuple[Flag, ...]]:
         """The model of a request for the car of the request, with the flags of its transfer."""
         name = next(iter(self.models)) if request.model is None else request.model
         if name not in self.models:
@@ -215,6 +238,10 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
         "forecast": lambda jobs, job, body: jobs.forecast(body),
         "update": lambda jobs, job, body: jobs.update(body),
         "route": lambda jobs, job, body: jobs.route(body, job["speed_m_s"]),
+        "plan": lambda jobs, job, body: jobs.plan(body),
+        "reach": lambda jobs, job, body: jobs.reach(body),
+        "places": lambda jobs, job, body: jobs.journeys.places(job["text"], job["limit"]),
+        "map": lambda jobs, job, body: jobs.journeys.describe(),
         "vehicles": lambda jobs, job, body: jobs.vehicles(),
         "examples": lambda jobs, job, body: examples(),
     }

@@ -9,7 +9,7 @@ from fastapi import FastAPI
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from tripwatt.service import schemas
+from tripwatt.service import journey_schemas, schemas
 from tripwatt.service.problems import MEDIA_TYPE, TITLES
 
 DESCRIPTION: Final = """The service returns the same forecast as `tripwatt forecast --json`, with the same field names. The
@@ -24,6 +24,12 @@ REFERENCE: Final = "#/components/schemas/"
 DOCUMENTED: Final[tuple[type[BaseModel], ...]] = (
     schemas.Link,
     schemas.ForecastRequest,
+    journey_schemas.PlanRequest,
+    journey_schemas.ReachRequest,
+    journey_schemas.PlanResponse,
+    journey_schemas.ReachResponse,
+    journey_schemas.PlacesResponse,
+    journey_schemas.MapResponse,
     schemas.UpdateRequest,
     schemas.ForecastResponse,
     schemas.RouteResponse,
@@ -60,6 +66,17 @@ UPDATE_REQUEST: Final = {
         "current_a": [2.0, 40.0, 12.0],
     },
 }
+PLAN_REQUEST: Final = {
+    "stops": [
+        {"latitude_deg": 47.141, "longitude_deg": 9.5209},
+        {"latitude_deg": 47.241, "longitude_deg": 9.5285},
+    ],
+    "soc": 0.8,
+    "ambient_temperature_degc": -5.0,
+    "depart": "2026-02-01T07:30:00+01:00",
+    "weather": {"wind_speed_m_s": 6.0, "wind_from_deg": 350.0},
+}
+REACH_REQUEST: Final = {"start": {"latitude_deg": 47.141, "longitude_deg": 9.5209}, "soc": 0.2}
 GPX: Final = (
     '<gpx><trk><trkseg><trkpt lat="48.10" lon="11.5"><time>2026-05-01T08:00:00Z</time></trkpt>'
     '<trkpt lat="48.11" lon="11.5"><time>2026-05-01T08:01:30Z</time></trkpt></trkseg></trk></gpx>'
@@ -187,6 +204,36 @@ def route() -> dict[str, Any]:
         _content(JSON, _reference(schemas.RouteResponse)),
         (*COMMON_PROBLEMS, *BODY_PROBLEMS, *POOL_PROBLEMS),
         dict(UPLOADS),
+    )
+
+
+def plan() -> dict[str, Any]:
+    """Return the description of `POST /v1/plan`."""
+    return _journey(journey_schemas.PlanRequest, journey_schemas.PlanResponse, "The journey", PLAN_REQUEST)
+
+
+def reach() -> dict[str, Any]:
+    """Return the description of `POST /v1/reachable`."""
+    return _journey(journey_schemas.ReachRequest, journey_schemas.ReachResponse, "The area", REACH_REQUEST)
+
+
+def _journey(
+    request: type[BaseModel], response: type[BaseModel], description: str, example: Mapping[str, Any]
+) -> dict[str, Any]:
+    return _operation(
+        "journeys",
+        description,
+        _content(JSON, _reference(response)),
+        (*COMMON_PROBLEMS, *BODY_PROBLEMS, *POOL_PROBLEMS, "no-map", "remote"),
+        _content(JSON, _reference(request), examples={"a journey": {"value": example}}),
+    )
+
+
+def places() -> dict[str, Any]:
+    """Return the description of `GET /v1/places`."""
+    problems = (*COMMON_PROBLEMS, "not-acceptable", "invalid-input", *POOL_PROBLEMS, "no-map", "remote")
+    return _operation(
+        "journeys", "The places", _content(JSON, _reference(journey_schemas.PlacesResponse)), problems
     )
 
 

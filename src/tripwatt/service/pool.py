@@ -86,7 +86,8 @@ class Worker:
         )
         worker = cls(process)
         models = {name: str(folder) for name, folder in settings.models.items()}
-        first_frame = encode_frame({"models": models, "limits": asdict(settings.limits)}, b"")
+        first = {"models": models, "limits": asdict(settings.limits), "atlas": asdict(settings.atlas)}
+        first_frame = encode_frame(first, b"")
         try:
             async with asyncio.timeout(START_TIMEOUT_S):
                 await worker._exchange(first_frame)

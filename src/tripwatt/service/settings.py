@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.journey import AtlasSettings
 
 TOKEN_VARIABLE: Final = "TRIPWATT_TOKEN"
 """Environment variable of the bearer token."""
@@ -83,6 +84,8 @@ class Settings:
     token : str
         Required bearer token; empty for none.
     limits : Limits
+    atlas : AtlasSettings
+        Roads, places, weather and charging stations; without a map there are no journeys.
     """
 
     models: Mapping[str, Path] = field(default_factory=lambda: MappingProxyType({}))
@@ -91,6 +94,7 @@ class Settings:
     workers: int = 2
     token: str = field(default="", repr=False)
     limits: Limits = field(default_factory=Limits)
+    atlas: AtlasSettings = field(default_factory=AtlasSettings)
 
     @property
     def hosts(self) -> frozenset[str]:

@@ -16,9 +16,10 @@ from typing import Any
 
 import orjson
 
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.service.frames import encode_frame, read_frame
 from tripwatt.service.jobs import Jobs
+from tripwatt.service.journeys import JourneyJobs
 from tripwatt.service.problems import Problem, invalid_input
 from tripwatt.service.schemas import NotJson
 from tripwatt.service.serving import log_json
@@ -49,6 +50,8 @@ def run_job(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
         return 200, orjson.dumps(jobs.run(job, body))
     except NotJson as error:
         problem = Problem("not-json", str(error))
+    except RemoteError as error:
+        problem = Problem("remote", faults=error.faults)
     except InvalidInput as error:
         problem = invalid_input(error.faults)
     except Exception as error:  # the log gets the traceback, the client does not
@@ -67,7 +70,8 @@ def main() -> None:
     if first is None:
         return
     models = {name: Path(folder) for name, folder in first[0]["models"].items()}
-    jobs = Jobs.from_folders(models, Limits(**first[0]["limits"]))
+    journeys = JourneyJobs.from_settings(first[0]["atlas"])
+    jobs = Jobs.from_folders(models, Limits(**first[0]["limits"]), journeys)
     jobs.warm_up()
     gc.collect()
     gc.freeze()

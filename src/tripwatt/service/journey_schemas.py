@@ -1,0 +1,216 @@
+"""Schemas of journeys: requests and responses of `/v1/plan`, `/v1/reachable`, `/v1/places` and `/v1/map`."""
+
+from __future__ import annotations
+
+import datetime as dt
+from typing import Annotated, Any, Literal
+
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, WithJsonSchema
+
+from tripwatt.service.schemas import FlagDocument, ForecastResponse, ResponseModel
+from tripwatt.trips import COLUMNS, QUANTITIES, Column
+
+
+def _bounded(column: Column, default: Any = None) -> Any:
+    return Field(
+        default, ge=column.minimum, le=column.maximum, description=f"{column.meaning} [{column.unit}]"
+    )
+
+
+class PlaceRequest(BaseModel):
+    """A place by its coordinates."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+    latitude_deg: float = Field(ge=-90.0, le=90.0)
+    longitude_deg: float = Field(ge=-180.0, le=180.0)
+    name: str = Field("", max_length=200)
+
+
+Stop = Annotated[str, Field(min_length=1, max_length=200)] | PlaceRequest
+"""A place: its name, latitude and longitude as text, or an object."""
+
+
+class WeatherRequest(BaseModel):
+    """Weather by hand, for the whole journey."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+    temperature_degc: float | None = _bounded(COLUMNS["ambient_temperature_degc"])
+    wind_speed_m_s: float = _bounded(QUANTITIES["wind_speed_m_s"], 0.0)
+    wind_from_deg: float = _bounded(QUANTITIES["wind_from_deg"], 0.0)
+    rain_mm_h: float = _bounded(QUANTITIES["rain_mm_h"], 0.0)
+    pressure_pa: float | None = _bounded(QUANTITIES["pressure_pa"])
+
+
+class _Departs(BaseModel):
+    """The car and its state at departure."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+    model: str | None = Field(None, max_length=100, description="one of /v1/models; default: the first one")
+    vehicle: str | None = Field(
+        None, max_length=100, description="one of /v1/vehicles; default: the car of the model"
+    )
+    soc: float | None = _bounded(COLUMNS["displayed_soc"])
+    ambient_temperature_degc: float | None = _bounded(COLUMNS["ambient_temperature_degc"])
+    cabin_setpoint_degc: float | None = _bounded(COLUMNS["cabin_setpoint_degc"])
+    cabin_temperature_degc: float | None = _bounded(COLUMNS["cabin_temperature_degc"])
+    battery_temperature_degc: float | None = _bounded(COLUMNS["battery_temperature_degc"])
+    payload_mass_kg: float | None = _bounded(QUANTITIES["payload_mass_kg"])
+    climate: Literal["auto", "off", "heat", "cool"] | None = Field(
+        None, description="what climate control may do; heat: no cooling, cool: no heating"
+    )
+    depart: Annotated[AwareDatetime | None, Field(strict=False)] = Field(
+        None, description="departure, with its time zone; default: now. It counts for the weather."
+    )
+    weather: WeatherRequest | None = None
+
+    @property
+    def started_at(self) -> dt.datetime | None:
+        """Departure."""
+        return self.depart
+
+
+class PlanRequest(_Departs):
+    """A journey: places in their order, the car, and its state at departure."""
+
+    stops: list[Stop] = Field(min_length=2, max_length=20)
+    reserve: float = _bounded(QUANTITIES["reserve"], 0.1)
+    alternatives: int = Field(0, ge=0, le=3, description="other roads beside the fastest")
+    round_trip: bool = Field(False, description="back to the start")
+    answers: bool = Field(True, description="whether costs, speed and charging are worked out")
+
+
+class ReachRequest(_Departs):
+    """A start, the car, and its state at departure."""
+
+    start: Stop
+    reserve: float = _bounded(QUANTITIES["reserve"], 0.0)
+
+
+class PlaceDocument(ResponseModel):
+    """A place."""
+
+    name: str
+    kind: str = Field(description="what it is on the map; empty when unknown")
+    latitude_deg: float
+    longitude_deg: float
+
+
+class PlacesResponse(ResponseModel):
+    """Places whose names begin with the words of the question, the best first."""
+
+    places: list[PlaceDocument]
+    attribution: str
+
+
+class LineDocument(ResponseModel):
+    """The line of a road on the map."""
+
+    latitude_deg: list[float]
+    longitude_deg: list[float]
+    position_m: list[float] = Field(description="distance of each point from the start [m]")
+
+
+class RoadLinks(ResponseModel):
+    """The links of a road; times are those of an empty road."""
+
+    length_m: list[float]
+    travel_time_s: list[float]
+    road_class: list[str]
+
+
+class StopDocument(ResponseModel):
+    """An intermediate stop."""
+
+    position_m: float
+    displayed_soc: float = Field(description="expected displayed state of charge there")
+
+
+class RoadDocument(ResponseModel):
+    """A road and its forecast."""
+
+    labels: list[str] = Field(description='of "fastest", "shortest", "least energy"')
+    distance_m: float
+    duration_s: float
+    line: LineDocument
+    links: RoadLinks
+    stops: list[StopDocument]
+    forecast: ForecastResponse
+
+
+class StationDocument(ResponseModel):
+    """A charging station."""
+
+    latitude_deg: float
+    longitude_deg: float
+    name: str
+    power_w: float
+    direct_current: bool
+    power_known: bool = Field(description="whether the map gives the power; else it is assumed")
+
+
+class ChargingDocument(ResponseModel):
+    """A journey with one stop to charge."""
+
+    station: StationDocument
+    soc_arrival: float = Field(description="expected displayed state of charge at the station")
+    soc_leave: float = Field(description="displayed state of charge to leave the station with")
+    charging_s: float = Field(description="time at the station [s]")
+    duration_s: float = Field(description="of the whole journey with the stop [s]")
+    p_station: float = Field(description="probability to reach the station")
+    p_arrive: float = Field(description="probability to reach the destination with the reserve after it")
+
+
+class PlanResponse(ResponseModel):
+    """A journey, as `tripwatt plan --json` prints it."""
+
+    stops: list[PlaceDocument] = Field(description="the places as they were understood")
+    reserve: float
+    arrives: bool = Field(description="whether at least 19 of 20 trips arrive with the reserve")
+    p_arrive: float = Field(description="probability to arrive with the reserve")
+    soc_needed: float | None = Field(
+        description="displayed state of charge to leave with, to arrive with the reserve in 19 of 20 trips; null: a full "
+        "battery does not suffice"
+    )
+    costs_wh: dict[str, float] = Field(description="energy that the journey takes less without each [Wh]")
+    needs_motorway_speed: bool = Field(description="whether a lower speed on motorways was looked for")
+    motorway_speed_m_s: float | None = Field(
+        description="speed on motorways with which it arrives; null: none does"
+    )
+    motorway_duration_s: float | None
+    charging: ChargingDocument | None
+    roads: list[RoadDocument] = Field(description="the fastest first")
+    flags: list[FlagDocument]
+    attribution: str = Field(description="to be shown beside roads and places")
+
+
+class AreaDocument(ResponseModel):
+    """The area that is reached with a probability."""
+
+    probability: float
+    polygon: Annotated[dict[str, Any], WithJsonSchema({"type": "object"})] = Field(
+        description="GeoJSON Polygon"
+    )
+
+
+class ReachResponse(ResponseModel):
+    """The area of reach."""
+
+    start: PlaceDocument
+    areas: list[AreaDocument]
+    map_ends: bool = Field(description="whether the map ends before the charge in at least one direction")
+    flags: list[FlagDocument]
+    attribution: str
+
+
+class MapResponse(ResponseModel):
+    """What this service knows of the world."""
+
+    roads: bool = Field(description="whether /v1/plan and /v1/reachable are served")
+    places: bool = Field(description="whether places are found by name")
+    weather: bool = Field(description="whether a weather server is asked")
+    stations: int = Field(description="number of charging stations")
+    bounds_deg: list[float] | None = Field(description="south, west, north and east of the map")
+    attribution: str

@@ -1,0 +1,110 @@
+"""The jobs of journeys: from the body of a request to a document, without HTTP."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecasting import ForecastModel
+from tripwatt.journey import (
+    Atlas,
+    AtlasSettings,
+    Drive,
+    JourneyOptions,
+    Place,
+    find_reach,
+    find_stops,
+    journey_with,
+    open_atlas,
+)
+from tripwatt.routes.search import find_place
+from tripwatt.routes.weather import Weather
+from tripwatt.service.journey_schemas import PlaceRequest, PlanRequest, ReachRequest
+from tripwatt.trips import ASKED, Departure, Flag
+
+
+@dataclass(frozen=True)
+class JourneyJobs:
+    """The atlas of the service and the jobs that use it.
+
+    Attributes
+    ----------
+    atlas : Atlas or None
+        None where the service has no map.
+    """
+
+    atlas: Atlas | None = None
+
+    @classmethod
+    def from_settings(cls, settings: dict[str, str]) -> JourneyJobs:
+        """Open the atlas of the settings; none where they name no map."""
+        named = AtlasSettings(**settings)
+        return cls(open_atlas(named) if named.map else None)
+
+    def plan(self, request: PlanRequest, model: ForecastModel, flags: tuple[Flag, ...]) -> dict[str, Any]:
+        """Return the response to a `PlanRequest`; `flags` are those of the car."""
+        atlas = self._atlas()
+        options = JourneyOptions(
+            request.reserve,
+            request.alternatives,
+            request.round_trip,
+            weather_of(request),
+            request.answers,
+        )
+        stops = find_stops([place_of(stop) for stop in request.stops], atlas, round_trip=request.round_trip)
+        drive = Drive(model, departure_of(request), options.weather or atlas.weather, flags)
+        return journey_with(drive, stops, atlas, options).to_dict()
+
+    def reach(self, request: ReachRequest, model: ForecastModel, flags: tuple[Flag, ...]) -> dict[str, Any]:
+        """Return the response to a `ReachRequest`; `flags` are those of the car."""
+        atlas = self._atlas()
+        stop = place_of(request.start)
+        start = stop if isinstance(stop, Place) else find_place(stop, atlas.places, "start")
+        drive = Drive(model, departure_of(request), weather_of(request) or atlas.weather, flags)
+        return find_reach(drive, start, atlas, reserve=request.reserve).to_dict()
+
+    def places(self, text: str, limit: int) -> dict[str, Any]:
+        """Return places by name."""
+        atlas = self._atlas()
+        if atlas.places is None:
+            raise InvalidInput(
+                Fault("names of places are not known", "q", text[:60], "latitude and longitude")
+            )
+        found = atlas.places.search(text, limit=limit)
+        return {"places": [place.to_dict() for place in found], "attribution": atlas.attribution}
+
+    def describe(self) -> dict[str, Any]:
+        """Return what the service knows of the world."""
+        atlas = self.atlas
+        return {
+            "roads": atlas is not None,
+            "places": atlas is not None and atlas.places is not None,
+            "weather": atlas is not None and atlas.weather is not None,
+            "stations": 0 if atlas is None else len(atlas.stations),
+            "bounds_deg": None if atlas is None or atlas.bounds_deg is None else list(atlas.bounds_deg),
+            "attribution": "" if atlas is None else atlas.attribution,
+        }
+
+    def _atlas(self) -> Atlas:
+        if self.atlas is None:
+            raise InvalidInput(Fault("no map", "service", "started without --map", "a service with a map"))
+        return self.atlas
+
+
+def place_of(stop: str | PlaceRequest) -> str | Place:
+    """A stop of a request as a place, or the text that names it."""
+    if isinstance(stop, str):
+        return stop
+    return Place(stop.latitude_deg, stop.longitude_deg, stop.name)
+
+
+def weather_of(request: PlanRequest | ReachRequest) -> Weather | None:
+    """The weather by hand of a request."""
+    return None if request.weather is None else Weather(**request.weather.model_dump())
+
+
+def departure_of(request: PlanRequest | ReachRequest) -> Departure:
+    """The departure of a request."""
+    known = {name: getattr(request, name) for name in ASKED}
+    return Departure(**known, started_at=request.started_at)
