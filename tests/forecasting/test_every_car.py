@@ -3,10 +3,10 @@
 import dataclasses
 
 import pytest
+from tests.support.cars import some_cars
 
 import tripwatt as tw
 from tripwatt.trips import Departure
-from tripwatt.vehicles import vehicle_names
 
 LINKS = [
     {"length_m": 600.0, "speed_m_s": 8.0, "stop_s": 20.0},
@@ -22,7 +22,7 @@ KNOWN = Departure(
 )
 
 
-@pytest.fixture(scope="module", params=vehicle_names())
+@pytest.fixture(scope="module", params=some_cars())
 def forecast(request):
     return tw.forecast(tw.read_route(LINKS), vehicle=request.param, departure=KNOWN)
 

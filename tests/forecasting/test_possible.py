@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from tests.forecasting.test_values import PROCESS
+from tests.support.cars import some_cars
 from tests.support.dense_process import DensePower, covariance
 
 import tripwatt as tw
@@ -14,7 +15,6 @@ from tripwatt.transfer.zero_shot import on_vehicle
 from tripwatt.trips import Departure
 from tripwatt.uncertainty import Segments
 from tripwatt.uncertainty.process import ComponentProcess, ResidualProcess
-from tripwatt.vehicles import vehicle_names
 
 KM = (1, 20, 60, 160, 400, 900)
 LEAST_CHANGE = 1e-9
@@ -39,7 +39,7 @@ def model_of(vehicle: str) -> tw.ForecastModel:
     return on_vehicle(tw.load_model(), vehicle)[0]
 
 
-@pytest.mark.parametrize("vehicle", vehicle_names())
+@pytest.mark.parametrize("vehicle", some_cars())
 def test_long_drives_are_possible(vehicle):
     chances = []
     for km in KM:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.support.cars import some_cars
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model
@@ -19,7 +20,7 @@ from tripwatt.hybrid import segment_trips
 from tripwatt.modelfile import read_model
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Fleet
-from tripwatt.vehicles import load_vehicle, vehicle_names
+from tripwatt.vehicles import load_vehicle
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +66,7 @@ def test_what_cannot_be_stored_is_refused(car, table, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("name", vehicle_names())
+@pytest.mark.parametrize("name", some_cars(20))
 def test_every_car_comes_back(name: str) -> None:
     for preset in ("default", "paper"):
         car = load_vehicle(name, preset)

@@ -4,14 +4,13 @@ import csv
 import io
 import itertools
 import math
-import re
 import tomllib
 from importlib import resources
 from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks import acceptance
+from benchmarks.anchors import unanchored
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -28,7 +27,7 @@ from tripwatt.vehicles import (
     vehicle_names,
 )
 from tripwatt.vehicles.inheriting import bundled_bases, inherit
-from tripwatt.vehicles.loading import SECTIONS
+from tripwatt.vehicles.loading import SECTIONS, file_names
 
 ASKED_FOR = [
     "bmw_i3_60ah",
@@ -89,7 +88,7 @@ def test_cars_are_plausible_and_keep_the_origin_of_every_value(name: str) -> Non
 
 
 def test_scaled_losses_are_the_reference_at_equal_shares() -> None:
-    reference, car = load_vehicle("bmw_i3_60ah").drivetrain, load_vehicle("hyundai_kona_64").drivetrain
+    reference, car = load_vehicle("bmw_i3_60ah").drivetrain, unanchored("hyundai_kona_64").drivetrain
     torque_ratio = car.motor_max_torque_nm / reference.motor_max_torque_nm
     speed_ratio = car.motor_max_speed_rad_s / reference.motor_max_speed_rad_s
     torque = np.array([5.0, 40.0, 120.0, 200.0])[:, None]
@@ -431,62 +430,6 @@ def test_broken_files_end_in_a_message_never_in_another_error(
     tomllib.loads(result)
 
 
-# ------------------------------------------------------------------------------------------------ certified figures
-
-
-NO_SCHEDULE = not any(acceptance.available(row) for row in acceptance.rows())
-EVERY_SCHEDULE = all(acceptance.available(row) for row in acceptance.rows())
-REASON = "no schedules: install fastsim 2.1.5, the extra `schedules`"
-
-
-def test_every_car_has_certified_rows_and_every_reason_a_row() -> None:
-    rows = acceptance.rows()
-    assert {row.car for row in rows} == set(vehicle_names())
-    assert set(acceptance.REASONS) <= {(row.car, row.cycle) for row in rows}
-    assert all(70.0 < row.certified_wh_per_km < 250.0 for row in rows)
-
-
-def test_certified_figures_follow_from_what_the_sources_print() -> None:
-    # 27 kWh/100 mi on the label of the 2014 i3 is 137 and 111 mpg equivalent: 24.6 and 30.4 kWh/100 mi.
-    assert acceptance.from_mpge(33.705) == pytest.approx(1000.0 / 1.609344)
-    assert acceptance.wltp_test_mass(1502.0, 1988.0) == pytest.approx(1577.0 + 25.0 + 0.15 * 386.0)
-
-
-def test_the_table_in_the_documentation_shows_every_row() -> None:
-    page = acceptance.DOCUMENTS.read_text("utf-8")
-    for row in acceptance.rows():
-        title = load_vehicle(row.car).title
-        assert re.search(rf"\| {re.escape(title)} \| {row.cycle} \| {row.certified_wh_per_km:.1f} ", page), (
-            f"{title} {row.cycle}: run python -m benchmarks.acceptance --write"
-        )
-
-
-@pytest.mark.skipif(NO_SCHEDULE, reason=REASON)
-def test_certified_consumption_within_a_tenth_or_a_reason() -> None:
-    results = acceptance.outcomes()
-    run = {(r.row.car, r.row.cycle) for r in results}
-    outside = {(r.row.car, r.row.cycle) for r in results if not r.met}
-    assert outside == set(acceptance.REASONS) & run, acceptance.table(results)
-    assert max(abs(r.error) for r in results) < 0.25
-    epa = [abs(r.error) for r in results if r.row.cycle != "WLTC"]
-    assert float(np.mean(epa)) < 0.07
-
-
-@pytest.mark.skipif(not EVERY_SCHEDULE, reason=REASON)
-def test_the_table_in_the_documentation_is_the_one_of_today() -> None:
-    page = acceptance.DOCUMENTS.read_text("utf-8")
-    table = acceptance.table(acceptance.outcomes())
-    assert acceptance.with_table(page, table) == page, "python -m benchmarks.acceptance --write"
-
-
-@pytest.mark.skipif(NO_SCHEDULE, reason=REASON)
-def test_heavier_cars_use_more() -> None:
-    row = next(r for r in acceptance.rows() if r.car == "nissan_leaf_24" and acceptance.available(r))
-    base = acceptance.simulated_wh_per_km(row)
-    heavier = acceptance.Row(row.car, row.cycle, 1.0, row.test_mass_kg * 1.1, "")
-    assert acceptance.simulated_wh_per_km(heavier) > 1.02 * base
-
-
 def test_bases_are_files_and_names_are_cars() -> None:
-    assert {"passenger_car", "nmc_cells", "lmo_cells", *vehicle_names()} == set(bundled_bases())
+    assert {"passenger_car", "nmc_cells", "lmo_cells", *file_names()} == set(bundled_bases())
     assert all(a < b for a, b in itertools.pairwise(bundled_bases()))

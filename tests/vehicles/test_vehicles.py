@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from tests.support import ROOT
+from tests.support.cars import some_cars
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.vehicles import (
@@ -18,11 +19,10 @@ from tripwatt.vehicles import (
     render_licences,
     render_parameters,
     vehicle_from_document,
-    vehicle_names,
 )
 from tripwatt.vehicles.licences import with_licences
 
-PRESETS = [(name, preset) for name in vehicle_names() for preset in ("default", "paper")]
+PRESETS = [(name, preset) for name in some_cars(20) for preset in ("default", "paper")]
 
 
 @pytest.fixture

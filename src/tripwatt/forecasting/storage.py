@@ -304,7 +304,13 @@ def vehicle_part(vehicle: Vehicle) -> dict[str, Any]:
         stored["licence"] = entry.licence
         stored |= {k: v for k, v in (("estimated", entry.estimated), ("scale", entry.scale)) if v}
         document.setdefault(section, {})[name] = stored
-    part = {"name": vehicle.name, "title": vehicle.title, "preset": vehicle.preset, "document": document}
+    part: dict[str, Any] = {
+        "name": vehicle.name,
+        "title": vehicle.title,
+        "preset": vehicle.preset,
+        "document": document,
+        "anchor": vehicle.anchor,
+    }
     if vehicle_of_part(part) != vehicle:  # some values were replaced after the car was loaded
         _take_values(document, vehicle)
     return part
@@ -320,6 +326,9 @@ def vehicle_of_part(part: Mapping[str, Any]) -> Vehicle:
     """
     # Models stored before licences were recorded have none in their entries.
     document = {**part["document"], "name": part["title"], "licence": "not-stated"}
+    document["anchor"] = part.get(
+        "anchor", "book"
+    )  # nor has any of those been held against certified figures
     vehicle = vehicle_from_document(document, part["name"], "vehicle.json")
     return replace(vehicle, preset=part["preset"])
 

@@ -15,7 +15,8 @@ def motor_loss(torque_nm: FloatArray, speed_rad_s: FloatArray, drivetrain: Drive
 
     The sum of four terms: copper 3/2 R (i_q² + i_d²) with i_q from the torque and i_d from field weakening,
     iron (k1 ω + k2 ω²) |T|^x, inverter conduction and switching u·i + r·i², and what the inverter needs whenever it
-    switches. The magnets' drag without torque is part of the coast-down.
+    switches. The magnets' drag without torque is part of the coast-down. `motor_loss_factor` on this sum, or an eddy-current loss
+    `flux_loss` ω² beside it, anchor the map to the certified consumption of a car; they are 1 and 0 without an anchor.
 
     Notes
     -----
@@ -43,6 +44,7 @@ def motor_loss(torque_nm: FloatArray, speed_rad_s: FloatArray, drivetrain: Drive
         + np.maximum(iron, 0.0) * torque**drivetrain.iron_loss_torque_exponent
         + drivetrain.inverter_fixed_loss_w
     )
+    loss = drivetrain.motor_loss_factor * loss + drivetrain.flux_loss_w_s2_rad2 * speed_rad_s**2
     return np.asarray(np.where(torque > 0.0, loss, 0.0), dtype=np.float64)
 
 

@@ -2,7 +2,17 @@
 
 from tripwatt.vehicles.importing import import_vehicle
 from tripwatt.vehicles.licences import LICENCES, render_licences
-from tripwatt.vehicles.loading import Entry, Vehicle, load_vehicle, vehicle_from_document, vehicle_names
+from tripwatt.vehicles.loading import (
+    ANCHORS,
+    Entry,
+    Vehicle,
+    find_vehicles,
+    load_vehicle,
+    require_vehicle,
+    vehicle_from_document,
+    vehicle_names,
+    vehicle_titles,
+)
 from tripwatt.vehicles.overriding import ALIASES, parse_overrides
 from tripwatt.vehicles.parts import (
     Auxiliaries,
@@ -18,6 +28,7 @@ from tripwatt.vehicles.table import describe_vehicle, render_parameters
 
 __all__ = [
     "ALIASES",
+    "ANCHORS",
     "LICENCES",
     "Auxiliaries",
     "Battery",
@@ -30,11 +41,14 @@ __all__ = [
     "Tyres",
     "Vehicle",
     "describe_vehicle",
+    "find_vehicles",
     "import_vehicle",
     "load_vehicle",
     "parse_overrides",
     "render_licences",
     "render_parameters",
+    "require_vehicle",
     "vehicle_from_document",
     "vehicle_names",
+    "vehicle_titles",
 ]

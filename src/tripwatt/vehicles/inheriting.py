@@ -39,6 +39,12 @@ def _bundled_text(name: str) -> str | None:
     return None
 
 
+@cache
+def _parsed(text: str) -> dict[str, Any]:
+    """The document of a bundled file; it is read, never changed."""
+    return tomllib.loads(text)
+
+
 def bundled_bases() -> tuple[str, ...]:
     """Names that `extends` may use, sorted.
 
@@ -79,7 +85,7 @@ def _inherit(document: Mapping[str, Any], where: str, faults: list[Fault], depth
     result: dict[str, Any] = {}
     for base in _names(document.get("extends", []), where, faults):
         parent = _base(base, f"{where}, extends", faults, depth)
-        _take_over(result, {k: v for k, v in parent.items() if k not in ("name", "preset")})
+        _take_over(result, {k: v for k, v in parent.items() if k not in ("name", "preset", "anchor")})
     _take_over(result, own)
     scaled = document.get("scaled", {})
     if not isinstance(scaled, Mapping):
@@ -121,7 +127,7 @@ def _base(name: str, place: str, faults: list[Fault], depth: int) -> dict[str, A
     if depth >= DEEPEST_EXTENSION:
         faults.append(Fault("circular extends", place, name, "files that do not extend one another"))
         return {}
-    return _inherit(tomllib.loads(text), f"{name}.toml", faults, depth + 1)
+    return _inherit(_parsed(text), f"{name}.toml", faults, depth + 1)
 
 
 def _take_over(result: dict[str, Any], more: Mapping[str, Any]) -> None:

@@ -12,8 +12,10 @@ import dataclasses
 import difflib
 import itertools
 import math
+import re
 import tomllib
 import types
+import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -22,6 +24,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.vehicles.anchors import anchored_document
+from tripwatt.vehicles.catalogue import catalogue, class_values, table_names
 from tripwatt.vehicles.inheriting import inherit
 from tripwatt.vehicles.licences import licence_faults, with_licences
 from tripwatt.vehicles.overriding import spelled_out
@@ -35,6 +39,7 @@ from tripwatt.vehicles.parts import (
     RoadLoad,
     Tyres,
 )
+from tripwatt.vehicles.similar import figures_of_row, similar_document
 
 Value = float | str | tuple[float, ...]
 
@@ -54,6 +59,10 @@ SECTIONS: Final[Mapping[str, type]] = types.MappingProxyType(
 
 OPTIONAL_SECTIONS: Final[frozenset[str]] = frozenset({"tyres", "climate"})
 """Parts that a car may lack."""
+
+ANCHORS: Final = ("book", "road_load", "certification", "class")
+"""What a car's values were held against: nothing; its certified consumption with a measured coast-down, or without one;
+nothing of its own, because its values are those of a class."""
 
 ENTRY_KEYS: Final = ("value", "unit", "source", "estimated", "scale", "licence")
 SCALES: Final = ("soc", "displayed_soc")
@@ -87,6 +96,8 @@ class Vehicle:
     preset : str
     entries : mapping of str to Entry
         "section.key" -> value, unit and source, as used.
+    anchor : str
+        What the values were held against, one of `ANCHORS`.
 
     Examples
     --------
@@ -109,12 +120,14 @@ class Vehicle:
     auxiliaries: Auxiliaries
     climate: Climate | None
     entries: Mapping[str, Entry] = dataclasses.field(repr=False, compare=False, hash=False)
+    anchor: str = "book"
 
 
 def _data_folder() -> Any:
     return resources.files("tripwatt.vehicles") / "data"
 
 
+@cache
 def vehicle_names() -> tuple[str, ...]:
     """Names of the cars that come with the package, sorted.
 
@@ -123,6 +136,12 @@ def vehicle_names() -> tuple[str, ...]:
     >>> "bmw_i3_60ah" in vehicle_names()
     True
     """
+    return tuple(sorted({*file_names(), *table_names()}))
+
+
+@cache
+def file_names() -> tuple[str, ...]:
+    """Names of the cars that have a TOML of their own, sorted."""
     return tuple(sorted(f.name[:-5] for f in _data_folder().iterdir() if f.name.endswith(".toml")))
 
 
@@ -153,22 +172,103 @@ def load_vehicle(
     0.5
     """
     path = Path(name_or_path)
-    if path.suffix == ".toml":
-        name, text, where = path.stem, _read(path), str(path)
-    else:
-        name, where = str(name_or_path), f"{name_or_path}.toml"
-        if name not in vehicle_names():
-            near = difflib.get_close_matches(name, vehicle_names(), n=1)
-            fix = f"did you mean {near[0]!r}?" if near else "or give the path of a .toml file"
-            raise InvalidInput(Fault("unknown car", "vehicle", name, ", ".join(vehicle_names()), fix))
-        text = _bundled_text(name)
+    if path.suffix != ".toml":
+        name = str(name_or_path)
+        require_vehicle(name)
+        document = anchored_document(name, library_document(name))
+        return vehicle_from_document(document, name, f"{name}.toml", preset, overrides or {})
     try:
-        document = tomllib.loads(text)
+        document = tomllib.loads(_read(path))
     except tomllib.TOMLDecodeError as error:
-        raise InvalidInput(Fault("not a TOML file", where, str(error), "TOML 1.0")) from error
-    if path.suffix == ".toml":  # what a user gives for an own car is the user's
-        document = {"licence": "user", **document}
-    return vehicle_from_document(document, name, where, preset, overrides or {})
+        raise InvalidInput(Fault("not a TOML file", str(path), str(error), "TOML 1.0")) from error
+    # what a user gives for an own car is the user's
+    document = {"licence": "user", **document}
+    return vehicle_from_document(document, path.stem, str(path), preset, overrides or {})
+
+
+def require_vehicle(name: str) -> None:
+    """Raise `InvalidInput` for a name that is none of `vehicle_names()`, with the cars that are meant perhaps."""
+    if name in vehicle_names():
+        return
+    near = find_vehicles(name) or difflib.get_close_matches(name, vehicle_names(), n=3)
+    fix = (
+        f"did you mean {' or '.join(repr(n) for n in near[:3])}?"
+        if near
+        else "or give the path of a .toml file"
+    )
+    allowed = f"one of {len(vehicle_names())} names, listed by `tripwatt vehicles`"
+    raise InvalidInput(Fault("unknown car", "vehicle", repr(name)[:60], allowed, fix))
+
+
+@cache
+def vehicle_titles() -> Mapping[str, str]:
+    """Name for people of every car of the library, by its name, without loading the cars.
+
+    Examples
+    --------
+    >>> vehicle_titles()["vw_id3"]
+    'Volkswagen ID.3 58 kWh'
+    """
+    titles = {name: str(tomllib.loads(_bundled_text(name))["name"]) for name in file_names()}
+    titles |= {name: catalogue()[name]["title"][0].value for name in table_names()}
+    return types.MappingProxyType({name: titles[name] for name in vehicle_names()})
+
+
+def find_vehicles(words: str) -> tuple[str, ...]:
+    """Names of the cars whose title or name has every one of some words, the shortest titles first. O(cars).
+
+    Parameters
+    ----------
+    words : str
+        Words in any order; a year finds the cars that were made in it. Signs and case do not count: "model3 2022" finds the
+        Model 3 of 2022. A word of one or two letters has to be a whole word of the title.
+
+    Examples
+    --------
+    >>> find_vehicles("kona")
+    ('hyundai_kona_64', 'hyundai_kona_39')
+    """
+    wanted = [_plain(word) for word in words.split()]
+    wanted = [word for word in wanted if word]
+    found = []
+    for name, title in vehicle_titles().items():
+        years = _years(title)
+        texts = {_plain(word) for word in re.split(r"[\s_()/-]+", f"{title} {name}")}
+        whole = _plain(f"{title} {name}")
+        if wanted and all(
+            word in texts or (len(word) > 2 and word in whole) or _is_year_in(word, years) for word in wanted
+        ):
+            found.append((len(title), name))
+    return tuple(name for _, name in sorted(found))
+
+
+def _plain(text: str) -> str:
+    """Letters and digits of a text, in lower case and without accents."""
+    plain = unicodedata.normalize("NFKD", text.lower())
+    return "".join(sign for sign in plain if sign.isascii() and sign.isalnum())
+
+
+def _years(title: str) -> tuple[int, int] | None:
+    """First and last model year in the brackets at the end of a title."""
+    found = re.search(r"\((\d{4})(?:-(\d{4}))?\)$", title)
+    return None if found is None else (int(found[1]), int(found[2] or found[1]))
+
+
+def _is_year_in(word: str, years: tuple[int, int] | None) -> bool:
+    return years is not None and len(word) == 4 and word.isdigit() and years[0] <= int(word) <= years[1]
+
+
+def library_document(name: str) -> dict[str, Any]:
+    """The document of a car of the library, before it is anchored.
+
+    Parameters
+    ----------
+    name : str
+        One of `vehicle_names()`.
+    """
+    if name in file_names():
+        return tomllib.loads(_bundled_text(name))
+    return similar_document(figures_of_row(catalogue()[name]), class_values())
 
 
 def _read(path: Path) -> str:
@@ -221,6 +321,9 @@ def vehicle_from_document(
     left_out = OPTIONAL_SECTIONS - tables.keys() if preset != "default" else frozenset()
     entries = {key: e for key, e in entries.items() if key.partition(".")[0] not in left_out}
     parts: dict[str, Any] = {}
+    anchor = str(document.get("anchor", "book"))
+    if anchor not in ANCHORS:
+        faults.append(_unknown_fault("anchor", f"{where}, anchor", anchor, ANCHORS))
     for section, part in SECTIONS.items():
         if section in left_out:
             parts[section] = None
@@ -252,7 +355,7 @@ def vehicle_from_document(
     if faults:
         raise InvalidInput(faults)
     title = str(document.get("name", name))
-    return Vehicle(name, title, preset, entries=entries, **parts)
+    return Vehicle(name, title, preset, entries=entries, anchor=anchor, **parts)
 
 
 def _preset_tables(
@@ -262,7 +365,7 @@ def _preset_tables(
     faults += [
         _unknown_fault("section", f"{where}, [{key}]", key, [*SECTIONS, "preset"])
         for key in document
-        if key not in (*SECTIONS, "preset", "name")
+        if key not in (*SECTIONS, "preset", "name", "anchor")
     ]
     presets = {**_shared_presets(), **document.get("preset", {})}
     if preset != "default" and preset not in presets:

@@ -144,6 +144,12 @@ class Drivetrain:
         "V", 0.0, 50.0, "inverter loss per ampere of phase current amplitude"
     )
     inverter_resistance_ohm: float = quantity("ohm", 0.0, 1.0, "inverter loss per squared phase current")
+    motor_loss_factor: float = quantity(
+        "1", 0.0, 20.0, "loss of motor and inverter over that of the map", default=1.0
+    )
+    flux_loss_w_s2_rad2: float = quantity(
+        "W s2/rad2", 0.0, 1.0, "iron loss under load beyond the map, over the square of speed", default=0.0
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,182 @@
+"""One loss of a car, by its physical name, closes the mean error of its certified consumption.
+
+The simulation of a car with published values misses its certified consumption. The road load is measured, so the gap lies between
+wheel and battery, and one of three losses is changed: that of the map of motor and inverter ("motor"), an eddy-current loss of the
+flux beside the map ("iron", in proportion to the square of speed), or that of the gear ("gear", in proportion to the power through
+it). Each closes the mean over the rows;
+the one is taken that leaves the smallest error of a single row. Of a car without a measured coast-down, whose road load is the
+least known, all of it is changed ("road load"), after the losses that cars have in common.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.certification.consumption import CertifiedFigure, relative_error
+from tripwatt.vehicles import Vehicle
+from tripwatt.vehicles.anchors import Anchor
+
+TOLERANCE: Final = 1e-4
+"""Mean error that counts as none, and the accuracy of a factor."""
+
+IRON_LOSS_W: Final = 200.0
+IRON_SPEED_M_S: Final = 20.0
+"""Speed of the car at which a factor of 2 stands for `IRON_LOSS_W` of iron loss."""
+
+BOUNDS: Final = MappingProxyType(
+    {"motor": (0.0, 2.5), "iron": (1.0, 40.0), "gear": (0.0, 40.0), "road load": (0.6, 1.6)}
+)
+"""Smallest and largest factor of each. The map of a motor has field weakening, which a large factor carries far beyond the speeds of the
+schedules."""
+
+LOSSES: Final = ("gear", "motor", "iron")
+"""Losses of a car with a measured coast-down."""
+
+ROAD_LOAD: Final = "road load"
+
+UNITS: Final = MappingProxyType({"motor": "1", "iron": "W s2/rad2", "gear": "1"})
+"""Unit of the entry of each loss."""
+
+
+@dataclass(frozen=True, slots=True)
+class Anchored:
+    """A car and the factor that closes its mean error.
+
+    Attributes
+    ----------
+    vehicle : Vehicle
+        With the factor.
+    loss : str
+        What it multiplies.
+    factor : float
+    before, after : ndarray, shape (figures,)
+        Relative errors.
+    """
+
+    vehicle: Vehicle
+    loss: str
+    factor: float
+    before: FloatArray
+    after: FloatArray
+
+    def anchor(self, level: str) -> Anchor:
+        """The entries that the factor changes."""
+        known = self.vehicle.entries
+        entries = {
+            key: (_value(self.vehicle, key), known[key].unit if key in known else UNITS[self.loss])
+            for key in keys(self.vehicle, self.loss)
+        }
+        return Anchor(level, self.loss, MappingProxyType(entries), float(self.before.mean()))
+
+
+def keys(vehicle: Vehicle, loss: str) -> tuple[str, ...]:
+    """Entries that a factor changes."""
+    if loss != ROAD_LOAD:
+        return (_KEYS[loss],)
+    if vehicle.road_load.method == "coastdown":
+        return tuple(f"road_load.coastdown_{part}" for part in ("a_n", "b_n_s_m", "c_n_s2_m2"))
+    return "road_load.drag_coefficient", "road_load.rolling_resistance_coefficient"
+
+
+_KEYS: Final = MappingProxyType(
+    {
+        "motor": "drivetrain.motor_loss_factor",
+        "iron": "drivetrain.flux_loss_w_s2_rad2",
+        "gear": "drivetrain.gearbox_efficiency",
+    }
+)
+
+
+def _value(vehicle: Vehicle, key: str) -> float:
+    section, _, name = key.partition(".")
+    return float(getattr(getattr(vehicle, section), name))
+
+
+def scaled(vehicle: Vehicle, loss: str, factor: float) -> Vehicle:
+    """A car with one loss times a factor; the gear's is an exponent of its efficiency, 1 more of iron is `IRON_LOSS_W`.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    loss : str
+        One of `LOSSES`, or `ROAD_LOAD`.
+    factor : float
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle("bmw_i3_60ah")
+    >>> scaled(car, "motor", 2.0).drivetrain.motor_loss_factor
+    2.0
+    """
+    parts: dict[str, dict[str, float]] = {}
+    for key in keys(vehicle, loss):
+        section, _, name = key.partition(".")
+        value = _value(vehicle, key)
+        if loss == "gear":
+            value = value**factor
+        elif loss == "iron":
+            drivetrain = vehicle.drivetrain
+            speed = IRON_SPEED_M_S * drivetrain.gear_ratio / drivetrain.wheel_radius_m
+            value += (factor - 1.0) * IRON_LOSS_W / speed**2
+        else:
+            value *= factor
+        parts.setdefault(section, {})[name] = value
+    changes: dict[str, Any] = {
+        section: replace(getattr(vehicle, section), **values) for section, values in parts.items()
+    }
+    return replace(vehicle, **changes)
+
+
+def anchored(
+    vehicle: Vehicle, figures: Sequence[CertifiedFigure], losses: Sequence[str] = LOSSES
+) -> Anchored:
+    """The car with the loss that closes the mean error of its certified figures. O(losses x figures x samples).
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        Not anchored yet.
+    figures : sequence of CertifiedFigure
+        At least one. Those marked as outliers are left out, unless all are.
+    losses : sequence of str
+        Of `LOSSES` and `ROAD_LOAD`; the one that leaves the smallest error of a single figure is taken.
+    """
+    sound = [figure for figure in figures if not figure.outlier] or list(figures)
+    before = errors(vehicle, sound)
+    found = []
+    for loss in losses:
+        mean_error = partial(_mean_error, vehicle, sound, loss)
+        factor = _closing(mean_error, *BOUNDS[loss])
+        car = scaled(vehicle, loss, factor)
+        found.append(Anchored(car, loss, factor, before, errors(car, sound)))
+    return min(found, key=lambda a: (round(abs(float(a.after.mean())), 3), float(np.abs(a.after).max())))
+
+
+def errors(vehicle: Vehicle, figures: Sequence[CertifiedFigure]) -> FloatArray:
+    """Relative error of each figure, shape (figures,)."""
+    return np.array([relative_error(vehicle, figure) for figure in figures])
+
+
+def _mean_error(vehicle: Vehicle, figures: Sequence[CertifiedFigure], loss: str, factor: float) -> float:
+    return float(errors(scaled(vehicle, loss, factor), figures).mean())
+
+
+def _closing(mean_error: Callable[[float], float], low: float, high: float) -> float:
+    """The factor at which a mean error that rises with it is zero, or else the bound that is nearest to it."""
+    from scipy.optimize import brentq  # slow to import
+
+    at_one = mean_error(1.0)
+    if abs(at_one) <= TOLERANCE:
+        return 1.0
+    bound = high if at_one < 0.0 else low
+    if at_one * mean_error(bound) > 0.0:
+        return bound
+    return float(brentq(mean_error, min(1.0, bound), max(1.0, bound), xtol=TOLERANCE, rtol=TOLERANCE))

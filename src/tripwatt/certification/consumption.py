@@ -1,0 +1,176 @@
+"""Consumption of a car on the schedules of its certification: simulated, and as it was certified."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from statistics import fmean
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.certification.schedules import schedule
+from tripwatt.physics import DriveConditions, simulate
+from tripwatt.physics.road_load import air_density
+from tripwatt.units import KG_PER_LB, M_PER_MILE
+from tripwatt.vehicles import Vehicle
+from tripwatt.vehicles.catalogue import Cell, Row, catalogue
+
+CELL_TEMPERATURE_DEGC: Final = 23.0
+"""Air of the test cell: 20 to 30 degC (40 CFR 86.135), 23 degC (UN GTR 15)."""
+
+INITIAL_SOC: Final = 0.6
+"""State of charge: both procedures drive the battery from full to empty."""
+
+WH_PER_KM: Final[Mapping[str, float]] = MappingProxyType(
+    {"kWh/100 mi": 1e4 / M_PER_MILE, "kWh/100 km": 10.0, "Wh/mi": 1e3 / M_PER_MILE}
+)
+"""Factor to Wh/km of the units of certified figures."""
+
+WLTP_LOAD_KG: Final = 25.0
+"""Luggage of the test mass, Regulation (EU) 2017/1151 Annex XXI."""
+
+WLTP_SHARE_OF_LOAD: Final = 0.15
+"""Share of the largest load on top, same annex, for passenger cars."""
+
+USUAL_LOAD_KG: Final = 350.0
+"""Largest load less 25 kg of a passenger car whose largest mass is not in the table: four more people and luggage."""
+
+SCHEDULE_DENSITY_DEGC: Final = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class CertifiedFigure:
+    """A certified consumption.
+
+    Attributes
+    ----------
+    cycle : str
+        One of `CYCLES`.
+    wh_per_km : float
+    at_wall : bool
+        At the wall, with what charging takes, or else at the battery terminals.
+    test_mass_kg : float
+    source : str
+    outlier : bool
+        Marked in the list as out of proportion to the work at the wheels.
+    """
+
+    cycle: str
+    wh_per_km: float
+    at_wall: bool
+    test_mass_kg: float
+    source: str
+    outlier: bool = False
+
+
+@cache
+def charging_efficiency() -> float:
+    """Battery over wall: mean of the certificates of the table that state both.
+
+    Examples
+    --------
+    >>> round(charging_efficiency(), 3)
+    0.894
+    """
+    return fmean(cell.number for row in catalogue().values() for cell in row.get("charging_efficiency", ()))
+
+
+def wltp_test_mass(running_order_kg: float, largest_mass_kg: float | None = None) -> float:
+    """Test mass without options [kg], Regulation (EU) 2017/1151 Annex XXI.
+
+    Parameters
+    ----------
+    running_order_kg : float
+        Mass with a driver of 75 kg.
+    largest_mass_kg : float, optional
+        Technically permissible; a usual load when not given.
+
+    Examples
+    --------
+    >>> round(wltp_test_mass(1577.0, 1988.0), 1)
+    1659.9
+    """
+    load = USUAL_LOAD_KG if largest_mass_kg is None else largest_mass_kg - running_order_kg - WLTP_LOAD_KG
+    return running_order_kg + WLTP_LOAD_KG + WLTP_SHARE_OF_LOAD * load
+
+
+def certified_figures(name: str, vehicle: Vehicle) -> tuple[CertifiedFigure, ...]:
+    """Certified figures of a car of the library; none where the table has none.
+
+    Parameters
+    ----------
+    name : str
+    vehicle : Vehicle
+        The car, whose mass a WLTP figure is for where the table has no test mass.
+    """
+    return tuple(_figures(catalogue().get(name, {}), vehicle))
+
+
+def _figures(row: Row, vehicle: Vehicle) -> Iterator[CertifiedFigure]:
+    for cycle in ("udds", "hwfet", "wltc"):
+        for suffix, at_wall in (("", True), ("_battery", False)):
+            for cell in row.get(f"{cycle}{suffix}", ()):
+                yield CertifiedFigure(
+                    cycle,
+                    cell.number * WH_PER_KM[cell.unit],
+                    at_wall,
+                    _test_mass(row, cycle, vehicle),
+                    cell.citation,
+                    _OUTLIER in cell.note,
+                )
+
+
+_OUTLIER: Final = "ratio_outlier"
+
+
+def _test_mass(row: Row, cycle: str, vehicle: Vehicle) -> float:
+    if cycle != "wltc":
+        return row["test_weight"][0].number * KG_PER_LB
+    if "wltc_mass" in row:
+        return row["wltc_mass"][0].number
+    largest: tuple[Cell, ...] = row.get("largest_mass", ())
+    return wltp_test_mass(vehicle.body.test_mass_kg, largest[0].number if largest else None)
+
+
+def driven_wh_per_km(vehicle: Vehicle, trace: tuple[FloatArray, FloatArray], test_mass_kg: float) -> float:
+    """Consumption at the battery terminals on a dynamometer [Wh/km]: warm car, no climate control. O(samples).
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    trace : tuple of ndarray
+        Time [s] and speed [m/s], shape (samples,) each.
+    test_mass_kg : float
+    """
+    time, speed = trace
+    load = vehicle.road_load
+    density = load.coastdown_air_density_kg_m3 if load.method == "coastdown" else None
+    run = simulate(
+        vehicle,
+        time,
+        speed,
+        conditions=DriveConditions(
+            ambient_temperature_degc=CELL_TEMPERATURE_DEGC,
+            payload_mass_kg=test_mass_kg - vehicle.body.test_mass_kg,
+            initial_soc=INITIAL_SOC,
+            initial_warmth=1.0,
+            climate="off",
+            air_density_kg_m3=air_density(SCHEDULE_DENSITY_DEGC) if density is None else density,
+        ),
+    )
+    return float(run.simulated_energy_wh / (np.trapezoid(speed, time) / 1000.0))
+
+
+def simulated_wh_per_km(vehicle: Vehicle, figure: CertifiedFigure) -> float:
+    """Consumption where the certified figure was measured, at the wall or at the battery terminals [Wh/km]."""
+    at_terminals = driven_wh_per_km(vehicle, schedule(figure.cycle), figure.test_mass_kg)
+    return at_terminals / charging_efficiency() if figure.at_wall else at_terminals
+
+
+def relative_error(vehicle: Vehicle, figure: CertifiedFigure) -> float:
+    """Simulated over certified consumption less one."""
+    return simulated_wh_per_km(vehicle, figure) / figure.wh_per_km - 1.0

@@ -1,0 +1,98 @@
+"""Values that close the gap between a car's simulated and its certified consumption, from `data/table/anchors.csv`.
+
+`python -m benchmarks.anchors --write` computes the file with the physics of the day; `tripwatt.certification` says how. Each row
+is an entry of a car: its value, and the mean error of the car before it. The car `*` is what the class has in common.
+"""
+
+from __future__ import annotations
+
+import csv
+import types
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from typing import Any, Final
+
+CLASS: Final = "*"
+"""Name of the rows that hold for cars without certified figures."""
+
+
+@dataclass(frozen=True, slots=True)
+class Anchor:
+    """What closes the mean error of a car.
+
+    Attributes
+    ----------
+    level : str
+        One of `tripwatt.vehicles.loading.ANCHORS`.
+    loss : str
+        What was changed: "motor", "iron" or "gear" losses, or the "road load".
+    entries : mapping of str to (float, str)
+        "section.key" -> value and unit.
+    before : float
+        Mean of simulated over certified consumption less one, without the entries.
+    """
+
+    level: str
+    loss: str
+    entries: Mapping[str, tuple[float, str]]
+    before: float
+
+    @property
+    def reason(self) -> str:
+        """How the values came about, for the entries."""
+        if self.level == "class":
+            return f"median of the library's cars; before, their certified consumption was missed by {self.before:+.1%}"
+        return f"closes the mean error of the certified consumption, {self.before:+.1%} before ({self.loss})"
+
+
+@cache
+def anchors() -> Mapping[str, Anchor]:
+    """Anchors by the name of the car.
+
+    Examples
+    --------
+    >>> anchors()["vw_id4_pro"].level
+    'road_load'
+    """
+    file = resources.files("tripwatt.vehicles") / "data" / "table" / "anchors.csv"
+    found: dict[str, Anchor] = {}
+    for row in csv.DictReader(file.read_text(encoding="utf-8").splitlines()):
+        old = found.get(row["car"])
+        entries = {} if old is None else dict(old.entries)
+        entries[row["entry"]] = (float(row["value"]), row["unit"])
+        found[row["car"]] = Anchor(
+            row["level"], row["loss"], types.MappingProxyType(entries), float(row["before"])
+        )
+    return types.MappingProxyType(found)
+
+
+def anchored_document(name: str, document: Mapping[str, Any]) -> dict[str, Any]:
+    """The document of a car with its anchor in place of its own entries; unchanged without one.
+
+    Examples
+    --------
+    >>> document = anchored_document("vw_id4_pro", {"name": "ID.4"})
+    >>> document["anchor"]
+    'road_load'
+    """
+    return with_anchor(document, anchors().get(name))
+
+
+def with_anchor(document: Mapping[str, Any], anchor: Anchor | None) -> dict[str, Any]:
+    """The document with the entries of an anchor in place of its own."""
+    if anchor is None:
+        return dict(document)
+    result: dict[str, Any] = {**document, "anchor": anchor.level}
+    for key, (value, unit) in anchor.entries.items():
+        section, _, name = key.partition(".")
+        entry = {
+            "value": value,
+            "unit": unit,
+            "source": "certified consumption of the car" if anchor.level != "class" else "class of the car",
+            "licence": "estimate",
+            "estimated": anchor.reason,
+        }
+        result[section] = {**result.get(section, {}), name: entry}
+    return result

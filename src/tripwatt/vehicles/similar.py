@@ -1,0 +1,230 @@
+"""A car of which only a few figures are published, as the document of a car: the rest comes from its class.
+
+Mass, power, usable energy and, where there is one, the coast-down are the car's own. Wheel, gear, motor and cells are those of
+its class, in proportion to the car's own figures; every such entry says so in `estimated`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Final
+
+from tripwatt.units import GRAVITY_M_S2, KG_PER_LB
+from tripwatt.vehicles.catalogue import (
+    DRIVER_KG,
+    LOADED_KG,
+    ROAD_LOAD_DENSITY_KG_M3,
+    Cell,
+    ClassValues,
+    Coastdown,
+    Row,
+)
+
+WHEEL_RADIUS_M: Final = MappingProxyType(
+    {"small": 0.295, "hatchback": 0.315, "sedan": 0.335, "suv": 0.345, "van": 0.345, "pickup": 0.390}
+)
+"""Rolling radius of usual tyres of a kind of body: 185/55 R16, 205/55 R17, 235/45 R19, 235/50 R19, 235/50 R19, 275/60 R20."""
+
+GEAR_RATIO: Final = 9.5
+"""Motor over wheel speed. The cars with a file of their own have 7.05 to 11.5, their mean is 9.3."""
+
+CORNER_SPEED_RAD_S: Final = 420.0
+"""Largest power over largest torque. The cars with a file of their own have 315 to 563 rad/s, their mean is 419."""
+
+TOP_SPEEDS_KM_H: Final = ((90.0, 160.0), (150.0, 200.0), (float("inf"), 240.0))
+"""Power over curb mass [W/kg] up to which a top speed is usual."""
+
+RECOVERY_M_S2: Final = 2.0
+"""Deceleration up to which cars of these years recover energy without friction brakes, road tests: 0.2 g and more."""
+
+RECOVERY_W_PER_KG: Final = 45.0
+"""Largest recovery over mass. The cars with a file of their own have 20 to 46 W/kg, newer ones 37 to 46."""
+
+PACK_KG_PER_KWH: Final = 6.2
+"""Pack over usable energy: about 160 Wh/kg, as 375 kg of the ID.3 for 58 kWh."""
+
+CELL_MEAN_V: Final = 3.72
+"""Mean open-circuit voltage of cells with a layered oxide between the ends of the display."""
+
+NOMINAL_CELL_V: Final = 3.65
+"""Nominal voltage of one cell, by which a pack's nominal voltage gives the cells in series."""
+
+DISPLAY: Final = (0.03, 0.97)
+"""State of charge at which the driver sees 0 and 1, as cars with 94 to 96 % of the gross energy usable."""
+
+HEAT_PUMP_W: Final = 2500.0
+"""Heat of a heat pump at 7 degC outside, as for the small cars of the library."""
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """The few figures of a car, each with its source.
+
+    Attributes
+    ----------
+    title : str
+    body : str
+        One of `BODIES`.
+    curb_mass_kg, motor_power_w, usable_energy_wh, pack_voltage_v : Entry-like mapping
+        `value`, `source`, `licence` and perhaps `estimated`.
+    heat_pump : bool
+    coastdown : Coastdown, optional
+    coastdown_cell : Cell, optional
+        Its citation.
+    """
+
+    title: str
+    body: str
+    curb_mass: Mapping[str, Any]
+    motor_power: Mapping[str, Any]
+    usable_energy: Mapping[str, Any]
+    pack_voltage: Mapping[str, Any]
+    heat_pump: bool
+    coastdown: Coastdown | None = None
+    coastdown_source: Mapping[str, Any] | None = None
+
+
+def figures_of_row(row: Row) -> Figures:
+    """The figures of a car of the table."""
+
+    def first(key: str, factor: float = 1.0, less: float = 0.0, estimated: str = "") -> dict[str, Any]:
+        cell = row[key][0]
+        return _sourced(cell.number * factor - less, cell, estimated)
+
+    if "test_weight" in row:
+        run = Coastdown.from_row(row) if "coastdown_a" in row else None
+        cell = row["test_weight"][0]
+        how = f"test weight {cell.value} lb less 300 lb (40 CFR 86.1803); a class of 125 to 500 lb"
+        mass = _sourced(cell.number * KG_PER_LB - LOADED_KG, cell, how)
+    else:
+        run = None
+        mass = first("running_mass", less=DRIVER_KG, estimated="mass in running order less a driver of 75 kg")
+    return Figures(
+        title=row["title"][0].value,
+        body=row["body"][0].value,
+        curb_mass=mass,
+        motor_power=first("motor_power", 1000.0),
+        usable_energy=first("usable_energy", 1000.0),
+        pack_voltage=first("pack_voltage"),
+        heat_pump=row["heat_pump"][0].value == "1",
+        coastdown=run,
+        coastdown_source=None if run is None else _sourced(0.0, row["coastdown_a"][0]),
+    )
+
+
+def _sourced(value: float, cell: Cell, estimated: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {"value": value, "source": cell.citation, "licence": cell.licence}
+    return found | ({"estimated": estimated} if estimated else {})
+
+
+def similar_document(car: Figures, classes: ClassValues) -> dict[str, Any]:
+    """The document of a car, as a TOML of the library would have it.
+
+    Parameters
+    ----------
+    car : Figures
+    classes : ClassValues
+        Road load of a car without a coast-down.
+    """
+    radius = WHEEL_RADIUS_M[car.body]
+    mass, power = float(car.curb_mass["value"]), float(car.motor_power["value"])
+    top_speed = next(speed for limit, speed in TOP_SPEEDS_KM_H if power / mass < limit)
+    document = {
+        "name": car.title,
+        "extends": ["passenger_car", "nmc_cells"],
+        "scaled": {"motor_losses": "bmw_i3_60ah", "cell_resistance": "bmw_i3_94ah"},
+        "body": {"curb_mass_kg": {**car.curb_mass, "unit": "kg"}},
+        "road_load": _road_load(car, classes),
+        "drivetrain": {
+            "wheel_radius_m": _class(radius, "m", f"usual tyres of a {car.body}"),
+            "gear_ratio": _class(GEAR_RATIO, "1", "mean of the cars with a file of their own"),
+            "motor_max_torque_nm": _class(
+                power / CORNER_SPEED_RAD_S, "Nm", f"power over {CORNER_SPEED_RAD_S:g} rad/s"
+            ),
+            "motor_max_power_w": {**car.motor_power, "unit": "W"},
+            "motor_max_speed_rad_s": _class(
+                top_speed / 3.6 / radius * GEAR_RATIO, "rad/s", f"a top speed of {top_speed:g} km/h"
+            ),
+        },
+        "regeneration": {
+            "max_torque_nm": _class(
+                RECOVERY_M_S2 * (mass + DRIVER_KG) * radius / GEAR_RATIO, "Nm", f"{RECOVERY_M_S2:g} m/s2"
+            ),
+            "max_power_w": _class(
+                min(RECOVERY_W_PER_KG * (mass + DRIVER_KG), power), "W", f"{RECOVERY_W_PER_KG:g} W/kg"
+            ),
+        },
+        "battery": _battery(car),
+    }
+    if car.heat_pump:
+        how = "that of the small cars of the library; the car has a heat pump"
+        document["climate"] = {"heat_pump_max_heat_w": _class(HEAT_PUMP_W, "W", how)}
+    return document
+
+
+def _class(value: float, unit: str, estimated: str) -> dict[str, Any]:
+    source = "class of the car"
+    return {"value": value, "unit": unit, "source": source, "licence": "estimate", "estimated": estimated}
+
+
+def _road_load(car: Figures, classes: ClassValues) -> dict[str, Any]:
+    density = {
+        "value": ROAD_LOAD_DENSITY_KG_M3,
+        "unit": "kg/m3",
+        "source": "SAE J2263 reference conditions, 20 degC and 98.21 kPa, ideal gas",
+        "licence": "facts",
+    }
+    run = car.coastdown
+    if run is not None:
+        about = {k: v for k, v in (car.coastdown_source or {}).items() if k != "value"}
+        return {
+            "coastdown_a_n": {**about, "value": run.a_n, "unit": "N"},
+            "coastdown_b_n_s_m": {**about, "value": run.b_n_s_m, "unit": "N s/m"},
+            "coastdown_c_n_s2_m2": {**about, "value": run.c_n_s2_m2, "unit": "N s2/m2"},
+            "coastdown_mass_kg": {**about, "value": run.mass_kg, "unit": "kg"},
+            "coastdown_air_density_kg_m3": density,
+        }
+    mass = float(car.curb_mass["value"]) + DRIVER_KG
+    weight = mass * GRAVITY_M_S2
+    how = f"median of {classes.cars} measured coast-downs, in proportion to the weight"
+    area = classes.drag_area_m2[car.body]
+    return {
+        "coastdown_a_n": _class(classes.rolling * weight, "N", how),
+        "coastdown_b_n_s_m": _class(classes.rolling_per_speed_s_m * weight, "N s/m", how),
+        "coastdown_c_n_s2_m2": _class(
+            0.5 * ROAD_LOAD_DENSITY_KG_M3 * area,
+            "N s2/m2",
+            f"median drag area of a {car.body}, {area:.3f} m2",
+        ),
+        "coastdown_mass_kg": _class(mass, "kg", "with a driver"),
+        "coastdown_air_density_kg_m3": density,
+    }
+
+
+def _battery(car: Figures) -> dict[str, Any]:
+    energy_wh, volts = float(car.usable_energy["value"]), float(car.pack_voltage["value"])
+    cells = round(volts / NOMINAL_CELL_V)
+    how = f"{energy_wh / 1000.0:g} kWh usable at a mean of {CELL_MEAN_V:g} V of {cells} cells in series"
+    low, high = DISPLAY
+    return {
+        "capacity_ah": {
+            **car.usable_energy,
+            "value": energy_wh / (cells * CELL_MEAN_V),
+            "unit": "Ah",
+            "scale": "displayed_soc",
+            "estimated": how,
+        },
+        "cells_in_series": {
+            **car.pack_voltage,
+            "value": cells,
+            "unit": "1",
+            "estimated": f"{volts:g} V nominal at {NOMINAL_CELL_V:g} V a cell",
+        },
+        "heat_capacity_j_k": _class(
+            PACK_KG_PER_KWH * energy_wh, "J/K", f"{PACK_KG_PER_KWH:g} kg/kWh at 1000 J/(kg K)"
+        ),
+        "displayed_zero_soc": _class(low, "1", "a reserve at each end"),
+        "displayed_full_soc": _class(high, "1", "a reserve at each end"),
+    }
