@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:
     from tripwatt.api import adapt, fit, forecast, read_route, read_trips, simulate
     from tripwatt.auditing import audit
+    from tripwatt.certification import describe_car
     from tripwatt.errors import InvalidInput
     from tripwatt.evaluation import evaluate
     from tripwatt.forecasting import Forecast, ForecastModel, load_model, save_model
@@ -43,6 +44,7 @@ __all__ = [
     "adapt",
     "audit",
     "create_store",
+    "describe_car",
     "evaluate",
     "fit",
     "forecast",
@@ -69,6 +71,7 @@ _HOMES: Final = {
     "adapt": "api",
     "audit": "auditing",
     "create_store": "store",
+    "describe_car": "certification",
     "evaluate": "evaluation",
     "fit": "api",
     "forecast": "api",

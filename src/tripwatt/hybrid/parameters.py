@@ -19,6 +19,7 @@ from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.trips import Plan
 from tripwatt.vehicles import Vehicle
 from tripwatt.vehicles.loading import Entry
+from tripwatt.vehicles.spreads import road_gain, spreads
 
 _STEP: Final = 0.02
 """Relative change of a parameter for its finite difference."""
@@ -98,6 +99,51 @@ PARAMETERS: Final = (
     ),
 )
 """What is calibrated, with its width and where that comes from."""
+
+
+def parameters_of(vehicle: Vehicle) -> tuple[Parameter, ...]:
+    """The parameters with the widths of a car: the better its values are anchored, the narrower.
+
+    A car whose values were held against nothing has the widths of `PARAMETERS`.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> [round(p.width, 2) for p in parameters_of(load_vehicle("vw_id4_pro")) if p.name in ("rolling", "air")]
+    [0.16, 0.07]
+    """
+    widths = spreads(vehicle.anchor)
+    return tuple(
+        replace(p, width=widths[p.name], source=f"{p.source}; {_ANCHORED[vehicle.anchor]}")
+        if p.name in widths
+        else p
+        for p in PARAMETERS
+    )
+
+
+_ANCHORED: Final = MappingProxyType(
+    {
+        "road_load": "measured coast-down and certified consumption",
+        "certification": "certified consumption, road load of a class",
+        "class": "values of a class",
+    }
+)
+
+
+def on_road(vehicle: Vehicle) -> Vehicle:
+    """A car as it is expected on the road, where its values are those of a test; another car as it is.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle("vw_id4_pro")
+    >>> round(on_road(car).road_load.drag_area_m2 / car.road_load.drag_area_m2, 3)
+    1.06
+    """
+    gain = road_gain(vehicle.anchor)
+    if not gain:
+        return vehicle
+    return replace(changed(vehicle, gain, source="from the test to the road, 6 % more"), anchor="road")
 
 
 def changed(vehicle: Vehicle, changes: Mapping[str, float], *, source: str = "") -> Vehicle:

@@ -18,7 +18,7 @@ from tripwatt.forecasting.training import data_digest, held_out_figures, version
 from tripwatt.hybrid import SegmentTable, segment_trips
 from tripwatt.hybrid.car_corrector import HierarchicalCorrector
 from tripwatt.hybrid.hierarchy import CarTransfer, Evidence, Posterior, require_mode, term_scales
-from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
+from tripwatt.hybrid.parameters import changed, on_road, parameters_of, sensitivities
 from tripwatt.trips import Fleet, Trip, plan_from_trip
 from tripwatt.trips.messages import message
 from tripwatt.uncertainty import ChargeScale
@@ -100,17 +100,18 @@ def adaptation(
     require_mode(mode)
     _require_trips(trips)
     _, own = base.fitted_parts("base")
+    parameters, vehicle = parameters_of(vehicle), on_road(vehicle)
     donor, masked = _donor(base, trips)
     plans = [plan_from_trip(trip) for trip in trips]
     table = segment_trips(trips, vehicle)
     scales = term_scales(donor.members, base.vehicle, vehicle)
-    transfer = CarTransfer(donor.members, scales, PARAMETERS, mode)
+    transfer = CarTransfer(donor.members, scales, parameters, mode)
     evidence = transfer.evidence(
-        table, sensitivities(plans, vehicle, table), donor.variances_wh2(table, trips)
+        table, sensitivities(plans, vehicle, table, parameters), donor.variances_wh2(table, trips)
     )
     posterior = transfer.posterior(evidence)
-    found = posterior.parameters([p.name for p in PARAMETERS])
-    calibrated = {p.name: found[p.name][0] for p in PARAMETERS if p.keys}
+    found = posterior.parameters([p.name for p in parameters])
+    calibrated = {p.name: found[p.name][0] for p in parameters if p.keys}
     source = f"calibrated on {len(trips)} trip{'s' if len(trips) > 1 else ''} of the car"
     own_car = changed(vehicle, calibrated, source=source) if mode != "effects" else vehicle
     corrector = HierarchicalCorrector.from_posterior(transfer, posterior, frozenset(calibrated))

@@ -14,7 +14,7 @@ import numpy as np
 from tripwatt.forecasting.model import ForecastModel
 from tripwatt.hybrid.car_corrector import HierarchicalCorrector
 from tripwatt.hybrid.hierarchy import CarTransfer, Evidence, term_scales
-from tripwatt.hybrid.parameters import PARAMETERS
+from tripwatt.hybrid.parameters import on_road, parameters_of
 from tripwatt.transfer.adapting import T_VARIANCE, TRANSFERRED, adapted_scale, weighted_quantiles
 from tripwatt.trips import Flag
 from tripwatt.uncertainty.conformal import ConformalScores
@@ -52,9 +52,10 @@ def zero_shot_model(base: ForecastModel, vehicle: Vehicle) -> ForecastModel:
     """
     _, own = base.fitted_parts("base")
     donor = base.as_donor()
-    transfer = CarTransfer(donor.members, term_scales(donor.members, base.vehicle, vehicle))
+    parameters, vehicle = parameters_of(vehicle), on_road(vehicle)
+    transfer = CarTransfer(donor.members, term_scales(donor.members, base.vehicle, vehicle), parameters)
     features, nothing = np.empty((0, len(transfer.scales))), np.empty(0)
-    evidence = Evidence(features, features, features, np.empty((0, len(PARAMETERS))), nothing, nothing)
+    evidence = Evidence(features, features, features, np.empty((0, len(parameters))), nothing, nothing)
     posterior = transfer.posterior(evidence)
     spread = np.sqrt([option.noise / posterior.noise_scale for option in posterior.options])
     values = (donor.scores.values[:, None] / np.sqrt(T_VARIANCE) * spread).ravel()  # as in `adapted_scale`

@@ -60,9 +60,9 @@ SECTIONS: Final[Mapping[str, type]] = types.MappingProxyType(
 OPTIONAL_SECTIONS: Final[frozenset[str]] = frozenset({"tyres", "climate"})
 """Parts that a car may lack."""
 
-ANCHORS: Final = ("book", "road_load", "certification", "class")
+ANCHORS: Final = ("book", "road_load", "certification", "class", "road")
 """What a car's values were held against: nothing; its certified consumption with a measured coast-down, or without one;
-nothing of its own, because its values are those of a class."""
+nothing of its own, because its values are those of a class; or values carried from a test to the road already."""
 
 ENTRY_KEYS: Final = ("value", "unit", "source", "estimated", "scale", "licence")
 SCALES: Final = ("soc", "displayed_soc")

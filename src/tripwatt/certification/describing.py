@@ -1,0 +1,373 @@
+"""A car from a few figures that its driver knows, and how well these fix its consumption."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import zlib
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.certification.anchoring import ROAD_LOAD, anchored
+from tripwatt.certification.consumption import (
+    CertifiedFigure,
+    charging_efficiency,
+    driven_wh_per_km,
+    wltp_test_mass,
+)
+from tripwatt.certification.schedules import schedule
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.units import KG_PER_LB
+from tripwatt.vehicles import Vehicle, vehicle_from_document
+from tripwatt.vehicles.anchors import CLASS, Anchor, anchors, with_anchor
+from tripwatt.vehicles.catalogue import BODIES, DRIVER_KG, LOADED_KG, catalogue, class_values
+from tripwatt.vehicles.similar import Figures, similar_document
+from tripwatt.vehicles.spreads import REPEAT_SD, loss_sd
+
+PROCEDURES: Final = ("wltp", "epa")
+"""Where a consumption comes from: the WLTP, or the label of the EPA, city and highway combined."""
+
+LABEL_FACTOR: Final = 0.7
+"""Dynamometer over label of the EPA, 40 CFR 600.210-12."""
+
+LABEL_SHARES: Final = MappingProxyType({"udds": 0.55, "hwfet": 0.45})
+"""City and highway in the combined label, 40 CFR 600.210-12."""
+
+PROCEDURE_SD: Final = 0.05
+"""Scatter of one procedure's figure about the other's: test masses, tyres and the factor of the label (0.7 to 0.75) differ."""
+
+VAN_SD: Final = 0.15
+"""Scatter of the drag area of vans: the table has no coast-down of one, and they reach from 1.8 to 2.0 m in height."""
+
+USUAL_PACK_V: Final = 360.0
+"""Nominal voltage of a pack of 96 to 100 cells in series."""
+
+BODY_WORDS: Final = MappingProxyType(
+    {
+        "estate": "sedan",
+        "saloon": "sedan",
+        "wagon": "sedan",
+        "compact": "hatchback",
+        "city": "small",
+        "minivan": "van",
+        "truck": "pickup",
+    }
+)
+"""Other words for a kind of body."""
+
+LIMITS: Final = MappingProxyType(
+    {
+        "mass_kg": (400.0, 6000.0, "kg"),
+        "usable_battery_kwh": (4.0, 300.0, "kWh"),
+        "consumption_kwh_per_100km": (6.0, 60.0, "kWh/100 km"),
+        "motor_power_kw": (5.0, 1500.0, "kW"),
+    }
+)
+"""Smallest and largest value of each figure."""
+
+
+def describe_car(
+    *,
+    mass_kg: float | None = None,
+    usable_battery_kwh: float | None = None,
+    consumption_kwh_per_100km: float | None = None,
+    motor_power_kw: float | None = None,
+    body: str | None = None,
+    heat_pump: bool | None = None,
+    procedure: str = "wltp",
+    title: str | None = None,
+    without: Collection[str] = (),
+) -> Vehicle:
+    """Describe a car that the library does not have by up to six figures.
+
+    What is not given is that of a usual car of its kind of body in the library. The consumption anchors the car: its road load is
+    changed until the simulated test meets it. A forecast is the wider, the less is given.
+
+    Parameters
+    ----------
+    mass_kg : float, optional
+        Ready to drive, nobody inside: the curb mass, or the mass in running order less 75 kg.
+    usable_battery_kwh : float, optional
+    consumption_kwh_per_100km : float, optional
+        As published, at the wall.
+    motor_power_kw : float, optional
+        Largest power of all motors together.
+    body : str, optional
+        One of `BODIES`, or a word of `BODY_WORDS`.
+    heat_pump : bool, optional
+        None is taken as a car without one.
+    procedure : {"wltp", "epa"}
+        Where the consumption comes from; "epa" is the combined figure of the label.
+    title : str, optional
+        Name for people.
+    without : collection of str
+        Cars of the library that take no part in the usual values.
+
+    Returns
+    -------
+    Vehicle
+
+    Raises
+    ------
+    InvalidInput
+        With every figure that is out of range, and for a consumption that no such car can have.
+
+    Examples
+    --------
+    >>> car = describe_car(mass_kg=1830, usable_battery_kwh=58, consumption_kwh_per_100km=15.5, motor_power_kw=150, body="hatchback")
+    >>> car.anchor, car.title
+    ('certification', 'hatchback, 1830 kg, 58 kWh, 150 kW, WLTP 15.5 kWh/100 km')
+    """
+    given = {
+        "mass_kg": mass_kg,
+        "usable_battery_kwh": usable_battery_kwh,
+        "consumption_kwh_per_100km": consumption_kwh_per_100km,
+        "motor_power_kw": motor_power_kw,
+    }
+    kind = _checked(given, body, heat_pump, procedure)
+    usual = usual_figures(kind)
+    filled = {key: usual[key] if given[key] is None else float(given[key]) for key in usual}  # type: ignore[arg-type]
+    figures = _figures(given, filled, kind, body, heat_pump, title or _title(given, kind, procedure))
+    document = similar_document(figures, class_values(without))
+    name = f"described_{zlib.crc32(repr((filled, given, kind, heat_pump, procedure)).encode()):08x}"
+    car = vehicle_from_document(with_anchor(document, anchors()[CLASS]), name, name)
+    if consumption_kwh_per_100km is None:
+        return car
+    return _meeting(car, document, 10.0 * consumption_kwh_per_100km, procedure)
+
+
+def _checked(given: Mapping[str, float | None], body: str | None, heat_pump: object, procedure: str) -> str:
+    """The kind of body, once everything that is given is in range."""
+    faults = []
+    for key, value in given.items():
+        low, high, unit = LIMITS[key]
+        if value is None:
+            continue
+        number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        if not number or not low <= value <= high:
+            faults.append(Fault("value out of range", key, repr(value)[:40], f"{low:g} to {high:g} {unit}"))
+    kind = "suv" if body is None else BODY_WORDS.get(str(body).lower(), str(body).lower())
+    if kind not in BODIES:
+        faults.append(Fault("unknown body", "body", repr(body)[:40], ", ".join((*BODIES, *BODY_WORDS))))
+    if heat_pump is not None and not isinstance(heat_pump, bool):
+        faults.append(Fault("not a truth value", "heat_pump", repr(heat_pump)[:40], "true or false"))
+    if procedure not in PROCEDURES:
+        faults.append(Fault("unknown procedure", "procedure", repr(procedure)[:40], ", ".join(PROCEDURES)))
+    if faults:
+        raise InvalidInput(faults)
+    return kind
+
+
+@cache
+def usual_figures(body: str) -> Mapping[str, float]:
+    """Mass [kg], usable energy [kWh] and power [kW] of a usual car of a kind of body: medians of the table.
+
+    A kind of fewer than two cars takes those of all.
+
+    Examples
+    --------
+    >>> usual_figures("small")["mass_kg"] < usual_figures("suv")["mass_kg"]
+    True
+    """
+    rows = [row for row in catalogue().values() if "title" in row]
+    mine = [row for row in rows if row["body"][0].value == body]
+    chosen = mine if len(mine) > 1 else rows
+    masses = [
+        row["test_weight"][0].number * KG_PER_LB - LOADED_KG
+        if "test_weight" in row
+        else row["running_mass"][0].number - DRIVER_KG
+        for row in chosen
+    ]
+    return MappingProxyType(
+        {
+            "mass_kg": statistics.median(masses),
+            "usable_battery_kwh": statistics.median(row["usable_energy"][0].number for row in chosen),
+            "motor_power_kw": statistics.median(row["motor_power"][0].number for row in chosen),
+        }
+    )
+
+
+def _title(given: Mapping[str, float | None], kind: str, procedure: str) -> str:
+    parts = [kind]
+    for key, unit in (("mass_kg", "kg"), ("usable_battery_kwh", "kWh"), ("motor_power_kw", "kW")):
+        value = given[key]
+        if value is not None:
+            parts.append(f"{value:g} {unit}")
+    consumption = given["consumption_kwh_per_100km"]
+    if consumption is not None:
+        parts.append(f"{procedure.upper()} {consumption:g} kWh/100 km")
+    return ", ".join(parts)
+
+
+def _figures(
+    given: Mapping[str, float | None],
+    filled: Mapping[str, float],
+    kind: str,
+    body: str | None,
+    heat_pump: bool | None,
+    title: str,
+) -> Figures:
+    def figure(key: str, factor: float) -> dict[str, Any]:
+        if given[key] is not None:
+            return {"value": filled[key] * factor, "source": "given by the caller", "licence": "user"}
+        how = f"median of the library's cars with the body {kind}"
+        return {
+            "value": filled[key] * factor,
+            "source": "class of the car",
+            "licence": "estimate",
+            "estimated": how,
+        }
+
+    return Figures(
+        title=title,
+        body=kind,
+        curb_mass=figure("mass_kg", 1.0),
+        motor_power=figure("motor_power_kw", 1000.0),
+        usable_energy=figure("usable_battery_kwh", 1000.0),
+        pack_voltage={"value": USUAL_PACK_V, "source": "class of the car", "licence": "estimate"},
+        heat_pump=bool(heat_pump),
+    )
+
+
+def _certified(car: Vehicle, wh_per_km: float, procedure: str) -> list[CertifiedFigure]:
+    """The figures whose mean error is closed: the WLTP's, or city and highway at equal error of the label."""
+    if procedure == "wltp":
+        mass = wltp_test_mass(car.body.test_mass_kg)
+        return [CertifiedFigure("wltc", wh_per_km, True, mass, "given by the caller")]
+    mass = car.body.curb_mass_kg + LOADED_KG
+    driven = {cycle: driven_wh_per_km(car, schedule(cycle), mass) for cycle in LABEL_SHARES}
+    combined = sum(share * driven[cycle] for cycle, share in LABEL_SHARES.items())
+    return [
+        CertifiedFigure(
+            cycle, LABEL_FACTOR * wh_per_km * driven[cycle] / combined, True, mass, "given by the caller"
+        )
+        for cycle in LABEL_SHARES
+    ]
+
+
+def _meeting(car: Vehicle, document: Mapping[str, Any], wh_per_km: float, procedure: str) -> Vehicle:
+    """The car with the road load that meets a consumption."""
+    done = anchored(car, _certified(car, wh_per_km, procedure), (ROAD_LOAD,))
+    left = float(done.after.mean())
+    if abs(left) > REPEAT_SD:
+        possible = wh_per_km / 10.0 * (1.0 + left)
+        raise InvalidInput(
+            Fault(
+                "consumption does not fit the car",
+                "consumption_kwh_per_100km",
+                f"{wh_per_km / 10.0:g} kWh/100 km",
+                f"{'at most' if left < 0.0 else 'at least'} {possible:.1f} kWh/100 km for its mass, power and body",
+                "check the figures; consumption is in kWh/100 km at the wall",
+            )
+        )
+    road = done.anchor("certification")
+    common = anchors()[CLASS]
+    anchor = Anchor("certification", ROAD_LOAD, {**common.entries, **road.entries}, road.before)
+    return vehicle_from_document(with_anchor(document, anchor), car.name, car.name)
+
+
+@dataclass(frozen=True, slots=True)
+class ConsumptionInterval:
+    """Consumption of a test at the wall [kWh/100 km] and its central interval."""
+
+    middle: float
+    low: float
+    high: float
+
+
+def certified_interval(car: Vehicle, cycle: str = "wltc", level: float = 0.9) -> ConsumptionInterval:
+    """Consumption that a described car would be certified with, and how sure that is. Three simulations of the schedule.
+
+    Parameters
+    ----------
+    car : Vehicle
+        From `describe_car`; of another car what its anchor leaves open.
+    cycle : {"wltc", "udds", "hwfet"}
+    level : float
+
+    Returns
+    -------
+    ConsumptionInterval
+
+    Notes
+    -----
+    Rolling drag, air drag and what lies between wheel and battery are independent before the consumption is known, with the
+    scatter of the library's cars, and the procedures differ. A consumption that was met fixes the sum, and the scatter between
+    procedures is left. Cars of one maker are alike, so that the scatter is known from as many cars as there are makers: the
+    logarithm of the consumption has a t distribution with one degree of freedom less.
+
+    Examples
+    --------
+    >>> wide = certified_interval(describe_car(body="suv", mass_kg=1900))
+    >>> near = certified_interval(describe_car(body="suv", mass_kg=1900, consumption_kwh_per_100km=17))
+    >>> wide.high - wide.low > near.high - near.low
+    True
+    """
+    mass = car.body.curb_mass_kg + LOADED_KG if cycle != "wltc" else wltp_test_mass(car.body.test_mass_kg)
+    middle = driven_wh_per_km(car, schedule(cycle), mass) / charging_efficiency() / 10.0
+    from scipy.special import stdtrit  # slow to import
+
+    half = float(stdtrit(makers() - 1, 0.5 + 0.5 * level)) * _relative_sd(car, cycle, mass)
+    return ConsumptionInterval(middle, middle * math.exp(-half), middle * math.exp(half))
+
+
+def _relative_sd(car: Vehicle, cycle: str, mass_kg: float) -> float:
+    if car.anchor != "class":
+        return math.hypot(REPEAT_SD, PROCEDURE_SD)
+    classes = class_values()
+    base = driven_wh_per_km(car, schedule(cycle), mass_kg)
+    parts = [loss_sd(), PROCEDURE_SD]
+    air_sd = classes.drag_area_sd
+    if car.road_load.drag_area_m2 == classes.drag_area_m2["van"]:
+        air_sd = math.hypot(air_sd, VAN_SD)
+    for name, sd in (("rolling", classes.rolling_sd), ("air", air_sd)):
+        parts.append(
+            sd * (driven_wh_per_km(_with_more(car, name), schedule(cycle), mass_kg) / base - 1.0) / _STEP
+        )
+    entry = car.entries["body.curb_mass_kg"]
+    if entry.licence != "user":
+        heavier = driven_wh_per_km(car, schedule(cycle), mass_kg * (1.0 + _STEP))
+        parts.append(_mass_sd() * (heavier / base - 1.0) / _STEP)
+    return float(np.linalg.norm(parts))
+
+
+_STEP: Final = 0.02
+
+
+def _with_more(car: Vehicle, part: str) -> Vehicle:
+    load = car.road_load
+    more = 1.0 + _STEP
+    if part == "air":
+        assert load.coastdown_c_n_s2_m2 is not None
+        return replace(car, road_load=replace(load, coastdown_c_n_s2_m2=load.coastdown_c_n_s2_m2 * more))
+    assert load.coastdown_a_n is not None
+    assert load.coastdown_b_n_s_m is not None
+    return replace(
+        car,
+        road_load=replace(
+            load, coastdown_a_n=load.coastdown_a_n * more, coastdown_b_n_s_m=load.coastdown_b_n_s_m * more
+        ),
+    )
+
+
+@cache
+def makers() -> int:
+    """Makers of the cars with a measured coast-down."""
+    rows = catalogue().values()
+    return len({row["title"][0].value.split()[0] for row in rows if "title" in row and "coastdown_a" in row})
+
+
+@cache
+def _mass_sd() -> float:
+    """Relative standard deviation of masses about the median of their kind of body, over the table."""
+    errors = []
+    for row in catalogue().values():
+        if "title" in row and "test_weight" in row:
+            mass = row["test_weight"][0].number * KG_PER_LB - LOADED_KG
+            errors.append(math.log(mass / usual_figures(row["body"][0].value)["mass_kg"]))
+    return statistics.stdev(errors)
