@@ -6,8 +6,47 @@ one `InvalidInput`, so that a user mends a file once.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import reprlib
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any, Final
+
+MOST_FAULTS: Final = 50
+"""Faults of one kind that are listed one by one; the others are counted."""
+
+MOST_HINTS: Final = 10
+"""Unknown names for which the most similar known one is looked for: each search compares with every known name."""
+
+MOST_CHARACTERS: Final = 2000
+"""Most characters of one text of a fault in a message."""
+
+_SHORT: Final = reprlib.Repr()
+_SHORT.maxlevel = 3
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 200
+
+
+def excerpt(value: Any, length: int = 60) -> str:
+    """The beginning of the representation of a value from outside, however large or deeply nested it is.
+
+    Examples
+    --------
+    >>> excerpt("speed"), excerpt([[[[[1]]]]]), excerpt(12345, length=3)
+    ("'speed'", '[[[[...]]]]', '123')
+    """
+    return _SHORT.repr(value)[:length]
+
+
+def printable(text: str) -> str:
+    r"""Text with every control character as its escape, so that no input can steer a terminal or fake a line.
+
+    Examples
+    --------
+    >>> printable("speed\x1b[2J\n"), printable("Überland, 5 °C")
+    ('speed\\x1b[2J\\n', 'Überland, 5 °C')
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 class TripwattError(Exception):
@@ -44,13 +83,26 @@ class Fault:
     fix: str = ""
 
     def __str__(self) -> str:
-        text = f"{self.what}: {self.where}"
+        text = f"{self.what}: {printable(self.where[:MOST_CHARACTERS])}"
         parts = [
-            f"{label}{value}"
+            f"{label}{printable(value[:MOST_CHARACTERS])}"
             for label, value in (("got ", self.got), ("allowed: ", self.allowed), ("", self.fix))
             if value
         ]
         return f"{text}: {'; '.join(parts)}" if parts else text
+
+
+def first_faults(faults: Sequence[Fault], where: str, most: int = MOST_FAULTS) -> list[Fault]:
+    """The first faults, and one more with the number of those that are left out.
+
+    Examples
+    --------
+    >>> [fault.got for fault in first_faults([Fault("wrong", "a", str(k)) for k in range(5)], "a", 2)]
+    ['0', '1', '3 more']
+    """
+    if len(faults) <= most:
+        return list(faults)
+    return [*faults[:most], Fault("further faults", where, f"{len(faults) - most} more")]
 
 
 class InvalidInput(TripwattError):

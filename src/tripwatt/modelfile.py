@@ -12,18 +12,20 @@ import hashlib
 import io
 import json
 import os
-import shutil
+import time
 import zipfile
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.files import read_file, replace_folder, require_small_content
 
 Arrays = Mapping[str, npt.NDArray[Any]]
 Part = Arrays | Mapping[str, Any]
@@ -34,6 +36,15 @@ FORMAT_VERSION: Final = 1
 METADATA: Final = "metadata.json"
 _SUFFIXES: Final = (".npz", ".json")
 _BLANK: Final = "0" * 64
+
+MOST_PART_BYTES: Final = 1 << 27
+"""Largest part of a model, also when inflated; the largest known part has 2 MB."""
+
+READ_ATTEMPTS: Final = 50
+"""Attempts to read a model that another process replaces in the meantime."""
+
+RETRY_S: Final = 0.02
+"""Time between two attempts [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,13 +107,19 @@ def write_model(folder: Path | str, metadata: Mapping[str, Any], parts: Mapping[
 def read_model(folder: Path | str) -> ModelFile:
     """Read a model directory and check every byte of it. O(bytes).
 
+    A model that another process replaces in the meantime is read as it was or as it will be.
+
     Raises
     ------
     InvalidInput
         With every part that is missing, damaged or altered; or when this is no model, or one of a newer format.
     """
-    metadata = read_metadata(folder)
-    return _READERS[int(metadata["format_version"])](Path(folder), metadata)
+
+    def read(path: Path) -> ModelFile:
+        metadata = _read_metadata(path)
+        return _READERS[int(metadata["format_version"])](path, metadata)
+
+    return _while_replaced(read, Path(folder))
 
 
 def read_metadata(folder: Path | str) -> dict[str, Any]:
@@ -113,7 +130,36 @@ def read_metadata(folder: Path | str) -> dict[str, Any]:
     InvalidInput
         When there is none, it is damaged or altered, or its format is newer than this program.
     """
-    path = Path(folder)
+    return _while_replaced(_read_metadata, Path(folder))
+
+
+Read = TypeVar("Read")
+
+
+def _while_replaced(read: Callable[[Path], Read], path: Path) -> Read:
+    """The result of `read`, which is repeated when it fails and the folder has become another one."""
+    for _ in range(READ_ATTEMPTS):
+        before = _identity(path)
+        try:
+            return read(path)
+        except InvalidInput:
+            if before is not None and _identity(path) == before:
+                raise
+            if before is None and not any(path.absolute().parent.glob(f".{path.name}.*")):
+                raise  # there is no model, and none is on its way
+            time.sleep(RETRY_S)
+    return read(path)
+
+
+def _identity(path: Path) -> tuple[int, ...] | None:
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino, found.st_ctime_ns
+
+
+def _read_metadata(path: Path) -> dict[str, Any]:
     where = f"{path}"
     if not path.is_dir():
         got = "a file" if path.exists() else "nothing"
@@ -123,24 +169,46 @@ def read_metadata(folder: Path | str) -> dict[str, Any]:
         fix = "give the whole folder that `tripwatt fit` wrote"
         raise InvalidInput(Fault("no model", where, f"no {METADATA}", f"a folder with {METADATA}", fix))
     try:
-        document = json.loads(raw)
-    except ValueError as error:
+        document = _parse(raw)
+    except (ValueError, RecursionError) as error:
         raise InvalidInput(_damage_fault(path / METADATA, str(error)[:120], "JSON")) from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         found = document.get("format") if isinstance(document, dict) else type(document).__name__
-        raise InvalidInput(Fault("no model", f"{path / METADATA}, format", repr(found), repr(FORMAT)))
+        raise InvalidInput(Fault("no model", f"{path / METADATA}, format", excerpt(found), repr(FORMAT)))
     version = document.get("format_version")
-    if version not in _READERS:
+    if not isinstance(version, int) or version not in _READERS:
         fix = "update tripwatt" if isinstance(version, int) and version > FORMAT_VERSION else ""
         known = ", ".join(map(str, sorted(_READERS)))
         place = f"{path / METADATA}, format_version"
-        raise InvalidInput(Fault("unknown model format", place, repr(version), known, fix))
+        raise InvalidInput(Fault("unknown model format", place, excerpt(version), known, fix))
     digest = str(document.get("sha256"))
     blanked = raw.replace(f'"sha256": "{digest}"'.encode(), f'"sha256": "{_BLANK}"'.encode(), -1)
     found = hashlib.sha256(blanked).hexdigest()
     if found != digest:
-        raise InvalidInput(_damage_fault(path / METADATA, f"SHA-256 {found}", f"SHA-256 {digest}"))
+        raise InvalidInput(_damage_fault(path / METADATA, f"SHA-256 {found}", f"SHA-256 {digest[:64]}"))
+    _require_list_of_parts(document.get("parts"), path / METADATA)
     return document
+
+
+def _require_list_of_parts(parts: object, where: Path) -> None:
+    """Whether the metadata list each part with its digest and size; digests are no signatures, so that it may not."""
+    sound = isinstance(parts, dict) and all(
+        isinstance(about, dict)
+        and isinstance(about.get("sha256"), str)
+        and isinstance(about.get("bytes"), int)
+        for about in parts.values()
+    )
+    if not sound:
+        raise InvalidInput(
+            _damage_fault(where, f"parts {excerpt(parts)}", "name, SHA-256 and bytes of each part")
+        )
+
+
+def _parse(raw: bytes) -> Any:
+    def refuse(constant: str) -> float:
+        raise ValueError(f"{constant} is no JSON number")
+
+    return json.loads(raw, parse_constant=refuse)
 
 
 def require_place(folder: Path) -> None:
@@ -185,11 +253,30 @@ def _read_version_1(path: Path, metadata: Mapping[str, Any]) -> ModelFile:
             continue
         try:
             parts[name] = _decode(place, raw)
-        except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+        except InvalidInput as error:
+            faults.extend(error.faults)
+        except _DAMAGE as error:
             faults.append(_damage_fault(place, str(error)[:120], "arrays without pickled objects, or JSON"))
     if faults:
         raise InvalidInput(faults)
     return ModelFile(metadata, parts)
+
+
+_DAMAGE: Final = (
+    ValueError,
+    OSError,
+    EOFError,
+    zipfile.BadZipFile,
+    zlib.error,
+    MemoryError,
+    RecursionError,
+    NotImplementedError,
+    RuntimeError,
+    KeyError,
+    TypeError,
+    SyntaxError,
+)
+"""What NumPy and zipfile raise for damaged archives and headers."""
 
 
 _READERS: Final[Mapping[int, Callable[[Path, Mapping[str, Any]], ModelFile]]] = MappingProxyType(
@@ -209,14 +296,9 @@ def _damage_fault(place: Path, got: str, allowed: str) -> Fault:
 
 
 def _bytes(path: Path) -> bytes | None:
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
+    if not os.path.lexists(path):
         return None
-    except OSError as error:
-        raise InvalidInput(
-            Fault("cannot read a part of the model", f"{path}", error.strerror or str(error), "a file")
-        ) from error
+    return read_file(path, MOST_PART_BYTES, what="cannot read a part of the model", allowed="a file")
 
 
 def _encode(name: str, part: Part) -> bytes:
@@ -237,35 +319,24 @@ def _encode(name: str, part: Part) -> bytes:
 
 def _decode(place: Path, raw: bytes) -> Part:
     if place.suffix == ".json":
-        document = json.loads(raw)
+        document = _parse(raw)
         if not isinstance(document, dict):
             raise ValueError("not a JSON object")
         return document
+    require_small_content(io.BytesIO(raw), f"{place}", MOST_PART_BYTES)
     with np.load(io.BytesIO(raw), allow_pickle=False) as arrays:
         return {name: arrays[name] for name in arrays.files}
 
 
 def _place(out: Path, content: Mapping[str, bytes]) -> None:
-    """Write beside `out`, then rename; an older model goes only when the new one is whole."""
-    parent = out.absolute().parent
-    made, older = (parent / f".{out.name}.{what}-{os.getpid()}" for what in ("writing", "older"))
-    try:
-        for folder in (made, older):
-            shutil.rmtree(folder, ignore_errors=True)
-        made.mkdir(parents=True)
+    """Write beside `out`, then exchange; an older model goes only when the new one is whole."""
+
+    def write(made: Path) -> None:
         for name, raw in content.items():
             (made / name).write_bytes(raw)
-        if out.exists():
-            out.rename(older)
-        try:
-            made.rename(out)
-        except OSError:
-            if older.exists():
-                older.rename(out)
-            raise
+
+    try:
+        replace_folder(out, write)
     except OSError as error:
         got = f"{out}: {error.strerror or error}"
         raise InvalidInput(Fault("cannot write the model", "--out", got, "a writable folder")) from error
-    finally:
-        for folder in (made, older):
-            shutil.rmtree(folder, ignore_errors=True)

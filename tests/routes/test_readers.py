@@ -85,7 +85,7 @@ def test_jitter_of_positions_is_no_driving():
         (lat + e / M_PER_DEGREE, lon, ele, t)
         for (lat, lon, ele, t), e in zip(drive(np.zeros(120)), rng.normal(0, 0.15, 120), strict=True)
     ]
-    points += [(48.01, 11.0, None, "2026-05-01T08:10:00Z")]
+    points += [(48.001, 11.0, None, "2026-05-01T08:02:09Z")]
     assert plan_from_track(read_gpx(gpx(points))).array("speed_m_s")[5:110].max() == 0.0
 
 

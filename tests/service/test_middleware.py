@@ -178,8 +178,8 @@ def test_requests_are_refused_while_the_queue_is_full(strict: Service) -> None:
     from tests.support.service_load import read_answer, request
 
     samples = {
-        "time_s": [0.0, 20000.0, 40000.0],
-        "speed_m_s": [10.0, 10.0, 10.0],
+        "time_s": [60.0 * k for k in range(400)],
+        "speed_m_s": [10.0] * 400,
     }  # a tenth of a second of work
     body = orjson.dumps({"samples": samples})
     head, _, rest = request("/v1/forecast", body).partition(b"\r\n")

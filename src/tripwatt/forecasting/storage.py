@@ -7,13 +7,14 @@ model. Meaning of the parts: `model.json` holds the plain values, `vehicle.json`
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, fields, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.donor import DonorModel
@@ -28,7 +29,14 @@ from tripwatt.hybrid.stored import (
     members_parts,
 )
 from tripwatt.modelfile import Part, read_metadata, read_model, write_model
-from tripwatt.trips import COLUMNS, QUANTITIES, REQUIRED_COLUMNS, ROUTE_COLUMNS, SIGNALS
+from tripwatt.trips import (
+    COLUMNS,
+    QUANTITIES,
+    REQUIRED_COLUMNS,
+    ROUTE_COLUMNS,
+    SIGNALS,
+    plan_from_samples,
+)
 from tripwatt.uncertainty import (
     ChargeScale,
     ConformalScores,
@@ -143,8 +151,8 @@ def model_of_parts(parts: Mapping[str, Part]) -> ForecastModel:
             trip_ids_=tuple(values["trip_ids"]),
             donor_=_donor_of_part(values["elsewhere"], parts) if "elsewhere" in values else None,
         )
-    except (KeyError, TypeError) as error:
-        got = f"{type(error).__name__}: {error}"
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError, RecursionError) as error:
+        got = f"{type(error).__name__}: {error}"[:200]
         fix = "fit the model again with this version of tripwatt"
         raise InvalidInput(Fault("parts do not make a forecast model", "model", got, "", fix)) from error
 
@@ -211,9 +219,57 @@ def load_model(folder: Path | str | None = None) -> ForecastModel:
     Raises
     ------
     InvalidInput
-        When there is no model, it is damaged or altered, or its format is not known.
+        When there is no model, it is damaged or altered, its format is not known, or it does not give finite forecasts.
     """
-    return model_of_parts(read_model(model_folder(folder)).parts)
+    place = model_folder(folder)
+    model = model_of_parts(read_model(place).parts)
+    if folder is not None:
+        require_usable(model, f"{place}")
+    return model
+
+
+def require_usable(model: ForecastModel, where: str) -> None:
+    """Whether a model from outside gives finite numbers, by a forecast of three minutes and an update of it.
+
+    Parts that fit each other in shape may still hold values with which nothing can be computed.
+
+    Raises
+    ------
+    InvalidInput
+        When the forecast fails or a number of it is not finite.
+    """
+    time = np.arange(181.0)
+    speed = 12.0 - 12.0 * np.cos(time * (2.0 * math.pi / 60.0))
+    drive = pd.DataFrame({"time_s": time, "speed_m_s": speed, "elevation_m": 500.0})
+    observed = pd.DataFrame({"time_s": time[:61], "voltage_v": 350.0, "current_a": 30.0})
+    try:
+        with np.errstate(all="ignore"):
+            before = model.forecast(plan_from_samples(drive, "trial"))
+            found = [before.to_dict(), before.update(observed).to_dict()]
+            planned = replace(before.plan, link_m=250.0)
+            found.append(model.forecast(planned).to_dict())
+            sound = all(math.isfinite(sum(_numbers(document))) for document in found)
+    except InvalidInput as error:
+        got = error.faults[0].what
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        got = f"{type(error).__name__}: {error}"[:200]
+    else:
+        if sound:
+            return
+        got = "numbers that are not finite"
+    fix = "fit the model again with this version of tripwatt"
+    raise InvalidInput(Fault("model gives no forecast", where, got, "a finite forecast of a trial trip", fix))
+
+
+def _numbers(value: Any) -> Iterator[float]:
+    """Every number of a document."""
+    if isinstance(value, Mapping):
+        value = list(value.values())
+    if isinstance(value, list | tuple):
+        for entry in value:
+            yield from _numbers(entry)
+    elif isinstance(value, int | float):
+        yield float(value)
 
 
 def load_metadata(folder: Path | str | None = None, *, check_parts: bool = True) -> dict[str, Any]:

@@ -47,6 +47,13 @@ class StoredTrees:
     rest: float
     divisor: int | None
 
+    def __post_init__(self) -> None:
+        if len(self.trees) and int(self.trees.split_feature.max()) >= len(self.columns):
+            got = f"column {int(self.trees.split_feature.max())}"
+            raise InvalidInput(
+                Fault("wrong column of a split", "trees", got, f"0 to {len(self.columns) - 1}")
+            )
+
     def fit(self, table: SegmentTable) -> NoReturn:
         """Not possible: only what prediction needs was stored."""
         raise InvalidInput(Fault("stored corrector cannot be fitted", "fit", fix="fit a new ForecastModel"))
@@ -154,6 +161,9 @@ def corrector_of_parts(about: Mapping[str, Any], parts: Mapping[str, Arrays]) ->
         arrays = dict(parts[about["arrays"]])
         corrector.shape = arrays.pop(_SHAPE)
         corrector.model.load_arrays(arrays)
+        if corrector.shape.shape != corrector.model.weights_.shape:
+            got, allowed = f"{corrector.shape.shape}", f"{corrector.model.weights_.shape}"
+            raise InvalidInput(Fault("wrong shape of an array", f"{about['arrays']}, shape", got, allowed))
         return corrector
     if kind == "transferred":
         base = members_of_parts(about["base"], parts)

@@ -10,7 +10,7 @@ parts are found by maximum a posteriori of the marginal likelihood (Rasmussen an
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Self
 
@@ -223,7 +223,16 @@ class AdditiveGP:
         return arrays
 
     def load_arrays(self, arrays: dict[str, npt.NDArray[Any]]) -> Self:
-        """Reverse of `to_arrays`, on a model made with the same settings."""
+        """Reverse of `to_arrays`, on a model made with the same settings.
+
+        Raises
+        ------
+        InvalidInput
+            When an array is missing, of another shape than the terms need, or not finite.
+        """
+        faults = list(self._array_faults(arrays))
+        if faults:
+            raise InvalidInput(faults)
         names = [str(c) for c in arrays["columns"]]
         self.weights_, self.factor_, self.variances_ = (
             arrays["weights"],
@@ -237,6 +246,37 @@ class AdditiveGP:
         self.points_ = {i: arrays[f"points{i}"] for i in smooth}
         self.whiteners_ = {i: arrays[f"whitener{i}"] for i in smooth}
         return self
+
+    def _array_faults(self, arrays: Mapping[str, npt.NDArray[Any]]) -> Iterator[Fault]:
+        """Every reason why arrays are not those of a model with these terms."""
+        smooth = [i for i, term in enumerate(self.terms) if term.kind == "smooth"]
+        n_columns = len({c for term in self.terms for c in term.columns})
+        points = {i: arrays.get(f"points{i}", np.empty(0)) for i in smooth}
+        n = len(self.terms) - len(smooth) + sum(len(p) for p in points.values() if p.ndim)
+        shapes: dict[str, tuple[int, ...]] = {
+            "weights": (n,),
+            "factor": (n, n),
+            "variances": (len(self.terms) + (1 if self.share_column is None else 2),),
+            "columns": (n_columns,),
+            "means": (n_columns,),
+            "sds": (n_columns,),
+            "ranges": (n_columns, 2),
+        }
+        for i in smooth:
+            rows = len(points[i]) if points[i].ndim else 0
+            shapes |= {f"points{i}": (rows, len(self.terms[i].columns)), f"whitener{i}": (rows, rows)}
+        for name, shape in shapes.items():
+            values = arrays.get(name)
+            kind = "U" if name == "columns" else "f"
+            if values is None or values.shape != shape or values.dtype.kind != kind:
+                got = "nothing" if values is None else f"{values.dtype} of shape {values.shape}"
+                yield Fault("wrong shape of an array", f"Gaussian process, {name}", got, f"{shape}")
+            elif kind == "f" and not np.isfinite(values).all():
+                yield Fault(
+                    "not a finite number", f"Gaussian process, {name}", "nan or inf", "finite numbers"
+                )
+            elif name == "sds" and not (values > 0.0).all():
+                yield Fault("not positive", "Gaussian process, sds", f"{values.min():g}", "more than 0")
 
     def _check(self, X: pd.DataFrame) -> None:
         wanted = {c for term in self.terms for c in term.columns} | ({self.share_column} - {None})

@@ -6,7 +6,7 @@ last bit: the same comparisons, the same values, added in the same order.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Self
 
@@ -21,6 +21,10 @@ _ZERO_IS_MISSING, _NAN_IS_MISSING = 4, 8
 _ZERO: Final = 1e-35
 """LightGBM takes smaller values for zero."""
 _FIELDS: Final = ("split_feature", "threshold", "decision", "left", "right", "leaf_value")
+_MOST_NODES: Final = 5_000_000
+"""Splits of all trees together; a forest of 500 trees of 255 leaves has 127,000."""
+_MOST_SPLITS: Final = 20_000
+"""Splits of one tree, which bound the steps to a leaf."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +82,50 @@ class TreeTable:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
-        """Reverse of `to_arrays`."""
-        return cls(**{name: arrays[name] for name in _FIELDS})
+        """Reverse of `to_arrays`.
+
+        Raises
+        ------
+        InvalidInput
+            When the arrays do not make trees: missing, of another shape or type, not finite, or with a split that does
+            not lead to a later split or a leaf of its tree, so that a row might never reach a leaf.
+        """
+        missing = [name for name in _FIELDS if name not in arrays]
+        if missing:
+            raise InvalidInput([Fault("missing array of the trees", "trees", name) for name in missing])
+        found = cls(**{name: arrays[name] for name in _FIELDS})
+        faults = list(found._faults())
+        if faults:
+            raise InvalidInput(faults)
+        return found
+
+    def _faults(self) -> Iterator[Fault]:
+        """Every reason why the arrays are no trees. O(splits)."""
+        shape = self.split_feature.shape
+        if len(shape) != 2 or not (
+            shape[1] <= _MOST_SPLITS and self.split_feature.size <= _MOST_NODES and shape[1] >= 1
+        ):
+            yield Fault("wrong shape of trees", "trees, split_feature", f"{shape}", "(trees, splits)")
+            return
+        for name in _FIELDS:
+            values = getattr(self, name)
+            expected = (shape[0], shape[1] + (name == "leaf_value"))
+            kinds = "f" if name in ("threshold", "leaf_value") else "i"
+            if values.shape != expected or values.dtype.kind != kinds:
+                got = f"{values.dtype} of shape {values.shape}"
+                allowed = f"{'float' if kinds == 'f' else 'int'} of shape {expected}"
+                yield Fault("wrong shape of trees", f"trees, {name}", got, allowed)
+            elif kinds == "f" and not np.isfinite(values).all():
+                yield Fault("not a finite number", f"trees, {name}", "nan or inf", "finite numbers")
+            elif name in ("left", "right"):
+                # a child that is a split comes later than its parent, so that every path ends
+                own = np.arange(shape[1])
+                if (
+                    (values < -1 - shape[1]) | (values >= shape[1]) | ((values >= 0) & (values <= own))
+                ).any():
+                    yield Fault("split leads back", f"trees, {name}", "a cycle", "a later split or a leaf")
+            elif name == "split_feature" and (values < 0).any():
+                yield Fault("wrong column of a split", f"trees, {name}", f"{values.min()}", "0 or more")
 
     def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
         """The fields by name."""

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.routes.links import FASTEST_LINK_M_S
 from tripwatt.routes.points import (
     a_list,
@@ -135,7 +135,7 @@ def _collect(
     elif kind in ("Point", "MultiPoint", "Polygon", "MultiPolygon"):
         return 1
     else:
-        raise InvalidInput(Fault("not GeoJSON", f"{where}, type", repr(kind)[:60], "a GeoJSON type"))
+        raise InvalidInput(Fault("not GeoJSON", f"{where}, type", excerpt(kind), "a GeoJSON type"))
     found = [coordinates(part, f"{where}, coordinates") for part in parts]
     texts = _texts(properties, sum(map(len, found)), where)
     speed = _speed(properties, where)
@@ -166,7 +166,7 @@ def _texts(properties: dict[str, Any], number: int, where: str) -> list[str]:
     wrong = next((t for t in flat if not isinstance(t, str | None)), None)
     if wrong is not None:
         raise InvalidInput(
-            Fault("invalid time", where, repr(wrong)[:40], "ISO 8601, such as 2026-05-01T08:00:00Z")
+            Fault("invalid time", where, excerpt(wrong, 40), "ISO 8601, such as 2026-05-01T08:00:00Z")
         )
     return [t or "" for t in flat]
 

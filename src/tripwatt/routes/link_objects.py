@@ -12,12 +12,9 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import MOST_FAULTS, MOST_HINTS, Fault, InvalidInput, excerpt, first_faults
 from tripwatt.routes.links import FLAT_ROAD, MOST_LINKS, LinkRoute
 from tripwatt.trips import LINK_COLUMNS, Flag, raise_faults
-
-MOST_FAULTS: Final = 50
-"""So many faults of links are named; of the rest the number."""
 
 STEEPEST_LINK: Final = LINK_COLUMNS["grade"].maximum
 """Largest grade of a link; the steepest streets of the world have 0.35."""
@@ -142,7 +139,7 @@ def columns_one_by_one(links: Sequence[Mapping[str, float | None]]) -> dict[str,
     rows = [_row(link, f"link {k}", faults) for k, link in enumerate(links[:MOST_LINKS], start=1)]
     if len(links) > MOST_LINKS:
         faults.append(Fault("too many links", "links", f"more than {MOST_LINKS}", f"at most {MOST_LINKS}"))
-    raise_faults(_some(faults))
+    raise_faults(first_faults(faults, "links"))
     if not rows:
         raise InvalidInput(Fault("no links", "links", "0", "at least one link"))
     return {name: np.array([row.get(name, np.nan) for row in rows]) for name in LINK_KEYS}
@@ -177,23 +174,22 @@ def harmless(key: str) -> float:
     return 0.0 if key in ("grade", "stop_s") else 1.0
 
 
-def _some(faults: list[Fault]) -> list[Fault]:
-    """All faults, or the first ones and how many more there are."""
-    if len(faults) <= MOST_FAULTS:
-        return faults
-    return [*faults[:MOST_FAULTS], Fault("further faults", "links", f"{len(faults) - MOST_FAULTS} more")]
-
-
 def _row(link: Mapping[str, float | None], where: str, faults: list[Fault]) -> dict[str, float]:
     if not isinstance(link, Mapping):
-        faults.append(Fault("not a link", where, repr(link)[:60], "an object with length_m and speed_m_s"))
+        faults.append(Fault("not a link", where, excerpt(link), "an object with length_m and speed_m_s"))
         return {}
     row: dict[str, float] = {}
+    unknown = [key for key in link if key not in LINK_KEYS]
+    for key in unknown[:MOST_FAULTS]:
+        hint = unit_hint(key) if len(faults) < MOST_HINTS else ""
+        faults.append(Fault("unknown key", where, excerpt(key), ALLOWED_KEYS, hint))
+    if len(unknown) > MOST_FAULTS:
+        faults.append(Fault("unknown key", where, f"{len(unknown) - MOST_FAULTS} more", ALLOWED_KEYS))
     for key, value in link.items():
         if key not in LINK_KEYS:
-            faults.append(Fault("unknown key", where, repr(key)[:60], ALLOWED_KEYS, unit_hint(key)))
-        elif isinstance(value, bool) or not isinstance(value, int | float | None):
-            faults.append(Fault("not a number", f"{where}, {key}", repr(value)[:60], "a number"))
+            continue
+        if isinstance(value, bool) or not isinstance(value, int | float | None):
+            faults.append(Fault("not a number", f"{where}, {key}", excerpt(value), "a number"))
             row[key] = harmless(key)
         elif value is not None:
             row[key] = _finite(value, f"{where}, {key}", faults)
@@ -229,7 +225,7 @@ def _finite(value: float, where: str, faults: list[Fault]) -> float:
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
-        faults.append(Fault("not a finite number", where, repr(value)[:60], "a finite number"))
+        faults.append(Fault("not a finite number", where, excerpt(value), "a finite number"))
         return harmless(where.rpartition(", ")[2])
     return number
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import csv
 import io
 import itertools
+from collections import Counter
 from typing import Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import MOST_FAULTS, MOST_HINTS, Fault, InvalidInput, excerpt, first_faults
 from tripwatt.routes.link_objects import (
     ALLOWED_KEYS,
     LINK_KEYS,
-    MOST_FAULTS,
     harmless,
     route_from_links,
     unit_hint,
@@ -55,14 +55,25 @@ def route_from_table(data: bytes, where: str = "links") -> LinkRoute:
         rows = list(itertools.islice(reader, 1, MOST_LINKS + 3))
     except (UnicodeDecodeError, csv.Error) as error:
         raise InvalidInput(Fault("not a table", where, str(error)[:120], "CSV in UTF-8")) from error
-    faults = [
-        Fault("unknown column", f"{where}, column {name[:40]!r}", name[:40], ALLOWED_KEYS, unit_hint(name))
-        for name in names
-        if name not in LINK_KEYS
-    ]
+    unknown = [name for name in names if name not in LINK_KEYS]
+    faults = first_faults(
+        [
+            Fault(
+                "unknown column",
+                f"{where}, column {name[:40]!r}",
+                name[:40],
+                ALLOWED_KEYS,
+                unit_hint(name) if k < MOST_HINTS else "",
+            )
+            for k, name in enumerate(unknown)
+        ],
+        where,
+    )
+    counts = Counter(name for name in names if name in LINK_KEYS)
     faults += [
-        Fault("duplicate column", f"{where}, column {name!r}", f"{names.count(name)} times", "once")
-        for name in sorted({n for n in names if n in LINK_KEYS and names.count(n) > 1})
+        Fault("duplicate column", f"{where}, column {name!r}", f"{count} times", "once")
+        for name, count in sorted(counts.items())
+        if count > 1
     ]
     if "length_m" not in names:
         faults.append(Fault("missing column", where, ", ".join(names)[:120], "length_m"))
@@ -102,6 +113,6 @@ def _number(cell: str, name: str, where: str, delimiter: str, faults: list[Fault
     try:
         return float(text if delimiter == "," else text.replace(",", "."))
     except ValueError:
-        got = repr(text)[:60]
+        got = excerpt(text)
         faults.append(Fault("not a number", f"{where}, {name}", got, "a number, or an empty cell"))
         return harmless(name)

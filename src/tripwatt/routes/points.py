@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.files import read_file
 
 EARTH_RADIUS_M: Final = 6_371_008.8
 """Mean radius of the earth (IUGG, GRS 80)."""
@@ -119,14 +120,8 @@ def content(source: bytes | str | Path, where: str | None = None) -> tuple[bytes
         size = len(data)
     else:
         path = Path(source)
-        name = where or path.name
-        try:
-            size = path.stat().st_size
-            data = path.read_bytes() if size <= MOST_BYTES else b""
-        except (OSError, ValueError) as error:
-            raise InvalidInput(
-                Fault("cannot read the file", str(path), str(error), "a readable file")
-            ) from error
+        data, name = read_file(path, MOST_BYTES), where or path.name
+        size = len(data)
     if size > MOST_BYTES:
         raise InvalidInput(Fault("file too large", name, f"{size} bytes", f"at most {MOST_BYTES} bytes"))
     return data, name
@@ -215,4 +210,4 @@ def _excerpt(value: Any) -> str:
         return f"{'an object' if isinstance(value, dict) else 'a list'} of {len(value)}"
     if isinstance(value, int) and not isinstance(value, bool) and abs(value) > 10**18:
         return "a number without end"
-    return repr(value)[:60]
+    return excerpt(value)

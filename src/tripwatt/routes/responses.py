@@ -17,7 +17,8 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.files import file_head
 from tripwatt.routes.geojson import track_from_geojson
 from tripwatt.routes.gpx import read_gpx
 from tripwatt.routes.link_objects import LINK_KEYS, route_from_links
@@ -118,7 +119,7 @@ def route_from_osrm(response: Mapping[str, Any], where: str = "OSRM response") -
     """
     if response.get("code", "Ok") != "Ok":
         raise InvalidInput(
-            Fault("the router found no route", where, repr(response.get("code"))[:60], "code Ok")
+            Fault("the router found no route", where, excerpt(response.get("code")), "code Ok")
         )
     route, flags = _first(response.get("routes"), f"{where}, routes")
     pieces = _Pieces()
@@ -178,11 +179,13 @@ def route_from_valhalla(response: Mapping[str, Any], where: str = "Valhalla resp
     trip = an_object(response.get("trip"), f"{where}, trip")
     if trip.get("status", 0) != 0:
         raise InvalidInput(
-            Fault("the router found no route", where, repr(trip.get("status_message"))[:80], "status 0")
+            Fault("the router found no route", where, excerpt(trip.get("status_message"), 80), "status 0")
         )
     units = trip.get("units", "kilometers")
     if units not in ("kilometers", "miles"):
-        raise InvalidInput(Fault("unknown unit", f"{where}, units", repr(units)[:40], "kilometers or miles"))
+        raise InvalidInput(
+            Fault("unknown unit", f"{where}, units", excerpt(units, 40), "kilometers or miles")
+        )
     metres, height_unit = (1000.0, 1.0) if units == "kilometers" else (M_PER_MILE, M_PER_FOOT)
     pieces, places, heights, driven, complete = _Pieces(), [], [], 0.0, True
     for k, entry in enumerate(a_list(trip.get("legs"), f"{where}, legs", least=1)):
@@ -218,7 +221,9 @@ def route_from_openrouteservice(
         When it is not one, or an error.
     """
     if "error" in response:
-        raise InvalidInput(Fault("the router found no route", where, repr(response["error"])[:120], "routes"))
+        raise InvalidInput(
+            Fault("the router found no route", where, excerpt(response["error"], 120), "routes")
+        )
     heights = None
     metres = _openrouteservice_unit(response, where)
     if "features" in response:
@@ -248,7 +253,7 @@ def _openrouteservice_unit(response: Mapping[str, Any], where: str) -> float:
     units = query.get("units", "m") if isinstance(query, dict) else "m"
     if not isinstance(units, str) or units.lower() not in ORS_UNITS_M:
         fault = Fault(
-            "unknown unit", f"{where}, metadata, query, units", repr(units)[:40], ", ".join(ORS_UNITS_M)
+            "unknown unit", f"{where}, metadata, query, units", excerpt(units, 40), ", ".join(ORS_UNITS_M)
         )
         raise InvalidInput(fault)
     return ORS_UNITS_M[units.lower()]
@@ -264,7 +269,7 @@ def route_from_graphhopper(response: Mapping[str, Any], where: str = "GraphHoppe
     """
     if "paths" not in response and "message" in response:
         raise InvalidInput(
-            Fault("the router found no route", where, repr(response["message"])[:120], "paths")
+            Fault("the router found no route", where, excerpt(response["message"], 120), "paths")
         )
     path, flags = _first(response.get("paths"), f"{where}, paths")
     points = _graphhopper_points(path, where)
@@ -427,11 +432,9 @@ def is_route(path: Path | str) -> bool:
     path = Path(path)
     if path.suffix.lower() in ROUTE_SUFFIXES:
         return path.is_file()
-    try:
-        with path.open("rb") as file:
-            head = file.read(4096)
-    except OSError:
+    if not path.is_file():
         return False
+    head = file_head(path)
     return head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"<", b"{", b"[") or is_links_table(head)
 
 

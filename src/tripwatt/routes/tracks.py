@@ -24,6 +24,7 @@ from tripwatt.routes.points import (
     require_on_earth,
 )
 from tripwatt.trips import COLUMNS, Departure, Flag, Plan, raise_faults, table_of
+from tripwatt.trips.gaps import SHORTEST_GAP_S
 from tripwatt.units import M_S_PER_KM_H
 
 DENSE_STEP_S: Final = 5.0
@@ -37,6 +38,9 @@ STANDING_M_S: Final = 0.5
 
 TRACK_LINK_M: Final = 100.0
 """Points of a sparse or timeless track are joined until a link has this length."""
+
+MOST_IN_GAPS: Final = 0.25
+"""Largest share of the way of a logged track that may lie in gaps between its points."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -224,6 +228,26 @@ def route_from_track(track: Track, speed_m_s: float | None = None) -> LinkRoute:
     return LinkRoute(length, seconds, none, none, position, height, (*flags, *more))
 
 
+def _moving_gaps(time_s: FloatArray, driven_m: FloatArray) -> tuple[Flag, ...]:
+    """The flag of a logged track with gaps in which the car moved, such as tunnels: its mean speed bridges them.
+
+    Raises
+    ------
+    InvalidInput
+        When the gaps take more than `MOST_IN_GAPS` of the way.
+    """
+    step, way = np.diff(time_s), np.diff(driven_m)
+    gaps = (step > SHORTEST_GAP_S) & (way >= STANDING_M_S * step)
+    if not gaps.any():
+        return ()
+    share = float(way[gaps].sum() / driven_m[-1])
+    if share > MOST_IN_GAPS:
+        got = f"{share:.0%} of the way in gaps of up to {step[gaps].max():g} s"
+        allowed = f"at most {MOST_IN_GAPS:.0%} in gaps over {SHORTEST_GAP_S:g} s"
+        raise InvalidInput(Fault("gaps in the track", "track", got, allowed, "give the whole track"))
+    return (Flag("gap_bridged", "speed_m_s", float(step[gaps].sum()), "s"),)
+
+
 def _join(step: FloatArray, time: FloatArray, kind: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     """First piece of each link; a link ends when it is long enough, or where the speed of the pieces changes."""
     first, driven, spent = [0], 0.0, 0.0
@@ -301,6 +325,7 @@ def plan_from_track(
     columns = {"time_s": time, "speed_m_s": speed}
     if position is not None and height is not None:
         columns["elevation_m"] = np.interp(np.interp(time, known_s, driven), position, height)
+    flags += _moving_gaps(known_s, driven)
     departure = Departure(started_at=track.started_at)
     plan = Plan.from_samples(trip_id, table_of(columns), departure, flags=(*track.flags, *flags))
     return replace(plan, step_s=step_s)

@@ -14,24 +14,24 @@ from fastapi import FastAPI, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from prometheus_client import CONTENT_TYPE_LATEST
 from starlette.exceptions import HTTPException
+from starlette.middleware.gzip import GZipMiddleware
 from starlette.responses import StreamingResponse
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 import tripwatt
-from tripwatt.errors import Fault
+from tripwatt.errors import Fault, excerpt
 from tripwatt.forecasting import load_metadata, load_model
 from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.service import openapi, schemas
-from tripwatt.service.batching import forecast_lines, split_lines
-from tripwatt.service.compression import CompressionMiddleware
+from tripwatt.service.batching import LineSplitter, forecast_lines
 from tripwatt.service.journey_schemas import MapResponse
 from tripwatt.service.metrics import Metrics
 from tripwatt.service.middleware import ServiceMiddleware
 from tripwatt.service.openapi import JSON, NDJSON
 from tripwatt.service.pool import WorkerPool
 from tripwatt.service.problems import MEDIA_TYPE, Problem, invalid_input
-from tripwatt.service.receiving import read_body, require_accepts
+from tripwatt.service.receiving import Arrivals, require_accepts
 from tripwatt.service.settings import Settings
 
 PAGE: Final = Path(__file__).with_name("page")
@@ -42,6 +42,12 @@ BATCH_TYPES: Final = (NDJSON, "application/jsonl", "application/ndjson")
 
 PROBLEM_KINDS: Final = {400: "bad-request", 404: "not-found", 405: "method-not-allowed"}
 """HTTP status of an error of the framework -> kind of problem."""
+
+MIN_GZIP_BYTES: Final = 1000
+"""Smaller bodies fit into one packet without compression."""
+
+GZIP_LEVEL: Final = 4
+"""Higher levels take longer and hardly shrink series of numbers further."""
 
 Log = Callable[..., None]
 
@@ -137,7 +143,8 @@ def create_app(settings: Settings | None = None, log: Log = lambda **record: Non
     """
     settings = settings or Settings()
     api = Api(settings, log)
-    return ServiceMiddleware(CompressionMiddleware(api.app), settings, api.metrics, log)
+    packed = GZipMiddleware(api.app, minimum_size=MIN_GZIP_BYTES, compresslevel=GZIP_LEVEL)
+    return ServiceMiddleware(packed, settings, api.metrics, log)
 
 
 class Api:
@@ -157,7 +164,8 @@ class Api:
         self.metrics.set_pool_gauges(
             lambda: self.pool.waiting, lambda: self.pool.ready, lambda: self.pool.lost
         )
-        self.running_batches = self.arriving_bodies = 0
+        self.running_batches = 0
+        self.bodies, self.batch_bodies = Arrivals(settings.limits.bodies), Arrivals(settings.limits.batches)
         self.vehicles: bytes | None = None
         self.map: bytes | None = None
         self.examples: ExampleDocuments | None = None
@@ -215,7 +223,7 @@ class Api:
         async def on_parameters(request: Request, error: Exception) -> Response:
             assert isinstance(error, RequestValidationError)
             faults = [
-                Fault(e["msg"], ".".join(map(str, e["loc"])), repr(e.get("input"))[:80])
+                Fault(e["msg"], ".".join(map(str, e["loc"])), excerpt(e.get("input"), 80))
                 for e in error.errors()
             ]
             return invalid_input(faults).response(request_id(request))
@@ -262,16 +270,19 @@ class Api:
         """Forecast many trips: one request per line in, one forecast or problem per line out, in the same order."""
         require_accepts(request, NDJSON)
         limits = self.settings.limits
-        if self.running_batches >= limits.batches:
-            raise Problem("busy", "too many batches", headers={"Retry-After": "5"})
+        self._require_place_for_batch()
+        splitter = LineSplitter(limits.batch)
+        await self.batch_bodies.read(
+            request, BATCH_TYPES, limits.batch_bytes, limits.body_timeout_s, splitter.take
+        )
+        lines = splitter.lines()
+        self._require_place_for_batch()  # another body may have been faster
         self.running_batches += 1
-        try:
-            body = await read_body(request, BATCH_TYPES, limits.batch_bytes, limits.body_timeout_s)
-            lines = split_lines(body, limits)
-        except BaseException:
-            self._end_batch()
-            raise
         return BatchResponse(forecast_lines(lines, self.pool, self.metrics), self._end_batch)
+
+    def _require_place_for_batch(self) -> None:
+        if self.running_batches >= self.settings.limits.batches:
+            raise Problem("busy", "too many batches", headers={"Retry-After": "5"})
 
     def _end_batch(self) -> None:
         self.running_batches -= 1
@@ -366,16 +377,14 @@ class Api:
         return Response(self.metrics.render(), media_type=CONTENT_TYPE_LATEST)
 
     async def _body(self, request: Request, media_types: Sequence[str]) -> bytes:
-        """Read the body of a request for a job, unless too many requests wait or arrive already."""
+        """Read the body of a request for a job, unless too many requests wait already."""
         limits = self.settings.limits
         require_accepts(request, JSON)
-        if self.pool.waiting >= limits.waiting or self.arriving_bodies >= limits.bodies:
+        if self.pool.waiting >= limits.waiting:
             raise Problem("busy", "too many requests wait", headers={"Retry-After": "1"})
-        self.arriving_bodies += 1
-        try:
-            return await read_body(request, media_types, limits.body_bytes, limits.body_timeout_s)
-        finally:
-            self.arriving_bodies -= 1
+        parts: list[bytes] = []
+        await self.bodies.read(request, media_types, limits.body_bytes, limits.body_timeout_s, parts.append)
+        return parts[0] if len(parts) == 1 else b"".join(parts)
 
     async def _job(self, request: Request, job: dict[str, Any], body: bytes) -> Response:
         result = await self.pool.run(job, body)

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import difflib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 import pandas as pd
+from pydantic import ValidationError
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.forecasting import (
     Forecast,
     ForecastModel,
@@ -30,11 +33,14 @@ from tripwatt.service.journey_schemas import PlanRequest, ReachRequest
 from tripwatt.service.journeys import JourneyJobs
 from tripwatt.service.library import columns_of, examples, links_of, vehicles
 from tripwatt.service.schemas import (
+    Elevation,
     ForecastRequest,
+    RequestModel,
     UpdateRequest,
+    check_request,
+    parse_json,
     parse_links,
     parse_observed,
-    parse_request,
     parse_samples,
     require_duration,
 )
@@ -42,7 +48,16 @@ from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import canonical_of_text
 from tripwatt.synthetic import example_trip
 from tripwatt.transfer.zero_shot import on_vehicle
-from tripwatt.trips import ASKED, Departure, Flag, Plan, plan_from_samples
+from tripwatt.trips import (
+    ASKED,
+    Departure,
+    Flag,
+    Plan,
+    gap_flags,
+    plan_from_samples,
+    raise_faults,
+    time_faults,
+)
 from tripwatt.trips.messages import flag_to_dict
 from tripwatt.vehicles import vehicle_names
 
@@ -115,61 +130,97 @@ class Jobs:
 
     def forecast(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `ForecastRequest`."""
-        request = parse_request(body, ForecastRequest)
-        return require_finite(self._forecast(request).to_dict(request.reserve))
+        document = parse_json(body)
+        with collected_faults() as check:
+            request = check(lambda: check_request(document, ForecastRequest))
+            forecast = self._checked(document, check)
+        return require_finite(forecast(request).to_dict(request.reserve))
 
     def update(self, body: bytes) -> dict[str, Any]:
         """Return the response to an `UpdateRequest`."""
-        request = parse_request(body, UpdateRequest)
-        observed = parse_observed(request.observed, self.limits)
-        return require_finite(self._forecast(request).update(observed).to_dict(request.reserve))
-
-    def _forecast(self, request: ForecastRequest) -> Forecast:
-        model, flags = self._model(request)
-        departure = Departure(**{name: getattr(request, name) for name in ASKED})
-        forecast = model.forecast(self._plan(request), departure)
-        return replace(forecast, flags=(*flags, *forecast.flags)) if flags else forecast
+        document = parse_json(body)
+        with collected_faults() as check:
+            request = check(lambda: check_request(document, UpdateRequest))
+            forecast = self._checked(document, check)
+            if isinstance(document, dict) and "observed" in document:
+                observed = check(lambda: parse_observed(document["observed"], self.limits))
+        return require_finite(forecast(request).update(observed).to_dict(request.reserve))
 
     def plan(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `PlanRequest`."""
-        request = parse_request(body, PlanRequest)
-        found = self.journeys.plan(request, *self._model(request))
+        found = self.journeys.plan(*self._journey(body, PlanRequest))
         for road in found["roads"]:
             require_finite(road["forecast"])
         return found
 
     def reach(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `ReachRequest`."""
-        request = parse_request(body, ReachRequest)
-        return self.journeys.reach(request, *self._model(request))
+        return self.journeys.reach(*self._journey(body, ReachRequest))
 
-    def _model(
-        self, request: ForecastRequest | PlanRequest | ReachRequest
-    ) -> tuple[ForecastModel, tuple[Flag, ...]]:
+    def _journey(
+        self, body: bytes, kind: type[RequestModel]
+    ) -> tuple[RequestModel, ForecastModel, tuple[Flag, ...]]:
+        """The request of a body, and the model for its car."""
+        document = parse_json(body)
+        with collected_faults() as check:
+            request = check(lambda: check_request(document, kind))
+            model = check(lambda: self._model(document if isinstance(document, dict) else {}))
+        return request, *model
+
+    def _checked(self, document: Any, check: Check) -> Callable[[ForecastRequest], Forecast]:
+        """Check the trip, the model and the car of a request, whatever else is wrong with it.
+
+        Returns
+        -------
+        callable
+            Makes the forecast of the request.
+        """
+        plan = model = None
+        if isinstance(document, dict):
+            plan = check(lambda: self._plan(document))
+            model = check(lambda: self._model(document))
+
+        def forecast(request: ForecastRequest) -> Forecast:
+            assert plan is not None
+            assert model is not None
+            departure = Departure(**{name: getattr(request, name) for name in ASKED})
+            found = model[0].forecast(replace(plan, trip_id=request.trip), departure)
+            return replace(found, flags=(*model[1], *found.flags)) if model[1] else found
+
+        return forecast
+
+    def _model(self, document: Mapping[str, Any]) -> tuple[ForecastModel, tuple[Flag, ...]]:
         """The model of a request for the car of the request, with the flags of its transfer."""
-        name = next(iter(self.models)) if request.model is None else request.model
-        if name not in self.models:
-            raise InvalidInput(Fault("unknown model", "model", repr(name), ", ".join(self.models)))
+        name, vehicle = document.get("model"), document.get("vehicle")
+        name = next(iter(self.models)) if name is None else name
+        faults = []
+        if isinstance(name, str) and name not in self.models:
+            faults.append(_unknown("model", name, list(self.models)))
+        # only names of the library, never a path of a file
+        if isinstance(vehicle, str) and vehicle not in (
+            *vehicle_names(),
+            *(m.vehicle.name for m in self.models.values()),
+        ):
+            faults.append(_unknown("car", vehicle, vehicle_names(), "vehicle"))
+        if faults or not isinstance(name, str) or not isinstance(vehicle, str | None):
+            raise InvalidInput(faults)  # another type is a fault of its field
         model = self.models[name]
-        if request.vehicle in (None, model.vehicle.name):
+        if vehicle in (None, model.vehicle.name):
             return model, ()
-        if request.vehicle not in vehicle_names():  # only names of the library, never a path of a file
-            raise InvalidInput(
-                Fault("unknown car", "vehicle", repr(request.vehicle), ", ".join(vehicle_names()))
-            )
-        if (name, request.vehicle) not in self.transferred:
-            self.transferred[name, request.vehicle] = on_vehicle(model, request.vehicle)
-        return self.transferred[name, request.vehicle]
+        if vehicle not in vehicle_names():
+            raise InvalidInput(_unknown("car", vehicle, vehicle_names(), "vehicle"))
+        if (name, vehicle) not in self.transferred:
+            self.transferred[name, vehicle] = on_vehicle(model, vehicle)
+        return self.transferred[name, vehicle]
 
-    def _plan(self, request: ForecastRequest) -> Plan:
-        if (request.samples is None) == (request.links is None):
-            got = "neither" if request.samples is None else "both"
+    def _plan(self, document: Mapping[str, Any]) -> Plan:
+        samples, links = document.get("samples"), document.get("links")
+        if (samples is None) == (links is None):
+            got = "neither" if samples is None else "both"
             raise InvalidInput(Fault("no single trip", "samples, links", got, "either samples or links"))
-        if request.samples is not None:
-            return plan_from_samples(parse_samples(request.samples, self.limits), request.trip)
-        return plan_from_route(
-            parse_links(request.links, request.elevation, self.limits), trip_id=request.trip
-        )
+        if samples is not None:
+            return plan_from_samples(parse_samples(samples, self.limits), "samples")
+        return plan_from_route(parse_links(links, _elevation(document.get("elevation")), self.limits))
 
     def route(self, body: bytes, speed_m_s: float | None) -> dict[str, Any]:
         """Read an upload and return it as fields of a `ForecastRequest`.
@@ -188,7 +239,8 @@ class Jobs:
         if isinstance(route, Track):
             if route.is_log and route.time_s is not None:
                 require_duration(float(route.time_s[-1]), "upload", self.limits)
-                return self._route_response(plan_from_route(route).samples, route.flags)
+                plan = plan_from_route(route)
+                return self._route_response(plan.samples, plan.flags)
             route = route_from_track(route, speed_m_s)
         if len(route) > self.limits.links:
             raise InvalidInput(
@@ -213,6 +265,8 @@ class Jobs:
             allowed = f"at most {self.limits.samples}"
             raise InvalidInput(Fault("too many samples", "upload", f"{len(samples)}", allowed))
         require_duration(float(time[-1] - time[0]), "upload", self.limits)
+        raise_faults(time_faults(time, "upload"))
+        flags = flags or gap_flags(time)
         return {
             "samples": columns_of(samples),
             "links": None,
@@ -231,6 +285,65 @@ class Jobs:
                 for row in vehicles()
             ]
         }
+
+
+Checked = TypeVar("Checked")
+
+
+class Check:
+    """Run checks of one input, and collect the faults of all."""
+
+    def __init__(self) -> None:
+        self.faults: list[Fault] = []
+        self.failed = False
+
+    def __call__(self, check: Callable[[], Checked]) -> Checked:
+        """Return the result of a check; where it fails, nothing that `collected_faults` lets through."""
+        try:
+            return check()
+        except InvalidInput as error:
+            self.failed = True
+            self.faults.extend(error.faults)
+            return cast(Checked, None)
+
+
+@contextmanager
+def collected_faults() -> Iterator[Check]:
+    """Collect the faults of several checks.
+
+    Raises
+    ------
+    InvalidInput
+        At the end of the block, with the faults of all checks.
+
+    Examples
+    --------
+    >>> with collected_faults() as check:
+    ...     check(lambda: parse_links(1, None, Limits()))
+    ...     check(lambda: parse_links(2, None, Limits()))
+    Traceback (most recent call last):
+    ...
+    tripwatt.errors.InvalidInput: not a list: links: got 1; allowed: a list of objects
+    not a list: links: got 2; allowed: a list of objects
+    """
+    check = Check()
+    yield check
+    if check.failed:
+        raise InvalidInput(dict.fromkeys(check.faults))
+
+
+def _unknown(what: str, name: str, known: Sequence[str], where: str = "") -> Fault:
+    near = difflib.get_close_matches(name[:60], known, n=1)
+    fix = f"did you mean {near[0]}?" if near else ""
+    return Fault(f"unknown {what}", where or what, excerpt(name), ", ".join(known), fix)
+
+
+def _elevation(value: Any) -> Elevation | None:
+    """The elevation of a request, None where it is missing or wrong: `check_request` names its faults."""
+    try:
+        return None if value is None else Elevation.model_validate(value)
+    except ValidationError:
+        return None
 
 
 JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[str, Any]]]] = MappingProxyType(

@@ -203,6 +203,8 @@ class _RequestHandling:
         try:
             try:
                 middleware.check(self.scope, self.headers)
+                if self.scope["method"] == "HEAD":  # as GET; the server leaves out the body
+                    self.scope = {**self.scope, "method": "GET", "was_head": True}
                 await middleware.app(self.scope, receive, send_on)
             except Problem as problem:
                 await self._respond(problem, receive, send_on)
@@ -229,7 +231,8 @@ class _RequestHandling:
     def _log(self, error: str) -> None:
         seconds = time.perf_counter() - self.started
         route = getattr(self.scope.get("route"), "path", "") or "other"
-        method = self.scope["method"] if self.scope["method"] in KNOWN_METHODS else "other"
+        given = "HEAD" if self.scope.get("was_head") else self.scope["method"]
+        method = given if given in KNOWN_METHODS else "other"
         metrics = self.middleware.metrics
         metrics.requests.labels(route, method, str(self.status)).inc()
         metrics.duration.labels(route).observe(seconds)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import signal
 import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -23,8 +24,14 @@ START_TIMEOUT_S: Final = 120.0
 STOP_TIMEOUT_S: Final = 5.0
 """Longest time that a worker may take to end by itself."""
 
-MAX_ATTEMPTS: Final = 3
-"""Workers that may be lost with one job before the job fails, because the job may be the cause."""
+MAX_ATTEMPTS: Final = 4
+"""Workers that may be lost with one job before the client has to ask again."""
+
+MAX_CRASHES: Final = 2
+"""Workers that may crash in one job before the job fails: it is probably the cause, and would end every worker."""
+
+KILL_SIGNALS: Final = (-signal.SIGKILL, -signal.SIGTERM) if sys.platform != "win32" else ()
+"""Return codes of a worker that was ended from outside, by an operator or for want of memory."""
 
 FIRST_RESTART_DELAY_S: Final = 0.1
 MAX_RESTART_DELAY_S: Final = 10.0
@@ -51,7 +58,17 @@ class JobResult:
 
 
 class WorkerLost(Exception):
-    """The worker ended or was killed before the job was done."""
+    """The worker ended or was killed before the job was done.
+
+    Parameters
+    ----------
+    crashed : bool
+        Whether it ended by itself, so that the job may be the cause.
+    """
+
+    def __init__(self, *, crashed: bool = False) -> None:
+        super().__init__()
+        self.crashed = crashed
 
 
 class Worker:
@@ -115,7 +132,8 @@ class Worker:
             await self.process.stdin.drain()
             return await read_frame_async(self.process.stdout)
         except (asyncio.IncompleteReadError, ConnectionError) as error:
-            raise WorkerLost from error
+            code = await self.process.wait()
+            raise WorkerLost(crashed=code not in KILL_SIGNALS) from error
 
     async def kill(self) -> None:
         """Kill the process and wait for its end."""
@@ -191,12 +209,13 @@ class WorkerPool:
         Raises
         ------
         Problem
-            `busy` when too many jobs wait, `timeout` when it takes too long, `internal` when it ends its workers.
+            `busy` when too many jobs wait or its workers were ended from outside, `timeout` when it takes too long,
+            `internal` when it crashes its workers.
         """
         limits = self.settings.limits
         if not may_queue and self.waiting >= limits.waiting:
             raise Problem("busy", "too many requests wait", headers={"Retry-After": "1"})
-        frame = encode_frame(job, body)
+        frame, crashes = encode_frame(job, body), 0
         try:
             async with asyncio.timeout(limits.timeout_s):
                 for _ in range(MAX_ATTEMPTS):
@@ -205,11 +224,13 @@ class WorkerPool:
                     task = self._keep_task(asyncio.ensure_future(self._run_on(worker, frame)))
                     try:
                         return await asyncio.shield(task)
-                    except WorkerLost:
-                        continue
+                    except WorkerLost as lost:
+                        crashes += lost.crashed
+                        if crashes >= MAX_CRASHES:
+                            raise Problem("internal", "the computation ended without a result") from lost
         except TimeoutError:
             raise Problem("timeout", f"longer than {limits.timeout_s:g} s") from None
-        raise Problem("internal", "the computation ended without a result")
+        raise Problem("busy", "the workers were ended; try again", headers={"Retry-After": "1"})
 
     async def _next_idle(self) -> Worker:
         self.waiting += 1

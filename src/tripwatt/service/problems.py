@@ -30,6 +30,7 @@ TITLES: Final[Mapping[str, tuple[int, str]]] = {
     "too-large": (413, "The body is too large"),
     "media-type": (415, "The media type is not supported"),
     "invalid-input": (422, "The input is invalid"),
+    "head-too-large": (431, "The head of the request is too large"),
     "too-many-requests": (429, "Too many requests"),
     "internal": (500, "Internal error"),
     "no-map": (501, "The service has no map"),

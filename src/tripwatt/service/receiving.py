@@ -3,50 +3,119 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Final
 
 from starlette.requests import ClientDisconnect, Request
 
 from tripwatt.service.problems import Problem
 
+GRACE_S: Final = 0.2
+"""Time for which an arriving body cannot be given up for another one."""
 
-async def read_body(request: Request, media_types: Sequence[str], limit: int, timeout_s: float) -> bytes:
-    """Read the body of a request.
+
+class Arrival:
+    """A body that is arriving: when it began and how much of it is there.
 
     Parameters
     ----------
-    request : Request
-    media_types : sequence of str
-        Supported types.
-    limit : int
-        Largest size [bytes], counted as the bytes arrive.
-    timeout_s : float
-        Longest time [s] until the body is complete.
-
-    Raises
-    ------
-    Problem
-        `media-type`, `too-large`, `body-late`, or `bad-request` for an incomplete body.
+    deadline : asyncio.Timeout
+        The time-out of its reading.
+    now : float
+        Time of the event loop [s].
     """
-    require_media_type(request, media_types)
-    length = request.headers.get("content-length", "0")
-    if not length.isascii() or not length.isdigit():
-        raise Problem("bad-request", "Content-Length is not a number")
-    if int(length) > limit:
-        raise _too_large(limit)
-    parts, size = [], 0
-    try:
-        async with asyncio.timeout(timeout_s):
-            async for part in request.stream():
-                size += len(part)
-                if size > limit:
-                    raise _too_large(limit)
-                parts.append(part)
-    except TimeoutError:
-        raise Problem("body-late", f"longer than {timeout_s:g} s", headers={"Connection": "close"}) from None
-    except ClientDisconnect:
-        raise Problem("bad-request", "the body is incomplete") from None
-    return parts[0] if len(parts) == 1 else b"".join(parts)
+
+    def __init__(self, deadline: asyncio.Timeout, now: float) -> None:
+        self.deadline, self.started, self.size = deadline, now, 0
+
+    def rate(self, now: float) -> float:
+        """Mean bytes per second."""
+        return self.size / max(now - self.started, 1e-9)
+
+
+class Arrivals:
+    """Places for bodies that are arriving; when all are taken, the slowest body gives its place to the next one.
+
+    A client that sends slowly can therefore not hold a place that another needs.
+
+    Parameters
+    ----------
+    most : int
+        Number of places.
+    """
+
+    def __init__(self, most: int) -> None:
+        self.most = most
+        self._running: set[Arrival] = set()
+
+    def __len__(self) -> int:
+        return len(self._running)
+
+    async def read(
+        self,
+        request: Request,
+        media_types: Sequence[str],
+        limit: int,
+        timeout_s: float,
+        take: Callable[[bytes], object],
+    ) -> None:
+        """Read the body of a request.
+
+        Parameters
+        ----------
+        request : Request
+        media_types : sequence of str
+            Supported types.
+        limit : int
+            Largest size [bytes], counted as the bytes arrive.
+        timeout_s : float
+            Longest time [s] until the body is complete.
+        take : callable
+            Called with each part of the body; what it raises ends the reading.
+
+        Raises
+        ------
+        Problem
+            `media-type`, `too-large`, `body-late`, `busy`, or `bad-request` for an incomplete body.
+        """
+        require_media_type(request, media_types)
+        length = request.headers.get("content-length", "0")
+        if not length.isascii() or not length.isdigit():
+            raise Problem("bad-request", "Content-Length is not a number")
+        if len(length) > 18 or int(length) > limit:
+            raise _too_large(limit)
+        try:
+            async with asyncio.timeout(timeout_s) as deadline:
+                arrival = self._admit(deadline)
+                try:
+                    async for part in request.stream():
+                        arrival.size += len(part)
+                        if arrival.size > limit:
+                            raise _too_large(limit)
+                        take(part)
+                finally:
+                    self._running.discard(arrival)
+        except TimeoutError:
+            raise Problem(
+                "body-late",
+                f"slower than others, or longer than {timeout_s:g} s",
+                headers={"Connection": "close"},
+            ) from None
+        except ClientDisconnect:
+            raise Problem("bad-request", "the body is incomplete") from None
+
+    def _admit(self, deadline: asyncio.Timeout) -> Arrival:
+        now = asyncio.get_running_loop().time()
+        if len(self._running) >= self.most:
+            slow = [arrival for arrival in self._running if now - arrival.started >= GRACE_S]
+            if not slow:
+                raise Problem("busy", "too many bodies arrive", headers={"Retry-After": "1"})
+            slowest = min(slow, key=lambda arrival: arrival.rate(now))
+            self._running.discard(slowest)
+            slowest.deadline.reschedule(now)
+        arrival = Arrival(deadline, now)
+        self._running.add(arrival)
+        return arrival
 
 
 def _too_large(limit: int) -> Problem:
@@ -120,18 +189,3 @@ def _quality(parameters: Sequence[str]) -> float:
             except ValueError:
                 return 0.0
     return 1.0
-
-
-def accepts_gzip(header: str) -> bool:
-    """Whether an Accept-Encoding header allows gzip.
-
-    Examples
-    --------
-    >>> accepts_gzip("br, gzip;q=0.5"), accepts_gzip("gzip;q=0"), accepts_gzip("")
-    (True, False, False)
-    """
-    for part in header.split(","):
-        name, *parameters = (piece.strip().lower() for piece in part.split(";"))
-        if name in ("gzip", "x-gzip"):
-            return _quality(parameters) > 0.0
-    return False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping
 from dataclasses import replace
 from types import NoneType
@@ -13,7 +14,7 @@ import pandas as pd
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError, WithJsonSchema
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import MOST_HINTS, Fault, InvalidInput, excerpt
 from tripwatt.routes import LinkRoute, route_from_links
 from tripwatt.routes.links import FLAT_ROAD
 from tripwatt.service.settings import Limits
@@ -363,37 +364,56 @@ class NotJson(Exception):
     """The body of a request is not a JSON document."""
 
 
-def parse_request(body: bytes, model: type[RequestModel]) -> RequestModel:
-    """Parse and check the body of a request.
-
-    Parameters
-    ----------
-    body : bytes
-    model : type
-        `ForecastRequest` or `UpdateRequest`.
+def parse_json(body: bytes) -> Any:
+    """Parse the body of a request.
 
     Raises
     ------
     NotJson
         When the body is not JSON. NaN, infinities and numbers beyond the range of a float are not JSON.
-    InvalidInput
-        When fields are missing, unknown or out of range.
     """
     try:
-        document = orjson.loads(body)
+        return orjson.loads(body)
     except orjson.JSONDecodeError as error:
         raise NotJson(str(error)) from error
+
+
+def check_request(document: Any, model: type[RequestModel]) -> RequestModel:
+    """Check the fields of a request, without samples and links.
+
+    Parameters
+    ----------
+    document : object
+        Parsed JSON.
+    model : type
+        `ForecastRequest` or `UpdateRequest`.
+
+    Raises
+    ------
+    InvalidInput
+        When fields are missing, unknown or out of range; the fault of an unknown field names the most similar one.
+    """
     try:
         return model.model_validate(document)
     except ValidationError as error:
-        raise InvalidInput(
-            Fault(
-                e["msg"],
-                ".".join(map(str, e["loc"])) or "body",
-                repr(e["input"])[:80],
-            )
-            for e in error.errors(include_url=False, include_context=False)
-        ) from error
+        errors = error.errors(include_url=False, include_context=False)
+    faults = [
+        Fault(
+            e["msg"],
+            ".".join(map(str, e["loc"]))[:80] or "body",
+            excerpt(e["input"], 80),
+            fix=_did_you_mean(str(e["loc"][-1]), model)
+            if e["type"] == "extra_forbidden" and k < MOST_HINTS
+            else "",
+        )
+        for k, e in enumerate(errors)
+    ]
+    raise InvalidInput(faults)
+
+
+def _did_you_mean(name: str, model: type[BaseModel]) -> str:
+    near = difflib.get_close_matches(name[:60], [*model.model_fields, "displayed_soc"], n=1)
+    return f"did you mean {near[0]}?" if near else ""
 
 
 def parse_samples(value: Any, limits: Limits) -> pd.DataFrame:
@@ -439,7 +459,7 @@ def parse_links(links: Any, elevation: Elevation | None, limits: Limits) -> Link
         When the links are wrong, or `elevation` does not fit them.
     """
     if not isinstance(links, list):
-        raise InvalidInput(Fault("not a list", "links", repr(links)[:60], "a list of objects"))
+        raise InvalidInput(Fault("not a list", "links", excerpt(links), "a list of objects"))
     if len(links) > limits.links:
         raise InvalidInput(Fault("too many links", "links", f"{len(links)}", f"at most {limits.links}"))
     route = route_from_links(links)
@@ -487,18 +507,18 @@ def require_duration(duration_s: float, where: str, limits: Limits) -> None:
 
 def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
     if not isinstance(value, Mapping):
-        raise InvalidInput(Fault("not an object", where, repr(value)[:60], "an object of lists of numbers"))
+        raise InvalidInput(Fault("not an object", where, excerpt(value), "an object of lists of numbers"))
     faults = []
     columns: dict[str, FloatArray] = {}
     for name, values in value.items():
         field = f"{where}.{name}"[:80]
         if not isinstance(values, list):
-            faults.append(Fault("not a list", field, repr(values)[:60], "a list of numbers"))
+            faults.append(Fault("not a list", field, excerpt(values), "a list of numbers"))
         elif len(values) > limits.samples:
             faults.append(Fault("too many samples", field, f"{len(values)}", f"at most {limits.samples}"))
         elif not set(map(type, values)) <= NUMBER_TYPES:
             first = next(k for k, v in enumerate(values) if type(v) not in NUMBER_TYPES)
-            got = repr(values[first])[:60]
+            got = excerpt(values[first])
             faults.append(Fault("not a number", f"{field}[{first}]", got, "a number, or null where unknown"))
         else:
             columns[name] = np.array(values, dtype=np.float64)

@@ -116,6 +116,7 @@ def serve(settings: Settings, on_start: Callable[[str], None] = lambda url: None
     import uvicorn
 
     from tripwatt.service.app import create_app
+    from tripwatt.service.protocol import BoundedProtocol
 
     class Server(uvicorn.Server):
         async def startup(self, sockets: list[socket.socket] | None = None) -> None:
@@ -128,6 +129,7 @@ def serve(settings: Settings, on_start: Callable[[str], None] = lambda url: None
     with open_socket(settings) as listener:
         config = uvicorn.Config(
             app,
+            http=BoundedProtocol,
             log_config=None,
             access_log=False,
             server_header=False,

@@ -40,9 +40,10 @@ class Limits:
     waiting : int
         Most requests that wait for a worker; further requests are refused.
     bodies : int
-        Most request bodies received at the same time, without batches; further requests are refused.
+        Most request bodies received at the same time, without batches; a further one takes the place of the slowest.
     batches : int
-        Most batches at the same time; further batches are refused.
+        Most batches at the same time, arriving and running; a further one takes the place of the slowest that arrives
+        and is refused while as many run.
     timeout_s : float
         Longest time [s] from the arrival of a request to its response, including the wait for a worker.
     body_timeout_s : float

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
@@ -11,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import MOST_FAULTS, MOST_HINTS, Fault, InvalidInput, first_faults
 from tripwatt.sources.columnar import CsvTable, TableFile, open_table
 from tripwatt.sources.delimited import open_delimited
 from tripwatt.trips import (
@@ -144,7 +145,7 @@ def _missing(names: Sequence[str], required: Sequence[str], where: str) -> list[
         Fault(
             "missing column",
             where,
-            f"columns {', '.join(names[:12])}",
+            f"columns {', '.join(name[:40] for name in names[:12])}",
             f"a column {name!r}",
             "convert the log with `tripwatt mapping apply`",
         )
@@ -154,14 +155,25 @@ def _missing(names: Sequence[str], required: Sequence[str], where: str) -> list[
 
 
 def _name_faults(names: Sequence[str], where: str) -> Iterator[Fault]:
-    for name in names:
-        if name in COLUMNS or name in ALSO_KNOWN:
-            continue
-        near = _nearest(name)
+    """Unknown and duplicate names. O(names): suggestions for the first few alone."""
+    unknown = [name for name in names if name not in COLUMNS and name not in ALSO_KNOWN]
+    faults = []
+    for k, name in enumerate(unknown[:MOST_FAULTS]):
+        near = _nearest(name[:60]) if k < MOST_HINTS else None
         fix = f"did you mean {near} in {COLUMNS[near].unit}?" if near else "rename the column or leave it out"
-        yield Fault("unknown column or unit", f"{where}, column {name!r}", name, _allowed(), fix)
-    for name in dict.fromkeys(n for n in names if names.count(n) > 1):
-        yield Fault("duplicate column", f"{where}, column {name!r}", f"{names.count(name)} times", "once")
+        place = f"{where}, column {name[:60]!r}"
+        faults.append(Fault("unknown column or unit", place, name[:60], _allowed(), fix))
+    yield from faults[:MOST_FAULTS]
+    if len(unknown) > MOST_FAULTS:
+        yield Fault("unknown column or unit", where, f"{len(unknown) - MOST_FAULTS} more", _allowed())
+    twice = [(name, count) for name, count in Counter(names).items() if count > 1]
+    yield from first_faults(
+        [
+            Fault("duplicate column", f"{where}, column {name[:60]!r}", f"{count} times", "once")
+            for name, count in twice
+        ],
+        where,
+    )
 
 
 def _nearest(name: str) -> str | None:

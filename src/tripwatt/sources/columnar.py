@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.sources.delimited import Delimited, open_delimited, read_numbers, read_texts
+from tripwatt.files import MOST_CONTENT_BYTES, read_file
+from tripwatt.sources.delimited import MOST_COLUMNS, Delimited, open_delimited, read_numbers, read_texts
 from tripwatt.trips import raise_faults
 
+if TYPE_CHECKING:
+    import pyarrow.parquet as pq
+
 SUFFIXES: Final = (".csv", ".tsv", ".txt", ".parquet")
+MOST_ROWS: Final = 500_000
+"""Most rows of a Parquet file with less than `LEAST_ROW_BYTES` a row; equal values take next to no space in it."""
+LEAST_ROW_BYTES: Final = 4
+"""Bytes that a row of measurements takes at least in a Parquet file."""
 PROSE: Final = ".txt"
 """In a folder with other tables a file of this suffix is a note about them."""
 
@@ -72,38 +81,61 @@ class CsvTable:
 
 @dataclass(frozen=True, slots=True)
 class ParquetTable:
-    """A Parquet file."""
+    """A Parquet file. A column is read when it is asked for."""
 
     path: Path
-    frame: pd.DataFrame
+    file: pq.ParquetFile
 
     @property
     def names(self) -> Sequence[str]:
         """Columns of the schema."""
-        return [str(c) for c in self.frame.columns]
+        return [str(name) for name in self.file.schema_arrow.names]
+
+    def _column(self, name: str) -> pd.Series:
+        import pyarrow as pa
+
+        entries = [k for k, column in enumerate(self._leaves) if column.partition(".")[0] == name]
+        metadata = self.file.metadata
+        size = sum(
+            metadata.row_group(group).column(k).total_uncompressed_size
+            for group in range(metadata.num_row_groups)
+            for k in entries
+        )
+        if size > MOST_CONTENT_BYTES:
+            where, got = f"{self.path} column {name!r}", f"{size} bytes when inflated"
+            raise InvalidInput(Fault("column too large", where, got, f"at most {MOST_CONTENT_BYTES} bytes"))
+        try:
+            # text stays a dictionary, so that a long text in every row is held once
+            table = self.file.read(columns=[name], use_threads=False)
+        except (OSError, ValueError, pa.ArrowException) as error:
+            raise InvalidInput(_unreadable(self.path, error)) from error
+        return pd.Series(table.to_pandas().reset_index(drop=True)[name])
+
+    @property
+    def _leaves(self) -> list[str]:
+        schema = self.file.schema
+        return [schema.column(k).path for k in range(len(schema))]
 
     def numbers(self, names: Sequence[str]) -> list[FloatArray]:
         """Columns as float64, with every one that holds no numbers named."""
         faults, values = [], []
         for name in names:
-            if pd.api.types.is_datetime64_any_dtype(self.frame[name].dtype):
+            where = f"{self.path} column {name!r}"
+            column = self._column(name)
+            if pd.api.types.is_datetime64_any_dtype(column.dtype):
                 fix = 'in a mapping: unit = "timestamp"'
-                where = f"{self.path} column {name!r}"
-                faults.append(Fault("not a number", where, f"{self.frame[name].dtype}", "numbers", fix))
+                faults.append(Fault("not a number", where, f"{column.dtype}", "numbers", fix))
                 continue
             try:
-                values.append(np.asarray(pd.to_numeric(self.frame[name]), dtype=np.float64))
+                values.append(np.asarray(pd.to_numeric(column), dtype=np.float64))
             except (ValueError, TypeError) as error:
-                where = f"{self.path} column {name!r}"
-                faults.append(
-                    Fault("not a number", where, f"{self.frame[name].dtype}: {error}"[:120], "numbers")
-                )
+                faults.append(Fault("not a number", where, f"{column.dtype}: {error}"[:120], "numbers"))
         raise_faults(faults)
         return values
 
     def texts(self, name: str) -> list[str]:
         """One column as text; missing values are empty."""
-        column = self.frame[name]
+        column = self._column(name)
         return ["" if missing else str(value) for value, missing in zip(column, column.isna(), strict=True)]
 
     def row(self, index: int) -> int:
@@ -121,15 +153,32 @@ def open_table(path: Path, decimal: str = ".") -> TableFile:
     """
     if path.suffix.lower() != ".parquet":
         return CsvTable(path, open_delimited(path), decimal)
+    return _open_parquet(path)
+
+
+def _open_parquet(path: Path) -> ParquetTable:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    content = read_file(path)
     try:
-        frame = pq.read_table(path).to_pandas()
-    except (OSError, pa.ArrowException) as error:
-        got = str(error).splitlines()[0][:160] if str(error) else type(error).__name__
-        raise InvalidInput(Fault("unreadable Parquet file", f"{path}", got, "a Parquet file")) from error
-    return ParquetTable(path, frame.reset_index(drop=True))
+        file = pq.ParquetFile(io.BytesIO(content))
+        texts = [field.name for field in file.schema_arrow if pa.types.is_string(field.type)]
+        file = pq.ParquetFile(io.BytesIO(content), read_dictionary=texts)
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise InvalidInput(_unreadable(path, error)) from error
+    rows, columns = file.metadata.num_rows, file.metadata.num_columns
+    most_rows = max(MOST_ROWS, len(content) // LEAST_ROW_BYTES)
+    if rows > most_rows or columns > MOST_COLUMNS:
+        got = f"{rows} rows of {columns} columns in {len(content)} bytes"
+        allowed = f"at most {most_rows} rows of {MOST_COLUMNS} columns"
+        raise InvalidInput(Fault("Parquet file too large", f"{path}", got, allowed))
+    return ParquetTable(path, file)
+
+
+def _unreadable(path: Path, error: Exception) -> Fault:
+    got = str(error).splitlines()[0][:160] if str(error) else type(error).__name__
+    return Fault("unreadable Parquet file", f"{path}", got, "a Parquet file")
 
 
 def table_files(path: Path) -> list[Path]:

@@ -20,10 +20,15 @@ import pyarrow.csv as pa_csv
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.files import read_file
 
 DELIMITERS: Final = ";,\t|"
 LARGEST_NUMBER: Final = 1e15
 """No measurement in any unit is larger; time stamps in milliseconds since 1970 are about 2e12."""
+MOST_HEADER_BYTES: Final = 1_000_000
+"""Longest header."""
+MOST_COLUMNS: Final = 10_000
+"""Most columns; loggers write up to some hundreds."""
 SHOWN_ROWS: Final = 5
 """Rows named for one kind of fault in one column; the others are counted."""
 NULL_TEXTS: Final = ("", "NaN", "nan", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "-nan", "#N/A", "-")
@@ -100,15 +105,21 @@ def open_delimited(path: Path, content: bytes | None = None) -> Delimited:
     InvalidInput
         When there is no such file, or it is empty, not text, or has no rows below its header.
     """
-    data = _text_bytes(path, _file_bytes(path) if content is None else content)
+    data = _text_bytes(path, read_file(path) if content is None else content)
     offset, line = 0, 1
     while data[offset : offset + 1] in (b"\r", b"\n"):  # blank lines above the header
         line += data[offset : offset + 1] == b"\n"
         offset += 1
     end = data.find(b"\n", offset)
     header = data[offset : end if end >= 0 else len(data)]
+    if len(header) > MOST_HEADER_BYTES:
+        got = f"a first line of {len(header)} bytes"
+        raise InvalidInput(Fault("header too long", f"{path}", got, f"at most {MOST_HEADER_BYTES} bytes"))
     text = _decode(header).strip("\r\n")
     delimiter = max(DELIMITERS, key=text.count)
+    if text.count(delimiter) >= MOST_COLUMNS:
+        got = f"{text.count(delimiter) + 1} columns"
+        raise InvalidInput(Fault("too many columns", f"{path}", got, f"at most {MOST_COLUMNS}"))
     cells = tuple(cell.strip() for cell in _fields(text, delimiter))
     if end < 0 or not data[end:].strip():
         raise InvalidInput(
@@ -124,15 +135,6 @@ def _without_headers(body: bytes, header: bytes, delimiter: str) -> bytes:
         return body
     empty = delimiter.encode() * header.count(delimiter.encode())
     return b"\n".join(empty if row.strip(b"\r") == header else row for row in body.split(b"\n"))
-
-
-def _file_bytes(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise InvalidInput(
-            Fault("cannot read the file", f"{path}", error.strerror or str(error), "a readable file")
-        ) from error
 
 
 def _text_bytes(path: Path, data: bytes) -> bytes:

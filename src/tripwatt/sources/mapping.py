@@ -28,7 +28,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.files import MOST_TEXT_BYTES, read_text_file
 from tripwatt.trips import COLUMNS, raise_faults
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_HOUR, ZERO_CELSIUS_K
 
@@ -206,12 +207,9 @@ def load_mapping(mapping: Path | str) -> ColumnMapping:
     if isinstance(mapping, str) and mapping in shipped_mappings():
         return parse_mapping(shipped_text(mapping), mapping)
     path = Path(mapping)
-    try:
-        return parse_mapping(path.read_text("utf-8"), str(path))
-    except (OSError, UnicodeDecodeError) as error:
-        got = (error.strerror if isinstance(error, OSError) else "") or str(error)
-        allowed = f"a TOML file, or one of {', '.join(shipped_mappings())}"
-        raise InvalidInput(Fault("cannot read the mapping", f"{path}", got, allowed)) from error
+    allowed = f"a TOML file, or one of {', '.join(shipped_mappings())}"
+    text = read_text_file(path, MOST_TEXT_BYTES, what="cannot read the mapping", allowed=allowed)
+    return parse_mapping(text, str(path))
 
 
 def parse_mapping(text: str, source: str) -> ColumnMapping:
@@ -224,8 +222,8 @@ def parse_mapping(text: str, source: str) -> ColumnMapping:
     """
     try:
         tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InvalidInput(Fault("not a TOML file", source, str(error), "TOML 1.0")) from error
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InvalidInput(Fault("not a TOML file", source, str(error)[:200], "TOML 1.0")) from error
     raise_faults(_structure_faults(tables, source))
     columns = {
         ours: MappedColumn(
@@ -264,7 +262,7 @@ def _structure_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]
                 "unknown table", f"{source} [{name}]", "", f"[{'], ['.join(_TABLES)}]", _near(name, _TABLES)
             )
         elif not isinstance(table, dict):
-            yield Fault("not a table", f"{source} [{name}]", repr(table), f"[{name}]")
+            yield Fault("not a table", f"{source} [{name}]", excerpt(table), f"[{name}]")
         else:
             for key in table:
                 allowed = _TABLES[name] or tuple(UNITS)
@@ -286,19 +284,19 @@ def _structure_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]
 
 def _entry_faults(ours: str, entry: object, where: str) -> Iterator[Fault]:
     if not isinstance(entry, dict) or not isinstance(entry.get("column"), str) or not entry["column"]:
-        yield Fault("not a column", where, repr(entry), '{ column = "...", unit = "..." }')
+        yield Fault("not a column", where, excerpt(entry), '{ column = "...", unit = "..." }')
         return
     for key, value in entry.items():
         if key not in _ENTRY_KEYS:
             yield Fault("unknown key", f"{where}.{key}", "", ", ".join(_ENTRY_KEYS))
         elif key == "optional" and not isinstance(value, bool):
-            yield Fault("not true or false", f"{where}.{key}", repr(value), "true or false")
+            yield Fault("not true or false", f"{where}.{key}", excerpt(value), "true or false")
         elif key != "optional" and not isinstance(value, str):
-            yield Fault("not a string", f"{where}.{key}", repr(value), "a string in quotes")
+            yield Fault("not a string", f"{where}.{key}", excerpt(value), "a string in quotes")
     unit = str(entry.get("unit", _own_unit(ours)))
     allowed = [*UNITS[ours], *(TIME_STAMPS if ours == "time_s" else ())]
     if unit.lower() not in allowed:
-        yield Fault("unknown unit", f"{where}.unit", repr(unit), ", ".join(allowed))
+        yield Fault("unknown unit", f"{where}.unit", excerpt(unit), ", ".join(allowed))
 
 
 def _value_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:
@@ -314,7 +312,7 @@ def _value_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:
             isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high
         ):
             yield Fault(
-                "value out of range", f"{source} [{table}] {key}", repr(value), f"{low:g} to {high:g}"
+                "value out of range", f"{source} [{table}] {key}", excerpt(value), f"{low:g} to {high:g}"
             )
     for table, key, allowed in (
         ("current", "positive", ("discharge", "charge")),
@@ -323,13 +321,13 @@ def _value_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:
         value = _get(tables, table, key)
         if value is not None and value not in allowed:
             yield Fault(
-                "unknown value", f"{source} [{table}] {key}", repr(value), " or ".join(map(repr, allowed))
+                "unknown value", f"{source} [{table}] {key}", excerpt(value), " or ".join(map(repr, allowed))
             )
     for table, key in (("trip", "column"), ("trip", "vehicle"), ("long", "name"), ("long", "value")):
         value = _get(tables, table, key)
         optional = table == "trip" and value is None and isinstance(tables.get(table), dict) and tables[table]
         if isinstance(tables.get(table), dict) and not isinstance(value, str) and not optional:
-            yield Fault("missing key", f"{source} [{table}] {key}", repr(value), "the name of a column")
+            yield Fault("missing key", f"{source} [{table}] {key}", excerpt(value), "the name of a column")
 
 
 def _energy_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:
@@ -349,5 +347,5 @@ def _get(tables: Mapping[str, Any], table: str, key: str) -> Any:
 
 
 def _near(name: str, known: Any) -> str:
-    close = difflib.get_close_matches(name, list(known), n=1)
+    close = difflib.get_close_matches(name[:60], list(known), n=1)
     return f"did you mean {close[0]!r}?" if close else ""

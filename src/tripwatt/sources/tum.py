@@ -18,6 +18,7 @@ from typing import Final
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.files import file_head
 from tripwatt.sources.delimited import Delimited, RawColumn, column_key, open_delimited, read_numbers
 from tripwatt.sources.tum_overview import read_overview
 from tripwatt.trips import (
@@ -212,11 +213,7 @@ def is_tum_log(path: Path) -> bool:
     """Whether a CSV file has the speed and the time of the TUM set in its first line; False for one that cannot be read."""
     if path.suffix.lower() != ".csv":
         return False
-    try:
-        with path.open("rb") as file:
-            head = file.read(4096).decode("latin-1")
-    except OSError:
-        return False
+    head = file_head(path).decode("latin-1")
     names = {column_key(name) for name in re.split(r"[;,\t]", head.splitlines()[0])} if head else set()
     return {column_key("Time [s]"), column_key("Velocity [km/h]")} <= names
 

@@ -7,6 +7,8 @@ wrong and are never read.
 from __future__ import annotations
 
 import datetime as dt
+import io
+import itertools
 import re
 import warnings
 from collections.abc import Mapping, Sequence
@@ -14,6 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.files import read_file, require_small_content
 from tripwatt.sources.delimited import column_key
 from tripwatt.trips import Context, Flag
 
@@ -26,6 +29,10 @@ _NOT_A_DIGIT: Final = re.compile(r"[^0-9]+")
 _FOLLOWS: Final = "directly after previous trip"
 _SETPOINT_RANGE_DEGC: Final = (10.0, 40.0)
 _LARGEST_PAYLOAD_KG: Final = 1000.0
+
+_MOST_SHEET_BYTES: Final = 1 << 26
+"""Largest workbook, also when inflated; that of the set has 25 kB."""
+_MOST_SHEETS, _MOST_ROWS, _MOST_COLUMNS = 20, 10_000, 200
 
 
 def read_overview(path: Path, trip_ids: Sequence[str]) -> tuple[dict[str, Context], list[Flag]]:
@@ -88,8 +95,15 @@ def _sheet_rows(path: Path) -> list[Mapping[str, object]]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about styles and extensions, which are not read
-            book = openpyxl.load_workbook(path, data_only=True)
-            tables = [list(sheet.iter_rows(values_only=True)) for sheet in book.worksheets]
+            stream = io.BytesIO(read_file(path, _MOST_SHEET_BYTES))
+            require_small_content(stream, f"{path}", _MOST_SHEET_BYTES)
+            book = openpyxl.load_workbook(stream, data_only=True, read_only=True)
+            tables = [
+                list(itertools.islice(sheet.iter_rows(values_only=True, max_col=_MOST_COLUMNS), _MOST_ROWS))
+                for sheet in book.worksheets[:_MOST_SHEETS]
+            ]
+    except InvalidInput:
+        raise
     except Exception as error:  # openpyxl documents no error types: a damaged archive raises a dozen kinds
         got = f"{type(error).__name__}: {error}"[:160]
         raise InvalidInput(Fault("unreadable sheet", f"{path}", got, "an .xlsx workbook", fix)) from error

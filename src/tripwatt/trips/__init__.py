@@ -6,6 +6,7 @@ from tripwatt.trips.drive import Drive
 from tripwatt.trips.energy import observed_cumulative_energy, observed_energy
 from tripwatt.trips.flags import Flag
 from tripwatt.trips.fleet import Fleet
+from tripwatt.trips.gaps import MOST_DURATION_S, gap_flags, time_faults
 from tripwatt.trips.plan import ROUTE_COLUMNS, Plan, plan_from_samples, plan_from_trip
 from tripwatt.trips.samples import bin_means, table_of
 from tripwatt.trips.schema import (
@@ -28,6 +29,7 @@ __all__ = [
     "ASKED",
     "COLUMNS",
     "LINK_COLUMNS",
+    "MOST_DURATION_S",
     "QUANTITIES",
     "REQUIRED_COLUMNS",
     "ROUTE_COLUMNS",
@@ -45,6 +47,7 @@ __all__ = [
     "Recorded",
     "Trip",
     "bin_means",
+    "gap_flags",
     "is_sound",
     "observed_cumulative_energy",
     "observed_energy",
@@ -56,6 +59,7 @@ __all__ = [
     "scalar_faults",
     "structure_faults",
     "table_of",
+    "time_faults",
     "validate_samples",
     "value_faults",
 ]

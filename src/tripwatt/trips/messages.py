@@ -189,6 +189,9 @@ MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
             f"{f.value} gives {f.subject} the same time of departure: at least one is wrong"
         ),
         "value_not_used": lambda f: f"{f.subject}: {f.value!r} is not plausible and is not used",
+        "gap_bridged": lambda f: (
+            f"no samples for {period(_number(f))} in all: {signal_name(f.subject)} is interpolated over the gaps"
+        ),
         "first_of_several": lambda f: f"the first of {_number(f):.0f} {f.subject} is used",
         "geometries_skipped": lambda f: f"{_number(f):.0f} geometries that are not lines are left out",
     }

@@ -5,14 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
 import pandas as pd
 
+from tripwatt.errors import Fault, InvalidInput
 from tripwatt.trips.departure import Departure
 from tripwatt.trips.drive import Drive
 from tripwatt.trips.flags import Flag
+from tripwatt.trips.gaps import MOST_DURATION_S, gap_flags, time_faults
 from tripwatt.trips.messages import flag_to_dict, message
 from tripwatt.trips.samples import bin_means, table_of
-from tripwatt.trips.schema import validate_samples
+from tripwatt.trips.schema import raise_faults, validate_samples
 from tripwatt.trips.showing import html_table, journey
 from tripwatt.trips.trip import Recorded
 from tripwatt.trips.weather import PlanWeather
@@ -66,6 +69,9 @@ class Plan(Drive):
     end_s: float | None = None
     weather: PlanWeather | None = None
     free_flow: bool = False
+
+    def __post_init__(self) -> None:
+        _require_duration(self.duration_s, self.trip_id)
 
     @classmethod
     def from_samples(
@@ -129,6 +135,12 @@ class Plan(Drive):
         )
 
 
+def _require_duration(duration_s: float, where: str) -> None:
+    if not duration_s <= MOST_DURATION_S:
+        allowed = f"at most {MOST_DURATION_S:g} s"
+        raise InvalidInput(Fault("duration out of range", where, f"{duration_s:g} s", allowed))
+
+
 def plan_from_trip(trip: Recorded, *, step_s: float = 1.0) -> Plan:
     """What was known of a trip at its departure: its speed trace and road, and the first raw sample of the rest.
 
@@ -160,6 +172,8 @@ def plan_from_samples(
 ) -> Plan:
     """A plan from a speed trace and its road; of other signals the first sample counts.
 
+    Gaps of up to `LONGEST_GAP_S` are bridged and flagged.
+
     Parameters
     ----------
     samples : DataFrame
@@ -173,7 +187,7 @@ def plan_from_samples(
     Raises
     ------
     InvalidInput
-        With every fault of the samples.
+        With every fault of the samples; also when they have a longer gap, or the trip is longer than `MOST_DURATION_S`.
 
     Examples
     --------
@@ -183,14 +197,17 @@ def plan_from_samples(
     Departure(soc=0.8, payload_mass_kg=150.0)
     """
     validate_samples(samples, trip_id)
+    time = samples["time_s"].to_numpy(dtype=np.float64)
+    raise_faults(time_faults(time, trip_id))
     log = Recorded(trip_id, samples)
     own = replace(log.departure, payload_mass_kg=None, follows_trip=None)
-    return _plan(log, own.merge(departure), step_s)
+    return replace(_plan(log, own.merge(departure), step_s), flags=gap_flags(time))
 
 
 def _plan(drive: Drive, departure: Departure, step_s: float) -> Plan:
     route = {c: drive.array(c) for c in ROUTE_COLUMNS if c in drive}
     time = route["time_s"]
+    _require_duration(float(time[-1] - time[0]), drive.trip_id)
     _, columns = bin_means(time - time[0], route, step_s)
     return Plan(
         drive.trip_id,

@@ -23,7 +23,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.files import MOST_TEXT_BYTES, read_text_file
 from tripwatt.vehicles.anchors import anchored_document
 from tripwatt.vehicles.catalogue import catalogue, class_values, table_names
 from tripwatt.vehicles.inheriting import inherit
@@ -179,8 +180,8 @@ def load_vehicle(
         return vehicle_from_document(document, name, f"{name}.toml", preset, overrides or {})
     try:
         document = tomllib.loads(_read(path))
-    except tomllib.TOMLDecodeError as error:
-        raise InvalidInput(Fault("not a TOML file", str(path), str(error), "TOML 1.0")) from error
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InvalidInput(Fault("not a TOML file", str(path), str(error)[:200], "TOML 1.0")) from error
     # what a user gives for an own car is the user's
     document = {"licence": "user", **document}
     return vehicle_from_document(document, path.stem, str(path), preset, overrides or {})
@@ -197,7 +198,7 @@ def require_vehicle(name: str) -> None:
         else "or give the path of a .toml file"
     )
     allowed = f"one of {len(vehicle_names())} names, listed by `tripwatt vehicles`"
-    raise InvalidInput(Fault("unknown car", "vehicle", repr(name)[:60], allowed, fix))
+    raise InvalidInput(Fault("unknown car", "vehicle", excerpt(name), allowed, fix))
 
 
 @cache
@@ -272,10 +273,7 @@ def library_document(name: str) -> dict[str, Any]:
 
 
 def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InvalidInput(Fault("file cannot be read", str(path), str(error), "a TOML text file")) from error
+    return read_text_file(path, MOST_TEXT_BYTES, what="file cannot be read", allowed="a TOML text file")
 
 
 @cache
@@ -394,7 +392,7 @@ def _is_required(field: dataclasses.Field[Any]) -> bool:
 
 
 def _unknown_fault(what: str, where: str, got: str, allowed: Sequence[str] | Mapping[str, Any]) -> Fault:
-    near = difflib.get_close_matches(got, list(allowed), n=1)
+    near = difflib.get_close_matches(got[:60], list(allowed), n=1)
     return Fault(
         f"unknown {what}",
         where,
@@ -422,7 +420,7 @@ def _entry(section: str, key: str, raw: object, where: str, faults: list[Fault])
         faults.append(_unknown_fault("key", place, key, list(_fields(section))))
         return None
     if not isinstance(raw, Mapping):
-        got = repr(raw)
+        got = excerpt(raw)
         faults.append(Fault("not an entry", place, got, "{ value = ..., unit = ..., source = ... }"))
         return None
     before = len(faults)
@@ -442,11 +440,13 @@ def _entry(section: str, key: str, raw: object, where: str, faults: list[Fault])
     faults += licence_faults(raw["licence"], f"{place}, licence") if "licence" in raw else []
     unit = field.metadata["unit"]
     if "unit" in raw and raw["unit"] != unit:
-        faults.append(Fault("wrong unit", place, repr(raw["unit"]), repr(unit)))
+        faults.append(Fault("wrong unit", place, excerpt(raw["unit"]), repr(unit)))
     if scaled and raw.get("scale") not in SCALES:
-        faults.append(Fault("missing scale", place, repr(raw.get("scale")), " or ".join(map(repr, SCALES))))
+        faults.append(
+            Fault("missing scale", place, excerpt(raw.get("scale")), " or ".join(map(repr, SCALES)))
+        )
     if not scaled and "scale" in raw:
-        faults.append(Fault("scale has no effect", place, repr(raw["scale"]), "no scale"))
+        faults.append(Fault("scale has no effect", place, excerpt(raw["scale"]), "no scale"))
     if "value" in raw:
         faults.extend(_value_faults(field, raw["value"], place))
     if len(faults) > before or "licence" not in raw:  # the file's missing licences are one fault
@@ -478,16 +478,16 @@ def _value_faults(field: dataclasses.Field[Any], value: object, place: str) -> I
     meta = field.metadata
     if "choice" in meta:
         if value not in meta["choice"]:
-            yield Fault("unknown value", place, repr(value), " or ".join(map(repr, meta["choice"])))
+            yield Fault("unknown value", place, excerpt(value), " or ".join(map(repr, meta["choice"])))
         return
     table = str(field.type).startswith("tuple")
     numbers = value if table and isinstance(value, Sequence) and not isinstance(value, str) else [value]
     if table and (isinstance(value, str) or not isinstance(value, Sequence) or len(value) < 2):
-        yield Fault("not a table", place, repr(value), "a list of at least two numbers")
+        yield Fault("not a table", place, excerpt(value), "a list of at least two numbers")
         return
     for number in numbers:
         if not _is_number(number):
-            yield Fault("not a number", place, repr(number), "a finite number")
+            yield Fault("not a number", place, excerpt(number), "a finite number")
         elif not meta["minimum"] <= number <= meta["maximum"]:
             allowed = f"{meta['minimum']:g} to {meta['maximum']:g} {meta['unit']}"
             yield Fault("value out of range", place, f"{number:g} {meta['unit']}", allowed)

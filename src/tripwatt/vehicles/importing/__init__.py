@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.files import read_text_file
 from tripwatt.vehicles.importing.fastsim import from_fastsim_csv, from_fastsim_yaml
 from tripwatt.vehicles.importing.found import Found
 from tripwatt.vehicles.importing.rendering import vehicle_toml
@@ -48,13 +49,7 @@ def import_vehicle(path: str | Path, row: str | None = None) -> str:
     reader = readers.get(file.suffix.lower())
     if reader is None:
         raise InvalidInput(Fault("unknown file format", str(file), file.suffix, ", ".join(readers)))
-    try:
-        if file.stat().st_size > LARGEST_FILE_BYTES:
-            size, most = f"{file.stat().st_size} bytes", f"at most {LARGEST_FILE_BYTES} bytes"
-            raise InvalidInput(Fault("file too large", str(file), size, most))
-        text = file.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InvalidInput(Fault("file cannot be read", str(file), str(error), "a text file")) from error
+    text = read_text_file(file, LARGEST_FILE_BYTES, what="file cannot be read", allowed="a text file")
     found = reader(text, str(file), row)
     result = vehicle_toml(found, file.name)
     vehicle_from_document(tomllib.loads(result), file.stem, str(file))  # impossible values show here

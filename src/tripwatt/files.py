@@ -1,0 +1,323 @@
+"""Files from outside, read within bounds, and outputs that are whole at every moment.
+
+Reading: only regular files, of a bounded size, and archives whose content is bounded before it is inflated. Writing: to
+another name first, which then takes the place of the output in one step. What a killed process left behind is removed by
+the next one that writes the same output.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import errno
+import os
+import shutil
+import stat
+import sys
+import zipfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import IO, Final
+
+from tripwatt.errors import Fault, InvalidInput
+
+if sys.platform != "win32":
+    import fcntl
+
+MOST_FILE_BYTES: Final = 1 << 30
+"""Largest file of samples: twenty years of driving at 1 Hz with ten signals have about as much."""
+
+MOST_TEXT_BYTES: Final = 1 << 18
+"""Largest TOML file of a car or a mapping; the largest of the package has 30 kB."""
+
+MOST_CONTENT_BYTES: Final = 1 << 28
+"""Largest content of an archive."""
+
+_EXCHANGE: Final = 2
+"""Flag of `renameat2`, see renameat2(2)."""
+_AT_FDCWD: Final = -100
+_NO_EXCHANGE: Final = (
+    errno.EINVAL,
+    errno.ENOSYS,
+    errno.EXDEV,
+    errno.EBUSY,
+    errno.EOPNOTSUPP,
+    errno.EPERM,
+)
+"""Errors of a file system that cannot exchange two names, and of a mount point."""
+
+
+def read_file(
+    path: Path | str,
+    most_bytes: int = MOST_FILE_BYTES,
+    *,
+    what: str = "cannot read the file",
+    allowed: str = "a readable file",
+) -> bytes:
+    """The content of a regular file. O(bytes).
+
+    A pipe or a device is refused: it may never end.
+
+    Parameters
+    ----------
+    path : path
+    most_bytes : int
+        Largest size [bytes].
+    what, allowed : str
+        For the fault.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such file, it cannot be read, is no regular file or is too large.
+
+    Examples
+    --------
+    >>> read_file("/dev/zero")
+    Traceback (most recent call last):
+    ...
+    tripwatt.errors.InvalidInput: cannot read the file: /dev/zero: got no regular file; ...
+    """
+    try:
+        with _open_regular(Path(path)) as stream:
+            content = stream.read(most_bytes + 1)
+    except (OSError, ValueError) as error:
+        got = getattr(error, "strerror", None) or str(error)
+        fix = "write its content into a file first" if got == _NOT_REGULAR else ""
+        raise InvalidInput(Fault(what, f"{path}", got, allowed, fix)) from error
+    if len(content) > most_bytes:
+        raise InvalidInput(
+            Fault("file too large", f"{path}", f"over {most_bytes} bytes", f"{most_bytes} bytes")
+        )
+    return content
+
+
+def file_head(path: Path | str, count: int = 4096) -> bytes:
+    """The first bytes of a regular file; none of one that cannot be read."""
+    try:
+        with _open_regular(Path(path)) as stream:
+            return stream.read(count)
+    except (OSError, ValueError):
+        return b""
+
+
+_NOT_REGULAR: Final = "no regular file"
+
+
+def _open_regular(path: Path) -> IO[bytes]:
+    # without O_NONBLOCK, opening a pipe waits for its writer
+    descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    mode = os.fstat(descriptor).st_mode
+    if not stat.S_ISREG(mode):
+        os.close(descriptor)
+        if stat.S_ISDIR(mode):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        raise OSError(errno.EINVAL, _NOT_REGULAR)
+    return os.fdopen(descriptor, "rb")
+
+
+def read_text_file(path: Path | str, most_bytes: int, **more: str) -> str:
+    """The content of a regular file in UTF-8; parameters are those of `read_file`.
+
+    Raises
+    ------
+    InvalidInput
+        As `read_file`, and when the content is not UTF-8.
+    """
+    try:
+        return read_file(path, most_bytes, **more).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InvalidInput(Fault("not a text file", f"{path}", str(error)[:120], "text in UTF-8")) from error
+
+
+def require_small_content(
+    archive: IO[bytes], where: str, most_bytes: int = MOST_CONTENT_BYTES
+) -> zipfile.ZipFile:
+    """A ZIP archive (also .npz and .xlsx) whose inflated content is within a bound, before anything is inflated.
+
+    A member never gives more bytes than its entry declares, so that the sum of the entries is a bound.
+
+    Raises
+    ------
+    zipfile.BadZipFile
+        When it is no archive.
+    InvalidInput
+        When the content is too large.
+    """
+    found = zipfile.ZipFile(archive)
+    total = sum(entry.file_size for entry in found.infolist())
+    if total > most_bytes:
+        raise InvalidInput(
+            Fault("archive too large", where, f"{total} bytes when inflated", f"at most {most_bytes} bytes")
+        )
+    return found
+
+
+def write_file(path: Path, write: Callable[[Path], None]) -> None:
+    """Write one file, whole or not at all: `write` fills another name beside it, which then takes its place.
+
+    A symbolic link stays one: the file that it points to is replaced.
+
+    Raises
+    ------
+    OSError
+        When it cannot be written; a file that was there is as before.
+    """
+    path = path.resolve() if path.is_symlink() else path.absolute()
+    with _beside(path, folder=False) as partial:
+        write(partial)
+        partial.replace(path)
+
+
+def replace_folder(out: Path, write: Callable[[Path], None]) -> None:
+    """Write a folder, whole or not at all: `write` fills another name beside it, which then takes its place.
+
+    On Linux the two names are exchanged in one step. Where the file system cannot do that, an older folder is moved away
+    first; when the process is killed between the two moves, the next call moves it back.
+
+    Raises
+    ------
+    OSError
+        When it cannot be written; a folder that was there is as before.
+    """
+    out = out.resolve() if out.is_symlink() else out.absolute()
+    out.parent.mkdir(parents=True, exist_ok=True)
+    restore_folder(out)
+    with _beside(out, folder=True) as made:
+        write(made)
+        if not out.exists():
+            made.rename(out)
+        elif not exchange(made, out):
+            older = _older(out)
+            out.rename(older)
+            try:
+                made.rename(out)
+            except OSError:
+                older.rename(out)
+                raise
+            shutil.rmtree(older, ignore_errors=True)
+
+
+def restore_folder(out: Path) -> None:
+    """Move a folder back that a killed process had moved away; where its successor is there, remove it."""
+    older = _older(out)
+    if not older.is_dir():
+        return
+    if out.exists():
+        shutil.rmtree(older, ignore_errors=True)
+    else:
+        older.rename(out)
+
+
+def _older(out: Path) -> Path:
+    return out.with_name(f".{out.name}.older")
+
+
+def exchange(one: Path, other: Path) -> bool:
+    """Exchange the names of two files or folders in one step.
+
+    Returns
+    -------
+    bool
+        False when the system or the file system cannot do it; nothing is changed then.
+
+    Raises
+    ------
+    OSError
+        When it fails for another reason.
+
+    References
+    ----------
+    Linux manual, renameat2(2), RENAME_EXCHANGE.
+    """
+    try:
+        rename = ctypes.CDLL(None, use_errno=True).renameat2
+    except (AttributeError, OSError, TypeError):  # another system, or an old C library
+        return False
+    if rename(_AT_FDCWD, os.fsencode(one), _AT_FDCWD, os.fsencode(other), _EXCHANGE) == 0:
+        return True
+    code = ctypes.get_errno()
+    if code in _NO_EXCHANGE:
+        return False
+    raise OSError(code, os.strerror(code), str(other))
+
+
+@contextlib.contextmanager
+def _beside(path: Path, *, folder: bool) -> Iterator[Path]:
+    """A locked name beside a path, removed at the end; names whose process has ended are removed first."""
+    for left in path.parent.glob(f".{_escape(path.name)}.*.writing"):
+        descriptor = None if _is_alive(left) else _locked(left)
+        if descriptor is not None:
+            _remove(left)
+            os.close(descriptor)
+    partial = path.with_name(f".{path.name}.{os.getpid()}.writing")
+    _remove(partial)
+    partial.mkdir() if folder else partial.touch()
+    descriptor = _locked(partial)
+    try:
+        yield partial
+    finally:
+        _remove(partial)
+        if descriptor is not None:
+            os.close(descriptor)
+
+
+def _is_alive(partial: Path) -> bool:
+    """Whether the process that a name beside an output belongs to still runs."""
+    number = partial.name.split(".")[-2]
+    try:
+        os.kill(int(number), 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, ValueError, OverflowError):
+        return True
+    return int(number) != os.getpid()
+
+
+def _escape(name: str) -> str:
+    return "".join(f"[{c}]" if c in "*?[" else c for c in name)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _locked(path: Path) -> int | None:
+    """A descriptor that holds the lock of a file or folder; None where another process holds it."""
+    if sys.platform == "win32":
+        return None
+    try:
+        descriptor = os.open(path, os.O_RDONLY)
+    except OSError:
+        return None
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        return None
+    return descriptor
+
+
+@contextlib.contextmanager
+def folder_lock(folder: Path) -> Iterator[None]:
+    """Hold the lock of a folder; it is freed when the block or the process ends, however it ends.
+
+    Raises
+    ------
+    InvalidInput
+        When another process holds it.
+    """
+    descriptor = _locked(folder)
+    if descriptor is None and sys.platform != "win32":
+        fix = "wait for it to end, or choose another folder"
+        raise InvalidInput(
+            Fault("another run writes this output", f"{folder}", "a run at work", "one run", fix)
+        )
+    try:
+        yield
+    finally:
+        if descriptor is not None:
+            os.close(descriptor)

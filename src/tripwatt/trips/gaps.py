@@ -1,0 +1,79 @@
+"""Gaps in the samples of a drive to come: short ones are bridged and flagged, longer ones refused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.errors import Fault
+from tripwatt.trips.flags import Flag
+from tripwatt.trips.schema import LINK_COLUMNS
+
+MOST_DURATION_S: Final = LINK_COLUMNS["travel_time_s"].maximum
+"""Longest trip [s]; time and memory of a forecast grow with the square of the duration."""
+
+MOST_SAMPLES: Final = 2_000_000
+"""Most samples of one trip: 48 h at 10 Hz have 1,728,000."""
+
+SHORTEST_GAP_S: Final = 10.0
+"""A longer step between two samples is a gap [s]; the audit of logs has the same bound."""
+
+LONGEST_GAP_S: Final = 60.0
+"""Longest gap of a speed trace that is bridged [s]; the audit splits a log at a longer one."""
+
+_LEAST_MS_STEP: Final = 50.0
+"""Median step from which times that are too long look like milliseconds: 20 Hz."""
+
+
+def time_faults(time_s: FloatArray, where: str) -> Iterator[Fault]:
+    """Every reason why increasing times are not those of the samples of one trip to come. O(samples).
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (samples,)
+        Increasing times [s].
+    where : str
+        Name for messages.
+
+    Examples
+    --------
+    >>> [fault.what for fault in time_faults(np.array([0.0, 1.0, 43200.0]), "samples")]
+    ['gap in the samples']
+    >>> print(*time_faults(np.arange(0.0, 9e5, 1000.0), "samples"))
+    duration out of range: samples, column 'time_s': got 899000 s; allowed: at most 172800 s; times look like milliseconds...
+    """
+    if len(time_s) > MOST_SAMPLES:
+        yield Fault("too many samples", where, f"{len(time_s)}", f"at most {MOST_SAMPLES}")
+    step = np.diff(time_s)
+    span = float(time_s[-1] - time_s[0]) if len(time_s) else 0.0
+    wide = np.flatnonzero(step > LONGEST_GAP_S)
+    looks_ms = len(step) > 1 and float(np.median(step)) >= _LEAST_MS_STEP
+    fix = "times look like milliseconds: give time_s in seconds" if looks_ms else ""
+    if span > MOST_DURATION_S:
+        place = f"{where}, column 'time_s'"
+        yield Fault("duration out of range", place, f"{span:g} s", f"at most {MOST_DURATION_S:g} s", fix)
+    elif len(wide):
+        k = int(wide[0])
+        more = f" (and {len(wide) - 1} more gaps)" if len(wide) > 1 else ""
+        place = f"{where}, column 'time_s', row {k + 2}"
+        got = f"no samples for {step[k]:g} s{more}"
+        fix = fix or "give the whole trace, or the planned route as links"
+        yield Fault("gap in the samples", place, got, f"at most {LONGEST_GAP_S:g} s", fix)
+
+
+def gap_flags(time_s: FloatArray) -> tuple[Flag, ...]:
+    """The flag of a speed trace with gaps: their time in all [s]. O(samples).
+
+    Examples
+    --------
+    >>> gap_flags(np.array([0.0, 1.0, 31.0, 32.0]))
+    (Flag(code='gap_bridged', subject='speed_m_s', value=30.0, unit='s'),)
+    >>> gap_flags(np.arange(0.0, 60.0, 10.0))
+    ()
+    """
+    step = np.diff(time_s)
+    gaps = step[step > SHORTEST_GAP_S]
+    return (Flag("gap_bridged", "speed_m_s", float(gaps.sum()), "s"),) if len(gaps) else ()
