@@ -220,5 +220,3 @@ def main(name: str, port: int) -> None:
 
 if __name__ == "__main__":
     main(sys.argv[1], int(sys.argv[2]))
-
-

@@ -270,7 +270,9 @@ def test_the_largest_regenerative_torque_is_the_floor_of_the_logged_torque(data_
         file = data_dir / "tum" / f"{name}.csv"
         if not file.is_file():
             continue
-        columns = pd.read_csv(file, sep=";", encoding="latin-1", usecols=lambda c: c.startswith("Motor Torque"))
+        columns = pd.read_csv(
+            file, sep=";", encoding="latin-1", usecols=lambda c: c.startswith("Motor Torque")
+        )
         braking = columns.iloc[:, 0].to_numpy()
         braking = braking[braking < -70.0]
         share = np.mean((braking >= -torque) & (braking <= 2.0 - torque))
