@@ -198,12 +198,15 @@ class TestLoggedPlan:
         assert short.array("time_s").tolist() == [0.0, 1.0]
         assert short.array("speed_m_s") == pytest.approx([10.0, 10.0], rel=1e-6)
 
-    def test_a_step_has_a_lower_bound(self) -> None:
+    def test_bounds_of_a_step(self) -> None:
         even = track([0.0, 20.0], [0.0, 2.0])
-        for wrong in (0.0009, 0.0, -1.0, NO, math.inf):
+        for wrong in (0.0009, 0.0, -1.0, NO, math.inf, 172_801.0):
             with pytest.raises(InvalidInput, match="step out of range"):
                 plan_from_track(even, step_s=wrong)
         assert len(plan_from_track(even, step_s=0.001)) == 2001
+        brief = plan_from_track(track([0.0, 0.001], [0.0, 0.0001]), step_s=172_800.0)
+        assert brief.array("time_s").tolist() == [0.0, 172_800.0]
+        assert brief.array("speed_m_s") == pytest.approx([10.0, 0.0], rel=1e-3)
 
     def test_of_points_with_one_time_the_last_place_counts(self) -> None:
         plan = plan_from_track(track([0.0, 5.0, 10.0, 20.0, 30.0], [0.0, 1.0, 1.0, 2.0, 3.0]))

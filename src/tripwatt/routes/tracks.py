@@ -303,8 +303,9 @@ def plan_from_track(
     known_s, driven = track.time_s[keep], track.position_m[last]
     span = float(known_s[-1])
     finest = max(span / MOST_SAMPLES, 1e-3)
-    if not (math.isfinite(step_s) and step_s >= finest):
-        raise InvalidInput(Fault("step out of range", "step_s", f"{step_s}", f"{finest:g} s or more"))
+    if not finest <= step_s <= MOST_TRAVEL_TIME_S:
+        allowed = f"{finest:g} to {MOST_TRAVEL_TIME_S:g} s"
+        raise InvalidInput(Fault("step out of range", "step_s", f"{step_s}", allowed))
     time = np.arange(max(math.ceil(span / step_s - 1e-9), 1) + 1, dtype=np.float64) * step_s
     before, after = np.maximum(time - WINDOW_S, 0.0), np.minimum(time + WINDOW_S, span)
     after = np.maximum(after, before + 1e-9)
