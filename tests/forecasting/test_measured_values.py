@@ -202,6 +202,12 @@ class TestEnergy:
         log["current_a"] = [10.0, 10.0, NO, 10.0, 10.0, 10.0]
         assert measured_energy(log) == pytest.approx(np.arange(6.0), **EXACT)
 
+    @pytest.mark.parametrize(("last_s", "bridged"), [(16.0, True), (16.5, False)])
+    def test_a_gap_that_ends_with_the_last_sample(self, last_s, bridged) -> None:
+        log = steady([0.0, 1.0, 10.0, last_s])
+        log.loc[2, "current_a"] = NO
+        assert bool(np.isfinite(measured_energy(log)[2])) is bridged
+
     def test_counted_energy_is_never_bridged(self) -> None:
         log = pd.DataFrame({"time_s": [0.0, 1.0, 2.0, 3.0], "observed_energy_wh": [5.0, NO, 7.0, 9.0]})
         assert measured_energy(log) == pytest.approx([0.0, NO, 2.0, 4.0], nan_ok=True, **EXACT)
