@@ -278,7 +278,8 @@ class CarTransfer:
         total = sum(o.noise * w for o, w in zip(prior, weights, strict=True))
         counting = [(o, w) for o, w in zip(prior, weights, strict=True) if w >= _NEGLIGIBLE]
         kept = sum(w for _, w in counting)
-        features, common, diagonal = self._stacked(evidence), 0.0, np.zeros(0)
+        features, common = self._stacked(evidence), 0.0
+        diagonal = np.zeros(features.shape[1])
         means, gains = [], []
         for option, weight in counting:
             share = np.sqrt(weight / kept)
@@ -286,7 +287,7 @@ class CarTransfer:
             means.append(share * mean)
             gains.append(share * gain)
             common += weight / kept * option.share**2
-            diagonal = own * weight / kept + (diagonal if len(diagonal) else 0.0)
+            diagonal += own * weight / kept
         stacked, known = np.array(means), np.hstack(gains)
         centre = np.sqrt([w / kept for _, w in counting]) @ stacked
         covariance = stacked.T @ stacked - np.outer(centre, centre) - known @ known.T
