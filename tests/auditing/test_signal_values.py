@@ -36,7 +36,7 @@ def lively(n=300, step_s=1.0, speed_m_s=10.0, start_s=0.0):
 def frozen(first, last, **options):
     """All signals rest from one sample to another."""
     samples = lively(**options)
-    samples.loc[first:last, MEASURED] = samples.loc[first, MEASURED].to_numpy()
+    samples.loc[first:last, list(MEASURED)] = samples.loc[first, list(MEASURED)].to_numpy()
     return samples
 
 

@@ -35,7 +35,8 @@ def quickstart(folder: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 def test_the_quickstart_prints_what_the_readme_shows(tmp_path, monkeypatch):
     printed = quickstart(tmp_path, monkeypatch).rstrip().splitlines()
     shown = next(b for b in blocks() if b.startswith("trip, ")).rstrip().splitlines()
-    assert [line.rstrip() for line in printed] == shown
+    # how long the rule of a table is differs by a sign between releases of rich
+    assert [re.sub("─+", "─", line.rstrip()) for line in printed] == [re.sub("─+", "─", s) for s in shown]
 
 
 def test_the_python_of_the_readme_runs(tmp_path, monkeypatch):
