@@ -16,6 +16,7 @@ from tripwatt.cli import (
     evaluate,
     export,
     fit,
+    fleets,
     forecast,
     inspect,
     journey,
@@ -66,6 +67,7 @@ cars.add_commands(app)
 export.add_commands(app)
 serve.add_commands(app)
 stores.add_commands(app)
+fleets.add_commands(app)
 
 
 def main() -> None:

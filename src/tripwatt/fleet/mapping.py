@@ -195,10 +195,10 @@ def rows_of_file(task: FileTask) -> FileResult:
     out = Path(task.out)
     out.mkdir(parents=True, exist_ok=True)
     if segments:
-        _write_whole(pa.concat_tables(segments), _segments_path(task))
+        write_whole(pa.concat_tables(segments), _segments_path(task))
     about = {"trips": f"{trips}", "segments": "yes" if segments else ""}
     # the rows come last: where they are, all of the task is
-    _write_whole(pa.Table.from_pylist(rows, schema=ROWS).replace_schema_metadata(about), _rows_path(task))
+    write_whole(pa.Table.from_pylist(rows, schema=ROWS).replace_schema_metadata(about), _rows_path(task))
     return FileResult(
         str(_rows_path(task)), str(_segments_path(task)) if segments else None, trips, len(rows)
     )
@@ -223,7 +223,7 @@ def _finished(task: FileTask) -> FileResult | None:
     return FileResult(str(path), segments, int(about[b"trips"]), found.metadata.num_rows)
 
 
-def _write_whole(table: pa.Table, path: Path) -> None:
+def write_whole(table: pa.Table, path: Path) -> None:
     """A file under its final name only when it is whole; another process may write the same at the same time."""
     partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
     try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from importlib.metadata import version
 from pathlib import Path
@@ -75,7 +75,7 @@ def save_fleet(model: FleetModel, folder: Path | str) -> None:
             "posterior.npz": model.posterior.to_arrays(),
             "scores.npz": {name: s.values for name, s in scores.items()},
             "shrinkage.npz": {f.name: np.asarray(getattr(shrinkage, f.name)) for f in fields(shrinkage)},
-            "digests.npz": {"digests": np.array(sorted(model.digests), dtype=np.str_)},
+            "digests.npz": {"digests": _packed(sorted(model.digests))},
         },
     )
 
@@ -134,7 +134,12 @@ def _model(parts: Mapping[str, Any]) -> FleetModel:
             name: Range(-math.inf if low is None else low, math.inf if high is None else high, sd)
             for name, (low, high, sd) in values["ranges"].items()
         },
-        frozenset(parts["digests.npz"]["digests"].tolist()),
+        frozenset(row.tobytes().hex() for row in parts["digests.npz"]["digests"]),
         values["sampled"],
         dict(values["about"]),
     )
+
+
+def _packed(digests: Sequence[str]) -> Any:
+    """Digests as bytes, shape (digests, 32)."""
+    return np.frombuffer(bytes.fromhex("".join(digests)), dtype=np.uint8).reshape(-1, 32)

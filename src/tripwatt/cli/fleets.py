@@ -1,0 +1,402 @@
+"""Commands on a fleet: fit it on a trip store, update it every night, compare, promote, forecast, evaluate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tripwatt.cli.options import JsonOption, examples, options_named
+from tripwatt.cli.output import write_text
+from tripwatt.cli.printing import console, print_json, print_table, progress
+from tripwatt.cli.stores import CarModelOption, SinceOption, StoreArgument, StoreOption, UntilOption, opened
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from tripwatt.fleet.registry import Comparison, Registry
+
+fleet_app = typer.Typer(
+    help="Many vehicles: one model of a trip store, with the deviations of each car model, vehicle and driver. It needs the "
+    "extra tripwatt[fleet].",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+RegistryArgument = Annotated[Path, typer.Argument(metavar="REGISTRY", help="Folder of the model's versions.")]
+JobsOption = Annotated[int, typer.Option("--jobs", min=1, metavar="N", help="Processes of this machine.")]
+ClusterOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Scheduler of a Dask cluster, such as tcp://10.0.0.5:8786, in place of --jobs.",
+        show_default=False,
+    ),
+]
+WorkOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FOLDER",
+        help="Folder of finished parts, which every worker reaches. Default: REGISTRY/work.",
+        show_default=False,
+    ),
+]
+
+
+def add_commands(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    fleet_app.command(
+        "fit",
+        epilog=examples(
+            ("tripwatt fleet fit fleet models --jobs 4", "fit on all trips of the store fleet"),
+            ("tripwatt fleet fit fleet models --cluster tcp://10.0.0.5:8786", "fit on a Dask cluster"),
+        ),
+    )(fit)
+    fleet_app.command(
+        "update", epilog=examples(("tripwatt fleet update fleet models", "take in the trips of last night"))
+    )(update)
+    fleet_app.command(
+        "refit",
+        epilog=examples(
+            ("tripwatt fleet refit fleet models --weeks 4", "fit anew, and promote it if it is not worse")
+        ),
+    )(refit)
+    fleet_app.command(
+        "versions", epilog=examples(("tripwatt fleet versions models", "list the versions and their history"))
+    )(versions)
+    fleet_app.command(
+        "promote", epilog=examples(("tripwatt fleet promote models 0003", "use version 0003 from now on"))
+    )(promote)
+    fleet_app.command(
+        "rollback", epilog=examples(("tripwatt fleet rollback models", "use the version before again"))
+    )(roll_back)
+    fleet_app.command(
+        "forecast",
+        epilog=examples(
+            (
+                "tripwatt fleet forecast models trip.csv --vehicle-id V17 --soc 0.8",
+                "forecast a trip of one vehicle",
+            )
+        ),
+    )(forecast)
+    fleet_app.command(
+        "batch",
+        epilog=examples(
+            (
+                "tripwatt fleet batch models tomorrow.parquet --out forecasts.parquet",
+                "forecast many planned trips",
+            )
+        ),
+    )(batch)
+    fleet_app.command(
+        "evaluate",
+        epilog=examples(
+            ("tripwatt fleet evaluate fleet --out fleet.html", "score a fleet and write its page")
+        ),
+    )(evaluate)
+    app.add_typer(fleet_app, name="fleet")
+
+
+@contextmanager
+def _running(jobs: int, cluster: str | None) -> Iterator[tuple[Executor, int]]:
+    from tripwatt.fleet.executors import executor_for
+
+    with executor_for(jobs, cluster) as found:
+        yield found
+
+
+def _registry(folder: Path) -> Registry:
+    from tripwatt.fleet.registry import Registry
+
+    return Registry(folder)
+
+
+def fit(
+    store: StoreArgument,
+    registry: RegistryArgument,
+    since: SinceOption = None,
+    until: UntilOption = None,
+    jobs: JobsOption = 1,
+    cluster: ClusterOption = None,
+    work: WorkOption = None,
+    options: StoreOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Fit a model on the trips of a store, and promote it if the registry has no version in use yet.
+
+    An interrupted fit goes on with its finished parts.
+    """
+    from tripwatt.fleet.model import fit_fleet
+
+    source, target = opened(store, options), _registry(registry)
+    with progress(console()) as advance, _running(jobs, cluster) as (executor, workers):
+        model = fit_fleet(
+            source,
+            work or registry / "work",
+            executor,
+            workers,
+            which={"since": since, "until": until},
+            progress=advance,
+        )
+    version = target.add(model, f"fit on {model.trips} trips")
+    first = not any(entry["action"] == "promote" for entry in target.history())
+    if first:
+        target.promote(version)
+    if as_json:
+        print_json(
+            {"version": version, "in_use": first, "trips": model.trips, "vehicles": len(model.vehicles())}
+        )
+        return
+    typer.echo(f"version {version}: {model!r}" + (", in use" if first else "; promote it to use it"))
+
+
+def update(
+    store: StoreArgument,
+    registry: RegistryArgument,
+    jobs: JobsOption = 1,
+    cluster: ClusterOption = None,
+    work: WorkOption = None,
+    options: StoreOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Take new trips of a store into the model in use, as a new version, and report how they were forecast.
+
+    Only the new trips are read. The sums of the linear part are those of a fit on all trips; trees, residual process and
+    scores stay as they are until the next refit.
+    """
+    from tripwatt.fleet.evaluation import drift
+    from tripwatt.fleet.model import update_fleet
+
+    source, target = opened(store, options), _registry(registry)
+    before = target.load()
+    with _running(jobs, cluster) as (executor, workers):
+        model, rows = update_fleet(before, source, work or registry / "work", executor, workers)
+    found: dict[str, Any] = {"trips": 0}
+    version = target.current()
+    if len(rows):
+        found = drift(before.posterior, rows)
+        version = target.add(model, f"update by {len(rows)} trips")
+        target.promote(version)
+    if as_json:
+        print_json({"version": version, **found})
+        return
+    if not len(rows):
+        typer.echo(f"version {version}: no new trips")
+        return
+    typer.echo(
+        f"version {version}: {model!r}; {found['trips']} new trips, mean error {found['bias']:+.1%}, "
+        f"{found['coverage']:.0%} inside the 90 % interval"
+    )
+    drifting = [
+        (name, f"{v['trips']}", f"{100.0 * v['bias']:+.1f}", f"{v['z']:+.1f}")
+        for name, v in found["vehicles"].items()
+    ]
+    if drifting:
+        columns = ("vehicle", "new trips", "more than forecast [%]", "standard errors")
+        print_table("Vehicles that drift", columns, drifting, numbers=columns[1:])
+
+
+def refit(
+    store: StoreArgument,
+    registry: RegistryArgument,
+    weeks: Annotated[
+        float, typer.Option(min=0.1, metavar="N", help="Newest weeks, on which the new model is compared.")
+    ] = 4.0,
+    jobs: JobsOption = 1,
+    cluster: ClusterOption = None,
+    work: WorkOption = None,
+    options: StoreOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Fit anew on all but the newest weeks, compare with the model in use, and promote it unless it is worse.
+
+    The comparison is on trips of the newest weeks, paired by vehicle. Both models are taken without these trips. A
+    promoted model then takes them in. The exit code is 1 if the model in use stays.
+    """
+    from tripwatt.fleet.life import refit_fleet
+
+    source, target = opened(store, options), _registry(registry)
+    with progress(console()) as advance, _running(jobs, cluster) as (executor, workers):
+        version, comparison, promoted = refit_fleet(
+            source, target, work or registry / "work", executor, workers, weeks=weeks, progress=advance
+        )
+    _show_comparison(version, comparison, promoted, as_json)
+    if not promoted:
+        raise typer.Exit(1)
+
+
+def _show_comparison(version: str, comparison: Comparison, promoted: bool, as_json: bool) -> None:
+    from dataclasses import asdict
+
+    if as_json:
+        print_json({"version": version, "in_use": promoted, "comparison": asdict(comparison)})
+        return
+    typer.echo(
+        f"version {version}: {'in use' if promoted else 'not in use, because it is worse'}; {comparison}"
+    )
+
+
+def versions(registry: RegistryArgument, as_json: JsonOption = False) -> None:
+    """List the versions of a registry and what was done with them."""
+    target = _registry(registry)
+    history = target.history()
+    if as_json:
+        print_json({"versions": list(target.versions()), "in_use": target.current(), "history": history})
+        return
+    rows = [(h["time"], h["action"], h["version"], h["note"]) for h in history]
+    title = f"{len(target.versions())} versions, {target.current()} in use"
+    print_table(title, ("time", "action", "version", "note"), rows, folding=("note",))
+
+
+def promote(
+    registry: RegistryArgument,
+    version: Annotated[
+        str, typer.Argument(metavar="VERSION", help="A version of `tripwatt fleet versions`.")
+    ],
+    as_json: JsonOption = False,
+) -> None:
+    """Use a version from now on. Programs that follow the registry change without losing a request."""
+    _registry(registry).promote(version)
+    print_json({"in_use": version}) if as_json else typer.echo(f"version {version} is in use")
+
+
+def roll_back(registry: RegistryArgument, as_json: JsonOption = False) -> None:
+    """Use the version again that was in use before."""
+    version = _registry(registry).roll_back()
+    print_json({"in_use": version}) if as_json else typer.echo(f"version {version} is in use")
+
+
+def forecast(
+    registry: RegistryArgument,
+    trip: Annotated[
+        Path, typer.Argument(metavar="TRIP", help="A route or a speed trace, as for `tripwatt forecast`.")
+    ],
+    vehicle_id: Annotated[str, typer.Option("--vehicle-id", metavar="ID", help="The vehicle.")],
+    car_model: CarModelOption = None,
+    driver: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="The driver, if trips of his were logged.", show_default=False),
+    ] = None,
+    soc: Annotated[
+        float | None, typer.Option(metavar="X", help="Displayed state of charge, 0 to 1.", show_default=False)
+    ] = None,
+    ambient: Annotated[
+        float | None,
+        typer.Option("--ambient", metavar="T", help="Outside temperature [°C].", show_default=False),
+    ] = None,
+    reserve: Annotated[
+        float, typer.Option(min=0.0, max=1.0, metavar="X", help="Charge to arrive with, 0 to 1.")
+    ] = 0.0,
+    as_json: JsonOption = False,
+) -> None:
+    """Forecast a trip of one vehicle with the version in use. A vehicle without trips starts from its --car-model."""
+    import tripwatt as tw
+
+    model = _registry(registry).load()
+    plan = tw.read_route(trip)
+    with options_named():
+        departure = tw.Departure(soc=soc, ambient_temperature_degc=ambient)
+    found = model.forecast(plan, departure, vehicle_id=vehicle_id, car_model=car_model, driver=driver)
+    low, high = found.interval(0.9)
+    if as_json:
+        print_json({"vehicle_id": vehicle_id, **found.to_dict(reserve)})
+        return
+    rows = [
+        ("vehicle", vehicle_id),
+        ("energy", f"{found.energy_wh / 1000.0:.2f} kWh"),
+        ("90 % interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
+        ("state of charge at arrival", f"{100.0 * found.soc_arrival:.0f} %"),
+        (
+            f"probability to arrive with {100.0 * reserve:.0f} % or more",
+            f"{100.0 * found.p_arrive(reserve):.1f} %",
+        ),
+    ]
+    print_table("Forecast before departure", ("", "forecast"), rows)
+
+
+def batch(
+    registry: RegistryArgument,
+    trips: Annotated[
+        Path, typer.Argument(metavar="TRIPS.parquet", help="One row a link; see docs/fleet.md.")
+    ],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Parquet file to write.")] = Path(
+        "forecasts.parquet"
+    ),
+    quantile: Annotated[
+        list[float] | None,
+        typer.Option(
+            metavar="Q",
+            help="Quantile of the energy; you can repeat the option. Default: 0.05, 0.5, 0.95.",
+            show_default=False,
+        ),
+    ] = None,
+    reserve: Annotated[float, typer.Option(metavar="X", help="Charge to arrive with, 0 to 1.")] = 0.0,
+    jobs: JobsOption = 1,
+    cluster: ClusterOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Forecast many planned trips with the version in use, Parquet in and Parquet out."""
+    from tripwatt.fleet.batch import QUANTILES, forecast_batch
+
+    target = _registry(registry)
+    folder = target.path(target.current())
+    with _running(jobs, cluster) as (executor, workers):
+        count = forecast_batch(
+            folder, trips, out, executor, workers, quantiles=quantile or QUANTILES, reserve=reserve
+        )
+    print_json({"out": str(out), "trips": count}) if as_json else typer.echo(f"{out}: {count} trips")
+
+
+def evaluate(
+    store: StoreArgument,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE.html", help="Page to write.")] = Path(
+        "fleet.html"
+    ),
+    jobs: JobsOption = 1,
+    cluster: ClusterOption = None,
+    work: Annotated[
+        Path, typer.Option(metavar="FOLDER", help="Folder of finished parts, which every worker reaches.")
+    ] = Path("fleet.work"),
+    options: StoreOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Score the linear model of a fleet on later trips, new vehicles and new car models, and write one HTML page.
+
+    The page shows errors by car model, temperature, length and number of own trips, the calibration by vehicle, and which
+    vehicles take more than others of their car model, and since when.
+    """
+    from tripwatt.fleet.evaluation import evaluate_rows, sisters
+    from tripwatt.fleet.hierarchy import fit_scales, posterior
+    from tripwatt.fleet.mapping import map_store, read_rows, tasks_of
+    from tripwatt.fleet.report import report_page
+    from tripwatt.fleet.statistics import Sums
+
+    source = opened(store, options)
+    with progress(console()) as advance, _running(jobs, cluster) as (executor, workers):
+        tasks = tasks_of(source, source.trip_rows(), work)
+        rows = read_rows(map_store(tasks, executor, workers, advance))
+    sums = Sums.from_rows(rows)
+    scales = fit_scales(sums)
+    found = evaluate_rows(rows, scales)
+    vehicles = sisters(posterior(sums, scales), rows)
+    write_text(report_page(f"Fleet {store}", found, vehicles), out)
+    if as_json:
+        frame = vehicles.astype(object).where(vehicles.notna(), None)
+        print_json(
+            {
+                "out": str(out),
+                "by_car_model": found.table("car_model").to_dict("records"),
+                "own_trips": found.own.to_dict("records"),
+                "vehicles": frame.to_dict("records"),
+            }
+        )
+        return
+    columns = ("trips forecast", "car model", "trips", "mean error [%]", "inside the 90 % interval [%]")
+    shown = [
+        (f"{r[0]}", f"{r[1]}", f"{r[2]}", f"{100.0 * r[3]:.1f}", f"{100.0 * r[4]:.0f}")
+        for r in found.table("car_model").itertuples(index=False)
+    ]
+    print_table(f"{out}", columns, shown, numbers=columns[2:])

@@ -1,0 +1,75 @@
+"""The life of a fleet's model between nights: a scheduled refit that has to prove itself before it is used."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Callable
+from concurrent.futures import Executor
+from pathlib import Path
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.fleet.mapping import SampledTrips, map_store, tasks_of
+from tripwatt.fleet.model import Sampling, fit_fleet, update_fleet
+from tripwatt.fleet.registry import Comparison, Registry, compare
+from tripwatt.store import TripStore
+
+
+def refit_fleet(
+    store: TripStore,
+    registry: Registry,
+    work: Path | str,
+    executor: Executor,
+    workers: int = 1,
+    *,
+    weeks: float = 4.0,
+    sampling: Sampling | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[str, Comparison, bool]:
+    """Fit on all but the newest weeks, compare with the version in use on these, and promote what is not worse.
+
+    Parameters
+    ----------
+    store : TripStore
+    registry : Registry
+        With a version in use.
+    work, executor, workers, progress
+        As of `fit_fleet`.
+    weeks : float
+        Newest weeks, counted from the newest departure of the store.
+    sampling : Sampling, optional
+
+    Returns
+    -------
+    version : str
+        Of the challenger; when it was promoted, with the newest weeks taken in.
+    comparison : Comparison
+    promoted : bool
+
+    Raises
+    ------
+    InvalidInput
+        When the store has no times of departure, or no trip with measured energy in the newest weeks.
+    """
+    last = store.about()["last"]
+    if last is None:
+        raise InvalidInput(Fault("times of departure are missing", store.place, "", "trips with a departure"))
+    cut = (dt.datetime.fromisoformat(last) - dt.timedelta(weeks=weeks)).isoformat()
+    champion = registry.load()
+    challenger = fit_fleet(
+        store, work, executor, workers, which={"until": cut}, sampling=sampling, progress=progress
+    )
+    newest = store.trip_rows(since=cut)
+    wanted = frozenset(row["digest"] for row in newest)
+    results = map_store(tasks_of(store, newest, work, wanted), executor, workers)
+    sample = SampledTrips.read([r.segments for r in results if r.segments])
+    comparison = compare(champion, challenger, sample)
+    if comparison.worse:
+        return (
+            registry.add(challenger, f"refit until {cut}, worse than the version in use"),
+            comparison,
+            False,
+        )
+    complete, _ = update_fleet(challenger, store, work, executor, workers)
+    version = registry.add(complete, f"refit until {cut}, then updated")
+    registry.promote(version, comparison)
+    return version, comparison, True

@@ -1,0 +1,327 @@
+"""Versions of a fleet's model in a folder, and a pointer to the one in use that moves at once.
+
+    REGISTRY/
+      versions/0001/       a model folder, written once
+      versions/0002/
+      current              the number of the version in use
+      history.jsonl        what was done, one line each
+
+The pointer is one small file that is replaced by a rename: a reader sees the old version or the new one, and never none.
+Versions are never changed, so a reader that loads one while the pointer moves still loads it whole.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import os
+import threading
+import uuid
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.fleet.features import trip_features, trip_variance_wh2
+from tripwatt.fleet.hierarchy import posterior
+from tripwatt.fleet.mapping import SampledTrips
+from tripwatt.fleet.model import FleetModel, sums_of_trips
+from tripwatt.fleet.statistics import NO_DRIVER
+from tripwatt.fleet.storage import load_fleet, save_fleet
+
+BOOTSTRAP: Final = 2000
+WORSE: Final = 0.0
+"""A challenger is refused when the whole interval of its difference lies above this."""
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A challenger against the model in use, on trips that neither has seen, paired by vehicle.
+
+    Attributes
+    ----------
+    trips, vehicles : int
+    champion, challenger : float
+        Mean over vehicles of the mean relative error [1].
+    difference : float
+        Challenger less champion [1].
+    low, high : float
+        95 % interval of it, from a bootstrap of vehicles.
+    """
+
+    trips: int
+    vehicles: int
+    champion: float
+    challenger: float
+    difference: float
+    low: float
+    high: float
+
+    @property
+    def worse(self) -> bool:
+        """Whether the challenger is worse beyond chance."""
+        return self.low > WORSE
+
+    def __str__(self) -> str:
+        return (
+            f"mean error {self.challenger:.2%} against {self.champion:.2%} on {self.trips} trips of {self.vehicles} vehicles; "
+            f"difference {self.difference:+.2%} ({self.low:+.2%} to {self.high:+.2%})"
+        )
+
+
+def predict_sample(model: FleetModel, sample: SampledTrips) -> FloatArray:
+    """Energy [Wh] of sampled trips by linear part and trees, shape (trips,)."""
+    table = sample.table
+    correction = model.trees.predict(table)
+    linear = trip_features(table)
+    energy = table.totals_wh(table.simulated_w + correction)
+    for i, (car_model, vehicle_id, driver) in enumerate(sample.groups):
+        weights, _ = model.posterior.weights(car_model, vehicle_id, None if driver == NO_DRIVER else driver)
+        energy[i] += float(linear[i] @ weights)
+    return energy
+
+
+def unseen(model: FleetModel, sample: SampledTrips) -> FleetModel:
+    """The model as it would be without those of the sampled trips that it has seen: they are taken out of its sums."""
+    seen = np.array([i for i, d in enumerate(sample.digests) if d in model.digests], dtype=np.int64)
+    if not len(seen):
+        return model
+    y = sample.table.totals_wh(sample.table.residual_w)
+    its = sums_of_trips(sample.groups, trip_features(sample.table), y, trip_variance_wh2(sample.table), seen)
+    sums = model.sums - its
+    return replace(model, sums=sums, posterior=posterior(sums, model.posterior.scales))
+
+
+def compare(champion: FleetModel, challenger: FleetModel, sample: SampledTrips, seed: int = 0) -> Comparison:
+    """Compare two models on trips; those that a model has seen are taken out of its sums first.
+
+    Parameters
+    ----------
+    champion, challenger : FleetModel
+    sample : SampledTrips
+        Trips of the newest weeks. Trees and scales of neither model should come from them.
+    seed : int
+    """
+    observed = sample.table.totals_wh(sample.table.observed_power_w)
+    errors = [
+        np.abs(predict_sample(unseen(model, sample), sample) - observed) / np.abs(observed)
+        for model in (champion, challenger)
+    ]
+    names, code = np.unique([group[1] for group in sample.groups], return_inverse=True)
+    count = np.bincount(code)
+    own, new = (np.bincount(code, error) / count for error in errors)
+    difference = new - own
+    rng = np.random.default_rng(seed)
+    draws = difference[rng.integers(len(names), size=(BOOTSTRAP, len(names)))].mean(axis=1)
+    low, high = np.quantile(draws, (0.025, 0.975))
+    return Comparison(
+        len(sample),
+        len(names),
+        float(own.mean()),
+        float(new.mean()),
+        float(difference.mean()),
+        float(low),
+        float(high),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Registry:
+    """A folder of model versions.
+
+    Attributes
+    ----------
+    folder : Path
+    """
+
+    folder: Path
+
+    def versions(self) -> tuple[str, ...]:
+        """All versions, oldest first."""
+        found = self.folder / "versions"
+        return tuple(sorted(p.name for p in found.iterdir() if p.name.isdigit())) if found.is_dir() else ()
+
+    def add(self, model: FleetModel, note: str = "") -> str:
+        """Write a model as a new version; the pointer stays where it is. Several may add at once.
+
+        Returns
+        -------
+        str
+            The version.
+        """
+        versions = self.folder / "versions"
+        try:
+            versions.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            got = error.strerror or str(error)
+            raise InvalidInput(
+                Fault("registry cannot be written", f"{self.folder}", got, "a writable folder")
+            ) from error
+        made = versions / f".{uuid.uuid4().hex}"
+        save_fleet(model, made)
+        number = int(self.versions()[-1]) + 1 if self.versions() else 1
+        while True:
+            name = f"{number:04d}"
+            try:
+                made.rename(versions / name)  # a folder that is not empty is never replaced
+                break
+            except OSError:
+                if not (versions / name).is_dir():
+                    raise
+                number += 1
+        self._record("add", name, note)
+        return name
+
+    def path(self, version: str) -> Path:
+        """Folder of a version.
+
+        Raises
+        ------
+        InvalidInput
+            When there is none.
+        """
+        if version not in self.versions():
+            got, allowed = repr(version), ", ".join(self.versions()[-8:]) or "none yet"
+            raise InvalidInput(Fault("unknown version", f"{self.folder}", got, allowed))
+        return self.folder / "versions" / version
+
+    def current(self) -> str:
+        """The version in use.
+
+        Raises
+        ------
+        InvalidInput
+            When no version was promoted.
+        """
+        try:
+            return (self.folder / "current").read_text("utf-8").strip()
+        except OSError as error:
+            fix = "run `tripwatt fleet fit` and promote its version"
+            raise InvalidInput(
+                Fault("no version in use", f"{self.folder}", "", "a promoted version", fix)
+            ) from error
+
+    def load(self, version: str | None = None) -> FleetModel:
+        """The model of a version, by default of the one in use."""
+        return load_fleet(self.path(self.current() if version is None else version))
+
+    def promote(self, version: str, comparison: Comparison | None = None, note: str = "") -> None:
+        """Move the pointer to a version, after reading all of it.
+
+        Parameters
+        ----------
+        version : str
+        comparison : Comparison, optional
+            Against the version in use.
+        note : str
+
+        Raises
+        ------
+        InvalidInput
+            When the version is damaged, or worse than the one in use beyond chance; the pointer then stays.
+        """
+        self.load(version)
+        if comparison is not None and comparison.worse:
+            fix = "promote it without a comparison if you want it all the same"
+            raise InvalidInput(Fault("challenger is worse", version, f"{comparison}", "not worse", fix))
+        self._point(version)
+        self._record("promote", version, note, None if comparison is None else asdict(comparison))
+
+    def roll_back(self, note: str = "") -> str:
+        """Move the pointer to the version that was in use before the present one.
+
+        Returns
+        -------
+        str
+            The version now in use.
+
+        Raises
+        ------
+        InvalidInput
+            When there is none.
+        """
+        now = self.current()
+        stack: list[str] = []
+        for entry in self.history():
+            if entry["action"] == "promote":
+                stack.append(entry["version"])
+            elif entry["action"] == "roll back" and len(stack) > 1:
+                stack.pop()
+        earlier = stack[-2] if len(stack) > 1 else None
+        if earlier is None:
+            raise InvalidInput(
+                Fault("nothing to roll back to", f"{self.folder}", now, "an earlier promoted version")
+            )
+        self.load(earlier)
+        self._point(earlier)
+        self._record("roll back", earlier, note)
+        return earlier
+
+    def history(self) -> list[dict[str, Any]]:
+        """What was done, oldest first; a line that a crash cut off is left out."""
+        try:
+            lines = (self.folder / "history.jsonl").read_text("utf-8").splitlines()
+        except OSError:
+            return []
+        found = []
+        for line in lines:
+            try:
+                found.append(json.loads(line))
+            except json.JSONDecodeError:
+                continue
+        return found
+
+    def _point(self, version: str) -> None:
+        partial = self.folder / f".current.{uuid.uuid4().hex}"
+        with partial.open("w", encoding="utf-8") as file:
+            file.write(version + "\n")
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(partial, self.folder / "current")
+
+    def _record(self, action: str, version: str, note: str, about: Mapping[str, Any] | None = None) -> None:
+        now = dt.datetime.now(dt.UTC).isoformat(timespec="seconds")
+        entry = {"time": now, "action": action, "version": version, "note": note, "comparison": about}
+        with (self.folder / "history.jsonl").open("a", encoding="utf-8") as file:
+            file.write(json.dumps(entry, ensure_ascii=False) + "\n")
+
+
+class FollowedModel:
+    """The model of the version in use, for a program that runs on: it is read again when the pointer has moved.
+
+    While a new version is read, and where it cannot be, callers get the one before. Safe for many threads.
+
+    Parameters
+    ----------
+    registry : Registry
+    """
+
+    def __init__(self, registry: Registry) -> None:
+        self._registry = registry
+        self._lock = threading.Lock()
+        version = registry.current()
+        self._held = (version, registry.load(version))
+
+    @property
+    def version(self) -> str:
+        """The version that callers get."""
+        return self._held[0]
+
+    def get(self) -> FleetModel:
+        """The model; at most one caller at a time reads a new version, the others go on with the old one."""
+        try:
+            wanted = self._registry.current()
+        except InvalidInput:
+            return self._held[1]
+        if wanted != self._held[0] and self._lock.acquire(blocking=False):
+            try:
+                self._held = (wanted, self._registry.load(wanted))
+            except InvalidInput:
+                pass  # the version before goes on
+            finally:
+                self._lock.release()
+        return self._held[1]
