@@ -18,7 +18,7 @@ TREE_SETTINGS: Final = {
     "objective": "regression",
     "learning_rate": 0.05,
     "num_leaves": 8,
-    "min_data_in_leaf": 200,
+    "min_data_in_leaf": 100,
     "feature_fraction": 0.7,
     "bagging_fraction": 0.7,
     "bagging_freq": 1,

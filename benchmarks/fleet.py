@@ -1,0 +1,516 @@
+"""A fleet beyond one machine, measured: `python -m benchmarks.fleet [scale] [store] [truth] [update] [peers] [real] [same]`.
+
+    scale   store add and fleet fit on a local Dask cluster at two sizes (--trips SMALL LARGE --workers N)
+    same    forecasts of one process, of a Dask cluster and of a cluster with a killed worker
+    store   four writers at once, one killed; a million rows listed and filtered
+    truth   deviations of vehicles found again; errors by number of own trips; coverage by car model
+    update  one night against the whole fit
+    peers   statsmodels MixedLM and single fits on the same rows
+    real    the TUM i3 and the Leafs of the VED set as one fleet (data in --data)
+
+Prints each bar with its figure. The synthetic fleet and its seed are fixed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import shutil
+import signal
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.bars import Bar, at_least, at_most, missing, shown
+
+COMMAND = "python -m benchmarks.fleet"
+MB = 1.0 / 1024.0
+
+
+def cpu_s() -> float:
+    """CPU time of this process and of its finished children."""
+    return time.process_time() + sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
+
+
+@contextmanager
+def dask(workers: int) -> Iterator[Any]:
+    from distributed import Client, LocalCluster
+
+    with (
+        LocalCluster(
+            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield cluster, client
+
+
+def worker_figures() -> tuple[float, float]:
+    """CPU time [s] and peak memory [MB] of a worker."""
+    return time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * MB
+
+
+def add_blocks(place: str, plan: Any, blocks: list[tuple[int, int]]) -> int:
+    """Make and add some blocks; runs on a worker."""
+    from tripwatt.store import open_store
+    from tripwatt.synthetic.many import block_of_logs
+
+    store = open_store(place)
+    return sum(
+        store.add(block_of_logs(plan, model, block), car_model=plan.car_models[model]).added
+        for model, block in blocks
+    )
+
+
+def filled(place: str, plan: Any, executor: Any, workers: int) -> None:
+    """A store with a synthetic fleet, added by all workers at once."""
+    from tripwatt.store import create_store
+
+    create_store(place, buckets=8)
+    blocks = plan.blocks()
+    several = [blocks[k :: 4 * workers] for k in range(4 * workers)]
+    done = [executor.submit(add_blocks, place, plan, part) for part in several if part]
+    assert sum(f.result() for f in done) == plan.trips
+
+
+def scale_once(trips: int, workers: int) -> dict[str, float]:
+    """CPU and wall time and memory of adding and fitting one synthetic fleet."""
+    from tripwatt.fleet.mapping import map_store, tasks_of
+    from tripwatt.fleet.model import fit_fleet
+    from tripwatt.store import open_store
+    from tripwatt.synthetic.many import FleetPlan
+
+    plan = FleetPlan(trips, vehicles=min(200, max(8, trips // 10)))
+    folder = tempfile.mkdtemp()
+    try:
+        with dask(workers) as (_, client):
+            executor = client.get_executor(pure=False)
+            began, own = time.time(), time.process_time()
+            filled(f"{folder}/s", plan, executor, workers)
+            added = time.time()
+            cpu_added = sum(c for c, _ in client.run(worker_figures).values())
+            store = open_store(f"{folder}/s")
+            tasks = tasks_of(store, store.trip_rows(), f"{folder}/mapped")
+            list(map_store(tasks, executor, workers))
+            cpu_mapped = sum(c for c, _ in client.run(worker_figures).values())
+            again = time.time()
+            model = fit_fleet(store, f"{folder}/w", executor, workers)
+            fitted = time.time()
+            figures = client.run(worker_figures).values()
+            return {
+                "trips": float(model.trips),
+                "wall_min": (fitted - again + added - began) / 60.0,
+                "add_ms": 1000.0 * cpu_added / trips,
+                "map_ms": 1000.0 * (cpu_mapped - cpu_added) / trips,
+                "cpu_s": sum(c for c, _ in figures) + time.process_time() - own - (cpu_mapped - cpu_added),
+                "worker_mb": max(m for _, m in figures),
+            }
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def scale(small: int, large: int, workers: int) -> Iterator[Bar]:
+    found = [scale_once(n, workers) for n in (small, large)]
+    exponent = float(np.log(found[1]["cpu_s"] / found[0]["cpu_s"]) / np.log(large / small))
+    how = f"{COMMAND} scale --trips {small} {large} --workers {workers}"
+    per_trip = found[1]["wall_min"] / large
+    yield shown(
+        f"20,000 trips on {workers} processes, from {large}",
+        how,
+        f"{20_000 * per_trip:.1f} min",
+        "<= 20 min for 2 processes",
+    )
+    yield at_most(f"exponent of the CPU cost, {small} to {large} trips", how, exponent, 1.05)
+    yield at_most("peak memory of a worker", how, found[1]["worker_mb"] / 1024.0, 1.2, "GB")
+    yield shown("the same at the smaller size", how, f"{found[0]['worker_mb'] / 1024.0:.2f} GB", "flat")
+    yield at_most("from store to statistics", how, found[1]["map_ms"], 15.0, "ms CPU a trip")
+    yield shown("making and adding", how, f"{found[1]['add_ms']:.1f} ms CPU a trip", "")
+    minutes = 1e6 * found[1]["cpu_s"] / large / 16.0 / 60.0
+    yield shown("1e6 trips on 16 cores, on paper", how, f"{minutes:.0f} min", "<= 30 min")
+
+
+def fitted(trips: int, vehicles: int, models: int = 4, days: float = 3.65) -> tuple[Any, Any, Any, str]:
+    """Plan, store, model and folder of a synthetic fleet, in this process."""
+    from tripwatt.fleet.executors import InProcess
+    from tripwatt.fleet.model import fit_fleet
+    from tripwatt.store import open_store
+    from tripwatt.synthetic.many import CAR_MODELS, FleetPlan
+
+    plan = FleetPlan(trips, vehicles=vehicles, car_models=CAR_MODELS[:models], days_between=days)
+    folder = tempfile.mkdtemp()
+    filled(f"{folder}/s", plan, InProcess(), 1)
+    store = open_store(f"{folder}/s")
+    return plan, store, fit_fleet(store, f"{folder}/w", InProcess()), folder
+
+
+def rows_of(store: Any, folder: str) -> Any:
+    from tripwatt.fleet.executors import InProcess
+    from tripwatt.fleet.mapping import map_store, read_rows, tasks_of
+
+    return read_rows(map_store(tasks_of(store, store.trip_rows(), f"{folder}/rows"), InProcess(), 1))
+
+
+def truth(trips: int = 1200, vehicles: int = 60) -> Iterator[Bar]:
+    """Twenty trips a vehicle by default."""
+    from tripwatt.fleet.evaluation import evaluate_rows
+    from tripwatt.synthetic.many import vehicle_truth
+    from tripwatt.trips import Trip
+
+    how = f"{COMMAND} truth"
+    plan, store, model, folder = fitted(trips, vehicles, days=18.0)  # a year of 20 trips
+    rows = rows_of(store, folder)
+    X, models = rows.X, rows.texts("car_model")
+    own = {vehicle_truth(plan, n).vehicle_id: vehicle_truth(plan, n) for n in range(vehicles)}
+    names = sorted(own)
+    found, true = [], []
+    for name in names:
+        its = models == own[name].car_model
+        usual = X[its].mean(axis=0)
+        base, _ = model.posterior.weights(own[name].car_model)
+        found.append(float(usual @ (model.posterior.weights(own[name].car_model, name)[0] - base)))
+        true.append(own_energy_wh(plan, own[name], rows.where(its)))
+    centred = [[v - np.mean([w for w, n in zip(values, names, strict=True) if own[n].car_model == own[m].car_model])
+                for v, m in zip(values, names, strict=True)] for values in (found, true)]  # fmt: skip
+    correlation = float(np.corrcoef(*centred)[0, 1])
+    yield at_least(
+        f"deviations of vehicles at {trips // vehicles} trips, correlation with the truth",
+        how,
+        correlation,
+        0.9,
+    )
+    evaluation = evaluate_rows(rows)
+    for row in evaluation.own.to_dict("records"):
+        best = min(row["own_only"], row["fleet_only"])
+        yield at_most(
+            f"pooled error at {row['own_trips']:.0f} own trips over the better of own and fleet only",
+            how,
+            row["pooled"] / best,
+            1.0,
+        )
+    from tripwatt.synthetic.many import FleetPlan, many_vehicles
+
+    later = FleetPlan(
+        trips + 4 * vehicles, vehicles, plan.car_models, plan.seed, plan.minutes, plan.days_between
+    )
+    known = set(rows.texts("drive").tolist())
+    inside: dict[str, list[bool]] = {}
+    for log in many_vehicles(later):
+        if log.trip_id in known:
+            continue
+        forecast = model.forecast(Trip.from_log(log), vehicle_id=log.context.car, driver=log.context.driver)
+        low, high = forecast.interval(0.9)
+        inside.setdefault(own[str(log.context.car)].car_model, []).append(
+            low <= (log.observed_energy_wh or 0.0) <= high
+        )
+    for name, its in inside.items():
+        share = 100.0 * float(np.mean(its))
+        met = 87.0 <= share <= 93.0
+        yield Bar(
+            f"90 % intervals of {name}, {len(its)} later trips", how, f"{share:.1f} %", "87 to 93 %", met
+        )
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def own_energy_wh(plan: Any, truth_: Any, rows: Any) -> float:
+    """Energy that a vehicle's own deviations add to the mean trip of its model, from the simulated energy by cause."""
+    from tripwatt.fleet.features import FEATURES, SCALES
+
+    x = rows.X.mean(axis=0) / SCALES
+    energy = dict(zip(FEATURES, x, strict=True))
+    rolling, drag, heat, base = truth_.own
+    return float(
+        rolling * energy["rolling"]
+        + drag * energy["air"]
+        + heat * energy["hvac"]
+        + base * energy["base_load"]
+    )
+
+
+def update(trips: int = 1000, vehicles: int = 50) -> Iterator[Bar]:
+    from tripwatt.fleet.executors import InProcess
+    from tripwatt.fleet.hierarchy import posterior
+    from tripwatt.fleet.model import update_fleet
+    from tripwatt.fleet.statistics import Sums
+    from tripwatt.synthetic.many import FleetPlan, many_vehicles
+
+    how = f"{COMMAND} update"
+    began = cpu_s()
+    plan, store, model, folder = fitted(trips, vehicles)
+    whole = cpu_s() - began
+    later = FleetPlan(trips + trips // 100, vehicles, plan.car_models)
+    known = {row["trip_id"] for row in store.trip_rows()}
+    logs: dict[str, list[Any]] = {}
+    for log in many_vehicles(later):
+        if log.trip_id not in known:
+            logs.setdefault(plan.car_models[int(str(log.context.car)[1:]) % len(plan.car_models)], []).append(
+                log
+            )
+    began = cpu_s()
+    for car_model, its in logs.items():
+        store.add(its, car_model=car_model)
+    updated, rows = update_fleet(model, store, f"{folder}/w", InProcess())
+    night = cpu_s() - began
+    yield at_most(f"a night of {len(rows)} trips, share of the cost of all {trips}", how, night / whole, 0.03)
+    full = posterior(Sums.from_rows(rows_of(store, folder)), model.posterior.scales)
+    worst = float(np.abs(full.mean - updated.posterior.mean).max() / np.abs(full.mean).max())
+    yield at_most("weights of the update against those of all trips, relative", how, worst, 1e-10)
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def store_bars(rows: int = 1_000_000) -> Iterator[Bar]:
+    """Writers at once, and a long table of trips."""
+    import pyarrow as pa
+    import pyarrow.dataset as ds
+
+    from tripwatt.store import create_store
+    from tripwatt.store.rows import TRIPS, bucket_of
+
+    how = f"{COMMAND} store"
+    folder = tempfile.mkdtemp()
+    store = create_store(f"{folder}/s")
+    vehicles = [f"V{k:05d}" for k in range(5000)]
+    buckets = np.array([bucket_of(v, store.buckets) for v in vehicles], dtype=np.int32)
+    rng = np.random.default_rng(0)
+    which = rng.integers(len(vehicles), size=rows)
+    days = rng.integers(365, size=rows)
+    base: dict[str, Any] = {
+        "bucket": buckets[which],
+        "month": "2024-01",
+        "batch": "0" * 20 + "-x",
+        "digest": [f"{k:064x}" for k in range(rows)],
+        "vehicle_id": np.array(vehicles, dtype=object)[which],
+        "trip_id": [f"T{k}" for k in range(rows)],
+        "car_model": "vw_id3",
+        "driver": None,
+        "started_at": (np.datetime64("2024-01-01") + days).astype(str).astype(object),
+        "energy_from": "voltage and current",
+        "as_logged": True,
+        "findings": "[]",
+        "context": "{}",
+        "columns": "[]",
+    }
+    columns = []
+    for field in TRIPS:
+        value = base.get(field.name, 1.0 if pa.types.is_floating(field.type) else 1)
+        filled_ = [value] * rows if isinstance(value, str | int | float | type(None)) else value
+        columns.append(pa.array(filled_, field.type))
+    store.rows.append(pa.table(columns, schema=TRIPS))
+    store.compact()
+    began = time.perf_counter()
+    frame = store.trips(vehicle_id="V00017")
+    one = time.perf_counter() - began
+    began = time.perf_counter()
+    some = store.trips(since="2024-05-01", until="2024-05-02", columns=["trip_id", "energy_wh"])
+    day = time.perf_counter() - began
+    began = time.perf_counter()
+    listed = store.rows.read(["vehicle_id", "trip_id", "energy_wh"], ds.field("energy_wh") > 0.0).num_rows
+    everything = time.perf_counter() - began
+    yield at_most(f"trips of one vehicle ({len(frame)}) of {rows} rows", how, one, 1.0, "s")
+    yield at_most(f"trips of one day ({len(some)}) of {rows} rows", how, day, 1.0, "s")
+    yield at_most(f"{listed} rows listed, three columns", how, everything, 1.0, "s")
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def peers(trips: int = 2000, vehicles: int = 100) -> Iterator[Bar]:
+    """The mixed model of statsmodels on the same rows: random intercepts by vehicle for each of a few features."""
+    import statsmodels.api as sm
+
+    from tripwatt.fleet.hierarchy import fit_scales, posterior
+    from tripwatt.fleet.statistics import Sums
+
+    how = f"{COMMAND} peers"
+    rows = synthetic_rows(trips, vehicles)
+    # every tenth trip is held out
+    held = np.arange(len(rows)) % 10 == 0
+    train, test = rows.where(~held), rows.where(held)
+    began = time.process_time()
+    sums = Sums.from_rows(train)
+    found = posterior(sums, fit_scales(sums))
+    ours_s = time.process_time() - began
+    from tripwatt.fleet.model import predict_rows
+
+    observed = test.numbers("observed_wh")
+    ours = float(np.mean(np.abs(predict_rows(found, test)[0] - observed) / observed))
+    root = np.sqrt(train.weight)
+    X, y = train.X * root[:, None], train.residual_wh * root
+    keep = np.abs(X).max(axis=0) > 1e-9
+    random = np.array([i for i in (0, 1, 6, 7) if keep[i]])  # air, rolling, base load, climate
+    began = time.process_time()
+    peer = sm.MixedLM(y, X[:, keep], groups=train.texts("vehicle_id"), exog_re=X[:, random]).fit(reml=True)
+    theirs_s = time.process_time() - began
+    energy = test.numbers("simulated_wh") + test.X[:, keep] @ np.asarray(peer.fe_params)
+    for i, name in enumerate(test.texts("vehicle_id")):
+        if name in peer.random_effects:
+            energy[i] += float(test.X[i, random] @ np.asarray(peer.random_effects[name]))
+    theirs = float(np.mean(np.abs(energy - observed) / observed))
+    yield at_most(f"error over that of statsmodels MixedLM ({100 * theirs:.2f} %)", how, ours / theirs, 1.0)
+    yield at_least("times faster than statsmodels MixedLM", how, theirs_s / ours_s, 10.0)
+    began = time.process_time()
+    names = sorted(set(train.texts("vehicle_id").tolist()))
+    for name in names:
+        its = Sums.from_rows(train.where(train.texts("vehicle_id") == name))
+        posterior(its, fit_scales(its))
+    single_s = time.process_time() - began
+    yield shown(
+        f"the pooled fit against {len(names)} single fits", how, f"{single_s / ours_s:.1f} x faster", ""
+    )
+
+
+def synthetic_rows(trips: int, vehicles: int) -> Any:
+    """Rows of a synthetic fleet without a store."""
+    import pyarrow as pa
+
+    from tripwatt.fleet.mapping import row_of, segments_of
+    from tripwatt.fleet.statistics import ROWS, TripRows
+    from tripwatt.synthetic.many import FleetPlan, many_vehicles
+    from tripwatt.trips import Trip
+
+    plan = FleetPlan(trips, vehicles=vehicles)
+    found = []
+    for log in many_vehicles(plan):
+        car_model = plan.car_models[int(str(log.context.car)[1:]) % len(plan.car_models)]
+        table = segments_of(Trip.from_log(log), car_model, charge=False)
+        about = {
+            "car_model": car_model,
+            "vehicle_id": log.context.car,
+            "driver": log.context.driver,
+            "digest": log.trip_id,
+        }
+        if table is not None:
+            found.append(row_of(Trip.from_log(log), table, about))
+    return TripRows.join([pa.Table.from_pylist(found, schema=ROWS)])
+
+
+def real(data: Path) -> Iterator[Bar]:
+    """The i3 of the TUM set and the Leafs of the VED set as one fleet, by their own trips and together."""
+    from tripwatt.fleet.evaluation import _error
+    from tripwatt.fleet.executors import InProcess
+    from tripwatt.fleet.hierarchy import fit_scales, posterior
+    from tripwatt.fleet.statistics import Sums
+    from tripwatt.store import add_files, create_store
+
+    how = f"{COMMAND} real"
+    if not (data / "tum").is_dir() or not (data / "ved").is_dir():
+        yield missing("real cars as one fleet", how, f"no {data}")
+        return
+    folder = tempfile.mkdtemp()
+    store = create_store(f"{folder}/s")
+    add_files(store, data / "tum", car_model="bmw_i3_60ah", vehicle_id="i3", dataset="tum")
+    add_files(store, data / "ved", car_model="nissan_leaf_24", dataset="ved")
+    rows = rows_of(store, folder)
+    ids = rows.texts("vehicle_id")
+    sums = Sums.from_rows(rows)
+    scales = fit_scales(sums)
+    fold = np.random.default_rng(0).permutation(len(rows)) % 10
+    for vehicle in sorted(set(ids.tolist())):
+        its = ids == vehicle
+        errors = {"pooled": [], "own": []}  # type: dict[str, list[float]]
+        only = fit_scales(Sums.from_rows(rows.where(its)))
+        for k in range(10):
+            held = its & (fold == k)
+            if not held.any():
+                continue
+            test = rows.where(held)
+            observed = test.numbers("observed_wh")
+            pooled = posterior(sums - Sums.from_rows(test), scales)
+            own = posterior(Sums.from_rows(rows.where(its & ~held)), only) if (its & ~held).any() else None
+            errors["pooled"] += [_error(pooled, test, observed)] * len(test)
+            if own is not None:
+                errors["own"] += [_error(own, test, observed)] * len(test)
+        pooled_, own_ = (float(np.mean(e)) if e else float("nan") for e in errors.values())
+        text = f"{vehicle} ({int(its.sum())} trips): fleet {100 * pooled_:.2f} %, alone {100 * own_:.2f} %"
+        yield (
+            at_most(f"{text}; ratio", how, pooled_ / own_, 1.03)
+            if its.sum() > 10
+            else shown(text, how, f"{pooled_ / own_:.3f}", "")
+        )
+    shutil.rmtree(folder, ignore_errors=True)
+    del InProcess
+
+
+def same(trips: int = 160, vehicles: int = 16) -> Iterator[Bar]:
+    """One process, two processes of a cluster, and a cluster one of whose workers is killed."""
+    from tripwatt.fleet.executors import InProcess
+    from tripwatt.fleet.model import fit_fleet
+    from tripwatt.store import open_store
+    from tripwatt.synthetic.many import CAR_MODELS, FleetPlan, many_vehicles
+    from tripwatt.trips import Trip
+
+    how = f"{COMMAND} same"
+    plan = FleetPlan(trips, vehicles=vehicles, car_models=CAR_MODELS[:2])
+    folder = tempfile.mkdtemp()
+    filled(f"{folder}/s", plan, InProcess(), 1)
+    store = open_store(f"{folder}/s")
+    models = {"one process": fit_fleet(store, f"{folder}/a", InProcess())}
+    with dask(2) as (_, client):
+        models["Dask"] = fit_fleet(store, f"{folder}/b", client.get_executor(pure=False, retries=3), 2)
+        victim = next(iter(client.run(os.getpid).values()))
+        killed = []
+
+        def kill(done: int, total: int) -> None:
+            if done >= total // 3 and not killed:
+                killed.append(victim)
+                os.kill(victim, signal.SIGKILL)
+
+        models["Dask, a worker killed"] = fit_fleet(
+            store, f"{folder}/c", client.get_executor(pure=False, retries=3), 2, progress=kill
+        )
+        assert killed
+    first = models.pop("one process")
+    logs = [Trip.from_log(log) for log in list(many_vehicles(plan))[::8]]
+    for name, model in models.items():
+        sums = max(
+            float(
+                np.abs(getattr(first.sums, n) - getattr(model.sums, n)).max()
+                / np.abs(getattr(first.sums, n)).max()
+            )
+            for n in ("xx", "xy", "yy")
+        )
+        yield at_most(f"sums, {name} against one process, relative", how, sums, 1e-10)
+        worst = max(
+            abs(
+                first.forecast(t, vehicle_id=t.context.car).energy_wh
+                - model.forecast(t, vehicle_id=t.context.car).energy_wh
+            )
+            for t in logs
+        )
+        yield at_most(f"forecasts, {name} against one process", how, worst, 1e-6, "Wh")
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog=COMMAND)
+    names = ("scale", "same", "store", "truth", "update", "peers", "real")
+    parser.add_argument("what", nargs="*", choices=[*names, []], default=[])
+    parser.add_argument("--trips", nargs=2, type=int, default=(2000, 20_000))
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    parser.add_argument("--json", type=Path)
+    given = parser.parse_args()
+    found = []
+    for name in given.what or names:
+        bars = {
+            "scale": lambda: scale(*given.trips, given.workers),
+            "same": same,
+            "store": store_bars,
+            "truth": truth,
+            "update": update,
+            "peers": peers,
+            "real": lambda: real(given.data),
+        }[name]
+        for bar in bars():
+            print(f"{bar.text} | {bar.figure} | {bar.required} | {bar.verdict}", flush=True)
+            found.append(bar.__dict__)
+    if given.json is not None:
+        given.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
