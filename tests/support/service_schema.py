@@ -37,7 +37,9 @@ class Conformance:
         return self.code == 0 and self.cases > 0
 
 
-def conformance(url: str, examples: int, seed: int = 1, *, timeout_s: float = 1800.0) -> Conformance:
+def conformance(
+    url: str, examples: int, seed: int = 1, *, only: str = "", timeout_s: float = 1800.0
+) -> Conformance:
     """Run schemathesis against a service.
 
     Parameters
@@ -47,12 +49,15 @@ def conformance(url: str, examples: int, seed: int = 1, *, timeout_s: float = 18
     examples : int
         Most test cases an operation while fuzzing; examples and coverage of the schema come before.
     seed : int
+    only : str
+        Regular expression of the paths to try; all when empty.
     timeout_s : float
     """
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "schemathesis.toml").write_text(CONFIGURATION, encoding="utf-8")
         command = [
             *(sys.executable, "-m", "schemathesis.cli", "run", f"{url}/openapi.json", "--no-color"),
+            *(("--include-path-regex", only) if only else ()),
             *("-n", str(examples), "--seed", str(seed), "-c", "all", "--continue-on-failure"),
         ]  # fmt: skip
         environment = os.environ | {

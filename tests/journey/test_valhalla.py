@@ -1,0 +1,174 @@
+"""Journeys on a real Valhalla: a map is built of an OpenStreetMap extract, and its roads are served on loopback.
+
+`.ci/run` prepares Valhalla's programs; `TRIPWATT_VALHALLA` names their folder. From Python 3.12 on, with `pyvalhalla`
+installed, the same tests run in process as well.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import socket
+import subprocess
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tripwatt as tw
+from tripwatt.errors import InvalidInput
+from tripwatt.journey import Atlas, Drive, JourneyOptions, find_reach, open_atlas, plan_journey
+from tripwatt.routes.maps import MapFolder, build_map
+from tripwatt.routes.maps.engine import configuration, valhalla_folder
+from tripwatt.routes.places import Place
+
+IN_PROCESS = importlib.util.find_spec("valhalla") is not None
+
+
+@pytest.fixture(scope="session")
+def elevation(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One elevation tile of a plane that rises by 1000 m a degree to the north, as SRTM writes it with 3601 rows."""
+    folder = tmp_path_factory.mktemp("elevation")
+    rows = 3601
+    height = np.round(1000.0 * (1.0 - np.arange(rows) / (rows - 1)) + 500.0).astype(">i2")
+    (folder / "N47E009.hgt").write_bytes(np.repeat(height[:, None], rows, axis=1).tobytes())
+    return folder
+
+
+@pytest.fixture(scope="session")
+def built(data_dir: Path, elevation: Path, tmp_path_factory: pytest.TempPathFactory) -> MapFolder:
+    if valhalla_folder() is None:
+        pytest.skip("Valhalla is not installed: .ci/run prepares it, or set TRIPWATT_VALHALLA to its folder")
+    pytest.importorskip("osmium", reason="the extra tripwatt[routing] is not installed")
+    extract = data_dir / "osm" / "liechtenstein.osm.pbf"
+    if not extract.is_file():
+        pytest.skip(f"no extract at {extract}")
+    return build_map(extract, tmp_path_factory.mktemp("built") / "map", elevation=elevation)
+
+
+@pytest.fixture(scope="session", params=["server", "in process"])
+def atlas(request: pytest.FixtureRequest, built: MapFolder) -> Iterator[Atlas]:
+    if request.param == "in process":
+        if not IN_PROCESS:
+            pytest.skip("pyvalhalla is not installed for this Python: it needs 3.12 or newer")
+        yield open_atlas(built.folder)
+        return
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    config = built.folder / "server.json"
+    config.write_text(json.dumps(configuration(built.folder, port=port)), "utf-8")
+    program = valhalla_folder() / "bin" / "valhalla_service"
+    process = subprocess.Popen([program, config, "1"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        until = time.monotonic() + 30.0
+        while time.monotonic() < until:
+            with socket.socket() as probe:
+                if probe.connect_ex(("127.0.0.1", port)) == 0:
+                    break
+            time.sleep(0.1)
+        yield open_atlas(f"{built.folder}@http://127.0.0.1:{port}")
+    finally:
+        process.terminate()
+        process.wait(20)
+
+
+@pytest.fixture(scope="module")
+def model() -> tw.ForecastModel:
+    return tw.load_model()
+
+
+def test_the_map_holds_roads_places_and_elevation(built: MapFolder) -> None:
+    assert built.info["places"] > 2000
+    assert built.info["elevation_tiles"] == 1
+    assert (built.folder / "elevation" / "N47" / "N47E009.hgt").is_file()
+    assert not built.folder.with_name("map.unfinished").exists()
+    south, west, north, east = built.info["bounds_deg"]
+    assert 47.0 < south < 47.1 < 47.2 < north < 47.3
+    assert 9.4 < west < 9.5 < 9.6 < east < 9.7
+
+
+@pytest.mark.parametrize("text", ["Vaduz", "Triesenb", "malbun", "Landstrasse 117 Vaduz"])
+def test_places_of_the_country_are_found(built: MapFolder, text: str) -> None:
+    (found,) = built.index.search(text, limit=1)
+    assert found.name.lower().startswith(text.lower()[:6])
+
+
+def test_a_journey_from_name_to_name(atlas: Atlas, model: tw.ForecastModel) -> None:
+    departure = tw.Departure(soc=0.8, ambient_temperature_degc=-5.0)
+    found = plan_journey(["Vaduz", "Ruggell"], departure, atlas=atlas, model=model)
+    road = found.roads[0].road
+    assert 11_000.0 < road.distance_m < 14_000.0
+    assert 600.0 < road.duration_s < 1500.0
+    assert found.arrives
+    assert 1500.0 < found.forecast.energy_wh < 4000.0
+    assert "no_elevation" not in {flag.code for flag in found.forecast.flags}
+    # the tile rises by 1000 m a degree of latitude, and Ruggell lies 0.1 degrees north of Vaduz
+    north = road.place_at(road.distance_m).latitude_deg - road.place_at(0.0).latitude_deg
+    ends = road.links.elevation_at([0.0, road.distance_m])
+    assert ends is not None
+    assert ends[1] - ends[0] == pytest.approx(1000.0 * north, abs=3.0)
+
+
+def test_the_way_up_takes_more_than_the_way_down(atlas: Atlas, model: tw.ForecastModel) -> None:
+    options = JourneyOptions(answers=False)
+    up, down = (
+        plan_journey(stops, tw.Departure(soc=0.8, climate="off"), atlas=atlas, model=model, options=options)
+        for stops in (["Balzers", "Ruggell"], ["Ruggell", "Balzers"])
+    )
+    assert up.forecast.energy_wh > down.forecast.energy_wh + 500.0
+
+
+def test_alternatives_are_other_roads(atlas: Atlas) -> None:
+    start, end = (atlas.places.search(name, limit=1)[0] for name in ("Vaduz", "Ruggell"))
+    roads = atlas.router.roads((start, end), alternatives=2)
+    assert len({round(road.distance_m) for road in roads}) == len(roads) >= 2
+    via = atlas.places.search("Nendeln", limit=1)[0]
+    (through,) = atlas.router.roads((start, via, end))
+    assert through.place_at(through.stop_position_m[0]).distance_m(via) < 300.0
+
+
+def test_the_area_of_reach_of_a_small_charge(atlas: Atlas, model: tw.ForecastModel) -> None:
+    start = atlas.places.search("Vaduz", limit=1)[0]
+    drive = Drive(model, tw.Departure(soc=0.05, ambient_temperature_degc=10.0))
+    found = find_reach(drive, start, atlas)
+    sure, likely = (max(start.distance_m(p) for p in found.outlines[level]) for level in (0.95, 0.5))
+    assert 500.0 < sure < likely < 15_000.0
+    more = find_reach(Drive(model, replace(drive.departure, soc=0.08)), start, atlas)
+    assert max(start.distance_m(p) for p in more.outlines[0.95]) > sure
+
+
+@pytest.mark.parametrize(
+    ("stops", "what"),
+    [
+        (["Vaduz", "46.5, 9.5"], "place outside of the map|no road found"),
+        (["Vaduz", "0, 0"], "place outside of the map|no road found"),
+        (["Vaduz", "Atlantis"], "unknown place"),
+        (["Vaduz", "Vaduz"], "no way to drive"),
+    ],
+)
+def test_what_cannot_be_driven_is_one_clear_error(
+    atlas: Atlas, model: tw.ForecastModel, stops: list[str], what: str
+) -> None:
+    with pytest.raises(InvalidInput, match=what) as caught:
+        plan_journey(stops, tw.Departure(soc=0.8), atlas=atlas, model=model)
+    assert len(caught.value.faults) == 1
+
+
+def test_the_links_of_a_road_have_classes_and_free_speeds(atlas: Atlas) -> None:
+    (road,) = atlas.router.roads((Place(47.141, 9.5209), Place(47.2415, 9.5285)))
+    assert set(road.road_class) & {"primary", "secondary", "tertiary"}
+    assert road.links.free_flow
+    assert (road.links.moving_speed_m_s <= 36.2).all()
+    assert len(road.links) < 60
+    assert (road.links.travel_time_s >= road.links.length_m / road.links.moving_speed_m_s - 0.1).all()
+
+
+def test_a_damaged_extract_leaves_nothing_behind(tmp_path: Path, built: MapFolder) -> None:
+    (tmp_path / "bad.osm.pbf").write_bytes(b"no extract")
+    with pytest.raises(InvalidInput, match=r"cannot build the map: bad.osm.pbf"):
+        build_map(tmp_path / "bad.osm.pbf", tmp_path / "map")
+    assert [path.name for path in tmp_path.iterdir()] == ["bad.osm.pbf"]
