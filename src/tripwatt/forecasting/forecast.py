@@ -24,6 +24,7 @@ from tripwatt.uncertainty import (
     UncertaintyModel,
 )
 from tripwatt.uncertainty.charge import FULL
+from tripwatt.uncertainty.free_flow import FreeFlowUncertainty
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
@@ -266,11 +267,14 @@ class Forecast:
         step = np.diff(simulation.time_s, prepend=simulation.time_s[0])
         return float(simulation.battery_loss_w @ step / SECONDS_PER_HOUR)
 
-    def with_route_error(self, route: RouteUncertainty | None) -> Forecast:
+    def with_route_error(
+        self, route: RouteUncertainty | None, free_flow: FreeFlowUncertainty | None = None
+    ) -> Forecast:
         """The forecast with the uncertainty of its planned route; that of a driven trace stays as it is.
 
         The standard deviation of the whole trip becomes ``sqrt(own² + (share · energy)²)``; on the way, the second
-        part is in proportion to the time to go.
+        part is in proportion to the time to go. Where the travel times are those of an empty road, their share takes the
+        place of that of the links, which it contains.
         """
         link_m = self.plan.link_m
         if link_m is None:
@@ -279,8 +283,13 @@ class Forecast:
         route_sd_wh = 0.0
         if route is None:
             flags.append(Flag("route_error_unknown", "links"))
+        elif self.plan.free_flow and free_flow is not None:
+            route_sd_wh = free_flow.share(self.plan.distance_m) * abs(self.energy_wh)
+            flags.append(Flag("free_flow_times", "road"))
         else:
             route_sd_wh = route.share(link_m) * abs(self.energy_wh)
+            if self.plan.free_flow:
+                flags.append(Flag("travel_time_error_unknown", "road"))
             if link_m > float(route.length_m[-1]):
                 flags.append(Flag("links_too_long", "links", link_m, "m"))
         return replace(self, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags)))

@@ -8,13 +8,13 @@ totals become the conformal scores. An outer fold takes no part in it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.donor import DonorModel
 from tripwatt.forecasting.expected import ExpectedDrive
@@ -40,6 +40,7 @@ from tripwatt.uncertainty import (
     UncertaintyModel,
     linked_trips,
 )
+from tripwatt.uncertainty.free_flow import FreeFlowTrips
 from tripwatt.uncertainty.held_out import held_out_residual, process_segments
 from tripwatt.uncertainty.model import scale_wh
 from tripwatt.uncertainty.process import HeldOutResidual
@@ -105,13 +106,19 @@ class ForecastModel:
     ) -> ForecastModel:
         """Learn from raw trips with measured energy. See `fit_segments`."""
         table = segment_trips(trips, self.vehicle)
-        return self.fit_segments(table, routes=linked_trips(trips, self.vehicle), progress=progress)
+        return self.fit_segments(
+            table,
+            routes=linked_trips(trips, self.vehicle),
+            free_flow=FreeFlowTrips.from_trips(trips, self.vehicle),
+            progress=progress,
+        )
 
     def fit_segments(
         self,
         table: SegmentTable,
         *,
         routes: LinkedTrips | None = None,
+        free_flow: FreeFlowTrips | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> ForecastModel:
         """Learn corrector, process and scores. One fit of the corrector, and one more for each inner fold.
@@ -121,6 +128,8 @@ class ForecastModel:
         table : SegmentTable
         routes : LinkedTrips, optional
             The same trips on links, for the uncertainty of planned routes.
+        free_flow : FreeFlowTrips, optional
+            The same trips on free-flow links, for the uncertainty of travel times.
         progress : callable, optional
             Called with (finished fits, all fits).
 
@@ -137,9 +146,10 @@ class ForecastModel:
         self.corrector_ = power_corrector(self.corrector, self.seed).fit(table)
         self.trip_ids_ = table.trip_ids
         self.ranges_ = training_ranges(table)
-        folds = np.random.default_rng(self.seed).permutation(len(table)) % min(INNER_FOLDS, len(table))
+        folds = self._inner_folds(len(table))
         held_out: dict[int, HeldOutResidual] = {}
         link_errors: list[FloatArray] = []
+        time_errors = np.full(len(table), np.nan)
         n_folds = int(folds.max()) + 1
         for fold in range(n_folds):
             if progress is not None:
@@ -147,13 +157,23 @@ class ForecastModel:
             inner = self.corrector_.clone_tuned().fit(table.take(np.flatnonzero(folds != fold)))
             if routes is not None:
                 link_errors.append(routes.differences(inner, table, np.flatnonzero(folds == fold)))
+            if free_flow is not None:
+                members = np.flatnonzero(folds == fold)
+                time_errors[members] = free_flow.differences(inner, table, members)
             for i in np.flatnonzero(folds == fold):
                 held_out[int(i)] = held_out_residual(inner, table.take([int(i)]))
         route = RouteUncertainty.from_differences(np.concatenate(link_errors)) if link_errors else None
         self._estimate_uncertainty(table, [held_out[i] for i in range(len(table))], route)
+        if free_flow is not None and self.uncertainty_ is not None:
+            self.uncertainty_ = replace(self.uncertainty_, free_flow=free_flow.uncertainty(time_errors))
         if progress is not None:
             progress(n_folds + 1, n_folds + 1)
         return self
+
+    def _inner_folds(self, trips: int) -> IntArray:
+        """Fold of each trip, shape (trips,)."""
+        order = np.random.default_rng(self.seed).permutation(trips)
+        return np.asarray(order % min(INNER_FOLDS, trips), dtype=np.int64)
 
     def _estimate_uncertainty(
         self, table: SegmentTable, held_out: Sequence[HeldOutResidual], route: RouteUncertainty | None
@@ -252,7 +272,7 @@ class ForecastModel:
                 *kept_temperatures(own, departure),
             ),
         )
-        return forecast.with_route_error(uncertainty.route)
+        return forecast.with_route_error(uncertainty.route, uncertainty.free_flow)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values: the car, the corrector, and what training saw."""

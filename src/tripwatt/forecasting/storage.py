@@ -29,6 +29,7 @@ from tripwatt.hybrid.stored import (
     members_parts,
 )
 from tripwatt.modelfile import Part, read_metadata, read_model, write_model
+from tripwatt.routes.free_flow import TravelTimeFactors
 from tripwatt.trips import (
     COLUMNS,
     QUANTITIES,
@@ -46,6 +47,7 @@ from tripwatt.uncertainty import (
     UncertaintyModel,
     UpdateShrinkage,
 )
+from tripwatt.uncertainty.free_flow import FreeFlowUncertainty
 from tripwatt.uncertainty.residual_power import ComponentProcess
 from tripwatt.uncertainty.scale import TimeCourse
 from tripwatt.vehicles import Vehicle, vehicle_from_document
@@ -93,6 +95,7 @@ def model_parts(model: ForecastModel) -> dict[str, Part]:
         "scores": uncertainty.scores.values.tolist(),
         "gain": {key: getattr(shrinkage, name).tolist() for key, name in _SHRINKAGE.items()},
         "route_doubt": _route_part(uncertainty.route),
+        "free_flow": _free_flow_part(uncertainty.free_flow),
         "charge": None if uncertainty.charge is None else asdict(uncertainty.charge),
         "ranges": {n: [_finite(r.low), _finite(r.high), r.sd] for n, r in model.ranges_.items()},
         "trip_ids": list(model.trip_ids_),
@@ -145,6 +148,7 @@ def model_of_parts(parts: Mapping[str, Part]) -> ForecastModel:
                     }
                 ),
                 route=_route_of_part(values.get("route_doubt")),
+                free_flow=_free_flow_of_part(values.get("free_flow")),
                 charge=ChargeScale(**values["charge"]) if values.get("charge") else None,
             ),
             ranges_=ranges,
@@ -445,6 +449,25 @@ def _scale_of_part(values: Mapping[str, Any]) -> TotalScale:
     return TotalScale(
         np.array(values["scale"], dtype=np.float64), TimeCourse(float(course["constant_w"]), drifts)
     )
+
+
+def _free_flow_part(found: FreeFlowUncertainty | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    return {
+        "speed_m_s": found.factors.speed_m_s.tolist(),
+        "factor": found.factors.factor.tolist(),
+        "scale_variance": found.scale_variance,
+        "local_variance_m": found.local_variance_m,
+        "trips": found.trips,
+    }
+
+
+def _free_flow_of_part(part: Mapping[str, Any] | None) -> FreeFlowUncertainty | None:
+    if part is None:
+        return None
+    factors = TravelTimeFactors(np.array(part["speed_m_s"]), np.array(part["factor"]))
+    return FreeFlowUncertainty(factors, part["scale_variance"], part["local_variance_m"], part["trips"])
 
 
 def _route_part(route: RouteUncertainty | None) -> dict[str, Any] | None:

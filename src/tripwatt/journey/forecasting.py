@@ -73,11 +73,19 @@ class Drive:
 
     def plan(self, road: Road, trip_id: str = "journey") -> tuple[Plan, tuple[Weather, ...]]:
         """The plan of a road with its weather."""
+        road = self.expected(road)
         plan = road.plan(trip_id).with_departure(self.departure)
         if self.weather is None:
             return plan, ()
         position, weather = weather_along(road, self.weather, self.leaves)
         return plan_with_weather(plan, road, position, weather), weather
+
+    def expected(self, road: Road) -> Road:
+        """The road with the travel times that are expected on it, where the model knows them."""
+        uncertainty = self.model.uncertainty_
+        if not road.links.free_flow or uncertainty is None or uncertainty.free_flow is None:
+            return road
+        return road.with_links(uncertainty.free_flow.factors.expected(road.links))
 
     def forecast_plan(self, plan: Plan, weather: tuple[Weather, ...] = ()) -> Forecast:
         """The forecast of a plan; the error of the weather is part of its standard deviation."""

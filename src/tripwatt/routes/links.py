@@ -35,6 +35,9 @@ LONGEST_LINK_M: Final = LINK_COLUMNS["length_m"].maximum
 SHORTEST_STRETCH_M: Final = 60.0
 """Shorter links are joined with what follows before they are driven: nobody keeps a mean speed over a car's length."""
 
+SAME_SPEED: Final = 1e-6
+"""Relative difference of two speeds that are one: what rounding leaves."""
+
 FLAT_ROAD: Final = Flag("no_elevation", "road")
 
 
@@ -214,7 +217,8 @@ def plan_from_links(
 ) -> Plan:
     """Drive a planned route from standstill to standstill. O(length / 4 m + samples).
 
-    Links shorter than `SHORTEST_STRETCH_M` are joined with what follows until a stop that was given. The travel time
+    Neighbours that differ in nothing are one link, so that the plan does not depend on how a road is cut. Links shorter
+    than `SHORTEST_STRETCH_M` are joined with what follows until a stop that was given. The travel time
     of every stretch is reproduced by `link_profile`.
 
     Parameters
@@ -247,6 +251,7 @@ def plan_from_links(
     finest = max(route.duration_s / MOST_SAMPLES, 1e-3)
     if not (math.isfinite(step_s) and step_s >= finest):
         raise InvalidInput(Fault("step out of range", "step_s", f"{step_s}", f"{finest:g} s or more"))
+    route = _uncut(route)
     first = _stretches(route)
     length, time = np.add.reduceat(route.length_m, first), np.add.reduceat(route.travel_time_s, first)
     last = np.append(first[1:], len(route)) - 1
@@ -267,6 +272,33 @@ def plan_from_links(
     link_m = float(length @ length / length.sum())
     plan = Plan.from_samples(trip_id, table_of(columns), link_m=link_m, flags=route.flags)
     return replace(plan, step_s=step_s, free_flow=route.free_flow)
+
+
+def _uncut(route: LinkRoute) -> LinkRoute:
+    """The route with neighbours of equal speed, limit and free speed, and without stops between them, as one link."""
+    speed, stop = route.speed_m_s, route.stop_s
+    alike = np.abs(np.diff(speed)) <= SAME_SPEED * speed[1:]
+    alike &= (np.isnan(stop[1:]) & np.isnan(stop[:-1])) | ((stop[1:] == 0.0) & (stop[:-1] == 0.0))
+    if not alike.any():
+        return route
+    for values in (route.moving_speed_m_s, route.speed_limit_m_s):
+        if values is not None:
+            alike &= (np.isnan(values[1:]) & np.isnan(values[:-1])) | (
+                np.abs(values[1:] - values[:-1]) <= SAME_SPEED * values[1:]
+            )
+    first = np.flatnonzero(np.concatenate(([True], ~alike)))
+    length = np.add.reduceat(route.length_m, first)
+    if float(length.max()) > LONGEST_LINK_M:
+        return route
+    limit = route.speed_limit_m_s
+    return replace(
+        route,
+        length_m=length,
+        travel_time_s=np.add.reduceat(route.travel_time_s, first),
+        stop_s=stop[first],
+        moving_speed_m_s=route.moving_speed_m_s[first],
+        speed_limit_m_s=None if limit is None else limit[first],
+    )
 
 
 def _stretches(route: LinkRoute) -> IntArray:

@@ -10,6 +10,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.uncertainty.charge import ChargeScale
 from tripwatt.uncertainty.conformal import ConformalScores
+from tripwatt.uncertainty.free_flow import FreeFlowUncertainty
 from tripwatt.uncertainty.process import HeldOutResidual, ResidualProcess, fit_process
 from tripwatt.uncertainty.route import RouteUncertainty
 from tripwatt.uncertainty.scale import TimeCourse, TotalScale
@@ -34,6 +35,8 @@ class UncertaintyModel:
         What a planned route adds; None where the training trips could not be cut into links.
     charge : ChargeScale or None
         Displayed charge by energy; None where the training trips have too few readings.
+    free_flow : FreeFlowUncertainty or None
+        Expected travel times of a free-flow route and what they add; None where they were not measured.
     """
 
     process: ResidualProcess
@@ -42,6 +45,7 @@ class UncertaintyModel:
     shrinkage: UpdateShrinkage
     route: RouteUncertainty | None = None
     charge: ChargeScale | None = None
+    free_flow: FreeFlowUncertainty | None = None
 
     @classmethod
     def from_held_out(

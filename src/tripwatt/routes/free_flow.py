@@ -1,0 +1,121 @@
+"""From the time of an empty road to the time that is expected: how much longer drives take, by the free speed of a link.
+
+A router's time is that of an empty road. The proxy that logged drives have for it is the speed class of a link: the
+smallest of `CLASSES_KM_H` that is not below the 90th percentile of the car's moving speed on it. The proxy sees the
+drive, so it is better than a map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.routes.links import LinkRoute, links_of_trip
+from tripwatt.trips import Recorded
+from tripwatt.units import M_S_PER_KM_H
+
+CLASSES_KM_H: Final = (30.0, 50.0, 70.0, 100.0, 120.0, 130.0)
+PERCENTILE: Final = 90.0
+LINK_M: Final = 250.0
+STANDS_M_S: Final = 0.5
+"""A slower car stands: its speed is no moving speed."""
+
+LEAST_M: Final = 20_000.0
+"""So much road of a class counts as much as what is assumed of the class: the factor of all classes together."""
+
+LARGEST_FACTOR: Final = 3.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class TravelTimeFactors:
+    """Expected travel time over that of the empty road, by the free speed.
+
+    Attributes
+    ----------
+    speed_m_s : ndarray, shape (classes,)
+        Ascending.
+    factor : ndarray, shape (classes,)
+
+    Examples
+    --------
+    >>> factors = TravelTimeFactors(np.array([10.0, 20.0]), np.array([1.4, 1.1]))
+    >>> factors.at(np.array([5.0, 15.0, 99.0])).tolist()
+    [1.4, 1.25, 1.1]
+    """
+
+    speed_m_s: FloatArray
+    factor: FloatArray
+
+    @classmethod
+    def from_links(cls, routes: Sequence[LinkRoute], driven_s: Sequence[FloatArray]) -> TravelTimeFactors:
+        """From free-flow links and the times that were driven on them. O(links).
+
+        A class with little road is drawn to the factor of all classes.
+        """
+        length = np.concatenate([route.length_m for route in routes])
+        speed = np.concatenate([route.moving_speed_m_s for route in routes])
+        seconds = np.concatenate(driven_s)
+        classes = np.array(CLASSES_KM_H) * M_S_PER_KM_H
+        free_s = length / speed
+        overall = float(seconds.sum() / free_s.sum())
+        which = np.argmin(np.abs(speed[:, None] - classes[None, :]), axis=1)
+        number = len(classes)
+        prior_s = LEAST_M / classes
+        total_s = np.bincount(which, seconds, number) + overall * prior_s
+        factor = total_s / (np.bincount(which, free_s, number) + prior_s)
+        return cls(classes, np.clip(factor, 1.0 / LARGEST_FACTOR, LARGEST_FACTOR))
+
+    def at(self, speed_m_s: FloatArray) -> FloatArray:
+        """Factor at free speeds, linear between the classes, shape of `speed_m_s`."""
+        return np.asarray(np.interp(speed_m_s, self.speed_m_s, self.factor), dtype=np.float64)
+
+    def expected(self, route: LinkRoute) -> LinkRoute:
+        """Free-flow links with the times that are expected on them; a router's own delays are not lost. O(links)."""
+        moving = np.where(np.isnan(route.moving_speed_m_s), route.speed_m_s, route.moving_speed_m_s)
+        expected_s = route.length_m / moving * self.at(moving)
+        return replace(
+            route, travel_time_s=np.maximum(expected_s, route.travel_time_s), moving_speed_m_s=moving
+        )
+
+
+def free_flow_links(trip: Recorded, length_m: float = LINK_M) -> tuple[LinkRoute, FloatArray]:
+    """Links of a drive as a router without traffic gives them, and the times that were driven. O(samples).
+
+    Raises
+    ------
+    InvalidInput
+        As `links_of_trip`.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from tripwatt.trips import Trip
+    >>> log = pd.DataFrame({"time_s": np.arange(61.0), "speed_m_s": np.full(61, 10.0)})
+    >>> route, driven_s = free_flow_links(Trip.from_samples("t", log))
+    >>> (3.6 * route.speed_m_s).round(6).tolist(), driven_s.tolist()
+    ([50.0, 50.0], [25.0, 35.0])
+    """
+    driven = links_of_trip(trip, length_m)
+    time, speed = trip.array("time_s"), trip.array("speed_m_s")
+    position = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
+    border = np.cumsum(driven.length_m)
+    link = np.clip(np.searchsorted(border, position, side="right"), 0, len(border) - 1)
+    free = np.array([_class_speed(speed[link == k]) for k in range(len(border))])
+    return (
+        replace(driven, travel_time_s=driven.length_m / free, moving_speed_m_s=free, free_flow=True),
+        driven.travel_time_s,
+    )
+
+
+def _class_speed(speed_m_s: FloatArray) -> float:
+    """The class of the speeds on a link [m/s]; the lowest where the car never moves."""
+    moving = speed_m_s[speed_m_s > STANDS_M_S]
+    if not len(moving):
+        return CLASSES_KM_H[0] * M_S_PER_KM_H
+    high = float(np.percentile(moving, PERCENTILE)) / M_S_PER_KM_H
+    fitting = [value for value in CLASSES_KM_H if value >= high - 1e-9]
+    return (fitting[0] if fitting else CLASSES_KM_H[-1]) * M_S_PER_KM_H

@@ -1,0 +1,167 @@
+"""What the travel times of an empty road add to the uncertainty of a planned route, measured on held-out trips.
+
+Each training trip is planned on its free-flow links with the factors of the other trips; the corrector without that trip
+predicts the energy of this plan and that of the driven trace. The mean square of the relative difference is the variance
+that the unknown travel times add, the links included: a part that all of a trip shares (traffic and driver), and a local
+part (signals, queues) that evens out over the distance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.errors import InvalidInput
+from tripwatt.hybrid import PowerCorrector, SegmentTable, segment_table
+from tripwatt.physics import simulate_trip
+from tripwatt.routes.free_flow import TravelTimeFactors, free_flow_links
+from tripwatt.routes.links import LinkRoute, plan_from_links
+from tripwatt.trips import Plan, Trip
+from tripwatt.vehicles import Vehicle
+
+LEAST_TRIPS: Final = 5
+
+
+@dataclass(frozen=True, eq=False)
+class FreeFlowUncertainty:
+    """Expected travel times of a free-flow route, and the relative variance that they add to its energy.
+
+    Attributes
+    ----------
+    factors : TravelTimeFactors
+    scale_variance : float
+        Of a trip of any length.
+    local_variance_m : float
+        Over the distance [m].
+    trips : int
+        Trips that it was measured on.
+    """
+
+    factors: TravelTimeFactors
+    scale_variance: float
+    local_variance_m: float
+    trips: int
+
+    @classmethod
+    def from_differences(
+        cls, factors: TravelTimeFactors, differences: FloatArray, distance_m: FloatArray
+    ) -> FreeFlowUncertainty | None:
+        """From relative differences and distances of held-out trips, NaN where there is none; None with too few.
+
+        The two parts are the non-negative least squares of the squared differences.
+
+        Examples
+        --------
+        >>> factors = TravelTimeFactors(np.array([10.0]), np.array([1.2]))
+        >>> distance = np.array([1e4, 1e4, 4e4, 4e4, 4e4])
+        >>> found = FreeFlowUncertainty.from_differences(factors, np.sqrt(0.0004 + 4.0 / distance), distance)
+        >>> round(found.scale_variance, 6), round(found.local_variance_m, 6), round(found.share(1e4), 6)
+        (0.0004, 4.0, 0.028284)
+        """
+        from scipy.optimize import nnls
+
+        known = np.isfinite(differences)
+        if known.sum() < LEAST_TRIPS:
+            return None
+        design = np.column_stack((np.ones(int(known.sum())), 1.0 / distance_m[known]))
+        parts, _ = nnls(design, differences[known] ** 2)
+        return cls(factors, float(parts[0]), float(parts[1]), int(known.sum()))
+
+    def share(self, distance_m: float) -> float:
+        """Standard deviation over the energy for a route of a length."""
+        return float(np.sqrt(self.scale_variance + self.local_variance_m / distance_m))
+
+
+@dataclass(frozen=True, eq=False)
+class FreeFlowTrips:
+    """Training trips as a router without traffic knows them.
+
+    Attributes
+    ----------
+    trips : tuple of Trip
+    vehicle : Vehicle
+    links : tuple of (LinkRoute, ndarray) or None
+        Free-flow links of each trip and the times that were driven on them; None where it could not be cut.
+    """
+
+    trips: tuple[Trip, ...]
+    vehicle: Vehicle
+    links: tuple[tuple[LinkRoute, FloatArray] | None, ...]
+
+    @classmethod
+    def from_trips(cls, trips: Sequence[Trip], vehicle: Vehicle) -> FreeFlowTrips:
+        """Cut trips into free-flow links. O(samples)."""
+        return cls(tuple(trips), vehicle, tuple(_links(trip) for trip in trips))
+
+    def take(self, members: Sequence[int] | IntArray) -> FreeFlowTrips:
+        """Those of some of the trips."""
+        chosen = [int(i) for i in members]
+        return FreeFlowTrips(
+            tuple(self.trips[i] for i in chosen), self.vehicle, tuple(self.links[i] for i in chosen)
+        )
+
+    def factors(self) -> TravelTimeFactors | None:
+        """Factors of these trips; None without links."""
+        known = [found for found in self.links if found is not None]
+        return TravelTimeFactors.from_links(*zip(*known, strict=True)) if known else None
+
+    def plan(self, k: int, factors: TravelTimeFactors) -> Plan | None:
+        """The plan of one trip on its free-flow links, with the expected times; None where it could not be cut."""
+        found, trip = self.links[k], self.trips[k]
+        if found is None:
+            return None
+        plan = plan_from_links(factors.expected(found[0]), trip_id=trip.trip_id)
+        return replace(plan.with_departure(trip.departure), start_s=float(trip.array("time_s")[0]))
+
+    def differences(self, corrector: PowerCorrector, driven: SegmentTable, members: IntArray) -> FloatArray:
+        """(energy on free-flow links - energy on the driven trace) / the latter, by a corrector fitted on neither.
+
+        Parameters
+        ----------
+        corrector : PowerCorrector
+            Fitted without these trips.
+        driven : SegmentTable
+            All trips, on their driven traces.
+        members : ndarray of int
+            Which of them; the factors are those of the others.
+
+        Returns
+        -------
+        ndarray, shape (members,)
+            NaN for trips that could not be planned.
+        """
+        found = np.full(len(members), np.nan)
+        factors = self.take(np.setdiff1d(np.arange(len(self.trips)), members)).factors()
+        if factors is None:
+            return found
+        for row, k in enumerate(members):
+            plan = self.plan(int(k), factors)
+            if plan is None:
+                continue
+            table = segment_table(plan, simulate_trip(self.vehicle, plan))
+            base = driven.take([int(k)])
+            found[row] = _energy(corrector, table) / _energy(corrector, base) - 1.0
+        return found
+
+    def uncertainty(self, differences: FloatArray) -> FreeFlowUncertainty | None:
+        """What these trips show, with the differences of each of them when it was held out."""
+        factors = self.factors()
+        if factors is None:
+            return None
+        distance = np.array([np.nan if f is None else f[0].distance_m for f in self.links])
+        return FreeFlowUncertainty.from_differences(factors, differences, distance)
+
+
+def _links(trip: Trip) -> tuple[LinkRoute, FloatArray] | None:
+    try:
+        return free_flow_links(trip)
+    except InvalidInput:  # a log that cannot be cut into links has no free-flow links
+        return None
+
+
+def _energy(corrector: PowerCorrector, table: SegmentTable) -> float:
+    return float(table.totals_wh(table.simulated_w + corrector.predict(table))[0])

@@ -1,0 +1,228 @@
+"""Travel times of an empty road and what is expected of them; and roads that are cut in different ways."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import tripwatt as tw
+from tripwatt.errors import InvalidInput
+from tripwatt.forecasting import ForecastModel
+from tripwatt.routes import LinkRoute, plan_from_links, route_from_links
+from tripwatt.routes.free_flow import TravelTimeFactors, free_flow_links
+from tripwatt.trips import Trip
+from tripwatt.uncertainty.free_flow import FreeFlowTrips, FreeFlowUncertainty
+from tripwatt.vehicles import load_vehicle
+
+NAN = float("nan")
+
+
+def trip(*pieces):
+    """A drive of pieces (seconds, km/h)."""
+    speed = np.concatenate([np.full(seconds, kmh / 3.6) for seconds, kmh in pieces])
+    return Trip.from_samples("t", pd.DataFrame({"time_s": np.arange(float(len(speed))), "speed_m_s": speed}))
+
+
+# the proxy
+
+
+@pytest.mark.parametrize(
+    ("kmh", "free"),
+    [
+        (5, 30),
+        (29, 30),
+        (30, 30),
+        (31, 50),
+        (50, 50),
+        (69, 70),
+        (99, 100),
+        (101, 120),
+        (121, 130),
+        (180, 130),
+    ],
+)
+def test_the_free_speed_is_the_class_above_the_moving_speed(kmh, free):
+    route, _ = free_flow_links(trip((200, kmh)))
+    assert 3.6 * route.moving_speed_m_s == pytest.approx(np.full(len(route), free))
+    assert route.travel_time_s == pytest.approx(route.length_m / route.moving_speed_m_s)
+    assert route.free_flow
+
+
+def test_a_standstill_is_no_speed_but_counts_as_time():
+    driven = trip((60, 36), (100, 0), (60, 36))
+    route, seconds = free_flow_links(driven, 5000.0)
+    assert 3.6 * route.moving_speed_m_s == pytest.approx([50.0])
+    assert seconds == pytest.approx([219.0])
+    assert route.travel_time_s == pytest.approx(route.distance_m / (50.0 / 3.6))
+
+
+def test_a_tenth_of_a_link_may_be_faster():
+    assert 3.6 * free_flow_links(trip((91, 28), (9, 60)), 5000.0)[0].moving_speed_m_s == pytest.approx([30.0])
+    assert 3.6 * free_flow_links(trip((88, 28), (12, 60)), 5000.0)[0].moving_speed_m_s == pytest.approx(
+        [70.0]
+    )
+
+
+# factors
+
+
+def links(speed_kmh, length_m):
+    speed, length = np.array(speed_kmh) / 3.6, np.array(length_m, dtype=float)
+    empty = np.full(len(speed), NAN)
+    return LinkRoute(length, length / speed, empty, speed, free_flow=True)
+
+
+def test_factors_are_time_over_free_time_by_class():
+    route = links([50.0, 130.0], [1e8, 1e8])
+    factors = TravelTimeFactors.from_links([route], [np.array([1.5, 1.1]) * route.travel_time_s])
+    assert factors.at(np.array([50.0, 130.0]) / 3.6) == pytest.approx([1.5, 1.1], rel=1e-3)
+
+
+def test_a_class_without_road_has_the_factor_of_all():
+    route = links([50.0, 100.0], [20_000.0, 40_000.0])
+    factors = TravelTimeFactors.from_links([route], [np.array([1.6, 1.2]) * route.travel_time_s])
+    free = [1440.0, 1440.0]  # 20 km at 50 and 40 km at 100 km/h
+    overall = (1.6 * free[0] + 1.2 * free[1]) / sum(free)
+    assert overall == pytest.approx(1.4)
+    assert factors.factor[0] == pytest.approx(1.4)
+    # 20 km of a class weigh as much as what is assumed of it
+    assert factors.factor[1] == pytest.approx((1.6 + 1.4) / 2.0)
+    assert factors.factor[3] == pytest.approx((2.0 * 1.2 + 1.4) / 3.0)
+
+
+def test_expected_times_never_fall_below_those_of_the_router():
+    factors = TravelTimeFactors(np.array([10.0, 30.0]), np.array([1.5, 1.1]))
+    route = LinkRoute(
+        np.array([1000.0, 1000.0, 900.0]),
+        np.array([100.0, 200.0, 30.0]),
+        np.full(3, NAN),
+        np.array([10.0, 10.0, NAN]),
+    )
+    found = factors.expected(route)
+    assert found.travel_time_s == pytest.approx([150.0, 200.0, 33.0])
+    assert found.moving_speed_m_s == pytest.approx([10.0, 10.0, 30.0])
+
+
+# their uncertainty
+
+
+def test_the_variance_has_a_part_of_the_trip_and_a_part_of_the_distance():
+    factors = TravelTimeFactors(np.array([10.0]), np.array([1.2]))
+    found = FreeFlowUncertainty(factors, 0.0016, 9.0, 20)
+    assert found.share(1e4) == pytest.approx(0.05)
+    assert found.share(1e9) == pytest.approx(0.04, rel=1e-4)
+    too_few = np.array([0.1, 0.1, 0.1, 0.1, NAN])
+    assert FreeFlowUncertainty.from_differences(factors, too_few, np.full(5, 1e4)) is None
+    never_below_0 = FreeFlowUncertainty.from_differences(
+        factors, np.array([0.01, 0.01, 0.1, 0.1, 0.1]), np.array([1e3, 1e3, 1e5, 1e5, 1e5])
+    )
+    assert never_below_0.local_variance_m == 0.0
+    assert never_below_0.scale_variance == pytest.approx((2 * 0.0001 + 3 * 0.01) / 5)
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    fleet = tw.synthetic_fleet(10)
+    return ForecastModel(load_vehicle("bmw_i3_60ah"), "linear").fit(fleet.trips), fleet.trips
+
+
+def test_a_fitted_model_knows_the_error_of_free_flow_times_and_keeps_it(fitted, tmp_path):
+    model, trips = fitted
+    free = model.uncertainty_.free_flow
+    assert free.trips == 10
+    assert 0.005 < free.share(20_000.0) < 0.5
+    assert (free.factors.factor > 1.0).any()
+    tw.save_model(model, tmp_path / "m", provenance={}, evaluation={})
+    again = tw.load_model(tmp_path / "m").uncertainty_.free_flow
+    assert (again.scale_variance, again.local_variance_m, again.trips) == (
+        free.scale_variance,
+        free.local_variance_m,
+        10,
+    )
+    assert again.factors.factor.tolist() == free.factors.factor.tolist()
+    assert json.loads((tmp_path / "m" / "model.json").read_text())["free_flow"]["trips"] == 10
+    assert len(trips) == 10
+
+
+def test_the_held_out_trip_has_no_part_in_its_own_factors(fitted):
+    model, trips = fitted
+    found = FreeFlowTrips.from_trips(trips, model.vehicle)
+    slower = list(found.links)
+    route, seconds = slower[0]
+    slower[0] = (route, 2.0 * seconds)
+    changed = FreeFlowTrips(found.trips, found.vehicle, tuple(slower))
+    own, others = np.array([0]), np.arange(1, 10)
+    from tripwatt.hybrid import segment_trips
+
+    table = segment_trips(trips, model.vehicle)
+    corrector = model.corrector_
+    assert changed.differences(corrector, table, own) == pytest.approx(
+        found.differences(corrector, table, own)
+    )
+    assert changed.differences(corrector, table, others[:2]) != pytest.approx(
+        found.differences(corrector, table, others[:2]), rel=1e-6
+    )
+    assert np.isnan(
+        FreeFlowTrips(found.trips, found.vehicle, (None,) * 10).differences(corrector, table, own)
+    ).all()
+
+
+def test_a_free_flow_plan_has_its_own_uncertainty_and_its_own_words(fitted):
+    model, trips = fitted
+    free = FreeFlowTrips.from_trips(trips, model.vehicle)
+    plan = free.plan(0, free.factors())
+    found = model.forecast(plan)
+    assert found.given == "a planned route, free flow"
+    share = model.uncertainty_.free_flow.share(plan.distance_m)
+    assert found.route_sd_wh == pytest.approx(share * found.energy_wh)
+    assert "free_flow_times" in {flag.code for flag in found.flags}
+    old = found.with_route_error(model.uncertainty_.route, None)
+    assert old.route_sd_wh == pytest.approx(model.uncertainty_.route.share(plan.link_m) * found.energy_wh)
+    assert "travel_time_error_unknown" in {flag.code for flag in old.flags}
+
+
+# the same road, cut in different ways
+
+
+def cut(number, **more):
+    return route_from_links([{"length_m": 20_000.0 / number, "speed_m_s": 50.0 / 3.6, **more}] * number)
+
+
+@pytest.mark.parametrize(
+    "more", [{}, {"moving_speed_m_s": 15.0}, {"speed_limit_m_s": 16.0}, {"grade": 0.01}, {"stop_s": 0.0}]
+)
+def test_energy_does_not_depend_on_how_a_road_is_cut(more):
+    model = tw.load_model()
+    departure = tw.Departure(soc=0.8, ambient_temperature_degc=10.0)
+    found = [model.forecast(plan_from_links(cut(n, **more)), departure) for n in (1, 20, 200)]
+    assert [f.energy_wh for f in found] == pytest.approx([found[0].energy_wh] * 3, rel=1e-6)
+    assert [f.sd_wh for f in found] == pytest.approx([found[0].sd_wh] * 3, rel=1e-6)
+
+
+def test_links_that_differ_stay_apart():
+    def number(**second):
+        pair = [{"length_m": 1000.0, "speed_m_s": 10.0}, {"length_m": 1000.0, "speed_m_s": 10.0, **second}]
+        return plan_from_links(route_from_links(pair)).link_m
+
+    assert number() == 2000.0
+    for second in (
+        {"speed_m_s": 10.001},
+        {"stop_s": 10.0},
+        {"stop_s": 0.0},
+        {"moving_speed_m_s": 12.0},
+        {"speed_limit_m_s": 14.0},
+    ):
+        assert number(**second) == 1000.0, second
+
+
+def test_a_given_stop_stays_between_equal_links():
+    stops = [{"length_m": 500.0, "speed_m_s": 10.0, "stop_s": 5.0}] * 4
+    plan = plan_from_links(route_from_links(stops))
+    standing = (plan.array("speed_m_s")[1:-1] == 0.0).astype(int)
+    assert (np.diff(standing) == 1).sum() >= 3
+
+
+def test_an_impossible_log_cannot_be_cut():
+    with pytest.raises(InvalidInput, match="length out of range"):
+        free_flow_links(trip((10, 50)), -1.0)
