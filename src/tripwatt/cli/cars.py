@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -42,7 +43,15 @@ def add_commands(app: typer.Typer) -> None:
     app.command(
         epilog=examples(
             ("tripwatt vehicles", "list the cars of the library"),
+            (
+                "tripwatt vehicles model 3 2022",
+                "find the cars whose name has these words, built in this year",
+            ),
             ("tripwatt vehicles nissan_leaf_40", "show all values of one car with unit and source"),
+            (
+                "tripwatt vehicles new --mass 1830 --battery 58 --consumption 15.5 --power 150 --body hatchback --out my_car.toml",
+                "describe a car that the library does not have",
+            ),
             ("tripwatt vehicles my_car.toml --set mass=1620", "show your own file with another mass"),
             (
                 "tripwatt vehicles --import 2022_Renault_Zoe_ZE50_R135.yaml --out zoe.toml",
@@ -67,14 +76,68 @@ def add_commands(app: typer.Typer) -> None:
 
 
 def vehicles(
-    name: Annotated[
-        str | None,
+    words: Annotated[
+        list[str] | None,
         typer.Argument(
-            metavar="NAME|FILE.toml", help="Car to show. Default: the list of all cars.", show_default=False
+            metavar="NAME|FILE.toml|WORDS...|new",
+            help="Car to show, words to search for, or `new` to describe a car. Default: the list of all cars.",
+            show_default=False,
         ),
     ] = None,
     preset: PresetOption = "default",
     overrides: SetOption = None,
+    mass: Annotated[
+        float | None,
+        typer.Option("--mass", metavar="KG", help="With new: curb mass, nobody inside.", show_default=False),
+    ] = None,
+    battery: Annotated[
+        float | None,
+        typer.Option(
+            "--battery", metavar="KWH", help="With new: usable energy of the battery.", show_default=False
+        ),
+    ] = None,
+    consumption: Annotated[
+        float | None,
+        typer.Option(
+            "--consumption",
+            metavar="KWH",
+            help="With new: published consumption per 100 km, at the wall.",
+            show_default=False,
+        ),
+    ] = None,
+    power: Annotated[
+        float | None,
+        typer.Option(
+            "--power",
+            metavar="KW",
+            help="With new: largest power of all motors together.",
+            show_default=False,
+        ),
+    ] = None,
+    body: Annotated[
+        str | None,
+        typer.Option(
+            "--body",
+            metavar="KIND",
+            help="With new: small, hatchback, sedan, estate, suv, van or pickup.",
+            show_default=False,
+        ),
+    ] = None,
+    heat_pump: Annotated[
+        bool | None,
+        typer.Option(
+            "--heat-pump/--no-heat-pump", help="With new: whether the car has one.", show_default=False
+        ),
+    ] = None,
+    procedure: Annotated[
+        str | None,
+        typer.Option(
+            "--procedure",
+            metavar="NAME",
+            help="With new: where the consumption comes from, wltp or epa (combined label). Default: wltp.",
+            show_default=False,
+        ),
+    ] = None,
     import_file: Annotated[
         Path | None,
         typer.Option(
@@ -99,34 +162,89 @@ def vehicles(
             "--out",
             "-o",
             metavar="FILE",
-            help="With --import: write the TOML to this file.",
+            help="With --import or new: write the TOML to this file.",
             show_default=False,
         ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """List the cars of the library, show one with the source of every value, or import one."""
-    _require_sense(name, import_file, {"--row": row, "--out": out})
+    """List or search the cars of the library, show one with the source of every value, import or describe one."""
+    name = " ".join(words or []) or None
+    figures = {
+        "--mass": mass,
+        "--battery": battery,
+        "--consumption": consumption,
+        "--power": power,
+        "--body": body,
+        "--heat-pump": heat_pump,
+        "--procedure": procedure,
+    }
+    _require_sense(name, import_file, {"--row": row, "--out": out}, figures)
     if import_file is not None:
         _import(import_file, row, out, as_json)
+    elif name == "new":
+        _new(figures, out, as_json)
     elif name is not None:
-        _describe(name, preset, overrides or [], as_json)
+        _find_or_describe(name, preset, overrides or [], as_json)
     else:
-        _list(as_json)
+        _list(None, as_json)
 
 
-def _require_sense(name: str | None, import_file: Path | None, only_import: dict[str, Any]) -> None:
+def _require_sense(
+    name: str | None, import_file: Path | None, only_import: dict[str, Any], only_new: dict[str, Any]
+) -> None:
     faults = []
     if name is not None and import_file is not None:
         faults.append(Fault("conflicting arguments", "NAME and --import", name, "one of the two"))
-    if import_file is None:
-        faults += [
-            Fault("option has no effect", option, str(value), "only together with --import")
-            for option, value in only_import.items()
-            if value is not None
-        ]
+    allowed = {"--row": (import_file is not None, "--import")}
+    allowed["--out"] = (import_file is not None or name == "new", "--import or new")
+    allowed |= dict.fromkeys(only_new, (name == "new", "new"))
+    for option, value in (only_import | only_new).items():
+        sensible, partner = allowed[option]
+        if value is not None and not sensible:
+            faults.append(Fault("option has no effect", option, str(value), f"only together with {partner}"))
     if faults:
         raise InvalidInput(faults)
+
+
+FIGURES: Final = {
+    "--mass": "mass_kg",
+    "--battery": "usable_battery_kwh",
+    "--consumption": "consumption_kwh_per_100km",
+    "--power": "motor_power_kw",
+    "--body": "body",
+    "--heat-pump": "heat_pump",
+    "--procedure": "procedure",
+}
+"""Option -> argument of `describe_car`."""
+
+
+def _new(figures: dict[str, Any], out: Path | None, as_json: bool) -> None:
+    from tripwatt.certification import certified_interval, describe_car
+    from tripwatt.vehicles import render_vehicle
+
+    given = {FIGURES[option]: value for option, value in figures.items() if value is not None}
+    try:
+        car = describe_car(**given)
+    except InvalidInput as error:
+        options = {argument: option for option, argument in FIGURES.items()}
+        raise InvalidInput(
+            replace(fault, where=options.get(fault.where, fault.where)) for fault in error.faults
+        ) from error
+    found, text = certified_interval(car), render_vehicle(car)
+    if out is not None:
+        write_text(text, out)
+    if as_json:
+        wltp = {"middle": found.middle, "low": found.low, "high": found.high}
+        print_json({"title": car.title, "anchor": car.anchor, "wltp_kwh_per_100km": wltp, "toml": text})
+        return
+    if out is None:
+        typer.echo(text, nl=False)
+        return
+    console().print(
+        f"{out} is written: {car.title}. On the WLTP it would use {found.middle:.1f} kWh/100 km; 9 in 10 such cars use "
+        f"{found.low:.1f} to {found.high:.1f}. Forecast with `tripwatt forecast ROUTE --vehicle {out}`"
+    )
 
 
 def _import(file: Path, row: str | None, out: Path | None, as_json: bool) -> None:
@@ -140,6 +258,17 @@ def _import(file: Path, row: str | None, out: Path | None, as_json: bool) -> Non
         print_json({"toml": text})
     elif out is None:
         typer.echo(text, nl=False)
+
+
+def _find_or_describe(name: str, preset: str, overrides: list[str], as_json: bool) -> None:
+    """Show the car of this name, or else list those that the words find."""
+    from tripwatt.vehicles import find_vehicles, vehicle_names
+
+    found = () if name in vehicle_names() or name.endswith(".toml") else find_vehicles(name)
+    if found:
+        _list(found, as_json)
+    else:
+        _describe(name, preset, overrides, as_json)
 
 
 def _describe(name: str, preset: str, overrides: list[str], as_json: bool) -> None:
@@ -162,14 +291,15 @@ def _describe(name: str, preset: str, overrides: list[str], as_json: bool) -> No
         shown.print(Padding(f"{source} (licence: {licence})", (0, 0, 0, 4), expand=False))
 
 
-def _list(as_json: bool) -> None:
-    from tripwatt.vehicles import load_vehicle, vehicle_names
+def _list(names: Sequence[str] | None, as_json: bool) -> None:
+    from tripwatt.vehicles import vehicle_titles
 
-    cars = [load_vehicle(name) for name in vehicle_names()]
+    titles = vehicle_titles()
+    rows = [(name, titles[name]) for name in (titles if names is None else names)]
     if as_json:
-        print_json([{"name": car.name, "title": car.title} for car in cars])
+        print_json([{"name": name, "title": title} for name, title in rows])
         return
-    print_table("Cars for --vehicle NAME", ("name", "car"), [(car.name, car.title) for car in cars])
+    print_table("Cars for --vehicle NAME", ("name", "car"), rows)
 
 
 def simulate(

@@ -25,6 +25,7 @@ from tripwatt.vehicles.parts import (
     Tyres,
 )
 from tripwatt.vehicles.table import describe_vehicle, render_parameters
+from tripwatt.vehicles.writing import render_vehicle
 
 __all__ = [
     "ALIASES",
@@ -47,6 +48,7 @@ __all__ = [
     "parse_overrides",
     "render_licences",
     "render_parameters",
+    "render_vehicle",
     "require_vehicle",
     "vehicle_from_document",
     "vehicle_names",
