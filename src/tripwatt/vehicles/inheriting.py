@@ -40,9 +40,11 @@ def _bundled_text(name: str) -> str | None:
 
 
 @cache
-def _parsed(text: str) -> dict[str, Any]:
-    """The document of a bundled file; it is read, never changed."""
-    return tomllib.loads(text)
+def _bundled(name: str, depth: int) -> tuple[dict[str, Any], tuple[Fault, ...]]:
+    """A bundled file with what it takes over, and its faults. It is read, never changed."""
+    found: list[Fault] = []
+    document = _inherit(tomllib.loads(_bundled_text(name) or ""), f"{name}.toml", found, depth)
+    return document, tuple(found)
 
 
 def bundled_bases() -> tuple[str, ...]:
@@ -127,7 +129,9 @@ def _base(name: str, place: str, faults: list[Fault], depth: int) -> dict[str, A
     if depth >= DEEPEST_EXTENSION:
         faults.append(Fault("circular extends", place, name, "files that do not extend one another"))
         return {}
-    return _inherit(_parsed(text), f"{name}.toml", faults, depth + 1)
+    document, found = _bundled(name, depth + 1)
+    faults += found
+    return document
 
 
 def _take_over(result: dict[str, Any], more: Mapping[str, Any]) -> None:
