@@ -244,7 +244,13 @@ class Api:
             ("/v1/places", "GET", self.get_places, openapi.places()),
             ("/v1/map", "GET", self.get_map, openapi.library(MapResponse, "The map")),
             ("/v1/models", "GET", self.get_models, openapi.library(schemas.ModelsResponse, "models")),
-            ("/v1/vehicles", "GET", self.get_vehicles, openapi.library(schemas.VehiclesResponse, "vehicles")),
+            (
+                "/v1/vehicles",
+                "GET",
+                self.get_vehicles,
+                openapi.library(schemas.VehiclesResponse, "vehicles", "invalid-input"),
+            ),
+            ("/v1/vehicles", "POST", self.describe, openapi.describe()),
             ("/v1/examples", "GET", self.get_examples, openapi.library(schemas.ExamplesResponse, "examples")),
             (
                 "/v1/examples/{trip}",
@@ -339,9 +345,22 @@ class Api:
         require_accepts(request, JSON)
         return Response(self.models, media_type=JSON)
 
-    async def get_vehicles(self, request: Request) -> Response:
-        """List the cars of the library and the models fitted on each."""
+    async def describe(self, request: Request) -> Response:
+        """Describe a car that the library does not have, by a few figures."""
+        return await self._job(request, {"kind": "describe"}, await self._body(request, (JSON,)))
+
+    async def get_vehicles(
+        self,
+        request: Request,
+        search: Annotated[
+            str | None,
+            Query(min_length=1, max_length=100, description="words of the title or name, or a model year"),
+        ] = None,
+    ) -> Response:
+        """List the cars of the library, or those that words find, and the models fitted on each."""
         require_accepts(request, JSON)
+        if search is not None:
+            return Response(await self._document("vehicles", search=search), media_type=JSON)
         if self.vehicles is None:
             self.vehicles = await self._document("vehicles")
         return Response(self.vehicles, media_type=JSON)
@@ -394,9 +413,9 @@ class Api:
         document = {**orjson.loads(result.content), "instance": request_id(request)}
         return Response(orjson.dumps(document), result.status, media_type=MEDIA_TYPE)
 
-    async def _document(self, kind: str) -> bytes:
-        """The document of a job without parameters."""
-        result = await self.pool.run({"kind": kind}, b"")
+    async def _document(self, kind: str, **parameters: str) -> bytes:
+        """The document of a job without a body."""
+        result = await self.pool.run({"kind": kind, **parameters}, b"")
         if result.status != 200:
             raise Problem("internal")
         return result.content

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from pydantic import ValidationError
 
+from tripwatt.certification import describe_car
 from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.forecasting import (
     Forecast,
@@ -31,12 +32,13 @@ from tripwatt.routes import (
 )
 from tripwatt.service.journey_schemas import PlanRequest, ReachRequest
 from tripwatt.service.journeys import JourneyJobs
-from tripwatt.service.library import columns_of, examples, links_of, vehicles
+from tripwatt.service.library import columns_of, described, examples, links_of, vehicles
 from tripwatt.service.schemas import (
     Elevation,
     ForecastRequest,
     RequestModel,
     UpdateRequest,
+    VehicleFigures,
     check_request,
     parse_json,
     parse_links,
@@ -59,7 +61,10 @@ from tripwatt.trips import (
     time_faults,
 )
 from tripwatt.trips.messages import flag_to_dict
-from tripwatt.vehicles import vehicle_names
+from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_names
+
+MOST_TRANSFERRED: Final = 64
+"""Models on other cars that a worker keeps; the oldest goes first."""
 
 ROUTE_FIRST_BYTES: Final = (b"<", b"{", b"[", b"\xff", b"\xfe")
 """First bytes of XML, JSON and UTF-16."""
@@ -77,7 +82,7 @@ class Jobs:
     journeys : JourneyJobs
         The atlas of the service.
     transferred : dict
-        Models transferred to other cars of the library, made when first used, by model and car; with their flags.
+        Models transferred to other cars, made when first used, by model and car; with their flags.
     """
 
     models: Mapping[str, ForecastModel]
@@ -201,17 +206,37 @@ class Jobs:
             *vehicle_names(),
             *(m.vehicle.name for m in self.models.values()),
         ):
-            faults.append(_unknown("car", vehicle, vehicle_names(), "vehicle"))
+            try:
+                require_vehicle(vehicle)
+            except InvalidInput as error:
+                faults += error.faults
         if faults or not isinstance(name, str) or not isinstance(vehicle, str | None):
             raise InvalidInput(faults)  # another type is a fault of its field
         model = self.models[name]
-        if vehicle in (None, model.vehicle.name):
+        figures = document.get("vehicle_figures")
+        if vehicle is not None and figures is not None:
+            got = "both"
+            raise InvalidInput(Fault("no single car", "vehicle, vehicle_figures", got, "one of the two"))
+        if figures is None and vehicle in (None, model.vehicle.name):
             return model, ()
-        if vehicle not in vehicle_names():
-            raise InvalidInput(_unknown("car", vehicle, vehicle_names(), "vehicle"))
-        if (name, vehicle) not in self.transferred:
-            self.transferred[name, vehicle] = on_vehicle(model, vehicle)
-        return self.transferred[name, vehicle]
+        car: Vehicle | str
+        if figures is not None:
+            known = _figures(figures)
+            car, key = describe(known), (name, known.model_dump_json())
+        else:
+            assert vehicle is not None
+            require_vehicle(vehicle)
+            car, key = vehicle, (name, vehicle)
+        if key not in self.transferred:
+            while len(self.transferred) >= MOST_TRANSFERRED:
+                del self.transferred[next(iter(self.transferred))]
+            self.transferred[key] = on_vehicle(model, car)
+        return self.transferred[key]
+
+    def describe(self, body: bytes) -> dict[str, Any]:
+        """Return the response to `VehicleFigures`."""
+        return described(describe(check_request(parse_json(body), VehicleFigures)))
+
 
     def _plan(self, document: Mapping[str, Any]) -> Plan:
         samples, links = document.get("samples"), document.get("links")
@@ -276,13 +301,15 @@ class Jobs:
             "notes": [flag_to_dict(flag) for flag in flags],
         }
 
-    def vehicles(self) -> dict[str, Any]:
-        """Return the cars of the library, each with the models fitted on its trips."""
+    def vehicles(self, search: str | None = None) -> dict[str, Any]:
+        """Return the cars of the library, or those that words find, each with the models fitted on its trips."""
         cars = {name: model.vehicle.name for name, model in self.models.items()}
+        by_name = {row["name"]: row for row in vehicles()}
+        found = tuple(by_name) if search is None else find_vehicles(search)
         return {
             "vehicles": [
-                {**row, "models": [name for name, car in cars.items() if car == row["name"]]}
-                for row in vehicles()
+                {**by_name[name], "models": [model for model, car in cars.items() if car == name]}
+                for name in found
             ]
         }
 
@@ -332,10 +359,18 @@ def collected_faults() -> Iterator[Check]:
         raise InvalidInput(dict.fromkeys(check.faults))
 
 
-def _unknown(what: str, name: str, known: Sequence[str], where: str = "") -> Fault:
+def _unknown(what: str, name: str, known: Sequence[str]) -> Fault:
     near = difflib.get_close_matches(name[:60], known, n=1)
     fix = f"did you mean {near[0]}?" if near else ""
-    return Fault(f"unknown {what}", where or what, excerpt(name), ", ".join(known), fix)
+    return Fault(f"unknown {what}", what, excerpt(name), ", ".join(known), fix)
+
+
+def _figures(value: Any) -> VehicleFigures:
+    """The figures of a request's car; without a fault of its own where they are wrong: `check_request` names them."""
+    try:
+        return VehicleFigures.model_validate(value)
+    except ValidationError as error:
+        raise InvalidInput([]) from error
 
 
 def _elevation(value: Any) -> Elevation | None:
@@ -355,11 +390,17 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
         "reach": lambda jobs, job, body: jobs.reach(body),
         "places": lambda jobs, job, body: jobs.journeys.places(job["text"], job["limit"]),
         "map": lambda jobs, job, body: jobs.journeys.describe(),
-        "vehicles": lambda jobs, job, body: jobs.vehicles(),
+        "vehicles": lambda jobs, job, body: jobs.vehicles(job.get("search")),
+        "describe": lambda jobs, job, body: jobs.describe(body),
         "examples": lambda jobs, job, body: examples(),
     }
 )
 """Kind of job -> the method of `Jobs` that runs it."""
+
+
+def describe(figures: VehicleFigures) -> Vehicle:
+    """Return the car of a request."""
+    return describe_car(**figures.model_dump())
 
 
 def require_finite(forecast: dict[str, Any]) -> dict[str, Any]:

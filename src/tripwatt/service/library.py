@@ -8,12 +8,13 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
+from tripwatt.certification import certified_interval
 from tripwatt.forecasting import load_model
 from tripwatt.physics.battery import open_circuit_voltage
 from tripwatt.routes import LinkRoute
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import ASKED
-from tripwatt.vehicles import load_vehicle, vehicle_names
+from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_names
 
 EXAMPLE_COUNT: Final = 6
 EXAMPLE_CAR: Final = "bmw_i3_60ah"
@@ -48,18 +49,38 @@ def vehicles() -> tuple[dict[str, Any], ...]:
     rows = []
     for name in vehicle_names():
         car = load_vehicle(name)
-        window = np.linspace(car.battery.displayed_zero_soc, car.battery.displayed_full_soc, 101)
-        mean_v = float(open_circuit_voltage(window, car.battery).mean())
         rows.append(
             {
                 "name": name,
                 "title": car.title,
                 "test_mass_kg": car.body.test_mass_kg,
-                "usable_energy_wh": car.battery.capacity_ah * mean_v * float(window[-1] - window[0]),
+                "usable_energy_wh": usable_energy_wh(car),
                 "has_climate": car.climate is not None,
+                "anchor": car.anchor,
             }
         )
     return tuple(rows)
+
+
+def usable_energy_wh(car: Vehicle) -> float:
+    """Return the energy between 0 and 1 of the displayed state of charge [Wh]."""
+    window = np.linspace(car.battery.displayed_zero_soc, car.battery.displayed_full_soc, 101)
+    mean_v = float(open_circuit_voltage(window, car.battery).mean())
+    return car.battery.capacity_ah * mean_v * float(window[-1] - window[0])
+
+
+def described(car: Vehicle) -> dict[str, Any]:
+    """Return a car from a few figures with what it would be certified with."""
+    found = certified_interval(car)
+    return {
+        "title": car.title,
+        "test_mass_kg": car.body.test_mass_kg,
+        "usable_energy_wh": usable_energy_wh(car),
+        "anchor": car.anchor,
+        "wltp_kwh_per_100km": found.middle,
+        "wltp_low_kwh_per_100km": found.low,
+        "wltp_high_kwh_per_100km": found.high,
+    }
 
 
 @cache

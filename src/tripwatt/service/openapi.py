@@ -35,6 +35,8 @@ DOCUMENTED: Final[tuple[type[BaseModel], ...]] = (
     schemas.RouteResponse,
     schemas.ModelsResponse,
     schemas.VehiclesResponse,
+    schemas.VehicleFigures,
+    schemas.DescribedVehicle,
     schemas.ExamplesResponse,
     schemas.ExampleResponse,
     schemas.HealthResponse,
@@ -77,6 +79,14 @@ PLAN_REQUEST: Final = {
     "weather": {"wind_speed_m_s": 6.0, "wind_from_deg": 350.0},
 }
 REACH_REQUEST: Final = {"start": {"latitude_deg": 47.141, "longitude_deg": 9.5209}, "soc": 0.2}
+FIGURES_REQUEST: Final = {
+    "mass_kg": 1830.0,
+    "usable_battery_kwh": 58.0,
+    "consumption_kwh_per_100km": 15.5,
+    "motor_power_kw": 150.0,
+    "body": "hatchback",
+    "heat_pump": True,
+}
 GPX: Final = (
     '<gpx><trk><trkseg><trkpt lat="48.10" lon="11.5"><time>2026-05-01T08:00:00Z</time></trkpt>'
     '<trkpt lat="48.11" lon="11.5"><time>2026-05-01T08:01:30Z</time></trkpt></trkseg></trk></gpx>'
@@ -234,6 +244,19 @@ def places() -> dict[str, Any]:
     problems = (*COMMON_PROBLEMS, "not-acceptable", "invalid-input", *POOL_PROBLEMS, "no-map", "remote")
     return _operation(
         "journeys", "The places", _content(JSON, _reference(journey_schemas.PlacesResponse)), problems
+    )
+
+
+def describe() -> dict[str, Any]:
+    """Return the description of `POST /v1/vehicles`."""
+    return _operation(
+        "library",
+        "The car",
+        _content(JSON, _reference(schemas.DescribedVehicle)),
+        (*COMMON_PROBLEMS, *BODY_PROBLEMS, *POOL_PROBLEMS),
+        _content(
+            JSON, _reference(schemas.VehicleFigures), examples={"compact car": {"value": FIGURES_REQUEST}}
+        ),
     )
 
 

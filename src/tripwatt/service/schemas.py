@@ -148,6 +148,33 @@ Links = Annotated[
 """Links of a planned route. `tripwatt.routes.route_from_links` checks them as a table, not one object at a time."""
 
 
+class VehicleFigures(BaseModel):
+    """A car that the library does not have, by up to six figures; what is missing is that of a usual car of its body."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+    mass_kg: float | None = Field(
+        None, ge=400.0, le=6000.0, description="mass ready to drive, nobody inside [kg]"
+    )
+    usable_battery_kwh: float | None = Field(
+        None, ge=4.0, le=300.0, description="usable energy of the battery [kWh]"
+    )
+    consumption_kwh_per_100km: float | None = Field(
+        None, ge=6.0, le=60.0, description="published consumption at the wall [kWh/100 km]"
+    )
+    motor_power_kw: float | None = Field(
+        None, ge=5.0, le=1500.0, description="largest power of all motors together [kW]"
+    )
+    body: Literal["small", "hatchback", "sedan", "estate", "suv", "van", "pickup"] | None = Field(
+        None, description="kind of body; default: suv"
+    )
+    heat_pump: bool | None = Field(None, description="default: false")
+    procedure: Literal["wltp", "epa"] = Field(
+        "wltp", description="where the consumption comes from; epa is the combined figure of the label"
+    )
+    title: str | None = Field(None, min_length=1, max_length=100, description="name for people")
+
+
 class ForecastRequest(BaseModel):
     """A trip to forecast: a speed trace (`samples`) or a planned route (`links`), and the state at departure."""
 
@@ -161,6 +188,9 @@ class ForecastRequest(BaseModel):
     model: str | None = Field(None, max_length=100, description="one of /v1/models; default: the first one")
     vehicle: str | None = Field(
         None, max_length=100, description="one of /v1/vehicles; default: the car of the model"
+    )
+    vehicle_figures: VehicleFigures | None = Field(
+        None, description="a car of your own in place of `vehicle`"
     )
     trip: str = Field("trip", min_length=1, max_length=100, description="name of the trip in the response")
     samples: Samples | None = None
@@ -282,9 +312,25 @@ class VehicleSummary(ResponseModel):
         description="energy between 0 and 1 of the displayed state of charge [Wh]"
     )
     has_climate: bool = Field(description="whether heating and cooling are simulated")
+    anchor: str = Field(
+        description="what the values were held against: road_load (measured coast-down and certified consumption), "
+        "certification, class, or book (published values alone)"
+    )
     models: list[str] = Field(
         description="models fitted on this car; other models forecast it with much wider intervals"
     )
+
+
+class DescribedVehicle(ResponseModel):
+    """A car from a few figures."""
+
+    title: str
+    test_mass_kg: float = Field(description="mass with a driver [kg]")
+    usable_energy_wh: float
+    anchor: str = Field(description="certification where a consumption was given, else class")
+    wltp_kwh_per_100km: float = Field(description="consumption on the WLTP at the wall [kWh/100 km]")
+    wltp_low_kwh_per_100km: float = Field(description="lower end of the 90 % interval")
+    wltp_high_kwh_per_100km: float = Field(description="upper end of the 90 % interval")
 
 
 class VehiclesResponse(ResponseModel):
