@@ -210,6 +210,35 @@ def test_another_car_is_forecast_with_its_published_values(look: Look, service: 
     assert page.get_by_role("radio", name="Drive").is_disabled()
 
 
+def test_a_car_that_is_missing_is_described_by_its_driver(look: Look, service: Service) -> None:
+    page = look(expect="422")
+    cars = page.get_by_role("combobox", name="Car")
+    before = cars.input_value()
+    cars.select_option("form")
+    form = page.get_by_role("dialog", name="My car")
+    assert cars.input_value() == before  # the form alone chooses nothing
+    form.get_by_label("Mass without driver").fill("1830")
+    form.get_by_label("Published consumption").fill("60")
+    form.get_by_label("Body").select_option("hatchback")
+    form.get_by_role("button", name="Use this car").click()
+    form.get_by_text("consumption does not fit the car").wait_for()
+    form.get_by_label("Published consumption").fill("15.5")
+    sent, answer = asked(
+        page, "/v1/forecast", lambda: form.get_by_role("button", name="Use this car").click()
+    )
+    assert sent["vehicle_figures"] == {
+        "mass_kg": 1830,
+        "consumption_kwh_per_100km": 15.5,
+        "body": "hatchback",
+        "heat_pump": False,
+        "procedure": "wltp",
+    }
+    assert "vehicle" not in sent
+    assert service.forecast(sent).json() == answer
+    assert "WLTP 15.5 kWh/100 km" in cars.locator("option:checked").inner_text()
+    assert not form.is_visible()
+
+
 def test_stores_the_preferences_and_shows_miles(look: Look) -> None:
     page = look()
     mode(page, "mi")

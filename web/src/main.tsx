@@ -2,7 +2,7 @@ import "uplot/dist/uPlot.min.css";
 import "./styles/page.css";
 
 import { render } from "preact";
-import { isMeasured, model, vehicle } from "./state/car";
+import { car, isMeasured, model, vehicle } from "./state/car";
 import { startPage, keepSelectionStored } from "./state/catalogue";
 import { keepDriving } from "./state/drive";
 import { keepForecasting } from "./state/forecast";
@@ -14,6 +14,7 @@ import { Details } from "./ui/details";
 import { Glance } from "./ui/glance";
 import { Header } from "./ui/header";
 import { Result } from "./ui/result";
+import { CarDialog } from "./ui/car-dialog";
 import { connectTokenDialog, TokenDialog } from "./ui/token-dialog";
 import { TripPanel } from "./ui/trip-panel";
 
@@ -27,7 +28,7 @@ function Foot() {
         <p>
           {isMeasured.value
             ? `${foot.own(learned.vehicle_title)} ${foot.model(name, learned.trips)}`
-            : `${foot.published(vehicle.value?.title ?? "")} ${foot.modelOfCar(name, learned.trips, learned.vehicle_title)}`}{" "}
+            : `${foot.published(vehicle.value?.title ?? car.value?.title ?? "")} ${foot.modelOfCar(name, learned.trips, learned.vehicle_title)}`}{" "}
           {foot.caution}
         </p>
       )}
@@ -55,6 +56,7 @@ function Page() {
       <Glance />
       <Announcer />
       <TokenDialog />
+      <CarDialog />
     </>
   );
 }

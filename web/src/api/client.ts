@@ -1,6 +1,15 @@
 /** Requests to the service that served the page, and to no other host. */
 
-import type { Forecast, Example, ExampleSummary, Model, Problem, Route, Vehicle } from "./types";
+import type {
+  DescribedVehicle,
+  Forecast,
+  Example,
+  ExampleSummary,
+  Model,
+  Problem,
+  Route,
+  Vehicle,
+} from "./types";
 
 const TOKEN = "tripwatt.token";
 const MAX_ATTEMPTS = 3;
@@ -73,6 +82,8 @@ function post<T>(path: string, body: BodyInit, type: string, signal?: AbortSigna
 
 export const listModels = async () => (await requestJson<{ models: Model[] }>("v1/models")).models;
 export const listVehicles = async () => (await requestJson<{ vehicles: Vehicle[] }>("v1/vehicles")).vehicles;
+export const describeCar = (figures: string) =>
+  post<DescribedVehicle>("v1/vehicles", figures, "application/json");
 export const listExamples = async () =>
   (await requestJson<{ examples: ExampleSummary[] }>("v1/examples")).examples;
 export const loadExample = (trip: string) => requestJson<Example>(`v1/examples/${encodeURIComponent(trip)}`);

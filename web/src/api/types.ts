@@ -83,6 +83,24 @@ export interface Vehicle {
   models: string[];
 }
 
+/** A car that the service does not have, by up to six figures. */
+export interface Figures {
+  mass_kg?: number;
+  usable_battery_kwh?: number;
+  consumption_kwh_per_100km?: number;
+  motor_power_kw?: number;
+  body: "small" | "hatchback" | "sedan" | "estate" | "suv" | "van" | "pickup";
+  heat_pump: boolean;
+  procedure: "wltp" | "epa";
+}
+
+/** What such a car would be certified with. */
+export interface DescribedVehicle {
+  wltp_kwh_per_100km: number;
+  wltp_low_kwh_per_100km: number;
+  wltp_high_kwh_per_100km: number;
+}
+
 export interface ExampleSummary {
   trip: string;
   title: string;

@@ -1,11 +1,18 @@
 /** The chosen car and the chosen model. */
 
 import { computed, signal } from "@preact/signals";
-import type { Model, Vehicle } from "../api/types";
+import type { Figures, Model, Vehicle } from "../api/types";
+
+/** Name of the car that its driver describes. */
+export const DESCRIBED = "";
 
 export interface Car {
   vehicle: string;
   model: string;
+  /** Figures of a car that the service does not have; `vehicle` is then `DESCRIBED`. */
+  figures?: Figures;
+  /** What the described car is called. */
+  title?: string;
 }
 
 export const models = signal<Model[]>([]);
@@ -31,6 +38,11 @@ export function chooseVehicle(name: string): void {
   if (next) car.value = { vehicle: name, model: next };
 }
 
+export function chooseDescribed(figures: Figures, title: string): void {
+  const any = car.value?.model ?? models.value[0]?.name;
+  if (any) car.value = { vehicle: DESCRIBED, model: any, figures, title };
+}
+
 export function chooseModel(name: string): void {
   if (car.value) car.value = { ...car.value, model: name };
 }
@@ -39,6 +51,10 @@ export function chooseModel(name: string): void {
 export function chooseFirst(last: Partial<Car> | undefined): void {
   const known = models.value.find(({ name }) => name === last?.model) ?? models.value[0];
   if (!known) return;
+  if (last?.figures && last.title) {
+    car.value = { model: known.name, vehicle: DESCRIBED, figures: last.figures, title: last.title };
+    return;
+  }
   const same = vehicles.value.some(({ name }) => name === last?.vehicle);
   car.value = { model: known.name, vehicle: same ? (last?.vehicle as string) : known.model.vehicle };
 }

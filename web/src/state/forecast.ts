@@ -131,4 +131,6 @@ const FIELDS = [
   "reserve",
   "model",
   "vehicle",
+  "vehicle_figures",
+  "consumption_kwh_per_100km",
 ];

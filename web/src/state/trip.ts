@@ -110,12 +110,16 @@ export function tripFromRoute(route: Route, title: string, source: Source): Trip
   };
 }
 
+function chosen({ vehicle, model }: Car): Car {
+  return { vehicle, model };
+}
+
 /** Body of a request for a forecast; with `observed`, for an update. */
 export function requestBody(of: Trip, at: Conditions, car: Car | null, observed?: Columns): string {
   const links = of.links && { links: atMotorwaySpeed(of.links, at.motorwayMS) };
   const fields = {
     ...links,
-    ...car,
+    ...(car && (car.figures ? { vehicle_figures: car.figures, model: car.model } : chosen(car))),
     ...fieldsOf(at, of.logged),
     ...(observed && { observed }),
   };

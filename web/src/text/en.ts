@@ -17,7 +17,8 @@ export const en = {
     modelOption: (name: string, trips: number) =>
       `${name}, ${count(trips, { one: "# trip", other: "# trips" })}`,
     trained: "Trained on trips of this car",
-    published: "From published vehicle data",
+    publishedOf: (maker: string) => `${maker}, from published vehicle data`,
+    missing: "My car is missing …",
     units: "Units",
     language: "Language",
     theme: {
@@ -234,6 +235,31 @@ export const en = {
     atMost: "Battery on arrival, at most",
     forecast: "Forecast, %",
     gauge: "Naive gauge, %",
+  },
+  ownCar: {
+    title: "My car",
+    note: "Empty fields take the values of a usual car, and the interval is wider.",
+    mass: "Mass without driver [kg]",
+    battery: "Usable battery [kWh]",
+    consumption: "Published consumption [kWh/100 km]",
+    power: "Power of all motors [kW]",
+    procedure: "Consumption is from",
+    procedures: { wltp: "the WLTP", epa: "the EPA label, combined" },
+    body: "Body",
+    bodies: {
+      small: "small car",
+      hatchback: "hatchback",
+      sedan: "sedan",
+      estate: "estate",
+      suv: "SUV",
+      van: "van",
+      pickup: "pickup",
+    },
+    heatPump: "Heat pump",
+    described: (middle: string, low: string, high: string) =>
+      `My car, WLTP ${middle} kWh/100 km (${low} to ${high})`,
+    cancel: "Cancel",
+    use: "Use this car",
   },
   token: {
     title: "Token required",

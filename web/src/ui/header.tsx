@@ -1,9 +1,10 @@
 import type { Vehicle } from "../api/types";
 import { unitsOf } from "../model/units";
-import { car, choices, chooseModel, chooseVehicle, vehicles } from "../state/car";
+import { car, choices, chooseModel, chooseVehicle, DESCRIBED, vehicles } from "../state/car";
 import { faults } from "../state/forecast";
 import { chosenLanguage, language, system, text, type Theme, theme } from "../state/preferences";
 import { type Language, LANGUAGES } from "../text";
+import { openCarDialog } from "./car-dialog";
 import { Choice } from "./choice";
 import { FaultList } from "./faults";
 import { Icon } from "./icons";
@@ -71,10 +72,26 @@ function Cars({ label, rows }: { label: string; rows: Vehicle[] }) {
   );
 }
 
+/** Cars by maker, the first word of the title, in alphabetical order. */
+function byMaker(rows: Vehicle[]): [string, Vehicle[]][] {
+  const groups = new Map<string, Vehicle[]>();
+  for (const row of [...rows].sort((a, b) => a.title.localeCompare(b.title))) {
+    const [maker = ""] = row.title.split(" ");
+    groups.set(maker, [...(groups.get(maker) ?? []), row]);
+  }
+  return [...groups];
+}
+
+/** Fields of a request whose faults belong to the car. */
+const CAR_FIELDS = ["vehicle", "vehicle_figures", "consumption_kwh_per_100km", "model"];
+
+/** Value of the option that opens the form; no car has this name. */
+const FORM = "form";
+
 function CarSelect() {
   const measured = vehicles.value.filter((row) => row.models.length > 0);
   const others = vehicles.value.filter((row) => row.models.length === 0);
-  const wrong = [...(faults.value.get("vehicle") ?? []), ...(faults.value.get("model") ?? [])];
+  const wrong = CAR_FIELDS.flatMap((field) => faults.value.get(field) ?? []);
   if (vehicles.value.length === 0) return null;
   const { header } = text.value;
   return (
@@ -83,10 +100,18 @@ function CarSelect() {
         <span class="unseen">{header.car}</span>
         <select
           value={car.value?.vehicle ?? ""}
-          onChange={(event) => chooseVehicle(event.currentTarget.value)}
+          onChange={(event) => {
+            if (event.currentTarget.value !== FORM) return chooseVehicle(event.currentTarget.value);
+            event.currentTarget.value = car.value?.vehicle ?? "";
+            openCarDialog();
+          }}
         >
+          {car.value?.title && <option value={DESCRIBED}>{car.value.title}</option>}
+          <option value={FORM}>{header.missing}</option>
           <Cars label={header.trained} rows={measured} />
-          <Cars label={header.published} rows={others} />
+          {byMaker(others).map(([maker, rows]) => (
+            <Cars key={maker} label={header.publishedOf(maker)} rows={rows} />
+          ))}
         </select>
       </label>
       {choices.value.length > 1 && (
