@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 import threading
+import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import TypeVar
+from functools import cache
+from typing import Final, TypeVar
+
+WATCH_S: Final = 0.5
+"""Time [s] after which a worker process notices that its parent has ended."""
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -48,15 +54,29 @@ def map_unordered(
     )(work)
     try:
         yield from results
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SystemExit, GeneratorExit):
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "[0-9]+ tasks which were still being processed", UserWarning)
             del results  # joblib warns of what it cancels, which is what was asked for
         raise
 
 
+@cache
+def _watch_parent() -> None:
+    """End this worker process soon after its parent has ended, however that ended; once in each process."""
+    parent = multiprocessing.parent_process()
+
+    def watch() -> None:
+        while parent is not None and os.getppid() == parent.pid:
+            time.sleep(WATCH_S)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True, name="watch-parent").start()
+
+
 def _call_numbered(function: Callable[[Task], Result], index: int, task: Task) -> tuple[int, Result]:
     if multiprocessing.parent_process() is not None and threading.current_thread() is threading.main_thread():
         # Ctrl-C reaches every process of a terminal; the parent alone answers it and ends its workers
         signal.signal(signal.SIGINT, signal.SIG_IGN)
+        _watch_parent()
     return index, function(task)

@@ -324,8 +324,10 @@ def test_a_run_that_is_interrupted_resumes_to_the_identical_table(tables: Path, 
 
 KILLED = """
 import os, pathlib, signal, sys
+from tripwatt.cli import output
 from tripwatt.cli.output import unfinished_folder, write_whole
 
+FIRST
 out, die_at = pathlib.Path(sys.argv[1]), int(sys.argv[2])
 steps = 0
 
@@ -350,9 +352,10 @@ print(steps)
 """
 
 
-def killed(out: Path, step: int) -> int:
+def killed(out: Path, step: int, first: str = "") -> int:
+    program = textwrap.dedent(KILLED).replace("FIRST", first)
     done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(KILLED), str(out), str(step)], capture_output=True, check=False
+        [sys.executable, "-c", program, str(out), str(step)], capture_output=True, check=False
     )
     assert done.returncode in (0, -signal.SIGKILL), done.stderr
     return done.returncode
@@ -371,26 +374,54 @@ def test_a_kill_between_any_two_writes_leaves_a_new_folder_whole_or_absent(tmp_p
             )
 
 
-def test_a_kill_while_replacing_never_leaves_results_beside_files_of_another_run(tmp_path: Path) -> None:
+NAMES = ("a.csv", "report.html", "results.json")
+
+
+def test_a_kill_while_replacing_leaves_the_older_results_whole(tmp_path: Path) -> None:
+    """A file that is not ours stays; a later run works after each kill."""
+    for step in range(1, 5):
+        out = tmp_path / f"{step}"
+        out.mkdir()
+        for name in (*NAMES, "letter.txt"):
+            (out / name).write_text("old")
+        code = killed(out, step)
+        assert (code == 0) == (step == 4), "three files, then one exchange"
+        texts = {p.name: p.read_text() for p in out.iterdir() if p.is_file()}
+        assert texts == dict.fromkeys(NAMES, "new" if code == 0 else "old") | {"letter.txt": "old"}
+        assert killed(out, 99) == 0
+        assert {p.name: p.read_text() for p in out.iterdir()} == dict.fromkeys(NAMES, "new") | {
+            "letter.txt": "old"
+        }
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["1", "2", "3", "4"], "nothing is left beside"
+
+
+def test_a_kill_where_folders_cannot_be_exchanged_is_mended_by_the_next_run(tmp_path: Path) -> None:
+    """As on a mount point: the files are replaced one by one."""
     codes = []
     for step in range(1, 11):
         out = tmp_path / f"{step}"
         out.mkdir()
-        for name in ("a.csv", "report.html", "results.json"):
+        for name in NAMES:
             (out / name).write_text("old")
-        codes.append(killed(out, step))
+        codes.append(killed(out, step, "output._can_be_exchanged = lambda out: False"))
         texts = {p.name: p.read_text() for p in out.iterdir() if p.is_file()}
         assert len(set(texts.values())) <= 1, "old and new side by side"
         assert "results.json" not in texts or len(texts) == 3
+        kept = {p.name for p in out.rglob("*") if p.is_file() and p.read_text() == "old"}
+        assert codes[-1] == 0 or kept == set(NAMES) or set(texts.values()) == {"new"}, "no older file is lost"
+        assert killed(out, 99, "output._can_be_exchanged = lambda out: False") == 0
+        assert {p.name: p.read_text() for p in out.iterdir()} == dict.fromkeys(NAMES, "new")
     assert codes == [-signal.SIGKILL] * 9 + [0]
 
 
 def test_a_failure_while_replacing_brings_the_older_files_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    from tripwatt.cli import output
     from tripwatt.cli.output import unfinished_folder, write_whole
     from tripwatt.errors import InvalidInput
 
+    monkeypatch.setattr(output, "_can_be_exchanged", lambda out: False)
     out = tmp_path / "out"
     out.mkdir()
     for name in ("a.csv", "results.json"):

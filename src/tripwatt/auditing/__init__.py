@@ -238,6 +238,7 @@ def _judge_leg(leg: Recorded) -> tuple[Recorded, list[Finding]]:
         findings += found
     mended = replace(leg, samples=samples, observed_energy_wh=observed_energy(samples))
     findings += consistency.unit_findings(mended)
+    findings += consistency.offset_findings(mended)
     findings += consistency.soc_energy_findings(mended)
     if mended.distance_m < SHORTEST_LEG_M or mended.duration_s < SHORTEST_LEG_S:
         what = (

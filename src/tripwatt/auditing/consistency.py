@@ -60,6 +60,29 @@ SOC_JUMP_RATE_PER_S: Final = 1.0 / 360.0
 """Ten times the capacity in an hour: no passenger car charges or discharges faster."""
 
 
+STANDING_M_S: Final = 0.3
+FEWEST_STANDING: Final = 10
+"""Samples at standstill that a median needs."""
+
+MOST_STANDING_W: Final = 25_000.0
+"""More than heater, air conditioner and base load of a car together."""
+
+HEAVY_CAR_KG: Final = 3500.0
+"""Largest mass of a passenger car."""
+
+STEEP_ROAD: Final = 0.1
+"""Mean descent of the steepest long roads, for a road of unknown elevation."""
+
+HEIGHT_MARGIN_M: Final = 30.0
+"""Error of a logged height, and the height that the speed at the start is worth (88 km/h)."""
+
+MOST_WH_KM: Final = 3000.0
+"""Twice what a loaded 40 t truck takes."""
+
+LONG_KM: Final = 5.0
+"""On shorter drives heating before the departure may take most of the energy."""
+
+
 @dataclass(frozen=True, slots=True)
 class Balance:
     """Charge [Ah] and change of state of charge over the same span of a drive."""
@@ -247,6 +270,40 @@ def unit_findings(trip: Recorded) -> list[Finding]:
         f"power and acceleration correspond to a car of {mass:.3g} kg: a unit is wrong, for example {guess}"
     )
     return [whole(trip.samples, trip.trip_id, what, "set aside")]
+
+
+def offset_findings(trip: Recorded) -> Iterator[Finding]:
+    """A current with an offset: energy that no road and no load explain."""
+    energy, samples = trip.observed_energy_wh, trip.samples
+    if energy is None:
+        return
+    if has(samples, "voltage_v") and has(samples, "current_a"):
+        power = array(samples, "voltage_v") * array(samples, "current_a")
+        standing = (array(samples, "speed_m_s") < STANDING_M_S) & np.isfinite(power)
+        if standing.sum() >= FEWEST_STANDING and float(np.median(power[standing])) > MOST_STANDING_W:
+            what = (
+                f"the battery gives {np.median(power[standing]) / 1000.0:.0f} kW while the car stands: the current has "
+                "an offset"
+            )
+            yield whole(samples, trip.trip_id, what, "set aside")
+            return
+    distance_km = trip.distance_m / 1000.0
+    if has(samples, "elevation_m"):
+        height = array(samples, "elevation_m")
+        height = height[np.isfinite(height)]
+        drop = max(float(height[0] - height[-1]), 0.0) + HEIGHT_MARGIN_M
+    else:
+        drop = STEEP_ROAD * trip.distance_m
+    gained = HEAVY_CAR_KG * 9.81 * drop / SECONDS_PER_HOUR
+    if -energy > gained:
+        what = (
+            f"the battery gains {-energy / max(distance_km, 1e-3):.0f} Wh/km on a road that falls by at most {drop:.0f} m: "
+            "the current has an offset or the wrong sign"
+        )
+        yield whole(samples, trip.trip_id, what, "set aside")
+    elif distance_km >= LONG_KM and energy > MOST_WH_KM * distance_km:
+        what = f"{energy / distance_km:.0f} Wh/km: the current has an offset or the wrong unit"
+        yield whole(samples, trip.trip_id, what, "set aside")
 
 
 def soc_energy_findings(trip: Recorded) -> Iterator[Finding]:

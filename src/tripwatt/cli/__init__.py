@@ -1,12 +1,15 @@
 """The command line: parse, call, print. Each command is the thin twin of a public function.
 
 Exit codes: 0 done, 1 done but something needs a look (a data set with missing trips, a mapping with gaps), 2 the
-input cannot be used, 130 interrupted.
+input cannot be used or the output not written, 130 interrupted, 143 terminated.
 """
 
 from __future__ import annotations
 
-from typing import Annotated
+import os
+import signal
+import sys
+from typing import Annotated, Final, NoReturn
 
 import typer
 
@@ -30,9 +33,15 @@ from tripwatt.errors import TripwattError
 
 __all__ = ["app", "main"]
 
+MOST_LINES: Final = 200
+"""Faults that an error lists; the others are counted."""
+
+TERMINATED: Final = 128 + signal.SIGTERM
+"""Exit code of a command that SIGTERM ended."""
+
 app = typer.Typer(
     help="Forecast the battery energy of an electric-car trip with a prediction interval.",
-    epilog="Exit codes: 0 success, 1 success with warnings, 2 invalid input, 130 interrupted.",
+    epilog="Exit codes: 0 success, 1 success with warnings, 2 invalid input, 130 interrupted, 143 terminated.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -72,10 +81,29 @@ fleets.add_commands(app)
 
 def main() -> None:
     """Run the command line; translate the library's errors into one message and exit code 2."""
+    signal.signal(signal.SIGTERM, _terminate)
     try:
         app(prog_name="tripwatt")
     except TripwattError as error:
         lines = str(error).splitlines()
         count = f"{len(lines)} faults:\n" if len(lines) > 1 else ""
-        typer.echo(f"error: {count}" + "\n".join(lines), err=True)
-        raise SystemExit(2) from None
+        shown = lines[:MOST_LINES] + ([f"{len(lines) - MOST_LINES} more"] if len(lines) > MOST_LINES else [])
+        _fail(count + "\n".join(shown))
+    except BrokenPipeError:  # the reader of the output has gone
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(1) from None
+    except OSError as error:  # a full disk, a file that vanished: what no command translates by itself
+        name = f": {error.filename}" if error.filename else ""
+        _fail(f"the system reports {error.strerror or error}{name}")
+    except MemoryError:
+        _fail("not enough memory for this input")
+
+
+def _fail(text: str) -> NoReturn:
+    typer.echo(f"error: {text}", err=True)
+    raise SystemExit(2) from None
+
+
+def _terminate(number: int, frame: object) -> NoReturn:
+    """End as an exception does, so that worker processes and temporary files are removed."""
+    raise SystemExit(TERMINATED)

@@ -22,7 +22,13 @@ from tripwatt.cli.options import (
     gather,
     read_logs,
 )
-from tripwatt.cli.output import check_writable, finished_folds, unfinished_folder, write_whole
+from tripwatt.cli.output import (
+    check_writable,
+    finished_folds,
+    output_lock,
+    unfinished_folder,
+    write_whole,
+)
 from tripwatt.cli.printing import console, print_json, print_notes, progress
 from tripwatt.errors import Fault, InvalidInput
 
@@ -127,22 +133,37 @@ def evaluate(
     shown.print(f"{len(trips)} trips read ({trips.name})")
     print_notes(note)
     unfinished = unfinished_folder(out)
+    with output_lock(unfinished):
+        run = _run_and_write(trips, options, jobs, out, unfinished, resume)
+    _show(run, out, built_in=data is None, as_json=as_json)
+
+
+def _run_and_write(
+    trips: Fleet, options: dict[str, Any], jobs: int, out: Path, unfinished: Path, resume: bool
+) -> EvaluationRun:
+    shown = console()
     if resume and not finished_folds(unfinished):
         shown.print("--resume: this folder has no finished folds; the run starts from the beginning")
     try:
         run = _run(trips, options, jobs, unfinished, resume)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SystemExit) as stop:
         typer.echo(
             "interrupted: the finished folds are kept; continue with the same command and --resume", err=True
         )
+        if isinstance(stop, SystemExit):
+            raise
         raise typer.Exit(INTERRUPTED) from None
+    except OSError as error:  # a full disk, while a fold is kept
+        got = f"{unfinished}: {error.strerror or error}"
+        fix = "make room and continue with the same command and --resume"
+        raise InvalidInput(Fault("cannot keep the finished folds", "--out", got, fix=fix)) from error
     except InvalidInput:
         if not finished_folds(unfinished):
             shutil.rmtree(unfinished, ignore_errors=True)
         raise
     with shown.status("writing the report"):
         write_whole(lambda folder: _write(run, folder), out, unfinished)
-    _show(run, out, built_in=data is None, as_json=as_json)
+    return run
 
 
 def _check(options: dict[str, Any], overrides: list[str], n_jobs: int) -> None:

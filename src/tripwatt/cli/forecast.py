@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -14,7 +15,7 @@ from tripwatt.cli.options import (
     gather,
     options_named,
 )
-from tripwatt.cli.output import write_text
+from tripwatt.cli.output import write_bytes, write_text
 from tripwatt.cli.printing import print_json, print_notes, print_table
 from tripwatt.errors import Fault, InvalidInput
 
@@ -253,11 +254,9 @@ def _measured(path: Path) -> Any:
 
 
 def _draw(found: Forecast, plot: Path) -> None:
-    try:
-        found.plot().savefig(plot, dpi=150)
-    except OSError as error:
-        got = f"{plot}: {error.strerror or error}"
-        raise InvalidInput(Fault("cannot write the image", "--plot", got, "a writable file")) from error
+    image = io.BytesIO()
+    found.plot().savefig(image, dpi=150, format=plot.suffix.lower().removeprefix("."))
+    write_bytes(image.getvalue(), plot, "--plot")
 
 
 def _where_empty(found: Forecast) -> list[tuple[str, str]]:

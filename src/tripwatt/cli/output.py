@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable
+import stat
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.files import folder_lock, replace_folder, restore_folder, write_file
 
 LAST: Final = "results.json"
 """The file that comes last: where it stands, everything beside it belongs to it."""
@@ -20,8 +23,13 @@ def check_writable(out: Path) -> None:
     Raises
     ------
     InvalidInput
-        When `out` is not a folder or cannot be made or written.
+        When `out` is not a folder, a link to nothing or the root, or cannot be made or written.
     """
+    if out.is_symlink() and not out.exists():
+        got = f"{out} -> {os.readlink(out)}"
+        raise InvalidInput(Fault("output is a link to nothing", "--out", got, "a new or existing folder"))
+    if out.absolute() == Path(out.absolute().anchor):
+        raise InvalidInput(Fault("output is the root folder", "--out", str(out), "a new or existing folder"))
     if out.exists() and not out.is_dir():
         raise InvalidInput(Fault("output is not a folder", "--out", str(out), "a new or existing folder"))
     nearest = next(place for place in (out, *out.absolute().parents) if place.exists())
@@ -42,6 +50,7 @@ def unfinished_folder(out: Path) -> Path:
     beside = out.absolute().parent / f"{out.absolute().name}.unfinished"
     folder = out / ".unfinished" if out.is_dir() and not beside.exists() else beside
     try:
+        restore_folder(out)
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InvalidInput(_unwritable(out, error.strerror or str(error))) from error
@@ -53,51 +62,138 @@ def finished_folds(unfinished: Path) -> int:
     return sum(1 for _ in unfinished.glob("folds/*/*.npz"))
 
 
-def write_whole(write: Callable[[Path], None], out: Path, unfinished: Path) -> None:
-    """Let `write` fill a folder in `unfinished`, then bring its content to `out` and remove `unfinished`.
+@contextmanager
+def output_lock(unfinished: Path) -> Iterator[None]:
+    """Keep other runs away from an output until the block ends.
 
-    A new `out` appears by one rename. In an `out` that exists, older files of the same names are moved away first
-    (`results.json` before all others) and `results.json` comes last; when one cannot be moved, the older ones come
-    back.
+    Raises
+    ------
+    InvalidInput
+        When another run holds it.
+    """
+    with folder_lock(unfinished):
+        yield
+
+
+def write_whole(write: Callable[[Path], None], out: Path, unfinished: Path) -> None:
+    """Let `write` fill a new folder, then put it in the place of `out` in one step and remove `unfinished`.
+
+    Files of an older `out` that the new one lacks are kept. Where `out` cannot be exchanged (a mount point, the current
+    folder, a parent that cannot be written), its files are replaced one by one, `results.json` last; after a kill in
+    between, the next call brings the older ones back first.
 
     Raises
     ------
     InvalidInput
         When something cannot be written; `out` is then as it was.
     """
-    made, older = (unfinished / f"{what}-{os.getpid()}" for what in ("writing", "older"))
     try:
-        for folder in (made, older):
-            shutil.rmtree(folder, ignore_errors=True)
-            folder.mkdir(parents=True)
-        write(made)
-        if out.exists():
-            _replace(made, out, older)
+        if _can_be_exchanged(out):
+            replace_folder(out, lambda made: _fill(made, out, write))
         else:
-            made.rename(out)
+            _fill_in_place(write, out, unfinished)
     except OSError as error:
-        for folder in (made, older):
-            shutil.rmtree(folder, ignore_errors=True)
         raise InvalidInput(_unwritable(out, error.strerror or str(error))) from error
     shutil.rmtree(unfinished, ignore_errors=True)
 
 
-def write_text(text: str, path: Path) -> None:
+def _can_be_exchanged(out: Path) -> bool:
+    place = out.resolve()
+    if not place.exists():
+        return True
+    kinds = (entry.lstat().st_mode for entry in place.iterdir())
+    return (
+        not os.path.ismount(place)
+        and os.access(place.parent, os.W_OK | os.X_OK)
+        and not Path.cwd().is_relative_to(place)
+        and all(stat.S_ISREG(k) or stat.S_ISDIR(k) or stat.S_ISLNK(k) for k in kinds)
+    )
+
+
+def _fill(made: Path, out: Path, write: Callable[[Path], None]) -> None:
+    """Fill a new folder, with what the older one has beside it."""
+    write(made)
+    if not out.is_dir():
+        return
+    shutil.copymode(out, made)
+    for entry in out.iterdir():
+        copy = made / entry.name
+        if entry.name == ".unfinished" or os.path.lexists(copy):
+            continue
+        if entry.is_symlink():
+            copy.symlink_to(os.readlink(entry))
+        elif entry.is_dir():
+            shutil.copytree(entry, copy, symlinks=True, copy_function=_link)
+        else:
+            _link(str(entry), str(copy))
+
+
+def _link(source: str, target: str) -> None:
+    """A second name of a file, or a copy where the file system has none."""
+    try:
+        os.link(source, target, follow_symlinks=False)
+    except OSError:
+        shutil.copy2(source, target)
+
+
+def _fill_in_place(write: Callable[[Path], None], out: Path, unfinished: Path) -> None:
+    made, older = unfinished / "writing", unfinished / "older"
+    _bring_back(older, out)
+    shutil.rmtree(made, ignore_errors=True)
+    for folder in (made, older):
+        folder.mkdir(parents=True)
+    try:
+        write(made)
+        _replace(made, out, older)
+    finally:
+        shutil.rmtree(made, ignore_errors=True)
+    shutil.rmtree(older, ignore_errors=True)
+
+
+def _bring_back(older: Path, out: Path) -> None:
+    """Put the files back that a killed process had moved away; files of its own that stand in their place go."""
+    if not older.is_dir():
+        return
+    entries = sorted(older.iterdir(), key=lambda path: (path.name == LAST, path.name))
+    if not (out / LAST).exists() or any(path.name == LAST for path in entries):
+        for path in entries:
+            if (out / path.name).is_dir() and not (out / path.name).is_symlink():
+                shutil.rmtree(out / path.name)
+            path.replace(out / path.name)
+    shutil.rmtree(older, ignore_errors=True)
+
+
+def write_text(text: str, path: Path, option: str = "--out") -> None:
+    """Write one file, whole or not at all; parameters and errors are those of `write_bytes`."""
+    write_bytes(text.encode("utf-8"), path, option)
+
+
+def write_bytes(content: bytes, path: Path, option: str = "--out") -> None:
     """Write one file, whole or not at all.
+
+    Parameters
+    ----------
+    content : bytes
+    path : Path
+    option : str
+        The option that names the file, for messages.
 
     Raises
     ------
     InvalidInput
-        When it cannot be written.
+        When it cannot be written; a file that was there is as before.
     """
-    partial = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(path)
+        if path.exists() and not path.is_file():
+            raise OSError(f"{'a folder' if path.is_dir() else 'no regular file'}")
+        write_file(path, lambda partial: _write(partial, content))
     except OSError as error:
-        partial.unlink(missing_ok=True) if partial.parent.is_dir() else None
         got = error.strerror or str(error)
-        raise InvalidInput(Fault("cannot write the file", "--out", f"{path}: {got}")) from error
+        raise InvalidInput(Fault("cannot write the file", option, f"{path}: {got}")) from error
+
+
+def _write(path: Path, content: bytes) -> None:
+    path.write_bytes(content)
 
 
 def _replace(made: Path, out: Path, older: Path) -> None:

@@ -18,7 +18,7 @@ from tripwatt.cli.options import (
     gather,
     read_logs,
 )
-from tripwatt.cli.output import check_writable, unfinished_folder, write_whole
+from tripwatt.cli.output import check_writable, output_lock, unfinished_folder, write_whole
 from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
 from tripwatt.errors import Fault, InvalidInput
 
@@ -133,7 +133,8 @@ def transfer(
     from tripwatt.evaluation.transfer import evaluate_transfer
     from tripwatt.report.transfer import write_transfer
 
-    with progress(shown) as advance:
+    unfinished = unfinished_folder(out)
+    with output_lock(unfinished), progress(shown) as advance:
         run = evaluate_transfer(
             fleets["source"],
             fleets["target"],
@@ -146,7 +147,7 @@ def transfer(
     notes = [message(flag) for flag in (*from_note, *note)]
     run.results["notes"] += notes
     with shown.status("writing the report"):
-        write_whole(lambda folder: write_transfer(run, folder), out, unfinished_folder(out))
+        write_whole(lambda folder: write_transfer(run, folder), out, unfinished)
     _show(run.results, out, as_json)
 
 

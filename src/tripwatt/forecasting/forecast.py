@@ -13,8 +13,9 @@ import pandas as pd
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.forecasting.measured import Measured, checked_samples, read_measured, since_departure
+from tripwatt.forecasting.plausible import implausible_faults
 from tripwatt.forecasting.update import updated_power
-from tripwatt.trips import Flag, Plan
+from tripwatt.trips import Flag, Plan, raise_faults
 from tripwatt.trips.messages import flag_to_dict, message
 from tripwatt.trips.showing import html_table
 from tripwatt.uncertainty import (
@@ -330,9 +331,11 @@ class Forecast:
         Raises
         ------
         InvalidInput
-            With every fault of the samples.
+            With every fault of the samples; also when they have more energy than the battery holds, a charge that
+            rises by more than the road falls, or a time after the trip.
         """
         samples = checked_samples(observed, self.plan)
+        raise_faults(implausible_faults(observed, self.drive))
         measured, readings = read_measured(samples, self.drive, self.uncertainty.process)
         posterior, factor = updated_power(self.drive, self.uncertainty, samples, measured, readings)
         return replace(self, posterior=posterior, rest_sd_factor=factor, measured=measured)

@@ -19,7 +19,7 @@ from tripwatt.routes import LinkRoute, route_from_links
 from tripwatt.routes.links import FLAT_ROAD
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import LEAST_SAMPLES, canonical_samples
-from tripwatt.trips import COLUMNS, LINK_COLUMNS, QUANTITIES, Column
+from tripwatt.trips import COLUMNS, DEPARTURE_BOUNDS, LINK_COLUMNS, QUANTITIES, Column
 
 MIN_OBSERVED: Final = 2
 """Fewest measured samples of an update."""
@@ -197,7 +197,7 @@ class ForecastRequest(BaseModel):
     links: Links | None = None
     elevation: Elevation | None = None
     soc: float | None = _field(COLUMNS, "displayed_soc", alias=AliasChoices("soc", "displayed_soc"))
-    ambient_temperature_degc: float | None = _field(COLUMNS, "ambient_temperature_degc")
+    ambient_temperature_degc: float | None = _field(DEPARTURE_BOUNDS, "ambient_temperature_degc")
     cabin_setpoint_degc: float | None = _field(COLUMNS, "cabin_setpoint_degc")
     cabin_temperature_degc: float | None = _field(COLUMNS, "cabin_temperature_degc")
     battery_temperature_degc: float | None = _field(COLUMNS, "battery_temperature_degc")

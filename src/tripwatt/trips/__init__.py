@@ -11,6 +11,7 @@ from tripwatt.trips.plan import ROUTE_COLUMNS, Plan, plan_from_samples, plan_fro
 from tripwatt.trips.samples import bin_means, table_of
 from tripwatt.trips.schema import (
     COLUMNS,
+    DEPARTURE_BOUNDS,
     LINK_COLUMNS,
     QUANTITIES,
     REQUIRED_COLUMNS,
@@ -28,6 +29,7 @@ from tripwatt.trips.weather import PlanWeather
 __all__ = [
     "ASKED",
     "COLUMNS",
+    "DEPARTURE_BOUNDS",
     "LINK_COLUMNS",
     "MOST_DURATION_S",
     "QUANTITIES",

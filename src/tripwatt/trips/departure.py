@@ -13,7 +13,7 @@ import pandas as pd
 from tripwatt.errors import Fault
 from tripwatt.trips.context import Context
 from tripwatt.trips.drive import Drive
-from tripwatt.trips.schema import raise_faults, scalar_faults
+from tripwatt.trips.schema import COLUMNS, DEPARTURE_BOUNDS, raise_faults, scalar_faults
 from tripwatt.trips.showing import html_table
 
 if TYPE_CHECKING:
@@ -111,7 +111,8 @@ class Departure:
     def from_drive(cls, drive: Drive, context: Context) -> Departure:
         """The departure of a drive, from its first sample and its context.
 
-        A signal that the first sample lacks is that of the next one within `FIRST_S`, else it is unknown.
+        A signal that the first sample lacks is that of the next one within `FIRST_S`, else it is unknown. An outside
+        temperature that only a sensor in the sun can show is unknown.
 
         Raises
         ------
@@ -125,7 +126,10 @@ class Departure:
                 values = drive.array(column)
                 known = np.flatnonzero(np.isfinite(values))
                 if len(known) and times[known[0]] - times[0] <= FIRST_S:
-                    first[name] = float(values[known[0]])
+                    value = float(values[known[0]])
+                    bounds = DEPARTURE_BOUNDS.get(name)
+                    if bounds is None or not bounds.maximum < value <= COLUMNS[column].maximum:
+                        first[name] = value
         if "cabin_setpoint_degc" not in first and context.cabin_setpoint_degc is not None:
             first["cabin_setpoint_degc"] = context.cabin_setpoint_degc
         return cls(

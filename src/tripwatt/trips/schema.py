@@ -82,6 +82,12 @@ QUANTITIES: Final[Mapping[str, Column]] = MappingProxyType(
 )
 """Single numbers that belong to a whole trip."""
 
+DEPARTURE_BOUNDS: Final[Mapping[str, Column]] = MappingProxyType(
+    {"ambient_temperature_degc": Column("°C", -60.0, 57.0, "outside air temperature")}
+)
+"""Narrower bounds of what a person gives for a departure: the highest air temperature on record is 56.7 °C (WMO, Furnace
+Creek 1913), while the sensor of a parked car may show more."""
+
 LINK_COLUMNS: Final[Mapping[str, Column]] = MappingProxyType(
     {
         "length_m": Column("m", 0.01, 1e7, "length; shorter pieces are rounding"),
@@ -106,12 +112,12 @@ def scalar_faults(values: Mapping[str, float | None]) -> Iterator[Fault]:
     Examples
     --------
     >>> print(*scalar_faults({"ambient_temperature_degc": 99.0, "payload_mass_kg": None}))
-    value out of range: ambient_temperature_degc: got 99; allowed: -60 to 70 °C
+    value out of range: ambient_temperature_degc: got 99; allowed: -60 to 57 °C
     """
     for name, value in values.items():
         if value is None:
             continue
-        column = COLUMNS[name] if name in COLUMNS else QUANTITIES[name]
+        column = DEPARTURE_BOUNDS.get(name) or (COLUMNS[name] if name in COLUMNS else QUANTITIES[name])
         if not (math.isfinite(value) and column.minimum <= value <= column.maximum):
             yield Fault("value out of range", name, f"{value:g}", column.allowed)
 

@@ -1,0 +1,94 @@
+"""Measurements on the way that no battery and no trip can have."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import tripwatt as tw
+from tripwatt.errors import InvalidInput
+from tripwatt.forecasting.plausible import battery_wh
+from tripwatt.trips import plan_from_samples
+
+
+@pytest.fixture(scope="module")
+def planned():
+    plan = tw.read_route([{"length_m": 54_000.0, "speed_m_s": 15.0}])
+    return tw.load_model().forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5))
+
+
+@pytest.fixture(scope="module")
+def downhill():
+    links = [{"length_m": 14_000.0, "speed_m_s": 15.0, "start_elevation_m": 1500.0, "end_elevation_m": 400.0}]
+    return tw.load_model().forecast(tw.read_route(links), tw.Departure(soc=1.0, ambient_temperature_degc=20))
+
+
+def observed(seconds: float, **columns) -> pd.DataFrame:
+    time = np.arange(seconds)
+    return pd.DataFrame({"time_s": time} | {k: np.broadcast_to(v, time.shape) for k, v in columns.items()})
+
+
+def test_a_battery_holds_its_charge_at_the_highest_voltage(planned) -> None:
+    assert battery_wh(planned.drive) == pytest.approx(60.0 * 96 * 4.22), "60 Ah, 96 cells, 4.22 V when full"
+
+
+def test_more_energy_than_the_battery_holds_is_refused(planned) -> None:
+    most = 1.15 * battery_wh(planned.drive)
+    current = most / (1799.0 / 3600.0 * 360.0)
+    planned.update(observed(1800, voltage_v=360.0, current_a=0.99 * current))
+    with pytest.raises(InvalidInput, match="more energy than the battery holds"):
+        planned.update(observed(1800, voltage_v=360.0, current_a=1.01 * current))
+    with pytest.raises(InvalidInput, match="81.0 kWh from a battery of"):
+        planned.update(observed(1800, voltage_v=360.0, current_a=450.0))
+
+
+def test_a_charge_rises_by_the_descent_at_most(planned, downhill) -> None:
+    with pytest.raises(
+        InvalidInput, match="charge rises: observed samples, soc: got a rise of 40% on the way"
+    ):
+        planned.update(observed(1800, soc=np.linspace(0.5, 0.9, 1800)))
+    mass = planned.vehicle.body.test_mass_kg
+    flat = 0.05 + mass * 9.81 * 500.0 / 3600.0 / battery_wh(planned.drive)
+    planned.update(observed(600, soc=np.linspace(0.5, 0.5 + 0.99 * flat, 600)))
+    with pytest.raises(InvalidInput, match="charge rises"):
+        planned.update(observed(600, soc=np.linspace(0.5, 0.5 + 1.01 * flat, 600)))
+    fall = 0.05 + mass * 9.81 * 1100.0 / 3600.0 / battery_wh(downhill.drive)
+    downhill.update(observed(600, displayed_soc=np.linspace(0.5, 0.5 + 0.97 * fall, 600)))
+    with pytest.raises(InvalidInput, match="displayed_soc"):
+        downhill.update(observed(600, displayed_soc=np.linspace(0.5, 0.5 + 1.03 * fall, 600)))
+
+
+def test_samples_end_with_the_trip(planned) -> None:
+    assert planned.plan.duration_s == 3600.0
+    planned.update(observed(5401, voltage_v=360.0, current_a=10.0))
+    with pytest.raises(
+        InvalidInput, match="got 5401 s; allowed: at most 5400 s .*give the speed with the samples"
+    ):
+        planned.update(observed(5402, voltage_v=360.0, current_a=10.0))
+    late = planned.update(observed(7200, voltage_v=360.0, current_a=10.0, speed_m_s=7.0))
+    assert late.energy_wh > 0.0
+    time = np.arange(601.0)
+    trace = tw.load_model().forecast(
+        plan_from_samples(pd.DataFrame({"time_s": 60.0 + time, "speed_m_s": 10.0}))
+    )
+    ride = {"voltage_v": 360.0, "current_a": 10.0}
+    trace.update(observed(721, **ride).iloc[60:])
+    with pytest.raises(InvalidInput, match="got 661 s; allowed: at most 660 s"):
+        trace.update(observed(722, **ride).iloc[60:])
+
+
+def test_the_charge_at_arrival_is_one_of_a_battery(downhill) -> None:
+    series = downhill.series()
+    for name in ("displayed_soc", "displayed_soc_low", "displayed_soc_high"):
+        assert series[name].between(0.0, 1.0).all()
+    assert downhill.soc_arrival <= 1.0
+    assert max(downhill.soc_interval(0.9)) <= 1.0
+
+
+def test_no_air_is_hotter_than_on_record() -> None:
+    assert tw.Departure(ambient_temperature_degc=57.0).ambient_temperature_degc == 57.0
+    with pytest.raises(InvalidInput, match="got 70; allowed: -60 to 57 °C"):
+        tw.Departure(ambient_temperature_degc=70.0)
+    samples = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": 10.0, "ambient_temperature_degc": 65.0})
+    assert plan_from_samples(samples).departure.ambient_temperature_degc is None, "a sensor in the sun"
+    cool = plan_from_samples(samples.assign(ambient_temperature_degc=57.0))
+    assert cool.departure.ambient_temperature_degc == 57.0
