@@ -36,7 +36,7 @@ def test_a_file_is_read_up_to_its_bound(tmp_path: Path) -> None:
 def test_pipes_devices_and_folders_are_refused_at_once(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     for place in (tmp_path / "pipe", Path("/dev/zero")):
-        with pytest.raises(InvalidInput, match="no regular file; .*write its content into a file first"):
+        with pytest.raises(InvalidInput, match=r"no regular file; .*write its content into a file first"):
             read_file(place)
         assert file_head(place) == b""
     with pytest.raises(InvalidInput, match="Is a directory"):
@@ -62,7 +62,7 @@ def test_an_archive_is_measured_before_it_is_inflated() -> None:
         archive.writestr("b", b"\0" * 400)
     assert len(require_small_content(buffer, "x.npz", 1000).infolist()) == 2
     with pytest.raises(
-        InvalidInput, match="archive too large: x.npz: got 1000 bytes when inflated; allowed: at most 999"
+        InvalidInput, match=r"archive too large: x.npz: got 1000 bytes when inflated; allowed: at most 999"
     ):
         require_small_content(buffer, "x.npz", 999)
 

@@ -37,7 +37,7 @@ def test_more_energy_than_the_battery_holds_is_refused(planned) -> None:
     planned.update(observed(1800, voltage_v=360.0, current_a=0.99 * current))
     with pytest.raises(InvalidInput, match="more energy than the battery holds"):
         planned.update(observed(1800, voltage_v=360.0, current_a=1.01 * current))
-    with pytest.raises(InvalidInput, match="81.0 kWh from a battery of"):
+    with pytest.raises(InvalidInput, match=r"81.0 kWh from a battery of"):
         planned.update(observed(1800, voltage_v=360.0, current_a=450.0))
 
 
@@ -61,7 +61,7 @@ def test_samples_end_with_the_trip(planned) -> None:
     assert planned.plan.duration_s == 3600.0
     planned.update(observed(5401, voltage_v=360.0, current_a=10.0))
     with pytest.raises(
-        InvalidInput, match="got 5401 s; allowed: at most 5400 s .*give the speed with the samples"
+        InvalidInput, match=r"got 5401 s; allowed: at most 5400 s .*give the speed with the samples"
     ):
         planned.update(observed(5402, voltage_v=360.0, current_a=10.0))
     late = planned.update(observed(7200, voltage_v=360.0, current_a=10.0, speed_m_s=7.0))

@@ -51,10 +51,10 @@ def test_most_of_a_trip_cannot_be_missing(time) -> None:
 
 def test_milliseconds_are_recognised() -> None:
     with pytest.raises(
-        InvalidInput, match="got 1.461e.06 s; allowed: at most 172800 s; times look like milli"
+        InvalidInput, match=r"got 1.461e.06 s; allowed: at most 172800 s; times look like milli"
     ):
         plan_from_samples(drive(1000.0 * np.arange(1462)))
-    with pytest.raises(InvalidInput, match="gap in the samples.*times look like milliseconds"):
+    with pytest.raises(InvalidInput, match=r"gap in the samples.*times look like milliseconds"):
         plan_from_samples(drive(100.0 * np.arange(100)))
     with pytest.raises(InvalidInput) as caught:
         plan_from_samples(drive([0.0, 1.0, 2.0, 172_801.0]))
@@ -76,5 +76,5 @@ def test_no_plan_and_no_table_of_bins_takes_any_amount_of_memory() -> None:
     with pytest.raises(InvalidInput, match="duration out of range: a: got 172801 s"):
         Plan.from_samples("a", drive([0.0, 172_801.0]))
     Plan.from_samples("a", drive([0.0, 172_800.0]))
-    with pytest.raises(InvalidInput, match="1e.07 s in steps of 1 s; allowed: at most 10000000 steps"):
+    with pytest.raises(InvalidInput, match=r"1e.07 s in steps of 1 s; allowed: at most 10000000 steps"):
         bin_means(np.array([0.0, 1e7]), {"speed_m_s": np.zeros(2)}, 1.0)

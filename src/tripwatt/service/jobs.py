@@ -237,7 +237,6 @@ class Jobs:
         """Return the response to `VehicleFigures`."""
         return described(describe(check_request(parse_json(body), VehicleFigures)))
 
-
     def _plan(self, document: Mapping[str, Any]) -> Plan:
         samples, links = document.get("samples"), document.get("links")
         if (samples is None) == (links is None):
