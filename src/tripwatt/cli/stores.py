@@ -204,7 +204,7 @@ def list_trips(
             row["vehicle_id"],
             row["trip_id"],
             row["car_model"],
-            row["started_at"] or "",
+            row["started_at"] if isinstance(row["started_at"], str) else "",
             f"{row['distance_m'] / 1000.0:.1f} km",
             f"{row['duration_s'] / 60.0:.0f} min",
             "" if row["energy_wh"] != row["energy_wh"] else f"{row['energy_wh'] / 1000.0:.2f} kWh",

@@ -1,0 +1,64 @@
+"""The commands of stores and fleets, in this process: what they print and how they fail."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
+
+from tests.store.test_store import drive
+
+from tripwatt.cli import app
+from tripwatt.cli.stores import store_options
+from tripwatt.errors import InvalidInput
+
+
+def run(*arguments, code=0):
+    done = CliRunner().invoke(app, list(map(str, arguments)))
+    assert done.exit_code == code, done.output + repr(done.exception)
+    return done.stdout
+
+
+def test_a_store_from_the_command_line(tmp_path):
+    store = tmp_path / "s"
+    assert "an empty trip store" in run("store", "create", store, "--buckets", 2)
+    for i in range(3):
+        drive(start=0.3 * i).samples.to_csv(tmp_path / f"d{i}.csv", index=False)
+    for i in range(2):
+        run("store", "add", store, tmp_path / f"d{i}.csv", "--vehicle", "vw_id3", "--vehicle-id", "V1")
+    added = json.loads(
+        run("store", "add", store, tmp_path / "d2.csv", "--vehicle", "vw_id3", "--vehicle-id", "V2", "--json")
+    )
+    assert added == {"added": 1, "known": 0, "unusable": 0}
+    again = run("store", "add", store, tmp_path / "d2.csv", "--vehicle", "vw_id3", "--vehicle-id", "V2")
+    assert "0 trips added, 1 were known" in again
+    rows = json.loads(run("store", "list", store, "--vehicle-id", "V1", "--json"))
+    assert [row["trip_id"] for row in rows] == ["d0", "d1"]
+    assert rows[0]["started_at"] is None
+    assert "2 trips (--limit 2)" in run("store", "list", store, "--limit", 2)
+    assert "vw_id3" in run("store", "list", store, "--car-model", "vw_id3")
+    about = json.loads(run("store", "show", store, "--json"))
+    assert (about["trips"], about["vehicles"], about["car_models"]) == (3, 2, {"vw_id3": 3})
+    assert "3, 3 usable, 3 with measured energy" in run("store", "show", store)
+    assert json.loads(run("store", "audit", store, "--vehicle-id", "V2", "--json"))
+    assert "findings" in run("store", "audit", store)
+    done = json.loads(run("store", "compact", store, "--keep-hours", 0, "--json"))
+    assert done["merged"] > done["made"]
+    assert "files merged into" in run("store", "compact", store)
+    assert "1 trips of V2 erased" in run("store", "forget", store, "--vehicle-id", "V2")
+    assert json.loads(run("store", "forget", store, "--vehicle-id", "V1", "--json"))["erased"] == 2
+    missing = CliRunner().invoke(app, ["store", "show", str(tmp_path / "none")])
+    assert isinstance(missing.exception, InvalidInput)
+    unknown = CliRunner().invoke(
+        app, ["store", "add", str(store), str(tmp_path / "d0.csv"), "--vehicle", "vw_id33"]
+    )
+    assert isinstance(unknown.exception, InvalidInput)
+
+
+def test_store_options_are_pairs():
+    assert store_options(None) == {}
+    assert store_options(["A=1", "B=x=y"]) == {"A": "1", "B": "x=y"}
+    with pytest.raises(InvalidInput) as error:
+        store_options(["A", "=1"])
+    assert len(error.value.faults) == 2
