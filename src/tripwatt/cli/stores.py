@@ -53,7 +53,8 @@ UntilOption = Annotated[
 def add_commands(app: typer.Typer) -> None:
     """Add the commands of this file."""
     store_app.command(
-        "create", epilog=examples(("tripwatt store create fleet", "make an empty store in the folder fleet"))
+        "create",
+        epilog=examples(("tripwatt store create fleet", "create an empty store in the folder fleet")),
     )(create)
     store_app.command(
         "add",
