@@ -34,6 +34,7 @@ from benchmarks import (
     ved_trips,
 )
 from benchmarks import forecast as forecast_speed
+from benchmarks import journeys as journeys_of
 from benchmarks.measure import ROOT, RUNS, Row, tum_folder
 
 NOT_AT_HAND = "not at hand"
@@ -411,6 +412,7 @@ EVERY_CAR = (
 """Tests that take a sample of the library in the gate, and every car with TRIPWATT_EVERY_CAR set."""
 
 
+FREE_FLOW_COVERAGE = 0.85
 LINKS_BARS: Mapping[str, float] = {"250 m": 0.085, "1000 m": 0.095}
 """Length of links -> largest mean APE of the forecast from them."""
 
@@ -431,6 +433,23 @@ def planned_routes(found: Path | None) -> Iterator[Bar]:
         figure = f"{row['coverage']['0.9']:.3f}, width {row['relative_width']['0.9']:.3f} of the energy"
         beside = f"{trace['coverage']['0.9']:.3f}, {trace['relative_width']['0.9']:.3f} with the driven trace"
         yield shown(f"90 % intervals from links of {name} hold", measure, figure, beside)
+    if planned.FREE_FLOW in results["known"]:
+        row = results["known"][planned.FREE_FLOW]
+        beside = f"{results['known']['250 m']['mape']:.4f} with driven mean speeds"
+        yield shown("mean APE of the forecast given free flow", measure, f"{row['mape']:.4f}", beside)
+        covers = row["coverage"]["0.9"]
+        yield at_least("90 % interval given free flow covers", measure, covers, FREE_FLOW_COVERAGE)
+
+
+def journeys() -> Iterator[Bar]:
+    """Bars on journeys: cutting a road, and a real Valhalla where it is prepared."""
+    measure = "python -m benchmarks.journeys"
+    for row in journeys_of.run():
+        yield (
+            at_most(row.text, measure, row.value, row.bound, row.unit)
+            if row.value is not None
+            else missing(row.text, measure, row.why)
+        )
 
 
 def transfer() -> Iterator[Bar]:
@@ -488,6 +507,7 @@ def bars(
     yield from forecast_accuracy(forecast)
     yield from synthetic_coverage()
     yield from planned_routes(links)
+    yield from journeys()
     yield from physics()
     yield from leafs()
     yield from transfer()

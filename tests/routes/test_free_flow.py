@@ -74,9 +74,9 @@ def links(speed_kmh, length_m):
 
 
 def test_factors_are_time_over_free_time_by_class():
-    route = links([50.0, 130.0], [1e8, 1e8])
+    route = links([50.0, 130.0], [1e6, 1e6])
     factors = TravelTimeFactors.from_links([route], [np.array([1.5, 1.1]) * route.travel_time_s])
-    assert factors.at(np.array([50.0, 130.0]) / 3.6) == pytest.approx([1.5, 1.1], rel=1e-3)
+    assert factors.at(np.array([50.0, 130.0]) / 3.6) == pytest.approx([1.5, 1.1], rel=1e-2)
 
 
 def test_a_class_without_road_has_the_factor_of_all():

@@ -120,6 +120,7 @@ class RoadForecast:
                 {"position_m": position, "displayed_soc": self.soc_at(position)}
                 for position in road.stop_position_m
             ],
+            "samples": self.forecast.plan.to_dict()["samples"],
             "forecast": self.forecast.to_dict(reserve),
         }
 

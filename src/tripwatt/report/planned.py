@@ -11,6 +11,7 @@ NAMES: Final[Mapping[str, str]] = {
     "driven trace": "the driven speed trace",
     "250 m": "a planned route, links of 250 m",
     "1000 m": "a planned route, links of 1 km",
+    "free flow": "a planned route, free flow",
 }
 
 

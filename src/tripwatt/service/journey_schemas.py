@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, WithJsonSchema
 
-from tripwatt.service.schemas import FlagDocument, ForecastResponse, ResponseModel
+from tripwatt.service.schemas import FlagDocument, ForecastResponse, ResponseModel, VehicleFigures
 from tripwatt.trips import COLUMNS, QUANTITIES, Column
 
 
@@ -51,6 +51,9 @@ class _Departs(BaseModel):
     model: str | None = Field(None, max_length=100, description="one of /v1/models; default: the first one")
     vehicle: str | None = Field(
         None, max_length=100, description="one of /v1/vehicles; default: the car of the model"
+    )
+    vehicle_figures: VehicleFigures | None = Field(
+        None, description="a car of your own in place of `vehicle`"
     )
     soc: float | None = _bounded(COLUMNS["displayed_soc"])
     ambient_temperature_degc: float | None = _bounded(COLUMNS["ambient_temperature_degc"])
@@ -137,6 +140,9 @@ class RoadDocument(ResponseModel):
     line: LineDocument
     links: RoadLinks
     stops: list[StopDocument]
+    samples: dict[str, list[float | None]] = Field(
+        description="speed and elevation that the driver model gives"
+    )
     forecast: ForecastResponse
 
 

@@ -2,10 +2,13 @@
 
 import type {
   DescribedVehicle,
-  Forecast,
   Example,
   ExampleSummary,
+  Forecast,
+  Journey,
+  MapInfo,
   Model,
+  Place,
   Problem,
   Route,
   Vehicle,
@@ -93,6 +96,19 @@ export const requestForecast = (body: string, signal?: AbortSignal) =>
 
 export const requestUpdate = (body: string, signal?: AbortSignal) =>
   post<Forecast>("v1/forecast/update", body, "application/json", signal);
+
+export const getMap = () => requestJson<MapInfo>("v1/map");
+
+/** Places whose names begin with the words of a text, the best first. */
+export const findPlaces = async (words: string, signal?: AbortSignal) => {
+  const found = await requestJson<{ places: Place[] }>(`v1/places?limit=6&q=${encodeURIComponent(words)}`, {
+    ...(signal && { signal }),
+  });
+  return found.places;
+};
+
+export const planJourney = (body: string, signal?: AbortSignal) =>
+  post<Journey>("v1/plan", body, "application/json", signal);
 
 /** Reads an uploaded or pasted route of any supported format. `speedMS` is the speed of tracks without times. */
 export const readRoute = (text: string, speedMS: number) =>

@@ -116,6 +116,55 @@ export interface Example extends ExampleSummary {
   observed: Columns;
 }
 
+export interface Place {
+  name: string;
+  kind: string;
+  latitude_deg: number;
+  longitude_deg: number;
+}
+
+/** What the service knows of roads and places. */
+export interface MapInfo {
+  roads: boolean;
+  places: boolean;
+  attribution: string;
+}
+
+export interface Station {
+  name: string;
+  power_w: number;
+  latitude_deg: number;
+  longitude_deg: number;
+}
+
+export interface Charging {
+  station: Station;
+  soc_arrival: number;
+  soc_leave: number;
+  charging_s: number;
+  p_station: number;
+  p_arrive: number;
+}
+
+export interface Road {
+  distance_m: number;
+  duration_s: number;
+  line: { latitude_deg: number[]; longitude_deg: number[]; position_m: number[] };
+  samples: Columns;
+  forecast: Forecast;
+}
+
+export interface Journey {
+  stops: Place[];
+  arrives: boolean;
+  soc_needed: number | null;
+  motorway_speed_m_s: number | null;
+  charging: Charging | null;
+  roads: Road[];
+  flags: Flag[];
+  attribution: string;
+}
+
 export interface Route {
   samples: Columns;
   links?: Link[] | null;

@@ -121,6 +121,15 @@ const GROUPS: Group[] = [
     }),
   },
   plain("no_elevation", (text) => ({ text: text.noElevation, effect: text.noElevationEffect })),
+  plain("free_flow_times", (text) => ({ text: text.freeFlowTimes })),
+  plain("travel_time_error_unknown", (text) => ({
+    text: text.timeErrorUnknown,
+    effect: text.routeErrorUnknownEffect,
+  })),
+  plain("no_stations", (text) => ({ text: text.noStations })),
+  plain("no_stop_found", (text) => ({ text: text.noStopFound })),
+  plain("class_charging_curve", (text) => ({ text: text.classCurve })),
+  plain("map_ends", (text) => ({ text: text.mapEnds })),
   plain("route_error_unknown", (text) => ({
     text: text.routeErrorUnknown,
     effect: text.routeErrorUnknownEffect,

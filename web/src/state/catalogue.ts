@@ -2,12 +2,13 @@
 
 import { batch, effect, signal } from "@preact/signals";
 import { listExamples, listModels, listVehicles, loadExample, readRoute } from "../api/client";
-import type { ExampleSummary } from "../api/types";
+import type { ExampleSummary, Place } from "../api/types";
 import { type Car, car, chooseFirst, models, vehicles } from "./car";
 import { type Conditions, conditions, USUAL } from "./conditions";
 import { reportProblem, problem } from "./forecast";
 import { readStored, writeStored } from "./preferences";
-import { type Source, type Trip, trip, tripFromExample, tripFromRoute } from "./trip";
+import { askJourney, journey, loadMap } from "./journey";
+import { type Source, type Trip, trip, tripFromExample, tripFromJourney, tripFromRoute } from "./trip";
 
 const KEY = "tripwatt.last";
 
@@ -55,6 +56,15 @@ export async function chooseExample(name: string): Promise<void> {
   if (found) show(tripFromExample(found));
 }
 
+/** Plan a journey from place to place. */
+export async function chooseJourney(from: Place, to: Place): Promise<void> {
+  const found = await whileLoading({ what: "trip" }, () => askJourney(from, to));
+  const next = found && tripFromJourney(found);
+  if (!next) return;
+  journey.value = found;
+  show(next);
+}
+
 /** Read an uploaded file or pasted links; `name` is empty for links. */
 export async function chooseRoute(
   content: string,
@@ -70,6 +80,8 @@ export async function chooseRoute(
 /** Load cars, models and examples, and restore the selection of the last visit. */
 export async function startPage(): Promise<void> {
   const last = readStored<Last>(KEY);
+  const withMap = await whileLoading({ what: "examples" }, loadMap);
+  if (withMap) source.value = "journey";
   await whileLoading({ what: "examples" }, async () => {
     const [allModels, allVehicles, allExamples] = await Promise.all([
       listModels(),

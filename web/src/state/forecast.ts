@@ -8,6 +8,7 @@ import { atMotorwaySpeed } from "../model/links";
 import { type Profile, profileFromSamples, withElevationOf } from "../model/profile";
 import { type Car, car } from "./car";
 import { type Conditions, conditions } from "./conditions";
+import { forecastJourney } from "./journey";
 import { requestBody, type Trip, trip } from "./trip";
 
 /** Type of a problem for an unexpected error of the page. */
@@ -65,13 +66,18 @@ async function renewProfile({ trip, at: { motorwayMS } }: ForecastJob): Promise<
   return route ? withElevationOf(trip.profile, profileFromSamples(route.samples)) : trip.profile;
 }
 
+function forecastOf({ trip: of, car: chosen }: ForecastJob, at: Conditions, signal: AbortSignal) {
+  const body = requestBody(of, at, chosen);
+  return of.stops ? forecastJourney(of, body, signal) : requestForecast(body, signal);
+}
+
 const runner = new Latest<ForecastJob>(async (job, signal) => {
   const { setting, value } = job.other;
   const otherAt = job.compares ? { ...job.at, [setting]: value } : null;
   try {
     const [main, second, road] = await Promise.all([
-      requestForecast(requestBody(job.trip, job.at, job.car), signal),
-      otherAt && requestForecast(requestBody(job.trip, otherAt, job.car), signal),
+      forecastOf(job, job.at, signal),
+      otherAt && forecastOf(job, otherAt, signal),
       renewProfile(job),
     ]);
     batch(() => {

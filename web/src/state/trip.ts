@@ -1,7 +1,7 @@
 /** The chosen trip: an example, a file or links. */
 
 import { signal } from "@preact/signals";
-import type { Columns, Example, Flag, Link, Route } from "../api/types";
+import type { Columns, Example, Flag, Journey, Link, Place, Route } from "../api/types";
 import { atMotorwaySpeed } from "../model/links";
 import { type Profile, profileFromSamples } from "../model/profile";
 import type { Car } from "./car";
@@ -11,7 +11,7 @@ const ROAD = ["time_s", "speed_m_s", "elevation_m", "grade"];
 const MEASURED = ["time_s", "voltage_v", "current_a", "soc", "displayed_soc"];
 const FULL_SOC = 1;
 
-export type Source = "examples" | "upload" | "links";
+export type Source = "journey" | "examples" | "upload" | "links";
 
 export interface Trip {
   /** Name of the example; empty for an upload or links. */
@@ -25,6 +25,8 @@ export interface Trip {
   /** Members of the request that no slider changes, as JSON: the speed trace, or the elevation of links. */
   fixedJson: string;
   links: Link[] | null;
+  /** The places of a journey; its forecasts come with its roads. */
+  stops: Place[] | null;
   profile: Profile;
   observed: Columns | null;
   logged: StartTemperatures;
@@ -72,6 +74,7 @@ export function tripFromExample(example: Example): Trip {
     notes: [],
     fixedJson: membersOf({ samples }),
     links: null,
+    stops: null,
     profile: profileFromSamples(samples),
     observed: example.observed,
     logged: startTemperaturesFrom(known),
@@ -103,6 +106,7 @@ export function tripFromRoute(route: Route, title: string, source: Source): Trip
       links ? { elevation: route.elevation ?? null } : { samples: pick(route.samples, ROAD) },
     ),
     links,
+    stops: null,
     profile: profileFromSamples(route.samples),
     observed: isMeasured(measured) ? measured : null,
     logged: startTemperaturesFrom(first),
@@ -112,6 +116,31 @@ export function tripFromRoute(route: Route, title: string, source: Source): Trip
 
 function chosen({ vehicle, model }: Car): Car {
   return { vehicle, model };
+}
+
+/** The fastest road of a journey as a trip; null for an answer without roads. */
+export function tripFromJourney({ stops, roads }: Journey): Trip | null {
+  const [road] = roads;
+  if (!road) return null;
+  const places = stops.map(({ name, latitude_deg, longitude_deg }) => ({
+    name,
+    latitude_deg,
+    longitude_deg,
+  }));
+  return {
+    example: "",
+    source: "journey",
+    vehicle: "",
+    title: stops.map(({ name }) => name).join(" – "),
+    notes: [],
+    fixedJson: membersOf({ stops: places }),
+    links: null,
+    stops,
+    profile: profileFromSamples(road.samples),
+    observed: null,
+    logged: {},
+    start: { ...conditions.value, motorwayMS: null },
+  };
 }
 
 /** Body of a request for a forecast; with `observed`, for an update. */

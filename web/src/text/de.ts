@@ -45,7 +45,7 @@ export const de: Text = {
     change: "Ändern",
     close: "Schließen",
     from: "Herkunft der Fahrt",
-    sources: { examples: "Beispiele", upload: "Datei", links: "Links" },
+    sources: { journey: "Von A nach B", examples: "Beispiele", upload: "Datei", links: "Links" },
     examples: { city: "Stadt", rural: "Landstraße", mixed: "Stadt und Land" },
     plannedRoute: "Geplante Route",
     synthetic: "synthetische Fahrt",
@@ -61,6 +61,22 @@ export const de: Text = {
     tryExample: "Mit einem Beispiel testen",
     loading: { examples: "Beispiele werden geladen …", trip: "Fahrt wird geladen …" },
     loadingFile: (file) => `${file} wird geladen …`,
+  },
+  journey: {
+    from: "Von",
+    to: "Nach",
+    hint: "Ort, Straße oder Haus",
+    plan: "Planen",
+    leaveWith: (soc) => `Mit ${soc} abfahren, um bei 19 von 20 Fahrten mit der Reserve anzukommen.`,
+    notEnough: "Eine volle Batterie reicht nicht, um bei 19 von 20 Fahrten mit der Reserve anzukommen.",
+    atMost: (speed) => `Auf Autobahnen höchstens ${speed} fahren, um mit der Reserve anzukommen.`,
+    station: "der Ladestation",
+    charge: (station, time, arrival, leave) =>
+      `An ${station} ${time} laden: Ankunft dort mit ${arrival}, Abfahrt mit ${leave}.`,
+    picture: (stops) => `Straße ${stops}; Norden ist oben`,
+    low: "niedriger Verbrauch",
+    usual: "üblich",
+    high: "hoher Verbrauch",
   },
   conditions: {
     title: "Bedingungen",
@@ -323,6 +339,13 @@ export const de: Text = {
     noElevationEffect: "Die Energie für Steigungen ist nicht enthalten.",
     noTripsOfCar: (car) =>
       `Das Modell wurde ohne Fahrten dieses Fahrzeugs trainiert. Die Vorhersage verwendet veröffentlichte Fahrzeugdaten und Fahrten eines anderen Fahrzeugs: ${car}.`,
+    freeFlowTimes:
+      "Die Fahrzeiten gelten für eine leere Straße; der übliche Zeitverlust ist nach den Fahrten des Modells ergänzt.",
+    timeErrorUnknown: "Das Modell kennt den Fehler der Fahrzeiten nicht.",
+    noStations: "Auf dieser Karte sind keine Ladestationen bekannt.",
+    noStopFound: "Mit keinem einzelnen Ladestopp kommt die Fahrt zu 95 % an.",
+    classCurve: "Die Ladekurve des Fahrzeugs ist unbekannt; die eines Mittelklassewagens wird angenommen.",
+    mapEnds: "Die Karte endet vor der Ladung; die Reichweite ist größer als gezeigt.",
     routeErrorUnknown: "Das Modell hat keine Schätzung für den Fehler einer geplanten Route.",
     routeErrorUnknownEffect: "Das Intervall ist zu schmal.",
     linksTooLong: (length) =>

@@ -44,7 +44,7 @@ export const en = {
     change: "Change",
     close: "Close",
     from: "Source of the trip",
-    sources: { examples: "Examples", upload: "Upload", links: "Links" },
+    sources: { journey: "From A to B", examples: "Examples", upload: "Upload", links: "Links" },
     examples: { city: "City", rural: "Country roads", mixed: "City and country" },
     plannedRoute: "Planned route",
     synthetic: "synthetic trip",
@@ -59,6 +59,22 @@ export const en = {
     tryExample: "Try with an example",
     loading: { examples: "Loading the examples …", trip: "Loading the trip …" },
     loadingFile: (file: string) => `Loading ${file} …`,
+  },
+  journey: {
+    from: "From",
+    to: "To",
+    hint: "Place, street or house",
+    plan: "Plan",
+    leaveWith: (soc: string) => `Leave with ${soc} to arrive with the reserve in 19 of 20 trips.`,
+    notEnough: "A full battery does not suffice to arrive with the reserve in 19 of 20 trips.",
+    atMost: (speed: string) => `Drive at most ${speed} on motorways to arrive with the reserve.`,
+    station: "the charging station",
+    charge: (station: string, time: string, arrival: string, leave: string) =>
+      `Charge at ${station} for ${time}: you arrive there with ${arrival} and leave with ${leave}.`,
+    picture: (stops: string) => `Road ${stops}; north is up`,
+    low: "low consumption",
+    usual: "usual",
+    high: "high consumption",
   },
   conditions: {
     title: "Conditions",
@@ -322,6 +338,13 @@ export const en = {
     noElevationEffect: "The energy for climbing is not included.",
     noTripsOfCar: (car: string) =>
       `The model was trained without trips of this car. The forecast uses published vehicle data and what was learned from trips of a ${car}.`,
+    freeFlowTimes:
+      "The travel times are those of an empty road; the usual loss of time is added from the trips of the model.",
+    timeErrorUnknown: "The model has no estimate of the error of travel times.",
+    noStations: "No charging stations are known on this map.",
+    noStopFound: "No single charging stop makes the journey arrive with 95 %.",
+    classCurve: "The charging curve of the car is not known; that of a middle-class car is assumed.",
+    mapEnds: "The map ends before the charge; the area of reach is larger than shown.",
     routeErrorUnknown: "The model has no estimate of the error of a planned route.",
     routeErrorUnknownEffect: "The interval is too narrow.",
     linksTooLong: (length: string) =>

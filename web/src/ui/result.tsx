@@ -14,6 +14,7 @@ import { Choice } from "./choice";
 import { CompareControls, CompareLine } from "./compare";
 import { DriveControls, DriveLine } from "./drive";
 import { Icon } from "./icons";
+import { JourneyAnswer } from "./journey-answer";
 import { PositionSlider } from "./position-slider";
 import { RouteTable } from "./tables";
 import { Warnings } from "./warnings";
@@ -234,6 +235,7 @@ export function Result() {
           ) : (
             <Headline of={now} />
           )}
+          <JourneyAnswer />
           <Warnings flags={now.flags} others={others} serious />
           {driving.value && <DriveLine of={now} />}
           {driving.value && <DriveControls />}

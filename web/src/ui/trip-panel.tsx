@@ -3,11 +3,13 @@ import { warningsOf } from "../model/flags";
 import { sampleLinks } from "../model/sample-links";
 import { chooseExample, chooseRoute, examples, loading, source } from "../state/catalogue";
 import { faults } from "../state/forecast";
+import { map } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { type Source, type Trip, trip } from "../state/trip";
 import { Choice } from "./choice";
 import { FaultList } from "./faults";
 import { Icon } from "./icons";
+import { JourneyForm } from "./journey-form";
 import { exampleTitle, tripTitle } from "./wording";
 
 const MAX_BYTES = 4_000_000;
@@ -15,6 +17,7 @@ const START_M_S = 50 / 3.6;
 const LINKS_HINT = '[{"length_m": 1800, "speed_m_s": 8.5}, …]';
 const MEGABYTE = 1_000_000;
 const SOURCES: Source[] = ["examples", "upload", "links"];
+const WITH_MAP: Source[] = ["journey", ...SOURCES];
 
 function Examples() {
   const { shown } = format.value;
@@ -44,6 +47,7 @@ function Examples() {
 function kindText({ source, links }: Trip): string {
   const { trip } = text.value;
   if (source === "examples") return trip.synthetic;
+  if (source === "journey") return trip.plannedRoute;
   return links ? trip.links(links.length) : trip.speedTrace;
 }
 
@@ -175,11 +179,12 @@ export function TripPanel() {
         <Choice
           label={words.from}
           value={source.value}
-          options={SOURCES.map((name) => [name, words.sources[name]] as const)}
+          options={(map.value ? WITH_MAP : SOURCES).map((name) => [name, words.sources[name]] as const)}
           onChoose={(value) => {
             source.value = value;
           }}
         />
+        {source.value === "journey" && <JourneyForm />}
         {source.value === "examples" && <Examples />}
         {source.value === "upload" && <Upload />}
         {source.value === "links" && <Links />}

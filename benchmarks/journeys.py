@@ -1,0 +1,181 @@
+"""Journeys: cutting a road, routers by annotation and by steps, and the speed of a real Valhalla.
+
+Run: ``python -m benchmarks.journeys``. The rows of Valhalla need TRIPWATT_VALHALLA (`.ci/run` prepares it) or pyvalhalla, and
+TRIPWATT_DATA with the extract. Planning and reach are measured in process where pyvalhalla is installed, else on a server on
+loopback.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import socket
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import tripwatt as tw
+from benchmarks.measure import ROOT
+from tripwatt.journey import Atlas, Drive, JourneyOptions, Place, find_reach, journey_with, open_atlas
+from tripwatt.routes import plan_from_links, route_from_links
+from tripwatt.routes.maps import MapFolder, build_map
+from tripwatt.routes.maps.engine import configuration, require_valhalla, valhalla_folder
+from tripwatt.routes.routers.servers import osrm_leg
+
+RUNS = 5
+PAIRS = (("Vaduz", "Ruggell"), ("Balzers", "Bendern"), ("Ruggell", "Balzers"), ("Nendeln", "Triesen"))
+WORDS = ("vad", "tries", "landstr", "landstr 11 vad", "sch", "malb", "s", "im ", "gamprin", "haupt")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One figure and its bound; without a value the reason."""
+
+    text: str
+    value: float | None
+    bound: float
+    unit: str = ""
+    why: str = ""
+
+
+def cutting() -> Iterator[Row]:
+    """Largest relative change of the energy of 20 km at 50 km/h as 1, 20 and 200 links."""
+    model, departure = tw.load_model(), tw.Departure(soc=0.8, ambient_temperature_degc=10.0)
+    found = []
+    for number in (1, 20, 200):
+        links = [{"length_m": 20_000.0 / number, "speed_m_s": 50.0 / 3.6}] * number
+        found.append(model.forecast(plan_from_links(route_from_links(links)), departure).energy_wh)
+    yield Row("energy of 20 km as 1, 20, 200 links: largest change", max(found) / min(found) - 1.0, 0.02)
+    plans = []
+    for answer in _osrm_answers():
+        parts = osrm_leg(answer, "benchmark")
+        stops = (Place(47.0, 9.0), Place(47.0, 9.3))
+        plans.append(model.forecast(parts.road(stops, "benchmark").plan(), departure).energy_wh)
+    yield Row(
+        "OSRM by annotation against by steps: change of the energy", abs(plans[0] / plans[1] - 1.0), 0.02
+    )
+
+
+def _osrm_answers() -> Iterator[dict[str, object]]:
+    """A road of eight steps at town, country and motorway speeds with turns, by annotation and by steps."""
+    steps = [(1500.0, 50.0), (900.0, 30.0), (4000.0, 80.0), (2500.0, 100.0), (8000.0, 120.0), (3000.0, 100.0)]
+    steps += [(2000.0, 50.0), (872.0, 30.0)]
+    turn_s, edges = 4.0, []
+    for length, kmh in steps:
+        number = round(length / 60.0)
+        edges += [(length / number, kmh / 3.6)] * number
+    total = sum(length for length, _ in steps)
+    driven = [0.0, *itertools.accumulate(length for length, _ in edges)]
+    line = {"coordinates": [[9.0 + 0.3 * at / total, 47.0] for at in driven]}
+    seconds = [round(length / speed, 1) for length, speed in edges]
+    annotation = {
+        "distance": [length for length, _ in edges],
+        "duration": seconds,
+        "speed": [round(speed, 1) for _, speed in edges],
+    }
+    duration = sum(length / (kmh / 3.6) + turn_s for length, kmh in steps)
+    yield {"legs": [{"duration": duration, "annotation": annotation}], "geometry": line}
+    stepped = [
+        {"distance": length, "duration": round(length / (kmh / 3.6) + turn_s, 1)} for length, kmh in steps
+    ]
+    yield {"legs": [{"duration": duration, "steps": stepped}], "geometry": line}
+
+
+def _best(work: Callable[[], object]) -> float:
+    """Best time of `RUNS` [ms]."""
+    times = []
+    for _ in range(RUNS):
+        began = time.perf_counter()
+        work()
+        times.append(1000.0 * (time.perf_counter() - began))
+    return min(times)
+
+
+def valhalla() -> Iterator[Row]:
+    """Building a map, planning, finding places, reach."""
+    names = ("build of the map", "plan of 20 km, p50", "search for places, p50", "area of reach")
+    bounds = ((10.0, "s"), (40.0, "ms"), (10.0, "ms"), (2000.0, "ms"))
+    extract = Path(os.environ.get("TRIPWATT_DATA", ROOT / "../shared/data")) / "osm" / "liechtenstein.osm.pbf"
+    why = "" if valhalla_folder() is not None else "Valhalla is not prepared"
+    why = why or ("" if extract.is_file() else f"no extract at {extract}")
+    if why:
+        yield from (
+            Row(name, None, bound, unit, why) for name, (bound, unit) in zip(names, bounds, strict=True)
+        )
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        began = time.perf_counter()
+        built = build_map(extract, Path(folder) / "map")
+        yield Row(names[0], time.perf_counter() - began, *bounds[0])
+        with _atlas(built) as (atlas, how):
+            yield Row(f"{names[1]} ({how})", _plan_ms(atlas), *bounds[1])
+            assert atlas.places is not None
+            found = [_best(lambda word=word: atlas.places.search(word)) for word in WORDS]
+            yield Row(names[2], statistics.median(found), *bounds[2])
+            drive = Drive(tw.load_model(), tw.Departure(soc=0.1, ambient_temperature_degc=5.0))
+            (start,) = atlas.places.search("Vaduz", limit=1)
+            yield Row(f"{names[3]} ({how})", _best(lambda: find_reach(drive, start, atlas)), *bounds[3])
+
+
+def _plan_ms(atlas: Atlas) -> float:
+    drive = Drive(tw.load_model(), tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+    assert atlas.places is not None
+    options, times = JourneyOptions(answers=False), []
+    for names in PAIRS:
+        stops = tuple(atlas.places.search(name, limit=1)[0] for name in names)
+        times.append(_best(lambda stops=stops: journey_with(drive, stops, atlas, options)))
+    return statistics.median(times)
+
+
+@contextmanager
+def _atlas(built: MapFolder) -> Iterator[tuple[Atlas, str]]:
+    try:
+        import valhalla  # noqa: F401
+    except ImportError:
+        pass
+    else:
+        yield open_atlas(built.folder), "in process"
+        return
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    config = built.folder / "server.json"
+    config.write_text(json.dumps(configuration(built.folder, port=port)), "utf-8")
+    program = require_valhalla() / "bin" / "valhalla_service"
+    process = subprocess.Popen([program, config, "1"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        for _ in range(300):
+            with socket.socket() as probe:
+                if probe.connect_ex(("127.0.0.1", port)) == 0:
+                    break
+            time.sleep(0.1)
+        yield open_atlas(f"{built.folder}@http://127.0.0.1:{port}"), "server on loopback"
+    finally:
+        process.terminate()
+        process.wait(20)
+
+
+def run() -> Iterator[Row]:
+    """All rows."""
+    yield from cutting()
+    yield from valhalla()
+
+
+def main() -> int:
+    missed = False
+    for row in run():
+        figure = row.why if row.value is None else f"{row.value:.4g} {row.unit}"
+        missed = missed or (row.value is not None and row.value > row.bound)
+        print(f"{row.text}: {figure} (at most {row.bound:g} {row.unit})")
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
