@@ -139,7 +139,7 @@ export function tripFromJourney({ stops, roads }: Journey): Trip | null {
     profile: profileFromSamples(road.samples),
     observed: null,
     logged: {},
-    start: { ...conditions.value, motorwayMS: null },
+    start: conditionsFrom({}, conditions.value),
   };
 }
 

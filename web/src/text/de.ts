@@ -310,6 +310,8 @@ export const de: Text = {
       "invalid-input": "Die Eingabe ist ungültig",
       "too-many-requests": "Zu viele Anfragen",
       internal: "Fehler im Dienst",
+      "no-map": "Der Dienst hat keine Karte",
+      remote: "Der Router oder ein anderer gefragter Server hat nicht geantwortet",
       busy: "Der Dienst ist ausgelastet",
       timeout: "Die Vorhersage dauerte zu lange",
     },

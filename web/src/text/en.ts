@@ -309,6 +309,8 @@ export const en = {
       "invalid-input": "The input is not valid",
       "too-many-requests": "Too many requests",
       internal: "The service failed",
+      "no-map": "The service has no map",
+      remote: "The router, or another server that was asked, did not answer",
       busy: "The service is busy",
       timeout: "The forecast took too long",
     },

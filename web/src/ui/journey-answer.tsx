@@ -25,9 +25,11 @@ function pointsOf({ line }: Road): Point[] {
     (Math.max(...north) - south) / (HEIGHT - 2 * MARGIN),
     1e-9,
   );
+  const left = (WIDTH - (Math.max(...east) - west) / span) / 2;
+  const below = (HEIGHT - (Math.max(...north) - south) / span) / 2;
   return east.map((x, k) => {
     const y = north[k] ?? south;
-    return [MARGIN + (x - west) / span, HEIGHT - MARGIN - (y - south) / span] as const;
+    return [left + (x - west) / span, HEIGHT - below - (y - south) / span] as const;
   });
 }
 

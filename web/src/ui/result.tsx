@@ -106,7 +106,8 @@ function Legend() {
 
 function Given() {
   const { givenPlanned, givenDriven } = text.value.result;
-  return <p class="given">{trip.value?.links ? givenPlanned : givenDriven}</p>;
+  const planned = trip.value?.links ?? trip.value?.stops;
+  return <p class="given">{planned ? givenPlanned : givenDriven}</p>;
 }
 
 /** Title and detail of a problem; `isRaw` when the detail is an English text of the service. */
