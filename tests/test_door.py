@@ -26,6 +26,7 @@ NAMES = {
     "adapt",
     "audit",
     "create_store",
+    "describe_car",
     "evaluate",
     "fit",
     "forecast",

@@ -122,6 +122,15 @@ def forecast(
             show_default=False,
         ),
     ] = None,
+    extra: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--extra",
+            metavar="NAME",
+            help="What is fitted to the car: winter_tyres, roof_box or trailer. You can repeat the option.",
+            show_default=False,
+        ),
+    ] = None,
     battery_temperature: Annotated[
         float | None,
         typer.Option(
@@ -212,6 +221,7 @@ def forecast(
                     battery_temperature_degc=battery_temperature,
                     payload_mass_kg=payload,
                     climate=climate,
+                    extras=tuple(extra) if extra else None,
                 )
             ),
         )

@@ -73,6 +73,7 @@ OPTION_OF: Final = {
     "battery_temperature_degc": "--battery-temperature",
     "payload_mass_kg": "--payload",
     "climate": "--climate",
+    "extras": "--extra",
     "speed_m_s": "--speed",
     "vehicle": "--vehicle",
 }

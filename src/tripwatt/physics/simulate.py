@@ -29,7 +29,7 @@ from tripwatt.physics.road_load import (
 )
 from tripwatt.trips import Departure, Flag, Plan, PlanWeather, Recorded
 from tripwatt.units import WH_PER_J
-from tripwatt.vehicles import Vehicle
+from tripwatt.vehicles import Vehicle, with_extras
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -245,7 +245,7 @@ def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
     """
     weather = trip.weather if isinstance(trip, Plan) else None
     return simulate(
-        vehicle,
+        with_extras(vehicle, trip.departure.extras or ()),
         trip.array("time_s"),
         trip.array("speed_m_s"),
         grade=trip.array("grade") if "grade" in trip and trip.has("grade") else None,

@@ -205,6 +205,9 @@ class ForecastRequest(BaseModel):
     climate: Literal["auto", "off", "heat", "cool"] | None = Field(
         None, description="what climate control may do; heat: no cooling, cool: no heating"
     )
+    extras: list[Literal["winter_tyres", "roof_box", "trailer"]] | None = Field(
+        None, max_length=3, description="what is fitted to the car"
+    )
     reserve: float = _field(QUANTITIES, "reserve", 0.1)
 
 

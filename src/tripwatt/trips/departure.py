@@ -44,7 +44,10 @@ FIRST_S: Final = 60.0
 CLIMATE_MODES: Final = ("auto", "off", "heat", "cool")
 """What the driver allows climate control: all, nothing, no compressor for cooling, or no heater."""
 
-ASKED: Final = ("soc", *TEMPERATURES, "payload_mass_kg", "climate")
+EXTRAS: Final = ("winter_tyres", "roof_box", "trailer")
+"""What can be fitted to the car for a trip."""
+
+ASKED: Final = ("soc", *TEMPERATURES, "payload_mass_kg", "climate", "extras")
 """Fields that a person gives: options of the command line, fields of a request."""
 
 
@@ -53,6 +56,14 @@ def climate_faults(mode: object) -> list[Fault]:
     if mode is None or mode in CLIMATE_MODES:
         return []
     return [Fault("unknown mode", "climate", str(mode)[:40], f"one of {', '.join(CLIMATE_MODES)}")]
+
+
+def extras_faults(extras: object) -> list[Fault]:
+    """The fault of extras that are none of `EXTRAS`; None is nothing fitted and no fault."""
+    if extras is None:
+        return []
+    known = isinstance(extras, tuple | list) and all(extra in EXTRAS for extra in extras)
+    return [] if known else [Fault("unknown extra", "extras", repr(extras)[:60], ", ".join(EXTRAS))]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -77,6 +88,8 @@ class Departure:
         Local time of departure.
     climate : {"auto", "off", "heat", "cool"} or None
         What the driver allows climate control: "heat" never cools with the compressor, "cool" never heats. None is "auto".
+    extras : tuple of str or None
+        What is fitted to the car, of `EXTRAS`.
 
     Raises
     ------
@@ -101,11 +114,14 @@ class Departure:
     follows_trip: bool | None = None
     started_at: dt.datetime | None = None
     climate: str | None = None
+    extras: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         numbers = {name: getattr(self, name) for name in ("soc", *TEMPERATURES, "payload_mass_kg")}
         faults = [*scalar_faults(numbers), *climate_faults(self.climate)]
-        raise_faults([*faults, *scalar_faults({"soc": self.bms_soc})])
+        raise_faults([*faults, *scalar_faults({"soc": self.bms_soc}), *extras_faults(self.extras)])
+        if self.extras is not None:
+            object.__setattr__(self, "extras", tuple(self.extras))
 
     @classmethod
     def from_drive(cls, drive: Drive, context: Context) -> Departure:

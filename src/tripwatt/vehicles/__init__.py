@@ -1,5 +1,6 @@
 """Cars as frozen dataclasses, one TOML per car: value, unit and source for every entry."""
 
+from tripwatt.vehicles.extras import with_extras
 from tripwatt.vehicles.importing import import_vehicle
 from tripwatt.vehicles.licences import LICENCES, render_licences
 from tripwatt.vehicles.loading import (
@@ -53,4 +54,5 @@ __all__ = [
     "vehicle_from_document",
     "vehicle_names",
     "vehicle_titles",
+    "with_extras",
 ]
