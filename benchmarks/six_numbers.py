@@ -15,7 +15,13 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.car_table import CATALOGUE
-from tripwatt.certification.describing import LABEL_FACTOR, LABEL_SHARES, certified_interval, describe_car
+from tripwatt.certification.describing import (
+    LABEL_FACTOR,
+    LABEL_SHARES,
+    certified_interval,
+    describe_car,
+    described,
+)
 from tripwatt.units import M_PER_MILE
 from tripwatt.vehicles import load_vehicle
 from tripwatt.vehicles.catalogue import DRIVER_KG, catalogue
@@ -106,16 +112,15 @@ def with_label() -> Iterator[Trial]:
     for name, description in BOTH.items():
         row, car = catalogue()[name], load_vehicle(name)
         _, published = listed(description)
-        described = describe_car(
-            mass_kg=car.body.curb_mass_kg,
-            usable_battery_kwh=row["usable_energy"][0].number if "usable_energy" in row else 64.0,
-            motor_power_kw=car.drivetrain.motor_max_power_w / 1000.0,
-            body=row["body"][0].value if "body" in row else "suv",
-            consumption_kwh_per_100km=label_kwh_per_100km(name),
-            procedure="epa",
-            without=(name,),
-        )
-        found = certified_interval(described)
+        given = {
+            "mass_kg": car.body.curb_mass_kg,
+            "usable_battery_kwh": row["usable_energy"][0].number if "usable_energy" in row else 64.0,
+            "motor_power_kw": car.drivetrain.motor_max_power_w / 1000.0,
+            "consumption_kwh_per_100km": label_kwh_per_100km(name),
+        }
+        body = row["body"][0].value if "body" in row else "suv"
+        own = described(given, body, procedure="epa", without=(name,))
+        found = certified_interval(own)
         yield Trial(car.title, published, found.middle, found.low, found.high)
 
 

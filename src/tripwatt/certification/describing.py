@@ -81,7 +81,6 @@ def describe_car(
     heat_pump: bool | None = None,
     procedure: str = "wltp",
     title: str | None = None,
-    without: Collection[str] = (),
 ) -> Vehicle:
     """Describe a car that the library does not have by up to six figures.
 
@@ -105,8 +104,6 @@ def describe_car(
         Where the consumption comes from; "epa" is the combined figure of the label.
     title : str, optional
         Name for people.
-    without : collection of str
-        Cars of the library that take no part in the usual values.
 
     Returns
     -------
@@ -129,6 +126,28 @@ def describe_car(
         "consumption_kwh_per_100km": consumption_kwh_per_100km,
         "motor_power_kw": motor_power_kw,
     }
+    return described(given, body, heat_pump, procedure, title)
+
+
+def described(
+    given: Mapping[str, float | None],
+    body: str | None = None,
+    heat_pump: bool | None = None,
+    procedure: str = "wltp",
+    title: str | None = None,
+    without: Collection[str] = (),
+) -> Vehicle:
+    """`describe_car` with road loads of a class without some cars of the library.
+
+    Parameters
+    ----------
+    given : mapping of str to float or None
+        The keys of `LIMITS`.
+    body, heat_pump, procedure, title
+        As for `describe_car`.
+    without : collection of str
+        Cars whose coast-down takes no part.
+    """
     kind = _checked(given, body, heat_pump, procedure)
     usual = usual_figures(kind)
     filled = {key: usual[key] if given[key] is None else float(given[key]) for key in usual}  # type: ignore[arg-type]
@@ -136,9 +155,8 @@ def describe_car(
     document = similar_document(figures, class_values(without))
     name = f"described_{zlib.crc32(repr((filled, given, kind, heat_pump, procedure)).encode()):08x}"
     car = vehicle_from_document(with_anchor(document, anchors()[CLASS]), name, name)
-    if consumption_kwh_per_100km is None:
-        return car
-    return _meeting(car, document, 10.0 * consumption_kwh_per_100km, procedure)
+    consumption = given["consumption_kwh_per_100km"]
+    return car if consumption is None else _meeting(car, document, 10.0 * consumption, procedure)
 
 
 def _checked(given: Mapping[str, float | None], body: str | None, heat_pump: object, procedure: str) -> str:
