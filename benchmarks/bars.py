@@ -31,6 +31,7 @@ from benchmarks import (
     pipeline,
     planned,
     service,
+    six_numbers,
     ved_trips,
 )
 from benchmarks import forecast as forecast_speed
@@ -389,6 +390,18 @@ def certified() -> Iterator[Bar]:
         yield Bar(
             f"library: {name}", "python -m benchmarks.anchors", f"{figure:.4g}", anchors.limit(name), done
         )
+    measure = "python -m benchmarks.six_numbers"
+    if (six_numbers.CATALOGUE / "wltp.csv").is_file():
+        for what, trials in (
+            ("without the consumption", six_numbers.without_consumption()),
+            ("with the label of the EPA alone", six_numbers.with_label()),
+        ):
+            held, width = six_numbers.summary(list(trials))
+            text = f"described cars {what}: WLTP figure inside the 90 % interval"
+            yield at_least(text, measure, held, six_numbers.LEAST_HELD)
+            yield at_most(f"described cars {what}: median width", measure, width, six_numbers.MOST_WIDTH)
+    else:
+        yield missing("described cars: WLTP figure inside the 90 % interval", measure, "no lists of cars")
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", *EVERY_CAR],
         cwd=ROOT,
