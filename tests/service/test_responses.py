@@ -200,6 +200,38 @@ def test_models_and_vehicles_have_names_for_requests(service: Service, drive: di
     assert service.forecast(named).json() == service.forecast(drive).json()
 
 
+FIGURES = {"mass_kg": 1830.0, "consumption_kwh_per_100km": 15.5, "body": "hatchback"}
+
+
+def test_a_car_of_a_few_figures_is_described_and_forecast(service: Service, drive: dict[str, Any]) -> None:
+    found = service.client.post("/v1/vehicles", json=FIGURES).json()
+    assert found["wltp_kwh_per_100km"] == pytest.approx(15.5, rel=0.01)
+    assert found["wltp_low_kwh_per_100km"] < 15.5 < found["wltp_high_kwh_per_100km"]
+    assert (found["test_mass_kg"], found["anchor"]) == (1905.0, "certification")
+    described = service.forecast(drive | {"vehicle_figures": FIGURES})
+    assert described.status_code == 200
+    assert described.json()["flags"][0]["code"] == "no_trips_of_car"
+    boxed = service.forecast(drive | {"vehicle_figures": FIGURES, "extras": ["roof_box"]}).json()
+    assert boxed["energy_wh"] > described.json()["energy_wh"]
+    both = service.forecast(drive | {"vehicle_figures": FIGURES, "vehicle": "vw_id3"})
+    assert both.status_code == 422
+    assert both.json()["faults"][0]["where"] == "vehicle, vehicle_figures"
+    wrong = service.client.post("/v1/vehicles", json={"mass_kg": 1900.0, "consumption_kwh_per_100km": 59.0})
+    assert wrong.status_code == 422
+    assert "at most" in wrong.json()["faults"][0]["allowed"]
+    assert service.client.post("/v1/vehicles", json={"wheels": 4}).status_code == 422
+
+
+def test_a_search_lists_the_cars_that_it_finds(service: Service) -> None:
+    def named(words: str) -> list[str]:
+        answer = service.client.get("/v1/vehicles", params={"search": words})
+        return [car["name"] for car in answer.json()["vehicles"]]
+
+    assert named("kona") == ["hyundai_kona_64", "hyundai_kona_39"]
+    assert named("zeppelin") == []
+    assert service.client.get("/v1/vehicles", params={"search": ""}).status_code == 422
+
+
 def test_another_car_is_forecast_with_its_own_physics_and_wider_intervals(
     service: Service, drive: dict[str, Any]
 ) -> None:
