@@ -1,6 +1,6 @@
 """Publish an evaluation: ``python docs/publish_results.py [OUT]``, or ``make readme``.
 
-Copies OUT/results.json (scores and findings, no trip data) to docs/results/, as `paper.json` or `forecast.json` by its
+Renews docs/paper.md from the protocol `paper`. Copies OUT/results.json (scores and findings, no trip data) to docs/results/, as `paper.json` or `forecast.json` by its
 protocol, renews the tables of docs/results.md from it and, from the protocol `forecast`, the short table of the README. OUT
 is `out` by default; a JSON file, such as the published one itself, or what `python -m benchmarks.planned --json FILE`
 writes, serves as well.
@@ -9,10 +9,12 @@ writes, serves as well.
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 from pathlib import Path
 
-from tripwatt.report import update_readme, update_results_page
+from tripwatt.report import update_paper_page, update_readme, update_results_page
+from tripwatt.report.paper_page import FIGURES
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "docs" / "results"
@@ -31,12 +33,21 @@ def publish(
     out : Path
         Folder of `tripwatt evaluate`, or a `results.json`.
     results_folder, readme, page : Path
-        Where the copy, the short table and the wide tables go.
+        Where the copy, the short table and the wide tables go. The page on the paper, `paper.md`, stands beside the latter, and
+        its figures are copied from OUT/figures to the folder `images` beside both.
     """
     source = out / "results.json" if out.is_dir() else out
     results = json.loads(source.read_text(encoding="utf-8"))
     update_results_page(results, page)
     update_readme(results, readme)
+    if results["protocol"] == "paper":
+        found = sorted(RESULTS.glob("transfer-*-*.json"))
+        transfers = [json.loads(file.read_text(encoding="utf-8")) for file in found]
+        update_paper_page(results, page.with_name("paper.md"), transfers)
+        for name in FIGURES:
+            drawn = out / "figures" / f"{name}.png"
+            if drawn.is_file():
+                shutil.copyfile(drawn, page.with_name("images") / f"paper-{name}.png")
     copy = results_folder / f"{results['protocol']}.json"
     copy.parent.mkdir(parents=True, exist_ok=True)
     copy.write_text(json.dumps(results, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

@@ -327,3 +327,38 @@ def test_a_fit_that_did_not_converge_says_so(frame):
     assert "2" in model.message_
     assert "max_iter" in model.message_
     assert np.isfinite(model.fitted_values_).all()
+
+
+def test_other_rows_are_predicted_by_the_fit_without_their_group(frame):
+    gamm = GAMM(FULL)
+    held = gamm.leave_groups_out(frame, groups="g")
+    order = np.random.default_rng(0).permutation(len(frame))
+    shuffled = frame.iloc[order]
+    at = gamm.leave_groups_out(frame, groups="g", at=shuffled, at_folds="g")
+    assert at == pytest.approx(held[order])
+    half = frame.iloc[::2]
+    few = gamm.leave_groups_out(half, groups="g", at=frame.drop(columns="g"), at_folds=frame["g"].to_numpy())
+    assert few[::2] == pytest.approx(gamm.leave_groups_out(half, groups="g"))
+    assert np.std(few - held) < 0.5 * np.std(held)
+    days = np.array(["u", "v"])[frame["g"].isin(["g0", "g1", "g2"]).astype(int)]
+    by_day = gamm.leave_groups_out(frame, groups="g", folds=days, at=frame, at_folds=days)
+    assert by_day == pytest.approx(gamm.leave_groups_out(frame, groups="g", folds=days))
+
+
+@pytest.mark.parametrize(
+    ("change", "folds", "words"),
+    [
+        (
+            lambda f: f,
+            ["nowhere"] * 240,
+            "invalid groups: at_folds=: got 240 labels for 240 rows, 240 unknown",
+        ),
+        (lambda f: f, None, "got 0 labels for 240 rows"),
+        (lambda f: f, "day", "unknown column: 'day'"),
+        (lambda f: f.drop(columns="x"), "g", "unknown column: 'x'"),
+        (lambda f: f.assign(z=np.nan), "g", "not finite: column 'z'"),
+    ],
+)
+def test_rows_that_cannot_be_predicted_are_named(frame, change, folds, words):
+    with pytest.raises(InvalidInput, match=words):
+        GAMM(FULL).leave_groups_out(frame, groups="g", at=change(frame), at_folds=folds)

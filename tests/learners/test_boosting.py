@@ -157,6 +157,24 @@ def test_leave_groups_out_is_the_refit_of_the_fold():
     assert np.sqrt(np.mean((held_out[out] - refit.predict(X[out])) ** 2)) < 0.1
 
 
+def test_the_error_of_a_choice_is_that_of_its_round_and_has_not_seen_the_fold():
+    X, y, groups = clustered()
+    one, other = small(param_grid={"max_leaf_nodes": [2]}), small(param_grid={"max_leaf_nodes": [6]})
+    both = small(param_grid={"max_leaf_nodes": [2, 6]})
+    for model in (one, other, both):
+        model.leave_groups_out(X, y, groups)
+    np.testing.assert_array_equal(both.fold_errors_, np.minimum(one.fold_errors_, other.fold_errors_))
+    out = groups == "s07"
+    place = list(both.fold_labels_).index("s07")
+    again = small(param_grid={"max_leaf_nodes": [2, 6]})
+    again.leave_groups_out(X, np.where(out, 1e6, y), groups)
+    assert again.fold_errors_[place] == both.fold_errors_[place]
+    assert (again.fold_errors_ != both.fold_errors_).any()
+    unchosen = small(n_folds=None, n_rounds=3)
+    unchosen.leave_groups_out(X, y, groups)
+    assert np.isnan(unchosen.fold_errors_).all()
+
+
 def test_processes_change_nothing():
     X, y, groups = clustered(8, 10)
     alone, pair = (small(n_rounds=10, n_jobs=n).leave_groups_out(X, y, groups) for n in (1, 2))

@@ -16,6 +16,7 @@ import pandas as pd
 from tripwatt.arrays import FloatArray
 from tripwatt.auditing import Audit, audit
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.evaluation.paper_studies import simulation_forms, studies, study_models
 from tripwatt.evaluation.protocol import (
     LEAVE_ONE_DAY_OUT,
     LEAVE_ONE_TRIP_OUT,
@@ -38,7 +39,7 @@ from tripwatt.evaluation.table_models import (
 )
 from tripwatt.hybrid import TripTable, build_table
 from tripwatt.paper import correctors
-from tripwatt.paper.insight import insight
+from tripwatt.paper.insight import GammInsight, insight
 from tripwatt.physics import simulate_trip
 from tripwatt.trips import Fleet, Trip, value_faults
 from tripwatt.trips.messages import message
@@ -77,6 +78,11 @@ class PaperProtocol:
         ReportSection(
             "errors", "Errors of every model", ("error-distribution", "error-boxes", "benchmark-boxes")
         ),
+        ReportSection(
+            "paper",
+            "Beside the paper",
+            ("simulation-forms", "working-correlations", "gamm-errors", "trips-needed"),
+        ),
         ReportSection("trips", "Trip by trip", ("trip-energy", "trip-errors", "all-trips")),
         ReportSection("comparison", "Differences between the models", ("paired-differences",)),
         ReportSection(
@@ -104,8 +110,8 @@ class PaperProtocol:
     given = ""
 
     def extra(self, specs: Sequence[ModelSpec]) -> tuple[ModelSpec, ...]:
-        """None."""
-        return ()
+        """The models of `tripwatt.evaluation.paper_studies`."""
+        return study_models([spec.name for spec in specs])
 
     def prepare(self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice) -> Prepared:
         """Each set of trips under leave-one-trip-out, and the main set under leave-one-day-out."""
@@ -118,7 +124,8 @@ class PaperProtocol:
             f"{cars['physics'].name} with {key} = {value}" for key, value in (car.overrides or {}).items()
         ]
         audited = audit(fleet)
-        hold_outs, notes = _hold_outs(fleet, audited, cars)
+        forms = simulation_forms(car.name, car.overrides) if fleet.reference is not None else {}
+        hold_outs, notes = _hold_outs(fleet, audited, cars | forms)
         return Prepared(hold_outs, fleet, None, audited, cars, (*map(message, fleet.notes), *given, *notes))
 
     def assemble(
@@ -138,9 +145,12 @@ class PaperProtocol:
         weathers = {t.context.weather for t in prepared.fleet.trips if t.context.weather is not None}
         own = {spec.name: spec.make(seed) for spec in specs if isinstance(spec, TableModel)}
         inside = insight(hold_outs[0].table, own, weathers=sorted(weathers))
+        main = [r for r in results if r.evaluation == 0]
         found: dict[str, Any] = {
             **about_run(self.name, prepared, specs, seed),
             "evaluations": summaries,
+            "table2": _table2(inside.gamm),
+            "studies": studies(hold_outs[0], main, specs, seed),
             "paired": paired_summary(hold_outs[0], frames[0], specs, seed),
         }
         return EvaluationRun(
@@ -152,6 +162,26 @@ class PaperProtocol:
             importances=inside.importances,
             gamm=inside.gamm,
         )
+
+
+def _table2(gamm: GammInsight | None) -> list[dict[str, Any]]:
+    """Every term of the fitted GAMM: estimate and standard error, or EDF and reference df, and p; None without data."""
+    if gamm is None:
+        return []
+    tables = (
+        (gamm.summary.parametric, "estimate", "std_error"),
+        (gamm.summary.smooth, "edf", "ref_df"),
+    )
+    return [
+        {
+            "term": str(term),
+            value: float(row[value]),
+            second: float(row[second]),
+            "p_value": float(row["p_value"]) if np.isfinite(row["p_value"]) else None,
+        }
+        for table, value, second in tables
+        for term, row in table.iterrows()
+    ]
 
 
 def _hold_outs(fleet: Fleet, audited: Audit, cars: Mapping[str, Vehicle]) -> tuple[list[HoldOut], list[str]]:
@@ -206,7 +236,8 @@ def _predictions(
     predictions = [
         {spec.name: np.full(len(e.table.observed_wh), np.nan) for spec in specs} for e in hold_outs
     ]
-    for result in fold_results:
+    names = {spec.name for spec in specs}
+    for result in (r for r in fold_results if r.model in names):
         hold_out = hold_outs[result.evaluation]
         rows = hold_out.table.rows_of(np.flatnonzero(hold_out.folds == result.fold))
         predictions[result.evaluation][result.model][rows] = result.predicted_wh

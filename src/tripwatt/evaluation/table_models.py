@@ -15,6 +15,9 @@ from tripwatt.paper import HybridModel
 
 FOLDS_PER_TASK = 4
 
+REFERENCE = "reference"
+"""The set of trips on which a protocol compares settings inside the folds."""
+
 FOUR = ("distance_km", "duration_h", "cold_h", "hot_h")
 SIX = (*FOUR, "cubed_speed", "acceleration_work")
 
@@ -48,7 +51,8 @@ class TableModel:
         size = FOLDS_PER_TASK if slow else max(len(folds), 1)
         table = hold_out.table.without_samples()
         for start in range(0, len(folds), size):
-            yield TableTask(index, self, table, hold_out.folds, tuple(folds[start : start + size]), seed)
+            members = tuple(folds[start : start + size])
+            yield TableTask(index, self, table, hold_out.folds, members, seed, hold_out.trips == REFERENCE)
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,8 @@ class TableTask:
     folds: IntArray
     members: tuple[int, ...]
     seed: int
+    compares: bool = False
+    """Whether the errors inside the folds are wanted, by which settings can be compared."""
 
     @property
     def rank(self) -> int:
@@ -87,6 +93,8 @@ class TableTask:
     def _run_together(self, model: HybridModel) -> list[FoldResult]:
         """All folds at once; the times are those of one plain fit."""
         predicted = model.predict_held_out(self.table, self.folds)
+        inner = model.inner_errors(self.table, self.folds, self.seed) if self.compares else None
+        numbers = np.unique(self.folds)
         started = time.perf_counter()
         plain = self.spec.make(self.seed).fit(self.table)
         fitted = time.perf_counter()
@@ -100,6 +108,7 @@ class TableTask:
                 predicted[self.table.rows_of(np.flatnonzero(self.folds == fold))],
                 fitted - started,
                 each_ms,
+                {} if inner is None else {"inner_error": inner[np.searchsorted(numbers, fold)]},
             )
             for fold in self.members
         ]

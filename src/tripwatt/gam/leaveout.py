@@ -1,4 +1,4 @@
-"""Leave groups out: every fold's crossproduct is the total minus that of the rows held out."""
+"""Leave groups out: every fold's crossproduct is that of its rows, or of many rows the total minus those held out."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pandas as pd
 
 from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.gam.covariates import Index, Levels, Support, Training
+from tripwatt.gam.covariates import EXACT_ROWS, Index, Levels, Support, Training
 from tripwatt.gam.design import Design
 from tripwatt.gam.identify import identify
 from tripwatt.gam.moments import Moments, moments
@@ -59,11 +59,15 @@ def _fold(
     held: BoolArray,
     total: Moments,
     settings: FitSettings,
+    wanted: pd.DataFrame | None = None,
 ) -> tuple[FloatArray, dict[str, float]]:
-    """Predictions of the rows held out, and how the fit without them went."""
+    """Predictions of the rows held out, or of those `wanted`, and how the fit without the former went."""
     lagged = len(total.gram) > 1
     out, kept = np.flatnonzero(held).astype(np.intp), np.flatnonzero(~held).astype(np.intp)
-    sums = total - grouped_moments(design, y, groups, out, lagged)
+    if len(y) <= EXACT_ROWS:  # a difference would keep the held-out response in its last digits
+        sums = grouped_moments(design, y, groups, kept, lagged)
+    else:
+        sums = total - grouped_moments(design, y, groups, out, lagged)
     dead = np.diag(sums.gram[0]) <= DEAD * np.diag(total.gram[0])
     sums.gram[:, dead], sums.gram[:, :, dead], sums.cross[:, dead] = 0.0, 0.0, 0.0
     own, gram = identify(replace(design, notes=[], empty=list(design.empty)), sums.gram[0])
@@ -82,10 +86,10 @@ def _fold(
         )
     beta = np.zeros(own.p)
     beta[active] = solution.beta
-    training, piece = training_of(own, ~held), frame.iloc[out]
+    training, piece = training_of(own, ~held), frame.iloc[out] if wanted is None else wanted
     if own.terms[0].extrapolation == "clamp":
         piece = training.clamp_frame(piece)
-    prediction = np.zeros(len(out))
+    prediction = np.zeros(len(piece))
     for fitted in own.terms:
         if fitted.kind != "random" or beta[fitted.slice].any():
             prediction += fitted.matrix(piece, training) @ beta[fitted.slice]
@@ -102,7 +106,13 @@ def _fold(
 
 
 def leave_out(
-    design: Design, frame: pd.DataFrame, y: FloatArray, groups: Index, folds: Index, settings: FitSettings
+    design: Design,
+    frame: pd.DataFrame,
+    y: FloatArray,
+    groups: Index,
+    folds: Index,
+    settings: FitSettings,
+    at: tuple[pd.DataFrame, Index] | None = None,
 ) -> tuple[FloatArray, pd.DataFrame]:
     """Predict each fold from all other rows.
 
@@ -115,10 +125,12 @@ def leave_out(
     groups, folds : ndarray (n,)
         Codes of the groups, and of the units to leave out.
     settings : FitSettings
+    at : (DataFrame, ndarray of int), optional
+        Rows to predict in place of those of the fit, and the unit whose fit predicts each of them.
 
     Returns
     -------
-    predictions : ndarray (n,)
+    predictions : ndarray (n,), or one for each row of `at`
     report : DataFrame
         One row per fold: rows, edf, nu, sigma, reml, converged, n_iter.
 
@@ -135,10 +147,12 @@ def leave_out(
     design, gram = identify(design, total.gram[0])
     if gram.shape != total.gram[0].shape:
         total = grouped_moments(design, y, groups, np.arange(len(y), dtype=np.intp), lagged)
-    predictions, reports = np.empty(len(y)), []
+    where = folds if at is None else at[1]
+    predictions, reports = np.empty(len(where)), []
     for fold in range(count):
-        held = folds == fold
-        predictions[held], report = _fold(design, frame, y, groups, held, total, settings)
+        own = where == fold
+        wanted = None if at is None else at[0][own]
+        predictions[own], report = _fold(design, frame, y, groups, folds == fold, total, settings, wanted)
         reports.append(report)
     table = pd.DataFrame(reports)
     return predictions, table.astype({"rows": int, "n_iter": int, "converged": bool})

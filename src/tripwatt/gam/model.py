@@ -7,12 +7,13 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
 
 from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.gam.covariates import Index, missing_columns, numbers, response
+from tripwatt.gam.covariates import Index, is_factor, missing_columns, numbers, response
 from tripwatt.gam.design import Design, build_design
 from tripwatt.gam.families import Family, Gaussian, ScaledT
 from tripwatt.gam.fit import Solution
@@ -238,7 +239,13 @@ class GAMM(RegressorMixin, BaseEstimator):
         return out
 
     def leave_groups_out(
-        self, frame: pd.DataFrame, y: object = None, groups: object = None, folds: object = None
+        self,
+        frame: pd.DataFrame,
+        y: object = None,
+        groups: object = None,
+        folds: object = None,
+        at: pd.DataFrame | None = None,
+        at_folds: object = None,
     ) -> FloatArray:
         """Predict every row from a fit without its group.
 
@@ -254,11 +261,20 @@ class GAMM(RegressorMixin, BaseEstimator):
             Group of each row, or its column.
         folds : array-like (n,) or str, optional
             Larger units to leave out at once, e.g. days; default: the groups.
+        at : DataFrame (m, ...), optional
+            Rows to predict in place of those of `frame`, for a fit to thinned rows.
+        at_folds : array-like (m,) or str, optional
+            Unit of each row of `at`, with the labels of `folds` (of `groups` by default), or its column.
 
         Returns
         -------
-        ndarray (n,)
+        ndarray (n,), or (m,) with `at`
             Held-out predictions; a held-out group's random effect is 0.
+
+        Raises
+        ------
+        InvalidInput
+            Names every faulty column, missing groups, or rows of `at` without a unit.
         """
         formula, family = self._formula(), self._family()
         values = response(frame, y, formula.response)
@@ -271,9 +287,47 @@ class GAMM(RegressorMixin, BaseEstimator):
         given = _given_logs(self.smoothing_parameters, design)
         settings = self._settings(family, given)
         units = group_codes if fold_codes is None else fold_codes
-        predictions, report = leave_out(design, frame, values, group_codes, units, settings)
+        wanted = None
+        if at is not None:
+            labels = self._labels(frame, groups if folds is None else folds)
+            wanted = self._complete_at(at, formula), self._units_at(at, at_folds, labels)
+        predictions, report = leave_out(design, frame, values, group_codes, units, settings, wanted)
         self.folds_ = report
         return predictions
+
+    @staticmethod
+    def _labels(frame: pd.DataFrame, labels: object) -> npt.NDArray[Any]:
+        """Labels (n,) given as an array or as a column."""
+        if isinstance(labels, str):
+            faults = missing_columns(frame, [labels])
+            if faults:
+                raise InvalidInput(faults)
+            labels = frame[labels]
+        return np.asarray(labels)
+
+    def _units_at(self, at: pd.DataFrame, at_folds: object, known: npt.NDArray[Any]) -> Index:
+        """Code of the unit of each row of `at`; `known` are the labels of the rows of the fit."""
+        labels = np.empty(0) if at_folds is None else self._labels(at, at_folds)
+        codes = pd.Index(pd.factorize(known)[1]).get_indexer(pd.Index(labels))
+        if len(codes) != len(at) or (codes < 0).any():
+            got = f"{len(codes)} labels for {len(at)} rows, {int((codes < 0).sum())} unknown"
+            allowed = "a unit of the fit for each row of at="
+            raise InvalidInput(Fault("invalid groups", "at_folds=", got, allowed))
+        return np.asarray(codes, dtype=np.intp)
+
+    @staticmethod
+    def _complete_at(at: pd.DataFrame, formula: Formula) -> pd.DataFrame:
+        """The rows of `at`; random effects need no column."""
+        used = [term for term in formula.terms if not isinstance(term, RandomEffect)]
+        wanted = dict.fromkeys(name for term in used for name in term.columns)
+        faults = missing_columns(at, wanted)
+        for term in used:
+            for name in term.columns:
+                if name in at.columns and not is_factor(at[name]):
+                    faults += numbers(at, name, term.label)[1]
+        if faults:
+            raise InvalidInput(dict.fromkeys(faults))
+        return at
 
     def _formula(self) -> Formula:
         if isinstance(self.formula, Formula):
@@ -317,12 +371,7 @@ class GAMM(RegressorMixin, BaseEstimator):
         """Codes (n,) of groups given as labels or as a column."""
         if groups is None:
             return None
-        if isinstance(groups, str):
-            faults = missing_columns(frame, [groups])
-            if faults:
-                raise InvalidInput(faults)
-            groups = frame[groups]
-        codes = pd.factorize(np.asarray(groups))[0].astype(np.intp)
+        codes = pd.factorize(self._labels(frame, groups))[0].astype(np.intp)
         if len(codes) != len(frame) or (codes < 0).any():
             got = f"{len(codes)} labels, {int((codes < 0).sum())} missing"
             raise InvalidInput(

@@ -203,7 +203,7 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
             block = _blocks(sample.n_groups, self.n_folds, seed)
             everything = np.ones(sample.n_groups, dtype=bool)
             errors = [self._fold_errors(sample, setting, block, everything, seed) for setting in settings]
-            best, n_rounds = _choice(errors)
+            best, n_rounds, _ = _choice(errors)
             self.learning_curve_ = _learning_curve(errors[best], block)
         chosen = self._base() | settings[best]
         path = boost(sample, chosen, np.ones(sample.n_groups, dtype=bool), n_rounds, seed, start=self.start)
@@ -283,7 +283,8 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
         Returns
         -------
         ndarray of shape (n_rows,)
-            Predictions. Attributes `fold_labels_`, `fold_params_`, `fold_rounds_` record what each fold used.
+            Predictions. Attributes `fold_labels_`, `fold_params_`, `fold_rounds_` record what each fold used, and
+            `fold_errors_` the mean loss by which it was chosen (NaN without a choice).
         """
         sample, clusters, rows, seed = self._prepare(X, y, groups)
         fold_labels, fold_of_group = folds_of(folds, clusters)
@@ -300,15 +301,16 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
                     seed,
                     rows[fold_of_row == fold],
                 )
-                for fold, (setting, rounds) in enumerate(choices)
+                for fold, (setting, rounds, _) in enumerate(choices)
             ]
             results = parallel(jobs)
         prediction = np.empty(len(rows))
         for fold, values in enumerate(results):
             prediction[fold_of_row == fold] = values
         self.fold_labels_ = fold_labels
-        self.fold_params_ = [self._base() | settings[setting] for setting, _ in choices]
-        self.fold_rounds_ = np.array([rounds for _, rounds in choices])
+        self.fold_params_ = [self._base() | settings[setting] for setting, _, _ in choices]
+        self.fold_rounds_ = np.array([rounds for _, rounds, _ in choices])
+        self.fold_errors_ = np.array([error for _, _, error in choices])
         return prediction
 
     def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
@@ -418,10 +420,10 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
         n_folds: int,
         seed: int,
         parallel: Parallel,
-    ) -> list[tuple[int, int]]:
-        """Setting and number of rounds of each fold."""
+    ) -> list[tuple[int, int, float]]:
+        """Setting and number of rounds of each fold, and the mean loss of that choice."""
         if self.n_folds is None or n_folds < 3:
-            return [(0, self.n_rounds)] * n_folds
+            return [(0, self.n_rounds, np.nan)] * n_folds
         block_of_fold = _blocks(n_folds, 2 * self.n_folds, seed)
         block = block_of_fold[fold_of_group]
         n_blocks = int(block.max()) + 1
@@ -482,8 +484,8 @@ def _blocks(n: int, n_blocks: int, seed: int) -> IntArray:
     return np.random.default_rng([seed, 3]).permutation(np.arange(n) % min(n, n_blocks))
 
 
-def _choice(errors: Sequence[FloatArray]) -> tuple[int, int]:
-    """Setting and number of rounds of the least mean error over groups, among rounds that all groups reached."""
+def _choice(errors: Sequence[FloatArray]) -> tuple[int, int, float]:
+    """Setting and rounds of the least mean error over groups, among rounds that all groups reached, and that error."""
     best, n_rounds, least = 0, 1, np.inf
     for index, error in enumerate(errors):
         scored = ~np.isnan(error[0])
@@ -493,7 +495,7 @@ def _choice(errors: Sequence[FloatArray]) -> tuple[int, int]:
         at = int(np.nanargmin(curve))
         if curve[at] < least:
             best, n_rounds, least = index, at + 1, float(curve[at])
-    return best, n_rounds
+    return best, n_rounds, least
 
 
 def _learning_curve(errors: FloatArray, block: IntArray) -> pd.DataFrame:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from tripwatt.learners.boosting import ClusteredBoosting
+from tripwatt.learners.correlation import Correlation
 from tripwatt.learners.forest import ClusteredForest
 from tripwatt.paper.models import DataOnly, HybridModel
 from tripwatt.paper.table2 import Table2Corrector
@@ -11,18 +14,20 @@ SIMULATION = "physics-paper"
 """Name of the simulated energy that the correctors start from."""
 
 
-def gamm(seed: int = 0) -> HybridModel:
-    """The GAMM of Table 2 with Student's t errors; it draws no random numbers."""
-    return HybridModel(Table2Corrector(), SIMULATION)
+def gamm(seed: int = 0, simulation: str = SIMULATION, **settings: Any) -> HybridModel:
+    """The GAMM of Table 2 with Student's t errors; it draws no random numbers. `settings` of `Table2Corrector`."""
+    return HybridModel(Table2Corrector(**settings), simulation, shares_folds=True)
 
 
-def forest(seed: int = 0) -> HybridModel:
+def forest(seed: int = 0, simulation: str = SIMULATION) -> HybridModel:
     """The forest with subject-level bootstrap, scored by the absolute error at the end of the trip."""
     learner = ClusteredForest(random_state=seed, score_rows="last", loss="absolute")
-    return HybridModel(learner, SIMULATION, shares_folds=True)
+    return HybridModel(learner, simulation, shares_folds=True)
 
 
-def boosting(seed: int = 0) -> HybridModel:
+def boosting(
+    seed: int = 0, simulation: str = SIMULATION, correlation: Correlation = "independence"
+) -> HybridModel:
     """Boosting as a marginal model, scored by the absolute error at the end of the trip.
 
     Examples
@@ -37,7 +42,7 @@ def boosting(seed: int = 0) -> HybridModel:
     >>> model.predict(held_out).shape == held_out.observed_wh.shape
     True
     """
-    return HybridModel(_boosting(seed), SIMULATION, shares_folds=True)
+    return HybridModel(_boosting(seed, correlation), simulation, shares_folds=True)
 
 
 def boosting_without_physics(seed: int = 0) -> HybridModel:
@@ -45,5 +50,5 @@ def boosting_without_physics(seed: int = 0) -> HybridModel:
     return DataOnly(_boosting(seed), shares_folds=True)
 
 
-def _boosting(seed: int) -> ClusteredBoosting:
-    return ClusteredBoosting(random_state=seed, score_rows="last", loss="absolute")
+def _boosting(seed: int, correlation: Correlation = "independence") -> ClusteredBoosting:
+    return ClusteredBoosting(random_state=seed, correlation=correlation, score_rows="last", loss="absolute")

@@ -78,6 +78,31 @@ class HybridModel:
         correction = self.corrector.leave_groups_out(X, residual, groups=groups, folds=row_folds)
         return table.simulated(self.simulation) + np.asarray(correction, dtype=np.float64)
 
+    def inner_errors(self, table: TripTable, folds: IntArray, seed: int) -> FloatArray | None:
+        """Mean error by which settings are compared inside each fold; None where the corrector has none.
+
+        The errors come from trips outside of the fold alone, by models that saw neither the fold nor these trips.
+
+        Parameters
+        ----------
+        table : TripTable
+        folds : ndarray of int, shape (trips,)
+            Fold of each trip.
+        seed : int
+            Of the draw of blocks of folds.
+
+        Returns
+        -------
+        ndarray, shape (folds,), or None
+            In the order of the sorted numbers of the folds [Wh].
+        """
+        if hasattr(self.corrector, "inner_errors"):
+            X, residual, groups = self.training_data(table)
+            row_folds = np.repeat(folds, np.diff(table.offsets))
+            return np.asarray(self.corrector.inner_errors(X, residual, groups, row_folds, seed))
+        found = getattr(self.corrector, "fold_errors_", None)
+        return None if found is None else np.asarray(found, dtype=np.float64)
+
 
 def DataOnly(corrector: Corrector, *, shares_folds: bool = False) -> HybridModel:  # noqa: N802 - reads as a model
     """The same learner on the observed energy itself: the paper's purely data-driven benchmark."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Final, Self
+import itertools
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal, Self
 
 import numpy as np
 import pandas as pd
@@ -28,6 +28,11 @@ TABLE2: Final = (
 SEASONS: Final = ("summer", "winter")
 """Levels of `season`; the first is the reference."""
 
+Errors = Literal["t", "normal", "ar1"]
+
+INNER_BLOCKS: Final = 5
+"""Blocks of folds that `Table2Corrector.inner_errors` leaves out in pairs."""
+
 
 @dataclass
 class Table2Corrector:
@@ -43,33 +48,115 @@ class Table2Corrector:
     every_rows : int
         The fit takes every so many rows of a trip and its last one. At 1 s the residuals of successive rows are so
         alike (correlation 0.999) that every smooth would run to its largest number of degrees of freedom.
+    errors : {"t", "normal", "ar1"}
+        Student's t, normal, or normal with a correlation rho^|i - j| of the rows i and j of a trip, rho estimated with
+        the smoothing parameters; the last row of a trip, which may follow sooner, counts as one step.
+    terms : tuple of str
+        Terms of the formula.
+    least_df : float
+        Lower bound of the degrees of freedom of Student's t.
 
     Attributes
     ----------
     model_ : GAMM
         The fitted engine, for summary, diagnosis and effects.
     left_out_ : tuple of str
-        Terms of `TABLE2` that the training rows do not determine.
+        Those of `terms` that the training rows do not determine.
     """
 
     every_rows: int = 60
+    errors: Errors = "t"
+    terms: tuple[str, ...] = TABLE2
+    least_df: float = 3.0
     model_: Any = None
     medians_: pd.Series | None = None
     left_out_: tuple[str, ...] = ()
 
     def fit(self, X: pd.DataFrame, y: FloatArray, groups: IntArray) -> Self:
         """Fit by performance iteration and fREML. O(rows x coefficients^2)."""
-        self.medians_ = X.select_dtypes("number").median()
-        frame, rows = self.training_frame(X, groups)
-        varied = {name for name in map(str, frame) if len(frame[name].unique()) > 1}
-        terms = [term for term in TABLE2 if varied.issuperset(_names_in(term))]
-        self.left_out_ = tuple(term for term in TABLE2 if term not in terms)
-        self.model_ = self._engine(terms).fit(frame, np.asarray(y)[rows], groups=groups[rows])
+        frame, rows = self._training(X, groups)
+        self.model_ = self._engine().fit(frame, np.asarray(y)[rows], groups=groups[rows])
         return self
 
     def predict(self, X: pd.DataFrame) -> FloatArray:
         """Predicted `y` of new trips: their random effect is 0."""
         return np.asarray(self.model_.predict(self.frame(X)), dtype=np.float64)
+
+    def leave_groups_out(
+        self, X: pd.DataFrame, y: FloatArray, groups: IntArray, folds: IntArray | None = None
+    ) -> FloatArray:
+        """Predicted `y` of every row by a fit without its fold.
+
+        Coefficients, smoothing parameters and those of the errors are estimated anew for each fold. The knots of the
+        smooths, the medians of missing values and the choice of terms come from the covariates of all rows.
+
+        Parameters
+        ----------
+        X : DataFrame
+        y : ndarray, shape (rows,)
+        groups, folds : ndarray of int, shape (rows,)
+            Trip and fold of each row; each trip is a fold by default.
+
+        Returns
+        -------
+        ndarray, shape (rows,)
+        """
+        units = groups if folds is None else folds
+        frame, rows = self._training(X, groups)
+        found = self._engine().leave_groups_out(
+            frame,
+            np.asarray(y)[rows],
+            groups=groups[rows],
+            folds=units[rows],
+            at=self.frame(X),
+            at_folds=units,
+        )
+        return np.asarray(found, dtype=np.float64)
+
+    def inner_errors(
+        self, X: pd.DataFrame, y: FloatArray, groups: IntArray, folds: IntArray, seed: int
+    ) -> FloatArray:
+        """Mean absolute error at the end of the other folds' trips, for each fold, by models that saw neither.
+
+        The folds are put into `INNER_BLOCKS` blocks at random. A model without the blocks b and c predicts c for the folds
+        of b, and b for those of c.
+
+        Parameters
+        ----------
+        X : DataFrame
+        y : ndarray, shape (rows,)
+        groups, folds : ndarray of int, shape (rows,)
+        seed : int
+
+        Returns
+        -------
+        ndarray, shape (folds,)
+            In the order of the sorted numbers of the folds.
+        """
+        numbers, row_fold = np.unique(folds, return_inverse=True)
+        if len(numbers) < 3:
+            return np.full(len(numbers), np.nan)
+        blocks = min(INNER_BLOCKS, len(numbers))
+        block = np.random.default_rng([seed, 5]).permutation(np.arange(len(numbers)) % blocks)
+        row_block = block[row_fold]
+        ends = np.append(groups[1:] != groups[:-1], True)
+        total, count = np.zeros(blocks), np.zeros(blocks)
+        for first, second in itertools.combinations(range(blocks), 2):
+            kept = (row_block != first) & (row_block != second)
+            model = replace(self).fit(X[kept], y[kept], groups[kept])
+            for own, other in ((first, second), (second, first)):
+                rows = np.flatnonzero(ends & (row_block == other))
+                total[own] += np.abs(y[rows] - model.predict(X.iloc[rows])).sum()
+                count[own] += len(rows)
+        return np.asarray((total / count)[block])
+
+    def _training(self, X: pd.DataFrame, groups: IntArray) -> tuple[pd.DataFrame, IntArray]:
+        """Rows of the fit and their numbers; sets the medians and the terms that are left out."""
+        self.medians_ = X.select_dtypes("number").median()
+        frame, rows = self.training_frame(X, groups)
+        varied = {name for name in map(str, frame) if len(frame[name].unique()) > 1}
+        self.left_out_ = tuple(term for term in self.terms if not varied.issuperset(_names_in(term)))
+        return frame, rows
 
     def training_frame(self, X: pd.DataFrame, groups: IntArray) -> tuple[pd.DataFrame, IntArray]:
         """The rows that `fit` takes, as the engine sees them, and their numbers."""
@@ -78,11 +165,13 @@ class Table2Corrector:
         rows = np.flatnonzero((position % self.every_rows == 0) | last).astype(np.int64)
         return self.frame(X.iloc[rows], groups[rows]), rows
 
-    @staticmethod
-    def _engine(terms: Sequence[str]) -> Any:
-        from tripwatt.gam import GAMM
+    def _engine(self) -> Any:
+        from tripwatt.gam import GAMM, ScaledT
 
-        return GAMM("y ~ " + " + ".join(terms), family="scat")
+        formula = "y ~ " + " + ".join(term for term in self.terms if term not in self.left_out_)
+        if self.errors == "t":
+            return GAMM(formula, family=ScaledT(min_df=self.least_df))
+        return GAMM(formula, ar1_rho="estimate" if self.errors == "ar1" else None)
 
     def frame(self, X: pd.DataFrame, groups: IntArray | None = None) -> pd.DataFrame:
         """Covariates as the engine sees them; with `groups`, the trips are those of the fit. Needs `fit`."""

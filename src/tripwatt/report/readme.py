@@ -6,7 +6,7 @@ between markers of its own.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -24,6 +24,7 @@ from tripwatt.report.panels.results_table import (
 )
 from tripwatt.report.panels.uncertainty import on_coverage
 from tripwatt.report.panels.updates import on_updates, updates_table
+from tripwatt.report.paper_page import render_paper_page
 from tripwatt.report.planned import render_links
 from tripwatt.report.short_table import short_table
 from tripwatt.report.tables import markdown, number
@@ -161,6 +162,28 @@ def update_results_page(results: Mapping[str, Any], page_path: Path) -> None:
     name = str(results.get("protocol"))
     key = name if name in PAGE else DEFAULT_PROTOCOL
     _between(page_path, key, PAGE[key](results))
+
+
+def update_paper_page(
+    results: Mapping[str, Any], page_path: Path, transfers: Sequence[Mapping[str, Any]] = ()
+) -> None:
+    """Replace what stands between the markers of the page on the paper by the list of its elements beside ours.
+
+    Parameters
+    ----------
+    results : mapping
+        The contract of `results.json`, protocol `paper`.
+    page_path : Path
+        A file that holds the markers `paper-page`, once each and in this order.
+    transfers : sequence of mapping
+        Results of transfer runs.
+
+    Raises
+    ------
+    InvalidInput
+        When the markers are not there.
+    """
+    _between(page_path, "paper-page", render_paper_page(results, transfers))
 
 
 def _between(path: Path, key: str, shown: str) -> None:

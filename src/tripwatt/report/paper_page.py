@@ -1,0 +1,484 @@
+"""`docs/paper.md`: every figure, table, equation and claim of arXiv:2405.10984 beside ours, with the difference and why.
+
+The numbers come from the `results.json` of the protocol `paper` and of the transfer runs; the figures are those of the report.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from tripwatt.evaluation.paper_studies import CURVE_MODELS
+from tripwatt.paper.correctors import SIMULATION
+from tripwatt.report.covariates import term_in_words
+from tripwatt.report.model_styles import PAPER_IMPROVED, PAPER_TRIPS
+from tripwatt.report.panel import PanelSpec
+from tripwatt.report.panels import paper_studies
+from tripwatt.report.panels.gamm_summary import PAPER_TABLE2
+from tripwatt.report.panels.results_table import on_physics_gap, results_table
+from tripwatt.report.panels.running_time import PAPER_SAYS, running_time_table
+from tripwatt.report.tables import DASH, Table, markdown, number, span
+from tripwatt.report.view import Record, View
+from tripwatt.report.words import label, listed, percent, points
+
+Transfers = Sequence[Mapping[str, Any]]
+
+FIGURES: Final = (
+    "gamm-diagnosis",
+    "gamm-smooths",
+    "gamm-surface",
+    "gamm-random",
+    "error-distribution",
+    "error-boxes",
+    "benchmark-boxes",
+    "trips-needed",
+)
+"""Figures of the report that the page shows, as `docs/images/paper-<name>.png`."""
+
+SCHEMATICS: Final = ("simulation", "hybrid")
+"""Figures that `tripwatt.report.schematics` draws, under the same kind of name."""
+
+VARIABLES: Final = (
+    ("Time", "`time_s` [s]"),
+    ("Trip.id", "`Trip.trip_id`, the cluster and no input"),
+    ("Seasonality", "`Trip.context.season`"),
+    ("Weather", "`Trip.context.weather`"),
+    ("Velocity", "`speed_m_s` [m/s]"),
+    ("Elevation", "`elevation_m` [m]; the correctors read its difference to the start of the trip"),
+    ("Battery temperature", "`battery_temperature_degc` [°C]"),
+    ("Requested heating power", "`requested_heating_power_w` [W]"),
+    ("Air conditioner power", "`aircon_power_w` [W]"),
+    ("Ambient temperature", "`ambient_temperature_degc` [°C]"),
+    ("Battery current", "`current_a` [A], + discharges (in the files a discharge is negative)"),
+    ("Battery voltage", "`voltage_v` [V]"),
+)
+"""The paper's Table 1, and where each variable is here."""
+
+PAPER_TRIP_DF: Final = 57
+"""Reference df of s(Trip.id) in the paper's Table 2."""
+
+PAPER_WEATHERS: Final = 6
+"""Weather coefficients with a standard error in the paper's Table 2; two more are 0.00 (0.00)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Element:
+    """Something that the paper shows or states.
+
+    Attributes
+    ----------
+    key : str
+        Anchor on the page.
+    paper : str
+        What and where in the paper.
+    ours : str
+        What stands for it here.
+    difference : callable
+        Sentence from the results.
+    content : callable
+        Text below the heading, from the results and the transfer runs.
+    """
+
+    key: str
+    paper: str
+    ours: str
+    difference: Callable[[View], str]
+    content: Callable[[View, Transfers], str]
+
+
+def _same(text: str) -> Callable[[View], str]:
+    return lambda view: text
+
+
+def _image(name: str, alt: str, text: str = "") -> Callable[[View, Transfers], str]:
+    shown = f"![{alt}](images/paper-{name}.png)"
+    return lambda view, transfers: "\n\n".join(filter(None, [shown, text]))
+
+
+def _score(view: View, name: str) -> Record:
+    return paper_studies.study_scores(view).get(name) or view.scores.get(name) or {}
+
+
+def _beside(view: View, name: str) -> str:
+    """Our mean error beside the paper's."""
+    ours, paper = _score(view, name).get("mape"), view.published.get(name)
+    if ours is None or paper is None:
+        return "not in this run"
+    return f"{percent(ours)} here, {percent(paper)} in the paper ({points(ours - paper)})"
+
+
+def _table1(view: View, transfers: Transfers) -> str:
+    return markdown(Table("Variables", ("The paper", "Here"), VARIABLES, frozenset({0, 1})))
+
+
+def table2_row(record: Record) -> tuple[str, str]:
+    """Name of a term and its two numbers as the paper prints them.
+
+    Examples
+    --------
+    >>> table2_row({"term": "weatherdark", "estimate": 1.0, "std_error": 2.0, "p_value": 0.04})
+    ('weather: dark', '1.00 (2.00)*')
+    >>> table2_row({"term": "s(time_s):seasonwinter", "edf": 4.3, "ref_df": 4.8, "p_value": 0.0})
+    ('s(time):winter', '4.30 (4.80)***')
+    """
+    term = str(record["term"])
+    name = f"weather: {term.removeprefix('weather')}" if term.startswith("weather") else term_in_words(term)
+    first, second = (record[k] for k in (("edf", "ref_df") if "edf" in record else ("estimate", "std_error")))
+    p = record["p_value"]
+    stars = "" if p is None else "*" * sum(p < bound for bound in (0.05, 0.01, 0.001))
+    return name, f"{number(first)}\u00a0({number(second)}){stars}"
+
+
+def on_trip_df(view: View) -> str:
+    """How many trips the paper's Table 2 was fitted on, from the reference df of its random effect."""
+    own = {table2_row(record)[0]: record for record in view.results.get("table2") or ()}
+    trips = own.get("s(trip)")
+    fitted = PAPER_TRIP_DF + 1 + PAPER_WEATHERS
+    text = (
+        "mgcv's reference df of a random effect is the number of its levels less the number of columns that are constant within a "
+        f"level. With the intercept and {PAPER_WEATHERS} weather coefficients, the {PAPER_TRIP_DF} of the paper's s(Trip.id) are "
+        f"those of {fitted} trips, not of {PAPER_TRIPS}. Its weathers rainy and dark, little rainy have no estimate: none of the "
+        "trips with them (TripA15, TripA16, TripB02 of the data set's sheet) was in the fit. All eight weathers of the sheet are "
+        "printed, so its reference is a ninth one, which the sheet does not have."
+    )
+    if trips is None:
+        return text
+    weathers = sum(name.startswith("weather: ") for name in own)
+    known = sum(1 for name, r in own.items() if name.startswith("weather: ") and r["std_error"] > 0)
+    return (
+        f"{text} Here {view.main.get('n_trips')} trips, an intercept and {known} of {weathers} weather coefficients with data leave "
+        f"{number(trips['ref_df'], 1.0, 0)}."
+    )
+
+
+def _table2(view: View, transfers: Transfers) -> str:
+    found = dict(table2_row(record) for record in view.results.get("table2") or ())
+    if not found:
+        return "The GAMM was not among the models of the run."
+    names = [*PAPER_TABLE2, *(name for name in found if name not in PAPER_TABLE2)]
+    rows = tuple((name, found.get(name, DASH), PAPER_TABLE2.get(name, DASH)) for name in names)
+    caption = "Estimate (standard error) in Wh, EDF (reference df) of a smooth; *** p < 0.001, ** p < 0.01, * p < 0.05"
+    table = Table(caption, ("Term", "Here", "The paper"), rows)
+    why = (
+        "The terms are those of the paper. Season is an ordered factor, so its smooths are centred differences of winter from "
+        "summer; with a number 0/1 the smooth would not be centred and could not have the EDF 1.00 (1.00) that the paper prints. "
+        "The estimates differ because they explain what another simulation leaves, on other trips. The surface has more degrees "
+        "of freedom here: with errors taken for independent it serves as a second trip effect (see the errors of the GAMM below)."
+    )
+    return "\n\n".join([markdown(table), why, on_trip_df(view)])
+
+
+def _panel(spec: PanelSpec) -> Callable[[View, Transfers], str]:
+    def shown(view: View, transfers: Transfers) -> str:
+        found = spec.content(view)
+        assert found is not None
+        return "\n\n".join([found.sentence, *(markdown(table) for table in found.tables)])
+
+    return shown
+
+
+def _table3(view: View, transfers: Transfers) -> str:
+    return "\n\n".join([markdown(results_table(view, view.main)), on_physics_gap(view)])
+
+
+def _times(view: View, transfers: Transfers) -> str:
+    said = [f"{label(name)}: {words}." for name, words in PAPER_SAYS.items()]
+    return "\n\n".join(
+        [f"The paper prints no time. Its words on the {' '.join(said)}", markdown(running_time_table(view))]
+    )
+
+
+def _trips(view: View, transfers: Transfers) -> str:
+    found = (view.results.get("studies") or {}).get("trips_needed")
+    if not found:
+        return paper_studies.ABSENT
+    rows = tuple(
+        (str(row["n_trips"]), *(number(row[name], 100, 1) for name in CURVE_MODELS)) for row in found["curve"]
+    )
+    table = Table("Mean error [%]", ("Training trips", *map(label, CURVE_MODELS)), rows)
+    image = "![Mean error against the number of training trips](images/paper-trips-needed.png)"
+    return "\n\n".join([paper_studies.on_trips_needed(found), image, markdown(table)])
+
+
+def scored_cars(transfers: Transfers) -> list[tuple[str, str, Record, str]]:
+    """From, to, the scores of the models, and the best own model, for each car that has own models."""
+    found = []
+    for run in transfers:
+        for car in run["cars"]:
+            models = car["models"]
+            own = [name for name in models if name.startswith("own-")]
+            if own:
+                best = min(own, key=lambda name: float(models[name]["error"]))
+                title = str(run["to"]["vehicle_title"])
+                found.append((str(run["from"]["vehicle_title"]), title, models, best))
+    return found
+
+
+def transfer_table(transfers: Transfers) -> Table:
+    """Error on the other car of its physics, of the transferred model without its trips, and of its best own model."""
+    rows = []
+    for start, end, models, best in scored_cars(transfers):
+        cells = [
+            f"{number(models[name]['error'], 100, 1)}\u00a0({span(models[name]['error_ci95'])})"
+            for name in ("physics", "zero-shot", best)
+        ]
+        rows.append((f"{start} → {end}", *cells))
+    columns = ("From → to", "Physics alone [%]", "Transferred, no own trip [%]", "Best own model [%]")
+    return Table("Error on the second car, with its 95 % interval", columns, tuple(rows))
+
+
+def on_transfer(transfers: Transfers) -> str:
+    """Whether a transferred model is as accurate as one of the car's own trips."""
+    kept: list[str] = []
+    lost: list[str] = []
+    for _, end, models, best in scored_cars(transfers):
+        worse = float(models["zero-shot"]["error"]) > float(models[best]["error"])
+        (lost if worse else kept).append(end)
+    parts = []
+    if kept:
+        parts.append(f"for {listed(kept)} the transferred model is no worse than the best own one")
+    if lost:
+        parts.append(f"for {listed(lost)} the best own model has a lower error")
+    said = "; ".join(parts)
+    return f"{said[:1].upper()}{said[1:]}." if said else "No transfer was measured."
+
+
+def _transfer(view: View, transfers: Transfers) -> str:
+    if not transfers:
+        return "No transfer was measured."
+    more = "[Transfer to another car](transfer.md) has every model, the learning curves and the reasons."
+    return "\n\n".join([on_transfer(transfers), markdown(transfer_table(transfers)), more])
+
+
+def _improved(view: View) -> str:
+    scores = paper_studies.study_scores(view)
+    names = [n for n in paper_studies.CORRECTORS if f"{n}-brochure" in scores and n in scores]
+    if not names:
+        return "not in this run"
+    now = [percent(scores[n]["improved_share"], 0) for n in names]
+    then = [percent(scores[f"{n}-brochure"]["improved_share"], 0) for n in names]
+    return f"{listed(then)} of the trips on the nearest form of the simulation, {listed(now)} on the table's; the paper: {PAPER_IMPROVED}"
+
+
+def _needed(view: View) -> str:
+    found = (view.results.get("studies") or {}).get("trips_needed") or {}
+    if found.get("crossing") is None:
+        return "not in this run"
+    most = found["curve"][-1]["n_trips"]
+    return f"{found['crossing']:.1f} trips reach what the data-driven model has with {most}; the paper gives no figure"
+
+
+def _physics(view: View) -> str:
+    scores, paper = paper_studies.study_scores(view), view.published.get(SIMULATION)
+    nearest = str((view.results.get("studies") or {}).get("nearest"))
+    if paper is None or nearest not in scores:
+        return _beside(view, SIMULATION)
+    return f"{_beside(view, SIMULATION)}; {percent(scores[nearest]['mape'])} with published values and without auxiliaries"
+
+
+def _chosen(name: str, base: str) -> Callable[[View], str]:
+    def said(view: View) -> str:
+        ours, paper = _score(view, name).get("mape"), view.published.get(base)
+        if ours is None or paper is None:
+            return "not in this run"
+        return f"{percent(ours)} when chosen inside the fold, {percent(paper)} in the paper"
+
+    return said
+
+
+_EQUATIONS = """\
+| The paper | Here |
+|:--|:--|
+| (1) absolute percentage error of the cumulative energy at the end of the trip | `tripwatt.evaluation.metrics.absolute_percentage_error` |
+| (2) GAMM: sum of smooths and random effects | [the engine](gam.md), `tripwatt.gam.GAMM` |
+| (3) density of Student's t | `tripwatt.gam.ScaledT`, ν and σ estimated, ν at least 3 |
+| (4) F(k+1) = F(k) + T(k+1), boosting rounds chosen by leaving subjects out | `tripwatt.learners.boosting.ClusteredBoosting` |
+| steps 1 to 4: simulate, take the residual, learn it, add it | `tripwatt.paper.HybridModel` |"""
+
+
+ELEMENTS: Final = (
+    Element(
+        "figure-1",
+        "Figure 1: schematic of the simulation",
+        "redrawn from the code",
+        _same("none in structure; the values are named here"),
+        _image(
+            "simulation",
+            "From time, speed and grade over road load and drivetrain to battery and energy",
+            "Drawn by `tripwatt.report.schematics` from the car under the preset `paper`; every value has its source in [the "
+            "car model](model.md).",
+        ),
+    ),
+    Element(
+        "figure-2",
+        "Figure 2: prediction for a trip",
+        "redrawn from the code",
+        _same("none"),
+        _image("hybrid", "Simulated energy plus the correction of a learner gives the energy of the trip"),
+    ),
+    Element(
+        "table-1",
+        "Table 1: variables of the data set",
+        "columns and context of a trip",
+        _same("units are SI; the signs are stated"),
+        _table1,
+    ),
+    Element(
+        "equations",
+        "Equations 1 to 4 and the four steps",
+        "classes and functions",
+        _same("none"),
+        lambda view, transfers: _EQUATIONS,
+    ),
+    Element(
+        "figure-3",
+        "Figure 3: diagnosis of the GAMM",
+        "the same four plots",
+        _same("ν is at its bound of 3, as in mgcv's fits"),
+        _image("gamm-diagnosis", "Q-Q plot against the fitted t, residuals, histogram, response and fitted"),
+    ),
+    Element(
+        "figure-4",
+        "Figure 4: smooths and random effects",
+        "smooths, surface and random effects",
+        _same("a smooth whose band is wider than the data is named in place of its curve"),
+        lambda view, transfers: "\n\n".join(
+            f"![{alt}](images/paper-{name}.png)"
+            for name, alt in (
+                ("gamm-smooths", "Smooths of time, ambient temperature, speed and elevation difference"),
+                ("gamm-surface", "Surface of ambient temperature and elevation difference"),
+                ("gamm-random", "Effects of trips against Gaussian quantiles"),
+            )
+        ),
+    ),
+    Element(
+        "table-2",
+        "Table 2: summary of the GAMM",
+        "the same terms, estimate by estimate",
+        _same(
+            "s(ambient):winter has EDF 1.00 (1.00) in both; other terms explain another simulation's residual"
+        ),
+        _table2,
+    ),
+    Element(
+        "figures-5-to-7",
+        "Figures 5, 6 and 7: error distributions of GAMM, forest and boosting",
+        "one figure with every model",
+        lambda view: "; ".join(f"{label(n)} {_beside(view, n)}" for n in paper_studies.CORRECTORS),
+        _image("error-distribution", "Distribution of the errors of every model over the held-out trips"),
+    ),
+    Element(
+        "figure-8",
+        "Figure 8: box plots of the models",
+        "box plots of every model",
+        lambda view: f"physics: {_beside(view, SIMULATION)}",
+        _image("error-boxes", "Box plots of the errors"),
+    ),
+    Element(
+        "table-3",
+        "Table 3: average errors",
+        "the main table of the protocol",
+        lambda view: "; ".join(
+            f"{label(n)} {_beside(view, n)}" for n in (SIMULATION, *paper_studies.CORRECTORS)
+        ),
+        _table3,
+    ),
+    Element(
+        "physics",
+        "Table 3, row Purely Physics-based model: 0.379",
+        "forms of the simulation with published values",
+        _physics,
+        _panel(paper_studies.simulation_forms),
+    ),
+    Element(
+        "gamm",
+        "Table 3, row GAMM with Student's t family: 0.115",
+        "errors of the GAMM",
+        _chosen("gamm-chosen", "gamm"),
+        _panel(paper_studies.gamm_errors),
+    ),
+    Element(
+        "boosting",
+        "Table 3, row Boosting: 0.103, as a GEE",
+        "working correlations",
+        _chosen("boosting-chosen", "boosting"),
+        _panel(paper_studies.working_correlations),
+    ),
+    Element(
+        "figure-9",
+        "Figure 9: physics, data-driven and hybrid",
+        "the same three box plots",
+        lambda view: (
+            f"largest error of the data-driven model {percent(_score(view, 'boosting-only').get('max_ape'), 0)} here, almost 80 % in the paper"
+        ),
+        _image("benchmark-boxes", "Box plots of physics, hybrid and data-driven boosting"),
+    ),
+    Element(
+        "improved",
+        "Claim: over 90 % of the trips are improved",
+        "share of trips, on two simulations",
+        _improved,
+        lambda view, transfers: markdown(paper_studies.improved_table(view)),
+    ),
+    Element("less-data", "Claim: less data than purely data-driven", "learning curve", _needed, _trips),
+    Element(
+        "times",
+        "Claim: the GAMM runs longest",
+        "times of one fit and of one prediction",
+        lambda view: "confirmed" if _longest(view) == "gamm" else f"not so here: {label(_longest(view))}",
+        _times,
+    ),
+    Element(
+        "transfer",
+        "Claim: another vehicle without sacrificing the accuracy",
+        "transfer in both directions between two cars",
+        _same("measured, see there"),
+        _transfer,
+    ),
+    Element(
+        "trips",
+        f"Data: {PAPER_TRIPS} trips",
+        "58 reference trips, of 70 of the published data set",
+        lambda view: f"{view.main.get('n_trips')} trips scored here",
+        lambda view, transfers: (
+            "The data set that was published has 70 trips; the paper scores 72 and names none. The reference trips are the sound "
+            "ones of those on which the other systems of the comparison were measured. The reader takes all 70 files; "
+            "[other sets of trips](results.md) show how little the errors depend on the choice. "
+            + on_trip_df(view)
+        ),
+    ),
+)
+"""Everything that the paper shows or states, in its order."""
+
+
+def _longest(view: View) -> str:
+    names = [n for n in paper_studies.CORRECTORS if n in view.scores]
+    return max(names, key=lambda n: float(view.scores[n]["fit_s"]), default="gamm")
+
+
+def render_paper_page(results: Mapping[str, Any], transfers: Transfers = ()) -> str:
+    """The list of all elements with links, and a section for each.
+
+    Parameters
+    ----------
+    results : mapping
+        `results.json` of the protocol `paper`.
+    transfers : sequence of mapping
+        `results.json` of transfer runs.
+    """
+    view = View(results)
+    rows = [
+        "| In the paper | Here | Difference |",
+        "|:--|:--|:--|",
+        *(
+            f"| {e.paper} | [{e.ours}](#{e.key}) | {e.difference(view).replace('|', chr(92) + '|')} |"
+            for e in ELEMENTS
+        ),
+    ]
+    sections = [f'<a id="{e.key}"></a>\n\n## {e.paper}\n\n{e.content(view, transfers)}' for e in ELEMENTS]
+    origin = (
+        f"Protocol `{results.get('protocol', '?')}`, seed {results.get('seed', '?')}, {view.note}; written from `results.json` by "
+        "`tripwatt.report.update_paper_page`."
+    )
+    return "\n\n".join(["\n".join(rows), *sections, origin])
