@@ -1,26 +1,23 @@
-"""What the error of the paper's GAMM depends on: `python -m benchmarks.gamm_choices [--write]`.
+"""What the error of the paper's GAMM depends on: `python -m benchmarks.gamm_choices`.
 
 Leave-one-trip-out on the 58 reference trips, one setting changed at a time. The table of the protocol `paper` has Table 2 with
-Student's t errors on rows a minute apart. With `--write` the table of docs/paper.md is renewed.
+Student's t errors on rows a minute apart. Prints a Markdown table.
 """
 
 from __future__ import annotations
 
-import argparse
-import re
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from benchmarks.measure import ROOT, tum_folder
+from benchmarks.measure import tum_folder
 from tripwatt.evaluation.metrics import summarise_errors
 from tripwatt.hybrid import build_table
 from tripwatt.paper import TABLE2, correctors
 from tripwatt.sources import read_logs
 from tripwatt.vehicles import load_vehicle
 
-PLACE = re.compile(r"(<!-- gamm-choices -->\n).*?(<!-- end of gamm-choices -->)", re.S)
 SURFACE = next(term for term in TABLE2 if "k=30" in term)
 AMBIENT = "s(ambient_temperature_degc)"
 
@@ -47,37 +44,27 @@ CHOICES: Mapping[str, dict[str, Any]] = {
 }
 
 
-def measure() -> str:
-    """The table as Markdown."""
+def measure() -> None:
+    """Print the table as Markdown, a row as soon as it is measured."""
     folder = tum_folder()
     if folder is None:
         raise SystemExit("the TUM trips are not at hand: set TRIPWATT_DATA")
     trips = read_logs(folder, "tum").reference_trips()
     table = build_table(trips, {correctors.SIMULATION: load_vehicle("bmw_i3_60ah", "paper")})
     observed = table.observed_wh[table.last_rows]
-    lines = [
-        "| choice | mean error [%] | 95 % interval | median [%] | largest [%] |",
-        "|:--|--:|--:|--:|--:|",
-    ]
+    print("| choice | mean error [%] | 95 % interval | median [%] | largest [%] |")
+    print("|:--|--:|--:|--:|--:|", flush=True)
     for name, settings in CHOICES.items():
         model = correctors.gamm(**settings)
         energy = model.predict_held_out(table, np.arange(len(table)))[table.last_rows]
         found = summarise_errors(observed, energy, 0)
         low, high = found.mape_ci95
-        lines.append(
+        print(
             f"| {name} | {100 * found.mape:.1f} | {100 * low:.1f} to {100 * high:.1f} | {100 * found.median_ape:.1f} "
-            f"| {100 * found.max_ape:.1f} |"
+            f"| {100 * found.max_ape:.1f} |",
+            flush=True,
         )
-        print(lines[-1], flush=True)
-    return "\n".join(lines)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--write", action="store_true", help="renew the table of docs/paper.md")
-    wanted = parser.parse_args()
-    made = measure()
-    if wanted.write:
-        page = ROOT / "docs" / "paper.md"
-        text = page.read_text(encoding="utf-8")
-        page.write_text(PLACE.sub(lambda hit: f"{hit[1]}{made}\n{hit[2]}", text), encoding="utf-8")
+    measure()

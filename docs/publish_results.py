@@ -9,9 +9,10 @@ writes, serves as well.
 from __future__ import annotations
 
 import json
-import shutil
 import sys
 from pathlib import Path
+
+from PIL import Image
 
 from tripwatt.report import update_paper_page, update_readme, update_results_page
 from tripwatt.report.paper_page import FIGURES
@@ -47,7 +48,10 @@ def publish(
         for name in FIGURES:
             drawn = out / "figures" / f"{name}.png"
             if drawn.is_file():
-                shutil.copyfile(drawn, page.with_name("images") / f"paper-{name}.png")
+                with Image.open(drawn) as image:  # 64 colours are enough, and a third of the size
+                    image.convert("RGB").quantize(64).save(
+                        page.with_name("images") / f"paper-{name}.png", optimize=True
+                    )
     copy = results_folder / f"{results['protocol']}.json"
     copy.parent.mkdir(parents=True, exist_ok=True)
     copy.write_text(json.dumps(results, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
