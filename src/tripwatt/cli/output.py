@@ -28,7 +28,7 @@ def check_writable(out: Path) -> None:
     if out.is_symlink() and not out.exists():
         got = f"{out} -> {os.readlink(out)}"
         raise InvalidInput(Fault("output is a link to nothing", "--out", got, "a new or existing folder"))
-    if out.absolute() == Path(out.absolute().anchor):
+    if out.resolve() == Path(out.absolute().anchor):
         raise InvalidInput(Fault("output is the root folder", "--out", str(out), "a new or existing folder"))
     if out.exists() and not out.is_dir():
         raise InvalidInput(Fault("output is not a folder", "--out", str(out), "a new or existing folder"))

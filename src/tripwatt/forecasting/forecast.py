@@ -278,9 +278,9 @@ class Forecast:
         place of that of the links, which it contains.
         """
         link_m = self.plan.link_m
-        if link_m is None:
-            return self
         flags = [*self.flags, *self.plan.flags]
+        if link_m is None:
+            return replace(self, flags=tuple(dict.fromkeys(flags)))
         route_sd_wh = 0.0
         if route is None:
             flags.append(Flag("route_error_unknown", "links"))

@@ -155,7 +155,7 @@ def model_of_parts(parts: Mapping[str, Part]) -> ForecastModel:
             trip_ids_=tuple(values["trip_ids"]),
             donor_=_donor_of_part(values["elsewhere"], parts) if "elsewhere" in values else None,
         )
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError, RecursionError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
         got = f"{type(error).__name__}: {error}"[:200]
         fix = "fit the model again with this version of tripwatt"
         raise InvalidInput(Fault("parts do not make a forecast model", "model", got, "", fix)) from error

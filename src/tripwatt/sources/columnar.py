@@ -107,9 +107,9 @@ class ParquetTable:
         try:
             # text stays a dictionary, so that a long text in every row is held once
             table = self.file.read(columns=[name], use_threads=False)
-        except (OSError, ValueError, pa.ArrowException) as error:
+            return pd.Series(table.replace_schema_metadata().to_pandas()[name])
+        except (OSError, ValueError, LookupError, TypeError, pa.ArrowException) as error:
             raise InvalidInput(_unreadable(self.path, error)) from error
-        return pd.Series(table.to_pandas().reset_index(drop=True)[name])
 
     @property
     def _leaves(self) -> list[str]:

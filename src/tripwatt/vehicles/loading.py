@@ -13,6 +13,7 @@ import difflib
 import itertools
 import math
 import re
+import sys
 import tomllib
 import types
 import unicodedata
@@ -471,7 +472,7 @@ def _as_value(raw: object) -> Value:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def _value_faults(field: dataclasses.Field[Any], value: object, place: str) -> Iterator[Fault]:

@@ -1,0 +1,144 @@
+"""Hostile inputs, clients and moments: `python -m benchmarks.hostile [--mutants N] [--models N] [--kills N] [--seconds S]`.
+
+Mutants of every input of `tests.support.hostile_files`, every attack of `tests.support.service_attacks` while another client
+asks, kills of every command that writes, and kills of workers under load.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import orjson
+from tests.support.hostile_files import TARGETS, forged_models, fuzz
+from tests.support.service_attacks import ATTACKS, FORECAST, attacking, seen_by_another
+from tests.support.service_process import serving, wait_for
+from tests.support.writers import WRITERS, killed_at_random
+
+from benchmarks.measure import Row
+
+MUTANTS: Final = 4600
+MODELS: Final = 500
+KILLS: Final = 200
+SECONDS: Final = 15.0
+
+MUTANTS_WRONG: Final = "mutants of every input: tracebacks, hangs and absurd results"
+MUTANTS_NUMBER: Final = "mutants of every input"
+MEMORY: Final = "largest memory of the process that reads the mutants"
+MEDIAN: Final = "under each attack, /healthz of another client: largest median"
+P99: Final = "under each attack, /healthz of another client: largest p99"
+FORECASTS: Final = "under each attack, a forecast of another client: longest"
+REFUSED: Final = "under each attack, requests of another client without an answer"
+AFTER: Final = "memory of the service a minute after the attacks over that before, less 1"
+WRITES: Final = (
+    "kills of commands that write: outputs that are neither old nor new, or a later run that fails"
+)
+WORKERS: Final = "32 kills of workers in 45 s: status 500, and requests that need more than one retry"
+
+
+def inputs(mutants: int, models: int) -> Iterator[Row]:
+    """Mutants of every input, and forged models."""
+    found = {name: fuzz(name, mutants) for name in TARGETS}
+    found["models"] = forged_models(models)
+    for name, one in found.items():
+        print(
+            f"{name}: {one.mutants} mutants, {one.read} read, slowest {one.slowest_s:.2f} s", file=sys.stderr
+        )
+        print(*one.wrong[:5], sep="\n", end="\n" if one.wrong else "", file=sys.stderr)
+    yield Row(MUTANTS_NUMBER, float(sum(one.mutants for one in found.values())), "")
+    yield Row(MUTANTS_WRONG, float(sum(len(one.wrong) for one in found.values())), "")
+    yield Row(MEMORY, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6, "GB")
+
+
+def attacks(seconds: float, rest_s: float = 60.0) -> Iterator[Row]:
+    """What another client sees under each attack."""
+    with tempfile.TemporaryDirectory() as folder, serving(Path(folder), "--workers", "2") as service:
+        seen_by_another(service, 2.0)
+        before = service.resident_bytes()
+        found = {}
+        for name in ATTACKS:
+            with attacking(name, service.port):
+                found[name] = seen_by_another(service, seconds)
+            one = found[name]
+            print(
+                f"{name}: {len(one.health_s)} answers, median {1e3 * one.median_s:.0f} ms, p99 "
+                f"{1e3 * one.quantile_s(0.99):.0f} ms, forecast {1e3 * max(one.forecast_s):.0f} ms, {one.wrong[:2]}",
+                file=sys.stderr,
+            )
+        time.sleep(rest_s)
+        after = service.resident_bytes()
+    yield Row(MEDIAN, 1e3 * max(one.median_s for one in found.values()), "ms")
+    yield Row(P99, 1e3 * max(one.quantile_s(0.99) for one in found.values()), "ms")
+    yield Row(FORECASTS, max(max(one.forecast_s) for one in found.values()), "s")
+    yield Row(REFUSED, float(sum(len(one.wrong) for one in found.values())), "")
+    yield Row(AFTER, after / before - 1.0, "")
+
+
+def writers(kills: int) -> Iterator[Row]:
+    """Kills of every command that writes, at seeded moments."""
+    wrong = [fault for name in WRITERS for fault in killed_at_random(name, kills)]
+    print(*wrong[:5], sep="\n", end="\n" if wrong else "", file=sys.stderr)
+    yield Row(WRITES, float(len(wrong)), "")
+
+
+def workers(kills: int = 32, seconds: float = 45.0) -> Iterator[Row]:
+    """Kill workers under load; a client repeats a request that gets 503 or 504 once."""
+    import os
+    import signal
+
+    bad = 0
+    with tempfile.TemporaryDirectory() as folder, serving(Path(folder), "--workers", "2") as service:
+        request, headers = FORECAST, {"Content-Type": "application/json"}
+        started, killed = time.monotonic(), 0
+        while time.monotonic() - started < seconds:
+            if killed < kills and time.monotonic() - started > killed * seconds / kills and service.workers():
+                os.kill(service.workers()[killed % len(service.workers())], signal.SIGKILL)
+                killed += 1
+            for attempt in range(2):
+                answer = service.client.post("/v1/forecast", content=request, headers=headers)
+                if answer.status_code == 200:
+                    break
+                bad += answer.status_code == 500 or attempt == 1
+                time.sleep(float(answer.headers.get("Retry-After", "0")))
+        wait_for(lambda: orjson.loads(service.client.get("/healthz").content)["workers"] == 2)
+    print(f"{killed} kills", file=sys.stderr)
+    yield Row(WORKERS, float(bad), "")
+
+
+def rows(mutants: int, models: int, kills: int, seconds: float) -> Iterator[Row]:
+    """All rows."""
+    yield from inputs(mutants, models)
+    yield from attacks(seconds)
+    yield from writers(kills)
+    yield from workers()
+
+
+def main() -> None:
+    """Print the rows."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--mutants", type=int, default=MUTANTS)
+    parser.add_argument("--models", type=int, default=MODELS)
+    parser.add_argument("--kills", type=int, default=KILLS)
+    parser.add_argument("--seconds", type=float, default=SECONDS)
+    parser.add_argument("--only", choices=("inputs", "attacks", "writers", "workers"))
+    given = parser.parse_args()
+    parts = {
+        "inputs": lambda: inputs(given.mutants, given.models),
+        "attacks": lambda: attacks(given.seconds),
+        "writers": lambda: writers(given.kills),
+        "workers": workers,
+    }
+    for name, part in parts.items():
+        if given.only in (None, name):
+            for row in part():
+                print(f"{row.name}: {row.value:.4g} {row.unit}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,334 @@
+"""Bombs, endless names and forged models: bounded before they cost anything."""
+
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from tests.support.hostile_files import TARGETS, forged_models, fuzz
+from tests.support.writers import WRITERS, killed_at_random
+
+import tripwatt as tw
+from tripwatt import modelfile
+from tripwatt.errors import Fault, InvalidInput, first_faults
+from tripwatt.forecasting import load_model
+from tripwatt.forecasting.storage import model_folder
+from tripwatt.learners.treetable import TreeTable
+from tripwatt.modelfile import read_model, write_model
+from tripwatt.routes import parse_route
+from tripwatt.sources.canonical import canonical_of_text, canonical_samples, read_canonical
+from tripwatt.sources.columnar import open_table
+from tripwatt.sources.tum_overview import read_overview
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_mutants_of_every_input_are_read_or_refused(name: str) -> None:
+    found = fuzz(name, 25, seed=3)
+    assert found.wrong == []
+    assert found.mutants == 25
+
+
+def test_every_target_reads_its_examples(tmp_path: Path) -> None:
+    for name, target in TARGETS.items():
+        for example in target.examples():
+            target.read(example, tmp_path)
+        assert target.examples(), name
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_forged_models_are_refused_or_forecast() -> None:
+    found = forged_models(8, seed=5)
+    assert found.wrong == []
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_killed_writer_leaves_the_old_or_the_new(name: str) -> None:
+    assert list(killed_at_random(name, 8, seed=1)) == []
+
+
+# --- bombs
+
+
+def test_a_long_header_and_many_columns_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInput, match="header too long: .*got a first line of 1000001 bytes"):
+        canonical_of_text(b"," * 1_000_001 + b"\n1\n")
+    with pytest.raises(InvalidInput, match="too many columns: .*got 10001 columns; allowed: at most 10000"):
+        canonical_of_text(b"," * 10_000 + b"\n1\n")
+    with pytest.raises(InvalidInput, match="unknown column"):
+        canonical_of_text(b"a," * 9_999 + b"b\n1\n")
+
+
+def bomb(path: Path, rows: int, columns: int = 1) -> Path:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    zeros = np.zeros(rows)
+    pq.write_table(pa.table({f"c{k}": zeros for k in range(columns)}), path, compression="zstd")
+    return path
+
+
+def test_a_parquet_file_is_measured_before_it_is_read(tmp_path: Path) -> None:
+    place = bomb(tmp_path / "rows.parquet", 3_000_000)
+    assert place.stat().st_size < 100_000
+    with pytest.raises(
+        InvalidInput, match=r"Parquet file too large: .*got 3000000 rows of 1 columns in \d+ bytes"
+    ):
+        read_canonical(place)
+    assert len(open_table(bomb(tmp_path / "few.parquet", 500_000)).numbers(["c0"])[0]) == 500_000
+    with pytest.raises(InvalidInput, match="too large.*got 500001 rows"):
+        open_table(bomb(tmp_path / "more.parquet", 500_001))
+
+
+def test_a_column_of_long_texts_is_measured_before_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from tripwatt.sources import columnar
+
+    pd.DataFrame({"t": ["x" * 1000] * 50, "v": 1.0}).to_parquet(tmp_path / "a.parquet")
+    table = open_table(tmp_path / "a.parquet")
+    assert table.texts("t") == ["x" * 1000] * 50
+    monkeypatch.setattr(columnar, "MOST_CONTENT_BYTES", 900)
+    with pytest.raises(InvalidInput, match=r"column too large: .*'t': got \d+ bytes when inflated"):
+        table.texts("t")
+    assert table.numbers(["v"])[0].sum() == 50.0
+
+
+def test_a_sheet_is_measured_before_it_is_inflated(tmp_path: Path) -> None:
+    place = tmp_path / "Overview.xlsx"
+    with zipfile.ZipFile(place, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("xl/worksheets/sheet1.xml", b" " * 70_000_000)
+    assert place.stat().st_size < 100_000
+    with pytest.raises(InvalidInput, match="archive too large: .*got 70000000 bytes when inflated"):
+        read_overview(place, [])
+
+
+def test_a_part_of_a_model_is_measured_before_it_is_inflated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_model(tmp_path / "m", {}, {"a.npz": {"x": np.zeros(100_000)}})
+    assert (tmp_path / "m" / "a.npz").stat().st_size < 10_000
+    monkeypatch.setattr(modelfile, "MOST_PART_BYTES", 700_000)
+    with pytest.raises(InvalidInput, match="archive too large"):
+        read_model(tmp_path / "m")
+
+
+# --- many faults
+
+
+def test_unknown_names_cost_a_time_that_grows_with_their_number() -> None:
+    names = {f"speed_{k}": np.zeros(3) for k in range(20_000)}
+    started = time.process_time()
+    with pytest.raises(InvalidInput) as caught:
+        canonical_samples(names)
+    assert time.process_time() - started < 2.0, "32,000 names took 13.5 s"
+    faults = caught.value.faults
+    unknown = [fault for fault in faults if fault.what == "unknown column or unit"]
+    assert len(unknown) == 51
+    assert unknown[-1].got == "19950 more"
+    assert sum("did you mean" in fault.fix for fault in unknown) == 10
+    header = ",".join(f"speed_{k}" for k in range(9_000)).encode()
+    started = time.process_time()
+    with pytest.raises(InvalidInput) as caught:
+        parse_route(b"length_m," + header + b"\n1\n")
+    assert time.process_time() - started < 2.0
+    assert [f.got for f in caught.value.faults if "more" in f.got] == ["8950 more"]
+    with pytest.raises(InvalidInput) as caught:
+        parse_route(
+            json.dumps([{"length_m": 1, "speed_m_s": 1, **{f"k{k}": 1 for k in range(5_000)}}]).encode()
+        )
+    assert len(caught.value.faults) == 51
+    assert caught.value.faults[-1] == Fault("further faults", "links", "1 more")
+
+
+def test_duplicate_names_are_counted_once_each() -> None:
+    with pytest.raises(InvalidInput) as caught:
+        canonical_of_text(b"time_s,speed_m_s,time_s,time_s\n0,0,0,0\n")
+    twice = [f for f in caught.value.faults if f.what == "duplicate column"]
+    assert [(f.where, f.got) for f in twice] == [("table, column 'time_s'", "3 times")]
+
+
+def test_faults_are_capped_with_their_number() -> None:
+    faults = [Fault("a", str(k)) for k in range(51)]
+    assert first_faults(faults[:50], "x") == faults[:50]
+    assert first_faults(faults, "x") == [*faults[:50], Fault("further faults", "x", "1 more")]
+
+
+@pytest.mark.parametrize("text", [b'[{"length_m": %s}]', b"[%s]", b'{"links": [%s]}', b'{"code": %s}'])
+def test_deeply_nested_values_are_faults(text: bytes) -> None:
+    for depth in (900, 3000):
+        with pytest.raises(InvalidInput):
+            parse_route(text % (b"[" * depth + b"]" * depth))
+
+
+def test_no_input_steers_a_terminal() -> None:
+    with pytest.raises(InvalidInput) as caught:
+        canonical_of_text(b"time_s,\x1b[2J\x1b]0;owned\x07\n0,0\n")
+    assert str(caught.value).isprintable() or "\x1b" not in str(caught.value)
+    assert "\\x1b[2J" in str(caught.value)
+    assert "\n" not in str(Fault("a", "b\nerror: faked", "c\r", "d\u202e"))
+    assert len(str(Fault("a", "b" * 5000))) == 2003
+
+
+# --- models whose digests were computed again
+
+
+def trees(**changed) -> dict:
+    arrays = {
+        "split_feature": np.zeros((2, 2), dtype=np.int64),
+        "threshold": np.zeros((2, 2)),
+        "decision": np.zeros((2, 2), dtype=np.int64),
+        "left": np.array([[1, -1], [1, -1]]),
+        "right": np.array([[-3, -2], [-3, -2]]),
+        "leaf_value": np.arange(6.0).reshape(2, 3),
+    }
+    return {name: values for name, values in (arrays | changed).items() if values is not None}
+
+
+def test_sound_trees_are_read() -> None:
+    found = TreeTable.from_arrays(trees())
+    assert found.sum(np.array([[1.0], [-1.0]])).tolist() == [2.0 + 5.0, 0.0 + 3.0]
+
+
+@pytest.mark.parametrize(
+    ("changed", "what"),
+    [
+        ({"left": np.array([[1, -1], [0, -1]])}, "split leads back"),
+        ({"right": np.array([[-3, 1], [-3, -2]])}, "split leads back"),
+        ({"left": np.array([[2, -1], [1, -1]])}, "split leads back"),
+        ({"right": np.array([[-4, -2], [-3, -2]])}, "split leads back"),
+        ({"threshold": np.array([[np.nan, 0.0], [0.0, 0.0]])}, "not a finite number"),
+        ({"leaf_value": np.full((2, 3), np.inf)}, "not a finite number"),
+        ({"split_feature": np.array([[0, 0], [0, -1]])}, "wrong column of a split"),
+        ({"left": np.zeros((2, 3), dtype=np.int64)}, "wrong shape"),
+        ({"left": np.zeros((2, 2))}, "wrong shape"),
+        ({"leaf_value": np.zeros((2, 2))}, "wrong shape"),
+        ({"split_feature": np.zeros(4, dtype=np.int64)}, "wrong shape"),
+        ({"split_feature": np.zeros((1, 20_001), dtype=np.int64)}, "wrong shape"),
+        ({"decision": None}, "missing array"),
+    ],
+)
+def test_arrays_that_make_no_trees_are_refused(changed: dict, what: str) -> None:
+    with pytest.raises(InvalidInput, match=what):
+        TreeTable.from_arrays(trees(**changed))
+
+
+def forge(folder: Path, part: str, change) -> Path:
+    """The model of the package with one part changed and all digests computed again."""
+    sound = read_model(model_folder())
+    parts = {n: json.loads(json.dumps(p)) if n.endswith(".json") else dict(p) for n, p in sound.parts.items()}
+    change(parts[part])
+    write_model(folder / "m", {"provenance": {}}, parts)
+    return folder / "m"
+
+
+def test_a_forged_model_is_refused(tmp_path: Path) -> None:
+    def nan_weights(part: dict) -> None:
+        part["weights"] = np.full_like(part["weights"], np.nan)
+
+    def another_shape(part: dict) -> None:
+        part["factor"] = part["factor"][:-1]
+
+    def far_column(part: dict) -> None:
+        part["split_feature"] = part["split_feature"] + 13
+
+    def no_scores(part: dict) -> None:
+        part["scores"] = []
+
+    def huge(part: dict) -> None:
+        part["weights"] = np.full_like(part["weights"], 1e308)
+
+    def no_spread(part: dict) -> None:
+        part["sds"] = np.zeros_like(part["sds"])
+
+    for part, change, what in (
+        ("corrector-climate.npz", nan_weights, "not a finite number: Gaussian process, weights"),
+        ("corrector-climate.npz", another_shape, "wrong shape of an array: Gaussian process, factor"),
+        ("corrector-climate.npz", no_spread, "not positive: Gaussian process, sds"),
+        ("corrector-drive-1.npz", far_column, "wrong column of a split"),
+        ("corrector-climate.npz", huge, "model gives no forecast"),
+        ("model.json", no_scores, "model gives no forecast|parts do not make"),
+        ("model.json", dict.clear, "parts do not make a forecast model"),
+    ):
+        with pytest.raises(InvalidInput, match=what):
+            load_model(forge(tmp_path, part, change))
+    assert load_model(forge(tmp_path, "model.json", lambda part: None)).vehicle.name == "bmw_i3_60ah"
+
+
+def test_a_pipe_in_place_of_a_part_does_not_hang(tmp_path: Path) -> None:
+    model = forge(tmp_path, "model.json", lambda part: None)
+    (model / "vehicle.json").unlink()
+    os.mkfifo(model / "vehicle.json")
+    with pytest.raises(InvalidInput, match="cannot read a part of the model.*no regular file"):
+        load_model(model)
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        None,
+        [],
+        {"a.npz": None},
+        {"a.npz": {"sha256": 1, "bytes": 2}},
+        {"a.npz": {"sha256": "x", "bytes": "y"}},
+    ],
+)
+def test_metadata_without_a_list_of_parts_are_damaged(tmp_path: Path, parts: object) -> None:
+    import hashlib
+
+    document = {"format": "tripwatt model", "format_version": 1, "parts": parts, "sha256": "0" * 64}
+    text = json.dumps(document)
+    (tmp_path / "metadata.json").write_text(text.replace("0" * 64, hashlib.sha256(text.encode()).hexdigest()))
+    with pytest.raises(InvalidInput, match="damaged or altered: .*name, SHA-256 and bytes of each part"):
+        read_model(tmp_path)
+
+
+def test_a_reader_sees_the_old_or_the_new_model(tmp_path: Path) -> None:
+    """Another process replaces the model all the time."""
+    program = (
+        "import sys, numpy as np\nfrom tripwatt.modelfile import write_model\nprint('go', flush=True)\n"
+        "for k in range(100_000):\n"
+        "    parts = {f'{n}.npz': {'x': np.full(300, k)} for n in range(6)}\n"
+        "    write_model(sys.argv[1], {'about': k}, parts)"
+    )
+    place = tmp_path / "m"
+    write_model(place, {"about": -1}, {f"{n}.npz": {"x": np.full(300, -1)} for n in range(6)})
+    writer = subprocess.Popen([sys.executable, "-c", program, str(place)], stdout=subprocess.PIPE)
+    assert writer.stdout is not None
+    writer.stdout.readline()
+    seen = set()
+    until = time.monotonic() + 1.5
+    try:
+        while time.monotonic() < until:
+            found = read_model(place)
+            assert {int(v) for part in found.parts.values() for v in part["x"]} == {found.metadata["about"]}
+            seen.add(found.metadata["about"])
+    finally:
+        writer.kill()
+        writer.wait()
+        writer.stdout.close()
+    assert len(seen) > 3, "the writer was at work"
+
+
+def test_a_model_that_is_not_there_is_missed_at_once(tmp_path: Path) -> None:
+    started = time.monotonic()
+    with pytest.raises(InvalidInput, match="no model"):
+        read_model(tmp_path / "m")
+    assert time.monotonic() - started < 0.5
+    threading.Timer(0.1, lambda: write_model(tmp_path / "m", {"about": 1}, {})).start()
+    (tmp_path / ".m.1.writing").mkdir()  # as a writer on a system that cannot exchange two names
+    assert read_model(tmp_path / "m").metadata["about"] == 1
+
+
+def test_pipes_as_inputs_are_faults(tmp_path: Path) -> None:
+    for name in ("trip.csv", "trip.parquet", "trip.gpx", "car.toml"):
+        os.mkfifo(tmp_path / name)
+        read = tw.load_vehicle if name == "car.toml" else tw.read_route
+        with pytest.raises(InvalidInput, match="cannot be read|cannot read"):
+            read(str(tmp_path / name))

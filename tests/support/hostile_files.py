@@ -1,0 +1,332 @@
+"""Targets of the fuzzer and of the killer: the inputs and the outputs of the project as a table.
+
+`TARGETS` has a line for each kind of bytes that comes from outside, with sound examples and a function that reads them. A new
+source of bytes gets a line here; the gate runs a small number of mutants of each, `make bars` many.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import tempfile
+import time
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+import orjson
+import pandas as pd
+from tests.support.service_fuzz import mutant, seeds
+
+import tripwatt as tw
+from tripwatt.errors import InvalidInput
+from tripwatt.forecasting import ForecastModel, load_model
+from tripwatt.forecasting.plausible import battery_wh
+from tripwatt.forecasting.storage import model_folder
+from tripwatt.routes import parse_route
+from tripwatt.service.jobs import Jobs
+from tripwatt.service.schemas import NotJson
+from tripwatt.service.settings import Limits
+from tripwatt.sources.canonical import read_canonical
+from tripwatt.sources.mapping import parse_mapping
+from tripwatt.sources.tum_overview import read_overview
+from tripwatt.vehicles import load_vehicle
+
+LONGEST_S: Final = 10.0
+"""A mutant that takes longer is a hang."""
+
+Read = Callable[[bytes, Path], Any]
+Rebuild = Callable[[bytes, np.random.Generator], bytes]
+
+
+@dataclass(frozen=True)
+class Target:
+    """One kind of input.
+
+    Attributes
+    ----------
+    examples : callable
+        Makes sound examples.
+    read : callable
+        Reads bytes, with a folder for a file of them; returns nothing or a forecast.
+    """
+
+    examples: Callable[[], Sequence[bytes]]
+    read: Read
+
+
+@dataclass
+class Found:
+    """What became of the mutants of a target."""
+
+    mutants: int = 0
+    read: int = 0
+    slowest_s: float = 0.0
+    wrong: list[str] = field(default_factory=list)
+
+
+def absurd(forecast: Any) -> str:
+    """What cannot be in a forecast; empty where nothing is."""
+    document = forecast.to_dict()
+    energy = document["energy_wh"]
+    scalars = [
+        energy,
+        document["soc_arrival"],
+        *document["quantiles_wh"].values(),
+        *document["p_arrive"].values(),
+    ]
+    if not all(math.isfinite(value) for value in scalars):
+        return "a number that is not finite"
+    if not all(0.0 <= p <= 1.0 for p in (document["soc_arrival"], *document["p_arrive"].values())):
+        return "a charge or a probability beyond 0 and 1"
+    if not forecast.plan.has_road and energy < 0.0:
+        return f"{energy:.0f} Wh on a level road"
+    codes = {flag["code"] for flag in document["flags"]}
+    if (
+        energy > 1.15 * battery_wh(forecast.drive)
+        and document["soc_arrival"] > 0.0
+        and "battery_empty" not in codes
+    ):
+        return f"{energy:.0f} Wh without an empty battery"
+    return ""
+
+
+def _file(name: str, read: Callable[[Path], Any]) -> Read:
+    def from_file(content: bytes, folder: Path) -> Any:
+        path = folder / name
+        path.write_bytes(content)
+        return read(path)
+
+    return from_file
+
+
+def _trip() -> pd.DataFrame:
+    time = np.arange(120.0)
+    return pd.DataFrame(
+        {"time_s": time, "speed_m_s": 10.0 - 10.0 * np.cos(time / 9.0), "elevation_m": 500.0 + time / 10}
+    )
+
+
+def _parquet() -> bytes:
+    buffer = io.BytesIO()
+    _trip().to_parquet(buffer)
+    return buffer.getvalue()
+
+
+def _sheet() -> bytes:
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    assert book.active is not None
+    book.active.append(["Trip", "Date", "Weather", "Target Cabin Temperature", "Note"])
+    book.active.append(["TripA01", "2019-06-25_13-21-14", "sunny", 23, "+ 80 kg"])
+    buffer = io.BytesIO()
+    book.save(buffer)
+    return buffer.getvalue()
+
+
+def _toml() -> bytes:
+    import importlib.resources as resources
+
+    return (resources.files("tripwatt.vehicles") / "data" / "bmw_i3_60ah.toml").read_bytes()
+
+
+_MAPPING: Final = b'[columns]\ntime_s = {column = "t", unit = "s"}\nspeed_m_s = {column = "v", unit = "mph"}\n[file]\ndecimal = "."\n'
+
+
+def _forecast_route(content: bytes, folder: Path) -> Any:
+    del folder
+    route = parse_route(content)
+    from tripwatt.routes import needs_speed, plan_from_route
+
+    return _model().forecast(plan_from_route(route, speed_m_s=14.0 if needs_speed(route) else None))
+
+
+def _forecast_samples(path: Path) -> Any:
+    return _model().forecast(tw.read_route(path))
+
+
+def _update(path: Path) -> Any:
+    plan = tw.read_route([{"length_m": 9000.0, "speed_m_s": 15.0}])
+    return (
+        _model()
+        .forecast(plan, tw.Departure(soc=0.8))
+        .update(read_canonical(path, required=("time_s",), least=2))
+    )
+
+
+_LOADED: Final[list[ForecastModel]] = []
+
+
+def _model() -> ForecastModel:
+    if not _LOADED:
+        _LOADED.append(load_model())
+    return _LOADED[0]
+
+
+def _job(kind: str) -> Read:
+    def run(content: bytes, folder: Path) -> Any:
+        del folder
+        jobs = Jobs({"model": _model()}, Limits())
+        orjson.dumps(jobs.run({"kind": kind, "speed_m_s": 14.0}, content))
+
+    return run
+
+
+def _requests(path: str) -> Callable[[], Sequence[bytes]]:
+    return lambda: [
+        body for uploads in seeds().values() for place, body in uploads if place.partition("?")[0] == path
+    ]
+
+
+def _uploads(kind: str) -> Callable[[], Sequence[bytes]]:
+    return lambda: [body for place, body in seeds()[kind] if place.startswith("/v1/routes")]
+
+
+OBSERVED: Final = b"time_s,voltage_v,current_a,soc\n0,360,3,0.8\n1,361,9,0.8\n2,355,40,0.79\n40,358,20,0.78\n"
+
+TARGETS: Final[Mapping[str, Target]] = MappingProxyType(
+    {
+        "GPX": Target(_uploads("application/gpx+xml"), _forecast_route),
+        "router responses, GeoJSON and links": Target(_uploads("application/json"), _forecast_route),
+        "samples as CSV": Target(
+            lambda: [_trip().to_csv(index=False).encode()], _file("t.csv", _forecast_samples)
+        ),
+        "samples as Parquet": Target(lambda: [_parquet()], _file("t.parquet", _forecast_samples)),
+        "measured so far": Target(lambda: [OBSERVED], _file("o.csv", _update)),
+        "sheet": Target(
+            lambda: [_sheet()], _file("Overview.xlsx", lambda path: read_overview(path, ["TripA01"]) and None)
+        ),
+        "car": Target(lambda: [_toml()], _file("car.toml", lambda path: load_vehicle(path) and None)),
+        "mapping": Target(
+            lambda: [_MAPPING], lambda raw, _: parse_mapping(raw.decode("utf-8", "replace"), "m") and None
+        ),
+        "forecast request": Target(_requests("/v1/forecast"), _job("forecast")),
+        "update request": Target(_requests("/v1/forecast/update"), _job("update")),
+        "uploads": Target(_requests("/v1/routes"), _job("route")),
+    }
+)
+"""Kinds of input by name. Model files have `forged_models`, heads and connections `service_attacks.ATTACKS`."""
+
+
+def fuzz(name: str, mutants: int, seed: int = 0) -> Found:
+    """Read mutants of the examples of a target; whatever is no `InvalidInput` and no sane result is noted."""
+    target, found = TARGETS[name], Found()
+    rng = np.random.default_rng([seed, sorted(TARGETS).index(name)])
+    examples = list(target.examples())
+    with tempfile.TemporaryDirectory() as folder, np.errstate(all="ignore"):
+        for number in range(mutants):
+            body = mutant(examples[number % len(examples)], rng)
+            _read_one(lambda body=body: target.read(body, Path(folder)), found, f"{body[:300]!r}")
+    return found
+
+
+def _read_one(read: Callable[[], Any], found: Found, what: str) -> None:
+    found.mutants += 1
+    started = time.perf_counter()
+    try:
+        forecast = read()
+        if forecast is not None and (fault := absurd(forecast)):
+            found.wrong.append(f"{fault}: {what}")
+        found.read += 1
+    except (InvalidInput, NotJson):
+        pass
+    except Exception:
+        found.wrong.append(f"{traceback.format_exc()[-600:]}: {what}")
+    seconds = time.perf_counter() - started
+    found.slowest_s = max(found.slowest_s, seconds)
+    if seconds > LONGEST_S:
+        found.wrong.append(f"{seconds:.0f} s: {what}")
+
+
+def forged_models(number: int, seed: int = 0) -> Found:
+    """Load and use models of which a value, an array or a part was changed and every digest computed again."""
+    from tripwatt.modelfile import read_model, write_model
+
+    found, rng = Found(), np.random.default_rng(seed)
+    sound = read_model(model_folder())
+    metadata = {
+        k: v for k, v in sound.metadata.items() if k not in ("format", "format_version", "parts", "sha256")
+    }
+    plan = tw.read_route([{"length_m": 9000.0, "speed_m_s": 15.0}])
+    with tempfile.TemporaryDirectory() as folder:
+        for _ in range(number):
+            parts, what = forged(sound.parts, rng)
+            place = Path(folder) / "m"
+            try:
+                write_model(place, metadata, parts)
+            except (ValueError, InvalidInput):
+                continue  # JSON cannot hold it
+
+            def use() -> Any:
+                load_model(Path(folder) / "m").forecast(plan)
+
+            _read_one(use, found, what)
+    return found
+
+
+def forged(parts: Mapping[str, Any], rng: np.random.Generator) -> tuple[dict[str, Any], str]:
+    """Parts of a model with one thing changed, and what it is."""
+    name = sorted(parts)[int(rng.integers(len(parts)))]
+    kept = {n: json.loads(json.dumps(p)) if n.endswith(".json") else dict(p) for n, p in parts.items()}
+    if rng.random() < 0.05:
+        del kept[name]
+        return kept, f"{name} is missing"
+    if name.endswith(".json"):
+        where = _change_value(kept[name], rng)
+        return kept, f"{name}: {where}"
+    array = sorted(kept[name])[int(rng.integers(len(kept[name])))]
+    kept[name][array], how = _changed_array(kept[name][array], rng)
+    if kept[name][array] is None:
+        del kept[name][array]
+    return kept, f"{name}, {array}: {how}"
+
+
+VALUES: Final = (None, -1, 0, 1e308, -1e308, 10**400, "", "x", [], {}, True, [[]], 1e-320)
+
+
+def _change_value(document: Any, rng: np.random.Generator) -> str:
+    path = ""
+    while True:
+        keys = list(document) if isinstance(document, dict) else list(range(len(document)))
+        key = keys[int(rng.integers(len(keys)))]
+        path += f".{key}"
+        if isinstance(document[key], dict | list) and document[key] and rng.random() < 0.85:
+            document = document[key]
+            continue
+        choice = int(rng.integers(len(VALUES) + 1))
+        if choice == len(VALUES):
+            del document[key]
+            return f"{path} is missing"
+        document[key] = VALUES[choice]
+        return f"{path} = {str(VALUES[choice])[:20]}"
+
+
+def _changed_array(values: Any, rng: np.random.Generator) -> tuple[Any, str]:
+    changed = values.copy()
+    match int(rng.integers(7)):
+        case 0:
+            return None, "is missing"
+        case 1:
+            return changed[:-1], "is shorter"
+        case 2:
+            return changed.reshape(-1), "is flat"
+        case 3:
+            return changed.astype("U20"), "is text"
+        case 4 if changed.dtype.kind == "i":
+            changed.flat[int(rng.integers(changed.size))] = int(rng.integers(-9, 9))
+            return changed, "has another number"
+        case 5:
+            return np.zeros((0, *changed.shape[1:]), dtype=changed.dtype), "is empty"
+        case _:
+            if changed.dtype.kind == "f":
+                changed.flat[int(rng.integers(changed.size))] = rng.choice(
+                    [math.nan, math.inf, 1e308, -1e300]
+                )
+                return changed, "has a strange number"
+            return changed[::-1], "is reversed"
