@@ -99,7 +99,7 @@ def test_a_second_run_ends_at_its_start(run: Callable[..., Answer], tmp_path: Pa
 
 def test_strange_outputs_are_refused(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(tmp_path / "nothing")
-    with pytest.raises(InvalidInput, match="output is a link to nothing: --out: got .*link -> "):
+    with pytest.raises(InvalidInput, match=r"output is a link to nothing: --out: got .*link -> "):
         check_writable(tmp_path / "link")
     with pytest.raises(InvalidInput, match="output is the root folder"):
         check_writable(Path("/"))
@@ -113,7 +113,7 @@ def test_strange_outputs_are_refused(tmp_path: Path) -> None:
         check_writable(tmp_path / "pipe")
     with pytest.raises(InvalidInput, match="no regular file"):
         write_text("x", tmp_path / "pipe")
-    with pytest.raises(InvalidInput, match="cannot write the file: --plot: .*a folder"):
+    with pytest.raises(InvalidInput, match=r"cannot write the file: --plot: .*a folder"):
         write_bytes(b"x", tmp_path / "there", "--plot")
 
 

@@ -57,9 +57,9 @@ def test_a_killed_writer_leaves_the_old_or_the_new(name: str) -> None:
 
 
 def test_a_long_header_and_many_columns_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InvalidInput, match="header too long: .*got a first line of 1000001 bytes"):
+    with pytest.raises(InvalidInput, match=r"header too long: .*got a first line of 1000001 bytes"):
         canonical_of_text(b"," * 1_000_001 + b"\n1\n")
-    with pytest.raises(InvalidInput, match="too many columns: .*got 10001 columns; allowed: at most 10000"):
+    with pytest.raises(InvalidInput, match=r"too many columns: .*got 10001 columns; allowed: at most 10000"):
         canonical_of_text(b"," * 10_000 + b"\n1\n")
     with pytest.raises(InvalidInput, match="unknown column"):
         canonical_of_text(b"a," * 9_999 + b"b\n1\n")
@@ -82,7 +82,7 @@ def test_a_parquet_file_is_measured_before_it_is_read(tmp_path: Path) -> None:
     ):
         read_canonical(place)
     assert len(open_table(bomb(tmp_path / "few.parquet", 500_000)).numbers(["c0"])[0]) == 500_000
-    with pytest.raises(InvalidInput, match="too large.*got 500001 rows"):
+    with pytest.raises(InvalidInput, match=r"too large.*got 500001 rows"):
         open_table(bomb(tmp_path / "more.parquet", 500_001))
 
 
@@ -105,7 +105,7 @@ def test_a_sheet_is_measured_before_it_is_inflated(tmp_path: Path) -> None:
     with zipfile.ZipFile(place, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("xl/worksheets/sheet1.xml", b" " * 70_000_000)
     assert place.stat().st_size < 100_000
-    with pytest.raises(InvalidInput, match="archive too large: .*got 70000000 bytes when inflated"):
+    with pytest.raises(InvalidInput, match=r"archive too large: .*got 70000000 bytes when inflated"):
         read_overview(place, [])
 
 
@@ -265,7 +265,7 @@ def test_a_pipe_in_place_of_a_part_does_not_hang(tmp_path: Path) -> None:
     model = forge(tmp_path, "model.json", lambda part: None)
     (model / "vehicle.json").unlink()
     os.mkfifo(model / "vehicle.json")
-    with pytest.raises(InvalidInput, match="cannot read a part of the model.*no regular file"):
+    with pytest.raises(InvalidInput, match=r"cannot read a part of the model.*no regular file"):
         load_model(model)
 
 
@@ -285,7 +285,7 @@ def test_metadata_without_a_list_of_parts_are_damaged(tmp_path: Path, parts: obj
     document = {"format": "tripwatt model", "format_version": 1, "parts": parts, "sha256": "0" * 64}
     text = json.dumps(document)
     (tmp_path / "metadata.json").write_text(text.replace("0" * 64, hashlib.sha256(text.encode()).hexdigest()))
-    with pytest.raises(InvalidInput, match="damaged or altered: .*name, SHA-256 and bytes of each part"):
+    with pytest.raises(InvalidInput, match=r"damaged or altered: .*name, SHA-256 and bytes of each part"):
         read_model(tmp_path)
 
 
@@ -330,5 +330,66 @@ def test_pipes_as_inputs_are_faults(tmp_path: Path) -> None:
     for name in ("trip.csv", "trip.parquet", "trip.gpx", "car.toml"):
         os.mkfifo(tmp_path / name)
         read = tw.load_vehicle if name == "car.toml" else tw.read_route
-        with pytest.raises(InvalidInput, match="cannot be read|cannot read"):
+        with pytest.raises(InvalidInput, match=r"cannot be read|cannot read"):
             read(str(tmp_path / name))
+
+
+# --- times
+
+
+MAPPING = (
+    '[columns]\ntime_s = {column = "t", unit = "timestamp"}\nspeed_m_s = {column = "v", unit = "km/h"}\n'
+    'voltage_v = {column = "u"}\ncurrent_a = {column = "i"}\n'
+)
+
+
+def stamped(folder: Path, stamps: list[str]) -> tuple[Path, Path]:
+    (folder / "m.toml").write_text(MAPPING)
+    rows = "".join(f"{stamp},36,360,{10 + k}\n" for k, stamp in enumerate(stamps))
+    (folder / "t.csv").write_text("t,v,u,i\n" + rows)
+    return folder / "t.csv", folder / "m.toml"
+
+
+@pytest.mark.parametrize(
+    "day", ["0001-01-01 00:00:", "9999-12-31 23:59:", "1969-12-31 23:59:", "2200-01-01 00:00:"]
+)
+def test_years_of_no_log_are_faults(tmp_path: Path, day: str) -> None:
+    table, mapping = stamped(tmp_path, [f"{day}{k:02d}" for k in range(20)])
+    with pytest.raises(InvalidInput, match=r"invalid time: .*row 2 .*and 19 more rows.*from 1970 to 2199"):
+        tw.read_logs(table, "table", mapping)
+
+
+@pytest.mark.parametrize("day", ["1970-01-01T00:00:", "2199-12-31T23:59:"])
+def test_years_of_a_log_are_read(tmp_path: Path, day: str) -> None:
+    table, mapping = stamped(tmp_path, [f"{day}{k:02d}" for k in range(20)])
+    assert tw.read_logs(table, "table", mapping).logs[0].duration_s == 19.0
+
+
+def test_the_end_of_daylight_saving_time_is_no_gap_where_the_zone_is_given(tmp_path: Path) -> None:
+    before = [f"2026-10-25T02:59:{k}+02:00" for k in range(50, 60)]
+    after = [f"2026-10-25T02:00:0{k}+01:00" for k in range(10)]
+    table, mapping = stamped(tmp_path, before + after)
+    assert tw.read_logs(table, "table", mapping).logs[0].duration_s == 19.0
+    table, mapping = stamped(tmp_path, before + [stamp[:-6] for stamp in after])
+    with pytest.raises(
+        InvalidInput, match=r"times with and without time zone: .*row 12 .*without a time zone"
+    ):
+        tw.read_logs(table, "table", mapping)
+    local = [stamp[:-6] for stamp in before + after]
+    table, mapping = stamped(tmp_path, local)
+    codes = {flag.code for flag in tw.read_logs(table, "table", mapping).notes}
+    assert {"rows_sorted", "samples_missing"} <= codes, (
+        "an hour that occurs twice is not passed over in silence"
+    )
+
+
+@pytest.mark.parametrize("year", ["0001", "9999"])
+def test_years_of_no_track_are_faults(year: str) -> None:
+    points = "".join(
+        f'<trkpt lat="{48 + k / 1e4:.4f}" lon="11"><time>{year}-06-01T00:00:0{k}+14:00</time></trkpt>'
+        for k in range(2)
+    )
+    with pytest.raises(
+        InvalidInput, match=rf"invalid time: .*point 1: got year {int(year)}; allowed: 1970 to 2199"
+    ):
+        parse_route(f"<gpx><trk><trkseg>{points}</trkseg></trk></gpx>".encode())

@@ -42,6 +42,9 @@ TRACK_LINK_M: Final = 100.0
 MOST_IN_GAPS: Final = 0.25
 """Largest share of the way of a logged track that may lie in gaps between its points."""
 
+EARLIEST_YEAR, LATEST_YEAR = 1970, 2199
+"""Years of a time of a track."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Track:
@@ -168,6 +171,11 @@ def times_of(texts: list[str], where: str) -> tuple[FloatArray | None, dt.dateti
             )
             raise InvalidInput(fault) from error
         moment = moment if moment.tzinfo is not None else moment.replace(tzinfo=dt.UTC)
+        if not EARLIEST_YEAR <= moment.year <= LATEST_YEAR:
+            allowed = f"{EARLIEST_YEAR} to {LATEST_YEAR}"
+            raise InvalidInput(
+                Fault("invalid time", f"{where}, point {k + 1}", f"year {moment.year}", allowed)
+            )
         first = first or moment
         values[k] = moment.timestamp()
     known = np.flatnonzero(np.isfinite(values))

@@ -38,6 +38,10 @@ WRONG_SHARE: Final = 0.01
 SHOWN_ALIKE: Final = 2
 """Faults named of one kind in one column; the others are counted."""
 
+EARLIEST_YEAR, LATEST_YEAR = 1970, 2199
+"""Years of a time stamp of a log."""
+_ZONE: Final = re.compile(r"\d(?:Z|z|[+-]\d{2}:?\d{2})$")
+"""The end of a time with a time zone, as in 08:15:00+02:00."""
 GAP_S: Final = 60.0
 REVERSING_M_S: Final = -10.0
 WH_PER_KWH: Final = 1000.0
@@ -198,19 +202,36 @@ def _stamps(table: TableFile, entry: MappedColumn) -> tuple[FloatArray, list[dt.
     """Seconds since 1970 of a column of time stamps; since the first sample, and no start, where they have no day."""
     texts = pd.Series(table.texts(entry.column), dtype=object)
     stamps = pd.to_datetime(texts, format=entry.format or "ISO8601", utc=True, errors="coerce")
+    clock_only = bool(entry.format) and not re.search("%[djUVxcs]", entry.format)
+    if not clock_only:
+        stamps = stamps.where((stamps.dt.year >= EARLIEST_YEAR) & (stamps.dt.year <= LATEST_YEAR))
+        _require_one_kind_of_zone(table, entry, texts)
     bad = np.flatnonzero(stamps.isna() & (texts != ""))
     if len(bad):
         allowed = f"a time like {entry.format}" if entry.format else "a time such as 2024-05-31T08:15:00"
+        allowed += "" if clock_only else f", from {EARLIEST_YEAR} to {LATEST_YEAR}"
         place = f"{table.path} row {table.row(int(bad[0]))} column {entry.column!r}"
         got = repr(texts[int(bad[0])][:40]) + (f" (and {len(bad) - 1} more rows)" if len(bad) > 1 else "")
         fix = "" if entry.format else 'give the format in the mapping: format = "%d.%m.%Y %H:%M:%S"'
         raise InvalidInput(Fault("invalid time", place, got, allowed, fix))
     seconds = (stamps - pd.Timestamp(0, tz="UTC")).dt.total_seconds()
     values = np.asarray(seconds, dtype=np.float64)
-    if entry.format and not re.search("%[djUVxcs]", entry.format):  # a clock without a day
+    if clock_only:
         midnight = np.concatenate(([0.0], np.cumsum(np.diff(values) < -0.5 * SECONDS_PER_DAY)))
         return values - values[0] + SECONDS_PER_DAY * midnight, None
     return values, [_from_epoch(values[0])]
+
+
+def _require_one_kind_of_zone(table: TableFile, entry: MappedColumn, texts: pd.Series) -> None:
+    """Refuse a column in which some times have a time zone and some have none: an hour or more may lie between them."""
+    given = texts[texts != ""]
+    zoned = given.str.contains(_ZONE)
+    if len(given) and bool(zoned.any()) and not bool(zoned.all()):
+        first = int(zoned.index[zoned != bool(zoned.iloc[0])][0])
+        place = f"{table.path} row {table.row(first)} column {entry.column!r}"
+        allowed = "the same in every row"
+        got = f"{texts[first][:40]!r}, {'with' if zoned[first] else 'without'} a time zone unlike the rows before"
+        raise InvalidInput(Fault("times with and without time zone", place, got, allowed))
 
 
 def _from_epoch(seconds: float) -> dt.datetime | None:
