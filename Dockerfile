@@ -1,15 +1,23 @@
 # syntax=docker/dockerfile:1
 # The service in a container: docs/service.md says how to run it.
 
-FROM python:3.12-slim AS build
+# `make image` pins this to the digest that it resolves to; a release is built by that target alone.
+ARG BASE=python:3.12-slim
+
+FROM ${BASE} AS build
 WORKDIR /build
+COPY constraints/service.txt ./constraints/
+# every file is named with its hash, so that pip has nothing to choose
+RUN python -m venv /opt/tripwatt \
+    && /opt/tripwatt/bin/pip install --no-cache-dir --disable-pip-version-check --no-deps --only-binary :all: \
+        --require-hashes -r constraints/service.txt
 COPY pyproject.toml README.md LICENSE NOTICE ./
 COPY src ./src
-RUN python -m venv /opt/tripwatt \
-    && /opt/tripwatt/bin/pip install --no-cache-dir --disable-pip-version-check ".[service]" \
+RUN /opt/tripwatt/bin/pip install --no-cache-dir --disable-pip-version-check --no-deps --no-build-isolation . \
+    && /opt/tripwatt/bin/pip check \
     && /opt/tripwatt/bin/python -m compileall -q /opt/tripwatt/lib
 
-FROM python:3.12-slim
+FROM ${BASE}
 # LightGBM's runtime
 RUN apt-get update \
     && apt-get install --yes --no-install-recommends libgomp1 \

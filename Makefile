@@ -10,7 +10,7 @@ WORKERS ?= 2
 PIP_INSTALL = -m pip install --quiet --disable-pip-version-check
 UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 
-.PHONY: run check check-latest lowest constraints bench bars readme page browser clean
+.PHONY: run check check-latest lowest constraints image bench bars readme page browser clean
 
 .venv/.ready: pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -59,9 +59,24 @@ lowest: .venv-tools/.ready  ## the tests without a browser, with the lowest decl
 	$(UV) pip install --quiet --python .venv-lowest/bin/python --resolution lowest-direct -e ".[dev]"
 	.venv-lowest/bin/python -m pytest -n $(WORKERS) --dist loadscope --ignore=tests/page
 
-constraints: .venv-tools/.ready  ## the newest release of everything into constraints/check.txt, with hashes
+constraints: .venv-tools/.ready  ## the newest release of everything into constraints, with hashes: for the gate, for the container
 	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 		--no-header --no-annotate --extra dev pyproject.toml constraints/build.in --output-file constraints/check.txt
+	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
+		--no-header --no-annotate --extra service pyproject.toml constraints/build.in \
+		--constraint constraints/check.txt --output-file constraints/service.txt
+
+BASE ?= python:3.12-slim
+IMAGE ?= tripwatt
+
+image:  ## the container for a release: the base image pinned by its digest, which is printed; needs docker
+	docker pull --quiet $(BASE)
+	docker build --build-arg BASE=$$(docker inspect --format '{{index .RepoDigests 0}}' $(BASE)) --tag $(IMAGE) .
+	docker inspect --format '{{index .RepoDigests 0}}' $(BASE)
+
+sbom.json: .venv-tools/.ready constraints/service.txt  ## the bill of materials of the container, in CycloneDX
+	.venv-tools/bin/python $(PIP_INSTALL) cyclonedx-bom
+	.venv-tools/bin/cyclonedx-py requirements constraints/service.txt --output-reproducible --of JSON -o $@
 
 browser:  ## Debian's chromium for the tests of the page, where it is missing; needs root
 	@command -v chromium >/dev/null || { apt-get -qq update \

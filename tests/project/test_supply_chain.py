@@ -1,0 +1,110 @@
+"""What is installed is named with its hash; the container is built and run where a daemon is."""
+
+import os
+import re
+import shutil
+import subprocess
+import time
+import tomllib
+import urllib.request
+from collections.abc import Iterator
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+from tests.support import ROOT
+
+FILES = ("check.txt", "service.txt")
+
+
+def pinned(name: str) -> dict[str, str]:
+    """Version of each package of a file of `constraints`; all its lines are those of packages with hashes."""
+    text = (ROOT / "constraints" / name).read_text().replace("\\\n", " ")
+    found = {}
+    for line in text.splitlines():
+        match = re.fullmatch(
+            r"([A-Za-z0-9._-]+)(?:\[[^\]]*\])?==(\S+?)(?: ;[^-]*?)?((?:\s+--hash=sha256:[0-9a-f]{64})+)\s*",
+            line,
+        )
+        assert match, line[:200]
+        found[canonicalize_name(match[1])] = match[2]
+    return found
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_package_has_a_hash_and_no_file_names_an_index(name: str) -> None:
+    assert len(pinned(name)) > 30
+    text = (ROOT / "constraints" / name).read_text()
+    assert "index" not in text
+    assert "://" not in text
+
+
+def test_the_container_has_what_the_service_needs_in_the_versions_of_the_gate() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    needed = [*project["dependencies"], *project["optional-dependencies"]["service"]]
+    service, check = pinned("service.txt"), pinned("check.txt")
+    for requirement in map(Requirement, needed):
+        name = canonicalize_name(requirement.name)
+        assert requirement.specifier.contains(service[name]), name
+    assert {name: version for name, version in service.items() if name in check} == {
+        name: check[name] for name in service if name in check
+    }
+    assert set(service) <= set(check)
+
+
+def test_the_container_installs_nothing_without_a_hash() -> None:
+    text = (ROOT / "Dockerfile").read_text()
+    assert len(re.findall("pip install", text)) == 2
+    assert "--require-hashes -r constraints/service.txt" in text
+    assert "--no-deps --no-build-isolation ." in text
+    assert set(re.findall(r"^FROM (\S+)", text, re.MULTILINE)) == {"${BASE}"}
+
+
+def docker() -> str:
+    """Why no container can be built here; empty where one can."""
+    if shutil.which("docker") is None:
+        return "no docker"
+    done = subprocess.run(["docker", "info"], capture_output=True, text=True, timeout=30, check=False)
+    return "" if done.returncode == 0 else f"no docker daemon: {done.stderr.strip()[:100]}"
+
+
+@pytest.fixture
+def image() -> Iterator[str]:
+    if why := docker():
+        pytest.skip(why)
+    name = f"tripwatt-test-{os.getpid()}"
+    subprocess.run(["docker", "build", "--quiet", "--tag", name, str(ROOT)], check=True, timeout=1200)
+    yield name
+    subprocess.run(["docker", "rmi", "--force", name], check=False, capture_output=True)
+
+
+def test_the_container_is_built_and_answers(image: str) -> None:
+    run = [
+        "docker",
+        "run",
+        "--rm",
+        "--detach",
+        "--publish",
+        "127.0.0.1::8000",
+        "--env",
+        "TRIPWATT_TOKEN=" + "x" * 20,
+    ]
+    options = ["--read-only", "--tmpfs", "/tmp", "--cap-drop", "ALL"]
+    container = subprocess.run(
+        [*run, *options, image], check=True, capture_output=True, text=True
+    ).stdout.strip()
+    try:
+        port = subprocess.run(
+            ["docker", "port", container, "8000"], check=True, capture_output=True, text=True
+        ).stdout
+        url, until = f"http://{port.splitlines()[0]}/readyz", time.monotonic() + 120
+        while True:
+            try:
+                with urllib.request.urlopen(url, timeout=2) as answer:
+                    assert answer.status == 200
+                    break
+            except OSError:
+                assert time.monotonic() < until
+                time.sleep(0.5)
+    finally:
+        subprocess.run(["docker", "stop", container], check=False, capture_output=True)
