@@ -10,7 +10,7 @@ WORKERS ?= 2
 PIP_INSTALL = -m pip install --quiet --disable-pip-version-check
 UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 
-.PHONY: run check check-latest lowest constraints image bench bars readme page browser clean
+.PHONY: run check check-latest lowest constraints image sbom bench bars readme page browser clean
 
 .venv/.ready: pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -74,9 +74,9 @@ image:  ## the container for a release: the base image pinned by its digest, whi
 	docker build --build-arg BASE=$$(docker inspect --format '{{index .RepoDigests 0}}' $(BASE)) --tag $(IMAGE) .
 	docker inspect --format '{{index .RepoDigests 0}}' $(BASE)
 
-sbom.json: .venv-tools/.ready constraints/service.txt  ## the bill of materials of the container, in CycloneDX
+sbom: .venv-tools/.ready constraints/service.txt  ## the bill of materials of the container, in CycloneDX
 	.venv-tools/bin/python $(PIP_INSTALL) cyclonedx-bom
-	.venv-tools/bin/cyclonedx-py requirements constraints/service.txt --output-reproducible --of JSON -o $@
+	.venv-tools/bin/cyclonedx-py requirements constraints/service.txt --output-reproducible --of JSON -o sbom.json
 
 browser:  ## Debian's chromium for the tests of the page, where it is missing; needs root
 	@command -v chromium >/dev/null || { apt-get -qq update \

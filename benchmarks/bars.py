@@ -27,6 +27,7 @@ from benchmarks import (
     argonne,
     coverage,
     gam,
+    hostile,
     physics_trips,
     pipeline,
     planned,
@@ -350,6 +351,20 @@ SERVICE: Mapping[str, tuple[Made, ...]] = {
 }
 """Row of `benchmarks.service` -> its bars."""
 
+HOSTILE: Mapping[str, tuple[Made, ...]] = {
+    hostile.MUTANTS_NUMBER: (value_at_least(50_000.0),),
+    hostile.MUTANTS_WRONG: (value_at_most(0.0),),
+    hostile.MEMORY: (value_at_most(1.5),),
+    hostile.MEDIAN: (value_at_most(250.0),),
+    hostile.P99: (value_at_most(500.0),),
+    hostile.FORECASTS: (value_at_most(1.0),),
+    hostile.REFUSED: (value_at_most(0.0),),
+    hostile.AFTER: (value_at_most(0.10),),
+    hostile.WRITES: (value_at_most(0.0),),
+    hostile.WORKERS: (value_at_most(0.0),),
+}
+"""Row of `benchmarks.hostile` -> its bars."""
+
 
 def speed(
     rows: Iterator[Row], bars: Mapping[str, tuple[Made, ...]], measure: str, why: str = ""
@@ -550,6 +565,7 @@ def bars(
     yield from speed(iter(gam.run()), GAM_SPEED, "OMP_NUM_THREADS=1 python -m benchmarks.gam")
     yield from speed(forecast_speed.run(), FORECAST_SPEED, "python -m benchmarks.forecast")
     yield from speed(service.run(), SERVICE, "python -m benchmarks.service")
+    yield from speed(hostile.run(), HOSTILE, "python -m benchmarks.hostile")
     yield from gam_tests()
     yield from certified()
 

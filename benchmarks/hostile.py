@@ -111,11 +111,11 @@ def workers(kills: int = 32, seconds: float = 45.0) -> Iterator[Row]:
     yield Row(WORKERS, float(bad), "")
 
 
-def rows(mutants: int, models: int, kills: int, seconds: float) -> Iterator[Row]:
+def run() -> Iterator[Row]:
     """All rows."""
-    yield from inputs(mutants, models)
-    yield from attacks(seconds)
-    yield from writers(kills)
+    yield from inputs(MUTANTS, MODELS)
+    yield from attacks(SECONDS)
+    yield from writers(KILLS)
     yield from workers()
 
 
