@@ -230,7 +230,7 @@ class AdditiveGP:
         InvalidInput
             When an array is missing, of another shape than the terms need, or not finite.
         """
-        faults = list(self._array_faults(arrays))
+        faults = list(_array_faults(self.terms, self.share_column, arrays))
         if faults:
             raise InvalidInput(faults)
         names = [str(c) for c in arrays["columns"]]
@@ -246,37 +246,6 @@ class AdditiveGP:
         self.points_ = {i: arrays[f"points{i}"] for i in smooth}
         self.whiteners_ = {i: arrays[f"whitener{i}"] for i in smooth}
         return self
-
-    def _array_faults(self, arrays: Mapping[str, npt.NDArray[Any]]) -> Iterator[Fault]:
-        """Every reason why arrays are not those of a model with these terms."""
-        smooth = [i for i, term in enumerate(self.terms) if term.kind == "smooth"]
-        n_columns = len({c for term in self.terms for c in term.columns})
-        points = {i: arrays.get(f"points{i}", np.empty(0)) for i in smooth}
-        n = len(self.terms) - len(smooth) + sum(len(p) for p in points.values() if p.ndim)
-        shapes: dict[str, tuple[int, ...]] = {
-            "weights": (n,),
-            "factor": (n, n),
-            "variances": (len(self.terms) + (1 if self.share_column is None else 2),),
-            "columns": (n_columns,),
-            "means": (n_columns,),
-            "sds": (n_columns,),
-            "ranges": (n_columns, 2),
-        }
-        for i in smooth:
-            rows = len(points[i]) if points[i].ndim else 0
-            shapes |= {f"points{i}": (rows, len(self.terms[i].columns)), f"whitener{i}": (rows, rows)}
-        for name, shape in shapes.items():
-            values = arrays.get(name)
-            kind = "U" if name == "columns" else "f"
-            if values is None or values.shape != shape or values.dtype.kind != kind:
-                got = "nothing" if values is None else f"{values.dtype} of shape {values.shape}"
-                yield Fault("wrong shape of an array", f"Gaussian process, {name}", got, f"{shape}")
-            elif kind == "f" and not np.isfinite(values).all():
-                yield Fault(
-                    "not a finite number", f"Gaussian process, {name}", "nan or inf", "finite numbers"
-                )
-            elif name == "sds" and not (values > 0.0).all():
-                yield Fault("not positive", "Gaussian process, sds", f"{values.min():g}", "more than 0")
 
     def _check(self, X: pd.DataFrame) -> None:
         wanted = {c for term in self.terms for c in term.columns} | ({self.share_column} - {None})
@@ -408,6 +377,38 @@ class AdditiveGP:
         variance = np.maximum(1.0 / diagonal + own * (1.0 - scale), 0.1 * own)
         squared = (inverse @ target / diagonal) ** 2 / variance
         return np.asarray((self.df + squared) / (self.df + 1.0))
+
+
+def _array_faults(
+    terms: Sequence[KernelTerm], share_column: str | None, arrays: Mapping[str, npt.NDArray[Any]]
+) -> Iterator[Fault]:
+    """Every reason why arrays are not those of a model with these terms."""
+    smooth = [i for i, term in enumerate(terms) if term.kind == "smooth"]
+    n_columns = len({c for term in terms for c in term.columns})
+    points = {i: arrays.get(f"points{i}", np.empty(0)) for i in smooth}
+    n = len(terms) - len(smooth) + sum(len(p) for p in points.values() if p.ndim)
+    shapes: dict[str, tuple[int, ...]] = {
+        "weights": (n,),
+        "factor": (n, n),
+        "variances": (len(terms) + (1 if share_column is None else 2),),
+        "columns": (n_columns,),
+        "means": (n_columns,),
+        "sds": (n_columns,),
+        "ranges": (n_columns, 2),
+    }
+    for i in smooth:
+        rows = len(points[i]) if points[i].ndim else 0
+        shapes |= {f"points{i}": (rows, len(terms[i].columns)), f"whitener{i}": (rows, rows)}
+    for name, shape in shapes.items():
+        values = arrays.get(name)
+        kind = "U" if name == "columns" else "f"
+        if values is None or values.shape != shape or values.dtype.kind != kind:
+            got = "nothing" if values is None else f"{values.dtype} of shape {values.shape}"
+            yield Fault("wrong shape of an array", f"Gaussian process, {name}", got, f"{shape}")
+        elif kind == "f" and not np.isfinite(values).all():
+            yield Fault("not a finite number", f"Gaussian process, {name}", "nan or inf", "finite numbers")
+        elif name == "sds" and not (values > 0.0).all():
+            yield Fault("not positive", "Gaussian process, sds", f"{values.min():g}", "more than 0")
 
 
 def _columns(X: pd.DataFrame) -> dict[str, FloatArray]:
