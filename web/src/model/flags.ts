@@ -175,6 +175,7 @@ const GROUPS: Group[] = [
   plain("elevation_interpolated", (text) => ({ text: text.elevationInterpolated })),
   plain("elevation_relative", (text) => ({ text: text.elevationRelative })),
   plain("times_interpolated", (text) => ({ text: text.timesInterpolated })),
+  plain("gap_bridged", (text) => ({ text: text.gapBridged })),
   plain("times_ignored", (text) => ({ text: text.timesIgnored })),
   byValue("speed_assumed", (speed, { text, format, units }) => ({
     text: text.flags.speedAssumed(format.shown(speed, units.speed)),

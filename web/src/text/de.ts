@@ -372,6 +372,7 @@ export const de: Text = {
     elevationInterpolated: "Einigen Punkten fehlt die Höhe; sie wird interpoliert.",
     elevationRelative: "Die Höhe ist relativ zum Startpunkt, für den 0 m angenommen werden.",
     timesIgnored: "Dem ersten oder letzten Punkt fehlt die Zeit; alle Zeiten werden ignoriert.",
+    gapBridged: "In der Aufzeichnung fehlen Stücke; die Geschwindigkeit ist dort interpoliert.",
     timesInterpolated: "Einigen Punkten fehlt die Zeit; sie wird interpoliert.",
     speedAssumed: (speed) => `Teilen des Tracks fehlt die Geschwindigkeit; angenommen werden ${speed}.`,
     firstOfSeveral: {

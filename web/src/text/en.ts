@@ -372,6 +372,7 @@ export const en = {
     elevationInterpolated: "Some points have no elevation; their elevation is interpolated.",
     elevationRelative: "The elevation is relative to the departure, which is taken as 0 m.",
     timesIgnored: "The first or the last point has no time; all times are ignored.",
+    gapBridged: "Parts of the recording are missing; the speed is interpolated there.",
     timesInterpolated: "Some points have no time; their time is interpolated.",
     speedAssumed: (speed: string) => `Parts of the track have no speed; ${speed} is assumed.`,
     firstOfSeveral: {
