@@ -6,6 +6,7 @@ import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
+from importlib import import_module
 from typing import Any, Final, TypeVar
 
 from tripwatt.errors import Fault, InvalidInput
@@ -76,12 +77,12 @@ def executor_for(n_jobs: int = 1, cluster: str | None = None) -> Iterator[tuple[
 @contextmanager
 def _dask(cluster: str) -> Iterator[tuple[Executor, int]]:
     try:
-        from distributed import Client
+        distributed: Any = import_module("distributed")
     except ImportError as error:
         fix = "pip install 'tripwatt[fleet]'"
         raise InvalidInput(Fault("package is missing", "distributed", "", "for clusters", fix)) from error
     try:
-        client = Client(cluster, timeout=CLUSTER_WAIT_S, set_as_default=False)
+        client = distributed.Client(cluster, timeout=CLUSTER_WAIT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         got = str(error)[:160] or type(error).__name__
         allowed = "the address of a Dask scheduler"

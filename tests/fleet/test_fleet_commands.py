@@ -1,0 +1,105 @@
+"""The commands of a fleet, in this process: what they print, and what they leave."""
+
+import json
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from typer.testing import CliRunner
+
+from tripwatt.cli import app
+from tripwatt.fleet.registry import Registry
+
+pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
+
+
+def run(*arguments, code=0):
+    done = CliRunner().invoke(app, ["fleet", *map(str, arguments)])
+    assert done.exit_code == code, done.output + repr(done.exception)
+    return done.stdout
+
+
+@pytest.fixture
+def registry(fleet, tmp_path):
+    *_, model, _ = fleet
+    made = Registry(tmp_path / "models")
+    made.promote(made.add(model))
+    return made
+
+
+def test_fit_promotes_the_first_version_only(fleet, tmp_path):
+    _, store, *_ = fleet
+    arguments = ("fit", store.place, tmp_path / "m", "--until", "2023-01-10")
+    first = json.loads(run(*arguments, "--json"))
+    assert (first["version"], first["in_use"], first["vehicles"]) == ("0001", True, 8)
+    assert first["trips"] == len(store.trips(until="2023-01-10").query("drives > 0"))
+    assert "promote it to use it" in run(*arguments)
+    assert Registry(tmp_path / "m").current() == "0001"
+    updated = json.loads(run("update", store.place, tmp_path / "m", "--json"))
+    assert updated["version"] == "0003"
+    assert updated["trips"] == len(store.trips(since="2023-01-10").query("drives > 0"))
+    assert 0.0 <= updated["coverage"] <= 1.0
+    assert "no new trips" in run("update", store.place, tmp_path / "m")
+
+
+def test_versions_promote_and_rollback(fleet, registry):
+    *_, model, _ = fleet
+    registry.add(model)
+    assert "version 0002 is in use" in run("promote", registry.folder, "0002")
+    assert json.loads(run("rollback", registry.folder, "--json")) == {"in_use": "0001"}
+    shown = json.loads(run("versions", registry.folder, "--json"))
+    assert (shown["versions"], shown["in_use"]) == (["0001", "0002"], "0001")
+    assert "2 versions, 0001 in use" in run("versions", registry.folder)
+
+
+def test_a_vehicle_is_forecast(fleet, registry, tmp_path):
+    *_, model, _ = fleet
+    links = tmp_path / "links.csv"
+    links.write_text("length_m,speed_m_s\n3000,15\n4000,20\n")
+    shown = json.loads(
+        run(
+            "forecast",
+            registry.folder,
+            links,
+            "--vehicle-id",
+            "V00001",
+            "--soc",
+            0.8,
+            "--ambient",
+            4,
+            "--json",
+        )
+    )
+    import tripwatt as tw
+
+    own = model.forecast(
+        tw.read_route(links), tw.Departure(soc=0.8, ambient_temperature_degc=4.0), vehicle_id="V00001"
+    )
+    assert shown["vehicle_id"] == "V00001"
+    assert shown["energy_wh"] == pytest.approx(own.energy_wh)
+    text = run(
+        "forecast", registry.folder, links, "--vehicle-id", "new", "--car-model", "vw_id3", "--reserve", 0.1
+    )
+    assert "probability to arrive with 10 % or more" in text
+    rows = [{"trip": "a", "vehicle_id": "V00001", "length_m": 3000.0, "speed_m_s": 15.0, "soc": 0.8}]
+    pq.write_table(pa.Table.from_pylist(rows), tmp_path / "in.parquet")
+    done = run(
+        "batch", registry.folder, tmp_path / "in.parquet", "--out", tmp_path / "o.parquet", "--quantile", 0.2
+    )
+    assert "1 trips" in done
+    assert np.isfinite(pq.read_table(tmp_path / "o.parquet")["energy_wh_q20"].to_numpy()).all()
+
+
+def test_evaluate_writes_the_page(fleet, tmp_path):
+    _, store, _, folder = fleet
+    out = tmp_path / "fleet.html"
+    shown = json.loads(run("evaluate", store.place, "--out", out, "--work", folder / "rows", "--json"))
+    assert len(shown["vehicles"]) == 8
+    assert {row["protocol"] for row in shown["by_car_model"]} == {
+        "later trips",
+        "new vehicles",
+        "new car models",
+    }
+    assert shown["own_trips"][0]["own_trips"] == 0
+    assert out.read_text("utf-8").startswith("<!doctype html>")
