@@ -10,7 +10,7 @@ WORKERS ?= 2
 PIP_INSTALL = -m pip install --quiet --disable-pip-version-check
 UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 
-.PHONY: run check check-latest lowest constraints image sbom bench bars readme page browser clean
+.PHONY: run check check-latest lowest constraints image sbom bench bars bars-fleet readme page browser clean
 
 .venv/.ready: pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -92,6 +92,9 @@ bench: .venv-bench/.ready  ## ratios against peers, all measured in one run, int
 
 bars: .venv-bench/.ready  ## the long measurements against the project's own bars
 	.venv-bench/bin/python -m benchmarks.bars
+
+bars-fleet: .venv-bench/.ready  ## the long measurements of a fleet: store, cluster, truth, peers
+	.venv-bench/bin/python -m benchmarks.fleet
 
 readme: .venv/.ready  ## the tables of the README and of docs/results.md from OUT/results.json, which is copied to docs/results
 	.venv/bin/python docs/publish_results.py $(OUT)
