@@ -34,6 +34,7 @@ NOT_ON_MAP: Final = frozenset({170, 171})
 """Valhalla's error codes for places without a road near them."""
 
 EDGE_VALUES: Final = (
+    "shape",
     "edge.length",
     "edge.speed",
     "edge.speed_limit",
@@ -152,6 +153,9 @@ class ValhallaRouter:
             raise InvalidInput(
                 Fault("too many edges", "trace_attributes", f"{len(entries)}", f"at most {MOST_EDGES}")
             )
+        own = answer.get("shape")
+        if isinstance(own, str):  # its line may have a point more than that of the route
+            points = decode_polyline(own, "trace_attributes, shape", precision=1e6)
         table = _EdgeTable.from_entries(entries, len(points))
         driven = np.concatenate(([0.0], np.cumsum(haversine_m(points[:, 0], points[:, 1]))))
         border = np.append(driven[table.begin], driven[table.end[-1]])
