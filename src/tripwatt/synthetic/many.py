@@ -2,7 +2,7 @@
 
 Nothing here is measured. Car models are those of the library; of each vehicle the truth differs from its car model in
 rolling resistance, air drag, heat loss of the cabin and base load, and each car model from its book values. Drivers
-differ in their set-point and in how much they take; batteries and tyres age; seasons change. `vehicle_truth` has all of
+differ in their set-point and in how much they take; batteries age; seasons change. `vehicle_truth` has all of
 it. A trip depends on the seed, its car model and its place in the order of the model alone, so that any block can be
 made anywhere, and a longer fleet begins with the shorter one.
 
