@@ -271,7 +271,7 @@ def test_causes(forecast):
 def test_a_planned_route_adds_its_share_of_the_energy():
     route = RouteUncertainty(np.array([250.0, 1000.0]), np.array([0.0004, 0.0016]), 20)
     driven = departing()
-    assert driven.with_route_error(route) is driven
+    assert driven.with_route_error(route).to_dict() == driven.to_dict()
     on_links = dataclasses.replace(
         driven, drive=dataclasses.replace(driven.drive, plan=dataclasses.replace(driven.plan, link_m=625.0))
     )

@@ -648,7 +648,16 @@ class TestCorrectors:
 
     @pytest.mark.parametrize(("divisor", "expected"), [(None, [105.0, 106.0]), (4, [2.5, 2.75])])
     def test_stored_trees(self, divisor, expected) -> None:
-        trees = SimpleNamespace(sum=lambda X: X[:, 0])
+        class Trees:
+            """One column instead of trees."""
+
+            def __len__(self) -> int:
+                return 0
+
+            def sum(self, X: np.ndarray) -> np.ndarray:
+                return X[:, 0]
+
+        trees = Trees()
         stored = StoredTrees(
             trees, ("row",), 100.0 if divisor is None else 0.0, 5.0 if divisor is None else 10.0, divisor
         )

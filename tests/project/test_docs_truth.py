@@ -151,7 +151,10 @@ def anchors(page: Path) -> frozenset[str]:
     """What links to the headings of a page end in."""
     text = FENCED.sub("", page.read_text("utf-8")) if page.is_file() else ""
     heads = re.findall(r"^#+ +(.+?) *$", text, re.MULTILINE)
-    return frozenset(re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads)
+    named = re.findall(r'<a id="([\w-]+)"></a>', text)
+    return frozenset(re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads) | frozenset(
+        named
+    )
 
 
 def dead_names(page: Path) -> list[str]:

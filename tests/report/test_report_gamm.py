@@ -189,7 +189,7 @@ def test_panels_name_the_rule_and_the_trips_it_concerns(run: SimpleNamespace) ->
 
 def test_without_gamm_the_page_says_so(run: SimpleNamespace) -> None:
     panels = panels_of(SimpleNamespace(**{**vars(run), "gamm": None}))
-    assert [key for key in panels if key.startswith("gamm")] == ["gamm-summary"]
+    assert [key for key in panels if key.startswith("gamm")] == ["gamm-errors", "gamm-summary"]
     assert "not among the models" in panels["gamm-summary"].sentence
     assert not panels["gamm-summary"].tables
 

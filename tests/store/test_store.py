@@ -321,6 +321,7 @@ def test_places_that_are_no_store(tmp_path):
 
 
 WRITER = """
+import os
 import sys
 sys.path[:0] = sys.argv[4:]
 from tests.store.test_store import drive
@@ -329,6 +330,7 @@ store = open_store(sys.argv[1])
 first, last = int(sys.argv[2]), int(sys.argv[3])
 logs = (drive(trip=f"T{i}", start=0.01 * i, day=1 + i % 28, vehicle=f"V{i % 5}") for i in range(first, last))
 store.add(logs, car_model="nissan_leaf_24", batch=4, progress=lambda a: print(a.added + a.known, flush=True))
+os._exit(0)  # without the interpreter's end, at which threads of the store's library may abort a finished process
 """
 
 

@@ -101,7 +101,7 @@ def test_two_seasons_several_days_trips_and_drivers(fleet, truth):
         assert t.context.cabin_setpoint_degc == t.array("cabin_setpoint_degc")[0]
         assert truth.loc[t.trip_id, "driver"] == t.context.driver
         assert 9 * 60 <= t.duration_s <= 55 * 60
-        assert set(t.samples.columns) == set(COLUMNS) - {"grade", "motor_torque_nm"}
+        assert set(t.samples.columns) == set(COLUMNS) - {"grade", "motor_torque_nm", "climate_power_w"}
         assert not t.samples.isna().any().any()
     assert fleet.name == "synthetic"
     assert fleet.reference is None
@@ -302,8 +302,8 @@ def test_the_audit_finds_the_planted_faults_and_nothing_else(n_trips, seed):
     outcome = {"frozen signal": "trimmed", "wrong sign": "set aside", "filled gap": "set aside"}
     for kind, fault in by_kind.items():
         of_trip = [f for f in found.findings if f.trip == fault.trip]
-        # a reversed current is seen twice: by acceleration, and by the state of charge
-        assert len(of_trip) == (2 if kind == "wrong sign" else 1)
+        # a reversed current is seen three times: by acceleration, by the state of charge, and by a battery that gains
+        assert len(of_trip) == (3 if kind == "wrong sign" else 1)
         for finding in of_trip:
             assert words[kind] in finding.what
             assert finding.consequence == outcome[kind]

@@ -289,45 +289,11 @@ class GAMM(RegressorMixin, BaseEstimator):
         units = group_codes if fold_codes is None else fold_codes
         wanted = None
         if at is not None:
-            labels = self._labels(frame, groups if folds is None else folds)
-            wanted = self._complete_at(at, formula), self._units_at(at, at_folds, labels)
+            labels = _labels(frame, groups if folds is None else folds)
+            wanted = _complete_at(at, formula), _units_at(at, at_folds, labels)
         predictions, report = leave_out(design, frame, values, group_codes, units, settings, wanted)
         self.folds_ = report
         return predictions
-
-    @staticmethod
-    def _labels(frame: pd.DataFrame, labels: object) -> npt.NDArray[Any]:
-        """Labels (n,) given as an array or as a column."""
-        if isinstance(labels, str):
-            faults = missing_columns(frame, [labels])
-            if faults:
-                raise InvalidInput(faults)
-            labels = frame[labels]
-        return np.asarray(labels)
-
-    def _units_at(self, at: pd.DataFrame, at_folds: object, known: npt.NDArray[Any]) -> Index:
-        """Code of the unit of each row of `at`; `known` are the labels of the rows of the fit."""
-        labels = np.empty(0) if at_folds is None else self._labels(at, at_folds)
-        codes = pd.Index(pd.factorize(known)[1]).get_indexer(pd.Index(labels))
-        if len(codes) != len(at) or (codes < 0).any():
-            got = f"{len(codes)} labels for {len(at)} rows, {int((codes < 0).sum())} unknown"
-            allowed = "a unit of the fit for each row of at="
-            raise InvalidInput(Fault("invalid groups", "at_folds=", got, allowed))
-        return np.asarray(codes, dtype=np.intp)
-
-    @staticmethod
-    def _complete_at(at: pd.DataFrame, formula: Formula) -> pd.DataFrame:
-        """The rows of `at`; random effects need no column."""
-        used = [term for term in formula.terms if not isinstance(term, RandomEffect)]
-        wanted = dict.fromkeys(name for term in used for name in term.columns)
-        faults = missing_columns(at, wanted)
-        for term in used:
-            for name in term.columns:
-                if name in at.columns and not is_factor(at[name]):
-                    faults += numbers(at, name, term.label)[1]
-        if faults:
-            raise InvalidInput(dict.fromkeys(faults))
-        return at
 
     def _formula(self) -> Formula:
         if isinstance(self.formula, Formula):
@@ -371,7 +337,7 @@ class GAMM(RegressorMixin, BaseEstimator):
         """Codes (n,) of groups given as labels or as a column."""
         if groups is None:
             return None
-        codes = pd.factorize(self._labels(frame, groups))[0].astype(np.intp)
+        codes = pd.factorize(_labels(frame, groups))[0].astype(np.intp)
         if len(codes) != len(frame) or (codes < 0).any():
             got = f"{len(codes)} labels, {int((codes < 0).sum())} missing"
             raise InvalidInput(
@@ -468,3 +434,38 @@ def _given_logs(given: Sequence[float] | Mapping[str, float] | None, design: Des
         allowed = f"{len(names)} positive numbers for {', '.join(names)}"
         raise InvalidInput(Fault("invalid smoothing parameters", "GAMM(smoothing_parameters=)", got, allowed))
     return np.log(values)
+
+
+def _labels(frame: pd.DataFrame, labels: object) -> npt.NDArray[Any]:
+    """Labels (n,) given as an array or as a column."""
+    if isinstance(labels, str):
+        faults = missing_columns(frame, [labels])
+        if faults:
+            raise InvalidInput(faults)
+        labels = frame[labels]
+    return np.asarray(labels)
+
+
+def _units_at(at: pd.DataFrame, at_folds: object, known: npt.NDArray[Any]) -> Index:
+    """Code of the unit of each row of `at`; `known` are the labels of the rows of the fit."""
+    labels = np.empty(0) if at_folds is None else _labels(at, at_folds)
+    codes = pd.Index(pd.factorize(known)[1]).get_indexer(pd.Index(labels))
+    if len(codes) != len(at) or (codes < 0).any():
+        got = f"{len(codes)} labels for {len(at)} rows, {int((codes < 0).sum())} unknown"
+        allowed = "a unit of the fit for each row of at="
+        raise InvalidInput(Fault("invalid groups", "at_folds=", got, allowed))
+    return np.asarray(codes, dtype=np.intp)
+
+
+def _complete_at(at: pd.DataFrame, formula: Formula) -> pd.DataFrame:
+    """The rows of `at`; random effects need no column."""
+    used = [term for term in formula.terms if not isinstance(term, RandomEffect)]
+    wanted = dict.fromkeys(name for term in used for name in term.columns)
+    faults = missing_columns(at, wanted)
+    for term in used:
+        for name in term.columns:
+            if name in at.columns and not is_factor(at[name]):
+                faults += numbers(at, name, term.label)[1]
+    if faults:
+        raise InvalidInput(dict.fromkeys(faults))
+    return at
