@@ -240,7 +240,7 @@ def test_a_batch_is_counted_while_it_arrives() -> None:
     assert nothing.value.kind == "invalid-input"
 
 
-@pytest.mark.parametrize("name", ["tiny_chunks", "lines_of_a_batch", "slow_bodies", "endless_header"])
+@pytest.mark.parametrize("name", ["tiny_chunks", "lines_of_a_batch", "endless_header"])
 def test_another_client_is_served_under_an_attack(service: Service, name: str) -> None:
     """The bars of the times are those of `make bars`; here a stall of a second fails."""
     with attacking(name, service.port, clients=1):

@@ -38,7 +38,7 @@ class Conformance:
 
 
 def conformance(
-    url: str, examples: int, seed: int = 1, *, only: str = "", timeout_s: float = 1800.0
+    url: str, examples: int, seed: int = 1, *, only: str = "", phases: str = "", timeout_s: float = 1800.0
 ) -> Conformance:
     """Run schemathesis against a service.
 
@@ -51,6 +51,8 @@ def conformance(
     seed : int
     only : str
         Regular expression of the paths to try; all when empty.
+    phases : str
+        Phases of schemathesis, with commas; all when empty.
     timeout_s : float
     """
     with tempfile.TemporaryDirectory() as folder:
@@ -58,6 +60,7 @@ def conformance(
         command = [
             *(sys.executable, "-m", "schemathesis.cli", "run", f"{url}/openapi.json", "--no-color"),
             *(("--include-path-regex", only) if only else ()),
+            *(("--phases", phases) if phases else ()),
             *("-n", str(examples), "--seed", str(seed), "-c", "all", "--continue-on-failure"),
         ]  # fmt: skip
         environment = os.environ | {
