@@ -132,7 +132,8 @@ def test_a_job_of_a_hung_worker_times_out(tmp_path: Path, drive: dict[str, Any])
 
 def test_the_service_conforms_to_its_openapi_document(service: Service) -> None:
     """A small sample; `make bars` sends 500 examples per operation."""
-    found = conformance(service.url, 6, seed=3, timeout_s=400)
+    # without a map the operations of journeys answer 501; tests/service/test_journeys.py has one
+    found = conformance(service.url, 6, seed=3, only="^/(?!v1/(plan|reachable|places))", timeout_s=400)
     assert found.clean, found.text
     document = service.client.get("/openapi.json").json()
     assert document["openapi"].startswith("3.1")

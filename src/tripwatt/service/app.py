@@ -16,6 +16,7 @@ from prometheus_client import CONTENT_TYPE_LATEST
 from starlette.exceptions import HTTPException
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.responses import StreamingResponse
+from starlette.routing import Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
@@ -218,7 +219,15 @@ class Api:
             kind = PROBLEM_KINDS.get(
                 error.status_code, "internal" if error.status_code >= 500 else "bad-request"
             )
-            return Problem(kind, headers=error.headers or {}).response(request_id(request))
+            headers = dict(error.headers or {})
+            if error.status_code == 405:  # starlette names the methods of the first route of a path alone
+                of_path = [
+                    r
+                    for r in self.app.routes
+                    if isinstance(r, Route) and r.path_regex.match(request.url.path)
+                ]
+                headers["Allow"] = ", ".join(sorted({m for route in of_path for m in route.methods or ()}))
+            return Problem(kind, headers=headers).response(request_id(request))
 
         async def on_parameters(request: Request, error: Exception) -> Response:
             assert isinstance(error, RequestValidationError)
