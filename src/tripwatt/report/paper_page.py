@@ -117,14 +117,14 @@ def _table1(view: View, transfers: Transfers) -> str:
 
 
 def table2_row(record: Record) -> tuple[str, str]:
-    """Name of a term and its two numbers as the paper prints them.
+    r"""Name of a term and its two numbers as the paper prints them.
 
     Examples
     --------
     >>> table2_row({"term": "weatherdark", "estimate": 1.0, "std_error": 2.0, "p_value": 0.04})
-    ('weather: dark', '1.00 (2.00)*')
+    ('weather: dark', '1.00\xa0(2.00)*')
     >>> table2_row({"term": "s(time_s):seasonwinter", "edf": 4.3, "ref_df": 4.8, "p_value": 0.0})
-    ('s(time):winter', '4.30 (4.80)***')
+    ('s(time):winter', '4.30\xa0(4.80)***')
     """
     term = str(record["term"])
     name = f"weather: {term.removeprefix('weather')}" if term.startswith("weather") else term_in_words(term)

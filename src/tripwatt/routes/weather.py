@@ -105,8 +105,8 @@ def _sd(now_and_per_day: tuple[float, float], hours_ahead: float | None) -> floa
 
     Examples
     --------
-    >>> _sd((1.0, 0.4), 48.0), _sd((1.0, 0.4), None)
-    (1.8, 0.0)
+    >>> _sd((1.0, 0.5), 48.0), _sd((1.0, 0.5), None)
+    (2.0, 0.0)
     """
     now, per_day = now_and_per_day
     return 0.0 if hours_ahead is None else now + per_day * max(hours_ahead, 0.0) / 24.0
