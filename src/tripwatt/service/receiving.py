@@ -36,7 +36,8 @@ class Arrival:
 class Arrivals:
     """Places for bodies that are arriving; when all are taken, the slowest body gives its place to the next one.
 
-    A client that sends slowly can therefore not hold a place that another needs.
+    A client that sends slowly can therefore not hold a place that another needs. A body that arrives in one part takes
+    no place: the server holds at most 64 kB of a connection, and those connections are counted already.
 
     Parameters
     ----------
@@ -76,7 +77,7 @@ class Arrivals:
         Raises
         ------
         Problem
-            `media-type`, `too-large`, `body-late`, `busy`, or `bad-request` for an incomplete body.
+            `media-type`, `too-large`, `body-late`, or `bad-request` for an incomplete body.
         """
         require_media_type(request, media_types)
         length = request.headers.get("content-length", "0")
@@ -86,15 +87,7 @@ class Arrivals:
             raise _too_large(limit)
         try:
             async with asyncio.timeout(timeout_s) as deadline:
-                arrival = self._admit(deadline)
-                try:
-                    async for part in request.stream():
-                        arrival.size += len(part)
-                        if arrival.size > limit:
-                            raise _too_large(limit)
-                        take(part)
-                finally:
-                    self._running.discard(arrival)
+                await self._take_all(request, limit, deadline, take)
         except TimeoutError:
             raise Problem(
                 "body-late",
@@ -104,16 +97,42 @@ class Arrivals:
         except ClientDisconnect:
             raise Problem("bad-request", "the body is incomplete") from None
 
-    def _admit(self, deadline: asyncio.Timeout) -> Arrival:
-        now = asyncio.get_running_loop().time()
-        if len(self._running) >= self.most:
-            slow = [arrival for arrival in self._running if now - arrival.started >= GRACE_S]
-            if not slow:
-                raise Problem("busy", "too many bodies arrive", headers={"Retry-After": "1"})
+    async def _take_all(
+        self, request: Request, limit: int, deadline: asyncio.Timeout, take: Callable[[bytes], object]
+    ) -> None:
+        size, arrival = 0, None
+        try:
+            while True:
+                message = await request.receive()
+                if message["type"] == "http.disconnect":
+                    raise ClientDisconnect
+                part = message.get("body", b"")
+                size += len(part)
+                if size > limit:
+                    raise _too_large(limit)
+                take(part)
+                if not message.get("more_body", False):
+                    return
+                if arrival is None:
+                    arrival = await self._admit(deadline)
+                arrival.size = size
+        finally:
+            if arrival is not None:
+                self._running.discard(arrival)
+
+    async def _admit(self, deadline: asyncio.Timeout) -> Arrival:
+        loop = asyncio.get_running_loop()
+        while len(self._running) >= self.most:
+            now = loop.time()
+            oldest_s = now - min(arrival.started for arrival in self._running)
+            if oldest_s < GRACE_S:
+                await asyncio.sleep(GRACE_S - oldest_s)
+                continue
+            slow = (arrival for arrival in self._running if now - arrival.started >= GRACE_S)
             slowest = min(slow, key=lambda arrival: arrival.rate(now))
             self._running.discard(slowest)
             slowest.deadline.reschedule(now)
-        arrival = Arrival(deadline, now)
+        arrival = Arrival(deadline, loop.time())
         self._running.add(arrival)
         return arrival
 
