@@ -362,3 +362,19 @@ def test_other_rows_are_predicted_by_the_fit_without_their_group(frame):
 def test_rows_that_cannot_be_predicted_are_named(frame, change, folds, words):
     with pytest.raises(InvalidInput, match=words):
         GAMM(FULL).leave_groups_out(frame, groups="g", at=change(frame), at_folds=folds)
+
+
+def test_a_fold_with_as_few_rows_as_free_coefficients_is_refused():
+    rng = np.random.default_rng(3)
+    frame = pd.DataFrame({"x": rng.normal(size=6), "z": rng.normal(size=6), "y": rng.normal(size=6)})
+    model = GAMM(Formula("y", (Parametric("x"), Parametric("z"))))
+    held_out = model.leave_groups_out(frame, groups=np.arange(6) // 2)
+    assert np.isfinite(held_out).all(), "four rows for three coefficients"
+    with pytest.raises(InvalidInput) as caught:
+        model.leave_groups_out(frame, groups=np.arange(6) // 3)
+    (fault,) = caught.value.faults
+    assert (fault.what, fault.got) == ("too few rows", "3 rows")
+    assert fault.where == "without fold of row 0"
+    assert fault.allowed == "more than 3 unpenalised coefficients"
+    with pytest.raises(InvalidInput, match="too few rows"):
+        model.fit(frame.iloc[:3])

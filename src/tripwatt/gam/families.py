@@ -285,6 +285,9 @@ def _ascent(gradient: FloatArray, hessian: FloatArray, active: BoolArray) -> Flo
     """Newton step on the active parameters, made to ascend, at most 3 long in each."""
     step = np.zeros(2)
     values, vectors = np.linalg.eigh(-hessian[np.ix_(active, active)])
-    floor = 1e-8 * max(float(np.abs(values).max()), 1e-300)
+    steepest = float(np.abs(gradient).max())
+    floor = max(
+        1e-8 * float(np.abs(values).max()), 1e-12 * steepest, 1e-300
+    )  # a flat direction divides by it
     step[active] = vectors @ ((vectors.T @ gradient[active]) / np.maximum(np.abs(values), floor))
     return np.asarray(step * min(1.0, 3.0 / max(float(np.abs(step).max()), 1e-300)))

@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from tripwatt.arrays import FloatArray
+from tripwatt.errors import Fault, InvalidInput
 from tripwatt.gam.covariates import Index
 from tripwatt.gam.design import Design
 from tripwatt.gam.fitted_terms import FittedTerm
+from tripwatt.gam.penalties import PenaltyStack
 from tripwatt.gam.tables import IndexedColumns, TableRows
 from tripwatt.gam.terms import Smooth, Tensor
 
@@ -125,3 +127,28 @@ def _reduced_part(part: IndexedColumns, first: int, last: int, gone: int, Z: Flo
     columns = np.concatenate([moved, np.arange(first, first + Z.shape[1])])
     order = np.argsort(columns)
     return replace(part, columns=columns[order], table=np.ascontiguousarray(table[:, order]))
+
+
+def require_rows(rows: int, stack: PenaltyStack, where: str) -> None:
+    """Check that there are more rows than coefficients that no penalty holds.
+
+    Parameters
+    ----------
+    rows : int
+        Of the fit.
+    stack : PenaltyStack
+        Of the active coefficients.
+    where : str
+        What has these rows.
+
+    Raises
+    ------
+    InvalidInput
+        `too few rows`.
+    """
+    if rows <= stack.null_dim:
+        raise InvalidInput(
+            Fault(
+                "too few rows", where, f"{rows} rows", f"more than {stack.null_dim} unpenalised coefficients"
+            )
+        )

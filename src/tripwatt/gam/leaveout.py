@@ -11,7 +11,7 @@ from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.gam.covariates import EXACT_ROWS, Index, Levels, Support, Training
 from tripwatt.gam.design import Design
-from tripwatt.gam.identify import identify
+from tripwatt.gam.identify import identify, require_rows
 from tripwatt.gam.moments import Moments, moments
 from tripwatt.gam.solve import FitSettings, solve
 
@@ -76,6 +76,7 @@ def _fold(
         gram = sums.gram[0]
     active = own.active(np.diag(gram))
     stack, which = own.penalty_stack(active)
+    require_rows(len(kept), stack, f"without fold of row {out[0]}")
     if settings.rho is not None:
         settings = replace(settings, rho=settings.rho[which])
     solution = solve(own.rows.subset(kept, active), y[kept], sums, stack, active, settings)

@@ -18,7 +18,7 @@ from tripwatt.gam.design import Design, build_design
 from tripwatt.gam.families import Family, Gaussian, ScaledT
 from tripwatt.gam.fit import Solution
 from tripwatt.gam.fitted_terms import Extrapolation
-from tripwatt.gam.identify import identify
+from tripwatt.gam.identify import identify, require_rows
 from tripwatt.gam.leaveout import grouped_moments, leave_out
 from tripwatt.gam.moments import Moments
 from tripwatt.gam.results import Results, results
@@ -144,11 +144,7 @@ class GAMM(RegressorMixin, BaseEstimator):
             reduced = sums.gram[0]
         active = design.active(np.diag(reduced))
         stack, which = design.penalty_stack(active)
-        if len(frame) <= stack.null_dim:
-            got = f"{len(frame)} rows"
-            raise InvalidInput(
-                Fault("too few rows", "frame", got, f"more than {stack.null_dim} unpenalised coefficients")
-            )
+        require_rows(len(frame), stack, "frame")
         given = _given_logs(self.smoothing_parameters, design)
         settings = self._settings(family, None if given is None else given[which])
         rows = design.rows.subset(columns=active)
