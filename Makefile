@@ -1,6 +1,8 @@
 # The two commands of the README are `make run` and `make check`; each builds the venv it needs, inside this folder.
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
+# A process that keeps nothing of what it compiles would compile every package again at each start.
+unexport PYTHONDONTWRITEBYTECODE
 
 PYTHON ?= python3
 DATA ?=
