@@ -8,11 +8,8 @@ loopback.
 from __future__ import annotations
 
 import itertools
-import json
 import os
-import socket
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
@@ -21,12 +18,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.support.router_server import valhalla_serving
+
 import tripwatt as tw
 from benchmarks.measure import ROOT
 from tripwatt.journey import Atlas, Drive, JourneyOptions, Place, find_reach, journey_with, open_atlas
 from tripwatt.routes import plan_from_links, route_from_links
 from tripwatt.routes.maps import MapFolder, build_map
-from tripwatt.routes.maps.engine import configuration, require_valhalla, valhalla_folder
+from tripwatt.routes.maps.engine import valhalla_folder
 from tripwatt.routes.routers.servers import osrm_leg
 
 RUNS = 5
@@ -143,23 +142,8 @@ def _atlas(built: MapFolder) -> Iterator[tuple[Atlas, str]]:
     else:
         yield open_atlas(built.folder), "in process"
         return
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    config = built.folder / "server.json"
-    config.write_text(json.dumps(configuration(built.folder, port=port)), "utf-8")
-    program = require_valhalla() / "bin" / "valhalla_service"
-    process = subprocess.Popen([program, config, "1"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        for _ in range(300):
-            with socket.socket() as probe:
-                if probe.connect_ex(("127.0.0.1", port)) == 0:
-                    break
-            time.sleep(0.1)
-        yield open_atlas(f"{built.folder}@http://127.0.0.1:{port}"), "server on loopback"
-    finally:
-        process.terminate()
-        process.wait(20)
+    with valhalla_serving(built) as address:
+        yield open_atlas(address), "server on loopback"
 
 
 def run() -> Iterator[Row]:

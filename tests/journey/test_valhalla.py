@@ -7,22 +7,19 @@ installed, the same tests run in process as well.
 from __future__ import annotations
 
 import importlib.util
-import json
-import socket
-import subprocess
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.support.router_server import valhalla_serving
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.journey import Atlas, Drive, JourneyOptions, find_reach, open_atlas, plan_journey
 from tripwatt.routes.maps import MapFolder, build_map
-from tripwatt.routes.maps.engine import configuration, valhalla_folder
+from tripwatt.routes.maps.engine import valhalla_folder
 from tripwatt.routes.places import Place
 
 IN_PROCESS = importlib.util.find_spec("valhalla") is not None
@@ -56,24 +53,8 @@ def atlas(request: pytest.FixtureRequest, built: MapFolder) -> Iterator[Atlas]:
             pytest.skip("pyvalhalla is not installed for this Python: it needs 3.12 or newer")
         yield open_atlas(built.folder)
         return
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    config = built.folder / "server.json"
-    config.write_text(json.dumps(configuration(built.folder, port=port)), "utf-8")
-    program = valhalla_folder() / "bin" / "valhalla_service"
-    process = subprocess.Popen([program, config, "1"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        until = time.monotonic() + 30.0
-        while time.monotonic() < until:
-            with socket.socket() as probe:
-                if probe.connect_ex(("127.0.0.1", port)) == 0:
-                    break
-            time.sleep(0.1)
-        yield open_atlas(f"{built.folder}@http://127.0.0.1:{port}")
-    finally:
-        process.terminate()
-        process.wait(20)
+    with valhalla_serving(built) as address:
+        yield open_atlas(address)
 
 
 @pytest.fixture(scope="module")

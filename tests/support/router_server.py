@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import socket
+import subprocess
 import threading
 import time
 from collections.abc import Iterator
@@ -11,8 +13,9 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
+from tripwatt.routes.maps.engine import configuration, require_valhalla
 from tripwatt.routes.maps.extract import Named
-from tripwatt.routes.maps.folder import ATTRIBUTION, FORMAT, INDEX_NAME, INFO_NAME
+from tripwatt.routes.maps.folder import ATTRIBUTION, FORMAT, INDEX_NAME, INFO_NAME, MapFolder
 from tripwatt.routes.maps.index import write_index
 from tripwatt.routes.maps.stations import Station
 
@@ -89,3 +92,26 @@ def answering(document: Any) -> Iterator[RouterServer]:
         server.shutdown()
         server.server_close()
         thread.join(10.0)
+
+
+@contextmanager
+def valhalla_serving(built: MapFolder) -> Iterator[str]:
+    """A real Valhalla on loopback that serves the roads of a map: its address, as `open_atlas` takes it."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    config = built.folder / "server.json"
+    config.write_text(json.dumps(configuration(built.folder, port=port)), "utf-8")
+    program = require_valhalla() / "bin" / "valhalla_service"
+    process = subprocess.Popen([program, config, "1"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        until = time.monotonic() + 30.0
+        while time.monotonic() < until:
+            with socket.socket() as probe:
+                if probe.connect_ex(("127.0.0.1", port)) == 0:
+                    break
+            time.sleep(0.1)
+        yield f"{built.folder}@http://127.0.0.1:{port}"
+    finally:
+        process.terminate()
+        process.wait(20)
