@@ -483,7 +483,8 @@ def test_fetch_checks_a_folder_and_says_so_by_its_code(run: Callable[..., Answer
 def test_vehicles_lists_shows_and_refuses(run: Callable[..., Answer], tmp_path: Path) -> None:
     names = [car["name"] for car in json.loads(run("vehicles", "--json").out)]
     assert {"bmw_i3_60ah", "nissan_leaf_24", "vw_id3"} <= set(names)
-    assert all(name in run("vehicles").out for name in names)
+    listed = run("vehicles").out
+    assert all(name in listed for name in names)
     shown = json.loads(run("vehicles", "nissan_leaf_24", "--set", "mass=1620", "--json").out)
     mass = next(e for e in shown["entries"] if e["key"] == "body.curb_mass_kg")
     assert mass == {

@@ -107,9 +107,14 @@ def dead_commands(code: list[str]) -> Iterator[str]:
             yield from dead_words(found[1])
 
 
+@cache
+def tool() -> Any:
+    return typer.main.get_command(app)
+
+
 def dead_words(line: str) -> Iterator[str]:
     """The command and the options of one command line that `tripwatt` lacks."""
-    command: Any = typer.main.get_command(app)
+    command = tool()
     named = "tripwatt"
     lexer = shlex.shlex(line.replace("'", "\\'") if line.count("'") % 2 else line, posix=True)
     lexer.whitespace_split = True
