@@ -11,6 +11,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.hybrid import SegmentTable
 from tripwatt.hybrid.car_corrector import HierarchicalCorrector
 from tripwatt.hybrid.hierarchy import (
+    OWN_SCALES,
     CarTransfer,
     Evidence,
     Members,
@@ -21,9 +22,10 @@ from tripwatt.hybrid.hierarchy import (
     term_scales,
 )
 from tripwatt.hybrid.parameters import Parameter
-from tripwatt.hybrid.power import EnsembleCorrector, GPCorrector
+from tripwatt.hybrid.power import SETTLED_S, EnsembleCorrector, GPCorrector, settled
 from tripwatt.hybrid.split import SplitCorrector
 from tripwatt.learners.gp import KernelTerm
+from tripwatt.vehicles import load_vehicle
 
 EXACT = {"rel": 1e-7, "abs": 1e-7}
 AMBIENT = "ambient_temperature_degc"
@@ -371,3 +373,20 @@ class TestCorrector:
         for refused in (lambda: found.fit(own), found.clone_tuned):
             with pytest.raises(InvalidInput, match="cannot be fitted"):
                 refused()
+
+
+def test_two_cars_are_alike_before_any_trip_and_a_longer_drive_is_no_other_kind_of_drive():
+    assert OWN_SCALES == (0.0, 0.25, 0.5, 0.75, 1.0)
+    options = grid("both")
+    assert max(option.own for option in options) == 1.0
+    assert len(options) == 5 * 5 * 2 * 5
+
+    table = pd.DataFrame({"time_s": [0.0, 3599.0, 3600.0, 3601.0, 90_000.0], "speed_m_s": 20.0})
+    held = settled(table)
+    assert held["time_s"].tolist() == [0.0, 3599.0, 3600.0, 3600.0, 3600.0]
+    assert held["speed_m_s"].tolist() == [20.0] * 5
+    assert table["time_s"].iloc[-1] == 90_000.0, "the table itself stays"
+    climate = load_vehicle("bmw_i3_60ah").climate
+    capacity_j_k = climate.air_heat_capacity_j_k + climate.interior_heat_capacity_j_k
+    left = np.exp(-SETTLED_S * 70.0 / capacity_j_k)
+    assert left == pytest.approx(1.0 / 12.0, rel=0.05), "a twelfth of the cabin's difference is left"
