@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from tripwatt.evaluation import evaluate
     from tripwatt.forecasting import Forecast, ForecastModel, load_model, save_model
     from tripwatt.journey import Journey, plan_journey
+    from tripwatt.live import create_car, open_car
     from tripwatt.sources import read_logs
     from tripwatt.store import create_store, open_store
     from tripwatt.synthetic import synthetic_fleet
@@ -43,6 +44,7 @@ __all__ = [
     "__version__",
     "adapt",
     "audit",
+    "create_car",
     "create_store",
     "describe_car",
     "evaluate",
@@ -50,6 +52,7 @@ __all__ = [
     "forecast",
     "load_model",
     "load_vehicle",
+    "open_car",
     "open_store",
     "plan_journey",
     "read_logs",
@@ -70,6 +73,7 @@ _HOMES: Final = {
     "Trip": "trips",
     "adapt": "api",
     "audit": "auditing",
+    "create_car": "live",
     "create_store": "store",
     "describe_car": "certification",
     "evaluate": "evaluation",
@@ -77,6 +81,7 @@ _HOMES: Final = {
     "forecast": "api",
     "load_model": "forecasting",
     "load_vehicle": "vehicles",
+    "open_car": "live",
     "open_store": "store",
     "plan_journey": "journey",
     "read_logs": "sources",

@@ -4,6 +4,7 @@ import datetime as dt
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
 from tripwatt.sources import read_logs
+from tripwatt.sources.canonical import read_canonical
 from tripwatt.sources.mapping import load_mapping, parse_mapping, shipped_mappings
 from tripwatt.sources.suggest import suggest_mapping
 from tripwatt.sources.table import read_table
@@ -359,3 +361,13 @@ def test_any_mapping_is_read_or_refused(text, at):
     except InvalidInput as error:
         parsed = error
     assert isinstance(parsed, InvalidInput) or parsed.columns
+
+
+def test_the_index_that_pandas_writes_is_no_column(tmp_path):
+    rows = driven().rename(columns={"Time": "time_s", "Speed": "speed_m_s"})[["time_s", "speed_m_s"]]
+    every_third_or_so = rows[(rows.index % 3 == 0) | (rows.index == 4)]
+    every_third_or_so.to_parquet(tmp_path / "part.parquet")
+    assert "__index_level_0__" in pq.ParquetFile(tmp_path / "part.parquet").schema_arrow.names
+    samples = read_canonical(tmp_path / "part.parquet")
+    assert list(samples.columns) == ["time_s", "speed_m_s"]
+    assert samples["time_s"].tolist() == every_third_or_so["time_s"].tolist()

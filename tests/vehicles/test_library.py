@@ -404,6 +404,7 @@ def test_fastsim_2_in_yaml_is_its_row_in_csv(tmp_path: Path) -> None:
             None,
             ("XML with entities", "plain XML"),
         ),
+        ("long.csv", "selection,Scenario name\n1," + "a" * 200_000, "1", ("unreadable CSV", "field larger")),
     ],
 )
 def test_files_that_cannot_be_imported_say_why(

@@ -25,6 +25,7 @@ from tripwatt.cli import (
     journey,
     logs,
     maps,
+    own_cars,
     serve,
     stores,
     transfer,
@@ -77,6 +78,7 @@ export.add_commands(app)
 serve.add_commands(app)
 stores.add_commands(app)
 fleets.add_commands(app)
+own_cars.add_commands(app)
 
 
 def main() -> None:

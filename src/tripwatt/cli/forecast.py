@@ -13,6 +13,7 @@ from tripwatt.cli.options import (
     JsonOption,
     examples,
     gather,
+    model_of,
     options_named,
 )
 from tripwatt.cli.output import write_bytes, write_text
@@ -195,7 +196,6 @@ def forecast(
     measured when the model was fitted. State of charge is the displayed one.
     """
     from tripwatt.api import read_route
-    from tripwatt.forecasting import load_model
     from tripwatt.transfer.zero_shot import on_vehicle
     from tripwatt.trips import Departure
     from tripwatt.units import M_S_PER_KM_H
@@ -206,7 +206,7 @@ def forecast(
     with options_named():
         gather(
             lambda: _require_options(reserve, plot),
-            lambda: got.update(model=load_model(model)),
+            lambda: got.update(model=model_of(model)),
             lambda: got.update(
                 plan=read_route(trip, speed_m_s=None if speed is None else speed * M_S_PER_KM_H)
             ),

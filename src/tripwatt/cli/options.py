@@ -14,6 +14,7 @@ import typer
 from tripwatt.errors import Fault, InvalidInput
 
 if TYPE_CHECKING:
+    from tripwatt.forecasting import ForecastModel
     from tripwatt.trips import Flag, Fleet
 
 DataArgument = Annotated[
@@ -206,3 +207,21 @@ def examples(*lines: tuple[str, str]) -> str:
     """
     shown = "\n".join(f"  # {meaning}\n  {command}" for command, meaning in lines)
     return f"\b\nExamples:\n{shown}"  # \b: click keeps the lines of the paragraph
+
+
+def model_of(folder: Path | None) -> ForecastModel:
+    """The model that a user means by a folder: a stored model, or a car with what it learned; without one the bundled model.
+
+    Raises
+    ------
+    InvalidInput
+        When the folder holds neither.
+    """
+    from tripwatt.forecasting import load_model
+
+    if folder is not None and (folder / "car.json").is_file():
+        from tripwatt.live import is_car, open_car  # slow to import, and most folders are models
+
+        if is_car(folder):
+            return open_car(folder).model()
+    return load_model(folder)

@@ -95,6 +95,7 @@ PROGRESS_EVERY_S: Final = 5.0
 
 def progress_lines(
     write: Callable[[str], object],
+    what: str = "folds",
     *,
     every_s: float = PROGRESS_EVERY_S,
     clock: Callable[[], float] = time.monotonic,
@@ -105,6 +106,8 @@ def progress_lines(
     ----------
     write : callable
         Takes one line.
+    what : str
+        What is counted.
     every_s : float
         Least time between two lines [s].
     clock : callable
@@ -118,16 +121,16 @@ def progress_lines(
         if last and finished < total and now - last[0] < every_s:
             return
         last[:] = [now]
-        write(f"{finished} of {total} folds finished after {now - started:.0f} s")
+        write(f"{finished} of {total} {what} finished after {now - started:.0f} s")
 
     return advance
 
 
 @contextmanager
-def progress(shown: Console) -> Iterator[Callable[[int, int], None]]:
+def progress(shown: Console, what: str = "folds") -> Iterator[Callable[[int, int], None]]:
     """A bar with the time left, or plain lines where there is no terminal; gives a function of (finished, all)."""
     if not shown.is_terminal:
-        yield progress_lines(shown.print)
+        yield progress_lines(shown.print, what)
         return
     from rich.progress import (
         BarColumn,
@@ -147,7 +150,7 @@ def progress(shown: Console) -> Iterator[Callable[[int, int], None]]:
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=shown) as bar:
-        task = bar.add_task("folds", total=None)
+        task = bar.add_task(what, total=None)
 
         def advance(finished: int, total: int) -> None:
             bar.update(task, completed=finished, total=total)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +26,9 @@ MOST_ROWS: Final = 500_000
 """Most rows of a Parquet file with less than `LEAST_ROW_BYTES` a row; equal values take next to no space in it."""
 LEAST_ROW_BYTES: Final = 4
 """Bytes that a row of measurements takes at least in a Parquet file."""
+INDEX: Final = re.compile(r"__index_level_\d+__")
+"""Columns in which pandas keeps the index of a table."""
+
 PROSE: Final = ".txt"
 """In a folder with other tables a file of this suffix is a note about them."""
 
@@ -88,8 +92,8 @@ class ParquetTable:
 
     @property
     def names(self) -> Sequence[str]:
-        """Columns of the schema."""
-        return [str(name) for name in self.file.schema_arrow.names]
+        """Columns of the schema; the index of rows that pandas writes beside them is none."""
+        return [str(name) for name in self.file.schema_arrow.names if not INDEX.fullmatch(str(name))]
 
     def _column(self, name: str) -> pd.Series:
         import pyarrow as pa

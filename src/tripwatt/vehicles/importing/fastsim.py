@@ -114,7 +114,13 @@ def _snake(name: str) -> str:
 
 def from_fastsim_csv(text: str, where: str, row: str | None) -> Found:
     """A vehicle of FASTSim 2 in a CSV file: one vehicle, or a table and the scenario name of one."""
-    return _from_version_2(_csv_row(list(csv.reader(io.StringIO(text))), where, row), where)
+    try:
+        rows = list(csv.reader(io.StringIO(text, newline="")))
+    except csv.Error as error:
+        raise InvalidInput(
+            Fault("unreadable CSV", where, f"{error}"[:120], "a CSV file of FASTSim 2")
+        ) from error
+    return _from_version_2(_csv_row(rows, where, row), where)
 
 
 def _from_version_2(table: Mapping[str, str], where: str) -> Found:

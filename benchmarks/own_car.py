@@ -1,0 +1,90 @@
+"""A Nissan Leaf of the VED as one's own car, its trips in order of time: python -m benchmarks.own_car [--car 10] [--data FOLDER].
+
+Each trip is forecast before it is learned. Printed are the energy-weighted errors of the ranges of trips, the coverage of the
+90 % interval, and the largest excess over the published values alone in 20 trips in a row.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.live import Score, create_car
+from tripwatt.sources import read_logs
+from tripwatt.trips import Fleet
+
+VEHICLE = "nissan_leaf_24"
+LEAST_M = 2000.0
+IN_A_ROW = 20
+
+
+@dataclass(frozen=True)
+class Row:
+    """One figure and its bounds."""
+
+    text: str
+    value: float
+    least: float
+    most: float
+
+
+def run(data: Path, car: str) -> Iterator[Row]:
+    """All rows of one car."""
+    fleet = read_logs(data / "ved", "ved")
+    own = [log for log in fleet.logs if log.context.car == car and log.distance_m > LEAST_M]
+    with tempfile.TemporaryDirectory() as folder:
+        learning = create_car(Path(folder) / "car", VEHICLE)
+        done = learning.add(
+            Fleet("ved", tuple(own)),
+            progress=lambda k, n: print(f"{k} of {n}", file=sys.stderr) if k % 20 == 0 else None,
+        )
+        table = learning.diary.table
+    print(f"{done}", file=sys.stderr)
+    yield from rows_of(table)
+
+
+def rows_of(table: pd.DataFrame) -> Iterator[Row]:
+    """All rows of a diary."""
+    early, late, everything = (Score.of(part) for part in (table.iloc[20:69], table.iloc[69:138], table))
+    book = Score.of(table, "book_")
+    yield Row("error of the published values alone, all trips", book.weighted_error, 0.0, np.inf)
+    yield Row("error, trips 21 to 69", early.weighted_error, 0.0, 0.125)
+    yield Row("error, trips 70 to 138", late.weighted_error, 0.0, 0.115)
+    yield Row("coverage of the 90 % interval, all trips", everything.coverage, 0.85, 0.96)
+    yield Row("width of the 90 % interval, all trips", everything.width, 0.0, np.inf)
+    took = table["energy_wh"].abs().rolling(IN_A_ROW).sum()
+    excess = (
+        (table["forecast_wh"] - table["energy_wh"]).abs().rolling(IN_A_ROW).sum()
+        - (table["book_forecast_wh"] - table["energy_wh"]).abs().rolling(IN_A_ROW).sum()
+    ) / took
+    yield Row(
+        "largest excess over the published values in 20 trips in a row", float(excess.max()), -np.inf, 0.01
+    )
+
+
+def main() -> int:
+    """Print the rows; 1 when a bound is missed."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--car", default="10")
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
+    given = parser.parse_args()
+    missed = False
+    for row in run(given.data, given.car):
+        good = row.least <= row.value <= row.most
+        missed |= not good
+        print(
+            f"{row.text}: {row.value:.4f} ({row.least:g} to {row.most:g}{'' if good else ', missed'})",
+            flush=True,
+        )
+    return int(missed)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

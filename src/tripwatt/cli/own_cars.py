@@ -1,0 +1,214 @@
+"""Commands of one's own car: make it, add its trips, show what it learned and its diary, forget it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tripwatt.cli.options import DatasetOption, JsonOption, MappingOption, examples, read_logs
+from tripwatt.cli.printing import console, print_json, print_notes, print_table, progress
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+car_app = typer.Typer(
+    help="Your own car: its trips, the model that they teach, and its diary. Needs the extra tripwatt[fleet].",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+CarArgument = Annotated[
+    Path, typer.Argument(metavar="CAR", help="Folder of the car, made by `tripwatt car new`.")
+]
+
+WORDS = {
+    "mass": "mass",
+    "rolling": "rolling resistance",
+    "air": "air drag",
+    "base_load": "base load",
+    "drivetrain": "loss of the drivetrain",
+    "hvac": "climate control",
+}
+"""Physical parameters in words."""
+
+
+def add_commands(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    car_app.command(
+        "new",
+        epilog=examples(
+            ("tripwatt car new my-leaf --vehicle nissan_leaf_40", "a car of the library"),
+            ("tripwatt car new my-car --vehicle my-car.toml", "a car of `tripwatt vehicles new`"),
+        ),
+    )(new)
+    car_app.command(
+        "add",
+        epilog=examples(
+            ("tripwatt car add my-leaf exports --mapping leaf_spy", "add the files of a logger"),
+            ("tripwatt car add my-leaf drive.csv", "add one trip"),
+        ),
+    )(add)
+    car_app.command(
+        "show",
+        epilog=examples(
+            ("tripwatt car show my-leaf", "what it learned, its errors, the last trips"),
+            ("tripwatt forecast my-leaf route.gpx --soc 0.8", "forecast with what it learned"),
+        ),
+    )(show)
+    car_app.command("forget", epilog=examples(("tripwatt car forget my-leaf", "erase everything of it")))(
+        forget
+    )
+    app.add_typer(car_app, name="car")
+
+
+def new(
+    car: Annotated[Path, typer.Argument(metavar="CAR", help="New folder. Its name is that of the car.")],
+    vehicle: Annotated[
+        str,
+        typer.Option(
+            "--vehicle", metavar="NAME|FILE", help="A name from `tripwatt vehicles`, or a TOML file."
+        ),
+    ],
+    base: Annotated[
+        Path | None,
+        typer.Option(metavar="MODEL", help="Model to adapt. Default: the bundled model.", show_default=False),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Make the folder of a car that learns from its trips."""
+    from tripwatt.live import create_car
+
+    made = create_car(car, vehicle, base=base)
+    if as_json:
+        print_json(made.about())
+        return
+    typer.echo(f"{car}: {made.vehicle.title}, no trips yet")
+
+
+def add(
+    car: CarArgument,
+    data: Annotated[Path, typer.Argument(metavar="DATA", help="Folder or file of logged trips.")],
+    dataset: DatasetOption = None,
+    mapping: MappingOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Add trips: each is forecast before the car learns from it, and both go into the diary.
+
+    The command keeps the logs as they are, audits them, and adapts the model to the sound trips. A trip that is there
+    already is not added again, so you can repeat the command with a growing folder.
+    """
+    from tripwatt.live import open_car
+
+    own = open_car(car)
+    shown = console()
+    with shown.status("reading trips"):
+        fleet = read_logs(data, dataset or "table", mapping)
+    with progress(shown, "trips") as advance:
+        done = own.add(fleet, progress=advance)
+    if as_json:
+        print_json({**asdict(done), "car": own.about()})
+        return
+    typer.echo(f"{car}: {done.added} trips added, {done.known} were known, {done.entries} in the diary")
+    print_notes(done.left_out)
+    _show_learned(own.about())
+
+
+def show(
+    car: CarArgument,
+    trips: Annotated[int, typer.Option(min=0, metavar="N", help="Last trips of the diary to list.")] = 10,
+    as_json: JsonOption = False,
+) -> None:
+    """Show what a car learned, how good its forecasts are, where its energy went, and the last trips of its diary."""
+    from tripwatt.live import open_car
+
+    own = open_car(car)
+    about, table = own.about(), own.diary.table.tail(trips)
+    if as_json:
+        rows = table.astype(object).where(table.notna(), None).to_dict("records")
+        print_json({**about, "diary": rows})
+        return
+    typer.echo(f"{about['car']}: {about['title']}, {about['trips']} trips, {about['in_diary']} in the diary")
+    if not about["in_diary"]:
+        typer.echo("Add trips with `tripwatt car add`.")
+        return
+    _show_learned(about)
+    _show_scores(about)
+    _show_causes(about["by_cause_wh"])
+    columns = ("trip", "departure", "distance", "forecast", "90% interval", "took", "error")
+    listed = [
+        (
+            row["trip_id"],
+            row["started_at"][:16].replace("T", " "),
+            f"{row['distance_m'] / 1000.0:.1f} km",
+            _kwh(row["forecast_wh"]),
+            f"{row['low_wh'] / 1000.0:.2f} to {row['high_wh'] / 1000.0:.2f}",
+            _kwh(row["energy_wh"]),
+            f"{(row['forecast_wh'] - row['energy_wh']) / 1000.0:+.2f} kWh",
+        )
+        for row in table.to_dict("records")
+    ]
+    print_table(f"Last {len(listed)} trips", columns, listed, numbers=columns[2:])
+
+
+def forget(car: CarArgument, as_json: JsonOption = False) -> None:
+    """Erase a car: its trips, its model and its diary. Files of yours in its folder stay."""
+    from tripwatt.live import forget_car
+
+    forget_car(car)
+    print_json({"forgotten": f"{car}"}) if as_json else typer.echo(f"{car}: erased")
+
+
+def _show_learned(about: Mapping[str, Any]) -> None:
+    latest, by_book = about["latest"], about["latest_by_book"]
+    if latest["trips"]:
+        typer.echo(
+            f"last {latest['trips']} trips: error {_percent(by_book['weighted_error'])} by the published values, "
+            f"{_percent(latest['weighted_error'])} with what the car learned; width of the 90% interval "
+            f"{_percent(by_book['width'])} and {_percent(latest['width'])} of the energy"
+        )
+    rows = [
+        (WORDS.get(name, name), f"{found['change']:+.1%}", f"{found['sd']:.1%}")
+        for name, found in about["learned"].items()
+    ]
+    if rows:
+        print_table(
+            f"Learned from {about['in_diary']} trips",
+            ("what", "change", "uncertainty (sd)"),
+            rows,
+            numbers=("change", "uncertainty (sd)"),
+        )
+
+
+def _show_scores(about: Mapping[str, Any]) -> None:
+    rows = [
+        (
+            name,
+            f"{score['trips']}",
+            _percent(score["weighted_error"]),
+            "" if score["bias"] is None else f"{score['bias']:+.1%}",
+            _percent(score["coverage"], 0),
+        )
+        for name, score in {"all": about["score"], **about["by_temperature"]}.items()
+    ]
+    columns = ("outside air", "trips", "error", "bias", "within 90%")
+    print_table("Forecasts, each before its trip was learned", columns, rows, numbers=columns[1:])
+
+
+def _show_causes(by_cause_wh: Mapping[str, float]) -> None:
+    total = sum(by_cause_wh.values())
+    rows = [
+        (name.replace("_", " "), _kwh(energy), _percent(energy / total if total else None))
+        for name, energy in by_cause_wh.items()
+    ]
+    print_table("Where the energy went", ("cause", "energy", "share"), rows, numbers=("energy", "share"))
+
+
+def _kwh(energy_wh: float) -> str:
+    return f"{energy_wh / 1000.0:.2f} kWh"
+
+
+def _percent(share: float | None, places: int = 1) -> str:
+    return "unknown" if share is None else f"{share:.{places}%}"

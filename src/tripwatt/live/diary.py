@@ -1,0 +1,232 @@
+"""The diary of a car: each trip as it was forecast before the car had learned it, and what it took."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecasting import Forecast
+from tripwatt.trips import Trip
+
+LEVEL: Final = 0.9
+"""Level of the interval that a diary keeps."""
+
+TEXTS: Final = ("trip_id", "started_at")
+NUMBERS: Final = (
+    "trips_learned",
+    "distance_m",
+    "duration_s",
+    "ambient_temperature_degc",
+    "energy_wh",
+    "forecast_wh",
+    "low_wh",
+    "high_wh",
+    "book_forecast_wh",
+    "book_low_wh",
+    "book_high_wh",
+)
+BOOK: Final = "book_"
+"""Start of the columns of the forecast by the car's published values."""
+
+CAUSE: Final = "cause_"
+"""Start of the columns with the forecast's energy by cause [Wh]."""
+
+LATEST: Final = 20
+"""Trips of the running score."""
+
+COLD_DEGC: Final = 5.0
+WARM_DEGC: Final = 20.0
+"""Bounds of the classes of outside air: heating all the way, little climate control, cooling."""
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """Forecasts beside what the trips took.
+
+    Attributes
+    ----------
+    trips : int
+    error : float
+        Mean of the absolute error of a trip over its energy; trips without consumption do not count.
+    weighted_error : float
+        Sum of the absolute errors over the sum of the energies.
+    bias : float
+        Sum of forecast less measured energy over the sum of the energies: positive when forecasts are high.
+    coverage : float
+        Share of the trips within their 90 % interval.
+    width : float
+        Sum of the widths of the intervals over the sum of the energies.
+    """
+
+    trips: int
+    error: float
+    weighted_error: float
+    bias: float
+    coverage: float
+    width: float
+
+    @classmethod
+    def of(cls, table: pd.DataFrame, start: str = "") -> Score:
+        """Score of the rows of a diary; `start` is "book_" for the forecasts by the car's published values.
+
+        Examples
+        --------
+        >>> table = pd.DataFrame({"energy_wh": [1000.0, 3000.0], "forecast_wh": [1100.0, 2700.0],
+        ...                       "low_wh": [900.0, 2500.0], "high_wh": [1300.0, 2900.0]})
+        >>> Score.of(table)
+        Score(trips=2, error=0.1, weighted_error=0.1, bias=-0.05, coverage=0.5, width=0.2)
+        """
+        names = ("energy_wh", f"{start}forecast_wh", f"{start}low_wh", f"{start}high_wh")
+        took, said, low, high = (table[name].to_numpy(dtype=np.float64) for name in names)
+        if not len(took):
+            return cls(0, math.nan, math.nan, math.nan, math.nan, math.nan)
+        error, total, counts = said - took, float(np.abs(took).sum()), took > 0.0
+        return cls(
+            len(took),
+            float(np.mean(np.abs(error[counts]) / took[counts])) if counts.any() else math.nan,
+            float(np.abs(error).sum() / total) if total else math.nan,
+            float(error.sum() / total) if total else math.nan,
+            float(np.mean((low <= took) & (took <= high))),
+            float((high - low).sum() / total) if total else math.nan,
+        )
+
+    def to_dict(self) -> dict[str, float | int | None]:
+        """Plain values; None for what no trip shows."""
+        values = {name: getattr(self, name) for name in self.__slots__}
+        return {name: None if value != value else value for name, value in values.items()}
+
+
+def entry(trip: Trip, forecast: Forecast, by_book: Forecast, trips_learned: int) -> dict[str, Any]:
+    """The row of a trip.
+
+    Parameters
+    ----------
+    trip : Trip
+        With measured energy.
+    forecast, by_book : Forecast
+        At its departure, by the model of that moment and by one without own trips.
+    trips_learned : int
+        Trips that the car had driven before.
+    """
+    low, high = forecast.interval(LEVEL)
+    book_low, book_high = by_book.interval(LEVEL)
+    started = trip.context.started_at
+    return {
+        "trip_id": trip.trip_id,
+        "started_at": "" if started is None else started.isoformat(),
+        "trips_learned": trips_learned,
+        "distance_m": trip.distance_m,
+        "duration_s": trip.duration_s,
+        "ambient_temperature_degc": forecast.plan.departure.ambient_temperature_degc,
+        "energy_wh": trip.observed_energy_wh,
+        "forecast_wh": forecast.energy_wh,
+        "low_wh": low,
+        "high_wh": high,
+        "book_forecast_wh": by_book.energy_wh,
+        "book_low_wh": book_low,
+        "book_high_wh": book_high,
+        **{f"{CAUSE}{name}_wh": value for name, value in forecast.by_cause_wh.items()},
+    }
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Diary:
+    """Trips of one car in the order in which they were learned.
+
+    Attributes
+    ----------
+    table : DataFrame
+        One row a trip: `trip_id`, `started_at`, `trips_learned` before it, what is known of the drive, `energy_wh` as
+        measured, the forecast at departure with its 90 % interval (`forecast_wh`, `low_wh`, `high_wh`), the same by the
+        car's published values alone (`book_forecast_wh`, `book_low_wh`, `book_high_wh`), and the forecast by cause.
+    """
+
+    table: pd.DataFrame
+
+    @classmethod
+    def empty(cls) -> Diary:
+        """A diary without a trip."""
+        texts = {name: pd.Series(dtype=str) for name in TEXTS}
+        return cls(pd.DataFrame({**texts, **{name: pd.Series(dtype=np.float64) for name in NUMBERS}}))
+
+    @classmethod
+    def read(cls, path: Path) -> Diary:
+        """The diary of a file.
+
+        Raises
+        ------
+        InvalidInput
+            When it cannot be read or is no diary.
+        """
+        try:
+            table = pd.read_parquet(path)
+        except (OSError, ValueError) as error:
+            raise InvalidInput(
+                Fault("cannot read the diary", f"{path}", f"{error}"[:200], "a diary")
+            ) from error
+        missing = [name for name in (*TEXTS, *NUMBERS) if name not in table]
+        if missing:
+            raise InvalidInput(
+                Fault("no diary", f"{path}", "a table without " + ", ".join(missing), "a diary")
+            )
+        return cls(table)
+
+    def with_entries(self, entries: Iterable[Mapping[str, Any]]) -> Diary:
+        """The diary with further rows."""
+        rows = pd.DataFrame(list(entries))
+        if rows.empty:
+            return self
+        return Diary(rows if self.table.empty else pd.concat([self.table, rows], ignore_index=True))
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    @property
+    def trip_ids(self) -> frozenset[str]:
+        """Trips that are in it."""
+        return frozenset(self.table["trip_id"])
+
+    @property
+    def score(self) -> Score:
+        """Over all trips, each forecast before it was learned."""
+        return Score.of(self.table)
+
+    def latest(self, trips: int = LATEST) -> tuple[Score, Score]:
+        """Scores of the last trips: by the model of their time, and by the car's published values alone."""
+        last = self.table.tail(trips)
+        return Score.of(last), Score.of(last, BOOK)
+
+    def by_temperature(self) -> dict[str, Score]:
+        """Scores by outside air: below 5 °C, up to 20 °C, from 20 °C on, unknown; classes without trips are left out."""
+        air = self.table["ambient_temperature_degc"].to_numpy(dtype=np.float64)
+        classes = {
+            "below 5 °C": air < COLD_DEGC,
+            "5 to 20 °C": (air >= COLD_DEGC) & (air < WARM_DEGC),
+            "20 °C and more": air >= WARM_DEGC,
+            "unknown": np.isnan(air),
+        }
+        return {name: Score.of(self.table[rows]) for name, rows in classes.items() if rows.any()}
+
+    def by_cause_wh(self) -> dict[str, float]:
+        """Where the energy went [Wh]: the forecasts by cause, and what was measured beside their sum."""
+        causes = {
+            name.removeprefix(CAUSE).removesuffix("_wh"): float(self.table[name].sum())
+            for name in self.table.columns
+            if name.startswith(CAUSE)
+        }
+        if causes:
+            causes["not_forecast"] = float((self.table["energy_wh"] - self.table["forecast_wh"]).sum())
+        return causes
+
+    def __repr__(self) -> str:
+        score = self.score
+        if not score.trips:
+            return "<Diary without a trip>"
+        return f"<Diary {score.trips} trips: error {score.weighted_error:.1%}, coverage {score.coverage:.0%}>"

@@ -1,0 +1,334 @@
+"""A car that learns: a folder with its description, a store of its trips, the model adapted to them, and its diary.
+
+Each new trip is forecast by a model that has not seen it, before it teaches: the scores of the diary are those of forecasts.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from tripwatt.auditing import audit
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.files import folder_lock, read_text_file, replace_folder, restore_folder
+from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model
+from tripwatt.live.diary import Diary, entry
+from tripwatt.store import TripStore, create_store, open_store
+from tripwatt.transfer.adapting import Adaptation, adapt_model, adaptation
+from tripwatt.transfer.zero_shot import on_vehicle
+from tripwatt.trips import Fleet, Trip
+from tripwatt.vehicles import Vehicle, load_vehicle
+from tripwatt.vehicles.writing import render_vehicle
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from tripwatt.trips import Log
+
+FORMAT: Final = 1
+ABOUT: Final = "car.json"
+VEHICLE: Final = "car.toml"
+STORE: Final = "trips"
+LEARNED: Final = "learned"
+MODEL: Final = "model"
+DIARY: Final = "diary.parquet"
+MOST_ABOUT_BYTES: Final = 1 << 16
+
+AGAIN: Final = 0.1
+"""While trips are added, the model learns again when this share of its trips is new: an adaptation costs seconds with a
+hundred trips, and one trip in ten changes it little. After the last trip it learns always."""
+
+
+@dataclass(frozen=True, slots=True)
+class Learned:
+    """What adding logs brought.
+
+    Attributes
+    ----------
+    added, known : int
+        Logs that are new in the store, and that were there before.
+    entries : int
+        New trips of the diary.
+    left_out : tuple of str
+        Sound trips of which no forecast could be made, with the reason.
+    """
+
+    added: int
+    known: int
+    entries: int
+    left_out: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OwnCar:
+    """A car with its trips; made by `create_car`, opened by `open_car`.
+
+    Attributes
+    ----------
+    folder : Path
+    vehicle : Vehicle
+        With its published values.
+    base : Path or None
+        Model that is adapted to the trips; None for the bundled one.
+
+    Examples
+    --------
+    >>> car = create_car("my-leaf", "nissan_leaf_24")  # doctest: +SKIP
+    >>> car.add(tw.read_logs("exports", mapping="leaf_spy"))  # doctest: +SKIP
+    Learned(added=12, known=0, entries=11, left_out=())
+    """
+
+    folder: Path
+    vehicle: Vehicle
+    base: Path | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the folder."""
+        return self.folder.name
+
+    @property
+    def store(self) -> TripStore:
+        """Its logs as they came."""
+        return open_store(self.folder / STORE)
+
+    @property
+    def diary(self) -> Diary:
+        """Its trips, each forecast before it was learned."""
+        path = self._learned / DIARY
+        return Diary.read(path) if path.is_file() else Diary.empty()
+
+    def model(self) -> ForecastModel:
+        """The model of the car: adapted to its trips, or that of its published values before the first one."""
+        if (self._learned / MODEL).is_dir():
+            return load_model(self._learned / MODEL)
+        return self._by_book()
+
+    def add(
+        self, logs: Fleet | Iterable[Log], *, progress: Callable[[int, int], None] | None = None
+    ) -> Learned:
+        """Keep logs, forecast their trips one after the other, and learn from them.
+
+        A log that is there already is not added again. Costs O(trips^3) for each of the adaptations, whose number grows
+        with the logarithm of the trips.
+
+        Parameters
+        ----------
+        logs : Fleet or iterable of Log
+            As a reader gave them.
+        progress : callable, optional
+            Called with the trips that were forecast and their number.
+
+        Raises
+        ------
+        InvalidInput
+            When a log has the id of another one, or another process adds logs at this moment.
+        """
+        with folder_lock(self.folder):
+            alone = [
+                replace(log, context=replace(log.context, car=None))
+                for log in (logs.logs if isinstance(logs, Fleet) else logs)
+            ]
+            done = self.store.add(alone, car_model=self.vehicle.name, vehicle_id=self.name)
+            entries, left_out = self._learn(progress or (lambda done, total: None))
+        return Learned(done.added, done.known, entries, left_out)
+
+    def about(self) -> dict[str, Any]:
+        """Plain values: the car, its trips, what was learned, and its scores."""
+        diary = self.diary
+        latest, by_book = diary.latest()
+        return {
+            "car": self.name,
+            "folder": f"{self.folder}",
+            "vehicle": self.vehicle.name,
+            "title": self.vehicle.title,
+            "trips": self.store.about()["trips"],
+            "in_diary": len(diary),
+            "learned": self._parameters(),
+            "score": diary.score.to_dict(),
+            "latest": latest.to_dict(),
+            "latest_by_book": by_book.to_dict(),
+            "by_temperature": {name: score.to_dict() for name, score in diary.by_temperature().items()},
+            "by_cause_wh": diary.by_cause_wh(),
+        }
+
+    def __repr__(self) -> str:
+        return f"<OwnCar {self.name}: {self.vehicle.title}, {len(self.diary)} trips in its diary>"
+
+    @property
+    def _learned(self) -> Path:
+        learned = self.folder / LEARNED
+        restore_folder(learned)
+        return learned
+
+    def _base(self) -> ForecastModel:
+        return load_model(self.base)
+
+    def _by_book(self) -> ForecastModel:
+        return on_vehicle(self._base(), self.vehicle)[0]
+
+    def _parameters(self) -> dict[str, dict[str, float]]:
+        path = self._learned / MODEL
+        if not path.is_dir():
+            return {}
+        found: dict[str, dict[str, float]] = load_metadata(path, check_parts=False)["provenance"]["adapted"][
+            "parameters"
+        ]
+        return found
+
+    def _learn(self, progress: Callable[[int, int], None]) -> tuple[int, tuple[str, ...]]:
+        fleet = Fleet(self.name, tuple(self.store.logs()))
+        diary = self.diary
+        trips = _in_order(audit(fleet).trips)
+        behind = [trip for trip in trips if trip.trip_id in diary.trip_ids]
+        ahead = [trip for trip in trips if trip.trip_id not in diary.trip_ids]
+        if not ahead:
+            return 0, ()
+        base, model, by_book = self._base(), self.model(), self._by_book()
+        entries, left_out = [], []
+        taught = len(behind)
+        for number, trip in enumerate(ahead, start=1):
+            if len(behind) - taught >= max(1.0, AGAIN * taught):
+                model, taught = self._adapted(base, behind).model, len(behind)
+            try:
+                entries.append(entry(trip, model.forecast(trip), by_book.forecast(trip), len(behind)))
+            except InvalidInput as error:
+                left_out.append(f"{trip.trip_id}: {error}")
+            else:
+                behind.append(trip)
+            progress(number, len(ahead))
+        if entries:
+            self._keep(base, behind, diary.with_entries(entries))
+        return len(entries), tuple(left_out)
+
+    def _adapted(self, base: ForecastModel, trips: Sequence[Trip]) -> Adaptation:
+        return adaptation(base, trips, self.vehicle)
+
+    def _keep(self, base: ForecastModel, trips: Sequence[Trip], diary: Diary) -> None:
+        """Write model and diary together: no reader sees one of them without the other."""
+        about = load_metadata(self.base, check_parts=False)
+        model, provenance, figures = adapt_model(Fleet(self.name, tuple(trips)), self.vehicle, base, about)
+
+        def write(made: Path) -> None:
+            save_model(model, made / MODEL, provenance=provenance, evaluation=figures)
+            diary.table.to_parquet(made / DIARY, index=False)
+
+        replace_folder(self.folder / LEARNED, write)
+
+
+def _in_order(trips: Iterable[Trip]) -> list[Trip]:
+    """Trips with measured energy by their departure; those without a date come last, as they are."""
+    measured = [trip for trip in trips if trip.observed_energy_wh is not None]
+    return sorted(
+        measured,
+        key=lambda t: (
+            t.context.started_at is None,
+            "" if t.context.started_at is None else t.context.started_at.isoformat(),
+        ),
+    )
+
+
+def create_car(
+    folder: Path | str, vehicle: Vehicle | str | Path, *, base: Path | str | None = None
+) -> OwnCar:
+    """Make the folder of a car that will learn from its trips.
+
+    Parameters
+    ----------
+    folder : path
+        New or empty; its name is that of the car.
+    vehicle : Vehicle, str or path
+        A car, the name of one of the library, or a TOML file.
+    base : path, optional
+        A stored model to adapt; the bundled one by default.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such vehicle or base, the folder is in use, or the package `deltalake` is missing.
+    """
+    place = Path(folder)
+    car = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
+    if place.exists() and (not place.is_dir() or any(place.iterdir())):
+        raise InvalidInput(Fault("folder in use", f"{place}", "not empty", "a new or empty folder"))
+    root = None if base is None else Path(base).resolve()
+    on_vehicle(load_model(root), car)
+
+    def write(made: Path) -> None:
+        create_store(made / STORE, buckets=1)
+        (made / VEHICLE).write_text(render_vehicle(car), encoding="utf-8")
+        about = {
+            "tripwatt_car": FORMAT,
+            "vehicle": car.name,
+            "base": None if root is None else f"{root}",
+        }
+        (made / ABOUT).write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+
+    try:
+        replace_folder(place, write)
+    except OSError as error:
+        raise InvalidInput(
+            Fault("cannot write the folder", f"{place}", error.strerror or f"{error}", "a writable folder")
+        ) from error
+    return open_car(place)
+
+
+def is_car(folder: Path | str) -> bool:
+    """Whether a folder is that of a car."""
+    return (Path(folder) / ABOUT).is_file()
+
+
+def open_car(folder: Path | str) -> OwnCar:
+    """Open the folder of a car that `create_car` or `tripwatt car new` made.
+
+    Raises
+    ------
+    InvalidInput
+        When it is none, or of a newer format.
+    """
+    place = Path(folder)
+    if not is_car(place):
+        got = "a folder" if place.is_dir() else "a file" if place.exists() else "no such folder"
+        fix = "make one: tripwatt car new"
+        raise InvalidInput(Fault("not a car", f"{place}", got, "a folder of `tripwatt car new`", fix))
+    try:
+        about = json.loads(read_text_file(place / ABOUT, MOST_ABOUT_BYTES))
+        number, name, base = about["tripwatt_car"], about["vehicle"], about["base"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise InvalidInput(
+            Fault("damaged file", f"{place / ABOUT}", f"{error}"[:200], "the description of a car")
+        ) from error
+    if not isinstance(number, int) or number > FORMAT:
+        raise InvalidInput(
+            Fault(
+                "car of a newer format",
+                f"{place}",
+                f"format {number}"[:80],
+                f"format {FORMAT}",
+                "install a newer tripwatt",
+            )
+        )
+    car = replace(load_vehicle(place / VEHICLE), name=f"{name}")
+    return OwnCar(place.absolute(), car, None if base is None else Path(f"{base}"))
+
+
+def forget_car(folder: Path | str) -> None:
+    """Erase a car: its trips, its model and its diary; files that others put into the folder stay.
+
+    Raises
+    ------
+    InvalidInput
+        When it is no car.
+    """
+    car = open_car(folder)
+    with folder_lock(car.folder):
+        for name in (STORE, LEARNED):
+            shutil.rmtree(car.folder / name, ignore_errors=True)
+        for name in (VEHICLE, ABOUT):
+            (car.folder / name).unlink(missing_ok=True)
+        if not any(car.folder.iterdir()):
+            car.folder.rmdir()

@@ -1,0 +1,281 @@
+"""A car that learns: forecasts before they are learned, scores by hand, and a folder that is whole at every moment."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+pytest.importorskip("deltalake", reason="the extra tripwatt[fleet] is not installed")
+
+import tripwatt as tw
+from tripwatt.errors import InvalidInput
+from tripwatt.live import Diary, OwnCar, Score, create_car, forget_car, is_car, open_car
+from tripwatt.live import own_car as module
+from tripwatt.synthetic import synthetic_fleet
+from tripwatt.transfer.zero_shot import on_vehicle
+from tripwatt.trips import Fleet, Log
+
+FIRST = dt.datetime(2024, 3, 1, 8, 0)
+
+
+@pytest.fixture(scope="module")
+def logs() -> tuple[Log, ...]:
+    """Seven trips of a car, a day apart."""
+    return tuple(
+        replace(log, context=replace(log.context, started_at=FIRST + dt.timedelta(days=k)))
+        for k, log in enumerate(synthetic_fleet(7, seed=5).logs)
+    )
+
+
+@pytest.fixture(scope="module")
+def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small model, which adapts quickly."""
+    folder = tmp_path_factory.mktemp("base") / "model"
+    trips = synthetic_fleet(9, seed=1).trips
+    fitted = tw.ForecastModel(tw.load_vehicle("bmw_i3_60ah"), corrector="linear").fit(trips)
+    tw.save_model(fitted, folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def learned(logs: tuple[Log, ...], base: Path, tmp_path_factory: pytest.TempPathFactory) -> OwnCar:
+    car = create_car(tmp_path_factory.mktemp("cars") / "leaf", "nissan_leaf_24", base=base)
+    assert car.add(Fleet("first", logs[:4])) == module.Learned(added=4, known=0, entries=4)
+    return car
+
+
+def test_each_forecast_is_of_a_model_that_has_not_seen_the_trip(
+    learned: OwnCar, logs: tuple[Log, ...], base: Path, tmp_path: Path
+) -> None:
+    table = learned.diary.table
+    assert table["trip_id"].tolist() == [log.trip_id for log in logs[:4]]
+    assert table["trips_learned"].tolist() == [0, 1, 2, 3]
+    first = table.iloc[0]
+    assert first["forecast_wh"] == first["book_forecast_wh"], (
+        "before the first trip there are the published values alone"
+    )
+    assert (table["forecast_wh"].to_numpy()[1:] != table["book_forecast_wh"].to_numpy()[1:]).all()
+
+    louder = logs[3].samples.assign(current_a=1.5 * logs[3].samples["current_a"])
+    last = Log.from_samples(logs[3].trip_id, louder, logs[3].context)
+    other = create_car(tmp_path / "other", "nissan_leaf_24", base=base)
+    other.add([*logs[:3], last])
+    own = other.diary.table
+    assert own["forecast_wh"].tolist() == table["forecast_wh"].tolist(), (
+        "a trip's energy moves no forecast of it"
+    )
+    assert own["energy_wh"].iloc[3] == pytest.approx(1.5 * table["energy_wh"].iloc[3])
+
+
+def test_the_last_model_has_learned_every_trip_and_forecasts_like_one_adapted_to_them(
+    learned: OwnCar, logs: tuple[Log, ...], base: Path
+) -> None:
+    from tripwatt.api import adapt
+
+    model = learned.model()
+    assert set(model.trip_ids_) == {log.trip_id for log in logs[:4]}
+    adapted = adapt(tw.load_model(base), Fleet("same", logs[:4]), tw.load_vehicle("nissan_leaf_24"))
+    trip = synthetic_fleet(1, seed=9).trips[0]
+    assert model.forecast(trip).energy_wh == pytest.approx(adapted.forecast(trip).energy_wh, rel=1e-9)
+    about = learned.about()
+    assert (about["trips"], about["in_diary"], about["vehicle"]) == (4, 4, "nissan_leaf_24")
+    assert set(about["learned"]) == {"mass", "rolling", "air", "base_load", "drivetrain", "hvac"}
+
+
+def test_trips_are_learned_by_departure_once_and_later_ones_go_on(
+    logs: tuple[Log, ...], learned: OwnCar, base: Path, tmp_path: Path
+) -> None:
+    car = create_car(tmp_path / "leaf", "nissan_leaf_24", base=base)
+    seen: list[tuple[int, int]] = []
+    car.add([logs[2], logs[0], logs[1]], progress=lambda done, total: seen.append((done, total)))
+    assert seen == [(1, 3), (2, 3), (3, 3)]
+    assert car.add(logs[:3]) == module.Learned(added=0, known=3, entries=0)
+    done = car.add(Fleet("all", logs[:4]))
+    assert (done.added, done.known, done.entries) == (1, 3, 1)
+    pd.testing.assert_frame_equal(car.diary.table, learned.diary.table)
+    assert f"{car!r}".endswith("4 trips in its diary>")
+
+
+def test_scores_by_hand() -> None:
+    table = pd.DataFrame(
+        {
+            "energy_wh": [1000.0, 2000.0, -100.0],
+            "forecast_wh": [1200.0, 1900.0, 0.0],
+            "low_wh": [1000.0, 1700.0, -50.0],
+            "high_wh": [1400.0, 1950.0, 50.0],
+            "book_forecast_wh": [900.0, 2100.0, 100.0],
+            "book_low_wh": [0.0, 2000.0, -100.0],
+            "book_high_wh": [999.0, 3000.0, 200.0],
+            "ambient_temperature_degc": [4.9, 5.0, 20.0],
+            "cause_air_wh": [300.0, 500.0, 10.0],
+            "cause_base_load_wh": [900.0, 1400.0, -10.0],
+        }
+    )
+    score = Score.of(table)
+    assert score.trips == 3
+    assert score.error == pytest.approx((0.2 + 0.05) / 2), (
+        "the trip without consumption has no relative error"
+    )
+    assert score.weighted_error == pytest.approx((200 + 100 + 100) / 3100)
+    assert score.bias == pytest.approx((200 - 100 + 100) / 3100)
+    assert score.coverage == pytest.approx(1 / 3), "an interval holds its ends"
+    assert score.width == pytest.approx((400 + 250 + 100) / 3100)
+    book = Score.of(table, "book_")
+    assert book.coverage == pytest.approx(2 / 3)
+    assert book.bias == pytest.approx((-100 + 100 + 200) / 3100)
+    diary = Diary(table)
+    assert {name: s.trips for name, s in diary.by_temperature().items()} == {
+        "below 5 °C": 1,
+        "5 to 20 °C": 1,
+        "20 °C and more": 1,
+    }
+    assert diary.latest(2)[0].weighted_error == pytest.approx(200 / 2100)
+    assert diary.by_cause_wh() == {"air": 810.0, "base_load": 2290.0, "not_forecast": pytest.approx(-200.0)}
+    assert sum(diary.by_cause_wh().values()) == pytest.approx(table["energy_wh"].sum())
+    nothing = Diary.empty()
+    assert nothing.score.to_dict() == {
+        "trips": 0,
+        "error": None,
+        "weighted_error": None,
+        "bias": None,
+        "coverage": None,
+        "width": None,
+    }
+    assert nothing.by_cause_wh() == {}
+    assert f"{nothing!r}" == "<Diary without a trip>"
+
+
+def test_causes_of_a_diary_add_up(learned: OwnCar) -> None:
+    diary = learned.diary
+    assert sum(diary.by_cause_wh().values()) == pytest.approx(diary.table["energy_wh"].sum())
+    assert (diary.table["low_wh"] < diary.table["forecast_wh"]).all()
+    assert (diary.table["forecast_wh"] < diary.table["high_wh"]).all()
+
+
+def test_how_often_a_model_learns_again(
+    logs: tuple[Log, ...], base: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a third of the trips new it learns after 1, 2, 3, 4 and 6 trips, and at the end."""
+    monkeypatch.setattr(module, "AGAIN", 1 / 3)
+    counts: list[int] = []
+    adapted = OwnCar._adapted
+
+    def counting(self: OwnCar, base: tw.ForecastModel, trips: list[tw.Trip]):  # type: ignore[no-untyped-def]
+        counts.append(len(trips))
+        return adapted(self, base, trips)
+
+    monkeypatch.setattr(OwnCar, "_adapted", counting)
+    car = create_car(tmp_path / "car", "nissan_leaf_24", base=base)
+    car.add(logs)
+    assert counts == [1, 2, 3, 4, 6]
+    assert len(car.model().trip_ids_) == 7
+
+
+def test_a_crash_between_store_and_model_is_caught_up(
+    logs: tuple[Log, ...], learned: OwnCar, base: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    car = create_car(tmp_path / "leaf", "nissan_leaf_24", base=base)
+    with monkeypatch.context() as patch:
+
+        def crash(*_: object) -> None:
+            raise KeyboardInterrupt
+
+        patch.setattr(OwnCar, "_keep", crash)
+        with pytest.raises(KeyboardInterrupt):
+            car.add(logs[:4])
+    assert len(car.diary) == 0
+    assert car.store.about()["trips"] == 4
+    done = car.add(logs[:4])
+    assert (done.added, done.known, done.entries) == (0, 4, 4)
+    pd.testing.assert_frame_equal(car.diary.table, learned.diary.table)
+
+
+def test_a_described_car_keeps_its_description(tmp_path: Path) -> None:
+    mine = tw.load_vehicle("vw_id3", overrides={"mass": 1900.0})
+    car = create_car(tmp_path / "mine", mine)
+    again = open_car(tmp_path / "mine")
+    assert again.vehicle.body.curb_mass_kg == 1900.0
+    assert again.vehicle.title == mine.title
+    assert again.vehicle.name == "vw_id3"
+    assert len(car.diary) == 0
+    trip = synthetic_fleet(1, seed=9).trips[0]
+    assert again.model().forecast(trip).energy_wh == pytest.approx(
+        on_vehicle(tw.load_model(), mine)[0].forecast(trip).energy_wh, rel=1e-9
+    )
+
+
+def test_what_is_no_car_is_refused_and_files_of_others_stay(
+    learned: OwnCar, logs: tuple[Log, ...], tmp_path: Path
+) -> None:
+    with pytest.raises(InvalidInput, match=r"not a car.*no such folder"):
+        open_car(tmp_path / "nowhere")
+    with pytest.raises(InvalidInput, match="folder in use"):
+        create_car(learned.folder, "vw_id3")
+    with pytest.raises(InvalidInput, match="unknown car"):
+        create_car(tmp_path / "x", "no such car")
+    assert not (tmp_path / "x").exists()
+    car = create_car(tmp_path / "x", "bmw_i3_60ah")
+    assert is_car(tmp_path / "x")
+    text = (car.folder / "car.json").read_text()
+    for wrong in ("{", "[]", "{}", text.replace(": 1", ": 2"), text.replace(": 1", ': "1"')):
+        (car.folder / "car.json").write_text(wrong)
+        with pytest.raises(InvalidInput, match=r"damaged file|newer format"):
+            open_car(car.folder)
+    (car.folder / "car.json").write_text(text)
+    (car.folder / "notes.txt").write_text("mine")
+    forget_car(car.folder)
+    assert [path.name for path in car.folder.iterdir()] == ["notes.txt"]
+    with pytest.raises(InvalidInput, match="not a car"):
+        forget_car(car.folder)
+
+
+def test_a_damaged_diary_is_told(logs: tuple[Log, ...], base: Path, tmp_path: Path) -> None:
+    car = create_car(tmp_path / "leaf", "nissan_leaf_24", base=base)
+    car.add(logs[:1])
+    path = car.folder / "learned" / "diary.parquet"
+    whole = path.read_bytes()
+    path.write_bytes(whole[:100])
+    with pytest.raises(InvalidInput, match="cannot read the diary"):
+        _ = car.diary
+    pd.DataFrame({"trip_id": ["a"]}).to_parquet(path)
+    with pytest.raises(InvalidInput, match=r"no diary.*forecast_wh"):
+        _ = car.diary
+
+
+def test_the_commands_are_the_library(base: Path, logs: tuple[Log, ...], tmp_path: Path) -> None:
+    from typer.testing import CliRunner
+
+    from tripwatt.cli import app
+
+    def run(*words: object) -> str:
+        answer = CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+        assert answer.exit_code == 0, answer.output
+        return answer.stdout
+
+    folder, files = tmp_path / "leaf", tmp_path / "files"
+    files.mkdir()
+    for log in logs[:2]:
+        log.samples.to_csv(files / f"{log.trip_id}.csv", index=False)
+    assert "no trips yet" in run("car", "new", folder, "--vehicle", "nissan_leaf_24", "--base", base)
+    assert "Add trips" in run("car", "show", folder)
+    text = run("car", "add", folder, files)
+    assert "2 trips added, 0 were known, 2 in the diary" in text
+    assert "rolling resistance" in text
+    shown = json.loads(run("car", "show", folder, "--json"))
+    assert [row["trip_id"] for row in shown["diary"]] == [log.trip_id for log in logs[:2]]
+    assert shown["score"] == open_car(folder).diary.score.to_dict()
+    plain = run("car", "show", folder, "--trips", 1)
+    assert "Last 1 trips" in plain
+    assert "Where the energy went" in plain
+    said = json.loads(run("forecast", folder, files / f"{logs[0].trip_id}.csv", "--json"))
+    own = open_car(folder).model().forecast(tw.read_route(files / f"{logs[0].trip_id}.csv"))
+    assert said["energy_wh"] == pytest.approx(own.energy_wh, rel=1e-9)
+    assert np.isfinite(said["energy_wh"])
+    assert "erased" in run("car", "forget", folder)
+    assert not folder.exists()
