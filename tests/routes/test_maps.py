@@ -7,7 +7,7 @@ import pytest
 from tests.support.router_server import OBJECTS, SETTLEMENTS, write_map
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes.maps import PlaceIndex, Station, build_map, near, open_map, read_stations
+from tripwatt.routes.maps import PlaceIndex, Station, build_map, near, open_map, read_stations, within
 from tripwatt.routes.maps.extract import Named, station_of_tags
 from tripwatt.routes.maps.index import write_index
 from tripwatt.routes.places import Place
@@ -64,6 +64,35 @@ def test_a_place_has_its_kind_and_its_coordinates(index):
 
 def test_the_stations_are_as_they_were_written(index):
     assert index.stations() == (OBJECTS[-1],)
+
+
+def test_settlements_inside_of_bounds_the_largest_first(index):
+    names = lambda *bounds, limit=9: [place.name for place in index.settlements(*bounds, limit)]  # noqa: E731
+    assert names(46.0, 8.0, 48.0, 10.0) == ["Westend", "Ostheim"]  # no street, house or arena
+    assert names(46.0, 8.0, 48.0, 10.0, limit=1) == ["Westend"]
+    assert names(47.0, 9.1, 47.0, 9.1) == ["Ostheim"]  # bounds belong to it
+    assert names(46.0, 9.01, 48.0, 9.09) == []
+    assert names(47.01, 8.0, 48.0, 10.0) == names(46.0, 8.0, 46.99, 10.0) == []
+    (town,) = index.settlements(47.0, 9.0, 47.0, 9.0, 9)
+    assert town == Place(47.0, 9.0, "Westend", "town")
+
+
+def test_an_index_without_streets_has_all_its_settlements(tmp_path):
+    write_index(tmp_path / "i.sqlite", SETTLEMENTS, SETTLEMENTS)
+    found = PlaceIndex(tmp_path / "i.sqlite").settlements(-90.0, -180.0, 90.0, 180.0, 9)
+    assert [place.kind for place in found] == ["town", "village"]
+
+
+def test_stations_inside_of_bounds_those_with_power_first():
+    made = [
+        Station(47.0, 9.0, "slow", 11e3),
+        Station(47.2, 9.2, "fast", 150e3),
+        Station(47.1, 9.3, "far", 5e4),
+    ]
+    found = lambda *bounds, limit=9: [s.name for s in within(made, *bounds, limit)]  # noqa: E731
+    assert found(47.0, 9.0, 47.2, 9.2) == ["fast", "slow"]
+    assert found(47.0, 9.0, 47.2, 9.3, limit=2) == ["fast", "far"]
+    assert found(47.01, 9.0, 47.19, 9.2) == found(46.0, 9.4, 48.0, 9.5) == []
 
 
 def test_pieces_of_a_street_in_one_settlement_are_one_place(tmp_path):

@@ -247,6 +247,26 @@ def test_corners_of_an_isochrone():
     assert len(valhalla_router(isochrone=many).outline(A, 10.0)) == 4
 
 
+def test_a_tile_is_passed_on_as_it_comes():
+    asked = []
+
+    def answer(request):
+        asked.append((request.method, request.url.path, body_of(request)))
+        return httpx.Response(200, content=b"\x1a\x00tile")
+
+    router = ValhallaRouter.from_client(client(answer))
+    assert router.tile(12, 2156, 1436) == b"\x1a\x00tile"
+    assert asked == [("POST", "/base/tile", {"tile": {"z": 12, "x": 2156, "y": 1436}})]
+
+
+def test_where_a_router_has_no_tile_it_is_empty():
+    refuse = lambda request: httpx.Response(400, json={"error_code": 174})  # noqa: E731
+    assert ValhallaRouter.from_client(client(refuse)).tile(15, 0, 0) == b""
+    assert ValhallaRouter(lambda action, request: {}).tile(1, 0, 0) == b""
+    with pytest.raises(RemoteError, match="refuses access"):
+        ValhallaRouter.from_client(client(lambda request: httpx.Response(403))).tile(1, 0, 0)
+
+
 @pytest.mark.parametrize(
     ("answer", "what"),
     [

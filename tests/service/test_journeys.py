@@ -83,11 +83,55 @@ def test_places_by_the_start_of_their_names(planner: Service) -> None:
     assert planner.client.get("/v1/places").status_code == 422
 
 
+def test_what_is_named_in_a_part_of_the_map(planner: Service) -> None:
+    bounds = {"south": 46.9, "west": 8.9, "north": 47.1, "east": 9.2}
+    found = planner.client.get("/v1/map/view", params=bounds).json()
+    assert [place["name"] for place in found["settlements"]] == ["Westend", "Ostheim"]
+    assert [(s["name"], s["power_w"]) for s in found["stations"]] == [("Halbweg", 150_000.0)]
+    assert found["attribution"] == "© OpenStreetMap contributors, ODbL 1.0"
+    one = planner.client.get("/v1/map/view", params=bounds | {"limit": 1, "west": 9.06}).json()
+    assert ([place["name"] for place in one["settlements"]], one["stations"]) == (["Ostheim"], [])
+    wrong = planner.client.get("/v1/map/view", params=bounds | {"south": 48.0, "west": 10.0})
+    assert wrong.status_code == 422
+    assert [fault["where"] for fault in wrong.json()["faults"]] == ["south, north", "west, east"]
+    assert planner.client.get("/v1/map/view", params=bounds | {"south": "nan"}).status_code == 422
+
+
+def test_tiles_of_the_router_are_served_and_kept_by_the_browser(tmp_path: Path) -> None:
+    (tmp_path / "logs").mkdir()
+    with (
+        answering(b"\x1a\x00tile") as valhalla,
+        serving(tmp_path / "logs", "--workers", "1", "--map", f"valhalla={valhalla.url}") as found,
+    ):
+        assert found.client.get("/v1/map").json()["tiles"] is True
+        tile = found.client.get("/v1/tiles/12/2156/1436")
+        assert (tile.status_code, tile.content) == (200, b"\x1a\x00tile")
+        assert tile.headers["content-type"] == "application/vnd.mapbox-vector-tile"
+        assert tile.headers["cache-control"] == "private, max-age=3600"
+        assert found.client.get("/v1/tiles/2/3/0").status_code == 200
+        outside = found.client.get("/v1/tiles/2/4/5")
+        assert outside.status_code == 422
+        assert [(f["where"], f["allowed"]) for f in outside.json()["faults"]] == [
+            ("column", "0 to 3 at zoom 2"),
+            ("row", "0 to 3 at zoom 2"),
+        ]
+        assert found.client.get("/v1/tiles/23/0/0").status_code == 422
+        nothing = found.client.get("/v1/map/view", params={"south": 0, "west": 0, "north": 1, "east": 1})
+        assert (nothing.json()["settlements"], nothing.json()["stations"]) == ([], [])
+        valhalla.status = 403
+        assert found.client.get("/v1/tiles/12/0/0").status_code == 502
+
+
+def test_a_router_without_tiles_gives_empty_ones(planner: Service) -> None:
+    assert planner.client.get("/v1/tiles/0/0/0").content == b""
+
+
 def test_what_the_service_knows(planner: Service) -> None:
     assert planner.client.get("/v1/map").json() == {
         "roads": True,
         "places": True,
         "weather": False,
+        "tiles": False,
         "stations": 1,
         "bounds_deg": [46.9, 8.9, 47.1, 9.2],
         "attribution": "© OpenStreetMap contributors, ODbL 1.0",
@@ -145,13 +189,20 @@ def test_without_a_map_there_are_no_journeys(service: Service) -> None:
         assert found.status_code == 501
         assert found.json()["type"] == "/problems/no-map"
     assert service.client.get("/v1/places", params={"q": "a"}).status_code == 501
+    assert service.client.get("/v1/tiles/0/0/0").status_code == 501
+    bounds = {"south": 0, "west": 0, "north": 1, "east": 1}
+    assert service.client.get("/v1/map/view", params=bounds).status_code == 501
     assert service.client.get("/v1/map").json()["roads"] is False
 
 
 def test_the_operations_are_as_their_document_says(planner: Service) -> None:
     """Examples and a small sample; the phase that covers the schema takes minutes of journeys."""
     found = conformance(
-        planner.url, 3, only="^/v1/(plan|reachable|places|map)$", phases="examples,fuzzing", timeout_s=400.0
+        planner.url,
+        3,
+        only="^/v1/(plan|reachable|places|map|map/view|tiles/.*)$",
+        phases="examples,fuzzing",
+        timeout_s=400.0,
     )
     assert found.clean, found.text[-4000:]
 

@@ -8,13 +8,17 @@ from pathlib import Path
 from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.routes.maps import ATTRIBUTION, MapFolder, Station, open_map, read_stations
-from tripwatt.routes.routers import Router, is_server, open_server
+from tripwatt.routes.maps import ATTRIBUTION, MapFolder, Station, open_map, read_stations, within
+from tripwatt.routes.places import Place
+from tripwatt.routes.routers import Router, ValhallaRouter, is_server, open_server
 from tripwatt.routes.search import PlaceSearch, open_search
 from tripwatt.routes.weather import WeatherServer, WeatherSource
 
 MAP_VARIABLE: Final = "TRIPWATT_MAP"
 """Environment variable of the map or router that is used where none is named."""
+
+Bounds = tuple[float, float, float, float]
+"""South, west, north and east [°]."""
 
 NO_MAP: Final = "build a map with tripwatt map build, or name a router by its URL"
 
@@ -62,8 +66,25 @@ class Atlas:
     stations: tuple[Station, ...] = ()
     weather: WeatherSource | None = None
     attribution: str = ATTRIBUTION
-    bounds_deg: tuple[float, float, float, float] | None = None
+    bounds_deg: Bounds | None = None
     folder: MapFolder | None = field(default=None, repr=False)
+
+    @property
+    def has_tiles(self) -> bool:
+        """Whether the router has tiles of its roads, to draw a map."""
+        return isinstance(self.router, ValhallaRouter) and self.router.ask_tile is not None
+
+    def tile(self, zoom: int, column: int, row: int) -> bytes:
+        """A vector tile of the roads; empty where there are none. See `ValhallaRouter.tile`."""
+        return self.router.tile(zoom, column, row) if isinstance(self.router, ValhallaRouter) else b""
+
+    def settlements(self, bounds_deg: Bounds, limit: int) -> tuple[Place, ...]:
+        """Settlements of the map inside of bounds, the most important first; none without a map folder."""
+        return () if self.folder is None else self.folder.index.settlements(*bounds_deg, limit)
+
+    def stations_within(self, bounds_deg: Bounds, limit: int) -> tuple[Station, ...]:
+        """Charging stations inside of bounds, those with the most power first."""
+        return within(self.stations, *bounds_deg, limit)
 
 
 def open_atlas(settings: AtlasSettings | Path | str | None = None) -> Atlas:

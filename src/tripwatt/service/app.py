@@ -11,6 +11,7 @@ from typing import Annotated, Any, Final
 
 import orjson
 from fastapi import FastAPI, Query, Request, Response
+from fastapi import Path as PathValue
 from fastapi.exceptions import RequestValidationError
 from prometheus_client import CONTENT_TYPE_LATEST
 from starlette.exceptions import HTTPException
@@ -29,7 +30,7 @@ from tripwatt.service.batching import LineSplitter, forecast_lines
 from tripwatt.service.journey_schemas import MapResponse
 from tripwatt.service.metrics import Metrics
 from tripwatt.service.middleware import ServiceMiddleware
-from tripwatt.service.openapi import JSON, NDJSON
+from tripwatt.service.openapi import JSON, NDJSON, TILE
 from tripwatt.service.pool import WorkerPool
 from tripwatt.service.problems import MEDIA_TYPE, Problem, invalid_input
 from tripwatt.service.receiving import Arrivals, require_accepts
@@ -49,6 +50,13 @@ MIN_GZIP_BYTES: Final = 1000
 
 GZIP_LEVEL: Final = 4
 """Higher levels take longer and hardly shrink series of numbers further."""
+
+MAX_ZOOM: Final = 22
+"""Finest zoom of a tile, as maps have it."""
+
+Latitude = Annotated[float, Query(ge=-90.0, le=90.0, allow_inf_nan=False)]
+Longitude = Annotated[float, Query(ge=-180.0, le=180.0, allow_inf_nan=False)]
+TileNumber = Annotated[int, PathValue(ge=0, lt=2**MAX_ZOOM)]
 
 Log = Callable[..., None]
 
@@ -251,6 +259,8 @@ class Api:
             ("/v1/plan", "POST", self.plan, openapi.plan()),
             ("/v1/reachable", "POST", self.reach, openapi.reach()),
             ("/v1/places", "GET", self.get_places, openapi.places()),
+            ("/v1/map/view", "GET", self.get_view, openapi.view()),
+            ("/v1/tiles/{zoom}/{column}/{row}", "GET", self.get_tile, openapi.tile()),
             ("/v1/map", "GET", self.get_map, openapi.library(MapResponse, "The map")),
             ("/v1/models", "GET", self.get_models, openapi.library(schemas.ModelsResponse, "models")),
             (
@@ -345,6 +355,36 @@ class Api:
             self.map = await self._document("map")
         return Response(self.map, media_type=JSON)
 
+    async def get_view(
+        self,
+        request: Request,
+        south: Latitude,
+        west: Longitude,
+        north: Latitude,
+        east: Longitude,
+        limit: Annotated[int, Query(ge=1, le=1000, description="most settlements, most stations")] = 200,
+    ) -> Response:
+        """Return settlements and charging stations inside of bounds."""
+        require_accepts(request, JSON)
+        self._require_map()
+        bounds = [south, west, north, east]
+        return await self._job(request, {"kind": "view", "bounds_deg": bounds, "limit": limit}, b"")
+
+    async def get_tile(
+        self,
+        request: Request,
+        zoom: Annotated[int, PathValue(ge=0, le=MAX_ZOOM)],
+        column: TileNumber,
+        row: TileNumber,
+    ) -> Response:
+        """Return the roads of a part of the map as a vector tile."""
+        require_accepts(request, TILE)
+        self._require_map()
+        job = {"kind": "tile", "zoom": zoom, "column": column, "row": row}
+        response = await self._job(request, job, b"", TILE)
+        response.headers["Cache-Control"] = "private, max-age=3600"
+        return response
+
     def _require_map(self) -> None:
         if not self.settings.atlas.map:
             raise Problem("no-map", "start the service with --map")
@@ -414,11 +454,13 @@ class Api:
         await self.bodies.read(request, media_types, limits.body_bytes, limits.body_timeout_s, parts.append)
         return parts[0] if len(parts) == 1 else b"".join(parts)
 
-    async def _job(self, request: Request, job: dict[str, Any], body: bytes) -> Response:
+    async def _job(
+        self, request: Request, job: dict[str, Any], body: bytes, media_type: str = JSON
+    ) -> Response:
         result = await self.pool.run(job, body)
         self.metrics.job_seconds.labels(job["kind"]).observe(result.seconds)
         if result.status == 200:
-            return Response(result.content, media_type=JSON)
+            return Response(result.content, media_type=media_type)
         document = {**orjson.loads(result.content), "instance": request_id(request)}
         return Response(orjson.dumps(document), result.status, media_type=MEDIA_TYPE)
 

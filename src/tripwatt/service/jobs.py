@@ -112,7 +112,7 @@ class Jobs:
         for model in self.models.values():
             model.forecast(plan).to_dict()
 
-    def run(self, job: Mapping[str, Any], body: bytes) -> dict[str, Any]:
+    def run(self, job: Mapping[str, Any], body: bytes) -> dict[str, Any] | bytes:
         """Run a job.
 
         Parameters
@@ -123,8 +123,8 @@ class Jobs:
 
         Returns
         -------
-        dict
-            The document of the response.
+        dict or bytes
+            The document of the response; the bytes of a tile.
 
         Raises
         ------
@@ -380,19 +380,23 @@ def _elevation(value: Any) -> Elevation | None:
         return None
 
 
-JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[str, Any]]]] = MappingProxyType(
-    {
-        "forecast": lambda jobs, job, body: jobs.forecast(body),
-        "update": lambda jobs, job, body: jobs.update(body),
-        "route": lambda jobs, job, body: jobs.route(body, job["speed_m_s"]),
-        "plan": lambda jobs, job, body: jobs.plan(body),
-        "reach": lambda jobs, job, body: jobs.reach(body),
-        "places": lambda jobs, job, body: jobs.journeys.places(job["text"], job["limit"]),
-        "map": lambda jobs, job, body: jobs.journeys.describe(),
-        "vehicles": lambda jobs, job, body: jobs.vehicles(job.get("search")),
-        "describe": lambda jobs, job, body: jobs.describe(body),
-        "examples": lambda jobs, job, body: examples(),
-    }
+JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[str, Any] | bytes]]] = (
+    MappingProxyType(
+        {
+            "forecast": lambda jobs, job, body: jobs.forecast(body),
+            "update": lambda jobs, job, body: jobs.update(body),
+            "route": lambda jobs, job, body: jobs.route(body, job["speed_m_s"]),
+            "plan": lambda jobs, job, body: jobs.plan(body),
+            "reach": lambda jobs, job, body: jobs.reach(body),
+            "places": lambda jobs, job, body: jobs.journeys.places(job["text"], job["limit"]),
+            "map": lambda jobs, job, body: jobs.journeys.describe(),
+            "tile": lambda jobs, job, body: jobs.journeys.tile(job["zoom"], job["column"], job["row"]),
+            "view": lambda jobs, job, body: jobs.journeys.view(job["bounds_deg"], job["limit"]),
+            "vehicles": lambda jobs, job, body: jobs.vehicles(job.get("search")),
+            "describe": lambda jobs, job, body: jobs.describe(body),
+            "examples": lambda jobs, job, body: examples(),
+        }
+    )
 )
 """Kind of job -> the method of `Jobs` that runs it."""
 

@@ -1,4 +1,4 @@
-"""Schemas of journeys: requests and responses of `/v1/plan`, `/v1/reachable`, `/v1/places` and `/v1/map`."""
+"""Schemas of journeys: requests and responses of `/v1/plan`, `/v1/reachable`, `/v1/places` and below `/v1/map`."""
 
 from __future__ import annotations
 
@@ -214,12 +214,21 @@ class ReachResponse(ResponseModel):
     attribution: str
 
 
+class ViewResponse(ResponseModel):
+    """What is named in a part of the map."""
+
+    settlements: list[PlaceDocument] = Field(description="the most important first")
+    stations: list[StationDocument] = Field(description="charging stations, those with the most power first")
+    attribution: str
+
+
 class MapResponse(ResponseModel):
     """What this service knows of the world."""
 
     roads: bool = Field(description="whether /v1/plan and /v1/reachable are served")
     places: bool = Field(description="whether places are found by name")
     weather: bool = Field(description="whether a weather server is asked")
+    tiles: bool = Field(description="whether /v1/tiles has the roads as vector tiles")
     stations: int = Field(description="number of charging stations")
     bounds_deg: list[float] | None = Field(description="south, west, north and east of the map")
     attribution: str

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -74,6 +75,35 @@ class JourneyJobs:
         found = atlas.places.search(text, limit=limit)
         return {"places": [place.to_dict() for place in found], "attribution": atlas.attribution}
 
+    def tile(self, zoom: int, column: int, row: int) -> bytes:
+        """Return a vector tile of the roads; empty where there are none."""
+        size = 2**zoom
+        faults = [
+            Fault("tile out of range", name, str(value), f"0 to {size - 1} at zoom {zoom}")
+            for name, value in (("column", column), ("row", row))
+            if value >= size
+        ]
+        if faults:
+            raise InvalidInput(faults)
+        return self._atlas().tile(zoom, column, row)
+
+    def view(self, bounds_deg: Sequence[float], limit: int) -> dict[str, Any]:
+        """Return settlements and charging stations inside of south, west, north and east."""
+        south, west, north, east = bounds_deg
+        faults = [
+            Fault("bounds in the wrong order", name, f"{low:g} to {high:g}", "the smaller first")
+            for name, low, high in (("south, north", south, north), ("west, east", west, east))
+            if low > high
+        ]
+        if faults:
+            raise InvalidInput(faults)
+        atlas, bounds = self._atlas(), (south, west, north, east)
+        return {
+            "settlements": [place.to_dict() for place in atlas.settlements(bounds, limit)],
+            "stations": [station.to_dict() for station in atlas.stations_within(bounds, limit)],
+            "attribution": atlas.attribution,
+        }
+
     def describe(self) -> dict[str, Any]:
         """Return what the service knows of the world."""
         atlas = self.atlas
@@ -81,6 +111,7 @@ class JourneyJobs:
             "roads": atlas is not None,
             "places": atlas is not None and atlas.places is not None,
             "weather": atlas is not None and atlas.weather is not None,
+            "tiles": atlas is not None and atlas.has_tiles,
             "stations": 0 if atlas is None else len(atlas.stations),
             "bounds_deg": None if atlas is None or atlas.bounds_deg is None else list(atlas.bounds_deg),
             "attribution": "" if atlas is None else atlas.attribution,

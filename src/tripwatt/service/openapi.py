@@ -18,6 +18,7 @@ request leaves out are unknown: the forecast flags them and its interval is wide
 
 JSON: Final = "application/json"
 NDJSON: Final = "application/x-ndjson"
+TILE: Final = "application/vnd.mapbox-vector-tile"
 
 REFERENCE: Final = "#/components/schemas/"
 
@@ -30,6 +31,7 @@ DOCUMENTED: Final[tuple[type[BaseModel], ...]] = (
     journey_schemas.ReachResponse,
     journey_schemas.PlacesResponse,
     journey_schemas.MapResponse,
+    journey_schemas.ViewResponse,
     schemas.UpdateRequest,
     schemas.ForecastResponse,
     schemas.RouteResponse,
@@ -118,6 +120,14 @@ BODY_PROBLEMS: Final = (
 )
 POOL_PROBLEMS: Final = ("busy", "timeout")
 COMMON_PROBLEMS: Final = ("bad-request", "token-needed", "too-many-requests", "internal")
+_MAP_PROBLEMS: Final = (
+    *COMMON_PROBLEMS,
+    "not-acceptable",
+    "invalid-input",
+    *POOL_PROBLEMS,
+    "no-map",
+    "remote",
+)
 
 
 def _problems(*kinds: str) -> dict[int | str, dict[str, Any]]:
@@ -241,10 +251,20 @@ def _journey(
 
 def places() -> dict[str, Any]:
     """Return the description of `GET /v1/places`."""
-    problems = (*COMMON_PROBLEMS, "not-acceptable", "invalid-input", *POOL_PROBLEMS, "no-map", "remote")
-    return _operation(
-        "journeys", "The places", _content(JSON, _reference(journey_schemas.PlacesResponse)), problems
-    )
+    content = _content(JSON, _reference(journey_schemas.PlacesResponse))
+    return _operation("journeys", "The places", content, _MAP_PROBLEMS)
+
+
+def tile() -> dict[str, Any]:
+    """Return the description of `GET /v1/tiles/{zoom}/{column}/{row}`."""
+    schema = {"type": "string", "format": "binary"}
+    return _operation("journeys", "The tile; empty without roads", _content(TILE, schema), _MAP_PROBLEMS)
+
+
+def view() -> dict[str, Any]:
+    """Return the description of `GET /v1/map/view`."""
+    content = _content(JSON, _reference(journey_schemas.ViewResponse))
+    return _operation("journeys", "What is named there", content, _MAP_PROBLEMS)
 
 
 def describe() -> dict[str, Any]:

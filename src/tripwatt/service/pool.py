@@ -47,7 +47,7 @@ class JobResult:
     status : int
         HTTP status.
     content : bytes
-        The document as JSON: the response, or a problem document.
+        The document as JSON: the response, or a problem document. The bytes of a tile.
     seconds : float
         Computing time [s].
     """

@@ -39,7 +39,7 @@ def run_job(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
     Returns
     -------
     tuple of int and bytes
-        HTTP status, and the document as JSON.
+        HTTP status, and the document as JSON, or the bytes of a tile.
 
     Examples
     --------
@@ -47,7 +47,8 @@ def run_job(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
     400
     """
     try:
-        return 200, orjson.dumps(jobs.run(job, body))
+        found = jobs.run(job, body)
+        return 200, found if isinstance(found, bytes) else orjson.dumps(found)
     except NotJson as error:
         problem = Problem("not-json", str(error))
     except RemoteError as error:

@@ -2,7 +2,7 @@
 
 from tripwatt.routes.maps.folder import ATTRIBUTION, MapFolder, build_map, open_map
 from tripwatt.routes.maps.index import PlaceIndex
-from tripwatt.routes.maps.stations import Station, near, read_stations
+from tripwatt.routes.maps.stations import Station, near, read_stations, within
 
 __all__ = [
     "ATTRIBUTION",
@@ -13,4 +13,5 @@ __all__ = [
     "near",
     "open_map",
     "read_stations",
+    "within",
 ]

@@ -166,4 +166,10 @@ def router_in_process(folder: Path) -> ValhallaRouter:
         except RuntimeError as error:
             raise RemoteError(Fault("the router failed", action, str(error)[:120])) from error
 
-    return ValhallaRouter(ask, "valhalla")
+    def tile(request: dict[str, Any]) -> bytes:
+        try:
+            return bytes(actor.tile(json.dumps(request)))
+        except RuntimeError:  # ValhallaError is one: a tile that the map does not have
+            return b""
+
+    return ValhallaRouter(ask, "valhalla", tile)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 import sqlite3
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
@@ -212,6 +214,27 @@ class PlaceIndex:
             Place(latitude, longitude, f"{name}, {context}" if context else name, KINDS[kind])
             for kind, name, context, latitude, longitude in rows[: min(limit, MOST_FOUND)]
         )
+
+    def settlements(
+        self, south: float, west: float, north: float, east: float, limit: int
+    ) -> tuple[Place, ...]:
+        """Settlements inside of bounds [°], cities first, then towns, villages and what is smaller. O(settlements)."""
+        rows = self.database.execute(
+            "SELECT kind, name, latitude, longitude FROM places WHERE id < ? AND latitude BETWEEN ? AND ? "
+            "AND longitude BETWEEN ? AND ? ORDER BY id LIMIT ?",
+            (self._first_street, south, north, west, east, limit),
+        ).fetchall()
+        return tuple(
+            Place(latitude, longitude, name, KINDS[kind]) for kind, name, latitude, longitude in rows
+        )
+
+    @cached_property
+    def _first_street(self) -> int:
+        """Id above those of all settlements: places are written in the order of their kinds."""
+        row = self.database.execute(
+            "SELECT id FROM places WHERE kind >= ? ORDER BY id LIMIT 1", (SETTLEMENT,)
+        ).fetchone()
+        return sys.maxsize if row is None else int(row[0])
 
     def stations(self) -> tuple[Station, ...]:
         """All charging stations."""

@@ -109,6 +109,21 @@ def read_stations(path: Path | str) -> tuple[Station, ...]:
     )
 
 
+def within(
+    stations: Sequence[Station], south: float, west: float, north: float, east: float, limit: int
+) -> tuple[Station, ...]:
+    """Stations inside of bounds [°], those with the most power first. O(n log n).
+
+    Examples
+    --------
+    >>> stations = [Station(47.0, 9.0, "a", 5e4), Station(47.1, 9.0, "b", 1.5e5), Station(48.0, 9.0, "c", 5e4)]
+    >>> [station.name for station in within(stations, 46.0, 8.0, 47.5, 10.0, 2)]
+    ['b', 'a']
+    """
+    inside = [s for s in stations if south <= s.latitude_deg <= north and west <= s.longitude_deg <= east]
+    return tuple(sorted(inside, key=lambda station: -station.power_w)[:limit])
+
+
 def near(stations: Sequence[Station], points: Sequence[Place], farthest_m: float) -> list[tuple[int, int]]:
     """Stations near a line: (index of the station, index of the nearest point), in the order of the points. O(n log n).
 

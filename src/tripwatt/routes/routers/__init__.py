@@ -13,7 +13,18 @@ from tripwatt.routes.routers.servers import GraphHopperRouter, OpenRouteServiceR
 from tripwatt.routes.routers.valhalla import ValhallaRouter
 from tripwatt.routes.web import require_url
 
-__all__ = ["ROUTER_KINDS", "Edges", "Road", "RoadParts", "Router", "open_server", "pooled", "split_kind"]
+__all__ = [
+    "ROUTER_KINDS",
+    "Edges",
+    "Road",
+    "RoadParts",
+    "Router",
+    "ValhallaRouter",
+    "is_server",
+    "open_server",
+    "pooled",
+    "split_kind",
+]
 
 ROUTER_KINDS: Final[Mapping[str, Callable[[str], Router]]] = MappingProxyType(
     {

@@ -23,12 +23,16 @@ from tripwatt.units import M_S_PER_KM_H
 Ask = Callable[[str, dict[str, Any]], Any]
 """Takes an action of Valhalla and its request, gives the answer as a document."""
 
+HTTP_OK: Final = 200
 MOST_EDGES: Final = 200_000
 HEIGHT_EVERY_M: Final = 30.0
 """Distance of the heights along the road [m], as fine as the usual elevation model."""
 
 SLOWEST_ALTERNATIVE: Final = 1.6
 """Alternatives that take this many times as long as the fastest road lead over tracks that nobody means."""
+
+AskTile = Callable[[dict[str, Any]], bytes]
+"""As `Ask` for the action `tile`, whose answer is no document."""
 
 NOT_ON_MAP: Final = frozenset({170, 171})
 """Valhalla's error codes for places without a road near them."""
@@ -58,17 +62,31 @@ class ValhallaRouter:
         See `Ask`.
     name : str
         As messages call it.
+    ask_tile : callable, optional
+        See `AskTile`; None where there are no tiles.
     """
 
     ask: Ask
     name: str = "valhalla"
+    ask_tile: AskTile | None = None
 
     @classmethod
     def from_url(cls, url: str) -> ValhallaRouter:
         """A Valhalla server."""
-        client = WebClient(url, "the router", "TRIPWATT_ROUTER_KEY", "query:api_key")
+        return cls.from_client(WebClient(url, "the router", "TRIPWATT_ROUTER_KEY", "query:api_key"))
+
+    @classmethod
+    def from_client(cls, client: WebClient) -> ValhallaRouter:
+        """As `from_url`, by what sends the requests."""
+
+        def tile(request: dict[str, Any]) -> bytes:
+            answer = client.request("POST", "/tile", body=request)
+            return answer.body if answer.status == HTTP_OK else b""  # 400 where the map has no roads
+
         return cls(
-            lambda action, request: client.post_json(f"/{action}", request), f"valhalla at {client.host}"
+            lambda action, request: client.post_json(f"/{action}", request),
+            f"valhalla at {client.host}",
+            tile,
         )
 
     def roads(self, stops: Sequence[Place], *, alternatives: int = 0) -> tuple[Road, ...]:
@@ -107,6 +125,20 @@ class ValhallaRouter:
                     pair = a_list(corner, "coordinates", least=2)
                     places.append(Place(a_number(pair[1], "coordinates"), a_number(pair[0], "coordinates")))
         return tuple(places)
+
+    def tile(self, zoom: int, column: int, row: int) -> bytes:
+        """A vector tile of the roads (Mapbox Vector Tile 2.1); empty where there are none, or no tiles at all.
+
+        Its layer `edges` has the property `road_class`, from 0 for motorways to 7 for service roads.
+
+        Raises
+        ------
+        RemoteError
+            When the router does not answer.
+        """
+        if self.ask_tile is None:
+            return b""
+        return self.ask_tile({"tile": {"z": zoom, "x": column, "y": row}})
 
     def _trips(self, stops: Sequence[Place], more: dict[str, Any]) -> list[dict[str, Any]]:
         request = {
