@@ -17,7 +17,15 @@ const SOURCES = [
   "src",
   "tsconfig.json",
 ];
-const SHIPPED = ["preact", "@preact/signals", "@preact/signals-core", "uplot", "@fontsource-variable/inter"];
+const SHIPPED = [
+  "preact",
+  "@preact/signals",
+  "@preact/signals-core",
+  "uplot",
+  "@fontsource-variable/inter",
+  "maplibre-gl",
+];
+const TARGET = ["es2022", "chrome111", "firefox113", "safari16.4"];
 
 async function filesOf(path) {
   const entries = await readdir(path, { withFileTypes: true }).catch(() => null);
@@ -88,6 +96,20 @@ async function licences() {
 
 await rm(OUT, { recursive: true, force: true });
 await mkdir(OUT, { recursive: true });
+// The worker of the map is a file of its own, because the content security policy allows no worker from a text.
+const worker = await build({
+  absWorkingDir: HERE,
+  entryPoints: { "map-worker": "node_modules/maplibre-gl/dist/maplibre-gl-worker.mjs" },
+  entryNames: "assets/[name]-[hash]",
+  outdir: OUT,
+  bundle: true,
+  minify: true,
+  format: "esm",
+  target: TARGET,
+  metafile: true,
+  legalComments: "none",
+});
+const [workerName] = Object.keys(worker.metafile.outputs).map((path) => basename(path));
 const { metafile } = await build({
   absWorkingDir: HERE,
   entryPoints: { page: "src/main.tsx" },
@@ -96,7 +118,10 @@ const { metafile } = await build({
   bundle: true,
   minify: true,
   format: "esm",
-  target: ["es2022", "chrome111", "firefox113", "safari16.4"],
+  target: TARGET,
+  splitting: true,
+  chunkNames: "assets/[name]-[hash]",
+  define: { MAP_WORKER: JSON.stringify(workerName) },
   jsx: "automatic",
   jsxImportSource: "preact",
   loader: { ".woff2": "file" },

@@ -15,6 +15,12 @@ WEB = Path(__file__).resolve().parents[2] / "web"
 PAGE = Path(tripwatt.service.__file__).with_name("page")
 SOURCES = ("build.mjs", "icon.svg", "index.html", "package-lock.json", "package.json", "src", "tsconfig.json")
 LARGEST_BYTES = 400_000
+"""What a first visit loads."""
+
+LARGEST_MAP_BYTES = 1_800_000
+"""The code of the map, which is loaded when a map is first shown."""
+
+MAP_CODE = re.compile(r"assets/(maplibre-gl|road-map|map-worker)-")
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +43,20 @@ def test_files_are_those_that_were_built(manifest: dict) -> None:
     assert found.keys() == manifest["files"].keys()
     for name, file in found.items():
         assert manifest["files"][name]["sha256"] == hashlib.sha256(file.read_bytes()).hexdigest(), name
-    assert sum(file.stat().st_size for file in found.values()) < LARGEST_BYTES
+    of_map = {name: file.stat().st_size for name, file in found.items() if MAP_CODE.match(name)}
+    assert len(of_map) == 3
+    assert 500_000 < sum(of_map.values()) < LARGEST_MAP_BYTES
+    assert sum(file.stat().st_size for name, file in found.items() if name not in of_map) < LARGEST_BYTES
+
+
+def test_the_map_is_no_part_of_the_first_visit() -> None:
+    index = (PAGE / "index.html").read_text()
+    loaded = re.findall(r'(?:src|href)="(assets/[^"]+)"', index)
+    assert not any(MAP_CODE.match(name) for name in loaded)
+    (script,) = (name for name in loaded if name.endswith(".js"))
+    code = (PAGE / script).read_text()
+    assert len(re.findall(r"import\(", code)) == 2  # the map, when it is shown
+    assert re.findall(r"^import|[;}]import[ {\"']", code) == []
 
 
 def test_nothing_inline_and_no_other_host() -> None:
@@ -47,7 +66,10 @@ def test_nothing_inline_and_no_other_host() -> None:
     assert re.findall(r"\s(?:style|on\w+)=", index) == []
     for file in [PAGE / "index.html", *PAGE.glob("assets/*.[cj]s*")]:
         hosts = set(re.findall(r"https?://([\w.-]+)", file.read_text()))
-        assert hosts <= {"www.w3.org"}, file.name  # names of XML, not addresses
+        named = {"www.w3.org"}  # names of XML, not addresses
+        if MAP_CODE.match(f"assets/{file.name}"):  # comments, and a link that is not shown
+            named |= {"maplibre.org", "maplibre.invalid", "github.com", "wiki.openstreetmap.org"}
+        assert hosts <= named, file.name
         assert "sourceMappingURL" not in file.read_text()
 
 

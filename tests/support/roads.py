@@ -51,9 +51,9 @@ VALHALLA_EDGES = [
 ]  # fmt: skip
 
 
-def valhalla(**changed: Any) -> Callable[[httpx.Request], httpx.Response]:
-    """A Valhalla server for the straight road; a keyword replaces the answer of an action."""
-    answers = {
+def valhalla_answers(**changed: Any) -> dict[str, Any]:
+    """The answers of Valhalla for the straight road, by action; a keyword replaces one."""
+    return {
         "route": {"trip": {"status": 0, "legs": [{"shape": encoded([START, MIDDLE, END])}]}},
         "trace_attributes": {"edges": VALHALLA_EDGES},
         "height": {"range_height": [[0, 500.0], [3700, 537.0], [5000, 900.0], [7590, 575.8]]},
@@ -63,6 +63,11 @@ def valhalla(**changed: Any) -> Callable[[httpx.Request], httpx.Response]:
             ]
         },
     } | changed
+
+
+def valhalla(**changed: Any) -> Callable[[httpx.Request], httpx.Response]:
+    """A Valhalla server for the straight road; a keyword replaces the answer of an action."""
+    answers = valhalla_answers(**changed)
 
     def answer(request: httpx.Request) -> httpx.Response:
         found = answers[request.url.path.rpartition("/")[2]]

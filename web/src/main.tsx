@@ -6,6 +6,7 @@ import { car, isMeasured, model, vehicle } from "./state/car";
 import { startPage, keepSelectionStored } from "./state/catalogue";
 import { keepDriving } from "./state/drive";
 import { keepForecasting } from "./state/forecast";
+import { keepReach } from "./state/journey";
 import { keepPosition } from "./state/position";
 import { keepPreferences, text } from "./state/preferences";
 import { Announcer } from "./ui/announcer";
@@ -13,6 +14,7 @@ import { ConditionsPanel } from "./ui/conditions-panel";
 import { Details } from "./ui/details";
 import { Glance } from "./ui/glance";
 import { Header } from "./ui/header";
+import { MapCard } from "./ui/map-card";
 import { Result } from "./ui/result";
 import { CarDialog } from "./ui/car-dialog";
 import { connectTokenDialog, TokenDialog } from "./ui/token-dialog";
@@ -48,6 +50,7 @@ function Page() {
       <Header />
       <main id="content">
         <TripPanel />
+        <MapCard />
         <Result />
         <ConditionsPanel />
         <Details />
@@ -66,6 +69,7 @@ keepPreferences();
 keepForecasting();
 keepDriving();
 keepPosition();
+keepReach();
 keepSelectionStored();
 render(<Page />, document.body);
 void startPage();

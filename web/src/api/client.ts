@@ -7,9 +7,11 @@ import type {
   Forecast,
   Journey,
   MapInfo,
+  MapView,
   Model,
   Place,
   Problem,
+  Reach,
   Route,
   Vehicle,
 } from "./types";
@@ -42,11 +44,15 @@ async function problemOf(response: Response): Promise<Problem> {
   return { ...plain, ...((await response.json()) as Partial<Problem>) };
 }
 
-async function send(path: string, init: RequestInit): Promise<Response> {
-  const headers = new Headers(init.headers);
+/** Headers of requests that this module does not send itself: those of the tiles of a map. */
+export function tokenHeaders(): Record<string, string> {
   const token = sessionStorage.getItem(TOKEN);
   // eslint-disable-next-line page/text -- a scheme of HTTP
-  if (token) headers.set("authorization", `Bearer ${token}`);
+  return token ? { authorization: `Bearer ${token}` } : {};
+}
+
+async function send(path: string, init: RequestInit): Promise<Response> {
+  const headers = { ...(init.headers as Record<string, string>), ...tokenHeaders() };
   try {
     return await fetch(path, { ...init, headers });
   } catch (error) {
@@ -109,6 +115,18 @@ export const findPlaces = async (words: string, signal?: AbortSignal) => {
 
 export const planJourney = (body: string, signal?: AbortSignal) =>
   post<Journey>("v1/plan", body, "application/json", signal);
+
+export const findReach = (body: string, signal?: AbortSignal) =>
+  post<Reach>("v1/reachable", body, "application/json", signal);
+
+/** Settlements and charging stations inside of south, west, north and east. */
+export const viewMap = ([south, west, north, east]: readonly number[], signal?: AbortSignal) =>
+  requestJson<MapView>(`v1/map/view?south=${south}&west=${west}&north=${north}&east=${east}`, {
+    ...(signal && { signal }),
+  });
+
+/** URL of the tiles of the map, with {z}, {x} and {y}. */
+export const tilesUrl = () => `${new URL("v1/tiles", document.baseURI).href}/{z}/{x}/{y}`;
 
 /** Reads an uploaded or pasted route of any supported format. `speedMS` is the speed of tracks without times. */
 export const readRoute = (text: string, speedMS: number) =>

@@ -14,6 +14,11 @@ export class Latest<T> {
     if (!this.running) void this.run();
   }
 
+  /** Whether a newer value waits. */
+  get isWaiting(): boolean {
+    return this.pending !== null;
+  }
+
   /** Drop the waiting value and abort the running job. */
   cancel(): void {
     this.pending = null;

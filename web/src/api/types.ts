@@ -127,7 +127,29 @@ export interface Place {
 export interface MapInfo {
   roads: boolean;
   places: boolean;
+  /** Whether the service has the roads of the map as vector tiles. */
+  tiles: boolean;
+  stations: number;
+  /** South, west, north and east. */
+  bounds_deg: [number, number, number, number] | null;
   attribution: string;
+}
+
+/** What is named in a part of the map. */
+export interface MapView {
+  settlements: Place[];
+  stations: Station[];
+}
+
+/** The area that is reached with a probability. */
+export interface ReachArea {
+  probability: number;
+  polygon: { type: "Polygon"; coordinates: [number, number][][] };
+}
+
+export interface Reach {
+  areas: ReachArea[];
+  map_ends: boolean;
 }
 
 export interface Station {
@@ -147,6 +169,8 @@ export interface Charging {
 }
 
 export interface Road {
+  /** Of "fastest", "shortest", "least energy". */
+  labels: string[];
   distance_m: number;
   duration_s: number;
   line: { latitude_deg: number[]; longitude_deg: number[]; position_m: number[] };

@@ -28,6 +28,7 @@ const FAHRENHEIT: Quantity = {
 
 export const PERCENT = scaled("%", 0.01, 0);
 export const ENERGY = scaled("kWh", 1000, 2);
+export const POWER = scaled("kW", 1000, 0);
 
 const SYSTEMS = {
   metric: {

@@ -7,8 +7,8 @@ import { type Car, car, chooseFirst, models, vehicles } from "./car";
 import { type Conditions, conditions, USUAL } from "./conditions";
 import { reportProblem, problem } from "./forecast";
 import { readStored, writeStored } from "./preferences";
-import { askJourney, journey, loadMap } from "./journey";
-import { type Source, type Trip, trip, tripFromExample, tripFromJourney, tripFromRoute } from "./trip";
+import { type End, ends, loadMap, setEnd } from "./journey";
+import { type Source, type Trip, trip, tripFromExample, tripFromRoute, tripFromStops } from "./trip";
 
 const KEY = "tripwatt.last";
 
@@ -56,13 +56,19 @@ export async function chooseExample(name: string): Promise<void> {
   if (found) show(tripFromExample(found));
 }
 
-/** Plan a journey from place to place. */
-export async function chooseJourney(from: Place, to: Place): Promise<void> {
-  const found = await whileLoading({ what: "trip" }, () => askJourney(from, to));
-  const next = found && tripFromJourney(found);
-  if (!next) return;
-  journey.value = found;
-  show(next);
+/** Plan the journey between its two ends, if both are chosen. `isDraft` while one of them is dragged. */
+export function chooseJourney(isDraft = false): void {
+  const { from, to } = ends.value;
+  if (!from || !to) return;
+  const next = tripFromStops([from, to], isDraft);
+  if (trip.value?.stops) trip.value = next;
+  else show(next);
+}
+
+/** Set an end on the map, and plan as soon as there are two. */
+export function moveEnd(end: End, place: Place, isDraft = false): void {
+  setEnd(end, place);
+  chooseJourney(isDraft);
 }
 
 /** Read an uploaded file or pasted links; `name` is empty for links. */

@@ -3,12 +3,12 @@
 import { batch, computed, effect, signal, untracked } from "@preact/signals";
 import { requestForecast, RequestFailed, readRoute } from "../api/client";
 import { Latest } from "../api/latest";
-import type { Forecast, Fault, Problem } from "../api/types";
+import type { Forecast, Fault, Journey, Problem } from "../api/types";
 import { atMotorwaySpeed } from "../model/links";
 import { type Profile, profileFromSamples, withElevationOf } from "../model/profile";
 import { type Car, car } from "./car";
 import { type Conditions, conditions } from "./conditions";
-import { forecastJourney } from "./journey";
+import { answersAreOld, askJourney, chosenRoad, journey, mergedJourney } from "./journey";
 import { requestBody, type Trip, trip } from "./trip";
 
 /** Type of a problem for an unexpected error of the page. */
@@ -66,20 +66,58 @@ async function renewProfile({ trip, at: { motorwayMS } }: ForecastJob): Promise<
   return route ? withElevationOf(trip.profile, profileFromSamples(route.samples)) : trip.profile;
 }
 
-function forecastOf({ trip: of, car: chosen }: ForecastJob, at: Conditions, signal: AbortSignal) {
-  const body = requestBody(of, at, chosen);
-  return of.stops ? forecastJourney(of, body, signal) : requestForecast(body, signal);
+/** The journey that was last shown with all answers. */
+let whole: { of: Trip; found: Journey } | null = null;
+
+function roadOf({ roads }: Journey): Journey["roads"][number] {
+  return roads[chosenRoad.value] ?? (roads[0] as Journey["roads"][number]);
+}
+
+function showRoad(): void {
+  if (!journey.value) return;
+  const { forecast, samples } = roadOf(journey.value);
+  departure.value = forecast;
+  profile.value = profileFromSamples(samples);
+}
+
+/** Show another road of the journey. */
+export function chooseRoad(index: number): void {
+  batch(() => {
+    chosenRoad.value = index;
+    showRoad();
+  });
+}
+
+/** First the fastest road, which is quick; then the other answers, unless the conditions change meanwhile. */
+async function runJourney(job: ForecastJob, otherAt: Conditions | null, signal: AbortSignal): Promise<void> {
+  const body = requestBody(job.trip, job.at, job.car);
+  const askOther = async (at: Conditions) =>
+    roadOf(await askJourney(requestBody(job.trip, at, job.car), chosenRoad.value > 0, signal)).forecast;
+  const show = (found: Journey, isWhole: boolean, second: Forecast | null) =>
+    batch(() => {
+      journey.value = isWhole ? found : mergedJourney(job.trip, found, whole);
+      answersAreOld.value = !isWhole;
+      alternative.value = second;
+      requested.value = { at: job.at, other: job.other };
+      problem.value = null;
+      showRoad();
+    });
+  const second = otherAt && (await askOther(otherAt));
+  if (whole?.of !== job.trip) chosenRoad.value = 0;
+  if (chosenRoad.value === 0) show(await askJourney(body, false, signal), false, second);
+  if (job.trip.isDraft || runner.isWaiting) return;
+  const found = await askJourney(body, true, signal);
+  whole = { of: job.trip, found };
+  show(found, true, second);
 }
 
 const runner = new Latest<ForecastJob>(async (job, signal) => {
   const { setting, value } = job.other;
   const otherAt = job.compares ? { ...job.at, [setting]: value } : null;
+  const ask = (at: Conditions) => requestForecast(requestBody(job.trip, at, job.car), signal);
   try {
-    const [main, second, road] = await Promise.all([
-      forecastOf(job, job.at, signal),
-      otherAt && forecastOf(job, otherAt, signal),
-      renewProfile(job),
-    ]);
+    if (job.trip.stops) return await runJourney(job, otherAt, signal);
+    const [main, second, road] = await Promise.all([ask(job.at), otherAt && ask(otherAt), renewProfile(job)]);
     batch(() => {
       departure.value = main;
       alternative.value = second;
@@ -102,11 +140,14 @@ export function keepForecasting(): void {
     const at = conditions.value;
     const compares = mode.value === "compare";
     if (now !== lastTrip) {
-      runner.cancel();
+      const moves = now.stops !== null && lastTrip?.stops != null;
+      if (!(now.isDraft && lastTrip?.isDraft)) runner.cancel();
       lastTrip = now;
-      batch(() => {
-        departure.value = alternative.value = profile.value = problem.value = null;
-      });
+      if (!moves) {
+        batch(() => {
+          departure.value = alternative.value = profile.value = problem.value = null;
+        });
+      }
     }
     const job = { trip: now, at, other: other.value, compares, car: car.value };
     untracked(() => runner.submit(job));

@@ -1,39 +1,102 @@
-/** From A to B: the places that were chosen, and the answer of the service to them. */
+/** From A to B: the ends of the journey, the answer of the service to them, and what the map shows. */
 
-import { signal } from "@preact/signals";
-import { getMap, planJourney } from "../api/client";
-import type { Forecast, Journey, MapInfo, Place } from "../api/types";
+import { effect, signal, untracked } from "@preact/signals";
+import { findReach, getMap, planJourney } from "../api/client";
+import { Latest } from "../api/latest";
+import type { Journey, MapInfo, Place, Reach } from "../api/types";
 import { car } from "./car";
-import { conditions, fieldsOf } from "./conditions";
-import type { Trip } from "./trip";
+import { type Conditions, conditions, fieldsOf } from "./conditions";
+import { fieldsOfCar, stopOf, type Trip } from "./trip";
 
-/** Null until the service has answered, and for a service without a map. */
+export type End = "from" | "to";
+
+const ALTERNATIVES = 2;
+const MIN_INTERVAL_MS = 200;
+
+/** Null until the service has answered, and for a service without roads. */
 export const map = signal<MapInfo | null>(null);
+export const ends = signal<Record<End, Place | null>>({ from: null, to: null });
+/** The end that a click on the map sets; null for none. */
+export const nextEnd = signal<End | null>("from");
 export const journey = signal<Journey | null>(null);
+/** Whether the answers beside the forecast are those of earlier conditions. */
+export const answersAreOld = signal(false);
+/** Index of the road that is shown, of those of the journey. */
+export const chosenRoad = signal(0);
+/** Whether the next journey is brought into view: one of the form, not one whose ends were placed on the map. */
+export const wantsFit = signal(false);
+export const wantsReach = signal(false);
+export const reach = signal<Reach | null>(null);
+export const isFindingReach = signal(false);
 
 /** Ask once whether the service has a map. */
 export async function loadMap(): Promise<MapInfo | null> {
   const found = await getMap();
-  map.value = found.roads && found.places ? found : null;
+  map.value = found.roads ? found : null;
   return map.value;
 }
 
-/** The journey between two places in the present conditions. */
-export async function askJourney(from: Place, to: Place): Promise<Journey> {
-  const stops = [from, to].map(({ name, latitude_deg, longitude_deg }) => ({
-    name,
-    latitude_deg,
-    longitude_deg,
-  }));
-  const body = { stops, ...car.value, ...fieldsOf(conditions.value, {}) };
-  return planJourney(JSON.stringify(body));
+/** Set an end; the next click on the map sets the other one if it is missing. */
+export function setEnd(end: End, place: Place | null): void {
+  const next = { ...ends.value, [end]: place };
+  ends.value = next;
+  if (!next.from) nextEnd.value = "from";
+  else nextEnd.value = next.to ? null : "to";
 }
 
-/** The forecast of a trip that is a journey; the other answers are kept beside it. */
-export async function forecastJourney(of: Trip, body: string, signal?: AbortSignal): Promise<Forecast> {
-  const found = await planJourney(body, signal);
-  const [road] = found.roads;
-  if (!road) throw new TypeError(of.title);
-  journey.value = found;
-  return road.forecast;
+/** A place on the map without a name. */
+export function placeAt(longitude: number, latitude: number): Place {
+  const wrapped = ((((longitude + 180) % 360) + 360) % 360) - 180;
+  const name = `${latitude.toFixed(4)}, ${wrapped.toFixed(4)}`;
+  return { name, kind: "", latitude_deg: latitude, longitude_deg: wrapped };
+}
+
+/** Ask for the fastest road alone, which is quick, or with alternatives and all answers. */
+export async function askJourney(body: string, whole: boolean, signal?: AbortSignal): Promise<Journey> {
+  const more = whole ? { alternatives: ALTERNATIVES } : { answers: false };
+  const found = await planJourney(`${body.slice(0, -1)},${JSON.stringify(more).slice(1)}`, signal);
+  if (found.roads.length === 0) throw new TypeError(body);
+  return found;
+}
+
+/** What is shown after a quick answer: alternatives and other answers are those of before, if the places are the same. */
+export function mergedJourney(
+  of: Trip,
+  quick: Journey,
+  before: { of: Trip; found: Journey } | null,
+): Journey {
+  if (before?.of !== of) return quick;
+  const { charging, motorway_speed_m_s, roads } = before.found;
+  return { ...quick, charging, motorway_speed_m_s, roads: [...quick.roads, ...roads.slice(1)] };
+}
+
+interface ReachJob {
+  from: Place;
+  at: Conditions;
+}
+
+const runner = new Latest<ReachJob>(async ({ from, at }, signal) => {
+  isFindingReach.value = true;
+  try {
+    const body = { start: stopOf(from), ...fieldsOfCar(car.value), ...fieldsOf(at, {}) };
+    reach.value = await findReach(JSON.stringify(body), signal);
+  } catch {
+    reach.value = null; // the forecast has the same faults, and shows them
+  } finally {
+    isFindingReach.value = false;
+  }
+}, MIN_INTERVAL_MS);
+
+/** Find the area of reach while it is wanted, again when start, car or conditions change. */
+export function keepReach(): void {
+  effect(() => {
+    const { from } = ends.value;
+    const job = from && { from, at: conditions.value };
+    const wanted = wantsReach.value && car.value && job;
+    untracked(() => {
+      if (wanted) return runner.submit(wanted);
+      runner.cancel();
+      reach.value = null;
+    });
+  });
 }

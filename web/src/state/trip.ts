@@ -1,7 +1,7 @@
 /** The chosen trip: an example, a file or links. */
 
 import { signal } from "@preact/signals";
-import type { Columns, Example, Flag, Journey, Link, Place, Route } from "../api/types";
+import type { Columns, Example, Flag, Link, Place, Route } from "../api/types";
 import { atMotorwaySpeed } from "../model/links";
 import { type Profile, profileFromSamples } from "../model/profile";
 import type { Car } from "./car";
@@ -27,6 +27,8 @@ export interface Trip {
   links: Link[] | null;
   /** The places of a journey; its forecasts come with its roads. */
   stops: Place[] | null;
+  /** Whether an end of the journey is being dragged, so that only the arrival is asked for. */
+  isDraft?: boolean;
   profile: Profile;
   observed: Columns | null;
   logged: StartTemperatures;
@@ -114,29 +116,33 @@ export function tripFromRoute(route: Route, title: string, source: Source): Trip
   };
 }
 
-function chosen({ vehicle, model }: Car): Car {
-  return { vehicle, model };
+/** The car as members of a request. */
+export function fieldsOfCar(car: Car | null): object {
+  if (!car) return {};
+  const { vehicle, model, figures } = car;
+  return figures ? { vehicle_figures: figures, model } : { vehicle, model };
 }
 
-/** The fastest road of a journey as a trip; null for an answer without roads. */
-export function tripFromJourney({ stops, roads }: Journey): Trip | null {
-  const [road] = roads;
-  if (!road) return null;
-  const places = stops.map(({ name, latitude_deg, longitude_deg }) => ({
-    name,
-    latitude_deg,
-    longitude_deg,
-  }));
+/** A place as a stop of a request. */
+export function stopOf({ name, latitude_deg, longitude_deg }: Place): Omit<Place, "kind"> {
+  return { name, latitude_deg, longitude_deg };
+}
+
+const UNKNOWN: Profile = profileFromSamples({});
+
+/** A journey from place to place as a trip; its road comes with its forecast. `isDraft` while an end is dragged. */
+export function tripFromStops(stops: Place[], isDraft: boolean): Trip {
   return {
     example: "",
     source: "journey",
     vehicle: "",
     title: stops.map(({ name }) => name).join(" – "),
     notes: [],
-    fixedJson: membersOf({ stops: places }),
+    fixedJson: membersOf({ stops: stops.map(stopOf) }),
     links: null,
     stops,
-    profile: profileFromSamples(road.samples),
+    isDraft,
+    profile: UNKNOWN,
     observed: null,
     logged: {},
     start: conditionsFrom({}, conditions.value),
@@ -148,7 +154,7 @@ export function requestBody(of: Trip, at: Conditions, car: Car | null, observed?
   const links = of.links && { links: atMotorwaySpeed(of.links, at.motorwayMS) };
   const fields = {
     ...links,
-    ...(car && (car.figures ? { vehicle_figures: car.figures, model: car.model } : chosen(car))),
+    ...fieldsOfCar(car),
     ...fieldsOf(at, of.logged),
     ...(observed && { observed }),
   };

@@ -1,45 +1,49 @@
 import { useId, useRef, useState } from "preact/hooks";
 import { findPlaces } from "../api/client";
 import type { Place } from "../api/types";
+import { readCoordinates } from "../model/road";
 import { chooseJourney } from "../state/catalogue";
 import { reportProblem } from "../state/forecast";
-import { map } from "../state/journey";
+import { type End, ends, journey, map, nextEnd, placeAt, setEnd, wantsFit } from "../state/journey";
 import { text } from "../state/preferences";
 
 const PAUSE_MS = 120;
 // eslint-disable-next-line page/text -- names of keys
 const [ENTER, ESCAPE] = ["Enter", "Escape"];
 
-interface FieldProps {
-  label: string;
-  chosen: Place | null;
-  onChoose: (place: Place | null) => void;
+/** Places for a text: coordinates, or names where the service knows them. */
+async function placesFor(words: string, signal: AbortSignal): Promise<Place[]> {
+  const at = readCoordinates(words);
+  if (at) return [placeAt(at.longitude_deg, at.latitude_deg)];
+  return words.trim() && map.value?.places ? findPlaces(words, signal) : [];
 }
 
 /** A field that suggests places while one types: arrow keys move, Enter takes, Escape closes. */
-function PlaceField({ label, chosen, onChoose }: FieldProps) {
+function PlaceField({ label, end }: { label: string; end: End }) {
   const id = useId();
+  const chosen = ends.value[end];
   const [typed, setTyped] = useState("");
   const [found, setFound] = useState<Place[]>([]);
   const [active, setActive] = useState(0);
   const pending = useRef<{ timer: number; request: AbortController } | null>(null);
   const open = found.length > 0;
+  const { journey: words } = text.value;
 
   const take = (place: Place) => {
     setTyped(place.name);
     setFound([]);
-    onChoose(place);
+    setEnd(end, place);
   };
-  const type = (words: string) => {
-    setTyped(words);
-    onChoose(null);
+  const type = (now: string) => {
+    setTyped(now);
+    if (ends.value[end]) setEnd(end, null);
+    nextEnd.value = end;
     pending.current?.request.abort();
     window.clearTimeout(pending.current?.timer);
     const request = new AbortController();
     const ask = async () => {
       try {
-        const places = words.trim() ? await findPlaces(words, request.signal) : [];
-        setFound(places);
+        setFound(await placesFor(now, request.signal));
         setActive(0);
       } catch (error) {
         reportProblem(error);
@@ -58,7 +62,7 @@ function PlaceField({ label, chosen, onChoose }: FieldProps) {
     event.preventDefault();
   };
   return (
-    <div class="place">
+    <div class={`place place-${end}`}>
       <label for={id}>{label}</label>
       <input
         id={id}
@@ -70,9 +74,12 @@ function PlaceField({ label, chosen, onChoose }: FieldProps) {
         aria-autocomplete="list"
         aria-activedescendant={open ? `${id}-${active}` : undefined}
         value={chosen?.name ?? typed}
-        placeholder={text.value.journey.hint}
+        placeholder={map.value?.places ? words.hint : words.hintCoordinates}
         onInput={(event) => type(event.currentTarget.value)}
         onKeyDown={press}
+        onFocus={() => {
+          nextEnd.value = end;
+        }}
         onBlur={() => setFound([])}
       />
       <ul id={`${id}-list`} role="listbox" aria-label={label} hidden={!open}>
@@ -97,24 +104,23 @@ function PlaceField({ label, chosen, onChoose }: FieldProps) {
 
 /** From and To; a service without a map has none. */
 export function JourneyForm() {
-  const [from, setFrom] = useState<Place | null>(null);
-  const [to, setTo] = useState<Place | null>(null);
-  const words = text.value.journey;
-  const both = from !== null && to !== null;
+  const { from, to } = ends.value;
+  const { journey: words } = text.value;
   return (
     <form
       class="journey"
       onSubmit={(event) => {
         event.preventDefault();
-        if (from && to) void chooseJourney(from, to);
+        wantsFit.value = true;
+        journey.value = null;
+        chooseJourney();
       }}
     >
-      <PlaceField label={words.from} chosen={from} onChoose={setFrom} />
-      <PlaceField label={words.to} chosen={to} onChoose={setTo} />
-      <button type="submit" class="primary" disabled={!both}>
+      <PlaceField label={words.from} end="from" />
+      <PlaceField label={words.to} end="to" />
+      <button type="submit" class="primary" disabled={!from || !to}>
         {words.plan}
       </button>
-      <p class="note">{map.value?.attribution}</p>
     </form>
   );
 }

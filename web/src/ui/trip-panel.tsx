@@ -163,17 +163,21 @@ function Links() {
 
 export function TripPanel() {
   const now = trip.value;
-  const [open, setOpen] = useState(false);
-  useEffect(() => setOpen(false), [now]);
+  const starts = source.value === "journey" && !now?.stops;
+  const [opened, setOpen] = useState(false);
+  const open = opened || starts;
+  useEffect(() => setOpen(false), [now?.source, now?.title]);
   const wrong = faults.value.get("trip") ?? [];
   const { trip: words } = text.value;
   return (
     <section class={`panel trip${open ? " open" : ""}`} aria-labelledby="trip-title">
       <div class="heading">
         <h2 id="trip-title">{words.title}</h2>
-        <button type="button" class="link more" aria-expanded={open} onClick={() => setOpen(!open)}>
-          {open ? words.close : words.change}
-        </button>
+        {!starts && (
+          <button type="button" class="link more" aria-expanded={open} onClick={() => setOpen(!open)}>
+            {open ? words.close : words.change}
+          </button>
+        )}
       </div>
       <div class="ways">
         <Choice

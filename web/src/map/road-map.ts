@@ -1,0 +1,341 @@
+/** The map: MapLibre GL with roads of the service, the ends of a journey, its roads, the area of reach and stations.
+ *
+ * This module and its library are loaded when a map is first shown. It knows nothing of the state of the page.
+ */
+
+import type {
+  GeoJSONSource,
+  LayerSpecification,
+  Map as Canvas,
+  MapMouseEvent,
+  Marker,
+  StyleSpecification,
+} from "maplibre-gl";
+import type { Bounds, Point } from "../model/road";
+
+/** Name of the worker's file; the build fills it in. */
+declare const MAP_WORKER: string;
+
+export type End = "from" | "to";
+
+export interface MapPalette {
+  ground: string;
+  text: string;
+  halo: string;
+  minor: string;
+  major: string;
+  motorway: string;
+  low: string;
+  usual: string;
+  high: string;
+  casing: string;
+  other: string;
+  main: string;
+  station: string;
+  dot: string;
+  reach: string;
+}
+
+export interface MapHandlers {
+  onClick: (at: Point) => void;
+  /** `done` is false while the pointer is down. */
+  onDrag: (end: End, to: Point, done: boolean) => void;
+  /** The pointer is on the chosen road; null when it leaves. */
+  onRoad: (at: Point | null) => void;
+  onOther: (road: number) => void;
+  onStation: (station: StationMark | null) => void;
+  onView: (bounds: Bounds) => void;
+}
+
+export interface StationMark {
+  name: string;
+  power_w: number;
+}
+
+/** MapLibre GL; a parameter, so that its code is a file of its own that changes with its version alone. */
+export type Library = typeof import("maplibre-gl");
+
+export interface MapOptions {
+  library: Library;
+  container: HTMLElement;
+  palette: MapPalette;
+  /** URL of the tiles with {z}, {x} and {y}; empty for a plain background. */
+  tiles: string;
+  /** Font of the labels. */
+  font: string;
+  headers: () => Record<string, string>;
+  /** What is in view at first. */
+  bounds: Bounds | null;
+  label: string;
+  handlers: MapHandlers;
+}
+
+export type Collection = GeoJSON.FeatureCollection;
+export type Feature = GeoJSON.Feature;
+
+const EMPTY: Collection = { type: "FeatureCollection", features: [] };
+const TILE_ZOOM = { minzoom: 7, maxzoom: 14 };
+const PADDING = 48;
+const MAX_FIT_ZOOM = 14;
+/** Zoom of the whole world, where nothing else is known. */
+const START_ZOOM = 3;
+
+/** Values of `road_class` in Valhalla's tiles: 0 motorway, 1 trunk, 2 primary, 3 secondary, 4 tertiary, then minor ones. */
+const MOTORWAY = 0;
+const SECONDARY = 3;
+const TERTIARY = 4;
+
+type Data = "roads" | "others" | "reach" | "settlements" | "stations" | "dot";
+
+const WIDTHS = {
+  minor: ["interpolate", ["exponential", 1.5], ["zoom"], 10, 0.6, 14, 2, 18, 10],
+  major: ["interpolate", ["exponential", 1.5], ["zoom"], 7, 1, 12, 2.6, 18, 16],
+  motorway: ["interpolate", ["exponential", 1.5], ["zoom"], 6, 1.5, 12, 4, 18, 22],
+} as const;
+
+/** Layers of the roads of the map, from below. */
+function roadLayers(palette: MapPalette): LayerSpecification[] {
+  const layer = (
+    kind: "minor" | "major" | "motorway",
+    lowest: number,
+    highest: number,
+  ): LayerSpecification => ({
+    id: `map-${kind}`,
+    type: "line",
+    source: "tiles",
+    "source-layer": "edges",
+    filter: ["all", [">=", ["get", "road_class"], lowest], ["<=", ["get", "road_class"], highest]],
+    layout: { "line-cap": "round", "line-join": "round" },
+    paint: { "line-color": palette[kind], "line-width": WIDTHS[kind] as never },
+  });
+  return [
+    layer("minor", TERTIARY, 9),
+    layer("major", MOTORWAY + 1, SECONDARY),
+    layer("motorway", MOTORWAY, MOTORWAY),
+  ];
+}
+
+function line(id: string, source: Data, paint: object): LayerSpecification {
+  return { id, type: "line", source, layout: { "line-cap": "round", "line-join": "round" }, paint };
+}
+
+/** Layers of the journey, from below. */
+function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] {
+  const level = ["match", ["get", "level"], "low", palette.low, "high", palette.high, palette.usual];
+  return [
+    {
+      id: "reach-area",
+      type: "fill",
+      source: "reach",
+      paint: { "fill-color": palette.reach, "fill-opacity": 0.14 },
+    },
+    line("reach-edge", "reach", {
+      "line-color": palette.reach,
+      "line-width": 2,
+      "line-dasharray": [
+        "case",
+        ["==", ["get", "probability"], 0.5],
+        ["literal", [2, 2]],
+        ["literal", [1, 0]],
+      ],
+    }),
+    line("other-hit", "others", { "line-color": palette.other, "line-width": 18, "line-opacity": 0 }),
+    line("other", "others", { "line-color": palette.other, "line-width": 4 }),
+    line("road-casing", "roads", { "line-color": palette.casing, "line-width": 9 }),
+    line("road", "roads", { "line-color": level, "line-width": 5.5 }),
+    line("road-hit", "roads", { "line-color": palette.casing, "line-width": 22, "line-opacity": 0 }),
+    {
+      id: "station",
+      type: "circle",
+      source: "stations",
+      paint: {
+        "circle-radius": ["case", ["get", "chosen"], 9, 5],
+        "circle-color": palette.station,
+        "circle-stroke-color": palette.casing,
+        "circle-stroke-width": 2,
+      },
+    },
+    {
+      id: "settlement",
+      type: "symbol",
+      source: "settlements",
+      layout: {
+        "text-field": ["get", "name"],
+        "text-font": [font],
+        "text-size": ["match", ["get", "kind"], "city", 17, "town", 15, 12.5],
+        "symbol-sort-key": ["get", "rank"],
+        "text-padding": 6,
+      },
+      paint: { "text-color": palette.text, "text-halo-color": palette.halo, "text-halo-width": 1.6 },
+    },
+    {
+      id: "dot",
+      type: "circle",
+      source: "dot",
+      paint: {
+        "circle-radius": 7,
+        "circle-color": palette.dot,
+        "circle-stroke-color": palette.casing,
+        "circle-stroke-width": 3,
+      },
+    },
+  ];
+}
+
+function styleOf({ palette, tiles, font }: MapOptions): StyleSpecification {
+  const data = (): StyleSpecification["sources"][string] => ({ type: "geojson", data: EMPTY });
+  return {
+    version: 8,
+    sources: {
+      ...(tiles && { tiles: { type: "vector", tiles: [tiles], ...TILE_ZOOM } }),
+      roads: data(),
+      others: data(),
+      reach: data(),
+      settlements: data(),
+      stations: data(),
+      dot: data(),
+    },
+    layers: [
+      { id: "ground", type: "background", paint: { "background-color": palette.ground } },
+      ...(tiles ? roadLayers(palette) : []),
+      ...journeyLayers(palette, font),
+    ],
+  };
+}
+
+function pointOf({ lngLat }: { lngLat: { lng: number; lat: number } }): Point {
+  return [lngLat.lng, lngLat.lat];
+}
+
+/** MapLibre's order of corners: west and south, east and north. */
+function corners([south, west, north, east]: Bounds): [Point, Point] {
+  return [
+    [west, south],
+    [east, north],
+  ];
+}
+
+export class RoadMap {
+  private readonly map: Canvas;
+  private readonly markers = new Map<End, Marker>();
+  private readonly waiting = new Map<Data, Collection>();
+  private loaded = false;
+
+  constructor(private readonly options: MapOptions) {
+    const { library, container, bounds, headers } = options;
+    library.setWorkerUrl(new URL(MAP_WORKER, import.meta.url).href);
+
+    this.map = new library.Map({
+      container,
+      style: styleOf(options),
+      attributionControl: false,
+      dragRotate: false,
+      pitchWithRotate: false,
+      touchPitch: false,
+      maxPitch: 0,
+      zoom: START_ZOOM,
+      ...(bounds && { bounds: corners(bounds), fitBoundsOptions: { padding: 8 } }),
+      transformRequest: (url) => ({ url, headers: headers() }),
+      fadeDuration: 0,
+    });
+    this.map.touchZoomRotate.disableRotation();
+    this.map.getCanvas().setAttribute("aria-label", options.label);
+    this.listen();
+  }
+
+  /** Put a marker on an end of the journey, or remove it. */
+  setEnd(end: End, at: Point | null, label: string): void {
+    const known = this.markers.get(end);
+    if (!at) {
+      known?.remove();
+      this.markers.delete(end);
+    } else if (known) {
+      known.setLngLat(at);
+      known.getElement().setAttribute("aria-label", label);
+    } else {
+      this.markers.set(end, this.marker(end, at, label));
+    }
+  }
+
+  setData(source: Data, features: Feature[]): void {
+    const collection: Collection = { type: "FeatureCollection", features };
+    if (this.loaded) void this.map.getSource<GeoJSONSource>(source)?.setData(collection);
+    else this.waiting.set(source, collection);
+  }
+
+  fit(bounds: Bounds): void {
+    this.map.fitBounds(corners(bounds), { padding: PADDING, maxZoom: MAX_FIT_ZOOM, duration: 500 });
+  }
+
+  zoom(by: 1 | -1): void {
+    if (by > 0) this.map.zoomIn();
+    else this.map.zoomOut();
+  }
+
+  /** The part of the world that is in view. */
+  bounds(): Bounds {
+    const box = this.map.getBounds();
+    return [box.getSouth(), box.getWest(), box.getNorth(), box.getEast()];
+  }
+
+  remove(): void {
+    this.map.remove();
+  }
+
+  private marker(end: End, at: Point, label: string): Marker {
+    const element = document.createElement("div");
+    // eslint-disable-next-line page/text -- classes
+    element.className = `end-mark end-${end}`;
+    element.textContent = end === "from" ? "A" : "B";
+    element.setAttribute("role", "img");
+    element.setAttribute("aria-label", label);
+    const marker = new this.options.library.Marker({ element, draggable: true, anchor: "bottom" })
+      .setLngLat(at)
+      .addTo(this.map);
+    const tell = (done: boolean) => {
+      const { lng, lat } = marker.getLngLat();
+      this.options.handlers.onDrag(end, [lng, lat], done);
+    };
+    marker.on("drag", () => tell(false));
+    marker.on("dragend", () => tell(true));
+    return marker;
+  }
+
+  private listen(): void {
+    const { map } = this;
+    const { handlers } = this.options;
+    map.on("load", () => {
+      this.loaded = true;
+      for (const [source, collection] of this.waiting) this.setData(source, collection.features);
+      this.waiting.clear();
+      map.getContainer().dataset.ready = "true";
+      handlers.onView(this.bounds());
+    });
+    map.on("moveend", () => handlers.onView(this.bounds()));
+    map.on("click", (event) => this.click(event));
+    map.on("mousemove", "road-hit", (event) => handlers.onRoad(pointOf(event)));
+    map.on("mouseleave", "road-hit", () => handlers.onRoad(null));
+    for (const layer of ["road-hit", "other-hit", "station"]) {
+      map.on("mouseenter", layer, () => {
+        map.getCanvas().style.cursor = "pointer";
+      });
+      map.on("mouseleave", layer, () => {
+        map.getCanvas().style.cursor = "";
+      });
+    }
+  }
+
+  /** A click belongs to what is on top: a station, the chosen road, another road, else the ground. */
+  private click(event: MapMouseEvent): void {
+    const { handlers } = this.options;
+    const hit = this.map.queryRenderedFeatures(event.point, { layers: ["station", "road-hit", "other-hit"] });
+    const on = (layer: string) => hit.find((feature) => feature.layer.id === layer);
+    const station = on("station");
+    const other = on("other-hit");
+    handlers.onStation(station ? (station.properties as StationMark) : null);
+    if (station) return;
+    if (on("road-hit")) handlers.onRoad(pointOf(event));
+    else if (other) handlers.onOther(Number(other.properties.road));
+    else handlers.onClick(pointOf(event));
+  }
+}

@@ -1,0 +1,118 @@
+/** The line of a road on the map: its parts by consumption, and places along it. */
+
+import type { Road } from "../api/types";
+import { interpolate } from "./interpolate";
+
+export type Level = "low" | "usual" | "high";
+
+/** Longitude and latitude [°], in the order of GeoJSON. */
+export type Point = [number, number];
+
+export interface Piece {
+  level: Level;
+  line: Point[];
+}
+
+/** South, west, north and east [°]. */
+export type Bounds = [number, number, number, number];
+
+/** Pieces of a road whose consumption is compared with that of the whole road. */
+const PIECES = 60;
+/** Shares of the mean consumption beyond which a piece is low or high. */
+const LOW = 0.75;
+const HIGH = 1.25;
+
+type Line = Pick<Road, "line" | "distance_m" | "forecast">;
+
+export function pointsOf({ line }: Pick<Road, "line">): Point[] {
+  return line.longitude_deg.map((longitude, k) => [longitude, line.latitude_deg[k] as number]);
+}
+
+/** Energy from the start to a position on the road [Wh]; the forecast may be on a slightly other scale of distance. */
+export function energyAtWh({ forecast, distance_m: length }: Line, positionM: number): number {
+  const { distance_m: along, energy_wh: energy } = forecast.series;
+  return interpolate((positionM / length) * (along.at(-1) as number), along, energy);
+}
+
+/** The road in pieces of about equal length, each with its level; neighbours of one level are joined. */
+export function piecesOf(road: Line): Piece[] {
+  const points = pointsOf(road);
+  const { position_m: position } = road.line;
+  const meanWhM = energyAtWh(road, road.distance_m) / road.distance_m;
+  const leastM = road.distance_m / PIECES;
+  const pieces: Piece[] = [];
+  for (let first = 0; first < points.length - 1;) {
+    const startM = position[first] as number;
+    let last = first + 1;
+    while (last < points.length - 1 && (position[last] as number) - startM < leastM) last++;
+    const lengthM = (position[last] as number) - startM;
+    const energyWh = energyAtWh(road, position[last] as number) - energyAtWh(road, startM);
+    const level = levelOf(lengthM > 0 ? energyWh / lengthM : meanWhM, meanWhM);
+    const before = pieces.at(-1);
+    if (before?.level === level) before.line.push(...points.slice(first + 1, last + 1));
+    else pieces.push({ level, line: points.slice(first, last + 1) });
+    first = last;
+  }
+  return pieces;
+}
+
+function levelOf(whM: number, meanWhM: number): Level {
+  if (whM > HIGH * meanWhM) return "high";
+  return whM < LOW * meanWhM ? "low" : "usual";
+}
+
+export function boundsOf(points: readonly Point[]): Bounds {
+  const found: Bounds = [90, 180, -90, -180];
+  for (const [longitude, latitude] of points) {
+    found[0] = Math.min(found[0], latitude);
+    found[1] = Math.min(found[1], longitude);
+    found[2] = Math.max(found[2], latitude);
+    found[3] = Math.max(found[3], longitude);
+  }
+  return found;
+}
+
+/** The point at a distance along the forecast [m]. */
+export function pointAt({ line, distance_m: length, forecast }: Line, distanceM: number): Point {
+  const whole = forecast.series.distance_m.at(-1) as number;
+  const positionM = (distanceM / whole) * length;
+  return [
+    interpolate(positionM, line.position_m, line.longitude_deg),
+    interpolate(positionM, line.position_m, line.latitude_deg),
+  ];
+}
+
+/** Distance along the forecast of the place on the road that is nearest to a point [m]. */
+export function distanceNear(road: Line, [longitude, latitude]: Point): number {
+  const points = pointsOf(road);
+  const shrink = Math.cos((latitude * Math.PI) / 180);
+  let nearest = Number.POSITIVE_INFINITY;
+  let foundM = 0;
+  for (let k = 1; k < points.length; k++) {
+    const [x0, y0] = fromPoint(points[k - 1] as Point);
+    const [x1, y1] = fromPoint(points[k] as Point);
+    const [dx, dy] = [x1 - x0, y1 - y0];
+    const square = dx * dx + dy * dy;
+    const share = square > 0 ? Math.min(Math.max(-(x0 * dx + y0 * dy) / square, 0), 1) : 0;
+    const off = Math.hypot(x0 + share * dx, y0 + share * dy);
+    if (off >= nearest) continue;
+    nearest = off;
+    const [from, to] = [road.line.position_m[k - 1] as number, road.line.position_m[k] as number];
+    foundM = from + share * (to - from);
+  }
+  return (foundM / road.distance_m) * (road.forecast.series.distance_m.at(-1) as number);
+
+  /** Offset from the point on a plane on which both directions have one scale. */
+  function fromPoint([x, y]: Point): Point {
+    return [(x - longitude) * shrink, y - latitude];
+  }
+}
+
+/** Latitude and longitude as a person writes them; null for any other text. */
+export function readCoordinates(text: string): { latitude_deg: number; longitude_deg: number } | null {
+  const found = /^\s*(-?\d{1,3}(?:\.\d+)?)\s*[,; ]\s*(-?\d{1,3}(?:\.\d+)?)\s*$/.exec(text);
+  if (!found) return null;
+  const [latitude, longitude] = [Number(found[1]), Number(found[2])];
+  if (Math.abs(latitude) > 90 || Math.abs(longitude) > 180) return null;
+  return { latitude_deg: latitude, longitude_deg: longitude };
+}

@@ -1,0 +1,297 @@
+import { useSignal, useSignalEffect } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import { tilesUrl, tokenHeaders, viewMap } from "../api/client";
+import type { Journey, MapView, Road, Station } from "../api/types";
+import type { Feature, MapPalette, RoadMap, StationMark } from "../map/road-map";
+import { boundsOf, type Bounds, distanceNear, piecesOf, type Point, pointAt, pointsOf } from "../model/road";
+import { POWER } from "../model/units";
+import { source, moveEnd } from "../state/catalogue";
+import { chooseRoad } from "../state/forecast";
+import {
+  chosenRoad,
+  type End,
+  ends,
+  isFindingReach,
+  journey,
+  map,
+  nextEnd,
+  placeAt,
+  wantsFit,
+  reach,
+  wantsReach,
+} from "../state/journey";
+import { positionM, selectedM } from "../state/position";
+import { dark, format, text } from "../state/preferences";
+import { trip } from "../state/trip";
+
+const VIEW_PAUSE_MS = 150;
+const ENDS: End[] = ["from", "to"];
+// eslint-disable-next-line page/text -- a font
+const FONT = "Inter Variable";
+
+function paletteOf(element: Element): MapPalette {
+  const style = getComputedStyle(element);
+  const colour = (name: string) => style.getPropertyValue(`--${name}`).trim();
+  return {
+    ground: colour("map-ground"),
+    text: colour("text"),
+    halo: colour("map-ground"),
+    minor: colour("map-minor"),
+    major: colour("map-major"),
+    motorway: colour("map-motorway"),
+    low: colour("low"),
+    usual: colour("usual"),
+    high: colour("high"),
+    casing: colour("surface"),
+    other: colour("map-other"),
+    main: colour("main"),
+    station: colour("station"),
+    dot: colour("text"),
+    reach: colour("main"),
+  };
+}
+
+function feature(geometry: GeoJSON.Geometry, properties: GeoJSON.GeoJsonProperties = {}): Feature {
+  // eslint-disable-next-line page/text -- types of GeoJSON
+  return { type: "Feature", geometry, properties };
+}
+
+function lineOf(coordinates: Point[], properties?: GeoJSON.GeoJsonProperties): Feature {
+  return feature({ type: "LineString", coordinates }, properties);
+}
+
+function pointOf(coordinates: Point, properties?: GeoJSON.GeoJsonProperties): Feature {
+  // eslint-disable-next-line page/text -- types of GeoJSON
+  return feature({ type: "Point", coordinates }, properties);
+}
+
+function chosenOf(of: Journey | null): Road | null {
+  return of?.roads[chosenRoad.value] ?? of?.roads[0] ?? null;
+}
+
+function stationFeatures(known: readonly Station[], chosen: Station | undefined): Feature[] {
+  return [...known, ...(chosen ? [chosen] : [])].map((station) =>
+    pointOf([station.longitude_deg, station.latitude_deg], {
+      name: station.name,
+      power_w: station.power_w,
+      chosen: station === chosen,
+    }),
+  );
+}
+
+/** Of the journey on the page; null where another trip is shown. */
+function shownJourney(): Journey | null {
+  return trip.value?.stops ? journey.value : null;
+}
+
+/** The canvas of the map, made anew when the theme changes. */
+function MapCanvas({
+  onFail,
+  onStation,
+}: {
+  onFail: () => void;
+  onStation: (at: StationMark | null) => void;
+}) {
+  const box = useRef<HTMLDivElement>(null);
+  const made = useSignal<RoadMap | null>(null);
+  const view = useSignal<MapView | null>(null);
+  useEffect(() => {
+    let isGone = false;
+    let created: RoadMap | null = null;
+    let timer = 0;
+    let request = new AbortController();
+    const look = (bounds: Bounds) => {
+      request.abort();
+      request = new AbortController();
+      window.clearTimeout(timer);
+      const [south, west, north, east] = bounds;
+      const inWorld = [Math.max(south, -90), Math.max(west, -180), Math.min(north, 90), Math.min(east, 180)];
+      const { signal } = request;
+      timer = window.setTimeout(() => {
+        viewMap(inWorld, signal).then(
+          (found) => {
+            view.value = found;
+          },
+          () => undefined, // names are an addition: the map is complete without them
+        );
+      }, VIEW_PAUSE_MS);
+    };
+    void Promise.all([import("../map/road-map"), import("maplibre-gl")])
+      .then(([{ RoadMap: Made }, library]) => {
+        const container = box.current;
+        if (isGone || !container) return;
+        created = new Made({
+          library,
+          container,
+          palette: paletteOf(container),
+          tiles: map.value?.tiles ? tilesUrl() : "",
+          font: FONT,
+          headers: tokenHeaders,
+          bounds: map.value?.bounds_deg ?? null,
+          label: text.value.map.label,
+          handlers: {
+            onClick: ([longitude, latitude]) => {
+              if (nextEnd.value) moveEnd(nextEnd.value, placeAt(longitude, latitude));
+            },
+            onDrag: (end, [longitude, latitude], done) => moveEnd(end, placeAt(longitude, latitude), !done),
+            onRoad: (at) => {
+              const road = chosenOf(shownJourney());
+              selectedM.value = at && road ? distanceNear(road, at) : null;
+            },
+            onOther: chooseRoad,
+            onStation,
+            onView: look,
+          },
+        });
+        made.value = created;
+      })
+      .catch(onFail);
+    return () => {
+      isGone = true;
+      window.clearTimeout(timer);
+      request.abort();
+      created?.remove();
+      made.value = null;
+    };
+  }, []);
+
+  useSignalEffect(() => {
+    const { journey: words } = text.value;
+    for (const end of ENDS) {
+      const place = ends.value[end];
+      made.value?.setEnd(
+        end,
+        place && [place.longitude_deg, place.latitude_deg],
+        `${words[end]}: ${place?.name}`,
+      );
+    }
+  });
+  useSignalEffect(() => {
+    const now = shownJourney();
+    const road = chosenOf(now);
+    made.value?.setData(
+      "roads",
+      road ? piecesOf(road).map(({ level, line }) => lineOf(line, { level })) : [],
+    );
+    const others = (now?.roads ?? []).map((other, k) => lineOf(pointsOf(other), { road: k }));
+    made.value?.setData(
+      "others",
+      others.filter((_, k) => now?.roads[k] !== road),
+    );
+  });
+  useSignalEffect(() => {
+    const road = chosenOf(shownJourney());
+    const at = positionM.value;
+    made.value?.setData("dot", road && at !== null ? [pointOf(pointAt(road, at))] : []);
+  });
+  useSignalEffect(() => {
+    const areas = reach.value?.areas ?? [];
+    made.value?.setData(
+      "reach",
+      areas.map(({ polygon, probability }) => feature(polygon, { probability })),
+    );
+  });
+  useSignalEffect(() => {
+    const settlements = view.value?.settlements ?? [];
+    made.value?.setData(
+      "settlements",
+      settlements.map(({ name, kind, longitude_deg, latitude_deg }, rank) =>
+        pointOf([longitude_deg, latitude_deg], { name, kind, rank }),
+      ),
+    );
+  });
+  useSignalEffect(() => {
+    const stop = shownJourney()?.charging?.station;
+    made.value?.setData("stations", stationFeatures(view.value?.stations ?? [], stop));
+  });
+  useSignalEffect(() => {
+    const now = shownJourney();
+    if (!now || !made.value || !wantsFit.value) return;
+    made.value.fit(boundsOf(now.roads.flatMap(pointsOf)));
+    wantsFit.value = false;
+  });
+  useSignalEffect(() => {
+    const points = (reach.value?.areas ?? []).flatMap(({ polygon }) => polygon.coordinates.flat());
+    if (points.length > 0) made.value?.fit(boundsOf(points));
+  });
+
+  const { map: words } = text.value;
+  return (
+    <div class="map-box">
+      <div ref={box} class="map-canvas" />
+      <div class="map-tools">
+        <button type="button" aria-label={words.zoomIn} onClick={() => made.value?.zoom(1)}>
+          +
+        </button>
+        <button type="button" aria-label={words.zoomOut} onClick={() => made.value?.zoom(-1)}>
+          −
+        </button>
+      </div>
+      <p class="map-credit">{map.value?.attribution}</p>
+    </div>
+  );
+}
+
+function hint(station: StationMark | null): string {
+  const { map: words, journey: others } = text.value;
+  if (station) {
+    return `${station.name || others.station} · ${format.value.shown(station.power_w, POWER)}`;
+  }
+  if (nextEnd.value) return nextEnd.value === "from" ? words.clickFrom : words.clickTo;
+  return words.drag;
+}
+
+/** The map of a service with roads. It is an addition: From and To, the roads and the charge along the way work without. */
+export function MapCard() {
+  const station = useSignal<StationMark | null>(null);
+  const hasFailed = useSignal(false);
+  const { map: words, journey: others } = text.value;
+  if (!map.value || source.value !== "journey") return null;
+  return (
+    <section class="card map" aria-labelledby="map-title">
+      <h2 id="map-title" class="unseen">
+        {words.title}
+      </h2>
+      {hasFailed.value ? (
+        <p class="note">{words.failed}</p>
+      ) : (
+        <MapCanvas
+          key={String(dark.value)}
+          onFail={() => {
+            hasFailed.value = true;
+          }}
+          onStation={(at) => {
+            station.value = at;
+          }}
+        />
+      )}
+      <div class="map-foot">
+        <p class="note">{hint(station.value)}</p>
+        <label class="tick">
+          <input
+            type="checkbox"
+            checked={wantsReach.value}
+            disabled={!ends.value.from}
+            onChange={(event) => {
+              wantsReach.value = event.currentTarget.checked;
+            }}
+          />
+          {isFindingReach.value ? words.reachRunning : words.reach}
+        </label>
+        {reach.value && (
+          <p class="note">
+            {words.reachKey}
+            {reach.value.map_ends && ` ${words.mapEnds}`}
+          </p>
+        )}
+        {shownJourney() && (
+          <ul class="legend" aria-hidden="true">
+            <li class="key-low">{others.low}</li>
+            <li class="key-usual">{others.usual}</li>
+            <li class="key-high">{others.high}</li>
+          </ul>
+        )}
+      </div>
+    </section>
+  );
+}
