@@ -193,6 +193,7 @@ OBSERVED: Final = b"time_s,voltage_v,current_a,soc\n0,360,3,0.8\n1,361,9,0.8\n2,
 TARGETS: Final[Mapping[str, Target]] = MappingProxyType(
     {
         "GPX": Target(_uploads("application/gpx+xml"), _forecast_route),
+        "KML": Target(_uploads("application/vnd.google-earth.kml+xml"), _forecast_route),
         "router responses, GeoJSON and links": Target(_uploads("application/json"), _forecast_route),
         "samples as CSV": Target(
             lambda: [_trip().to_csv(index=False).encode()], _file("t.csv", _forecast_samples)

@@ -53,6 +53,12 @@ def seeds() -> dict[str, list[tuple[str, bytes]]]:
     )
     gpx = f'<?xml version="1.0"?><gpx version="1.1"><trk><trkseg>{points}</trkseg></trk></gpx>'
     bare = '<gpx><rte><rtept lat="48.1" lon="11.5"/><rtept lat="48.2" lon="11.6"><ele>520</ele></rtept></rte></gpx>'
+    stamps = "".join(f"<when>{t}</when>" for t in times)
+    coords = "".join(
+        f"<gx:coord>{11.5 + k / 5e3:.5f} {48 + k / 3e3:.5f} 500</gx:coord>" for k in range(len(times))
+    )
+    kml = f'<kml xmlns:gx="g"><Placemark><gx:Track>{stamps}{coords}</gx:Track></Placemark></kml>'
+    way = "<kml><LineString><coordinates>11.5,48.1,500 11.6,48.2</coordinates></LineString></kml>"
     speed = [10.0 * (1.0 - math.cos(k / 9.0)) for k in range(120)]
     samples = {
         "time_s": [float(k) for k in range(120)],
@@ -83,6 +89,10 @@ def seeds() -> dict[str, list[tuple[str, bytes]]]:
     }
     return {
         "application/gpx+xml": [("/v1/routes", gpx.encode()), ("/v1/routes?speed_m_s=14", bare.encode())],
+        "application/vnd.google-earth.kml+xml": [
+            ("/v1/routes", kml.encode()),
+            ("/v1/routes?speed_m_s=14", way.encode()),
+        ],
         "text/csv": [("/v1/routes", csv.encode()), ("/v1/routes", links_csv.encode())],
         "application/json": [
             *(("/v1/routes", orjson.dumps(document)) for document in (links, osrm, geojson)),

@@ -72,7 +72,7 @@ def forecast(
             metavar="[MODEL] TRIP",
             help="Folder of a model (default: the bundled model), and a trip. The trip is a speed trace or a planned route. "
             "Speed trace: CSV or Parquet with the columns time_s, speed_m_s, and optionally elevation_m or grade; other "
-            "signals give only their first sample. Planned route: GPX, GeoJSON, the saved response of OSRM, Valhalla, "
+            "signals give only their first sample. Planned route: GPX, KML, GeoJSON, the saved response of OSRM, Valhalla, "
             "openrouteservice or GraphHopper, or links as CSV or JSON (length_m, speed_m_s or travel_time_s, and optionally "
             "grade or start_elevation_m and end_elevation_m, stop_s, speed_limit_m_s).",
             show_default=False,

@@ -3,6 +3,7 @@
 from tripwatt.routes.calibrate import calibrate_style, road_work
 from tripwatt.routes.geojson import ROAD_SPEED_M_S, read_geojson
 from tripwatt.routes.gpx import read_gpx
+from tripwatt.routes.kml import read_kml
 from tripwatt.routes.link_objects import route_from_links
 from tripwatt.routes.link_table import is_links_table, route_from_table
 from tripwatt.routes.links import (
@@ -41,6 +42,7 @@ __all__ = [
     "plan_on_links",
     "read_geojson",
     "read_gpx",
+    "read_kml",
     "read_response",
     "road_work",
     "route_from_links",

@@ -6,8 +6,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
-from xml.parsers import expat
 
 import numpy as np
 
@@ -15,8 +13,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes.links import first_of
 from tripwatt.routes.points import MOST_POINTS, content
 from tripwatt.routes.tracks import Track, times_of
-
-DEEPEST_XML: Final = 64
+from tripwatt.routes.xml_events import read_events
 
 
 @dataclass(slots=True)
@@ -56,17 +53,14 @@ def read_gpx(source: bytes | str | Path, *, where: str | None = None) -> Track:
     """
     data, name = content(source, where)
     reading = _Reading([], {"trk": [], "rte": []}, {})
-    parser = expat.ParserCreate()
-    parser.buffer_text = True
-    parser.StartElementHandler = lambda tag, attributes: _start(reading, tag, attributes, name)
-    parser.EndElementHandler = lambda tag: _end(reading, name)
-    parser.CharacterDataHandler = lambda text: _characters(reading, text)
-    parser.StartDoctypeDeclHandler = lambda *_: _refuse(name)
-    parser.EntityDeclHandler = lambda *_: _refuse(name)
-    try:
-        parser.Parse(data, True)
-    except (expat.ExpatError, ValueError, LookupError) as error:  # the latter two for encodings
-        raise InvalidInput(Fault("not well-formed XML", name, str(error)[:120], "a GPX document")) from error
+    read_events(
+        data,
+        name,
+        "gpx",
+        on_start=lambda tag, attributes: _start(reading, tag, attributes, name),
+        on_end=lambda tag: _end(reading, name),
+        on_text=lambda text: _characters(reading, text),
+    )
     candidates = [p for kind in ("trk", "rte") for p in reading.points[kind] if len(p) >= 2]
     if not candidates:
         raise InvalidInput(
@@ -80,31 +74,9 @@ def read_gpx(source: bytes | str | Path, *, where: str | None = None) -> Track:
     return Track(places[:, 0], places[:, 1], places[:, 2], time, unknown, started_at, (*flags, *more))
 
 
-def _refuse(name: str) -> None:
-    raise InvalidInput(
-        Fault(
-            "XML with a document type declaration",
-            name,
-            "<!DOCTYPE ...>",
-            "GPX without a document type declaration",
-        )
-    )
-
-
-def _local(tag: str) -> str:
-    return tag.rpartition(":")[2]
-
-
 def _start(reading: _Reading, tag: str, attributes: Mapping[str, str], name: str) -> None:
-    tag = _local(tag)
-    if not reading.path and tag != "gpx":
-        raise InvalidInput(Fault("not GPX", name, f"<{tag[:40]}>", "<gpx>"))
     reading.path.append(tag)
     reading.text = ""
-    if len(reading.path) > DEEPEST_XML:
-        raise InvalidInput(
-            Fault("XML nested too deeply", name, f"{len(reading.path)} levels", f"at most {DEEPEST_XML}")
-        )
     if tag in ("trk", "rte") and len(reading.path) == 2:
         reading.points[tag].append([])
     elif tag in ("trkpt", "rtept"):

@@ -21,6 +21,7 @@ from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.files import file_head
 from tripwatt.routes.geojson import track_from_geojson
 from tripwatt.routes.gpx import read_gpx
+from tripwatt.routes.kml import read_kml
 from tripwatt.routes.link_objects import LINK_KEYS, route_from_links
 from tripwatt.routes.link_table import is_links_table, route_from_table
 from tripwatt.routes.links import FLAT_ROAD, SHORTEST_LINK_M, LinkRoute, first_of
@@ -36,12 +37,16 @@ from tripwatt.routes.points import (
     parse_json,
 )
 from tripwatt.routes.tracks import Track
+from tripwatt.routes.xml_events import root_of
 from tripwatt.trips import Flag
 from tripwatt.units import M_PER_MILE, M_S_PER_KM_H
 
 M_PER_FOOT: Final = 0.3048
 ORS_UNITS_M: Final[Mapping[str, float]] = MappingProxyType({"m": 1.0, "km": 1000.0, "mi": M_PER_MILE})
-ROUTE_SUFFIXES: Final = (".gpx", ".json", ".geojson")
+ZIP: Final = b"PK\x03\x04"
+"""First bytes of a ZIP archive."""
+
+ROUTE_SUFFIXES: Final = (".gpx", ".kml", ".kmz", ".json", ".geojson")
 
 
 @dataclass(slots=True)
@@ -439,7 +444,7 @@ def is_route(path: Path | str) -> bool:
 
 
 def parse_route(source: bytes | str | Path, *, where: str | None = None) -> LinkRoute | Track:
-    """A route in any of the formats: GPX, GeoJSON, a router's response, or links as JSON or CSV. O(bytes).
+    """A route in any of the formats: GPX, KML, GeoJSON, a router's response, or links as JSON or CSV. O(bytes).
 
     The format is recognised from the content. Links are a JSON array of objects, or an object with a key `links`, as
     `route_from_links` reads them, or a CSV table with the same names as columns (`route_from_table`).
@@ -468,7 +473,10 @@ def parse_route(source: bytes | str | Path, *, where: str | None = None) -> Link
     data, name = content(source, where)
     head = data[:200].lstrip(b"\xef\xbb\xbf \t\r\n")
     if head.startswith((b"<", b"\xff\xfe", b"\xfe\xff")):
-        return read_gpx(data, where=name)
+        return read_kml(data, where=name) if root_of(data) == "kml" else read_gpx(data, where=name)
+    if head.startswith(ZIP):
+        fix = "unpack it, for example with unzip, and give the file doc.kml"
+        raise InvalidInput(Fault("packed file", name, "a ZIP archive, such as KMZ", "KML", fix))
     if is_links_table(data):
         return route_from_table(data, name)
     document = parse_json(data, name)
@@ -481,8 +489,6 @@ def parse_route(source: bytes | str | Path, *, where: str | None = None) -> Link
         return track_from_geojson(response, name)
     if router_of(response) is None:
         got = f"an object with {sorted(response)[:6]}"
-        allowed = (
-            f"GPX, GeoJSON, a response of {', '.join(ROUTERS)}, or links with {', '.join(sorted(LINK_KEYS))}"
-        )
+        allowed = f"GPX, KML, GeoJSON, a response of {', '.join(ROUTERS)}, or links with {', '.join(sorted(LINK_KEYS))}"
         raise InvalidInput(Fault("unknown format", name, got[:120], allowed))
     return _route_from(response, None, name)

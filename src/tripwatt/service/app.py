@@ -320,7 +320,7 @@ class Api:
             Query(gt=0, le=70, description="mean speed [m/s] of a track without times and speeds"),
         ] = None,
     ) -> Response:
-        """Read a route or a trip: GPX, GeoJSON, the response of a router, links, or samples as CSV."""
+        """Read a route or a trip: GPX, KML, GeoJSON, the response of a router, links, or samples as CSV."""
         body = await self._body(request, tuple(openapi.UPLOADS))
         speed = speed_m_s if speed_m_s is not None and math.isfinite(speed_m_s) else None
         return await self._job(request, {"kind": "route", "speed_m_s": speed}, body)

@@ -93,6 +93,7 @@ GPX: Final = (
     '<gpx><trk><trkseg><trkpt lat="48.10" lon="11.5"><time>2026-05-01T08:00:00Z</time></trkpt>'
     '<trkpt lat="48.11" lon="11.5"><time>2026-05-01T08:01:30Z</time></trkpt></trkseg></trk></gpx>'
 )
+KML: Final = "<kml><Placemark><LineString><coordinates>11.5,48.1 11.52,48.1</coordinates></LineString></Placemark></kml>"
 CSV: Final = "time_s,speed_m_s\n0,0\n10,9\n20,12\n30,0\n"
 GEOJSON: Final = {
     "type": "Feature",
@@ -101,6 +102,7 @@ GEOJSON: Final = {
 }
 UPLOADS: Final[Mapping[str, dict[str, Any]]] = {
     "application/gpx+xml": {"schema": {"type": "string"}, "example": GPX},
+    "application/vnd.google-earth.kml+xml": {"schema": {"type": "string"}, "example": KML},
     "application/xml": {"schema": {"type": "string"}, "example": GPX},
     "text/xml": {"schema": {"type": "string"}, "example": GPX},
     "text/csv": {"schema": {"type": "string"}, "example": CSV},

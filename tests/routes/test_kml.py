@@ -1,0 +1,133 @@
+"""KML texts as tracks."""
+
+import datetime as dt
+
+import numpy as np
+import pytest
+
+from tripwatt.errors import InvalidInput
+from tripwatt.routes import needs_speed, parse_route, plan_from_route, read_kml
+from tripwatt.routes.points import MOST_POINTS
+from tripwatt.routes.xml_events import root_of
+
+HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2">'
+
+
+def kml(*parts, head=HEAD):
+    """A KML text of parts in folders, as programs nest them."""
+    marks = "".join(f"<Placemark><name>a, b</name>{part}</Placemark>" for part in parts)
+    return f"{head}<Document><Folder>{marks}</Folder></Document></kml>".encode()
+
+
+def line(text):
+    return f"<LineString><tessellate>1</tessellate><coordinates>{text}</coordinates></LineString>"
+
+
+def recording(rows, more=""):
+    """A `gx:Track` of (time, longitude, latitude, altitude)."""
+    when = "".join(f"<when>{row[0]}</when>" for row in rows)
+    places = "".join(f"<gx:coord>{lon} {lat} {height}</gx:coord>" for _, lon, lat, height in rows)
+    return f"<gx:Track>{when}{more}{places}</gx:Track>"
+
+
+def test_a_line_is_a_track_without_times():
+    track = read_kml(kml(line("\n  11.50,48.10,500\n  11.52,48.10,510  11.52,48.11,520 ")))
+    assert track.latitude_deg.tolist() == [48.10, 48.10, 48.11]
+    assert track.longitude_deg.tolist() == [11.50, 11.52, 11.52]
+    assert track.elevation_m.tolist() == [500.0, 510.0, 520.0]
+    assert (track.time_s, track.started_at, track.flags) == (None, None, ())
+    assert np.isnan(track.piece_speed_m_s).tolist() == [True, True]
+    assert needs_speed(track)
+
+
+@pytest.mark.parametrize("text", ["11.5,48.1 11.5,48.2", "11.5,48.1,0 11.5,48.2,0"])
+def test_altitudes_that_are_missing_or_all_zero_are_no_elevation(text):
+    assert np.isnan(read_kml(kml(line(text))).elevation_m).all()
+    some = read_kml(kml(line("11.5,48.1,0 11.5,48.2,3")))
+    assert some.elevation_m.tolist() == [0.0, 3.0]
+    half = read_kml(kml(line("11.5,48.1 11.5,48.2,3")))
+    assert np.isnan(half.elevation_m).tolist() == [True, False]
+
+
+def test_a_recording_has_times_and_comes_before_lines():
+    rows = [
+        ("2026-05-01T08:00:00Z", 11.5, 48.0, 500),
+        ("2026-05-01T08:00:30Z", 11.5, 48.003, 501),
+        ("2026-05-01T08:01:00Z", 11.5, 48.006, 502),
+    ]
+    track = read_kml(kml(line("1,2 3,4"), recording(rows)))
+    assert track.time_s.tolist() == [0.0, 30.0, 60.0]
+    assert track.started_at == dt.datetime(2026, 5, 1, 8, tzinfo=dt.UTC)
+    assert track.latitude_deg.tolist() == [48.0, 48.003, 48.006]
+    assert [(flag.code, flag.subject, flag.value) for flag in track.flags] == [
+        ("first_of_several", "tracks and routes", 2)
+    ]
+    assert not needs_speed(track)
+    # 0.006 degrees of latitude are 667.2 m, in a minute 11.1 m/s
+    assert plan_from_route(track).duration_s == pytest.approx(60.0, abs=3.0)
+
+
+def test_points_of_interest_and_lines_of_one_point_are_left_out():
+    text = kml("<Point><coordinates>9,47</coordinates></Point>", line("1,1"), line("11.5,48.1 11.5,48.2"))
+    track = parse_route(text)
+    assert (len(track.latitude_deg), track.flags) == (2, ())
+
+
+def test_the_format_is_recognised_by_the_root():
+    bare = kml(line("11.5,48.1 11.5,48.2"), head="<kml>")
+    assert len(parse_route(bare).latitude_deg) == 2
+    assert (
+        len(
+            parse_route(
+                kml(line("11.5,48.1 11.5,48.2")).decode().replace("UTF-8", "UTF-16").encode("utf-16")
+            ).latitude_deg
+        )
+        == 2
+    )
+    prefixed = bare.replace(b"<kml>", b'<k:kml xmlns:k="x">').replace(b"</kml>", b"</k:kml>")
+    assert len(parse_route(prefixed).latitude_deg) == 2
+    assert [root_of(text) for text in (b"<gpx/>", b"<!-- kml --><gpx>", b"", b"text", b"<")] == [
+        "gpx",
+        "gpx",
+        "",
+        "",
+        "",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        (b'<!DOCTYPE kml [<!ENTITY a "1">]><kml/>', "document type"),
+        (b"<gpx/>", "not KML"),
+        (b"<kml/>", "no track in the file"),
+        (kml(line("11.5,48.1")), "got 1 points"),
+        (kml(line("11.5,48.1 11.5"))[:-4], "not coordinates: route, point 2"),
+        (kml(line("11.5,48.1 11.5,48.2"))[:-4], "not well-formed"),
+        (kml(line("11.5,48.1 a,b")), "point 2: got 'a,b'"),
+        (kml(line("11.5,48.1 1,2,3,4")), "point 2: got '1,2,3,4'"),
+        (kml(line("11.5,48.1 nan,48")), "not coordinates"),
+        (kml(line("11.5,48.1 11.5,91")), "latitude"),
+        (kml(recording([("yesterday", 1, 2, 3), ("2026-05-01T08:00:00Z", 1, 3, 3)])), "invalid time"),
+        (kml(recording([("2026-05-01T08:00:00Z", 1, 2, 3)] * 2, "<when>2026-05-01T08:00:09Z</when>")), "3 times, 2 points"),
+        (b"<kml>" + b"<Folder>" * 64, "got 65 levels"),
+        (kml(line("1,2 " * (MOST_POINTS + 1))), "too many points"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_file_is_said(text, what):
+    with pytest.raises(InvalidInput, match=what):
+        read_kml(text)
+
+
+def test_nesting_and_points_up_to_the_bound_are_read():
+    deep = b"<kml>" + b"<Folder>" * 61
+    inner = line("11.5,48.1 11.5,48.2").encode()
+    text = deep + inner + b"</Folder>" * 61 + b"</kml>"
+    assert len(read_kml(text).latitude_deg) == 2  # coordinates are level 64
+
+
+def test_a_packed_file_is_named(tmp_path):
+    path = tmp_path / "tour.kmz"
+    path.write_bytes(b"PK\x03\x04" + bytes(60))
+    with pytest.raises(InvalidInput, match="unpack it"):
+        parse_route(path)
