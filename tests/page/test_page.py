@@ -149,12 +149,53 @@ def test_faults_of_an_upload_are_shown_beside_it(look: Look) -> None:
 def test_a_wrong_link_is_named(look: Look) -> None:
     page = look(expect="422")
     mode(page, "Links")
+    page.get_by_text("Paste JSON").click()
     page.get_by_role("textbox").fill('[{"length_m": -5, "speed_m_s": 10}, {"length_m": 500}]')
-    page.get_by_role("button", name="Use these links").click()
+    page.get_by_role("button", name="Read the JSON").click()
     page.locator(".trip .faults li").nth(1).wait_for()
     faults = page.locator(".trip .faults li").all_inner_texts()
     assert "length_m" in faults[0]
     assert "travel_time_s" in faults[1]
+
+
+def test_links_are_typed_into_a_table(look: Look) -> None:
+    page = look()
+    mode(page, "Links")
+    page.get_by_label("Elevation at the start").fill("500")
+    for row, (kilometres, speed) in enumerate([("1.5", "30"), ("12", "80.5")], start=1):
+        page.get_by_label(f"Length of link {row}").fill(kilometres)
+        page.get_by_label(f"Speed on link {row}").fill(speed)
+    page.get_by_label("Elevation at the end of link 2").fill("620")
+    page.get_by_role("button", name="Remove link 3").click()
+    use = page.get_by_role("button", name="Use these links")
+    sent, _ = asked(page, "/v1/forecast", use.click)
+    assert [link["length_m"] for link in sent["links"]] == [1500.0, 12000.0]
+    assert sent["links"][1]["travel_time_s"] == pytest.approx(12000.0 * 3.6 / 80.5)
+    assert sent["elevation"]["elevation_m"][-1] == 620.0
+
+
+def test_a_trip_by_distance_and_kind_of_road(look: Look) -> None:
+    page = look(locale="en-GB")
+    mode(page, "Distance")
+    page.get_by_label("Distance", exact=True).last.fill("100")
+    page.get_by_text("5 % town at 19 mph, 10 % country roads at 43 mph").wait_for()
+    use = page.get_by_role("button", name="Forecast", exact=True)
+    _, answer = asked(page, "/v1/forecast", use.click)
+    assert answer["series"]["distance_m"][-1] == pytest.approx(160_934.4, rel=0.001)
+    page.get_by_text("100 mi, mostly motorway").wait_for()
+
+
+def test_the_speed_of_a_track_is_changed_after_the_upload(look: Look) -> None:
+    page = look()
+    track = b"<kml><LineString><coordinates>11,48 11,48.09</coordinates></LineString></kml>"
+    sent, slow = asked(page, "/v1/forecast", lambda: upload(page, "way.kml", track))
+    assert sent["links"]
+    page.get_by_text("50 km/h is assumed").wait_for()
+    speed = page.get_by_label("Speed for tracks without times")
+    speed.fill("100")
+    _, quick = asked(page, "/v1/forecast", lambda: speed.press("Enter"))
+    page.get_by_text("100 km/h is assumed").wait_for()
+    assert slow["series"]["time_s"][-1] > 1.5 * quick["series"]["time_s"][-1]
 
 
 def test_compares_two_speeds_on_the_motorway(look: Look) -> None:
@@ -217,6 +258,13 @@ def test_a_car_that_is_missing_is_described_by_its_driver(look: Look, service: S
     cars.select_option("form")
     form = page.get_by_role("dialog", name="My car")
     assert cars.input_value() == before  # the form alone chooses nothing
+    form.get_by_label("Search the library").fill("golf")
+    sent, _ = asked(page, "/v1/forecast", form.get_by_role("button", name="e-Golf").first.click)
+    assert "golf" in sent["vehicle"]
+    cars.select_option("form")
+    form.get_by_label("Search the library").fill("volkswagen gol")
+    form.get_by_role("button", name="e-Golf").first.wait_for()
+    form.get_by_label("Search the library").fill("")
     form.get_by_label("Mass without driver").fill("1830")
     form.get_by_label("Published consumption").fill("60")
     form.get_by_label("Body").select_option("hatchback")
@@ -241,7 +289,7 @@ def test_a_car_that_is_missing_is_described_by_its_driver(look: Look, service: S
 
 def test_stores_the_preferences_and_shows_miles(look: Look) -> None:
     page = look()
-    mode(page, "mi")
+    mode(page, "mi\u00a0°F")
     page.get_by_role("button", name=re.compile("Theme")).click()
     slider(page, "Outside").fill("50")
     page.wait_for_timeout(300)
@@ -250,6 +298,15 @@ def test_stores_the_preferences_and_shows_miles(look: Look) -> None:
     assert slider(page, "Outside").get_attribute("aria-valuetext").replace("\u00a0", " ") == "50 °F"
     assert "mi" in page.locator(".stats").last.inner_text()
     assert page.get_by_role("button", name="Theme: light").is_visible()
+
+
+def test_britain_has_miles_and_degrees_celsius(look: Look) -> None:
+    page = look(locale="en-GB")
+    assert slider(page, "Outside").get_attribute("aria-valuetext").endswith("°C")
+    stats = page.locator(".stats").last.inner_text()
+    assert "mi/kWh" in stats
+    assert "km" not in stats
+    assert "°F" not in page.locator("main").inner_text()
 
 
 WORD = re.compile(r"[^\W\d_]{3,}")
@@ -325,7 +382,7 @@ def test_an_assumed_speed_is_in_the_units_of_the_page(look: Look) -> None:
     note = page.locator(".trip .note", has_text="track.gpx")
     note.wait_for()
     assert "50\u00a0km/h is assumed" in note.inner_text()
-    mode(page, "mi")
+    mode(page, "mi\u00a0°F")
     page.wait_for_timeout(100)
     assert "31\u00a0mph is assumed" in note.inner_text()
     assert "m/s" not in note.inner_text()

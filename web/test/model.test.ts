@@ -26,8 +26,10 @@ import { energySoFarWh, naiveArrival, samplesUntil } from "../src/model/gauge";
 import { interpolate } from "../src/model/interpolate";
 import { atMotorwaySpeed, hasMotorway } from "../src/model/links";
 import { profileFromSamples, withElevationOf } from "../src/model/profile";
+import { linksOfDistance, KINDS, SHARES } from "../src/model/distance";
+import { EMPTY_ROW, linksOfRows, rowsOfLinks } from "../src/model/link-rows";
 import { sampleLinks } from "../src/model/sample-links";
-import { ENERGY, PERCENT, type System, type Units, unitsOf } from "../src/model/units";
+import { ENERGY, PERCENT, type System, type Units, systemOf, unitsOf } from "../src/model/units";
 import { allNear, near } from "./near";
 
 const UNNAMED = { trip: "", given: "", battery_loss_wh: 0, flags: [] };
@@ -45,10 +47,27 @@ describe("units", () => {
     });
   }
 
-  test("both systems have the same quantities, and every one is in a vector or a fixed scale", () => {
+  test("the systems have the same quantities, and every one is in a vector or a fixed scale", () => {
     const names = Object.keys(unitsOf("metric"));
-    assert.deepEqual(Object.keys(unitsOf("imperial")), names);
+    for (const system of ["british", "imperial"] as const) {
+      assert.deepEqual(Object.keys(unitsOf(system)).sort(), [...names].sort());
+    }
     assert.deepEqual([...new Set(units.map(({ quantity }) => quantity))].sort(), [...names].sort());
+  });
+
+  test("Britain has miles and degrees Celsius, the United States miles and degrees Fahrenheit", () => {
+    const shown = (locale: string) => {
+      const { distance, speed, height, temperature, mass, consumption } = unitsOf(systemOf(locale));
+      return [distance, speed, height, temperature, mass, consumption].map(({ unit }) => unit).join(" ");
+    };
+    assert.equal(shown("en-GB"), "mi mph m °C kg mi/kWh");
+    assert.equal(shown("cy-Latn-GB"), "mi mph m °C kg mi/kWh");
+    for (const locale of ["en-US", "es-US", "en-LR", "es-PR"]) {
+      assert.equal(shown(locale), "mi mph ft °F lb mi/kWh");
+    }
+    for (const locale of ["en", "de-DE", "en-IE", "en-CA", "gb"]) {
+      assert.equal(shown(locale), "km km/h m °C kg kWh/100 km");
+    }
   });
 
   test("percent, kilowatt-hours, miles from a kilowatt-hour", () => {
@@ -196,9 +215,94 @@ test("another speed on the motorway alone", () => {
 });
 
 test("the sample of links has a motorway and is joined up", () => {
-  const links = JSON.parse(sampleLinks()) as Record<string, number>[];
-  assert.ok(hasMotorway(links as never));
+  const links = sampleLinks();
+  assert.ok(hasMotorway(links));
   for (const [k, link] of links.slice(1).entries()) {
     assert.equal(link.start_elevation_m, links[k]?.end_elevation_m);
   }
+});
+
+describe("a trip by distance and kind of road", () => {
+  const metres = (links: { length_m: number }[]) => links.reduce((sum, { length_m }) => sum + length_m, 0);
+
+  test("the shares of a kind add up, and so do its links", () => {
+    for (const kind of KINDS) {
+      const { town, country, motorway } = SHARES[kind];
+      near(town + country + motorway, 1);
+      near(metres(linksOfDistance(12345, kind)), 12345);
+    }
+  });
+
+  test("180 km, mostly motorway: 9 km in towns, 18 km on country roads, 153 km on the motorway", () => {
+    const links = linksOfDistance(180_000, "motorway");
+    const at = (kmH: number) =>
+      links.filter(({ speed_m_s }) => Math.abs((speed_m_s ?? 0) - kmH / 3.6) < 1e-9);
+    near(metres(at(30)), 9000);
+    near(metres(at(70)), 18_000);
+    near(metres(at(115)), 153_000);
+    assert.ok(links.every(({ length_m }) => length_m > 500 && length_m <= 1000));
+    assert.deepEqual(
+      [links[0], links.at(-1)].map((link) => link?.stop_s),
+      [undefined, undefined],
+    );
+    assert.ok([...at(70), ...at(115)].every(({ stop_s }) => stop_s === 0));
+    const speeds = links.map(({ speed_m_s }) => speed_m_s);
+    assert.deepEqual(speeds, [...speeds].reverse());
+  });
+
+  test("in town there are no other roads", () => {
+    assert.equal(linksOfDistance(2500, "town").length, 4); // two halves of 1250 m, in two links each
+    assert.ok(hasMotorway(linksOfDistance(5000, "mixed")));
+    assert.ok(!hasMotorway(linksOfDistance(5000, "country")));
+  });
+});
+
+describe("links as rows of a table", () => {
+  const row = (lengthM: number | null, speedMS: number | null, heightM: number | null = null) => ({
+    lengthM,
+    speedMS,
+    heightM,
+  });
+
+  test("a slow link may have a stop, a fast one has none", () => {
+    assert.deepEqual(linksOfRows([row(500, 14.9), row(900, 15)], null), [
+      { length_m: 500, speed_m_s: 14.9 },
+      { length_m: 900, speed_m_s: 15, stop_s: 0 },
+    ]);
+  });
+
+  test("empty rows are left out, a missing value is not", () => {
+    assert.deepEqual(linksOfRows([EMPTY_ROW, row(null, 9), row(7, null)], null), [
+      { length_m: null, speed_m_s: 9 },
+      { length_m: 7, speed_m_s: null },
+    ]);
+  });
+
+  test("an end without a height is level", () => {
+    const heights = (rows: ReturnType<typeof row>[], startM: number | null) =>
+      linksOfRows(rows, startM).map(({ start_elevation_m, end_elevation_m }) => [
+        start_elevation_m,
+        end_elevation_m,
+      ]);
+    assert.deepEqual(heights([row(1, 1), row(1, 1, 20), row(1, 1)], 5), [
+      [5, 5],
+      [5, 20],
+      [20, 20],
+    ]);
+    assert.deepEqual(heights([row(1, 1), row(1, 1, 20)], null), [
+      [20, 20],
+      [20, 20],
+    ]);
+    assert.deepEqual(heights([row(1, 1)], 0), [[0, 0]]);
+  });
+
+  test("the sample of links comes back from its rows", () => {
+    const links = sampleLinks();
+    const { rows, startM } = rowsOfLinks(links);
+    assert.equal(startM, 510);
+    assert.deepEqual(linksOfRows(rows, startM), links);
+    const timed = rowsOfLinks([{ length_m: 100, travel_time_s: 8 }]);
+    assert.deepEqual(timed, { rows: [row(100, 12.5)], startM: null });
+    assert.deepEqual(rowsOfLinks([{ length_m: 100 }]).rows, [row(100, null)]);
+  });
 });

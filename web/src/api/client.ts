@@ -91,6 +91,10 @@ function post<T>(path: string, body: BodyInit, type: string, signal?: AbortSigna
 
 export const listModels = async () => (await requestJson<{ models: Model[] }>("v1/models")).models;
 export const listVehicles = async () => (await requestJson<{ vehicles: Vehicle[] }>("v1/vehicles")).vehicles;
+export const findVehicles = async (words: string, signal?: AbortSignal) => {
+  const path = `v1/vehicles?search=${encodeURIComponent(words)}`;
+  return (await requestJson<{ vehicles: Vehicle[] }>(path, { ...(signal && { signal }) })).vehicles;
+};
 export const describeCar = (figures: string) =>
   post<DescribedVehicle>("v1/vehicles", figures, "application/json");
 export const listExamples = async () =>
@@ -128,6 +132,6 @@ export const viewMap = ([south, west, north, east]: readonly number[], signal?: 
 /** URL of the tiles of the map, with {z}, {x} and {y}. */
 export const tilesUrl = () => `${new URL("v1/tiles", document.baseURI).href}/{z}/{x}/{y}`;
 
-/** Reads an uploaded or pasted route of any supported format. `speedMS` is the speed of tracks without times. */
+/** Reads a route of any supported format. `speedMS` is the speed of tracks without times, 0 for none. */
 export const readRoute = (text: string, speedMS: number) =>
-  post<Route>(`v1/routes?speed_m_s=${speedMS}`, text, "application/octet-stream");
+  post<Route>(`v1/routes${speedMS > 0 ? `?speed_m_s=${speedMS}` : ""}`, text, "application/octet-stream");

@@ -12,8 +12,11 @@ import { type Look, Plot } from "./plot";
 
 const COLUMNS = 18;
 const LARGEST_DOT = 19;
-const SPANS = [0.5, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192];
-const PADDING = 10;
+const SPANS = [0.5, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128];
+/** Half of the longest label of the axis [px]. */
+const PADDING = 24;
+/** How far the axis goes beyond an empty and a full battery [%]. */
+const BEYOND = 2;
 /** Height of the labels above and the axis below [px]. */
 const FRAME_PX = 48;
 
@@ -33,7 +36,7 @@ function range(min: number, max: number, reserve: number): [number, number, bool
   const inside = reserve > middle - 0.9 * width && reserve < middle + 0.9 * width;
   const low = Math.min(middle - width / 2, inside ? reserve - width * 0.1 : Number.POSITIVE_INFINITY);
   const high = Math.max(middle + width / 2, inside ? reserve + width * 0.1 : Number.NEGATIVE_INFINITY);
-  return [low, high, inside];
+  return [Math.max(low, -BEYOND), Math.min(high, 100 + BEYOND), inside];
 }
 
 /** Dots of one forecast, in a range that includes those of all `shared` forecasts. */
@@ -96,7 +99,16 @@ export function ArrivalChart({ forecast, shared, isOther = false, reserve, heigh
         x: { time: false, range: (plot) => rangeOf(plot.data) },
         y: { range: () => [0, (height - FRAME_PX) / (size + 1)] },
       },
-      axes: [axis({ palette, scale: "x", grid: false, text: percent, space: 54 }), { show: false }],
+      axes: [
+        axis({
+          palette,
+          scale: "x",
+          grid: false,
+          text: (x) => (x < 0 || x > 100 ? "" : percent(x)),
+          space: 60,
+        }),
+        { show: false },
+      ],
       series: [{}, series(isOther ? palette.other : palette.main), series(palette.alarm)],
     };
   };

@@ -2,7 +2,7 @@
 
 import { useLayoutEffect, useRef } from "preact/hooks";
 import uPlot from "uplot";
-import { dark, format, units } from "../state/preferences";
+import { dark, format, system } from "../state/preferences";
 import { moveCursor } from "./marks";
 import { type Palette, paletteFrom } from "./palette";
 
@@ -30,7 +30,7 @@ export function Plot({ label, data, height, options, variant = "", pointer = nul
   const box = useRef<HTMLDivElement>(null);
   const plot = useRef<uPlot | null>(null);
   const shownData = useRef(data);
-  const look = `${dark.value} ${format.value.locale} ${units.value.distance.unit} ${variant} ${height}`;
+  const look = `${dark.value} ${format.value.locale} ${system.value} ${variant} ${height}`;
 
   const onTop = useRef<(plot: uPlot) => void>(() => undefined);
   onTop.current = (created) => {

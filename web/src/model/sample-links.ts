@@ -32,10 +32,9 @@ function linksOf(length: number, speed: number, fromM: number, toM: number): Lin
   }));
 }
 
-/** The example as text. */
-export function sampleLinks(): string {
-  const links = STRETCHES.flatMap(([length, speed, endM], k) =>
+/** The example. */
+export function sampleLinks(): Link[] {
+  return STRETCHES.flatMap(([length, speed, endM], k) =>
     linksOf(length, speed, STRETCHES[k - 1]?.[2] ?? START_M, endM),
   );
-  return `[\n${links.map((link) => `  ${JSON.stringify(link)}`).join(",\n")}\n]`;
 }

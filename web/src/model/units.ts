@@ -1,6 +1,18 @@
 /** Conversions between SI and the units of the page. */
 
-export type System = "metric" | "imperial";
+/** Metric; British: miles, and degrees Celsius, metres and kilograms; imperial: those of the United States. */
+export type System = "metric" | "british" | "imperial";
+
+/** Regions that measure roads in miles. */
+const BRITISH = /^(GB|IM|JE|GG)$/;
+const IMPERIAL = /^(US|LR|PR|GU|VI|AS|MP)$/;
+
+/** The usual system of a locale, such as "en-GB". */
+export function systemOf(locale: string): System {
+  const region = new Intl.Locale(locale).region ?? "";
+  if (BRITISH.test(region)) return "british";
+  return IMPERIAL.test(region) ? "imperial" : "metric";
+}
 
 export interface Quantity {
   unit: string;
@@ -30,31 +42,39 @@ export const PERCENT = scaled("%", 0.01, 0);
 export const ENERGY = scaled("kWh", 1000, 2);
 export const POWER = scaled("kW", 1000, 0);
 
-const SYSTEMS = {
-  metric: {
-    distance: scaled("km", 1000, 1),
-    speed: scaled("km/h", 1 / 3.6, 0),
-    height: scaled("m", 1, 0),
-    temperature: CELSIUS,
-    mass: scaled("kg", 1, 0),
-    consumption: scaled("kWh/100 km", 0.01, 1),
+const METRIC = {
+  distance: scaled("km", 1000, 1),
+  speed: scaled("km/h", 1 / 3.6, 0),
+  height: scaled("m", 1, 0),
+  temperature: CELSIUS,
+  mass: scaled("kg", 1, 0),
+  consumption: scaled("kWh/100 km", 0.01, 1),
+};
+
+const BY_MILE = {
+  distance: scaled("mi", M_PER_MILE, 1),
+  speed: scaled("mph", M_PER_MILE / 3600, 0),
+  consumption: {
+    unit: "mi/kWh",
+    digits: 1,
+    from: (whPerM: number) => 1000 / M_PER_MILE / whPerM,
+    to: (milesPerKwh: number) => 1000 / M_PER_MILE / milesPerKwh,
   },
+};
+
+const SYSTEMS = {
+  metric: METRIC,
+  british: { ...METRIC, ...BY_MILE },
   imperial: {
-    distance: scaled("mi", M_PER_MILE, 1),
-    speed: scaled("mph", M_PER_MILE / 3600, 0),
+    ...METRIC,
+    ...BY_MILE,
     height: scaled("ft", M_PER_FOOT, 0),
     temperature: FAHRENHEIT,
     mass: scaled("lb", KG_PER_POUND, 0),
-    consumption: {
-      unit: "mi/kWh",
-      digits: 1,
-      from: (whPerM: number) => 1000 / M_PER_MILE / whPerM,
-      to: (milesPerKwh: number) => 1000 / M_PER_MILE / milesPerKwh,
-    },
   },
 } satisfies Record<System, Record<string, Quantity>>;
 
-export type Units = Record<keyof (typeof SYSTEMS)["metric"], Quantity>;
+export type Units = Record<keyof typeof METRIC, Quantity>;
 
 export function unitsOf(system: System): Units {
   return SYSTEMS[system];

@@ -71,7 +71,7 @@ export function moveEnd(end: End, place: Place, isDraft = false): void {
   chooseJourney(isDraft);
 }
 
-/** Read an uploaded file or pasted links; `name` is empty for links. */
+/** Read an uploaded file, links or a distance; `name` is empty for links. `speedMS` is 0 where none is needed. */
 export async function chooseRoute(
   content: string,
   name: string,
@@ -81,6 +81,15 @@ export async function chooseRoute(
   const what: Loading = name ? { what: "file", name } : { what: "trip" };
   const found = await whileLoading(what, () => readRoute(content, speedMS));
   if (found) show(tripFromRoute(found, name, from));
+}
+
+/** The file that was read last, to be read again at another speed. */
+export const uploaded = signal<{ content: string; name: string } | null>(null);
+
+/** Read a file; `speedMS` is the speed of a track without times. */
+export async function chooseUpload(file: { content: string; name: string }, speedMS: number): Promise<void> {
+  uploaded.value = file;
+  await chooseRoute(file.content, file.name, "upload", speedMS);
 }
 
 /** Load cars, models and examples, and restore the selection of the last visit. */

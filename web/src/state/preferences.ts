@@ -2,7 +2,7 @@
 
 import { computed, effect, signal } from "@preact/signals";
 import { formatFor } from "../model/format";
-import { type System, unitsOf } from "../model/units";
+import { type System, systemOf, unitsOf } from "../model/units";
 import { CATALOGUES, type Language, languageOf, localeOf } from "../text";
 
 const KEY = "tripwatt.preferences";
@@ -36,9 +36,8 @@ export function writeStored(key: string, value: unknown): void {
 }
 
 const stored = readStored<Stored>(KEY);
-const usesMiles = /-(US|GB|LR|MM)$/.test(navigator.language);
 
-export const system = signal<System>(stored.system ?? (usesMiles ? "imperial" : "metric"));
+export const system = signal<System>(stored.system ?? systemOf(navigator.language));
 export const theme = signal<Theme>(stored.theme ?? "system");
 export const wholeBattery = signal(stored.wholeBattery ?? false);
 /** Null for the language of the browser. */

@@ -11,7 +11,7 @@ const ROAD = ["time_s", "speed_m_s", "elevation_m", "grade"];
 const MEASURED = ["time_s", "voltage_v", "current_a", "soc", "displayed_soc"];
 const FULL_SOC = 1;
 
-export type Source = "journey" | "examples" | "upload" | "links";
+export type Source = "journey" | "distance" | "examples" | "upload" | "links";
 
 export interface Trip {
   /** Name of the example; empty for an upload or links. */

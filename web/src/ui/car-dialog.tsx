@@ -1,9 +1,11 @@
 import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { describeCar, RequestFailed } from "../api/client";
-import type { Fault, Figures } from "../api/types";
-import { car, chooseDescribed } from "../state/car";
-import { format, text } from "../state/preferences";
+import { describeCar, findVehicles, RequestFailed } from "../api/client";
+import { Latest } from "../api/latest";
+import type { Fault, Figures, Vehicle } from "../api/types";
+import { car, chooseDescribed, chooseVehicle, vehicles } from "../state/car";
+import { ENERGY, POWER, type Quantity } from "../model/units";
+import { format, text, units } from "../state/preferences";
 import { FaultList } from "./faults";
 
 const open = signal(false);
@@ -13,13 +15,31 @@ export function openCarDialog(): void {
   open.value = true;
 }
 
-/** Fields of numbers: name in the request, key of the label, smallest and largest value, step. */
-const NUMBERS = [
-  ["mass_kg", "mass", 400, 6000, 1],
-  ["usable_battery_kwh", "battery", 4, 300, 0.1],
-  ["consumption_kwh_per_100km", "consumption", 6, 60, 0.1],
-  ["motor_power_kw", "power", 5, 1500, 1],
-] as const;
+interface NumberOfCar {
+  /** Name in the request. */
+  name: "mass_kg" | "usable_battery_kwh" | "consumption_kwh_per_100km" | "motor_power_kw";
+  label: "mass" | "battery" | "consumption" | "power";
+  quantity: () => Quantity;
+  /** What one unit of the request is in SI. */
+  scale: number;
+  digits: number;
+}
+
+/** Consumption in the request is in kWh/100 km, in the page in Wh/m. */
+const WH_M = 0.01;
+
+const NUMBERS: NumberOfCar[] = [
+  { name: "mass_kg", label: "mass", quantity: () => units.value.mass, scale: 1, digits: 0 },
+  { name: "usable_battery_kwh", label: "battery", quantity: () => ENERGY, scale: 1000, digits: 1 },
+  {
+    name: "consumption_kwh_per_100km",
+    label: "consumption",
+    quantity: () => units.value.consumption,
+    scale: WH_M,
+    digits: 2,
+  },
+  { name: "motor_power_kw", label: "power", quantity: () => POWER, scale: 1000, digits: 0 },
+];
 
 const BODIES = ["small", "hatchback", "sedan", "estate", "suv", "van", "pickup"] as const;
 
@@ -31,9 +51,9 @@ function figuresFrom(form: HTMLFormElement): Figures {
     heat_pump: data.get("heat_pump") !== null,
     procedure: data.get("procedure") === "epa" ? "epa" : "wltp",
   };
-  for (const [name] of NUMBERS) {
+  for (const { name, quantity, scale } of NUMBERS) {
     const value = Number(data.get(name));
-    if (value > 0) found[name] = value;
+    if (value > 0) found[name] = Number((quantity().to(value) / scale).toPrecision(9));
   }
   return found;
 }
@@ -43,7 +63,69 @@ function Faults() {
   return <FaultList faults={faults.value} />;
 }
 
-/** A form for a car that the service does not have. */
+const MIN_INTERVAL_MS = 120;
+const found = signal<Vehicle[] | null>(null);
+
+/** Cars with a word that begins with each of the words, for what is still being typed. */
+function beginning(words: string): Vehicle[] {
+  const starts = words.toLowerCase().split(/\s+/);
+  const parts = ({ title, name }: Vehicle) => `${title} ${name}`.toLowerCase().split(/[\s_]+/);
+  return vehicles.value.filter((row) =>
+    starts.every((one) => parts(row).some((part) => part.startsWith(one))),
+  );
+}
+
+const search = new Latest<string>(async (words, signal) => {
+  try {
+    found.value = words ? await findVehicles(words, signal) : null;
+    if (found.value?.length === 0) found.value = beginning(words);
+  } catch {
+    found.value = null; // the form below works all the same
+  }
+}, MIN_INTERVAL_MS);
+
+/** Search over the library; a car that is found is chosen with its button. */
+function Search() {
+  const { ownCar: words } = text.value;
+  const rows = found.value;
+  return (
+    <div class="car-search">
+      <label class="field">
+        <span>{words.find}</span>
+        <input
+          type="search"
+          autocomplete="off"
+          maxLength={100}
+          onInput={(event) => search.submit(event.currentTarget.value.trim())}
+          onKeyDown={(event) => {
+            // eslint-disable-next-line page/text -- name of a key
+            if (event.key === "Enter") event.preventDefault();
+          }}
+        />
+      </label>
+      <p class="note" role="status">
+        {rows && words.found(rows.length)}
+      </p>
+      <ul class="examples">
+        {rows?.map((row) => (
+          <li key={row.name}>
+            <button
+              type="button"
+              onClick={() => {
+                chooseVehicle(row.name);
+                open.value = false;
+              }}
+            >
+              <span class="name">{row.title}</span>
+            </button>
+          </li>
+        ))}
+      </ul>
+    </div>
+  );
+}
+
+/** Search over the library, and a form for a car that the service does not have. */
 export function CarDialog() {
   const dialog = useRef<HTMLDialogElement>(null);
   const { ownCar: words } = text.value;
@@ -56,12 +138,12 @@ export function CarDialog() {
     const figures = figuresFrom(form);
     try {
       const found = await describeCar(JSON.stringify(figures));
-      const [middle, low, high] = [
-        found.wltp_kwh_per_100km,
-        found.wltp_low_kwh_per_100km,
-        found.wltp_high_kwh_per_100km,
-      ].map((value) => format.value.plain(value, 1));
-      chooseDescribed(figures, words.described(middle ?? "", low ?? "", high ?? ""));
+      const { consumption } = units.value;
+      const shown = (value: number) => format.value.plain(consumption.from(value * WH_M), 1);
+      const ends = [found.wltp_low_kwh_per_100km, found.wltp_high_kwh_per_100km];
+      const [low = 0, high = 0] = ends.sort((a, b) => consumption.from(a) - consumption.from(b));
+      const { wltp_kwh_per_100km: middle } = found;
+      chooseDescribed(figures, words.described(shown(middle), shown(low), shown(high), consumption.unit));
       faults.value = [];
       open.value = false;
     } catch (error) {
@@ -85,21 +167,33 @@ export function CarDialog() {
         }}
       >
         <h2 id="own-car-title">{words.title}</h2>
+        <Search />
+        <h3>{words.describe}</h3>
         <p class="note">{words.note}</p>
-        {NUMBERS.map(([name, label, min, max, step]) => (
-          <label class="field" key={name}>
-            <span>{words[label]}</span>
-            <input
-              name={name}
-              type="number"
-              inputMode="decimal"
-              min={min}
-              max={max}
-              step={step}
-              value={known?.[name] ?? ""}
-            />
-          </label>
-        ))}
+        {NUMBERS.map(({ name, label, quantity, scale, digits }) => {
+          const value = known?.[name];
+          return (
+            <label class="field" key={name}>
+              <span>{words[label](quantity().unit)}</span>
+              <input
+                name={name}
+                type="number"
+                inputMode="decimal"
+                min={0}
+                step="any"
+                value={
+                  value === undefined
+                    ? ""
+                    : Number(
+                        quantity()
+                          .from(value * scale)
+                          .toFixed(digits),
+                      )
+                }
+              />
+            </label>
+          );
+        })}
         <label class="field">
           <span>{words.procedure}</span>
           <select name="procedure" value={known?.procedure ?? "wltp"}>

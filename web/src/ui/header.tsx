@@ -1,5 +1,5 @@
 import type { Vehicle } from "../api/types";
-import { unitsOf } from "../model/units";
+import { type System, unitsOf } from "../model/units";
 import { car, choices, chooseModel, chooseVehicle, DESCRIBED, vehicles } from "../state/car";
 import { faults } from "../state/forecast";
 import { chosenLanguage, language, system, text, type Theme, theme } from "../state/preferences";
@@ -14,6 +14,8 @@ const THEMES: [Theme, "system" | "sun" | "moon"][] = [
   ["light", "sun"],
   ["dark", "moon"],
 ];
+
+const SYSTEMS: System[] = ["metric", "british", "imperial"];
 
 const LANGUAGE_NAMES = Object.entries(LANGUAGES) as [Language, string][];
 
@@ -148,10 +150,10 @@ export function Header() {
           label={text.value.header.units}
           class="small"
           value={system.value}
-          options={[
-            ["metric", unitsOf("metric").distance.unit],
-            ["imperial", unitsOf("imperial").distance.unit],
-          ]}
+          options={SYSTEMS.map((name) => {
+            const { distance, temperature } = unitsOf(name);
+            return [name, `${distance.unit}\u00a0${temperature.unit}`] as const;
+          })}
           onChoose={(value) => {
             system.value = value;
           }}

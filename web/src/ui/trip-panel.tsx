@@ -1,22 +1,25 @@
-import { useEffect, useId, useState } from "preact/hooks";
+import { useEffect, useState } from "preact/hooks";
 import { warningsOf } from "../model/flags";
-import { sampleLinks } from "../model/sample-links";
-import { chooseExample, chooseRoute, examples, loading, source } from "../state/catalogue";
+import { chooseExample, chooseUpload, examples, loading, source, uploaded } from "../state/catalogue";
 import { faults } from "../state/forecast";
 import { map } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { type Source, type Trip, trip } from "../state/trip";
 import { Choice } from "./choice";
+import { DistanceForm } from "./distance-form";
 import { FaultList } from "./faults";
 import { Icon } from "./icons";
 import { JourneyForm } from "./journey-form";
+import { LinksForm } from "./links-form";
+import { NumberField } from "./number-field";
 import { exampleTitle, tripTitle } from "./wording";
 
 const MAX_BYTES = 4_000_000;
 const START_M_S = 50 / 3.6;
-const LINKS_HINT = '[{"length_m": 1800, "speed_m_s": 8.5}, …]';
+const SLOWEST_M_S = 5 / 3.6;
+const FASTEST_M_S = 130 / 3.6;
 const MEGABYTE = 1_000_000;
-const SOURCES: Source[] = ["examples", "upload", "links"];
+const SOURCES: Source[] = ["distance", "examples", "upload", "links"];
 const WITH_MAP: Source[] = ["journey", ...SOURCES];
 
 function Examples() {
@@ -48,6 +51,7 @@ function kindText({ source, links }: Trip): string {
   const { trip } = text.value;
   if (source === "examples") return trip.synthetic;
   if (source === "journey") return trip.plannedRoute;
+  if (source === "distance") return trip.assumedRoute;
   return links ? trip.links(links.length) : trip.speedTrace;
 }
 
@@ -78,12 +82,11 @@ function Upload() {
   const [speedMS, setSpeed] = useState(START_M_S);
   const { speed } = units.value;
   const { trip: words } = text.value;
-  const id = useId();
   const take = async (file: File | undefined) => {
     if (!file) return;
     const tooLarge = file.size > MAX_BYTES;
     setRefused(tooLarge ? words.tooLarge(file.name, MAX_BYTES / MEGABYTE) : "");
-    if (!tooLarge) await chooseRoute(await file.text(), file.name, "upload", speedMS);
+    if (!tooLarge) await chooseUpload({ content: await file.text(), name: file.name }, speedMS);
   };
   return (
     <div
@@ -105,7 +108,7 @@ function Upload() {
         <span class="figures">{words.formats}</span>
         <input
           type="file"
-          accept=".gpx,.geojson,.json,.csv,.xml"
+          accept=".gpx,.kml,.geojson,.json,.csv,.xml"
           onChange={(event) => {
             void take(event.currentTarget.files?.[0]);
             event.currentTarget.value = "";
@@ -113,51 +116,20 @@ function Upload() {
         />
       </label>
       {refused && <p class="faults">{refused}</p>}
-      <p class="inline">
-        <label for={id}>{words.speedWithoutTimes}</label>
-        <span>
-          <input
-            id={id}
-            type="number"
-            min={5}
-            max={130}
-            value={Math.round(speed.from(speedMS))}
-            onChange={(event) => setSpeed(speed.to(event.currentTarget.valueAsNumber) || START_M_S)}
-          />
-          {speed.unit}
-        </span>{" "}
-      </p>
+      <div class="inline">
+        <NumberField
+          label={words.speedWithoutTimes}
+          value={speedMS}
+          quantity={speed}
+          onChange={(next) => {
+            const nextMS = Math.min(Math.max(next ?? START_M_S, SLOWEST_M_S), FASTEST_M_S);
+            setSpeed(nextMS);
+            const file = uploaded.value;
+            if (file && trip.value?.source === "upload") void chooseUpload(file, nextMS);
+          }}
+        />
+      </div>
     </div>
-  );
-}
-
-function Links() {
-  const [pasted, setPasted] = useState("");
-  const id = useId();
-  const { trip: words } = text.value;
-  return (
-    <form
-      class="links"
-      onSubmit={(event) => {
-        event.preventDefault();
-        const links = pasted || sampleLinks();
-        setPasted(links);
-        void chooseRoute(links, "", "links", START_M_S);
-      }}
-    >
-      <label for={id}>{words.linksLabel}</label>
-      <textarea
-        id={id}
-        rows={5}
-        spellcheck={false}
-        value={pasted}
-        placeholder={LINKS_HINT}
-        onInput={(event) => setPasted(event.currentTarget.value)}
-      />
-      <button type="submit" class="primary">
-        {pasted ? words.useLinks : words.tryExample}
-      </button>
-    </form>
   );
 }
 
@@ -186,12 +158,14 @@ export function TripPanel() {
           options={(map.value ? WITH_MAP : SOURCES).map((name) => [name, words.sources[name]] as const)}
           onChoose={(value) => {
             source.value = value;
+            setOpen(true);
           }}
         />
         {source.value === "journey" && <JourneyForm />}
         {source.value === "examples" && <Examples />}
         {source.value === "upload" && <Upload />}
-        {source.value === "links" && <Links />}
+        {source.value === "distance" && <DistanceForm />}
+        {source.value === "links" && <LinksForm />}
       </div>
       <FaultList faults={wrong} />
       {now && (

@@ -1,0 +1,129 @@
+import { useId, useState } from "preact/hooks";
+import { EMPTY_ROW, type LinkRow, linksOfRows, rowsOfLinks } from "../model/link-rows";
+import { sampleLinks } from "../model/sample-links";
+import { chooseRoute } from "../state/catalogue";
+import { text, units } from "../state/preferences";
+import { NumberField } from "./number-field";
+
+const START_ROWS = 3;
+const LINKS_HINT = '[{"length_m": 1800, "speed_m_s": 8.5}, …]';
+
+/** Links of a planned route as a table, or a text with links or the response of a router. */
+export function LinksForm() {
+  const [rows, setRows] = useState<LinkRow[]>(Array.from({ length: START_ROWS }, () => EMPTY_ROW));
+  const [startM, setStart] = useState<number | null>(null);
+  const [pasted, setPasted] = useState("");
+  const id = useId();
+  const { linksForm: words } = text.value;
+  const { distance, speed, height } = units.value;
+  const change = (at: number, some: Partial<LinkRow>) =>
+    setRows(rows.map((row, k) => (k === at ? { ...row, ...some } : row)));
+  const use = (links: object) => void chooseRoute(JSON.stringify(links), "", "links", 0);
+  const isEmpty = linksOfRows(rows, startM).length === 0;
+  return (
+    <>
+      <form
+        class="links"
+        onSubmit={(event) => {
+          event.preventDefault();
+          if (!isEmpty) return use(linksOfRows(rows, startM));
+          const sample = sampleLinks();
+          const { rows: next, startM: from } = rowsOfLinks(sample);
+          setRows(next);
+          setStart(from);
+          use(sample);
+        }}
+      >
+        <div class="inline">
+          <NumberField label={words.start} value={startM} quantity={height} onChange={setStart} />
+        </div>
+        <div class="scroll" tabIndex={0} role="region" aria-label={words.caption}>
+          <table>
+            <thead>
+              <tr>
+                <th scope="col">{distance.unit}</th>
+                <th scope="col">{speed.unit}</th>
+                <th scope="col">{words.heightIn(height.unit)}</th>
+                <td />
+              </tr>
+            </thead>
+            <tbody>
+              {rows.map((row, k) => (
+                <tr key={k}>
+                  <td>
+                    <NumberField
+                      isInTable
+                      label={words.length(k + 1)}
+                      value={row.lengthM}
+                      quantity={distance}
+                      digits={3}
+                      onChange={(lengthM) => change(k, { lengthM })}
+                    />
+                  </td>
+                  <td>
+                    <NumberField
+                      isInTable
+                      label={words.speed(k + 1)}
+                      value={row.speedMS}
+                      quantity={speed}
+                      digits={1}
+                      onChange={(speedMS) => change(k, { speedMS })}
+                    />
+                  </td>
+                  <td>
+                    <NumberField
+                      isInTable
+                      label={words.height(k + 1)}
+                      value={row.heightM}
+                      quantity={height}
+                      onChange={(heightM) => change(k, { heightM })}
+                    />
+                  </td>
+                  <td>
+                    <button
+                      type="button"
+                      class="quiet"
+                      aria-label={words.remove(k + 1)}
+                      onClick={() => setRows(rows.filter((_, other) => other !== k))}
+                    >
+                      ×
+                    </button>
+                  </td>
+                </tr>
+              ))}
+            </tbody>
+          </table>
+        </div>
+        <button type="button" onClick={() => setRows([...rows, EMPTY_ROW])}>
+          {words.add}
+        </button>
+        <button type="submit" class="primary">
+          {isEmpty ? words.example : words.use}
+        </button>
+      </form>
+      <details class="as-table">
+        <summary>{words.paste}</summary>
+        <form
+          class="links"
+          onSubmit={(event) => {
+            event.preventDefault();
+            void chooseRoute(pasted, "", "links", 0);
+          }}
+        >
+          <label for={id}>{words.json}</label>
+          <textarea
+            id={id}
+            rows={5}
+            spellcheck={false}
+            value={pasted}
+            placeholder={LINKS_HINT}
+            onInput={(event) => setPasted(event.currentTarget.value)}
+          />
+          <button type="submit" class="primary" disabled={!pasted.trim()}>
+            {words.useJson}
+          </button>
+        </form>
+      </details>
+    </>
+  );
+}

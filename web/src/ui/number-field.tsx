@@ -1,0 +1,40 @@
+import { useId } from "preact/hooks";
+import type { Quantity } from "../model/units";
+
+interface Props {
+  label: string;
+  /** In SI; null for an empty field. */
+  value: number | null;
+  quantity: Quantity;
+  /** Digits after the decimal sign. */
+  digits?: number;
+  /** Whether the label is for assistive tools only, as in a table whose head has it. */
+  isInTable?: boolean;
+  onChange: (si: number | null) => void;
+}
+
+/** A number with its unit. */
+export function NumberField({ label, value, quantity, digits = 0, isInTable = false, onChange }: Props) {
+  const id = useId();
+  const shown = value === null ? "" : String(Number(quantity.from(value).toFixed(digits)));
+  return (
+    <>
+      <label for={id} class={isInTable ? "unseen" : ""}>
+        {label}
+      </label>
+      <span class="with-unit">
+        <input
+          id={id}
+          type="number"
+          step="any"
+          inputMode="decimal"
+          value={shown}
+          onChange={({ currentTarget: { valueAsNumber: found } }) =>
+            onChange(Number.isFinite(found) ? quantity.to(found) : null)
+          }
+        />
+        {!isInTable && <span>{`\u00a0${quantity.unit}`}</span>}
+      </span>
+    </>
+  );
+}
