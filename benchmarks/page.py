@@ -1,10 +1,12 @@
 """The page in a real browser: how fast the picture follows a slider, its size, and what axe says.
 
-`python -m benchmarks.page` prints the figures as JSON. It needs chromium.
+`python -m benchmarks.page` prints the figures as JSON. It needs chromium. `--map MAP --from A --to B` measures the map instead, with
+a value of `tripwatt serve --map` and the names of two places.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import shutil
 import tempfile
@@ -23,7 +25,13 @@ SIZES: Final = {"desktop": (1440, 900), "phone": (390, 844)}
 SCHEMES: Final = ("light", "dark")
 MODES: Final = ("Plan", "Compare", "Drive")
 SHOWN: Final = ".result .plot canvas"
+MAP_SHOWN: Final = ".map-canvas[data-ready]"
 MOVES: Final = 60
+DRAGS: Final = 20
+DRAGGED: Final = 0.7
+"""How far B is dragged towards A, as a share of their distance."""
+
+PAINTS: Final = 5
 REST_MS: Final = 60
 
 FOLLOW: Final = """
@@ -68,6 +76,20 @@ def browsing() -> Iterator[Any]:
         found = playwright.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
         yield found
         found.close()
+
+
+FOLLOW_DRAG: Final = """
+() => {
+  window.follow = { start: 0, end: 0 };
+  new MutationObserver(() => { window.follow.end ||= performance.now(); })
+    .observe(document.querySelector(".stats"), { subtree: true, characterData: true, childList: true });
+  document.addEventListener("mousemove", () => {
+    window.follow.start = performance.now();
+    window.follow.end = 0;
+  }, true);
+}
+"""
+"""Tells when the pointer moved last, and when energy, consumption, distance or time changed first after it."""
 
 
 def context_of(browser: Any, size: str, scheme: str, locale: str = "en-IE") -> Any:
@@ -126,5 +148,63 @@ def measure() -> dict[str, Any]:
     return found
 
 
+def choose_place(page: Any, label: str, name: str) -> None:
+    """Type a name and take the first suggestion with the keyboard."""
+    page.get_by_label(label, exact=True).first.focus()
+    page.keyboard.type(name)
+    page.locator("[role=option]").first.wait_for()
+    page.keyboard.press("Enter")
+
+
+def measure_map(named: str, start: str, end: str) -> dict[str, Any]:
+    """Time from the start of the page to the first picture of the map, and from a move of B to its new arrival [ms]."""
+    with (
+        tempfile.TemporaryDirectory() as logs,
+        serving(Path(logs), "--map", named) as service,
+        browsing() as browser,
+    ):
+        paints = []
+        for _ in range(PAINTS):
+            page = context_of(browser, "desktop", "light").new_page()
+            page.goto(service.url)
+            page.wait_for_selector(MAP_SHOWN)
+            paints.append(page.evaluate("performance.now()"))
+            if len(paints) < PAINTS:
+                page.context.close()
+        choose_place(page, "From", start)
+        choose_place(page, "To", end)
+        page.get_by_role("button", name="Plan", exact=True).click()
+        page.locator(".journey-answer:not(.old)").wait_for()
+        page.wait_for_timeout(1000)
+        page.evaluate(FOLLOW_DRAG)
+        marks = [page.locator(f".end-{end}").bounding_box() for end in ("to", "from")]
+        (x, y), (ax, ay) = ((box["x"] + box["width"] / 2, box["y"] + box["height"] / 2) for box in marks)
+        page.mouse.move(x, y)
+        page.mouse.down()
+        times = []
+        for k in range(1, DRAGS + 1):
+            share = DRAGGED * k / DRAGS
+            page.mouse.move(x + share * (ax - x), y + share * (ay - y))
+            page.wait_for_function("() => window.follow.end > 0")
+            times.append(page.evaluate("window.follow.end - window.follow.start"))
+            page.wait_for_timeout(REST_MS)
+        page.mouse.up()
+    return {
+        "map_first_paint_ms": [round(float(t)) for t in sorted(paints)],
+        "drag_ms": {f"p{q}": round(float(np.percentile(times, q))) for q in (0, 50, 95, 100)},
+    }
+
+
+def main() -> None:
+    """Print the figures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--map", default="", help="measure the map: what tripwatt serve --map takes")
+    parser.add_argument("--from", dest="start", default="Vaduz", help="a place of the map")
+    parser.add_argument("--to", dest="end", default="Ruggell", help="another one")
+    given = parser.parse_args()
+    found = measure_map(given.map, given.start, given.end) if given.map else measure()
+    print(json.dumps(found, indent=2))
+
+
 if __name__ == "__main__":
-    print(json.dumps(measure(), indent=2))
+    main()

@@ -6,12 +6,11 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from benchmarks.page import SHOWN, context_of
+from benchmarks.page import MAP_SHOWN, context_of
 from tests.support.roads import END, START, encoded, valhalla_answers
 from tests.support.router_server import answering, write_map
 from tests.support.service_process import Service, serving
 
-MAP_SHOWN = ".map-canvas[data-ready]"
 ARC = {"legs": [{"shape": encoded([START, (47.02, 9.05), END])}]}
 
 
@@ -49,7 +48,7 @@ def opened(browser: Any, planner: Service) -> Iterator[tuple[Any, list[str]]]:
 def page(opened: tuple[Any, list[str]], planner: Service) -> Iterator[Any]:
     page, wrong = opened
     page.goto(planner.url)
-    page.wait_for_selector(SHOWN)
+    page.get_by_text("Enter From and To, or click on the map.").wait_for()
     yield page
     assert wrong == []
 

@@ -4,7 +4,7 @@ import { batch, effect, signal } from "@preact/signals";
 import { listExamples, listModels, listVehicles, loadExample, readRoute } from "../api/client";
 import type { ExampleSummary, Place } from "../api/types";
 import { type Car, car, chooseFirst, models, vehicles } from "./car";
-import { type Conditions, conditions, USUAL } from "./conditions";
+import { change, type Conditions, conditions, USUAL } from "./conditions";
 import { reportProblem, problem } from "./forecast";
 import { readStored, writeStored } from "./preferences";
 import { type End, ends, loadMap, setEnd } from "./journey";
@@ -92,7 +92,11 @@ export async function chooseUpload(file: { content: string; name: string }, spee
   await chooseRoute(file.content, file.name, "upload", speedMS);
 }
 
-/** Load cars, models and examples, and restore the selection of the last visit. */
+/**
+ * Load cars, models and examples, and restore the selection of the last visit.
+ *
+ * With a map, the page waits for From and To; without one it shows an example.
+ */
 export async function startPage(): Promise<void> {
   const last = readStored<Last>(KEY);
   const withMap = await whileLoading({ what: "examples" }, loadMap);
@@ -101,7 +105,7 @@ export async function startPage(): Promise<void> {
     const [allModels, allVehicles, allExamples] = await Promise.all([
       listModels(),
       listVehicles(),
-      listExamples(),
+      withMap ? [] : listExamples(),
     ]);
     batch(() => {
       models.value = allModels;
@@ -110,6 +114,11 @@ export async function startPage(): Promise<void> {
       chooseFirst(last.car);
     });
   });
+  if (withMap) {
+    conditions.value = { ...USUAL, ...last.conditions, motorwayMS: null };
+    if (conditions.value.beforeDeparture === "logged") change({ beforeDeparture: "parked" });
+    return;
+  }
   const known = examples.value.find((row) => row.trip === last.example) ?? longest(examples.value);
   if (known) {
     const found = await whileLoading({ what: "trip" }, () => loadExample(known.trip));
@@ -119,6 +128,15 @@ export async function startPage(): Promise<void> {
     const next = tripFromExample(found);
     show(next, same ? { ...next.start, ...last.conditions } : next.start);
   }
+}
+
+/** Choose where the trip comes from; a page with a map loads the examples here, because the service has to make them. */
+export function chooseSource(next: Source): void {
+  source.value = next;
+  if (next !== "examples" || examples.value.length > 0) return;
+  void whileLoading({ what: "examples" }, async () => {
+    examples.value = await listExamples();
+  });
 }
 
 /** Repeat the start of the page or the forecast after a problem. */

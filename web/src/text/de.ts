@@ -191,6 +191,7 @@ export const de: Text = {
       "Grundlage ist der gefahrene Geschwindigkeitsverlauf: Die Geschwindigkeiten gelten als bekannt.",
     noTrip: "Noch keine Fahrt.",
     noTripHint: "Für eine Vorhersage einen Track hochladen oder Links einfügen.",
+    noJourneyHint: "Von und Nach eingeben oder auf die Karte klicken.",
     reserve: (reserve) => `Reserve ${reserve}`,
     reserveBelow: (reserve) => `← Reserve ${reserve}`,
     reserveAbove: (reserve) => `Reserve ${reserve} →`,

@@ -186,6 +186,7 @@ export const en = {
     givenDriven: "Based on the driven speed trace: the speeds are taken as known.",
     noTrip: "No trip yet.",
     noTripHint: "Upload a track or paste links to see a forecast.",
+    noJourneyHint: "Enter From and To, or click on the map.",
     reserve: (reserve: string) => `Reserve ${reserve}`,
     reserveBelow: (reserve: string) => `← Reserve ${reserve}`,
     reserveAbove: (reserve: string) => `Reserve ${reserve} →`,

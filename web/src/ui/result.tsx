@@ -8,6 +8,7 @@ import { ENERGY, PERCENT } from "../model/units";
 import { loading, retry } from "../state/catalogue";
 import { shownForecast, arrived, canDrive, driving, shownProfile, driveObstacle } from "../state/drive";
 import { alternative, requested, type Mode, mode, PAGE_ERROR, problem } from "../state/forecast";
+import { map } from "../state/journey";
 import { format, text, units, wholeBattery } from "../state/preferences";
 import { trip } from "../state/trip";
 import { Choice } from "./choice";
@@ -143,12 +144,13 @@ function Failure() {
 
 function Waiting() {
   if (problem.value) return null;
+  const { result } = text.value;
   const nothing = loading.value === null && !trip.value;
   return nothing ? (
     <div class="empty">
       <Icon name="road" />
       <p>
-        <strong>{text.value.result.noTrip}</strong> {text.value.result.noTripHint}
+        <strong>{result.noTrip}</strong> {map.value ? result.noJourneyHint : result.noTripHint}
       </p>
     </div>
   ) : (

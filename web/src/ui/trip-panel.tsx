@@ -1,6 +1,14 @@
 import { useEffect, useState } from "preact/hooks";
 import { warningsOf } from "../model/flags";
-import { chooseExample, chooseUpload, examples, loading, source, uploaded } from "../state/catalogue";
+import {
+  chooseExample,
+  chooseSource,
+  chooseUpload,
+  examples,
+  loading,
+  source,
+  uploaded,
+} from "../state/catalogue";
 import { faults } from "../state/forecast";
 import { map } from "../state/journey";
 import { format, text, units } from "../state/preferences";
@@ -157,7 +165,7 @@ export function TripPanel() {
           value={source.value}
           options={(map.value ? WITH_MAP : SOURCES).map((name) => [name, words.sources[name]] as const)}
           onChoose={(value) => {
-            source.value = value;
+            chooseSource(value);
             setOpen(true);
           }}
         />
