@@ -108,3 +108,23 @@ def test_the_container_is_built_and_answers(image: str) -> None:
                 time.sleep(0.5)
     finally:
         subprocess.run(["docker", "stop", container], check=False, capture_output=True)
+
+
+def test_citation_workflow_and_hooks_agree_with_the_project() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    citation = (ROOT / "CITATION.cff").read_text("utf-8")
+    assert f"\nversion: {project['version']}\n" in citation
+    assert f"\nlicense: {project['license']}\n" in citation
+    assert [a["name"] for a in project["authors"]] == re.findall(r"^  - name: (.+)$", citation, re.MULTILINE)
+    workflow = (ROOT / ".github" / "workflows" / "check.yml").read_text("utf-8")
+    (pythons,) = re.findall(r"python: \[(.+)\]", workflow)
+    listed = re.findall(r"Programming Language :: Python :: (3\.\d+)", " ".join(project["classifiers"]))
+    assert re.findall(r"3\.\d+", pythons) == listed
+    assert "\n      - run: .ci/run\n" in workflow
+    hooks = (ROOT / ".pre-commit-config.yaml").read_text("utf-8")
+    gate = re.findall(
+        r"^\t(\.venv-check/bin/(?:ruff|mypy|lint)\S*.*)$",
+        (ROOT / "Makefile").read_text("utf-8"),
+        re.MULTILINE,
+    )
+    assert re.findall(r"entry: (.+)", hooks) == [command.removesuffix(" .") for command in gate]
