@@ -122,6 +122,7 @@ function line(id: string, source: Data, paint: object): LayerSpecification {
 /** Layers of the journey, from below. */
 function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] {
   const level = ["match", ["get", "level"], "low", palette.low, "high", palette.high, palette.usual];
+  const width = ["match", ["get", "level"], "low", 3.5, "high", 7.5, 5.5]; // not by colour alone
   return [
     {
       id: "reach-area",
@@ -141,8 +142,8 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
     }),
     line("other-hit", "others", { "line-color": palette.other, "line-width": 18, "line-opacity": 0 }),
     line("other", "others", { "line-color": palette.other, "line-width": 4 }),
-    line("road-casing", "roads", { "line-color": palette.casing, "line-width": 9 }),
-    line("road", "roads", { "line-color": level, "line-width": 5.5 }),
+    line("road-casing", "roads", { "line-color": palette.casing, "line-width": 10.5 }),
+    line("road", "roads", { "line-color": level, "line-width": width }),
     line("road-hit", "roads", { "line-color": palette.casing, "line-width": 22, "line-opacity": 0 }),
     {
       id: "station",
