@@ -82,14 +82,26 @@ async function pageOf(built) {
   return page;
 }
 
+async function packageOf(name) {
+  return JSON.parse(await readFile(join(HERE, "node_modules", name, "package.json"), "utf8"));
+}
+
+/** MapLibre's file contains its dependencies. */
+async function partsOfMap() {
+  const { dependencies } = await packageOf("maplibre-gl");
+  return Object.keys(dependencies).filter((name) => !name.startsWith("@types/"));
+}
+
 async function licences() {
   const texts = [];
-  for (const name of SHIPPED) {
+  for (const name of [...SHIPPED, ...(await partsOfMap())]) {
+    const { version, license } = await packageOf(name);
     const folder = join(HERE, "node_modules", name);
-    const { version, license } = JSON.parse(await readFile(join(folder, "package.json"), "utf8"));
     const file = (await readdir(folder)).find((entry) => /^licen[cs]e/i.test(entry));
-    const text = await readFile(join(folder, file), "utf8");
-    texts.push(`${name} ${version} (${license})\n\n${text.trim()}\n`);
+    const text = file
+      ? await readFile(join(folder, file), "utf8")
+      : "The package has no file with its licence.";
+    texts.push(`${name} ${version} (${license.replace(/[()]/g, "")})\n\n${text.trim()}\n`);
   }
   return texts.join(`\n${"-".repeat(80)}\n\n`);
 }

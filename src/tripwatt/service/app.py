@@ -188,66 +188,16 @@ class Api:
             redoc_url=None,
             lifespan=self._lifespan,
         )
-        self._add_handlers()
+        add_handlers(self.app)
         self._add_routes()
         openapi.add_schemas(self.app, bool(settings.token))
-        self._add_page()
-
-    def _add_page(self) -> None:
-        """Add a route per file of the page; a mount at `/` would turn status 405 of other paths into 404."""
-        if not PAGE.is_dir():
-            return
-        files = PageFiles(directory=PAGE)
-
-        def endpoint(name: str) -> Callable[[Request], Awaitable[Response]]:
-            async def respond(request: Request) -> Response:
-                return await files.get_response(name, request.scope)
-
-            return respond
-
-        for file in PAGE.iterdir():
-            if file.is_file():
-                path = "/" if file.name == "index.html" else f"/{file.name}"
-                self.app.add_route(path, endpoint(file.name), include_in_schema=False)
-        self.app.mount("/assets", PageFiles(directory=PAGE / "assets"), name="assets")
+        add_page(self.app)
 
     @asynccontextmanager
     async def _lifespan(self, _: FastAPI) -> AsyncIterator[None]:
         await self.pool.start()
         yield
         await self.pool.stop()
-
-    def _add_handlers(self) -> None:
-        async def on_problem(request: Request, error: Exception) -> Response:
-            assert isinstance(error, Problem)
-            return error.response(request_id(request))
-
-        async def on_http(request: Request, error: Exception) -> Response:
-            assert isinstance(error, HTTPException)
-            kind = PROBLEM_KINDS.get(
-                error.status_code, "internal" if error.status_code >= 500 else "bad-request"
-            )
-            headers = dict(error.headers or {})
-            if error.status_code == 405:  # starlette names the methods of the first route of a path alone
-                of_path = [
-                    r
-                    for r in self.app.routes
-                    if isinstance(r, Route) and r.path_regex.match(request.url.path)
-                ]
-                headers["Allow"] = ", ".join(sorted({m for route in of_path for m in route.methods or ()}))
-            return Problem(kind, headers=headers).response(request_id(request))
-
-        async def on_parameters(request: Request, error: Exception) -> Response:
-            assert isinstance(error, RequestValidationError)
-            faults = [
-                Fault(e["msg"], ".".join(map(str, e["loc"])), excerpt(e.get("input"), 80))
-                for e in error.errors()
-            ]
-            return invalid_input(faults).response(request_id(request))
-
-        self.app.add_exception_handler(Problem, on_problem)
-        self.app.add_exception_handler(HTTPException, on_http)
-        self.app.add_exception_handler(RequestValidationError, on_parameters)
 
     def _add_routes(self) -> None:
         add = self.app.add_api_route
@@ -476,6 +426,53 @@ class Api:
         if self.examples is None:
             self.examples = ExampleDocuments.from_job(await self._document("examples"))
         return self.examples
+
+
+def add_page(app: FastAPI) -> None:
+    """Add a route per file of the page; a mount at `/` would turn status 405 of other paths into 404."""
+    if not PAGE.is_dir():
+        return
+    files = PageFiles(directory=PAGE)
+
+    def endpoint(name: str) -> Callable[[Request], Awaitable[Response]]:
+        async def respond(request: Request) -> Response:
+            return await files.get_response(name, request.scope)
+
+        return respond
+
+    for file in PAGE.iterdir():
+        if file.is_file():
+            path = "/" if file.name == "index.html" else f"/{file.name}"
+            app.add_route(path, endpoint(file.name), include_in_schema=False)
+    app.mount("/assets", PageFiles(directory=PAGE / "assets"), name="assets")
+
+
+def add_handlers(app: FastAPI) -> None:
+    """Answer every error with a problem document."""
+
+    async def on_problem(request: Request, error: Exception) -> Response:
+        assert isinstance(error, Problem)
+        return error.response(request_id(request))
+
+    async def on_http(request: Request, error: Exception) -> Response:
+        assert isinstance(error, HTTPException)
+        kind = PROBLEM_KINDS.get(error.status_code, "internal" if error.status_code >= 500 else "bad-request")
+        headers = dict(error.headers or {})
+        if error.status_code == 405:  # starlette names the methods of the first route of a path alone
+            of_path = [r for r in app.routes if isinstance(r, Route) and r.path_regex.match(request.url.path)]
+            headers["Allow"] = ", ".join(sorted({m for route in of_path for m in route.methods or ()}))
+        return Problem(kind, headers=headers).response(request_id(request))
+
+    async def on_parameters(request: Request, error: Exception) -> Response:
+        assert isinstance(error, RequestValidationError)
+        faults = [
+            Fault(e["msg"], ".".join(map(str, e["loc"])), excerpt(e.get("input"), 80)) for e in error.errors()
+        ]
+        return invalid_input(faults).response(request_id(request))
+
+    app.add_exception_handler(Problem, on_problem)
+    app.add_exception_handler(HTTPException, on_http)
+    app.add_exception_handler(RequestValidationError, on_parameters)
 
 
 def _models_document(settings: Settings) -> bytes:
