@@ -165,7 +165,7 @@ def _show_learned(about: Mapping[str, Any]) -> None:
     latest, by_book = about["latest"], about["latest_by_book"]
     if latest["trips"]:
         typer.echo(
-            f"last {latest['trips']} trips: error {_percent(by_book['weighted_error'])} by the published values, "
+            f"last {latest['trips']} trips: error {_percent(by_book['weighted_error'])} without own trips, "
             f"{_percent(latest['weighted_error'])} with what the car learned; width of the 90% interval "
             f"{_percent(by_book['width'])} and {_percent(latest['width'])} of the energy"
         )

@@ -33,7 +33,7 @@ NUMBERS: Final = (
     "book_high_wh",
 )
 BOOK: Final = "book_"
-"""Start of the columns of the forecast by the car's published values."""
+"""Start of the columns of the forecast by the model without own trips: by the published values of the car."""
 
 CAUSE: Final = "cause_"
 """Start of the columns with the forecast's energy by cause [Wh]."""
@@ -74,7 +74,7 @@ class Score:
 
     @classmethod
     def of(cls, table: pd.DataFrame, start: str = "") -> Score:
-        """Score of the rows of a diary; `start` is "book_" for the forecasts by the car's published values.
+        """Score of the rows of a diary; `start` is "book_" for the forecasts without own trips.
 
         Examples
         --------
@@ -145,7 +145,7 @@ class Diary:
     table : DataFrame
         One row a trip: `trip_id`, `started_at`, `trips_learned` before it, what is known of the drive, `energy_wh` as
         measured, the forecast at departure with its 90 % interval (`forecast_wh`, `low_wh`, `high_wh`), the same by the
-        car's published values alone (`book_forecast_wh`, `book_low_wh`, `book_high_wh`), and the forecast by cause.
+        model without own trips (`book_forecast_wh`, `book_low_wh`, `book_high_wh`), and the forecast by cause.
     """
 
     table: pd.DataFrame
@@ -199,7 +199,7 @@ class Diary:
         return Score.of(self.table)
 
     def latest(self, trips: int = LATEST) -> tuple[Score, Score]:
-        """Scores of the last trips: by the model of their time, and by the car's published values alone."""
+        """Scores of the last trips: by the model of their time, and by that without own trips."""
         last = self.table.tail(trips)
         return Score.of(last), Score.of(last, BOOK)
 

@@ -221,13 +221,14 @@ class OwnCar:
 
 
 def _in_order(trips: Iterable[Trip]) -> list[Trip]:
-    """Trips with measured energy by their departure; those without a date come last, as they are."""
+    """Trips with measured energy by their departure; those without a date come last, by name."""
     measured = [trip for trip in trips if trip.observed_energy_wh is not None]
     return sorted(
         measured,
         key=lambda t: (
             t.context.started_at is None,
             "" if t.context.started_at is None else t.context.started_at.isoformat(),
+            t.trip_id,
         ),
     )
 
