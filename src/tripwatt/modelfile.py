@@ -15,7 +15,8 @@ import os
 import time
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -139,24 +140,38 @@ Read = TypeVar("Read")
 def _while_replaced(read: Callable[[Path], Read], path: Path) -> Read:
     """The result of `read`, which is repeated when it fails and the folder has become another one."""
     for _ in range(READ_ATTEMPTS):
-        before = _identity(path)
-        try:
-            return read(path)
-        except InvalidInput:
-            if before is not None and _identity(path) == before:
-                raise
-            if before is None and not any(path.absolute().parent.glob(f".{path.name}.*")):
-                raise  # there is no model, and none is on its way
-            time.sleep(RETRY_S)
+        with _kept_open(path) as before:
+            try:
+                return read(path)
+            except InvalidInput:
+                if before is not None and _identity(path) == before:
+                    raise
+                if before is None and not any(path.absolute().parent.glob(f".{path.name}.*")):
+                    raise  # there is no model, and none is on its way
+        time.sleep(RETRY_S)
     return read(path)
 
 
-def _identity(path: Path) -> tuple[int, ...] | None:
+@contextmanager
+def _kept_open(path: Path) -> Iterator[tuple[int, int] | None]:
+    """The identity of a folder, kept open so that no other folder is given its inode before the block ends."""
     try:
-        found = path.stat()
+        held = os.open(path, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
+    except OSError:  # there is none, or the system opens no folders
+        yield _identity(path)
+        return
+    try:
+        yield _identity(held)
+    finally:
+        os.close(held)
+
+
+def _identity(folder: Path | int) -> tuple[int, int] | None:
+    try:
+        found = os.stat(folder)
     except OSError:
         return None
-    return found.st_dev, found.st_ino, found.st_ctime_ns
+    return found.st_dev, found.st_ino
 
 
 def _read_metadata(path: Path) -> dict[str, Any]:
@@ -233,9 +248,12 @@ def require_place(folder: Path) -> None:
 def _read_version_1(path: Path, metadata: Mapping[str, Any]) -> ModelFile:
     parts: dict[str, Part] = {}
     faults = []
-    for name, about in metadata["parts"].items():
-        place = path / name
-        raw = _bytes(place) if Path(name).name == name and place.suffix in _SUFFIXES else None
+    content = {  # read in one go, so that a model that is replaced all the time is whole for long enough
+        name: _bytes(path / name) if Path(name).name == name and Path(name).suffix in _SUFFIXES else None
+        for name in metadata["parts"]
+    }
+    for name, raw in content.items():
+        about, place = metadata["parts"][name], path / name
         if raw is None:
             faults.append(
                 Fault(

@@ -292,10 +292,10 @@ def test_metadata_without_a_list_of_parts_are_damaged(tmp_path: Path, parts: obj
 def test_a_reader_sees_the_old_or_the_new_model(tmp_path: Path) -> None:
     """Another process replaces the model all the time."""
     program = (
-        "import sys, numpy as np\nfrom tripwatt.modelfile import write_model\nprint('go', flush=True)\n"
+        "import sys, time, numpy as np\nfrom tripwatt.modelfile import write_model\nprint('go', flush=True)\n"
         "for k in range(100_000):\n"
         "    parts = {f'{n}.npz': {'x': np.full(300, k)} for n in range(6)}\n"
-        "    write_model(sys.argv[1], {'about': k}, parts)"
+        "    write_model(sys.argv[1], {'about': k}, parts)\n    time.sleep(0.003)"
     )
     place = tmp_path / "m"
     write_model(place, {"about": -1}, {f"{n}.npz": {"x": np.full(300, -1)} for n in range(6)})

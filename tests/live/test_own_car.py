@@ -279,3 +279,18 @@ def test_the_commands_are_the_library(base: Path, logs: tuple[Log, ...], tmp_pat
     assert np.isfinite(said["energy_wh"])
     assert "erased" in run("car", "forget", folder)
     assert not folder.exists()
+
+
+def test_a_trip_without_measured_energy_is_kept_and_told(
+    logs: tuple[Log, ...], base: Path, tmp_path: Path
+) -> None:
+    bare = logs[1].samples.drop(columns=["voltage_v", "current_a"])
+    silent = Log.from_samples(logs[1].trip_id, bare, logs[1].context)
+    car = create_car(tmp_path / "leaf", "nissan_leaf_24", base=base)
+    done = car.add([logs[0], silent])
+    assert (done.added, done.entries) == (2, 1)
+    (reason,) = done.left_out
+    assert reason.startswith(f"{logs[1].trip_id}: no values of battery voltage, battery current")
+    assert car.diary.trip_ids == {logs[0].trip_id}
+    assert car.add([silent]).left_out == done.left_out
+    assert car.add([logs[0]]).left_out == ()

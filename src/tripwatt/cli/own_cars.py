@@ -24,6 +24,9 @@ CarArgument = Annotated[
     Path, typer.Argument(metavar="CAR", help="Folder of the car, made by `tripwatt car new`.")
 ]
 
+MOST_REASONS = 10
+"""Drives left out that are named one by one."""
+
 WORDS = {
     "mass": "mass",
     "rolling": "rolling resistance",
@@ -112,7 +115,9 @@ def add(
         print_json({**asdict(done), "car": own.about()})
         return
     typer.echo(f"{car}: {done.added} trips added, {done.known} were known, {done.entries} in the diary")
-    print_notes(done.left_out)
+    print_notes(done.left_out[:MOST_REASONS])
+    if len(done.left_out) > MOST_REASONS:
+        print_notes([f"{len(done.left_out) - MOST_REASONS} more drives are left out (--json lists all)"])
     _show_learned(own.about())
 
 

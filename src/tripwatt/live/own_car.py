@@ -54,7 +54,7 @@ class Learned:
     entries : int
         New trips of the diary.
     left_out : tuple of str
-        Sound trips of which no forecast could be made, with the reason.
+        Given drives that are not in the diary, with the reason.
     """
 
     added: int
@@ -134,7 +134,8 @@ class OwnCar:
                 for log in (logs.logs if isinstance(logs, Fleet) else logs)
             ]
             done = self.store.add(alone, car_model=self.vehicle.name, vehicle_id=self.name)
-            entries, left_out = self._learn(progress or (lambda done, total: None))
+            given = frozenset(log.trip_id for log in alone)
+            entries, left_out = self._learn(given, progress or (lambda done, total: None))
         return Learned(done.added, done.known, entries, left_out)
 
     def about(self) -> dict[str, Any]:
@@ -180,16 +181,20 @@ class OwnCar:
         ]
         return found
 
-    def _learn(self, progress: Callable[[int, int], None]) -> tuple[int, tuple[str, ...]]:
+    def _learn(
+        self, given: frozenset[str], progress: Callable[[int, int], None]
+    ) -> tuple[int, tuple[str, ...]]:
         fleet = Fleet(self.name, tuple(self.store.logs()))
         diary = self.diary
-        trips = _in_order(audit(fleet).trips)
+        found = audit(fleet)
+        trips = _in_order(found.trips)
+        left_out = [f"{trip}: {why}" for trip, why in found.set_aside.items() if trip in given]
         behind = [trip for trip in trips if trip.trip_id in diary.trip_ids]
         ahead = [trip for trip in trips if trip.trip_id not in diary.trip_ids]
         if not ahead:
-            return 0, ()
+            return 0, tuple(left_out)
         base, model, by_book = self._base(), self.model(), self._by_book()
-        entries, left_out = [], []
+        entries = []
         taught = len(behind)
         for number, trip in enumerate(ahead, start=1):
             if len(behind) - taught >= max(1.0, AGAIN * taught):
