@@ -15,6 +15,7 @@ from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.forecasting.measured import Measured, checked_samples, read_measured, since_departure
 from tripwatt.forecasting.plausible import implausible_faults
 from tripwatt.forecasting.update import updated_power
+from tripwatt.parallel import one_blas_thread
 from tripwatt.trips import Flag, Plan, raise_faults
 from tripwatt.trips.messages import flag_to_dict, message
 from tripwatt.trips.showing import html_table
@@ -295,6 +296,7 @@ class Forecast:
                 flags.append(Flag("links_too_long", "links", link_m, "m"))
         return replace(self, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags)))
 
+    @one_blas_thread
     def update(self, observed: pd.DataFrame) -> Forecast:
         """Forecast again from what was measured so far. O(samples + segments).
 
@@ -312,6 +314,7 @@ class Forecast:
         """
         return self.update_since_departure(since_departure(observed, self.plan))
 
+    @one_blas_thread
     def update_since_departure(self, observed: pd.DataFrame) -> Forecast:
         """Forecast again from what was measured so far, timed from the departure. O(samples + segments).
 
@@ -340,6 +343,7 @@ class Forecast:
         posterior, factor = updated_power(self.drive, self.uncertainty, samples, measured, readings)
         return replace(self, posterior=posterior, rest_sd_factor=factor, measured=measured)
 
+    @one_blas_thread
     def to_dict(self, reserve: float | None = None) -> dict[str, Any]:
         """Plain values, as the command line and the service give them.
 
@@ -366,6 +370,7 @@ class Forecast:
             "flags": [flag_to_dict(flag) for flag in self.flags],
         }
 
+    @one_blas_thread
     def to_frame(self) -> pd.DataFrame:
         """As `series`."""
         return self.series()

@@ -28,6 +28,7 @@ from tripwatt.forecasting.ranges import (
 )
 from tripwatt.hybrid import PowerCorrector, SegmentTable, power_corrector, segment_table, segment_trips
 from tripwatt.hybrid.hierarchy import Members
+from tripwatt.parallel import one_blas_thread
 from tripwatt.physics import simulate_trip
 from tripwatt.routes.links import FLAT_ROAD
 from tripwatt.trips import Departure, Flag, Plan, Trip, plan_from_trip
@@ -113,6 +114,7 @@ class ForecastModel:
             progress=progress,
         )
 
+    @one_blas_thread
     def fit_segments(
         self,
         table: SegmentTable,
@@ -217,6 +219,7 @@ class ForecastModel:
         members = Members.from_corrector(corrector)
         return DonorModel(members, uncertainty.scale, uncertainty.scores, tuple(masked_inputs))
 
+    @one_blas_thread
     def forecast(self, trip: Plan | Trip, departure: Departure | None = None) -> Forecast:
         """Forecast a trip from what is known at its departure. O(samples).
 
