@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import pytest
+import scipy.linalg  # noqa: F401 -- its library is limited too
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from tripwatt.forecasting import ForecastModel
