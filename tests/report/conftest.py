@@ -1,6 +1,6 @@
 """A seeded run with every part that a report can show, and ways to take parts away."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from types import SimpleNamespace
@@ -13,6 +13,9 @@ from tripwatt.gam import RandomEffects
 from tripwatt.hybrid.trip_table import build_table
 from tripwatt.paper import HybridModel, Table2Corrector
 from tripwatt.paper.insight import GammInsight, insight
+from tripwatt.report.panel import Panel
+from tripwatt.report.panels import build_sections
+from tripwatt.report.view import View
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.vehicles import load_vehicle
 
@@ -35,11 +38,14 @@ def bootstrap(values: np.ndarray, rng: np.random.Generator) -> list[float]:
     return [float(q) for q in np.quantile(draws, [0.025, 0.975])]
 
 
-def make_folds(trips: list[str], scheme: str, name: str, rng: np.random.Generator) -> pd.DataFrame:
+def make_folds(
+    trips: list[str], scheme: str, name: str, rng: np.random.Generator, models: Sequence[str]
+) -> pd.DataFrame:
     observed = rng.uniform(600.0, 6000.0, len(trips))
     simulated = observed * (0.67 + 0.15 * rng.standard_normal(len(trips)))
     parts = []
-    for model, (spread, bias) in MODELS.items():
+    for model in models:
+        spread, bias = MODELS[model]
         noise = rng.standard_t(4, len(trips))
         predicted = simulated if model == "physics-paper" else observed * (1 + bias + spread * noise / 1.4)
         parts.append(
@@ -61,9 +67,9 @@ def make_folds(trips: list[str], scheme: str, name: str, rng: np.random.Generato
 
 
 def evaluation_of(folds: pd.DataFrame, rng: np.random.Generator) -> dict:
-    wide = folds.pivot_table(index="trip", columns="model", values="ape")
+    wide = folds.pivot_table(index="trip", columns="model", values="ape")[list(folds["model"].unique())]
     models = {}
-    for model in MODELS:
+    for model in wide.columns:
         rows = folds[folds["model"] == model]
         difference = rows["predicted_energy_wh"] - rows["observed_energy_wh"]
         models[model] = {
@@ -85,7 +91,7 @@ def evaluation_of(folds: pd.DataFrame, rng: np.random.Generator) -> dict:
 
 def pairs_of(folds: pd.DataFrame, rng: np.random.Generator) -> list[dict]:
     wide = folds.pivot_table(index="trip", columns="model", values="ape")
-    names = list(MODELS)
+    names = list(folds["model"].unique())
     pairs = []
     for i, a in enumerate(names):
         for b in names[i + 1 :]:
@@ -187,7 +193,12 @@ def gamm_of(trips: list[str]) -> GammInsight:
     return replace(fitted, effects=effects, outside=outside)
 
 
-def make_run(dataset: str = "tum", trips: list[str] | None = None, seed: int = 7) -> SimpleNamespace:
+def make_run(
+    dataset: str = "tum",
+    trips: list[str] | None = None,
+    seed: int = 7,
+    models: Sequence[str] = tuple(MODELS),
+) -> SimpleNamespace:
     rng = np.random.default_rng(seed)
     trips = trips or [f"A{i:02d}" for i in range(1, 33)] + [f"B{i:02d}" for i in range(2, 28)]
     sets = [
@@ -196,7 +207,7 @@ def make_run(dataset: str = "tum", trips: list[str] | None = None, seed: int = 7
         ("leave_one_trip_out", "audited"),
         ("leave_one_day_out", "reference"),
     ]
-    folds = [make_folds(trips, scheme, name, rng) for scheme, name in sets]
+    folds = [make_folds(trips, scheme, name, rng, models) for scheme, name in sets]
     main = folds[1]
     results = {
         "protocol": "paper",
@@ -238,6 +249,12 @@ def make_run(dataset: str = "tum", trips: list[str] | None = None, seed: int = 7
 @pytest.fixture(scope="session")
 def run() -> SimpleNamespace:
     return make_run()
+
+
+@pytest.fixture(scope="session")
+def panels(run: SimpleNamespace) -> dict[str, Panel]:
+    """All panels of `run` by their keys."""
+    return {panel.key: panel for section in build_sections(View.from_run(run)) for panel in section.panels}
 
 
 @pytest.fixture(scope="session")

@@ -16,10 +16,11 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from tripwatt.errors import InvalidInput
+from tripwatt.evaluation import PROTOCOLS
 from tripwatt.report import render_table, update_readme, update_results_page
 from tripwatt.report.model_styles import MODELS as STYLES
+from tripwatt.report.panel import Panel
 from tripwatt.report.panels import (
-    build_sections,
     correctors,
     error_distribution,
     mean_errors,
@@ -146,7 +147,9 @@ def test_learning_curve_and_importances(view: View) -> None:
     assert [b.get_width() for b in bars] == sorted(forest, reverse=True)
 
 
-def test_no_text_of_a_figure_leaves_it_or_covers_its_neighbour(view: View, folds: pd.DataFrame) -> None:
+def test_no_text_of_a_figure_leaves_it_or_covers_its_neighbour(
+    view: View, folds: pd.DataFrame, panels: dict[str, Panel]
+) -> None:
     selected = view.selected_trips()
     drawn = [
         mean_errors.plot_mean_errors(view.evaluations, paper=view.published, synthetic=True),
@@ -161,10 +164,10 @@ def test_no_text_of_a_figure_leaves_it_or_covers_its_neighbour(view: View, folds
         correctors.plot_learning_curves(view.learning_curves, synthetic=True),
         correctors.plot_importances(view.importances, synthetic=True),
         *(
-            p.figure
-            for s in build_sections(view)
-            for p in s.panels
-            if p.figure and s.key in ("gamm", "inside")
+            panels[name].figure
+            for s in PROTOCOLS["paper"].sections
+            for name in s.panels
+            if s.key in ("gamm", "inside") and name in panels and panels[name].figure
         ),
     ]
     for figure in drawn:

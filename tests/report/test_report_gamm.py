@@ -11,6 +11,7 @@ import pytest
 from tripwatt.gam import CurveEffect, RandomEffects, SurfaceEffect
 from tripwatt.paper.insight import GammInsight
 from tripwatt.report.covariates import term_in_words
+from tripwatt.report.panel import Panel
 from tripwatt.report.panels import build_sections, gamm_effects, gamm_summary, running_time
 from tripwatt.report.panels.results_table import on_physics_gap
 from tripwatt.report.view import View
@@ -176,8 +177,9 @@ def test_surface_that_is_flat_or_has_no_data_is_drawn(found: GammInsight) -> Non
     gamm_effects.plot_surface(flat)
 
 
-def test_panels_name_the_rule_and_the_trips_it_concerns(run: SimpleNamespace) -> None:
-    panels = panels_of(run)
+def test_panels_name_the_rule_and_the_trips_it_concerns(
+    run: SimpleNamespace, panels: dict[str, Panel]
+) -> None:
     rule = panels["gamm-extrapolation"]
     assert "no effect grows" in rule.sentence
     assert f"2 of {View.from_run(run).main['n_trips']} trips" in rule.sentence
@@ -187,7 +189,8 @@ def test_panels_name_the_rule_and_the_trips_it_concerns(run: SimpleNamespace) ->
     )
 
 
-def test_without_gamm_the_page_says_so(run: SimpleNamespace) -> None:
+def test_without_gamm_the_page_says_so(made_up: MakeRun) -> None:
+    run = made_up("tum", trips=["a", "b", "c"], models=("physics-paper", "physics", "gamm"))
     panels = panels_of(SimpleNamespace(**{**vars(run), "gamm": None}))
     assert [key for key in panels if key.startswith("gamm")] == ["gamm-errors", "gamm-summary"]
     assert "not among the models" in panels["gamm-summary"].sentence

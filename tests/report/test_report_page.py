@@ -1,9 +1,12 @@
 """The page stands alone, is well formed, holds everything, and says what it lacks."""
 
+import functools
 import itertools
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from html.parser import HTMLParser
+from pathlib import Path
 from types import SimpleNamespace
 from xml.etree import ElementTree
 
@@ -13,8 +16,10 @@ import pytest
 
 from tripwatt.evaluation import PROTOCOLS
 from tripwatt.report import render_report, write_report
+from tripwatt.report.html import svg_text
 from tripwatt.report.model_styles import MODELS as STYLES
 from tripwatt.report.model_styles import model_style
+from tripwatt.report.panel import Section
 from tripwatt.report.panels import PANELS, build_sections, figure_keys
 from tripwatt.report.view import View
 
@@ -76,12 +81,49 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tripwatt.report.html.svg_text", lambda figure: "<svg></svg>")
 
 
-SYNTHETIC = ("synthetic", ["s1", "s2", "s3", "s4"])
+@contextmanager
+def not_laid_out() -> Iterator[None]:
+    """Figures are drawn where matplotlib puts them first: for tests of what a figure holds."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda self, figure: None)
+        patch.setattr("tripwatt.report.html.PNG_DPI", 40)
+        yield
+
+
+FEW = ("linear6", "physics-paper", "physics", "gamm", "boosting", "boosting-only")
+"""The models of a run that has every figure and little to draw."""
 
 
 @pytest.fixture(scope="module")
-def synthetic_html(made_up: MakeRun) -> str:
-    return render_report(made_up(*SYNTHETIC))
+def small(made_up: MakeRun) -> Callable[..., SimpleNamespace]:
+    """Makes a run of three trips and few models."""
+    return functools.partial(made_up, "tum", trips=["a", "b", "c"], models=FEW)
+
+
+@pytest.fixture(scope="module")
+def sections(small: MakeRun) -> list[Section]:
+    return build_sections(View.from_run(small()))
+
+
+def synthetic_run(made_up: MakeRun) -> SimpleNamespace:
+    return made_up("synthetic", trips=["s1", "s2", "s3", "s4"], models=FEW)
+
+
+@pytest.fixture(scope="module")
+def written(made_up: MakeRun, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of synthetic trips as files, over an older figure that this run lacks."""
+    out = tmp_path_factory.mktemp("written")
+    stale = out / "figures" / "trips-needed.png"
+    stale.parent.mkdir()
+    stale.write_bytes(b"old")
+    with not_laid_out():
+        write_report(synthetic_run(made_up), out)
+    return out
+
+
+@pytest.fixture(scope="module")
+def synthetic_html(written: Path) -> str:
+    return (written / "report.html").read_text(encoding="utf-8")
 
 
 def test_page_is_well_formed_and_every_id_is_its_own(html: str) -> None:
@@ -158,10 +200,11 @@ def test_synthetic_trips_are_called_so_in_every_table_and_figure(html: str, synt
 
 
 def test_hostile_names_are_text_and_nothing_else(made_up: MakeRun) -> None:
-    hostile = made_up("tum", trips=HOSTILE)
+    hostile = made_up("tum", trips=HOSTILE, models=FEW)
     hostile.results["notes"] = ["<img src=x onerror=alert(1)>"]
     hostile.results["audit"][0]["what"] = "</table><script>1</script>"
-    html = render_report(hostile)
+    with not_laid_out():
+        html = render_report(hostile)
     page = Page(html)
     assert not [tag for tag, _ in page.tags if tag in {"script", "img"}]
     assert '<script>alert("x")</script>' in page.words()
@@ -173,33 +216,41 @@ def test_hostile_names_are_text_and_nothing_else(made_up: MakeRun) -> None:
         ElementTree.fromstring(picture)
 
 
-def test_files_beside_the_page(tmp_path, made_up: MakeRun) -> None:
-    run = made_up("tum", trips=["a", "b", "c"])
-    stale = tmp_path / "figures" / "learning-curve.png"
-    stale.parent.mkdir()
-    stale.write_bytes(b"old")
-    parts = {**vars(run), "learning_curves": None}
-    write_report(SimpleNamespace(**parts), tmp_path)
-    left = set(FIGURE_KEYS) - {"learning-curve"}
-    names = {p.name for p in (tmp_path / "figures").iterdir()}
-    assert names == {f"{key}.{suffix}" for key in left for suffix in ("png", "svg")}
-    for path in (tmp_path / "figures").glob("*.svg"):
+def test_files_beside_the_page(written: Path) -> None:
+    assert "trips-needed" in figure_keys()
+    names = {p.name for p in (written / "figures").iterdir()}
+    assert names == {f"{key}.{suffix}" for key in FIGURE_KEYS for suffix in ("png", "svg")}
+    for path in (written / "figures").glob("*.svg"):
         assert ElementTree.parse(path).getroot().tag.endswith("svg")
-    assert all(p.read_bytes()[:4] == b"\x89PNG" for p in (tmp_path / "figures").glob("*.png"))
-    assert (tmp_path / "report.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
-    assert not list(tmp_path.rglob("*.partial"))
+    assert all(p.read_bytes()[:4] == b"\x89PNG" for p in (written / "figures").glob("*.png"))
+    assert (written / "report.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    assert not list(written.rglob("*.partial"))
 
 
-def test_same_run_same_bytes(made_up: MakeRun, synthetic_html: str) -> None:
-    assert render_report(made_up(*SYNTHETIC)) == synthetic_html
+def test_same_run_same_bytes(
+    made_up: MakeRun, synthetic_html: str, small: MakeRun, sections: list[Section]
+) -> None:
+    with not_laid_out():
+        assert render_report(synthetic_run(made_up)) == synthetic_html
+    for key in ("error-boxes", "running-time"):
+        (first,) = (p.figure for s in sections for p in s.panels if p.key == key)
+        again = PANELS[key].build(View.from_run(small()))
+        assert svg_text(first) == svg_text(again.figure)
 
 
-@pytest.mark.parametrize("parts", [{}, {"gamm": None}, {"series": {}, "importances": None, "signals": None}])
-def test_no_panel_stands_alone_beside_an_empty_half(made_up: MakeRun, parts: dict) -> None:
-    run = SimpleNamespace(**{**vars(made_up("tum", trips=["a", "b", "c"])), **parts})
-    for section in build_sections(View.from_run(run)):
+def no_panel_stands_alone(sections: Sequence[Section]) -> None:
+    for section in sections:
         for wide, together in itertools.groupby(section.panels, key=lambda panel: panel.wide):
             assert wide or len(list(together)) >= 2, section.key
+
+
+def test_no_panel_stands_alone_beside_an_empty_half(sections: list[Section]) -> None:
+    no_panel_stands_alone(sections)
+
+
+@pytest.mark.parametrize("parts", [{"gamm": None}, {"series": {}, "importances": None, "signals": None}])
+def test_nor_where_a_part_is_missing(small: MakeRun, parts: dict) -> None:
+    no_panel_stands_alone(build_sections(View.from_run(SimpleNamespace(**{**vars(small()), **parts}))))
 
 
 def test_every_panel_of_a_protocol_is_registered_once_and_used() -> None:
@@ -210,16 +261,16 @@ def test_every_panel_of_a_protocol_is_registered_once_and_used() -> None:
         assert len(own) == len(set(own))
 
 
-def test_an_unknown_protocol_is_read_as_the_default_one(made_up: MakeRun) -> None:
-    run = made_up("tum", trips=["a", "b", "c"])
-    known = [(s.key, [p.key for p in s.panels]) for s in build_sections(View.from_run(run))]
+def test_an_unknown_protocol_is_read_as_the_default_one(small: MakeRun, sections: list[Section]) -> None:
+    run = small()
     run.results["protocol"] = "of long ago"
+    known = [(s.key, [p.key for p in s.panels]) for s in sections]
     assert [(s.key, [p.key for p in s.panels]) for s in build_sections(View.from_run(run))] == known
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_what_is_missing_is_said(made_up: MakeRun) -> None:
-    whole = made_up("tum", trips=["a", "b", "c"])
+def test_what_is_missing_is_said(small: MakeRun) -> None:
+    whole = small()
     results = {**whole.results, "notes": ["leave-one-day-out left out: 3 trips have no date"]}
     results["evaluations"] = results["evaluations"][:1]
     words = Page(render_report(SimpleNamespace(results=results, folds=whole.folds))).words()
@@ -246,7 +297,7 @@ def test_an_empty_run_makes_a_page_that_says_so(results: dict) -> None:
 
 @pytest.mark.usefixtures("undrawn")
 def test_unknown_models_and_missing_scores_are_shown_as_they_are(made_up: MakeRun) -> None:
-    strange = made_up("tum", trips=["a", "b"])
+    strange = made_up("tum", trips=["a", "b"], models=FEW)
     strange.folds["model"] = strange.folds["model"].replace({"linear6": "my <new> model"})
     for evaluation in strange.results["evaluations"]:
         evaluation["models"]["my <new> model"] = {"mape": None, "max_ape": float("nan")}
