@@ -7,14 +7,14 @@ import subprocess
 import sys
 import textwrap
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import openpyxl
 import pytest
-from tests.support.command import Answer
+from tests.support.command import Answer, answered
 
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Trip
@@ -202,15 +202,24 @@ def test_output_without_permission_is_refused_before_any_work(
 
 @pytest.fixture(scope="session")
 def evaluated(tables: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Answer]:
-    """One run of the real command, to its end, in a folder that does not exist yet."""
+    """One run to its end, drawn, in a folder that does not exist yet."""
     out = tmp_path_factory.mktemp("evaluated") / "new" / "out"
     models = "constant,linear4,physics-paper,physics"
-    done = subprocess.run(
-        command("evaluate", tables, "--dataset", "table", "--vehicle", "bmw_i3_94ah", "--set", "mass=1250",
-                "--models", models, "--out", out, "--json"),
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    return out, Answer(done.returncode, done.stdout, done.stderr)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tripwatt.report.html.PNG_DPI", 40)
+        patch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda self, figure: None)
+        answer = answered(
+            "evaluate", tables, "--dataset", "table", "--vehicle", "bmw_i3_94ah", "--set", "mass=1250",
+            "--models", models, "--out", out, "--json", "--jobs", 1,
+        )  # fmt: skip
+    return out, answer
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are laid out but not drawn: for tests of numbers and files."""
+    monkeypatch.setattr("tripwatt.report.html.svg_text", lambda figure: "<svg></svg>")
+    monkeypatch.setattr("tripwatt.report.html.png_bytes", lambda figure: b"")
 
 
 def test_evaluate_writes_all_its_files_and_nothing_else(evaluated: tuple[Path, Answer]) -> None:
@@ -238,6 +247,7 @@ def test_json_is_the_file_and_notes_tell_of_car_and_dropped_covariates(
     )
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_without_the_sheet_the_run_works_and_says_what_is_unknown(
     run: Callable[..., Answer], tum: Path, tmp_path: Path
 ) -> None:
@@ -251,6 +261,7 @@ def test_without_the_sheet_the_run_works_and_says_what_is_unknown(
     assert (tmp_path / "out" / "report.html").is_file()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_second_run_replaces_its_files_and_keeps_the_users(
     run: Callable[..., Answer], tum: Path, tmp_path: Path
 ) -> None:
@@ -279,16 +290,17 @@ def mark(fold: Path) -> None:
     np.savez(fold, **(arrays | {"fit_s": np.array(12345.0)}))
 
 
-def test_a_run_that_is_interrupted_resumes_to_the_identical_table(tables: Path, tmp_path: Path) -> None:
-    def arguments(out: Path, jobs: int = 1) -> list[str]:
+@pytest.mark.usefixtures("undrawn")
+def test_a_run_that_is_interrupted_resumes_to_the_identical_table(
+    run: Callable[..., Answer], tables: Path, tmp_path: Path
+) -> None:
+    def arguments(out: Path, jobs: int = 1) -> list[object]:
         models = "constant,physics-paper,forest"
-        return command(
-            "evaluate", tables, "--dataset", "table", "--models", models, "--jobs", jobs, "--out", out
-        )
+        return ["evaluate", tables, "--dataset", "table", "--models", models, "--jobs", jobs, "--out", out]
 
     out = tmp_path / "out"
     process = subprocess.Popen(
-        arguments(out, jobs=2),
+        command(*arguments(out, jobs=2)),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -308,16 +320,14 @@ def test_a_run_that_is_interrupted_resumes_to_the_identical_table(tables: Path, 
 
     for fold in kept:
         mark(fold)
-    fresh = subprocess.Popen([*arguments(tmp_path / "fresh"), "--json"], stdout=subprocess.PIPE, text=True)
-    resumed = subprocess.run(
-        [*arguments(out), "--resume", "--json"], capture_output=True, text=True, check=True
-    )
-    whole, _ = fresh.communicate(timeout=600)
-    results = json.loads(resumed.stdout)
+    resumed = run(*arguments(out), "--resume", "--json")
+    fresh = run(*arguments(tmp_path / "fresh"), "--json")
+    assert resumed.code == fresh.code == 0
+    results = json.loads(resumed.out)
     assert results["evaluations"][0]["models"]["constant"]["fit_s"] == 12345.0, (
         "a finished fold was run again"
     )
-    assert comparable(results) == comparable(json.loads(whole))
+    assert comparable(results) == comparable(json.loads(fresh.out))
     assert (out / "folds.csv").read_bytes() == (tmp_path / "fresh" / "folds.csv").read_bytes()
     assert not (tmp_path / "out.unfinished").exists()
 
@@ -328,8 +338,7 @@ from tripwatt.cli import output
 from tripwatt.cli.output import unfinished_folder, write_whole
 
 FIRST
-out, die_at = pathlib.Path(sys.argv[1]), int(sys.argv[2])
-steps = 0
+steps = die_at = 0
 
 def step(method):
     def counted(self, *more, **options):
@@ -347,25 +356,34 @@ def write(folder):
     for name in ("a.csv", "report.html", "results.json"):
         (folder / name).write_text("new")
 
-write_whole(write, out, unfinished_folder(out))
-print(steps)
+for out, at in zip(sys.argv[1::2], map(int, sys.argv[2::2])):
+    child = os.fork()
+    if child == 0:
+        die_at = at
+        write_whole(write, pathlib.Path(out), unfinished_folder(pathlib.Path(out)))
+        os._exit(0)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
 
 
-def killed(out: Path, step: int, first: str = "") -> int:
+def killed(steps: Mapping[Path, int], first: str = "") -> list[int]:
+    """Exit codes of processes that write into folders, each killed before the step of its folder."""
     program = textwrap.dedent(KILLED).replace("FIRST", first)
+    arguments = [str(part) for pair in steps.items() for part in pair]
     done = subprocess.run(
-        [sys.executable, "-c", program, str(out), str(step)], capture_output=True, check=False
+        [sys.executable, "-c", program, *arguments], capture_output=True, text=True, check=True
     )
-    assert done.returncode in (0, -signal.SIGKILL), done.stderr
-    return done.returncode
+    codes = [int(line) for line in done.stdout.split()]
+    assert len(codes) == len(steps)
+    assert set(codes) <= {0, -signal.SIGKILL}, done.stderr
+    return codes
 
 
 def test_a_kill_between_any_two_writes_leaves_a_new_folder_whole_or_absent(tmp_path: Path) -> None:
-    for step in range(1, 6):
-        out = tmp_path / f"{step}" / "out"
+    steps = {tmp_path / f"{step}" / "out": step for step in range(1, 6)}
+    for out in steps:
         out.parent.mkdir()
-        code = killed(out, step)
+    for (out, step), code in zip(steps.items(), killed(steps), strict=True):
         assert (code == 0) == (step == 5), "three files and one rename"
         assert out.exists() == (code == 0)
         if code == 0:
@@ -379,16 +397,17 @@ NAMES = ("a.csv", "report.html", "results.json")
 
 def test_a_kill_while_replacing_leaves_the_older_results_whole(tmp_path: Path) -> None:
     """A file that is not ours stays; a later run works after each kill."""
-    for step in range(1, 5):
-        out = tmp_path / f"{step}"
+    steps = {tmp_path / f"{step}": step for step in range(1, 5)}
+    for out in steps:
         out.mkdir()
         for name in (*NAMES, "letter.txt"):
             (out / name).write_text("old")
-        code = killed(out, step)
+    for (out, step), code in zip(steps.items(), killed(steps), strict=True):
         assert (code == 0) == (step == 4), "three files, then one exchange"
         texts = {p.name: p.read_text() for p in out.iterdir() if p.is_file()}
         assert texts == dict.fromkeys(NAMES, "new" if code == 0 else "old") | {"letter.txt": "old"}
-        assert killed(out, 99) == 0
+    assert killed(dict.fromkeys(steps, 99)) == [0] * 4
+    for out in steps:
         assert {p.name: p.read_text() for p in out.iterdir()} == dict.fromkeys(NAMES, "new") | {
             "letter.txt": "old"
         }
@@ -397,19 +416,21 @@ def test_a_kill_while_replacing_leaves_the_older_results_whole(tmp_path: Path) -
 
 def test_a_kill_where_folders_cannot_be_exchanged_is_mended_by_the_next_run(tmp_path: Path) -> None:
     """As on a mount point: the files are replaced one by one."""
-    codes = []
-    for step in range(1, 11):
-        out = tmp_path / f"{step}"
+    first = "output._can_be_exchanged = lambda out: False"
+    steps = {tmp_path / f"{step}": step for step in range(1, 11)}
+    for out in steps:
         out.mkdir()
         for name in NAMES:
             (out / name).write_text("old")
-        codes.append(killed(out, step, "output._can_be_exchanged = lambda out: False"))
+    codes = killed(steps, first)
+    for out, code in zip(steps, codes, strict=True):
         texts = {p.name: p.read_text() for p in out.iterdir() if p.is_file()}
         assert len(set(texts.values())) <= 1, "old and new side by side"
         assert "results.json" not in texts or len(texts) == 3
         kept = {p.name for p in out.rglob("*") if p.is_file() and p.read_text() == "old"}
-        assert codes[-1] == 0 or kept == set(NAMES) or set(texts.values()) == {"new"}, "no older file is lost"
-        assert killed(out, 99, "output._can_be_exchanged = lambda out: False") == 0
+        assert code == 0 or kept == set(NAMES) or set(texts.values()) == {"new"}, "no older file is lost"
+    assert killed(dict.fromkeys(steps, 99), first) == [0] * 10
+    for out in steps:
         assert {p.name: p.read_text() for p in out.iterdir()} == dict.fromkeys(NAMES, "new")
     assert codes == [-signal.SIGKILL] * 9 + [0]
 
