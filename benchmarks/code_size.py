@@ -36,14 +36,14 @@ class Piece:
     public: bool = True
 
 
-def code_rows(source: str) -> set[int]:
+def code_rows(source: str, tree: ast.Module | None = None) -> set[int]:
     """Numbers of the rows with code: no blanks, comments or docstrings."""
     skipped = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT}
     rows: set[int] = set()
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type not in skipped and token.type != tokenize.ENDMARKER:
             rows.update(range(token.start[0], token.end[0] + 1))
-    for node in ast.walk(ast.parse(source)):
+    for node, _ in statements(ast.parse(source) if tree is None else tree):
         if (
             isinstance(node, ast.Expr)
             and isinstance(node.value, ast.Constant)
@@ -53,23 +53,23 @@ def code_rows(source: str) -> set[int]:
     return rows
 
 
-def pieces(path: Path, root: Path) -> Iterator[tuple[str, Piece]]:
+def statements(tree: ast.AST, inside: str = "") -> Iterator[tuple[ast.AST, str]]:
+    """Every statement below a node, with the names of the functions and classes around it."""
+    for name in ("body", "handlers", "orelse", "finalbody", "cases"):
+        part = getattr(tree, name, ())
+        for node in part if isinstance(part, list) else ():
+            yield node, inside
+            named = isinstance(node, ast.ClassDef | Function)
+            yield from statements(node, f"{inside}{node.name}." if named else inside)
+
+
+def pieces(tree: ast.Module, rows: set[int], place: str) -> Iterator[tuple[str, Piece]]:
     """Functions and classes of a file, each as (kind, piece)."""
-    source = path.read_text("utf-8")
-    rows, tree = code_rows(source), ast.parse(source)
-    place = path.relative_to(root).as_posix()
-    inside: dict[ast.AST, str] = {}
-    for node in ast.walk(tree):
-        for child in ast.iter_child_nodes(node):
-            if isinstance(node, ast.ClassDef | Function):
-                inside[child] = f"{inside.get(node, '')}{node.name}."
-            elif node in inside:
-                inside[child] = inside[node]
-    for node in ast.walk(tree):
+    for node, inside in statements(tree):
         if isinstance(node, ast.ClassDef | Function):
             first = node.lineno if isinstance(node, ast.ClassDef) else node.body[0].lineno
             lines = len(rows & set(range(first, (node.end_lineno or node.lineno) + 1)))
-            name = f"{inside.get(node, '')}{node.name}"
+            name = f"{inside}{node.name}"
             where, public = (
                 f"{place}:{node.lineno} {name}",
                 not any(p.startswith("_") for p in name.split(".")),
@@ -122,9 +122,11 @@ def measure(root: Path) -> Sizes:
     by_room: Counter[str] = Counter()
     found: dict[str, list[Piece]] = {"function": [], "class": []}
     for path in sorted(source.rglob("*.py")):
-        parts = path.relative_to(source).parts
-        by_room[parts[0] if len(parts) > 1 else path.stem] += len(code_rows(path.read_text("utf-8")))
-        for kind, piece in pieces(path, source):
+        text, place = path.read_text("utf-8"), path.relative_to(source)
+        tree = ast.parse(text)
+        rows = code_rows(text, tree)
+        by_room[place.parts[0] if len(place.parts) > 1 else path.stem] += len(rows)
+        for kind, piece in pieces(tree, rows, place.as_posix()):
             found[kind].append(piece)
     longest = {kind: tuple(sorted(all_, key=lambda p: -p.lines)) for kind, all_ in found.items()}
     return Sizes(by_room, longest["function"], longest["class"])

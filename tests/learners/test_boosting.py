@@ -111,8 +111,8 @@ def test_working_correlation_pays_when_subjects_differ():
 
 
 def test_scikit_learn_takes_it_for_one_of_its_own():
-    check_estimator(ClusteredBoosting(n_rounds=30, n_folds=3), on_skip=None)
-    check_estimator(ClusteredBoosting(n_rounds=30, n_folds=None, correlation="exchangeable"), on_skip=None)
+    check_estimator(ClusteredBoosting(n_rounds=8, n_folds=3), on_skip=None)
+    check_estimator(ClusteredBoosting(n_rounds=8, n_folds=None, correlation="exchangeable"), on_skip=None)
 
 
 def test_rounds_are_those_of_the_lowest_learning_curve():
@@ -129,7 +129,7 @@ def test_rounds_are_those_of_the_lowest_learning_curve():
 
 @pytest.mark.parametrize("per_fold", [1, 3])
 def test_held_out_target_moves_nothing_to_the_last_bit(per_fold):
-    X, y, groups = clustered()
+    X, y, groups = clustered(9, 12)
     folds = np.array([int(g[1:]) // per_fold for g in groups])
     settings_ = {
         "param_grid": {"max_leaf_nodes": [2, 6]},
@@ -158,7 +158,7 @@ def test_leave_groups_out_is_the_refit_of_the_fold():
 
 
 def test_the_error_of_a_choice_is_that_of_its_round_and_has_not_seen_the_fold():
-    X, y, groups = clustered()
+    X, y, groups = clustered(9, 12)
     one, other = small(param_grid={"max_leaf_nodes": [2]}), small(param_grid={"max_leaf_nodes": [6]})
     both = small(param_grid={"max_leaf_nodes": [2, 6]})
     for model in (one, other, both):

@@ -199,6 +199,7 @@ def test_power_of_blocks_of_an_irregular_log(leaf) -> None:
 
 
 def test_the_second_half_is_not_looked_at(first_car, second_car) -> None:
+    first_car = replace(first_car, logs=first_car.logs[:8])
     half = len(second_car.trips) // 2
     louder = [
         t
