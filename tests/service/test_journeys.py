@@ -8,6 +8,7 @@ from typing import Any
 
 import httpx
 import pytest
+from tests.support.command import answered
 from tests.support.roads import osrm
 from tests.support.router_server import RouterServer, answering, write_map
 from tests.support.service_process import Service, serving
@@ -208,6 +209,6 @@ def test_the_operations_are_as_their_document_says(planner: Service) -> None:
 
 
 def test_a_map_that_is_none_stops_the_start(tmp_path: Path) -> None:
-    (tmp_path / "logs").mkdir()
-    with pytest.raises(AssertionError, match="no map"), serving(tmp_path / "logs", "--map", str(tmp_path)):
-        pass
+    answer = answered("serve", "--port", 0, "--map", tmp_path)
+    assert answer.code == 2
+    assert "no map" in answer.err

@@ -6,7 +6,6 @@ import asyncio
 import gzip
 import socket
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import httpx
@@ -159,18 +158,24 @@ def test_requests_are_logged_and_counted(service: Service, drive: dict[str, Any]
     assert "xxx" not in text  # no client makes up labels
 
 
-def test_the_rate_of_a_client_is_limited(tmp_path_factory: pytest.TempPathFactory) -> None:
+@pytest.fixture(scope="module")
+def rationed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    """A service that takes few requests of a client, and one batch at a time."""
+    limits = ("--limit", "burst=3", "--limit", "rate_per_s=0.1", "--limit", "batches=1")
+    with serving(tmp_path_factory.mktemp("rationed"), "--workers", "1", *limits) as found:
+        yield found
+
+
+def test_the_rate_of_a_client_is_limited(rationed: Service) -> None:
     """The client of a proxy is limited; requests from loopback itself are not."""
-    folder = tmp_path_factory.mktemp("often")
-    limits = ("--limit", "burst=3", "--limit", "rate_per_s=0.1")
-    with serving(folder, "--workers", "1", *limits) as found:
-        one, other = ({"X-Forwarded-For": address} for address in ("203.0.113.7", "203.0.113.8"))
-        seen = [found.client.get("/v1/models", headers=one).status_code for _ in range(5)]
-        assert seen == [200, 200, 200, 429, 429]
-        late = found.client.get("/v1/models", headers=one)
-        assert int(late.headers["retry-after"]) >= 1
-        assert found.client.get("/v1/models", headers=other).status_code == 200
-        assert {found.client.get("/v1/models").status_code for _ in range(9)} == {200}
+    client = rationed.client
+    one, other = ({"X-Forwarded-For": address} for address in ("203.0.113.7", "203.0.113.8"))
+    seen = [client.get("/v1/models", headers=one).status_code for _ in range(5)]
+    assert seen == [200, 200, 200, 429, 429]
+    late = client.get("/v1/models", headers=one)
+    assert int(late.headers["retry-after"]) >= 1
+    assert client.get("/v1/models", headers=other).status_code == 200
+    assert {client.get("/v1/models").status_code for _ in range(9)} == {200}
 
 
 def test_requests_are_refused_while_the_queue_is_full(strict: Service) -> None:
@@ -202,25 +207,24 @@ def test_requests_are_refused_while_the_queue_is_full(strict: Service) -> None:
     assert len({body for status, body in answers if status == 200}) == 1
 
 
-def test_an_aborted_batch_leaves_no_jobs(tmp_path: Path, drive: dict[str, Any]) -> None:
+def test_an_aborted_batch_leaves_no_jobs(rationed: Service, drive: dict[str, Any]) -> None:
     """The place of the batch and the workers are free again."""
     body = b"\n".join([b'{"links": [{"length_m": 9000, "speed_m_s": 15}]}'] * 5000)  # many seconds of work
     headers = {"Content-Type": "application/x-ndjson"}
-    with serving(tmp_path, "--workers", "1", "--limit", "batches=1") as found:
 
-        def short() -> httpx.Response:
-            return found.client.post("/v1/forecast/batch", content=b"{}", headers=headers)
+    def short() -> httpx.Response:
+        return rationed.client.post("/v1/forecast/batch", content=b"{}", headers=headers)
 
-        for _ in range(3):
-            assert wait_for(lambda: short().status_code == 200)
-            with found.client.stream("POST", "/v1/forecast/batch", content=body, headers=headers) as answer:
-                assert answer.status_code == 200
-                lines = answer.iter_lines()  # kept: the stream ends with it
-                assert orjson.loads(next(lines))["energy_wh"] > 0.0
-                busy = short()
-                assert (busy.status_code, busy.headers["retry-after"]) == (503, "5")
-            assert found.forecast(drive).status_code == 200
-            assert wait_for(lambda: b"tripwatt_jobs_waiting 0.0" in found.client.get("/metrics").content)
+    for _ in range(3):
+        assert wait_for(lambda: short().status_code == 200)
+        with rationed.client.stream("POST", "/v1/forecast/batch", content=body, headers=headers) as answer:
+            assert answer.status_code == 200
+            lines = answer.iter_lines()  # kept: the stream ends with it
+            assert orjson.loads(next(lines))["energy_wh"] > 0.0
+            busy = short()
+            assert (busy.status_code, busy.headers["retry-after"]) == (503, "5")
+        assert rationed.forecast(drive).status_code == 200
+        assert wait_for(lambda: b"tripwatt_jobs_waiting 0.0" in rationed.client.get("/metrics").content)
 
 
 def test_a_bug_is_a_500_with_its_traceback_in_the_log_only() -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 import os
 import signal
-import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from typing import Any
 import httpx
 import orjson
 import pytest
+from tests.support.command import answered
 from tests.support.service_fuzz import fuzz
 from tests.support.service_process import Service, serving, wait_for
 from tests.support.service_schema import conformance
@@ -26,13 +27,14 @@ from tripwatt.service.problems import TITLES
 from tripwatt.service.settings import Limits
 
 
-def refused(*arguments: str, **environment: str) -> str:
+def refused(*arguments: str, token: str = "") -> str:
     """The error output of `tripwatt serve` when it does not start."""
-    command = [sys.executable, "-m", "tripwatt.cli", "serve", "--port", "0", *arguments]
-    kept = {k: v for k, v in os.environ.items() if k != "TRIPWATT_TOKEN"} | environment
-    done = subprocess.run(command, capture_output=True, text=True, env=kept, timeout=60, check=False)
-    assert done.returncode == 2, done.stderr
-    return done.stderr
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("uvicorn.Server.run", lambda *_: pytest.fail("it starts"))
+        patch.setenv("TRIPWATT_TOKEN", token)
+        answer = answered("serve", "--port", "0", *arguments)
+    assert answer.code == 2, answer.err
+    return answer.err
 
 
 def alive(pid: int) -> bool:
@@ -44,7 +46,7 @@ def alive(pid: int) -> bool:
 
 def test_it_does_not_start_with_unsafe_settings(tmp_path: Path) -> None:
     assert "token is missing" in refused("--host", "0.0.0.0")
-    assert "token is too short" in refused("--host", "0.0.0.0", TRIPWATT_TOKEN="short")
+    assert "token is too short" in refused("--host", "0.0.0.0", token="short")
     said = refused(str(tmp_path / "nothing"), "--limit", "colour=1", "--limit", "samples=x")
     assert "unknown limit" in said
     assert "limit samples" in said
@@ -67,9 +69,51 @@ def test_models_are_named_after_their_folders(tmp_path: Path) -> None:
         models_of([], tmp_path / "nowhere")
 
 
-def test_shutdown_finishes_running_requests(tmp_path: Path, drive: dict[str, Any]) -> None:
-    patient = ("--limit", "timeout_s=120")
-    with serving(tmp_path, "--workers", "2", *patient) as service, ThreadPoolExecutor(4) as pool:
+@pytest.fixture(scope="module")
+def patient(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    """Two workers, no job of which times out on a busy machine."""
+    folder = tmp_path_factory.mktemp("patient")
+    with serving(folder, "--workers", "2", "--limit", "timeout_s=120") as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    """One worker whose jobs time out soon."""
+    with serving(tmp_path_factory.mktemp("hasty"), "--workers", "1", "--limit", "timeout_s=2") as found:
+        yield found
+
+
+def test_no_response_is_lost_with_a_killed_worker(patient: Service, drive: dict[str, Any]) -> None:
+    """Two workers are killed under load, one after the other; every response is right."""
+    service = patient
+    with ThreadPoolExecutor(4) as pool:
+        asked = [drive | {"payload_mass_kg": 10.0 * k} for k in range(5)]
+        right = [service.forecast(request).json() for request in asked]
+
+        def ask(number: int) -> list[bool]:
+            with httpx.Client(base_url=service.url, timeout=120) as client:
+                answers = [client.post("/v1/forecast", json=asked[(number + k) % 5]) for k in range(15)]
+            return [
+                a.status_code == 200 and a.json() == right[(number + k) % 5] for k, a in enumerate(answers)
+            ]
+
+        clients = [pool.submit(ask, number) for number in range(4)]
+        time.sleep(0.1)
+        killed = service.workers()
+        for pid in killed:
+            os.kill(pid, signal.SIGKILL)
+            time.sleep(0.3)
+        assert all(all(client.result()) for client in clients)
+        assert wait_for(lambda: service.client.get("/readyz").json().get("workers") == 2)
+        assert not set(killed) & set(service.workers())
+        assert [r["pid"] for r in service.records() if r["event"] == "worker lost"] == killed
+
+
+def test_shutdown_finishes_running_requests(patient: Service, drive: dict[str, Any]) -> None:
+    """The last test of this service."""
+    service = patient
+    with ThreadPoolExecutor(4) as pool:
         workers = service.workers()
         assert len(workers) == 2
         for pid in workers:
@@ -87,47 +131,20 @@ def test_shutdown_finishes_running_requests(tmp_path: Path, drive: dict[str, Any
         assert wait_for(lambda: not any(map(alive, workers)))
 
 
-def test_workers_do_not_outlive_the_service(tmp_path: Path) -> None:
-    with serving(tmp_path, "--workers", "1") as service:
-        workers = service.workers()
-        service.process.kill()
-        assert wait_for(lambda: not any(map(alive, workers)))
+def test_a_job_of_a_hung_worker_times_out(hasty: Service, drive: dict[str, Any]) -> None:
+    (worker,) = hasty.workers()
+    os.kill(worker, signal.SIGSTOP)  # it hangs
+    answer = hasty.forecast(drive)
+    assert (answer.status_code, answer.json()["type"]) == (504, "/problems/timeout")
+    assert wait_for(lambda: hasty.forecast(drive).status_code == 200)
+    assert not alive(worker)
 
 
-def test_no_response_is_lost_with_a_killed_worker(tmp_path: Path, drive: dict[str, Any]) -> None:
-    """Two workers are killed under load, one after the other; every response is right."""
-    patient = ("--limit", "timeout_s=120")  # no job times out on a busy machine
-    with serving(tmp_path, "--workers", "2", *patient) as service, ThreadPoolExecutor(4) as pool:
-        asked = [drive | {"payload_mass_kg": 10.0 * k} for k in range(5)]
-        right = [service.forecast(request).json() for request in asked]
-
-        def ask(number: int) -> list[bool]:
-            with httpx.Client(base_url=service.url, timeout=120) as client:
-                answers = [client.post("/v1/forecast", json=asked[(number + k) % 5]) for k in range(25)]
-            return [
-                a.status_code == 200 and a.json() == right[(number + k) % 5] for k, a in enumerate(answers)
-            ]
-
-        clients = [pool.submit(ask, number) for number in range(4)]
-        time.sleep(0.1)
-        killed = service.workers()
-        for pid in killed:
-            os.kill(pid, signal.SIGKILL)
-            time.sleep(0.3)
-        assert all(all(client.result()) for client in clients)
-        assert wait_for(lambda: service.client.get("/readyz").json().get("workers") == 2)
-        assert not set(killed) & set(service.workers())
-        assert [r["pid"] for r in service.records() if r["event"] == "worker lost"] == killed
-
-
-def test_a_job_of_a_hung_worker_times_out(tmp_path: Path, drive: dict[str, Any]) -> None:
-    with serving(tmp_path, "--workers", "1", "--limit", "timeout_s=2") as service:
-        (worker,) = service.workers()
-        os.kill(worker, signal.SIGSTOP)  # it hangs
-        answer = service.forecast(drive)
-        assert (answer.status_code, answer.json()["type"]) == (504, "/problems/timeout")
-        assert wait_for(lambda: service.forecast(drive).status_code == 200)
-        assert not alive(worker)
+def test_workers_do_not_outlive_the_service(hasty: Service) -> None:
+    """The last test of this service."""
+    workers = hasty.workers()
+    hasty.process.kill()
+    assert wait_for(lambda: not any(map(alive, workers)))
 
 
 def test_the_service_conforms_to_its_openapi_document(service: Service) -> None:
@@ -150,10 +167,10 @@ def test_the_service_conforms_to_its_openapi_document(service: Service) -> None:
 
 def test_damaged_uploads_are_problem_documents(service: Service) -> None:
     """A small sample; `make bars` sends thousands."""
-    found = fuzz(service.url, 60, seed=5)
-    assert found.mutants == 240
+    found = fuzz(service.url, 30, seed=5)
+    assert found.mutants == 120
     assert not found.wrong, found.wrong[:3]
-    assert found.statuses[422] > 50
+    assert found.statuses[422] > 25
     assert orjson.loads(service.client.get("/readyz").content)["workers"] == 1
 
 
