@@ -14,7 +14,9 @@ def main_row(data_dir):
         hold_outs, notes = hold_outs_of(*given)
         return hold_outs[:1], notes
 
-    with pytest.MonkeyPatch.context() as patch:  # without the sets of trips and the simulations that are not asked for
+    with (
+        pytest.MonkeyPatch.context() as patch
+    ):  # without the sets of trips and the simulations that are not asked for
         patch.setattr(paper_protocol, "_hold_outs", first_hold_out)
         patch.setattr(paper_protocol, "simulation_forms", lambda *given: {})
         run = evaluate(
