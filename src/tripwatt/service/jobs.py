@@ -63,6 +63,9 @@ from tripwatt.trips import (
 from tripwatt.trips.messages import flag_to_dict
 from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_names
 
+CarModel = tuple[ForecastModel, tuple[Flag, ...]]
+"""A model for a car, and the flags of its transfer."""
+
 MOST_TRANSFERRED: Final = 64
 """Models on other cars that a worker keeps; the oldest goes first."""
 
@@ -88,7 +91,7 @@ class Jobs:
     models: Mapping[str, ForecastModel]
     limits: Limits
     journeys: JourneyJobs = field(default_factory=JourneyJobs)
-    transferred: dict[tuple[str, str], tuple[ForecastModel, tuple[Flag, ...]]] = field(default_factory=dict)
+    transferred: dict[tuple[str, str], CarModel] = field(default_factory=dict)
 
     @classmethod
     def from_folders(
@@ -170,7 +173,7 @@ class Jobs:
         with collected_faults() as check:
             request = check(lambda: check_request(document, kind))
             model = check(lambda: self._model(document if isinstance(document, dict) else {}))
-        return request, *model
+        return request, *model()
 
     def _checked(self, document: Any, check: Check) -> Callable[[ForecastRequest], Forecast]:
         """Check the trip, the model and the car of a request, whatever else is wrong with it.
@@ -188,14 +191,15 @@ class Jobs:
         def forecast(request: ForecastRequest) -> Forecast:
             assert plan is not None
             assert model is not None
+            fitted, flags = model()
             departure = Departure(**{name: getattr(request, name) for name in ASKED})
-            found = model[0].forecast(replace(plan, trip_id=request.trip), departure)
-            return replace(found, flags=(*model[1], *found.flags)) if model[1] else found
+            found = fitted.forecast(replace(plan, trip_id=request.trip), departure)
+            return replace(found, flags=(*flags, *found.flags)) if flags else found
 
         return forecast
 
-    def _model(self, document: Mapping[str, Any]) -> tuple[ForecastModel, tuple[Flag, ...]]:
-        """The model of a request for the car of the request, with the flags of its transfer."""
+    def _model(self, document: Mapping[str, Any]) -> Callable[[], CarModel]:
+        """What gives the model of a request for its car; model and car are checked here, and transferred there."""
         name, vehicle = document.get("model"), document.get("vehicle")
         name = next(iter(self.models)) if name is None else name
         faults = []
@@ -218,19 +222,23 @@ class Jobs:
             got = "both"
             raise InvalidInput(Fault("no single car", "vehicle, vehicle_figures", got, "one of the two"))
         if figures is None and vehicle in (None, model.vehicle.name):
-            return model, ()
-        car: Vehicle | str
-        if figures is not None:
-            known = _figures(figures)
-            car, key = describe(known), (name, known.model_dump_json())
-        else:
+            return lambda: (model, ())
+        known = None if figures is None else _figures(figures)
+        if known is None:
             assert vehicle is not None
             require_vehicle(vehicle)
-            car, key = vehicle, (name, vehicle)
-        if key not in self.transferred:
-            while len(self.transferred) >= MOST_TRANSFERRED:
-                del self.transferred[next(iter(self.transferred))]
-            self.transferred[key] = on_vehicle(model, car)
+        key = (name, vehicle or "" if known is None else known.model_dump_json())
+        kept = self.transferred.get(key)
+        if kept is not None:
+            return lambda: kept
+        car = vehicle if known is None else describe(known)
+        return lambda: self._transfer(key, model, car)
+
+    def _transfer(self, key: tuple[str, str], model: ForecastModel, car: Vehicle | str | None) -> CarModel:
+        """The model transferred to another car, which is kept for the next request."""
+        while len(self.transferred) >= MOST_TRANSFERRED:
+            del self.transferred[next(iter(self.transferred))]
+        self.transferred[key] = on_vehicle(model, car)
         return self.transferred[key]
 
     def describe(self, body: bytes) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from tripwatt.hybrid import SegmentTable, segment_trips
 from tripwatt.hybrid.car_corrector import HierarchicalCorrector
 from tripwatt.hybrid.hierarchy import CarTransfer, Evidence, Posterior, require_mode, term_scales
 from tripwatt.hybrid.parameters import changed, on_road, parameters_of, sensitivities
+from tripwatt.parallel import one_blas_thread
 from tripwatt.trips import Fleet, Trip, plan_from_trip
 from tripwatt.trips.messages import message
 from tripwatt.uncertainty import ChargeScale
@@ -61,6 +62,7 @@ class Adaptation:
     masked_inputs: tuple[str, ...]
 
 
+@one_blas_thread
 def adaptation(
     base: ForecastModel, trips: Sequence[Trip], vehicle: Vehicle, *, mode: str = "both"
 ) -> Adaptation:

@@ -15,12 +15,14 @@ from tripwatt.forecasting.model import ForecastModel
 from tripwatt.hybrid.car_corrector import HierarchicalCorrector
 from tripwatt.hybrid.hierarchy import CarTransfer, Evidence, term_scales
 from tripwatt.hybrid.parameters import on_road, parameters_of
+from tripwatt.parallel import one_blas_thread
 from tripwatt.transfer.adapting import T_VARIANCE, TRANSFERRED, adapted_scale, weighted_quantiles
 from tripwatt.trips import Flag
 from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 
+@one_blas_thread
 def zero_shot_model(base: ForecastModel, vehicle: Vehicle) -> ForecastModel:
     """Put a fitted model on a car without a measured trip.
 
