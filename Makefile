@@ -12,7 +12,7 @@ WORKERS ?= 2
 PIP_INSTALL = -m pip install --quiet --disable-pip-version-check
 UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 
-.PHONY: run check check-latest lowest constraints image sbom bench bars bars-fleet readme page browser clean
+.PHONY: run check check-latest lowest constraints image sbom docs bench bars bars-fleet readme page browser clean
 
 .venv/.ready: pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -89,6 +89,9 @@ page:  ## the page's bundle from its sources in web, into the package; needs Nod
 	npm --prefix web run gate
 	npm --prefix web run build
 
+docs: .venv-check/.ready  ## the documentation as a site, into site/; open site/index.html
+	.venv-check/bin/python docs/site/build.py site
+
 bench: .venv-bench/.ready  ## ratios against peers, all measured in one run, into bench.json
 	.venv-bench/bin/python -m benchmarks --out bench.json
 
@@ -102,4 +105,4 @@ readme: .venv/.ready  ## the tables of the README and of docs/results.md from OU
 	.venv/bin/python docs/publish_results.py $(OUT)
 
 clean:
-	rm -rf .venv .venv-check .venv-bench .venv-latest .venv-lowest .venv-tools out out.unfinished bench.json
+	rm -rf .venv .venv-check .venv-bench .venv-latest .venv-lowest .venv-tools site out out.unfinished bench.json

@@ -191,9 +191,12 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
         ClusteredBoosting
             Itself.
 
-        Errors
+        Raises
         ------
-        InvalidInput for settings out of range, ValueError for malformed arrays.
+        InvalidInput
+            For settings out of range.
+        ValueError
+            For malformed arrays.
         """
         sample, clusters, _, seed = self._prepare(X, y, groups)
         settings = self._settings()
@@ -221,7 +224,7 @@ class ClusteredBoosting(RegressorMixin, BaseEstimator):
         return self._raw(rows)
 
     def staged_predict(self, X: Any) -> FloatArray:
-        """F(x) after each round, shape (n_rounds_, n_rows)."""
+        """F(x) after each round, shape (`n_rounds_`, rows)."""
         check_is_fitted(self, "steps_")
         rows, _ = validate_rows(self, X, None, reset=False)
         steps = np.array(

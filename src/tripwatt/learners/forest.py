@@ -195,9 +195,12 @@ class ClusteredForest(RegressorMixin, BaseEstimator):
         ClusteredForest
             Itself.
 
-        Errors
+        Raises
         ------
-        InvalidInput for settings out of range, ValueError for malformed arrays.
+        InvalidInput
+            For settings out of range.
+        ValueError
+            For malformed arrays.
         """
         sample, clusters, _, seed = self._prepare(X, y, groups)
         counts = _bootstrap(self.n_trees, np.ones(sample.n_groups, dtype=bool), seed)

@@ -74,7 +74,7 @@ class Score:
 
     @classmethod
     def of(cls, table: pd.DataFrame, start: str = "") -> Score:
-        """Score of the rows of a diary; `start` is "book_" for the forecasts without own trips.
+        """Score of the rows of a diary; `start` is `book_` for the forecasts without own trips.
 
         Examples
         --------

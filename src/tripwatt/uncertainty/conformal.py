@@ -18,7 +18,7 @@ TAIL_DF: Final = 4.0
 class ConformalScores:
     """Absolute standardised errors of held-out trips, ascending.
 
-    The conformal layer of Vovk, Gammerman and Shafer (2005), with scores |error| / sd as in Papadopoulos et al. (2008).
+    The conformal layer of Vovk, Gammerman and Shafer (2005), with the absolute error over the standard deviation as score, as in Papadopoulos et al. (2008).
 
     Attributes
     ----------

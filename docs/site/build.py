@@ -1,0 +1,275 @@
+"""Build the documentation's site: ``python docs/site/build.py [FOLDER]`` (`make docs`).
+
+The pages of `docs` stay as a code host shows them. A copy of them is staged with the project's pages (how to contribute,
+changes, licences) and with one generated page for each public package, and Sphinx makes the site of the copy. A warning is
+an error.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import os
+import re
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+from types import ModuleType
+from typing import Final
+
+from sphinx.cmd.build import build_main
+from sphinx.pycode import ModuleAnalyzer
+
+HERE: Final = Path(__file__).resolve().parent
+DOCS: Final = HERE.parent
+ROOT: Final = DOCS.parent
+
+PROJECT: Final = {
+    "README.md": "index.md",
+    "CONTRIBUTING.md": "project/contributing.md",
+    "CHANGELOG.md": "project/changes.md",
+    "SECURITY.md": "project/security.md",
+    "NOTICE": "project/notice.md",
+    "LICENSE": "project/licence.md",
+}
+"""File of the repository -> its page of the site. The README is the first page of a code host, the index that of the site."""
+
+PACKAGES: Final = (
+    "tripwatt",
+    "tripwatt.trips",
+    "tripwatt.vehicles",
+    "tripwatt.physics",
+    "tripwatt.routes",
+    "tripwatt.auditing",
+    "tripwatt.certification",
+    "tripwatt.hybrid",
+    "tripwatt.forecasting",
+    "tripwatt.uncertainty",
+    "tripwatt.transfer",
+    "tripwatt.journey",
+    "tripwatt.live",
+    "tripwatt.store",
+    "tripwatt.evaluation",
+    "tripwatt.gam",
+    "tripwatt.learners.boosting",
+    "tripwatt.learners.forest",
+    "tripwatt.learners.gp",
+    "tripwatt.synthetic",
+    "tripwatt.export",
+    "tripwatt.errors",
+)
+"""Packages and modules with a page of the reference, in its order."""
+
+_LINK = re.compile(r"(?<=\]\()([^):#\s]+)(?=[#)])")
+_TARGET = re.compile(r'^<a id="([\w-]+)"></a>$', re.MULTILINE)
+_DIRECTIVE: Final = {"class": "autoclass", "exception": "autoexception", "function": "autofunction"}
+
+
+def stage(folder: Path) -> None:
+    """Write everything that Sphinx reads.
+
+    Parameters
+    ----------
+    folder : Path
+        An empty folder.
+    """
+    for page in sorted(DOCS.rglob("*.md")):
+        _write(folder / page.relative_to(DOCS), _relinked(page, page.relative_to(DOCS)))
+    for name, place in PROJECT.items():
+        if place == "index.md":
+            continue
+        text = _relinked(ROOT / name, Path(place)) if name.endswith(".md") else _verbatim(ROOT / name)
+        _write(folder / place, text)
+    for name in PACKAGES:
+        _write(folder / "api" / f"{name}.md", package_page(importlib.import_module(name)))
+    with (folder / "python.md").open("a", encoding="utf-8") as page:
+        page.write("\n".join(["", "## Every public name", "", "```{toctree}", ":titlesonly:", "", ""]))
+        page.write("\n".join([*(f"api/{name}" for name in PACKAGES), "```", ""]))
+    shutil.copytree(DOCS / "images", folder / "images")
+
+
+def _write(place: Path, text: str) -> None:
+    place.parent.mkdir(parents=True, exist_ok=True)
+    place.write_text(text, encoding="utf-8")
+
+
+def _relinked(page: Path, place: Path) -> str:
+    """A page with links that lead to the same files from its place in the site."""
+
+    def moved(match: re.Match[str]) -> str:
+        target = (page.parent / match[1]).resolve()
+        if target.is_relative_to(DOCS):
+            found = target.relative_to(DOCS).as_posix()
+        else:
+            found = PROJECT.get(target.relative_to(ROOT).as_posix(), "")
+        if not found:
+            return match[1]  # Sphinx warns of it
+        return os.path.relpath(found, place.parent).replace(os.sep, "/")
+
+    fences = re.split(r"(^ *```.*?^ *```)", page.read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
+    text = "".join(part if k % 2 else _LINK.sub(moved, part) for k, part in enumerate(fences))
+    return _TARGET.sub(r"(\1)=", text)
+
+
+def _verbatim(file: Path) -> str:
+    return f"# {file.name.capitalize()}\n\n````text\n{file.read_text('utf-8').rstrip()}\n````\n"
+
+
+def package_page(module: ModuleType) -> str:
+    """The page of a package: its description, a table of its public names, and each of them from its docstring.
+
+    Parameters
+    ----------
+    module : module
+        A package with `__all__`.
+
+    Returns
+    -------
+    str
+        Markdown with directives of `sphinx.ext.autodoc`. A name of the door is described on the page of `tripwatt` only.
+    """
+    door = set(importlib.import_module("tripwatt").__all__) if module.__name__ != "tripwatt" else set()
+    names = public_names(module)
+    own = [name for name in names if name not in door]
+    lines = [
+        f"# {module.__name__}",
+        "",
+        "```{eval-rst}",
+        f".. automodule:: {module.__name__}",
+        "   :no-members:",
+    ]
+    if shared := [name for name in names if name in door]:
+        told = ", ".join(f":py:obj:`~tripwatt.{name}`" for name in shared)
+        lines += ["", f"Described with :doc:`the front door <tripwatt>`: {told}."]
+    lines += ["```", "", "| name | what it is |", "|---|---|"]
+    lines += [f"| [`{name}`](#{module.__name__}.{name}) | {_first_line(module, name)} |" for name in own]
+    for name in own:
+        lines += ["", f"## {name}", "", *_described(module, name)]
+    return "\n".join([*lines, ""])
+
+
+def public_names(module: ModuleType) -> list[str]:
+    """The names of `__all__`, or what a module without it defines.
+
+    Parameters
+    ----------
+    module : module
+        A package or a module.
+
+    Returns
+    -------
+    list of str
+        Names without a leading underscore.
+    """
+    own = [
+        name for name, thing in vars(module).items() if getattr(thing, "__module__", "") == module.__name__
+    ]
+    return [name for name in getattr(module, "__all__", own) if not name.startswith("_")]
+
+
+def _described(module: ModuleType, name: str) -> list[str]:
+    """The directives that describe a name; a constant is described where it is assigned, so its text is copied."""
+    thing = getattr(module, name)
+    if _kind(thing) == "data":
+        shown = repr(thing) if isinstance(thing, int | float | str) else type(thing).__name__
+        text = constant_text(module, name).splitlines() or ["No description."]
+        lines = [
+            f".. py:data:: {module.__name__}.{name}",
+            f"   :value: {shown}",
+            "",
+            *(f"   {x}" for x in text),
+        ]
+    else:
+        options = [] if inspect.isroutine(thing) else ["   :members:"]
+        lines = [f".. {_DIRECTIVE[_kind(thing)]}:: {module.__name__}.{name}", *options]
+    return ["```{eval-rst}", *lines, "```"]
+
+
+def _first_line(module: ModuleType, name: str) -> str:
+    """The first line of a description: of its docstring, or of the text below a constant."""
+    thing = getattr(module, name)
+    if _kind(thing) != "data":
+        return _cell(inspect.getdoc(thing) or "")
+    return _cell(constant_text(module, name))
+
+
+def _cell(text: str) -> str:
+    return text.partition("\n\n")[0].replace("\n", " ").replace("|", "\\|").replace("``", "`")
+
+
+def constant_text(module: ModuleType, name: str) -> str:
+    """The text below a constant in the module that a package takes it from; empty where there is none.
+
+    Parameters
+    ----------
+    module : module
+        The module or package that exports the name.
+    name : str
+        A constant.
+
+    Returns
+    -------
+    str
+        The docstring of the constant.
+    """
+    analyzer = ModuleAnalyzer.for_module(_home(module, name))
+    return "\n".join(analyzer.find_attr_docs().get(("", name), []))
+
+
+def _home(module: ModuleType, name: str) -> str:
+    """The name of the module below a package that assigns a constant which the package exports."""
+    source = ast.parse(inspect.getsource(module))
+    for node in source.body:
+        if isinstance(node, ast.ImportFrom) and any(alias.name == name for alias in node.names):
+            return str(node.module)
+    return module.__name__
+
+
+def _kind(thing: object) -> str:
+    if inspect.isclass(thing):
+        return "exception" if issubclass(thing, BaseException) else "class"
+    return "function" if inspect.isroutine(thing) else "data"
+
+
+def build(out: Path, *, quiet: bool = True) -> int:
+    """Build the site.
+
+    Parameters
+    ----------
+    out : Path
+        Folder of the site. Pages of a site that was there are replaced.
+    quiet : bool
+        Whether only warnings are printed.
+
+    Returns
+    -------
+    int
+        0 without a warning.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        stage(Path(folder, "pages"))
+        fresh = Path(folder, "site")
+        told = ["-q"] if quiet else []
+        strict = [
+            "--builder",
+            "html",
+            "--fail-on-warning",
+            "--keep-going",
+            "--nitpicky",
+            "--conf-dir",
+            str(HERE),
+        ]
+        code = build_main(
+            [*strict, *told, "-d", str(Path(folder, "trees")), str(Path(folder, "pages")), str(fresh)]
+        )
+        if not code:
+            shutil.rmtree(fresh / ".doctrees", ignore_errors=True)
+            shutil.rmtree(out, ignore_errors=True)
+            shutil.copytree(fresh, out)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(build(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "site"))

@@ -1,0 +1,140 @@
+"""Settings of Sphinx for the site; `docs/site/build.py` runs it on a staged copy of the pages."""
+
+from __future__ import annotations
+
+import re
+from importlib.metadata import version as installed_version
+from pathlib import Path
+from typing import Any
+
+from docutils.utils.math import latex2mathml
+
+project = "tripwatt"
+author = "The tripwatt authors"
+project_copyright = "The tripwatt authors, Apache-2.0"
+release = version = installed_version("tripwatt")
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
+exclude_patterns: list[str] = []
+source_suffix = {".md": "markdown"}
+default_role = "literal"  # docstrings write names between single backticks
+nitpicky = True
+nitpick_ignore_regex = [
+    # classes of other projects, whose sites are not asked for their addresses, and names that a room keeps to itself
+    ("py:.*", r"(?!tripwatt\.).*"),
+    ("py:.*", r"tripwatt\..*"),
+]
+suppress_warnings = ["myst.header"]  # a page may begin its first level after a list or a table
+
+myst_enable_extensions = ["dollarmath"]
+myst_heading_anchors = 4
+myst_links_external_new_tab = False
+
+autodoc_typehints = "signature"
+autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
+autodoc_class_signature = "mixed"
+autosummary_generate = False  # numpydoc loads the extension; the tables are those of docs/site/build.py
+python_use_unqualified_type_names = True
+python_maximum_signature_line_length = 80
+numpydoc_show_class_members = False
+numpydoc_attributes_as_param_list = True
+
+html_theme = "furo"
+html_title = f"tripwatt {release}"
+html_static_path = ["static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sourcelink = False
+html_show_sphinx = False
+html_theme_options = {"top_of_page_buttons": []}
+html_math_renderer = "mathml"
+templates_path: list[str] = []
+pygments_style = "a11y-high-contrast-light"
+pygments_dark_style = "a11y-high-contrast-dark"
+
+_LINK = re.compile(r"\]\(([^):#\s]+\.md)[^)]*\)")
+
+
+def contents(index: str) -> str:
+    """The table of contents of the site: the pages that each section of the first page links to, in its order.
+
+    Parameters
+    ----------
+    index : str
+        The Markdown of the first page.
+
+    Returns
+    -------
+    str
+        One hidden `toctree` for each section with links, to be appended to the page.
+    """
+    seen: set[str] = set()
+    trees = []
+    for section in re.split(r"^## ", index, flags=re.MULTILINE)[1:]:
+        title, _, text = section.partition("\n")
+        if title.startswith("Where"):  # entrances link to pages of the other sections
+            continue
+        pages = [page.removesuffix(".md") for page in _LINK.findall(text) if page not in seen]
+        seen |= {f"{page}.md" for page in pages}
+        if pages:
+            trees += [
+                "",
+                "```{toctree}",
+                ":hidden:",
+                ":titlesonly:",
+                f":caption: {title}",
+                "",
+                *dict.fromkeys(pages),
+                "```",
+            ]
+    return "\n".join([*trees, ""])
+
+
+def _add_contents(app: Any, docname: str, source: list[str]) -> None:
+    if docname == "index":
+        source[0] += contents(source[0])
+
+
+def _skip_member(app: Any, what: str, name: str, thing: Any, skip: bool, options: Any) -> bool | None:
+    """Methods that scikit-learn adds to each estimator are described by scikit-learn."""
+    return True if re.fullmatch(r"set_\w+_request|get_metadata_routing", name) else None
+
+
+def _inline(self: Any, node: Any) -> None:
+    self.body.append(latex2mathml.tex2mathml(node.astext(), as_block=False))
+    raise _skip()
+
+
+def _display(self: Any, node: Any) -> None:
+    self.body.append(f'<div class="math">{latex2mathml.tex2mathml(node.astext(), as_block=True)}</div>')
+    raise _skip()
+
+
+def _skip() -> Exception:
+    from docutils.nodes import SkipNode
+
+    return SkipNode()
+
+
+def setup(app: Any) -> dict[str, bool]:
+    """Connect the contents and the formulas: MathML, which browsers draw without a script.
+
+    Parameters
+    ----------
+    app : sphinx.application.Sphinx
+        The application.
+
+    Returns
+    -------
+    dict
+        What Sphinx wants to know of an extension.
+    """
+    app.connect("source-read", _add_contents)
+    app.connect("autodoc-skip-member", _skip_member)
+    app.add_html_math_renderer("mathml", (_inline, None), (_display, None))
+    return {"parallel_read_safe": True}
+
+
+if not (Path(__file__).parent / "static").is_dir():
+    raise FileNotFoundError("docs/site/static")
