@@ -1,8 +1,15 @@
-"""Run the code of the documentation's pages and draw their figures anew: python docs/render_pages.py."""
+"""Run the code of the documentation's pages and draw their figures anew: python docs/render_pages.py.
 
+With `--write`, what the code prints replaces what the pages show. Each page runs in a folder of its own, so that it can write
+files.
+"""
+
+import contextlib
 import doctest
+import io
 import re
 import sys
+import tempfile
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parent
@@ -47,6 +54,50 @@ def render(page: Path, folder: Path) -> doctest.TestResults:
     return doctest.DocTestRunner(NearlyEqual(), optionflags=flags).run(test)
 
 
+def rewritten(page: Path, folder: Path) -> str:
+    """A page with what its code prints now.
+
+    Parameters
+    ----------
+    page : Path
+        A Markdown page with interpreter sessions.
+    folder : Path
+        Where figures are written.
+
+    Returns
+    -------
+    str
+        The page. Lines that are not output stay as they are.
+    """
+    text = page.read_text(encoding="utf-8")
+    lines, names, shown, position = text.splitlines(), {"folder": folder, "__name__": "__main__"}, [], 0
+    for example in doctest.DocTestParser().get_examples(text):
+        end = example.lineno + example.source.count("\n")
+        want = example.want.rstrip("\n").split("\n") if example.want else []
+        printed = io.StringIO()
+        with contextlib.redirect_stdout(printed):
+            exec(compile(example.source, page.name, "single"), names)  # it is ours
+        shown += lines[position:end]
+        shown += [
+            line or "<BLANKLINE>"
+            for line in printed.getvalue().rstrip("\n").split("\n")
+            if printed.getvalue()
+        ]
+        position = end + len(want) - (1 if want and want[-1].strip() == "```" else 0)
+    return "\n".join([*shown, *lines[position:], ""])
+
+
+def pages() -> list[Path]:
+    """The pages with interpreter sessions."""
+    return [page for page in sorted(DOCS.rglob("*.md")) if ">>> " in page.read_text(encoding="utf-8")]
+
+
 if __name__ == "__main__":
-    results = [render(page, DOCS / "images") for page in sorted(DOCS.glob("*.md"))]
-    sys.exit(any(result.failed for result in results))
+    failed = 0
+    for path in pages():
+        with tempfile.TemporaryDirectory() as place, contextlib.chdir(place):
+            if "--write" in sys.argv:
+                path.write_text(rewritten(path, DOCS / "images"), encoding="utf-8")
+            else:
+                failed += render(path, DOCS / "images").failed
+    sys.exit(failed > 0)
