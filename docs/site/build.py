@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import importlib
 import inspect
+import io
 import os
 import re
 import shutil
@@ -19,8 +20,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Final
 
-from sphinx.cmd.build import build_main
+from sphinx.application import Sphinx
 from sphinx.pycode import ModuleAnalyzer
+from sphinx.util.docutils import docutils_namespace, patch_docutils
 
 HERE: Final = Path(__file__).resolve().parent
 DOCS: Final = HERE.parent
@@ -42,6 +44,8 @@ PACKAGES: Final = (
     "tripwatt.vehicles",
     "tripwatt.physics",
     "tripwatt.routes",
+    "tripwatt.routes.routers",
+    "tripwatt.sources",
     "tripwatt.auditing",
     "tripwatt.certification",
     "tripwatt.hybrid",
@@ -51,6 +55,7 @@ PACKAGES: Final = (
     "tripwatt.journey",
     "tripwatt.live",
     "tripwatt.store",
+    "tripwatt.fleet.model",
     "tripwatt.evaluation",
     "tripwatt.gam",
     "tripwatt.learners.boosting",
@@ -233,43 +238,32 @@ def _kind(thing: object) -> str:
     return "function" if inspect.isroutine(thing) else "data"
 
 
-def build(out: Path, *, quiet: bool = True) -> int:
+def build(out: Path) -> str:
     """Build the site.
 
     Parameters
     ----------
     out : Path
-        Folder of the site. Pages of a site that was there are replaced.
-    quiet : bool
-        Whether only warnings are printed.
+        Folder of the site. A site that was there is replaced, if the new one has no warning.
 
     Returns
     -------
-    int
-        0 without a warning.
+    str
+        The warnings; empty when there are none.
     """
     with tempfile.TemporaryDirectory() as folder:
-        stage(Path(folder, "pages"))
-        fresh = Path(folder, "site")
-        told = ["-q"] if quiet else []
-        strict = [
-            "--builder",
-            "html",
-            "--fail-on-warning",
-            "--keep-going",
-            "--nitpicky",
-            "--conf-dir",
-            str(HERE),
-        ]
-        code = build_main(
-            [*strict, *told, "-d", str(Path(folder, "trees")), str(Path(folder, "pages")), str(fresh)]
-        )
-        if not code:
-            shutil.rmtree(fresh / ".doctrees", ignore_errors=True)
+        pages, trees, fresh = (Path(folder, name) for name in ("pages", "trees", "site"))
+        stage(pages)
+        said = io.StringIO()
+        with patch_docutils(HERE), docutils_namespace():
+            app = Sphinx(pages, HERE, fresh, trees, "html", status=None, warning=said)
+            app.build()
+        warnings = re.sub(r"\x1b\[[0-9;]*m", "", said.getvalue()).replace(f"{pages}/", "")
+        if not warnings:
             shutil.rmtree(out, ignore_errors=True)
-            shutil.copytree(fresh, out)
-    return code
+            shutil.copytree(fresh, out, ignore=shutil.ignore_patterns(".buildinfo", "_sources"))
+    return warnings
 
 
 if __name__ == "__main__":
-    sys.exit(build(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "site"))
+    sys.exit(build(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "site") or None)
