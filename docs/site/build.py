@@ -16,6 +16,7 @@ import re
 import shutil
 import sys
 import tempfile
+import warnings
 from pathlib import Path
 from types import ModuleType
 from typing import Final
@@ -255,14 +256,16 @@ def build(out: Path) -> str:
         pages, trees, fresh = (Path(folder, name) for name in ("pages", "trees", "site"))
         stage(pages)
         said = io.StringIO()
-        with patch_docutils(HERE), docutils_namespace():
+        with patch_docutils(HERE), docutils_namespace(), warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # of Sphinx's extensions among themselves
+            warnings.simplefilter("ignore", PendingDeprecationWarning)
             app = Sphinx(pages, HERE, fresh, trees, "html", status=None, warning=said)
             app.build()
-        warnings = re.sub(r"\x1b\[[0-9;]*m", "", said.getvalue()).replace(f"{pages}/", "")
-        if not warnings:
+        found = re.sub(r"\x1b\[[0-9;]*m", "", said.getvalue()).replace(f"{pages}/", "")
+        if not found:
             shutil.rmtree(out, ignore_errors=True)
             shutil.copytree(fresh, out, ignore=shutil.ignore_patterns(".buildinfo", "_sources"))
-    return warnings
+    return found
 
 
 if __name__ == "__main__":
