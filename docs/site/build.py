@@ -68,6 +68,9 @@ PACKAGES: Final = (
 )
 """Packages and modules with a page of the reference, in its order."""
 
+LONGEST_VALUE: Final = 100
+"""Characters of a constant's value that are shown."""
+
 _LINK = re.compile(r"(?<=\]\()([^):#\s]+)(?=[#)])")
 _TARGET = re.compile(r'^<a id="([\w-]+)"></a>$', re.MULTILINE)
 _DIRECTIVE: Final = {"class": "autoclass", "exception": "autoexception", "function": "autofunction"}
@@ -179,14 +182,10 @@ def _described(module: ModuleType, name: str) -> list[str]:
     """The directives that describe a name; a constant is described where it is assigned, so its text is copied."""
     thing = getattr(module, name)
     if _kind(thing) == "data":
-        shown = repr(thing) if isinstance(thing, int | float | str) else type(thing).__name__
+        shown = repr(thing)
+        value = [f"   :value: {shown}"] if len(shown) <= LONGEST_VALUE and " at 0x" not in shown else []
         text = constant_text(module, name).splitlines() or ["No description."]
-        lines = [
-            f".. py:data:: {module.__name__}.{name}",
-            f"   :value: {shown}",
-            "",
-            *(f"   {x}" for x in text),
-        ]
+        lines = [f".. py:data:: {module.__name__}.{name}", *value, "", *(f"   {line}" for line in text)]
     else:
         options = [] if inspect.isroutine(thing) else ["   :members:"]
         lines = [f".. {_DIRECTIVE[_kind(thing)]}:: {module.__name__}.{name}", *options]
