@@ -7,7 +7,7 @@ import subprocess
 import sys
 import textwrap
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -290,7 +290,15 @@ def mark(fold: Path) -> None:
     np.savez(fold, **(arrays | {"fit_s": np.array(12345.0)}))
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """A shell starts commands in the background with SIGINT ignored, which their processes inherit."""
+    inherited = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, inherited)
+
+
+@pytest.mark.usefixtures("undrawn", "interruptible")
 def test_a_run_that_is_interrupted_resumes_to_the_identical_table(
     run: Callable[..., Answer], tables: Path, tmp_path: Path
 ) -> None:
