@@ -9,7 +9,7 @@ from scipy.linalg import block_diag
 
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid import SegmentTable
-from tripwatt.hybrid.car_corrector import HierarchicalCorrector
+from tripwatt.hybrid.car_corrector import HierarchicalCorrector, _factor
 from tripwatt.hybrid.hierarchy import (
     OWN_SCALES,
     CarTransfer,
@@ -390,3 +390,16 @@ def test_two_cars_are_alike_before_any_trip_and_a_longer_drive_is_no_other_kind_
     capacity_j_k = climate.air_heat_capacity_j_k + climate.interior_heat_capacity_j_k
     left = np.exp(-SETTLED_S * 70.0 / capacity_j_k)
     assert left == pytest.approx(1.0 / 12.0, rel=0.05), "a twelfth of the cabin's difference is left"
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-9])
+def test_independent_weights_are_factorised_on_their_own(scale) -> None:
+    """Two weights that depend on each other, one known exactly, one alone and one that is negligible."""
+    covariance = np.zeros((5, 5))
+    covariance[np.ix_([0, 3], [0, 3])] = [[2.0, 1.0], [1.0, 2.0]]
+    covariance[2, 2], covariance[4, 4] = 1e-6, 1e-9  # of the largest variance, 3: more and less than 1e-8
+    factor = _factor(scale * covariance)
+    covariance[4, 4] = 0.0
+    assert factor.shape == (5, 3)
+    np.testing.assert_allclose(factor @ factor.T, scale * covariance, atol=1e-15 * scale)
+    assert np.count_nonzero(factor[:, np.abs(factor[2]) > 0.0]) == 1
