@@ -19,10 +19,13 @@ UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 	.venv/bin/python $(PIP_INSTALL) -e ".[service]"
 	touch $@
 
-# Every file is named with its hash, so pip has nothing to choose; what is imported is compiled on its first import.
+# Every file is named with its hash, so there is nothing to choose; what is imported is compiled on its first import.
+# uv installs in a fifth of pip's time. Where it cannot be had or reaches no index, pip installs the same files.
 .venv-check/.ready: pyproject.toml constraints/check.txt
 	$(PYTHON) -m venv --clear .venv-check
-	.venv-check/bin/python $(PIP_INSTALL) --no-deps --no-compile --require-hashes -r constraints/check.txt
+	{ $(MAKE) --no-print-directory .venv-tools/.ready \
+		&& $(UV) pip install --quiet --no-deps --require-hashes --python .venv-check/bin/python -r constraints/check.txt; } \
+		|| .venv-check/bin/python $(PIP_INSTALL) --no-deps --no-compile --require-hashes -r constraints/check.txt
 	.venv-check/bin/python $(PIP_INSTALL) --no-deps --no-build-isolation -e .
 	.venv-check/bin/python -m pip --disable-pip-version-check check
 	touch $@
@@ -81,8 +84,8 @@ sbom: .venv-tools/.ready constraints/service.txt  ## the bill of materials of th
 	.venv-tools/bin/cyclonedx-py requirements constraints/service.txt --output-reproducible --of JSON -o sbom.json
 
 browser:  ## Debian's chromium for the tests of the page, where it is missing; needs root
-	@command -v chromium >/dev/null || { apt-get -qq update \
-		&& apt-get -qq install --yes --no-install-recommends chromium >/dev/null; }
+	@command -v chromium-headless-shell >/dev/null || command -v chromium >/dev/null || { apt-get -qq update \
+		&& apt-get -qq install --yes --no-install-recommends chromium-headless-shell >/dev/null; }
 
 page:  ## the page's bundle from its sources in web, into the package; needs Node 20
 	npm --prefix web ci

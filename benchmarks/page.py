@@ -20,7 +20,9 @@ from tests.support.service_process import serving
 
 import tripwatt.service
 
-CHROMIUM: Final = ("chromium", "chromium-browser", "google-chrome")
+CHROMIUM: Final = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
+"""Programs that will do, the quickest first: the shell without windows opens a page in half the time."""
+
 SIZES: Final = {"desktop": (1440, 900), "phone": (390, 844)}
 SCHEMES: Final = ("light", "dark")
 MODES: Final = ("Plan", "Compare", "Drive")
