@@ -7,8 +7,9 @@ unexport PYTHONDONTWRITEBYTECODE
 PYTHON ?= python3
 DATA ?=
 OUT ?= out
-# processes that run the tests
+# processes that run the tests, and that check the types
 WORKERS ?= 2
+export MYPY_NUM_WORKERS ?= $(WORKERS)
 PIP_INSTALL = -m pip install --quiet --disable-pip-version-check
 UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 
