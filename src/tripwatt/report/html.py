@@ -108,6 +108,7 @@ def _saved(figure: Figure, **settings: Any) -> bytes:
         # a trip's name may hold any sign; the page shows it, a picture may show a box for it
         warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)
         figure.savefig(buffer, **settings)
+        figure.set_layout_engine("none")  # the layout that was found also holds for another format
     return buffer.getvalue()
 
 
