@@ -113,52 +113,40 @@ def test_constraints_hold_the_lower_bounds() -> None:
 # ------------------------------------------------------------------------------------------------ warnings
 
 WARNER = "import warnings\ndef warn():\n    warnings.warn('from here', {category}, stacklevel={level})\n"
+WARNERS = {
+    "tripwatt/physics.py": ("RuntimeWarning", 1, "FAILED"),
+    "tripwatt/__init__.py": ("UserWarning", 1, "FAILED"),
+    "tripwatt/learners.py": ("DeprecationWarning", 1, "FAILED"),
+    "benchmarks/gam.py": ("FutureWarning", 1, "FAILED"),
+    "tripwattish/__init__.py": ("UserWarning", 1, "PASSED"),
+    "numpyish/tripwatt.py": ("DeprecationWarning", 1, "PASSED"),
+    "numpyish/__init__.py": ("RuntimeWarning", 1, "PASSED"),
+    "numpyish/blames_its_caller.py": ("UserWarning", 2, "FAILED"),
+}
+"""Module -> the category that it warns with, the level that the warning is attributed to, how a test that calls it ends."""
 
 
-@pytest.mark.parametrize(
-    ("module", "category", "fails"),
-    [
-        ("tripwatt/physics.py", "RuntimeWarning", True),
-        ("tripwatt/__init__.py", "UserWarning", True),
-        ("tripwatt/learners.py", "DeprecationWarning", True),
-        ("benchmarks/gam.py", "FutureWarning", True),
-        ("tripwattish/__init__.py", "UserWarning", False),
-        ("numpyish/tripwatt.py", "DeprecationWarning", False),
-        ("numpyish/__init__.py", "RuntimeWarning", False),
-    ],
-)
-def test_warnings_of_our_modules_fail_a_test_and_others_are_listed(
-    tmp_path: Path, module: str, category: str, fails: bool
-) -> None:
-    name = module.removesuffix(".py").replace("/", ".").removesuffix(".__init__")
-    package = tmp_path / "src" / module.partition("/")[0]
-    package.mkdir(parents=True)
-    (package / "__init__.py").touch()
-    (tmp_path / "src" / module).write_text(WARNER.format(category=category, level=1))
-    done = with_our_filters(tmp_path, f"from {name} import warn\n\ndef test_it():\n    warn()\n")
-    assert done.returncode == int(fails), done.stdout + done.stderr
-    assert "from here" in done.stdout
-
-
-def test_a_warning_attributed_to_a_test_fails_it(tmp_path: Path) -> None:
-    (tmp_path / "src" / "numpyish").mkdir(parents=True)
-    (tmp_path / "src" / "numpyish" / "__init__.py").write_text(WARNER.format(category="UserWarning", level=2))
-    done = with_our_filters(tmp_path, "from numpyish import warn\n\ndef test_it():\n    warn()\n")
-    assert done.returncode == 1, done.stdout
-
-
-def with_our_filters(folder: Path, test: str) -> subprocess.CompletedProcess[str]:
-    """A run of pytest in a folder with a test and the filters of this project."""
-    (folder / "tests").mkdir()
-    (folder / "tests" / "test_it.py").write_text(test)
-    filters = PROJECT["tool"]["pytest"]["ini_options"]["filterwarnings"]
-    lines = "".join(f"\n    {line}" for line in filters)
-    (folder / "pytest.ini").write_text(
+def test_warnings_of_our_modules_and_tests_fail_a_test_and_others_are_listed(tmp_path: Path) -> None:
+    (tmp_path / "tests").mkdir()
+    for number, (module, (category, level, _)) in enumerate(WARNERS.items()):
+        file = tmp_path / "src" / module
+        file.parent.mkdir(parents=True, exist_ok=True)
+        (file.parent / "__init__.py").touch()
+        file.write_text(WARNER.format(category=category, level=level))
+        name = module.removesuffix(".py").replace("/", ".").removesuffix(".__init__")
+        test = f"from {name} import warn\n\ndef test_it():\n    warn()\n"
+        (tmp_path / "tests" / f"test_{number}.py").write_text(test)
+    lines = "".join(f"\n    {line}" for line in PROJECT["tool"]["pytest"]["ini_options"]["filterwarnings"])
+    (tmp_path / "pytest.ini").write_text(
         f"[pytest]\naddopts = --import-mode=importlib\npythonpath = src\nfilterwarnings ={lines}\n"
     )
-    return python(
-        "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:schemathesis", "tests", cwd=folder
-    )
+    options = ("-q", "-rA", "-p", "no:cacheprovider", "-p", "no:schemathesis")
+    done = python("-m", "pytest", *options, "tests", cwd=tmp_path)
+    found = re.findall(r"^(PASSED|FAILED) tests/test_(\d)", done.stdout, re.MULTILINE)
+    ends = [end for end, _ in sorted(found, key=lambda row: int(row[1]))]
+    assert ends == [end for *_, end in WARNERS.values()], done.stdout
+    listed = done.stdout.partition("warnings summary")[2].partition("short test summary")[0]
+    assert listed.count("Warning: from here") == sum(end == "PASSED" for *_, end in WARNERS.values())
 
 
 # ------------------------------------------------------------------------------------------------ the wheel
