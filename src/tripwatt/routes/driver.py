@@ -345,16 +345,42 @@ def smooth_field(extent: float, memory: float, rng: np.random.Generator) -> tupl
     position, value : ndarrays of equal shape
         Grid from 0 and the function's values there.
     """
-    from scipy.signal import lfilter
-
     points_per_length, burn_in = 10, 80
     n = math.ceil(extent / memory * points_per_length) + 2
     pole = math.exp(-1.0 / points_per_length)
     # variance of 1 / (1 - p z)² driven by white noise of variance 1
     variance = (1.0 + pole**2) / (1.0 - pole**2) ** 3
-    raw = lfilter([1.0], [1.0, -2.0 * pole, pole**2], rng.standard_normal(n + burn_in))[burn_in:]
+    raw = autoregression(rng.standard_normal(n + burn_in), 2.0 * pole, -(pole**2))[burn_in:]
     position = np.arange(n, dtype=np.float64) * (memory / points_per_length)
-    return position, np.asarray(raw / math.sqrt(variance), dtype=np.float64)
+    return position, raw / math.sqrt(variance)
+
+
+def autoregression(shocks: FloatArray, *weights: float) -> FloatArray:
+    """Each value is its shock plus the weighted values before it, which are 0 before the first. O(shocks).
+
+    This is a triangular system with few diagonals, which LAPACK solves. `scipy.signal.lfilter` gives the same, but its
+    import takes a second.
+
+    Parameters
+    ----------
+    shocks : ndarray, shape (n,)
+    *weights : float
+        Of the value before, of the one before that, and so on.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Examples
+    --------
+    >>> autoregression(np.array([1.0, 0.0, 0.0, 4.0]), 0.5, 0.25).tolist()
+    [1.0, 0.5, 0.5, 4.375]
+    """
+    from scipy.linalg.lapack import dtbtrs
+
+    diagonals = np.tile(np.array([[1.0], *([-weight] for weight in weights)]), len(shocks))
+    values, _ = dtbtrs(diagonals, shocks, uplo="L", diag="U")
+    return np.asarray(values, dtype=np.float64)
 
 
 def profile_over_time(

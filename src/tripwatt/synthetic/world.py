@@ -15,7 +15,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.physics import DriveConditions, simulate
 from tripwatt.physics.battery import BatteryRun, discharge
-from tripwatt.routes.driver import smooth_field
+from tripwatt.routes.driver import autoregression, smooth_field
 from tripwatt.synthetic.roads import RoadDrive
 from tripwatt.synthetic.scenario import AIR, NOISE, WORLD, Scenario, stream
 from tripwatt.units import (
@@ -299,11 +299,9 @@ def heavy_tailed_noise(
     time_s: FloatArray, speed_m_s: FloatArray, power_w: FloatArray, rng: np.random.Generator
 ) -> FloatArray:
     """Power [W] that nobody can explain: Student's t shocks, half of their variance remembered, larger while moving."""
-    from scipy.signal import lfilter
-
     memory = math.exp(-float(time_s[1] - time_s[0]) / NOISE_TIME_S)
     shocks = rng.standard_t(NOISE_DF, (2, len(time_s))) * math.sqrt((NOISE_DF - 2.0) / NOISE_DF)
-    remembered = lfilter([math.sqrt(1.0 - memory**2)], [1.0, -memory], shocks[0])
+    remembered = math.sqrt(1.0 - memory**2) * autoregression(shocks[0], memory)
     unit = math.sqrt(0.5) * (remembered + shocks[1])
     size = np.where(speed_m_s > 0.0, NOISE_MOVING_W, NOISE_STANDING_W) + NOISE_SHARE * np.abs(power_w)
     return np.asarray(size * unit, dtype=np.float64)
