@@ -45,6 +45,15 @@ def test_every_bundled_car_loads_and_travels_to_a_worker(name: str, preset: str)
     assert car.entries["battery.capacity_ah"].scale in ("soc", "displayed_soc")
 
 
+def test_a_car_that_is_loaded_again_is_as_its_file_is() -> None:
+    first = load_vehicle("bmw_i3_60ah")
+    assert isinstance(first.entries, dict)
+    first.entries.clear()
+    again = load_vehicle("bmw_i3_60ah")
+    assert again == first
+    assert again.entries["body.curb_mass_kg"].value == again.body.curb_mass_kg
+
+
 def test_presets_differ_where_the_file_says() -> None:
     default, paper = load_vehicle("bmw_i3_60ah"), load_vehicle("bmw_i3_60ah", "paper")
     assert paper.regeneration.fraction == 0.5
