@@ -4,11 +4,8 @@ import contextlib
 import io
 import sys
 from collections.abc import Callable
-from functools import cache
 from typing import NamedTuple
 from unittest import mock
-
-import typer.main
 
 from tripwatt.cli import main
 
@@ -24,16 +21,12 @@ class Answer(NamedTuple):
 Run = Callable[..., Answer]
 """Called with the arguments of the command."""
 
-_built = cache(typer.main.get_command)
-"""The tree of commands, which a process of the command line builds once and the tests would build for each answer."""
-
 
 def answered(*arguments: object) -> Answer:
     """The answer of the command, for fixtures that several tests share."""
     out, err, code = io.StringIO(), io.StringIO(), 0
     with (
         mock.patch.object(sys, "argv", ["tripwatt", *map(str, arguments)]),
-        mock.patch.object(typer.main, "get_command", _built),
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),
     ):
