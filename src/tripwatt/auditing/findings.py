@@ -61,12 +61,12 @@ def array(samples: pd.DataFrame, column: str) -> FloatArray:
     """A column as float64, all missing when the log lacks it."""
     if column not in samples.columns:
         return np.full(len(samples), np.nan)
-    return np.asarray(samples[column], dtype=np.float64)
+    return samples[column].to_numpy(dtype=np.float64)
 
 
 def has(samples: pd.DataFrame, column: str) -> bool:
     """Whether the column is there with at least one value."""
-    return column in samples.columns and bool(samples[column].notna().any())
+    return column in samples.columns and not bool(np.isnan(array(samples, column)).all())
 
 
 def runs(mask: BoolArray) -> list[tuple[int, int]]:
