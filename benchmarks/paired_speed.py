@@ -44,7 +44,7 @@ def forecast_request(trip: Path) -> bytes:
         name: [float(row[head.index(name)]) for row in rows]
         for name in ("time_s", "speed_m_s", "elevation_m")
     }
-    return json.dumps({"samples": samples, "soc": 0.8, "ambient_temperature_degc": -5.0}).encode()
+    return json.dumps({"samples": samples, "ambient_temperature_degc": -5.0}).encode()
 
 
 def measured(python: str, folder: Path) -> Measured:
@@ -61,11 +61,9 @@ def measured(python: str, folder: Path) -> Measured:
         "tripwatt forecast of the example trip": seconds("forecast", "trip.csv"),
         "tripwatt fit on the synthetic fleet": seconds("fit", "--out", f"model-{time.monotonic_ns()}"),
     }
-    request = urllib.request.Request(
-        "", forecast_request(folder / "trip.csv"), {"Content-Type": "application/json"}
-    )
+    body = forecast_request(folder / "trip.csv")
     with served(python, folder) as url:
-        request.full_url = f"{url}/v1/forecast"
+        request = urllib.request.Request(f"{url}/v1/forecast", body, {"Content-Type": "application/json"})
 
         def answered() -> float:
             start = time.perf_counter()

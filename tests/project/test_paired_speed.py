@@ -31,4 +31,4 @@ def test_a_request_holds_the_trip_that_the_command_line_writes(tmp_path: Path) -
     assert answered("example-trip", "--out", tmp_path / "trip.csv").code == 0
     request = paired_speed.forecast_request(tmp_path / "trip.csv")
     assert request.startswith(b'{"samples": {"time_s": [0.0, ')
-    assert request.endswith(b'"soc": 0.8, "ambient_temperature_degc": -5.0}')
+    assert request.endswith(b', "ambient_temperature_degc": -5.0}')
