@@ -78,6 +78,12 @@ def test_outside_of_the_range_the_prior_returns():
     # a line has a posterior everywhere and is no part of it
     assert found.shape == (5, 1)
     assert model.outside_factor(X).shape == (len(X), 0)
+    # values that are held at the edge of the range are not outside of it; a missing one is not either
+    table = pd.DataFrame({"dose": np.linspace(0.0, 99.0, 5), "age": [*ages[:4], np.nan]})
+    low, high = float(X["age"].min()), float(X["age"].max())
+    assert model.outside_factor(table, {"age": high}).shape == (5, 0)
+    assert model.outside_factor(table, {"age": high + 0.01}).shape == (5, 1)
+    assert model.outside_factor(X.assign(age=low - 0.01)).shape == (len(X), 1)
 
 
 def test_arrays_hold_everything():

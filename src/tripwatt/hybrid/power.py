@@ -149,7 +149,7 @@ class GPCorrector(_Joint):
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
         """From the prior of the process."""
-        return self.model.outside_factor(settled(table.features))
+        return self.model.outside_factor(table.features, {"time_s": SETTLED_S})
 
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
         """Both from the same features."""

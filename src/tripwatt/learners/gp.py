@@ -10,6 +10,7 @@ parts are found by maximum a posteriori of the marginal likelihood (Rasmussen an
 
 from __future__ import annotations
 
+import types
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Self
@@ -170,21 +171,26 @@ class AdditiveGP:
         """As `uncertainty_factor`, from the rows' features."""
         return np.asarray(features @ self.factor_)
 
-    def outside_factor(self, X: pd.DataFrame) -> FloatArray:
+    def outside_factor(
+        self, X: pd.DataFrame, at_most: Mapping[str, float] = types.MappingProxyType({})
+    ) -> FloatArray:
         """What each smooth term may have outside of its training range, shape (rows, smooth terms).
 
         A term is held at the edge of its range. Under its prior, of variance `v`, its value at a scaled distance `d`
         differs from that at the edge with mean square ``2 v (1 - exp(-d²/2))``: nothing inside the range, and twice
         the prior variance far outside. Each column is the root of it, the same unknown for all rows of a group.
+        Columns of `at_most` are held at its values. Without a value outside there are no columns.
         """
         columns = _columns(X)
+        columns |= {name: np.minimum(columns[name], most) for name, most in at_most.items()}
         smooth = [(i, term) for i, term in enumerate(self.terms) if term.kind == "smooth"]
+        names = dict.fromkeys(c for _, term in smooth for c in term.columns)
+        if all(self._is_within(columns[name], name) for name in names):
+            return np.zeros((len(X), 0))
         beyond = {}
-        for name in dict.fromkeys(c for _, term in smooth for c in term.columns):
+        for name in names:
             values = self._fill_missing(columns[name], name) - self.means_[name]
             beyond[name] = (values - self._held(columns, name)) / self.sds_[name]
-        if not any(values.any() for values in beyond.values()):
-            return np.zeros((len(X), 0))
         found = np.empty((len(X), len(smooth)))
         for k, (i, term) in enumerate(smooth):
             distance2 = np.sum([(beyond[c] / term.length) ** 2 for c in term.columns], axis=0)
@@ -285,6 +291,11 @@ class AdditiveGP:
         """Distance of a column from its mean, held at the edge of the training range."""
         low, high = self.ranges_[name]
         return np.minimum(np.maximum(self._fill_missing(X[name], name), low), high) - self.means_[name]
+
+    def _is_within(self, values: FloatArray, name: str) -> bool:
+        """Whether every known value is one that the training rows had, or between two of them."""
+        low, high = self.ranges_[name]
+        return not (np.fmin.reduce(values) < low or np.fmax.reduce(values) > high)
 
     def _standard(self, held: Mapping[str, FloatArray], term: KernelTerm) -> list[FloatArray]:
         """Columns of a smooth term in units of its length scale."""
