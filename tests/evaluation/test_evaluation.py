@@ -180,7 +180,7 @@ def test_unknown_names_are_refused(fleet):
         evaluate(fleet, protocol="nonsense")
 
 
-@pytest.mark.parametrize("name", ["linear4", "boosting", "gamm"])
+@pytest.mark.parametrize("name", ["linear4", "boosting"])
 def test_a_fold_is_fitted_without_its_own_trips(coarse, name):
     """Through the very function that the evaluation runs, not a copy of it."""
     table, spec = coarse, chosen(name)
