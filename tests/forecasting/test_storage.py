@@ -35,7 +35,7 @@ def car():
 
 @pytest.fixture(scope="module")
 def table(fleet, car):
-    return segment_trips(fleet.trips[:10], car)
+    return segment_trips(fleet.trips[:8], car)
 
 
 @pytest.mark.parametrize("corrector", ["linear", "gp", "boosting", "forest", "ensemble", "split"])
