@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 import warnings
@@ -96,16 +97,19 @@ def one_blas_thread(function: Callable[Given, Result]) -> Callable[Given, Result
 
     @wraps(function)
     def limited(*args: Given.args, **options: Given.kwargs) -> Result:
-        with _blas().limit(limits=1, user_api="blas"):
+        with _blas("scipy.linalg" in sys.modules).limit(limits=1, user_api="blas"):
             return function(*args, **options)
 
     return limited
 
 
 @cache
-def _blas() -> ThreadpoolController:
-    """The libraries of linear algebra in this process; found once, which takes tens of milliseconds."""
-    import scipy.linalg  # noqa: F401 -- SciPy has a library of its own, which is found only when it is there
+def _blas(with_scipy: bool) -> ThreadpoolController:
+    """The libraries of linear algebra in this process, found once, which takes tens of milliseconds.
+
+    SciPy has a library of its own. It is looked for again once it is there: `scipy.linalg` takes longer to import than a
+    forecast, which does not need it, to calculate.
+    """
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController()

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from typing import Final, NoReturn
 
 import numpy as np
-from scipy.sparse import csr_array, eye_array
-from scipy.sparse.csgraph import connected_components
 
 from tripwatt.arrays import FloatArray, eigen
 from tripwatt.errors import Fault, InvalidInput
@@ -57,6 +55,8 @@ class HierarchicalCorrector:
             Parameters whose mean the car's values have taken. The mean of the others, and the uncertainty of all, becomes
             that of the causes that they multiply.
         """
+        from scipy.sparse import eye_array  # scipy is slow to import
+
         names = [term.columns[0] if term.kind == "line" else "" for term in transfer.members.terms]
         features = len(transfer.scales)
         starts = np.concatenate(([0], np.cumsum(transfer.members.sizes)))[:-1]
@@ -115,6 +115,9 @@ def _factor(covariance: FloatArray) -> FloatArray:
     Weights that are independent of each other, as all causes and terms are before the first trip, are factorised on their own:
     O(sum of the cubes of their numbers).
     """
+    from scipy.sparse import csr_array  # scipy is slow to import
+    from scipy.sparse.csgraph import connected_components
+
     number, block = connected_components(csr_array(covariance != 0.0), directed=False)
     parts = []
     for b in range(number):
