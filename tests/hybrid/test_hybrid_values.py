@@ -31,6 +31,7 @@ from tripwatt.hybrid.split import (
 )
 from tripwatt.hybrid.stored import StoredTrees
 from tripwatt.hybrid.trip_table import TripTable, build_table
+from tripwatt.learners.gp import KernelTerm
 from tripwatt.trips import TEMPERATURES, Context, Departure, Plan, Trip
 from tripwatt.vehicles import load_vehicle
 
@@ -552,6 +553,19 @@ class TestCorrectors:
     def test_time_is_held_at_an_hour(self) -> None:
         held = settled(pd.DataFrame({"time_s": [10.0, 3600.0, 3700.0]}))
         assert held["time_s"].tolist() == [10.0, 3600.0, 3600.0]
+
+    def test_a_longer_drive_is_no_further_outside_than_one_of_an_hour(self) -> None:
+        rng = np.random.default_rng(4)
+        rows = pd.DataFrame({"time_s": np.tile(np.arange(10) * 200.0, 6), "simulated_w": 5000.0})
+        corrector = GPCorrector((KernelTerm(("time_s",), "smooth", 1.0),))
+        corrector.model.fit(rows, rng.normal(0.0, 300.0, 60), np.repeat(np.arange(6), 10), np.full(60, 0.05))
+
+        def outside(time_s: float) -> np.ndarray:
+            return corrector.outside_factor(SimpleNamespace(features=rows.assign(time_s=time_s)))
+
+        assert outside(1800.0).shape == (60, 0)
+        assert (outside(3500.0) < outside(3600.0)).all()
+        np.testing.assert_array_equal(outside(3600.0), outside(9000.0))
 
     def test_shape_moves_energy_along_a_trip(self) -> None:
         """One feature of prior variance 9: ridge on rows less their mean; the total stays that of the weights."""
