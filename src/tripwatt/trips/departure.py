@@ -178,7 +178,9 @@ class Departure:
 
     def to_dict(self) -> dict[str, Any]:
         """The fields that are known; the time of departure as ISO 8601."""
-        known = {name: value for name, value in asdict(self).items() if value is not None}
+        known = {
+            field.name: value for field in fields(self) if (value := getattr(self, field.name)) is not None
+        }
         if self.started_at is not None:
             known["started_at"] = self.started_at.isoformat()
         return known

@@ -49,8 +49,8 @@ class Drive:
     @property
     def duration_s(self) -> float:
         """Time between the first and the last sample [s]."""
-        time = self.samples["time_s"]
-        return float(time.iloc[-1] - time.iloc[0]) if len(time) else 0.0
+        time = self.array("time_s")
+        return float(time[-1] - time[0]) if len(time) else 0.0
 
     @property
     def distance_m(self) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -223,7 +222,13 @@ def flag_to_dict(flag: Flag) -> dict[str, Any]:
     >>> flag_to_dict(Flag("links_too_long", "links", 6000.0, "m"))["code"]
     'links_too_long'
     """
-    return {**asdict(flag), "message": message(flag)}
+    return {
+        "code": flag.code,
+        "subject": flag.subject,
+        "value": flag.value,
+        "unit": flag.unit,
+        "message": message(flag),
+    }
 
 
 def _value(flag: Flag) -> tuple[Any, ...]:
