@@ -174,28 +174,28 @@ class AdditiveGP:
     def outside_factor(
         self, X: pd.DataFrame, at_most: Mapping[str, float] = types.MappingProxyType({})
     ) -> FloatArray:
-        """What each smooth term may have outside of its training range, shape (rows, smooth terms).
+        """What each smooth term may have outside of its training range, shape (rows, smooth terms with a value outside).
 
         A term is held at the edge of its range. Under its prior, of variance `v`, its value at a scaled distance `d`
         differs from that at the edge with mean square ``2 v (1 - exp(-d²/2))``: nothing inside the range, and twice
         the prior variance far outside. Each column is the root of it, the same unknown for all rows of a group.
-        Columns of `at_most` are held at its values. Without a value outside there are no columns.
+        Columns of `at_most` are held at its values.
         """
         columns = _columns(X)
         columns |= {name: np.minimum(columns[name], most) for name, most in at_most.items()}
         smooth = [(i, term) for i, term in enumerate(self.terms) if term.kind == "smooth"]
         names = dict.fromkeys(c for _, term in smooth for c in term.columns)
-        if all(self._is_within(columns[name], name) for name in names):
-            return np.zeros((len(X), 0))
-        beyond = {}
+        distance2 = {}
         for name in names:
-            values = self._fill_missing(columns[name], name) - self.means_[name]
-            beyond[name] = (values - self._held(columns, name)) / self.sds_[name]
-        found = np.empty((len(X), len(smooth)))
-        for k, (i, term) in enumerate(smooth):
-            distance2 = np.sum([(beyond[c] / term.length) ** 2 for c in term.columns], axis=0)
-            found[:, k] = np.sqrt(-2.0 * self.variances_[i] * np.expm1(-0.5 * distance2))
-        return found
+            if not self._is_within(columns[name], name):
+                values = self._fill_missing(columns[name], name) - self.means_[name]
+                distance2[name] = ((values - self._held(columns, name)) / self.sds_[name]) ** 2
+        found = [
+            np.sqrt(-2.0 * self.variances_[i] * np.expm1(-0.5 * sum(outside) / term.length**2))
+            for i, term in smooth
+            if (outside := [distance2[c] for c in term.columns if c in distance2])
+        ]
+        return np.column_stack(found) if found else np.zeros((len(X), 0))
 
     def effect_sds(self) -> tuple[float, float]:
         """Standard deviation of the group effect and of the group's share."""
