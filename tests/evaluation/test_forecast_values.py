@@ -36,7 +36,8 @@ from tripwatt.evaluation.forecast_scores import (
     WITHOUT_PHYSICS,
     ForecastInsight,
 )
-from tripwatt.evaluation.protocol import LEAVE_ONE_TRIP_OUT, FoldResult
+from tripwatt.evaluation.hold_outs import LEAVE_ONE_TRIP_OUT
+from tripwatt.evaluation.protocol import FoldResult
 from tripwatt.hybrid import SegmentTable
 from tripwatt.trips import Context, Departure, Plan, Trip
 

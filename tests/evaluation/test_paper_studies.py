@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from tripwatt.evaluation import Execution, evaluate
+from tripwatt.evaluation.hold_outs import HoldOut
 from tripwatt.evaluation.paper_studies import (
     CHOICES,
     CURVE,
@@ -23,7 +24,7 @@ from tripwatt.evaluation.paper_studies import (
     study_models,
     trips_needed,
 )
-from tripwatt.evaluation.protocol import FoldResult, HoldOut
+from tripwatt.evaluation.protocol import FoldResult
 from tripwatt.evaluation.table_models import PHYSICS_PAPER
 from tripwatt.hybrid import build_table
 from tripwatt.paper import Table2Corrector, correctors

@@ -22,7 +22,8 @@ from tripwatt.routes import (
     read_response,
     route_from_track,
 )
-from tripwatt.routes.points import decode_polyline, haversine_m
+from tripwatt.routes.points import haversine_m
+from tripwatt.routes.polyline import decode_polyline
 from tripwatt.trips import Flag
 
 RESPONSES = Path(__file__).parent / "responses"

@@ -17,6 +17,7 @@ from tripwatt.routes import (
     links_of_trip,
     plan_from_links,
     points,
+    polyline,
     road_work,
     route_from_links,
 )
@@ -28,10 +29,10 @@ from tripwatt.routes.points import (
     an_object,
     content,
     coordinates,
-    decode_polyline,
     haversine_m,
     require_on_earth,
 )
+from tripwatt.routes.polyline import decode_polyline
 from tripwatt.routes.responses import (
     _graphhopper_speeds,
     _heights,
@@ -333,6 +334,7 @@ def test_broken_polylines(text):
 
 
 def test_lengths_of_polylines(monkeypatch):
+    monkeypatch.setattr(polyline, "MOST_POINTS", 2)
     monkeypatch.setattr(points, "MOST_POINTS", 2)
     assert len(decode_polyline("?" * 4, "t")) == 2
     with pytest.raises(InvalidInput, match="too many points"):

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.evaluation.protocol import FoldResult, HoldOut, ModelSpec, Progress, Task
+from tripwatt.evaluation.hold_outs import HoldOut
+from tripwatt.evaluation.protocol import FoldResult, ModelSpec, Progress, Task
 from tripwatt.parallel import map_unordered
 
 

@@ -26,7 +26,8 @@ from tripwatt.evaluation.forecast_scores import (
     UPDATE_LEVEL,
     UPDATES,
 )
-from tripwatt.evaluation.protocol import LEAVE_ONE_TRIP_OUT, TRAINING_ONLY, FoldResult, HoldOut
+from tripwatt.evaluation.hold_outs import LEAVE_ONE_TRIP_OUT, TRAINING_ONLY, HoldOut
+from tripwatt.evaluation.protocol import FoldResult
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.hybrid import SegmentTable, power_corrector
 from tripwatt.hybrid.climate_log import TOLD_BY

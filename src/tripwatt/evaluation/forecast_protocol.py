@@ -28,20 +28,16 @@ from tripwatt.evaluation.forecast_results import (
     strata,
 )
 from tripwatt.evaluation.forecast_scores import FORECAST, WITHOUT_PHYSICS
-from tripwatt.evaluation.protocol import (
+from tripwatt.evaluation.hold_outs import (
     LEAVE_ONE_DAY_OUT,
     LEAVE_ONE_TRIP_OUT,
     LEAVE_REGIME_OUT,
     OTHER_TRIPS,
     TIME_SPLIT,
     TRAINING_ONLY,
-    CarChoice,
-    FoldResult,
     HoldOut,
-    ModelSpec,
-    Prepared,
-    ReportSection,
 )
+from tripwatt.evaluation.protocol import CarChoice, FoldResult, ModelSpec, Prepared, ReportSection
 from tripwatt.evaluation.results import EvaluationRun, about_run, fold_frame, paired_summary, summary_of
 from tripwatt.evaluation.table_models import CONSTANT, LINEAR4, LINEAR6, PHYSICS, PHYSICS4, TotalModel
 from tripwatt.forecasting import DEFAULT_CORRECTOR, GIVEN

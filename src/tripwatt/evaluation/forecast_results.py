@@ -27,8 +27,9 @@ from tripwatt.evaluation.forecast_scores import (
     symmetric_quantiles,
     update_scores,
 )
+from tripwatt.evaluation.hold_outs import HoldOut
 from tripwatt.evaluation.metrics import bootstrap_interval
-from tripwatt.evaluation.protocol import FoldResult, HoldOut
+from tripwatt.evaluation.protocol import FoldResult
 
 PER_TRIP: Final = ("sd", "low", "high", "factors", "pit", "flags", "causes", "updates")
 """Arrays of a fold of the forecast with one row per trip."""

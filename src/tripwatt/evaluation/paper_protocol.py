@@ -16,17 +16,9 @@ import pandas as pd
 from tripwatt.arrays import FloatArray
 from tripwatt.auditing import Audit, audit
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.evaluation.hold_outs import LEAVE_ONE_DAY_OUT, LEAVE_ONE_TRIP_OUT, HoldOut
 from tripwatt.evaluation.paper_studies import simulation_forms, studies, study_models
-from tripwatt.evaluation.protocol import (
-    LEAVE_ONE_DAY_OUT,
-    LEAVE_ONE_TRIP_OUT,
-    CarChoice,
-    FoldResult,
-    HoldOut,
-    ModelSpec,
-    Prepared,
-    ReportSection,
-)
+from tripwatt.evaluation.protocol import CarChoice, FoldResult, ModelSpec, Prepared, ReportSection
 from tripwatt.evaluation.results import EvaluationRun, about_run, fold_frame, paired_summary, summary_of
 from tripwatt.evaluation.table_models import (
     CONSTANT,

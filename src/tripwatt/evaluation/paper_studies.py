@@ -16,8 +16,9 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.evaluation.hold_outs import LEAVE_ONE_TRIP_OUT, HoldOut
 from tripwatt.evaluation.metrics import absolute_percentage_error, summarise_errors
-from tripwatt.evaluation.protocol import LEAVE_ONE_TRIP_OUT, FoldResult, HoldOut, ModelSpec
+from tripwatt.evaluation.protocol import FoldResult, ModelSpec
 from tripwatt.evaluation.table_models import REFERENCE, TableModel
 from tripwatt.hybrid import EnergyModel, PhysicsOnly, TripTable
 from tripwatt.paper import correctors

@@ -19,8 +19,9 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.evaluation.forecast_scores import ForecastInsight
+from tripwatt.evaluation.hold_outs import HoldOut
 from tripwatt.evaluation.metrics import absolute_percentage_error, paired_difference, summarise_errors
-from tripwatt.evaluation.protocol import FoldResult, HoldOut, ModelSpec, Prepared
+from tripwatt.evaluation.protocol import FoldResult, ModelSpec, Prepared
 from tripwatt.paper.insight import GammInsight
 
 FOLD_COLUMNS: Final = (

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripwatt.arrays import IntArray
-from tripwatt.evaluation.protocol import FoldResult, HoldOut
+from tripwatt.evaluation.hold_outs import HoldOut
+from tripwatt.evaluation.protocol import FoldResult
 from tripwatt.hybrid import EnergyModel, EnergyRegression, PhysicsOnly, TripTable
 from tripwatt.paper import HybridModel
 

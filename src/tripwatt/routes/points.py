@@ -1,4 +1,4 @@
-"""Points on the earth: distances, encoded polylines, and numbers and JSON that come from outside."""
+"""Points on the earth: distances, and numbers and JSON that come from outside."""
 
 from __future__ import annotations
 
@@ -41,48 +41,6 @@ def haversine_m(latitude_deg: npt.ArrayLike, longitude_deg: npt.ArrayLike) -> Fl
         np.sin(np.diff(lat) / 2.0) ** 2 + np.cos(lat[1:]) * np.cos(lat[:-1]) * np.sin(np.diff(lon) / 2.0) ** 2
     )
     return np.asarray(2.0 * EARTH_RADIUS_M * np.arcsin(np.sqrt(np.clip(chord, 0.0, 1.0))), dtype=np.float64)
-
-
-def decode_polyline(text: str, where: str, *, precision: float = 1e5, dimensions: int = 2) -> FloatArray:
-    """Coordinates of an encoded polyline, shape (points, dimensions): latitude, longitude and height in hundredths.
-
-    Raises
-    ------
-    InvalidInput
-        When the text is not one.
-
-    Examples
-    --------
-    >>> decode_polyline("_p~iF~ps|U_ulLnnqC", "example")
-    array([[  38.5 , -120.2 ],
-           [  40.7 , -120.95]])
-    """
-    if len(text) > 32 * MOST_POINTS:
-        raise InvalidInput(
-            Fault("polyline too long", where, f"{len(text)} characters", f"{32 * MOST_POINTS}")
-        )
-    numbers: list[int] = []
-    value = shift = 0
-    for character in text:
-        chunk = ord(character) - 63
-        if not 0 <= chunk < 64 or shift > 45:
-            raise InvalidInput(
-                Fault("not an encoded polyline", where, repr(text[:20]), "an encoded polyline")
-            )
-        value |= (chunk & 0x1F) << shift
-        shift += 5
-        if chunk < 0x20:
-            numbers.append(~(value >> 1) if value & 1 else value >> 1)
-            value = shift = 0
-    if shift or len(numbers) % dimensions or len(numbers) < 2 * dimensions:
-        got = f"{len(numbers)} numbers{' and a part of one' if shift else ''}"
-        raise InvalidInput(
-            Fault("not an encoded polyline", where, got, f"{dimensions} for each of at least 2 points")
-        )
-    scale = np.array([precision, precision, 100.0][:dimensions])
-    points = np.cumsum(np.array(numbers, dtype=np.float64).reshape(-1, dimensions), axis=0) / scale
-    require_on_earth(points[:, 0], points[:, 1], where)
-    return np.asarray(points, dtype=np.float64)
 
 
 def require_on_earth(latitude_deg: FloatArray, longitude_deg: FloatArray, where: str) -> None:

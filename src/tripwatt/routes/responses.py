@@ -31,11 +31,11 @@ from tripwatt.routes.points import (
     an_object,
     content,
     coordinates,
-    decode_polyline,
     haversine_m,
     numbers,
     parse_json,
 )
+from tripwatt.routes.polyline import decode_polyline
 from tripwatt.routes.tracks import Track
 from tripwatt.routes.xml_events import root_of
 from tripwatt.trips import Flag

@@ -19,10 +19,7 @@ from tripwatt.routes.links import (
     SHORTEST_LINK_M,
     LinkRoute,
 )
-from tripwatt.routes.points import (
-    haversine_m,
-    require_on_earth,
-)
+from tripwatt.routes.points import haversine_m, require_on_earth
 from tripwatt.trips import COLUMNS, Departure, Flag, Plan, raise_faults, table_of
 from tripwatt.trips.gaps import SHORTEST_GAP_S
 from tripwatt.units import M_S_PER_KM_H

@@ -15,7 +15,8 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput, RemoteError
 from tripwatt.routes.places import Place
-from tripwatt.routes.points import a_list, a_number, an_object, decode_polyline, haversine_m
+from tripwatt.routes.points import a_list, a_number, an_object, haversine_m
+from tripwatt.routes.polyline import decode_polyline
 from tripwatt.routes.routers.road import MOST_ROUTES, Edges, Road, RoadParts, require_stops
 from tripwatt.routes.web import WebClient
 from tripwatt.units import M_S_PER_KM_H

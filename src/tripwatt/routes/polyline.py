@@ -1,0 +1,64 @@
+"""Encoded polylines: coordinates as the text that routers send."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.routes.points import MOST_POINTS, require_on_earth
+
+_MOST_CHARACTERS: Final = 10
+"""Characters of one number, of five bits each; a coordinate takes seven."""
+
+
+def decode_polyline(text: str, where: str, *, precision: float = 1e5, dimensions: int = 2) -> FloatArray:
+    """Coordinates of an encoded polyline, shape (points, dimensions): latitude, longitude and height in hundredths.
+
+    O(characters), without a loop over them.
+
+    Parameters
+    ----------
+    text : str
+    where : str
+        What messages call it.
+    precision : float
+        Latitudes and longitudes are encoded as whole multiples of its inverse [1/deg].
+    dimensions : int
+        3 where heights are encoded too, in hundredths of a metre.
+
+    Raises
+    ------
+    InvalidInput
+        When the text is not one, or has more than `MOST_POINTS`.
+
+    Examples
+    --------
+    >>> decode_polyline("_p~iF~ps|U_ulLnnqC", "example")
+    array([[  38.5 , -120.2 ],
+           [  40.7 , -120.95]])
+    """
+    if len(text) > 32 * MOST_POINTS:
+        raise InvalidInput(
+            Fault("polyline too long", where, f"{len(text)} characters", f"{32 * MOST_POINTS}")
+        )
+    chunks = np.frombuffer(text.encode("utf-32-le", "surrogatepass"), dtype=np.uint32).astype(np.int64) - 63
+    ends = np.flatnonzero(chunks < 0x20)  # of each number: its last character has no bit for "more follow"
+    starts = np.concatenate(([0], ends + 1))
+    lengths = np.diff(starts, append=len(chunks))  # the last is that of a number without an end
+    if ((chunks < 0) | (chunks >= 64)).any() or (lengths > _MOST_CHARACTERS).any():
+        raise InvalidInput(Fault("not an encoded polyline", where, repr(text[:20]), "an encoded polyline"))
+    if lengths[-1] or len(ends) % dimensions or len(ends) < 2 * dimensions:
+        got = f"{len(ends)} numbers{' and a part of one' if lengths[-1] else ''}"
+        raise InvalidInput(
+            Fault("not an encoded polyline", where, got, f"{dimensions} for each of at least 2 points")
+        )
+    place = np.arange(len(chunks)) - np.repeat(starts, lengths)
+    values = np.add.reduceat((chunks & 0x1F) << (5 * place), starts[:-1])
+    numbers = np.where(values & 1, ~(values >> 1), values >> 1)
+    scale = np.array([precision, precision, 100.0][:dimensions])
+    points = np.cumsum(numbers.astype(np.float64).reshape(-1, dimensions), axis=0) / scale
+    require_on_earth(points[:, 0], points[:, 1], where)
+    return np.asarray(points)
