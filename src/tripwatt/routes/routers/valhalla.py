@@ -7,8 +7,11 @@ with their speeds, classes and signals, come from `trace_attributes` on the line
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, Final
+from functools import partial
+from itertools import chain
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -20,6 +23,8 @@ from tripwatt.routes.polyline import decode_polyline
 from tripwatt.routes.routers.road import MOST_ROUTES, Edges, Road, RoadParts, require_stops
 from tripwatt.routes.web import WebClient
 from tripwatt.units import M_S_PER_KM_H
+
+Found = TypeVar("Found")
 
 Ask = Callable[[str, dict[str, Any]], Any]
 """Takes an action of Valhalla and its request, gives the answer as a document."""
@@ -65,11 +70,14 @@ class ValhallaRouter:
         As messages call it.
     ask_tile : callable, optional
         See `AskTile`; None where there are no tiles.
+    at_once : bool
+        Whether `ask` may be called from several threads.
     """
 
     ask: Ask
     name: str = "valhalla"
     ask_tile: AskTile | None = None
+    at_once: bool = False
 
     @classmethod
     def from_url(cls, url: str) -> ValhallaRouter:
@@ -88,15 +96,22 @@ class ValhallaRouter:
             lambda action, request: client.post_json(f"/{action}", request),
             f"valhalla at {client.host}",
             tile,
+            at_once=True,
         )
 
     def roads(self, stops: Sequence[Place], *, alternatives: int = 0) -> tuple[Road, ...]:
         """See `Router.roads`. The shortest road is one of the alternatives where it differs from the fastest."""
         require_stops(stops)
-        trips = self._trips(stops, {"alternates": min(alternatives, MOST_ROUTES - 2)} if alternatives else {})
+        asked: list[dict[str, Any]] = [{}]
         if alternatives:
-            trips += self._trips(stops, {"costing_options": {"auto": {"shortest": True}}})
-        roads = [self._road(trip, stops) for trip in _different(trips)]
+            asked = [
+                {"alternates": min(alternatives, MOST_ROUTES - 2)},
+                {"costing_options": {"auto": {"shortest": True}}},
+            ]
+        trips = self._together([partial(self._trips, stops, more) for more in asked])
+        roads = self._together(
+            [partial(self._road, trip, stops) for trip in _different([*chain.from_iterable(trips)])]
+        )
         longest_s = SLOWEST_ALTERNATIVE * roads[0].duration_s
         return tuple(road for k, road in enumerate(roads) if k == 0 or road.duration_s <= longest_s)
 
@@ -164,62 +179,40 @@ class ValhallaRouter:
                         Fault("no line", f"route, legs[{k}]", repr(shape)[:40], "an encoded line")
                     )
                 points = decode_polyline(shape, f"route, legs[{k}], shape", precision=1e6)
-                edges, covered = self._edges(shape, points, stops)
-                parts.add(edges, points, self._heights(shape, covered))
+                asked = [partial(self._edge_document, shape, stops), partial(self._height_document, shape)]
+                edge_document, heights = self._together(asked)
+                edges, covered = _edges(edge_document, shape, points)
+                parts.add(edges, points, _heights(heights, covered))
         except RemoteError:
             raise
         except InvalidInput as error:
             raise RemoteError(error.faults) from error
         return parts.road(stops, self.name)
 
-    def _edges(self, shape: str, points: FloatArray, stops: Sequence[Place]) -> tuple[Edges, FloatArray]:
-        """Edges of a line, and the ranges of distance [m] under a roof or on a bridge, shape (ranges, 2)."""
+    def _together(self, calls: Sequence[Callable[[], Found]]) -> list[Found]:
+        """What each call gives; a server answers them side by side."""
+        if not self.at_once or len(calls) == 1:
+            return [call() for call in calls]
+        with ThreadPoolExecutor(len(calls)) as threads:
+            return [found.result() for found in [threads.submit(call) for call in calls]]
+
+    def _edge_document(self, shape: str, stops: Sequence[Place]) -> dict[str, Any]:
         request = {
             "encoded_polyline": shape,
             "shape_match": "edge_walk",
             "costing": "auto",
             "filters": {"attributes": list(EDGE_VALUES), "action": "include"},
         }
-        answer = self._answer("trace_attributes", request, stops)
-        entries = a_list(answer.get("edges"), "trace_attributes, edges", least=1)
-        if len(entries) > MOST_EDGES:
-            raise InvalidInput(
-                Fault("too many edges", "trace_attributes", f"{len(entries)}", f"at most {MOST_EDGES}")
-            )
-        own = answer.get("shape")
-        if isinstance(own, str):  # its line may have a point more than that of the route
-            points = decode_polyline(own, "trace_attributes, shape", precision=1e6)
-        table = _EdgeTable.from_entries(entries, len(points))
-        driven = np.concatenate(([0.0], np.cumsum(haversine_m(points[:, 0], points[:, 1]))))
-        border = np.append(driven[table.begin], driven[table.end[-1]])
-        length = np.diff(border)
-        off = table.covered
-        ranges = np.column_stack((border[:-1][off], border[1:][off]))
-        time = np.diff(table.elapsed_s, prepend=0.0)
-        kinds = tuple(table.road_class)
-        return Edges(length, time, table.speed_m_s, table.limit_m_s, kinds, table.signal), ranges
+        return self._answer("trace_attributes", request, stops)
 
-    def _heights(self, shape: str, covered: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-        """Distances and heights; None without an elevation model. Tunnels and bridges are straight."""
+    def _height_document(self, shape: str) -> dict[str, Any]:
         request = {
             "encoded_polyline": shape,
             "shape_format": "polyline6",
             "range": True,
             "resample_distance": HEIGHT_EVERY_M,
         }
-        answer = an_object(self.ask("height", request), "height")
-        pairs = answer.get("range_height")
-        if not isinstance(pairs, list) or not pairs:
-            return None
-        known = [pair for pair in pairs if isinstance(pair, list) and len(pair) == 2 and pair[1] is not None]
-        if len(known) < 2:
-            return None
-        table = np.array([[a_number(v, "height, range_height") for v in pair] for pair in known])
-        on_ground = np.ones(len(table), dtype=bool)
-        for start, end in covered:
-            on_ground &= ~((table[:, 0] > start) & (table[:, 0] < end))
-        kept = table[on_ground] if on_ground.sum() >= 2 else table
-        return kept[:, 0], kept[:, 1]
+        return an_object(self.ask("height", request), "height")
 
     def _answer(self, action: str, request: dict[str, Any], stops: Sequence[Place]) -> dict[str, Any]:
         """The answer of an action.
@@ -244,6 +237,43 @@ class ValhallaRouter:
         if isinstance(code, int) and code in NOT_ON_MAP:
             raise InvalidInput(Fault("place outside of the map", title, got, "places near a road of the map"))
         raise InvalidInput(Fault("no road found", title, got, "places that a road connects"))
+
+
+def _edges(answer: dict[str, Any], shape: str, points: FloatArray) -> tuple[Edges, FloatArray]:
+    """Edges of a line, and the ranges of distance [m] under a roof or on a bridge, shape (ranges, 2)."""
+    entries = a_list(answer.get("edges"), "trace_attributes, edges", least=1)
+    if len(entries) > MOST_EDGES:
+        raise InvalidInput(
+            Fault("too many edges", "trace_attributes", f"{len(entries)}", f"at most {MOST_EDGES}")
+        )
+    own = answer.get("shape")
+    if isinstance(own, str) and own != shape:  # its line may have a point more than that of the route
+        points = decode_polyline(own, "trace_attributes, shape", precision=1e6)
+    table = _EdgeTable.from_entries(entries, len(points))
+    driven = np.concatenate(([0.0], np.cumsum(haversine_m(points[:, 0], points[:, 1]))))
+    border = np.append(driven[table.begin], driven[table.end[-1]])
+    length = np.diff(border)
+    off = table.covered
+    ranges = np.column_stack((border[:-1][off], border[1:][off]))
+    time = np.diff(table.elapsed_s, prepend=0.0)
+    kinds = tuple(table.road_class)
+    return Edges(length, time, table.speed_m_s, table.limit_m_s, kinds, table.signal), ranges
+
+
+def _heights(answer: dict[str, Any], covered: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    """Distances and heights; None without an elevation model. Tunnels and bridges are straight."""
+    pairs = answer.get("range_height")
+    if not isinstance(pairs, list) or not pairs:
+        return None
+    known = [pair for pair in pairs if isinstance(pair, list) and len(pair) == 2 and pair[1] is not None]
+    if len(known) < 2:
+        return None
+    table = np.array([[a_number(v, "height, range_height") for v in pair] for pair in known])
+    on_ground = np.ones(len(table), dtype=bool)
+    for start, end in covered:
+        on_ground &= ~((table[:, 0] > start) & (table[:, 0] < end))
+    kept = table[on_ground] if on_ground.sum() >= 2 else table
+    return kept[:, 0], kept[:, 1]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
