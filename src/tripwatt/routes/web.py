@@ -7,7 +7,9 @@ its client logs URLs, and a URL may contain a key.
 from __future__ import annotations
 
 import os
+import threading
 import time
+import weakref
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
@@ -32,6 +34,8 @@ FIRST_PAUSE_S: Final = 0.2
 
 PASSING: Final = frozenset({429, 502, 503, 504})
 """Statuses after which another attempt may succeed."""
+
+_OPENING: Final = threading.Lock()
 
 EXTRA: Final = "run pip install 'tripwatt[routing]'"
 
@@ -218,9 +222,12 @@ class WebClient:
         return {"Accept": "application/json", "User-Agent": "tripwatt", **own}
 
     def _open_transport(self) -> httpx.BaseTransport:
-        """One transport for all requests, so that connections stay open."""
-        if not self._transport:
-            self._transport.append(_httpx().HTTPTransport(trust_env=False))
+        """One transport for all requests, so that connections stay open; closed with the client."""
+        with _OPENING:
+            if not self._transport:
+                transport = _httpx().HTTPTransport(trust_env=False)
+                weakref.finalize(self, transport.close)
+                self._transport.append(transport)
         return self._transport[0]
 
 
