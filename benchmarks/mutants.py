@@ -46,8 +46,8 @@ ROOMS: Final = (
     "auditing",
     "service",
 )
-DRAWN: Final = "plots.py"
-"""Sizes and places in figures, which people judge by looking."""
+NO_MUTANTS: Final = ("plots.py", "example_requests.py")
+"""Sizes and places in figures, which people judge by looking, and numbers of examples, which are free."""
 LEAST_SHARE: Final = 0.9
 NO_PART: Final = ("tests/page", "tests/project", "tests/report", "tests/gam", "tests/cli", "src/tripwatt/gam")
 """Tests of the browser, of the project's files, of words and figures, and of rooms that no mutant is planted in."""
@@ -265,7 +265,9 @@ def chosen_mutants(count: int, seed: int, since: str | None) -> list[Mutant]:
     """Random mutants of the rooms, of all lines or of those that differ from a revision."""
     package = ROOT / "src" / "tripwatt"
     if since is None:
-        files = [p for room in ROOMS for p in sorted((package / room).rglob("*.py")) if p.name != DRAWN]
+        files = [
+            p for room in ROOMS for p in sorted((package / room).rglob("*.py")) if p.name not in NO_MUTANTS
+        ]
         every = [m for path in files for m in mutants_of(path)]
     else:
         changed = _changed_lines(since)

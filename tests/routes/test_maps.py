@@ -270,6 +270,27 @@ def test_what_cannot_be_built_is_named_before_anything_is_written(tmp_path, monk
     assert [path.name for path in full.iterdir()] == ["mine.txt"]
 
 
+@pytest.mark.parametrize("made", ["nothing", "an empty folder", "a map"])
+def test_a_new_folder_or_that_of_a_map_is_free(tmp_path, monkeypatch, made):
+    monkeypatch.setattr("tripwatt.routes.maps.folder.require_valhalla", lambda: tmp_path)
+    place = tmp_path / "map"
+    if made == "a map":
+        write_map(place)
+    elif made == "an empty folder":
+        place.mkdir()
+    with pytest.raises(InvalidInput) as caught:
+        build_map(tmp_path / "none.osm.pbf", place)
+    assert [fault.what for fault in caught.value.faults] == ["no such file"]
+
+
+def test_a_file_is_no_folder_of_a_map(tmp_path, monkeypatch):
+    monkeypatch.setattr("tripwatt.routes.maps.folder.require_valhalla", lambda: tmp_path)
+    (tmp_path / "map").write_text("x")
+    with pytest.raises(InvalidInput) as caught:
+        build_map(tmp_path / "none.osm.pbf", tmp_path / "map")
+    assert [fault.what for fault in caught.value.faults] == ["no such file", "folder holds something else"]
+
+
 def test_without_valhalla_a_map_cannot_be_built(tmp_path, monkeypatch):
     monkeypatch.setattr("tripwatt.routes.maps.engine.valhalla_folder", lambda: None)
     with pytest.raises(

@@ -284,6 +284,15 @@ def test_more_trips_are_surer_and_nearer(base, second_car, leaf) -> None:
     assert misses[1] < misses[0]
 
 
+def test_trips_left_out_in_turn_have_errors_of_the_sign_of_their_scores(base, second_car, leaf) -> None:
+    found = adaptation(load_model(base), second_car.trips[:6], leaf).model.held_out_
+    assert [one.trip for one in found] == [trip.trip_id for trip in second_car.trips[:6]]
+    for one, trip in zip(found, second_car.trips, strict=False):
+        assert one.observed_wh == pytest.approx(trip.observed_energy_wh, rel=0.01)
+        sd = (one.observed_wh - one.predicted_wh) / one.score
+        assert 0.0 < sd < 0.5 * one.observed_wh
+
+
 def test_an_energy_from_the_state_of_charge_counts_less(base, second_car, leaf) -> None:
     model, trip = load_model(base), second_car.trips[0]
     assert trip.observed_energy_wh is not None

@@ -186,7 +186,7 @@ def fading_sums(time_s: FloatArray, values: FloatArray, fading_s: float) -> Floa
     fading = np.exp(-(time[1:] - time[:-1, -1:]) / fading_s)
     for k in range(1, pieces):
         found[k] += fading[k - 1][:, None] * found[k - 1, -1]
-    return np.asarray(found.reshape(pieces * _TOGETHER, -1)[:n].reshape(values.shape))
+    return np.asarray(found.reshape(padded.shape)[:n].reshape(values.shape))
 
 
 def drift_variance(time_s: FloatArray, weight: FloatArray, fading_s: float) -> FloatArray:

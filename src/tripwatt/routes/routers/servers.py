@@ -116,7 +116,7 @@ def _annotated(annotation: Mapping[str, Any], duration_s: float, where: str) -> 
 
 def _stepped(leg: Mapping[str, Any], where: str) -> FloatArray:
     rows = []
-    for k, entry in enumerate(a_list(leg.get("steps") or [leg], f"{where}, steps", least=1)):
+    for k, entry in enumerate(a_list(leg.get("steps") or [leg], f"{where}, steps")):
         step = an_object(entry, f"{where}, steps[{k}]")
         length = a_number(step.get("distance"), f"{where}, steps[{k}], distance", least=0.0)
         rows.append(

@@ -1,0 +1,60 @@
+"""Examples of the OpenAPI document: requests and uploads that a reader may copy."""
+
+from __future__ import annotations
+
+from typing import Final
+
+SAMPLES: Final = {
+    "time_s": [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0],
+    "speed_m_s": [0.0, 8.0, 13.0, 13.5, 13.0, 7.0, 0.0],
+    "elevation_m": [520.0, 520.5, 522.0, 524.0, 525.0, 525.0, 525.0],
+}
+PLANNED_REQUEST: Final = {
+    "links": [
+        {"length_m": 800.0, "speed_m_s": 8.5, "grade": 0.01},
+        {"length_m": 12000.0, "travel_time_s": 480.0, "grade": 0.0},
+    ],
+    "displayed_soc": 0.8,
+    "ambient_temperature_degc": -5.0,
+    "cabin_setpoint_degc": 21.0,
+    "reserve": 0.15,
+}
+SAMPLES_REQUEST: Final = {"samples": SAMPLES, "displayed_soc": 0.8, "ambient_temperature_degc": 12.0}
+UPDATE_REQUEST: Final = {
+    **SAMPLES_REQUEST,
+    "observed": {
+        "time_s": [0.0, 10.0, 20.0],
+        "voltage_v": [370.0, 362.0, 366.0],
+        "current_a": [2.0, 40.0, 12.0],
+    },
+}
+PLAN_REQUEST: Final = {
+    "stops": [
+        {"latitude_deg": 47.141, "longitude_deg": 9.5209},
+        {"latitude_deg": 47.241, "longitude_deg": 9.5285},
+    ],
+    "soc": 0.8,
+    "ambient_temperature_degc": -5.0,
+    "depart": "2026-02-01T07:30:00+01:00",
+    "weather": {"wind_speed_m_s": 6.0, "wind_from_deg": 350.0},
+}
+REACH_REQUEST: Final = {"start": {"latitude_deg": 47.141, "longitude_deg": 9.5209}, "soc": 0.2}
+FIGURES_REQUEST: Final = {
+    "mass_kg": 1830.0,
+    "usable_battery_kwh": 58.0,
+    "consumption_kwh_per_100km": 15.5,
+    "motor_power_kw": 150.0,
+    "body": "hatchback",
+    "heat_pump": True,
+}
+GPX: Final = (
+    '<gpx><trk><trkseg><trkpt lat="48.10" lon="11.5"><time>2026-05-01T08:00:00Z</time></trkpt>'
+    '<trkpt lat="48.11" lon="11.5"><time>2026-05-01T08:01:30Z</time></trkpt></trkseg></trk></gpx>'
+)
+KML: Final = "<kml><Placemark><LineString><coordinates>11.5,48.1 11.52,48.1</coordinates></LineString></Placemark></kml>"
+CSV: Final = "time_s,speed_m_s\n0,0\n10,9\n20,12\n30,0\n"
+GEOJSON: Final = {
+    "type": "Feature",
+    "geometry": {"type": "LineString", "coordinates": [[11.5, 48.1], [11.52, 48.1]]},
+    "properties": {"speed_m_s": 14.0},
+}
