@@ -418,6 +418,16 @@ def test_displayed_charge_is_converted_before_it_counts():
     assert managed.measured.anchor == ChargeReading(60.0, 0.452, False)
 
 
+def test_what_is_unknown_of_route_and_state_counts_from_the_last_reading_of_the_charge(forecast):
+    within_second = ChargeReading(150.0, 0.48, True)
+    read = dataclasses.replace(
+        forecast, measured=dataclasses.replace(forecast.measured, anchor=within_second)
+    )
+    own = np.sqrt(SD_WH**2 - BESIDE_SD_WH**2)
+    left = (0.25 / 30 + 1 / 20) / (1 / 60 + 1 / 30 + 1 / 20)
+    assert read.sd_wh == pytest.approx(np.hypot(own, left * BESIDE_SD_WH), rel=1e-9)
+
+
 @pytest.mark.parametrize(("until_s", "counts"), [(47.0, False), (48.0, True), (60.0, True)])
 def test_a_segment_counts_from_four_fifths_of_its_time_on(until_s, counts):
     log = powered()[lambda rows: rows["time_s"] <= until_s]

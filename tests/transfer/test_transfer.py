@@ -24,6 +24,7 @@ from tripwatt.physics import simulate_trip
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.transfer import adapt_model, adaptation
 from tripwatt.trips import Fleet, Trip, plan_from_trip
+from tripwatt.uncertainty.held_out import process_segments
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 TRUTH = {"mass": 0.08, "base_load": 0.6}
@@ -86,6 +87,18 @@ def evidence(origin, segments, i3, leaf) -> tuple[CarTransfer, Evidence]:
 
 
 NOBODY = np.empty((1, 0), dtype=np.int64)
+
+
+def test_the_variance_of_an_energy_is_that_of_a_t_distribution_and_of_its_measurement(
+    origin, segments, second_car
+) -> None:
+    _, table = segments
+    plain = origin.variances_wh2(table)
+    nothing_known = np.zeros((int(table.offsets[1]), 1))
+    sd = origin.scale.sd_wh(process_segments(table.take([0]), nothing_known))
+    assert plain[0] == pytest.approx(2.0 * sd**2)  # four degrees of freedom: 4 / (4 - 2)
+    vague = [replace(trip, observed_energy_std_wh=30.0) for trip in second_car.trips]
+    assert origin.variances_wh2(table, vague) == pytest.approx(plain + 900.0)
 
 
 def test_no_trip_is_half_of_the_correction(evidence) -> None:
