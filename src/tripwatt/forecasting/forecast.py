@@ -474,7 +474,7 @@ def possible_energy(centre_wh: Any, half_wh: Any, least_wh: Any) -> Any:
     """
     way = np.asarray(centre_wh, dtype=np.float64) - least_wh
     open_ = way > 0.0
-    straight = np.where(open_, STRAIGHT * way, 1.0)
+    straight = STRAIGHT * way
     rest = np.where(open_, (1.0 - STRAIGHT) * way, 1.0)
     squeezed = least_wh + rest * np.exp(-np.maximum(half_wh - straight, 0.0) / rest)
     return np.where(open_ & (half_wh > straight), squeezed, centre_wh - half_wh)
