@@ -76,6 +76,16 @@ def test_driver_uses_the_road_that_is_free():
     assert abs(p.time_s[-1] - 115.0) <= 1.0
 
 
+def test_the_usual_driver_is_a_calm_one():
+    usual = DriverStyle()
+    # EPA's urban schedule speeds up and brakes with at most 1.48 m/s²
+    for at_most in (usual.acceleration_m_s2, usual.deceleration_m_s2):
+        assert at_most == pytest.approx(1.48, rel=0.1)
+    assert usual.half_acceleration_speed_m_s == 20.0  # half is left at 72 km/h
+    assert (usual.speed_share, usual.fluctuation, usual.fluctuation_time_s) == (0.97, 0.06, 10.0)
+    assert usual.dwell_mean_s == 20.0
+
+
 def test_reachable_speed_follows_the_equation_of_motion():
     """Second opinion: the differential equation dv/ds = a(v) / v in small steps."""
     style = DriverStyle(acceleration_m_s2=1.8, half_acceleration_speed_m_s=15.0)
