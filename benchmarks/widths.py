@@ -1,14 +1,14 @@
 """Widths of the 90 % interval over the energy, for every car of the library: ``python -m benchmarks.widths``.
 
 Flat roads of 20 to 600 km at 50 to 130 km/h and -15 to 35 °C, links of 5 km, everything known at departure. Prints the
-widest for each car; for the packaged model's own car also by the conditions of its bar, and whether an interval outside
-the range of its training is narrower than one inside at the same length.
+widest for each car; for the packaged model's own car also by the conditions of its bar, and the narrowest interval inside
+and outside the range of its training at the same length.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import tripwatt as tw
@@ -30,6 +30,7 @@ class Width:
     km: int
     km_h: int
     degc: int
+    width_wh: float
     share: float
     low_wh: float
     outside: bool
@@ -46,7 +47,11 @@ def drives(model: tw.ForecastModel) -> Iterator[Width]:
             found = model.forecast(plan, known)
             low, high = found.interval(0.9)
             outside = any(flag.code == "outside_training" for flag in found.flags)
-            yield Width(km, km_h, degc, (high - low) / found.energy_wh, low, outside)
+            yield Width(km, km_h, degc, high - low, (high - low) / found.energy_wh, low, outside)
+
+
+def _narrowest(rows: Sequence[Width]) -> str:
+    return f"{min(r.width_wh for r in rows):.0f} Wh ({min(r.share for r in rows):.1%} of the energy)"
 
 
 def main() -> int:
@@ -65,10 +70,10 @@ def main() -> int:
             missed += worst.share > MOST_OWN_USUAL
             print(f"{name}: from 60 km, -5 to 30 °C, up to 110 km/h: {worst.share:.1%} ({worst})")
             for km in KM:
-                inside = [r.share for r in rows if r.km == km and not r.outside]
-                beyond = [r.share for r in rows if r.km == km and r.outside]
+                inside, beyond = ([r for r in rows if r.km == km and r.outside == o] for o in (False, True))
                 if inside and beyond:
-                    print(f"  {km} km: narrowest inside {min(inside):.1%}, outside {min(beyond):.1%}")
+                    missed += min(r.width_wh for r in beyond) < min(r.width_wh for r in inside)
+                    print(f"  {km} km: narrowest inside {_narrowest(inside)}, outside {_narrowest(beyond)}")
         missed += widest.share > bound or least <= 0.0
         print(
             f"{name:24s} widest {widest.share:6.1%} at {widest.km} km, {widest.km_h} km/h, {widest.degc} °C; "
