@@ -45,8 +45,10 @@ COMPARISONS: Final[dict[type[ast.cmpop], type[ast.cmpop]]] = {
 SWAPPED: Final = {"minimum": "maximum", "maximum": "minimum", "min": "max", "max": "min"}
 WITHOUT_EFFECT: Final = frozenset({"cast", "overload", "TypeVar", "Flag", "Fault", "warn"})
 """Calls whose arguments are types or words."""
-TEXTS: Final = frozenset({"fix", "allowed", "got", "help", "title", "description", "rich_help_panel"})
-"""Keyword arguments that hold words."""
+TEXTS: Final = frozenset(
+    {"fix", "allowed", "got", "help", "title", "description", "rich_help_panel", "strict"}
+)
+"""Keyword arguments that hold words, and `strict` of `zip`, which guards against a mistake that is not there."""
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 

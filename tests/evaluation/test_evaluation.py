@@ -195,3 +195,11 @@ def test_a_fold_is_fitted_without_its_own_trips(coarse, name):
         return found.predicted_wh
 
     np.testing.assert_array_equal(fold(table), fold(changed))
+
+
+def test_the_times_of_a_fold_are_of_its_fit_and_of_one_predicted_trip(coarse, monkeypatch):
+    clock = iter([100.0, 102.0, 102.5])
+    monkeypatch.setattr("tripwatt.evaluation.table_models.time.perf_counter", lambda: next(clock))
+    (found,) = TableTask(0, chosen("linear4"), coarse, np.arange(6) % 3, (1,), 0).run()
+    assert found.fit_s == 2.0
+    assert found.predict_ms == pytest.approx(250.0)  # half a second for two trips

@@ -208,8 +208,9 @@ class Drawn:
 
 
 def test_draws_of_the_first_half():
-    found = dict(_forecasts(Drawn(), None, car(12, 6), (0, 2, 6, 50), 7, 3))
-    assert list(found) == [0, 2, 6]
+    drawn = _forecasts(Drawn(), None, car(12, 6), (0, 2, 6, 50), 7, 3)
+    assert [trips for trips, _ in drawn] == [0, 2, 6]
+    found = dict(drawn)
     assert [chosen.shape for chosen in found.values()] == [(1, 0), (7, 2), (1, 6)]
     rng = np.random.default_rng((3, 2))
     np.testing.assert_array_equal(found[2], [rng.permutation(np.arange(6))[:2] for _ in range(7)])

@@ -182,6 +182,8 @@ def test_charge_is_learned_from_readings():
     assert noisy.displayed_sd == pytest.approx(np.sqrt(left) * t_scale, rel=1e-9)
     assert ChargeScale.from_readings(np.hstack([shown, shown])[:7], energy[:7]) is None
     assert ChargeScale.from_readings(np.hstack([shown, shown]), -energy) is None
+    alike = np.column_stack([np.full(8, 0.8), 0.8 - energy / 16_000.0])  # no line goes through one charge
+    assert ChargeScale.from_readings(np.hstack([alike, alike]), energy) is None
 
 
 def test_a_full_display_hides_charge():

@@ -236,6 +236,14 @@ def test_a_battery_that_runs_empty(forecast):
     assert (weak.series()["displayed_soc"] >= 0.0).all()
 
 
+def test_the_charge_to_leave_with(forecast):
+    sd = charge_sd(SD_WH, TOTAL_WH)
+    tail = SCORES.factor(0.9)
+    needed = 0.1 + TOTAL_WH / WH_PER_DISPLAY + tail * sd  # the reserve, what is taken, and 19 of 20 trips
+    assert forecast.soc_needed() == pytest.approx(needed, rel=1e-9)
+    assert forecast.soc_needed(0.2, 0.5) == pytest.approx(0.2 + TOTAL_WH / WH_PER_DISPLAY, rel=1e-9)
+
+
 def test_series(forecast):
     series = forecast.series()
     energy = np.concatenate(([0.0], np.cumsum(ENERGY_WH)))

@@ -109,7 +109,6 @@ def _most_probable(
     """
     mean: FloatArray = np.zeros(len(width))
     weight = np.ones(len(residual))
-    covariance: FloatArray = np.diag(width**2)
     for _ in range(_PASSES):
         left = residual - X @ mean
         known = float(np.sum(weight * left**2)) + USUAL_DF * usual_wh**2
