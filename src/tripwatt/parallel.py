@@ -87,6 +87,7 @@ def one_blas_thread(function: Callable[Given, Result]) -> Callable[Given, Result
 
     Examples
     --------
+    >>> import numpy
     >>> from threadpoolctl import threadpool_info
     >>> @one_blas_thread
     ... def threads() -> set[int]:
