@@ -34,7 +34,7 @@ class Limits:
     links : int
         Most links or points of a route.
     duration_s : float
-        Longest trip [s]; the computing time of a forecast grows with its square.
+        Longest trip [s], that of the library: longer ones are refused before anything is calculated.
     batch : int
         Most trips of a batch.
     waiting : int
