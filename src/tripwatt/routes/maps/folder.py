@@ -137,7 +137,7 @@ def _require_paths(extract: Path, folder: Path, elevation: Path | str | None) ->
     if (
         folder.exists()
         and not (folder / INFO_NAME).is_file()
-        and any(folder.iterdir() if folder.is_dir() else [1])
+        and (not folder.is_dir() or any(folder.iterdir()))
     ):
         faults.append(
             Fault("folder holds something else", "--out", str(folder), "a new folder, or one with a map")

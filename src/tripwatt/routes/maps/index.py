@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import sqlite3
 import sys
@@ -113,13 +114,8 @@ def _station_row(station: Station) -> tuple[Any, ...]:
 
 
 def _batches(objects: Iterable[Any], size: int) -> Iterator[list[Any]]:
-    batch: list[Any] = []
-    for found in objects:
-        batch.append(found)
-        if len(batch) == size:
-            yield batch
-            batch = []
-    if batch:
+    rest = iter(objects)
+    while batch := list(itertools.islice(rest, size)):
         yield batch
 
 
