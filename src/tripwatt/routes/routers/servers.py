@@ -110,8 +110,9 @@ def _annotated(annotation: Mapping[str, Any], duration_s: float, where: str) -> 
         speed = np.divide(length, time, out=np.full(len(time), np.nan), where=time > 0)
     speed = np.where(speed > 0.0, speed, np.nan)
     total = float(time.sum())
-    longer = max(duration_s / total, 1.0) if total > 0 else 1.0
-    return np.column_stack((length, time * longer, speed))
+    if total > 0:
+        time = time * max(duration_s / total, 1.0)
+    return np.column_stack((length, time, speed))
 
 
 def _stepped(leg: Mapping[str, Any], where: str) -> FloatArray:
