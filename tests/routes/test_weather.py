@@ -10,6 +10,7 @@ from tests.support.roads import client, mutated
 from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.physics import DriveConditions, simulate, simulate_trip
 from tripwatt.physics.road_load import WET_ROAD
+from tripwatt.routes import weather as weather_module
 from tripwatt.routes.places import Place
 from tripwatt.routes.routers import Edges, Road, pooled
 from tripwatt.routes.weather import (
@@ -19,7 +20,7 @@ from tripwatt.routes.weather import (
     plan_with_weather,
     weather_along,
 )
-from tripwatt.trips import Departure
+from tripwatt.trips import Departure, Plan, table_of
 from tripwatt.vehicles import load_vehicle
 
 NOON = dt.datetime(2030, 1, 1, 12, 0, tzinfo=dt.UTC)
@@ -237,3 +238,148 @@ def test_the_url_is_checked():
     with pytest.raises(InvalidInput, match="not the URL of a server: --weather"):
         WeatherServer.from_url("open-meteo")
     assert WeatherServer.from_url("https://h/").client.base_url == "https://h"
+
+
+def test_the_standard_deviation_grows_with_each_day_ahead():
+    for hours, sd in ((-5.0, 1.0), (0.0, 1.0), (0.6, 1.01), (24.0, 1.4)):
+        ahead = Weather(hours_ahead=hours)
+        assert (ahead.temperature_sd_k, ahead.wind_sd_m_s) == pytest.approx((sd, sd))
+
+
+@pytest.mark.parametrize(
+    ("minutes", "hour"), [(-31, "11:00"), (-30, "12:00"), (0, "12:00"), (29.99, "12:00"), (30, "13:00")]
+)
+def test_the_nearest_hour_is_asked(minutes, hour):
+    seen = []
+    source = server(seen)
+    moment = NOON + dt.timedelta(minutes=minutes, seconds=0.5)
+    if hour == "11:00":
+        with pytest.raises(RemoteError, match=r"no weather for this hour: .* got 2030-01-01T11:00"):
+            source.at((Place(47.0, 9.0),), (moment,))
+    else:
+        source.at((Place(47.0, 9.0),), (moment,))
+    assert seen[0].url.params["start_hour"] == f"2030-01-01T{hour}"
+
+
+def test_the_whole_question_for_the_weather():
+    seen = []
+    server(seen).at((Place(47.024, -9.026),), (NOON.astimezone(dt.timezone(dt.timedelta(hours=5))),))
+    assert seen[0].url.path == "/base/v1/forecast"
+    assert dict(seen[0].url.params) == {
+        "latitude": "47.00",
+        "longitude": "-9.05",
+        "hourly": "temperature_2m,precipitation,surface_pressure,wind_speed_10m,wind_direction_10m",
+        "wind_speed_unit": "ms",
+        "timezone": "UTC",
+        "start_hour": "2030-01-01T12:00",
+        "end_hour": "2030-01-01T12:00",
+    }
+
+
+def test_places_of_one_cell_are_asked_once():
+    """Cells are a twentieth of a degree wide."""
+    seen = []
+    server(seen).at((Place(47.0, 9.0), Place(47.02, 9.02), Place(47.03, 9.0), Place(47.0, 9.0)), (NOON,) * 4)
+    assert seen[0].url.params["latitude"] == "47.00,47.05"
+    assert seen[0].url.params["longitude"] == "9.00,9.00"
+
+
+def test_an_answer_is_kept_for_an_hour(monkeypatch):
+    now, seen = [5000.0], []
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    source = server(seen)
+    for at, questions in ((5000.0, 1), (5001.0, 1), (8600.0, 1), (8600.5, 2), (12200.5, 2), (12201.0, 3)):
+        now[0] = at
+        source.at((Place(47.0, 9.0),), (NOON,))
+        assert len(seen) == questions
+
+
+def test_so_many_answers_are_kept(monkeypatch):
+    """A third place makes room for itself; what is asked with it is asked again."""
+    assert weather_module.MOST_KEPT == 5000
+    monkeypatch.setattr(weather_module, "MOST_KEPT", 2)
+    first, second, third = Place(47.0, 9.0), Place(47.1, 9.0), Place(47.2, 9.0)
+    seen = []
+    source = server(seen)
+    source.at((first, second), (NOON, NOON))
+    source.at((second, first), (NOON, NOON))
+    assert len(seen) == 1
+    found = source.at((first, third), (NOON, NOON))
+    assert [w.temperature_degc for w in found] == [1.0, 2.0]
+    assert seen[1].url.params["latitude"] == "47.00,47.20"
+    source.at((third, first), (NOON, NOON))
+    assert len(seen) == 2
+    source.at((second,), (NOON,))
+    assert len(seen) == 3
+
+
+def hours(**changed):
+    hourly = answers(httpx.Request("GET", "http://h", params={"latitude": "1"}))["hourly"]
+    return WeatherServer(client({"hourly": {**hourly, **changed}}))
+
+
+def test_a_column_reaches_to_its_hour():
+    one_pm = (NOON + dt.timedelta(hours=1),)
+    place = (Place(47.0, 9.0),)
+    assert hours(temperature_2m=[1.0]).at(place, (NOON,))[0].temperature_degc == 1.0
+    with pytest.raises(RemoteError, match="temperature_2m: got 1; allowed: at least 2"):
+        hours(temperature_2m=[1.0]).at(place, one_pm)
+    found = hours(wind_direction_10m=[0.0, 725.0]).at(place, one_pm)[0]
+    assert (found.wind_from_deg, found.wind_speed_m_s, found.pressure_pa) == (5.0, 4.0, 95_100.0)
+    with pytest.raises(RemoteError, match="too few entries"):
+        hours(time=[]).at(place, (NOON,))
+
+
+def test_an_hour_that_has_passed_is_known_as_of_now():
+    past = dt.datetime(2020, 1, 1, 12, 0, tzinfo=dt.UTC)
+    (found,) = hours(time=["2020-01-01T12:00"]).at((Place(47.0, 9.0),), (past,))
+    assert found.hours_ahead == 0.0
+    left = lambda: (NOON - dt.datetime.now(dt.UTC)).total_seconds() / 3600.0  # noqa: E731
+    before = left()
+    (ahead,) = hours().at((Place(47.0, 9.0),), (NOON + dt.timedelta(seconds=7.5),))
+    assert left() <= ahead.hours_ahead <= before
+
+
+def test_the_reason_of_a_server_is_cut():
+    with pytest.raises(RemoteError, match="no weather") as caught:
+        WeatherServer(client({"error": True, "reason": "r" * 200})).at((Place(47.0, 9.0),), (NOON,))
+    assert caught.value.faults[0].got == "r" * 120
+
+
+@pytest.mark.parametrize(
+    ("kilometres", "number"), [(0.1, 1), (44.9, 1), (45.1, 2), (75.1, 3), (599.0, 20), (900.0, 20)]
+)
+def test_the_weather_is_asked_every_thirty_kilometres_at_twenty_points_at_most(kilometres, number):
+    class Source:
+        def at(self, places, when):
+            return tuple(Weather(1.0) for _ in places)
+
+    length_m = 1000.0 * kilometres
+    position, weather = weather_along(road([47.0, 47.9], [9.0, 9.0], length_m=length_m), Source(), NOON)
+    assert len(weather) == number
+    assert position == pytest.approx([(k + 0.5) / number * length_m for k in range(number)])
+
+
+def made(speed, start_s=0.0):
+    time = start_s + np.arange(float(len(speed)))
+    return Plan.from_samples("t", table_of({"time_s": time, "speed_m_s": np.array(speed)}))
+
+
+def wind_of(plan):
+    weather = (Weather(1.0, 8.0, 0.0), Weather(1.0, 0.0, 0.0))
+    return plan_with_weather(plan, NORTH, np.array([0.0, 10_000.0]), weather).weather.headwind_m_s
+
+
+def test_a_plan_is_laid_along_the_whole_road():
+    """The wind falls from 4 m/s at the car to nothing; samples count by the way up to them, of 10, 20 and 30 m."""
+    assert wind_of(made([7.0, 10.0, 10.0, 10.0], 50.0)) == pytest.approx([4.0, 8.0 / 3.0, 4.0 / 3.0, 0.0])
+    assert wind_of(made([0.0, 0.25, 0.25])) == pytest.approx([4.0, 2.0, 0.0])
+    assert wind_of(made([0.0, 0.0, 0.0])) == pytest.approx([4.0, 4.0, 4.0])
+
+
+def test_means_of_the_weather_need_all_of_its_points():
+    points = (Weather(2.0, pressure_pa=90_000.0), Weather(5.0))
+    found = plan_with_weather(NORTH.plan(), NORTH, np.array([0.0, 10_000.0]), points)
+    assert found.departure.ambient_temperature_degc == 3.5
+    assert found.weather.air_density_kg_m3 is None
+    assert found.weather.rain_mm_h == 0.0

@@ -160,6 +160,7 @@ class WeatherServer:
         if missing:
             if len(self._kept) + len(missing) > MOST_KEPT:
                 self._kept.clear()
+                missing = list(dict.fromkeys(keys))
             self._kept.update(
                 {key: (now, weather) for key, weather in zip(missing, self._ask(missing), strict=True)}
             )
