@@ -6,7 +6,7 @@ from tests.support.roads import client, mutated
 
 from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.routes.places import Place
-from tripwatt.routes.search import NominatimSearch, PhotonSearch, find_place, open_search
+from tripwatt.routes.search import MOST_FOUND, NominatimSearch, PhotonSearch, find_place, open_search
 
 PHOTON = {
     "features": [
@@ -92,3 +92,71 @@ def test_a_search_is_named_by_kind_and_url():
     assert isinstance(open_search("https://h"), PhotonSearch)
     with pytest.raises(InvalidInput, match="unknown kind of server: --places"):
         open_search("x=https://h")
+
+
+def photon(*properties):
+    return {
+        "features": [
+            {"geometry": {"coordinates": [9.5 + k / 100.0, 47.0, 500.0]}, "properties": about}
+            for k, about in enumerate(properties)
+        ]
+    }
+
+
+def first(document, kind=PhotonSearch):
+    return kind(client(document)).search("x")[0]
+
+
+@pytest.mark.parametrize("kind", [PhotonSearch, NominatimSearch])
+def test_ten_places_are_asked_for_and_fifty_are_the_most(kind):
+    many = photon(*[{"name": f"P{k}"} for k in range(60)])
+    if kind is NominatimSearch:
+        many = [{"lat": "47", "lon": "9", "display_name": f"P{k}"} for k in range(60)]
+    seen = []
+    search = kind(client(lambda r: seen.append(r) or httpx.Response(200, json=many)))
+    assert [place.name for place in search.search("x")] == [f"P{k}" for k in range(10)]
+    assert seen[0].url.params["limit"] == "10"
+    assert MOST_FOUND == 50
+    assert [len(search.search("x", limit=limit)) for limit in (1, 49, 50, 51)] == [1, 49, 50, 50]
+
+
+def test_the_name_of_a_place_of_photon():
+    street = {"street": "Ring", "housenumber": "7", "city": "Vaduz", "country": "Liechtenstein"}
+    assert first(photon(street)).name == "Ring 7, Vaduz, Liechtenstein"
+    assert first(photon({**street, "name": "Vaduz"})).name == "Vaduz, Liechtenstein"
+    assert first(photon({"street": "Ring"})) == Place(47.0, 9.5, "Ring")
+    assert first(photon({"name": "n" * 250, "osm_value": "v" * 50})) == Place(47.0, 9.5, "n" * 200, "v" * 40)
+    with pytest.raises(RemoteError, match="too few entries"):
+        first({"features": [{"geometry": {"coordinates": [9.5]}, "properties": {}}]})
+
+
+def test_the_name_of_a_place_of_nominatim():
+    at = {"lat": "47", "lon": "9.5"}
+    long = {**at, "display_name": "n" * 250, "addresstype": "v" * 50, "type": "x"}
+    assert first([long], NominatimSearch) == Place(47.0, 9.5, "n" * 200, "v" * 40)
+    assert first([{**at, "type": "town"}], NominatimSearch) == Place(47.0, 9.5, "", "town")
+    for wrong in ("x" * 50, None, "nan"):
+        with pytest.raises(RemoteError, match="not a number: ") as caught:
+            first([{**at, "lat": wrong}], NominatimSearch)
+        assert len(caught.value.faults[0].got) <= 40
+    with pytest.raises(RemoteError, match=r"\[0\], lat") as caught:
+        first([{**at, "lat": "x" * 50}], NominatimSearch)
+    assert caught.value.faults[0].got == "'" + "x" * 39
+
+
+def test_one_place_is_asked_for_and_long_names_are_cut_in_messages():
+    seen = []
+    search = PhotonSearch(client(lambda r: seen.append(r) or httpx.Response(200, json=photon())))
+    with pytest.raises(InvalidInput, match="unknown place") as caught:
+        find_place("z" * 99, search, "x")
+    assert seen[0].url.params["limit"] == "1"
+    assert caught.value.faults[0].got == "z" * 60
+    with pytest.raises(InvalidInput, match="names of places are not known") as caught:
+        find_place("z" * 99, None, "x")
+    assert caught.value.faults[0].got == "z" * 60
+
+
+def test_the_kind_of_a_server_is_cut_in_messages():
+    with pytest.raises(InvalidInput, match="unknown kind of server") as caught:
+        open_search("k" * 50 + "=https://h")
+    assert caught.value.faults[0].got == "k" * 40

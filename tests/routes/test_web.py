@@ -18,7 +18,17 @@ from tripwatt.routes.web import WebClient, require_url
 
 @pytest.mark.parametrize(
     "url",
-    ["ftp://a", "a.b", "http://", "http://me:secret@host", "http://h?q=1", "http://h#a", "http://h:x", ""],
+    [
+        "ftp://a",
+        "a.b",
+        "http://",
+        "http://me:secret@host",
+        "http://h?q=1",
+        "http://h#a",
+        "http://h:x",
+        "http://h:65536",
+        "",
+    ],
 )
 def test_what_is_no_url_of_a_server_is_refused_without_its_password(url):
     with pytest.raises(InvalidInput, match="not the URL of a server: --router") as caught:
@@ -171,3 +181,107 @@ def test_a_server_that_hangs_is_left_after_the_time_out(first):
         assert time.monotonic() - started < 3.0
         stop.set()
     thread.join(5.0)
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock that stands at 100 s until a pause moves it."""
+    now = [100.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    return now
+
+
+def failing(clock, timeout_s, status=503):
+    """A server that always fails in a way that may pass, with the times of its questions."""
+    seen = []
+
+    def answer(request):
+        seen.append((round(clock[0] - 100.0, 6), request.extensions["timeout"]))
+        return httpx.Response(status, text="oops")
+
+    def pause(seconds):
+        clock[0] += seconds
+
+    transport = [httpx.MockTransport(answer)]
+    return WebClient("http://h", timeout_s=timeout_s, pause=pause, _transport=transport), seen
+
+
+@pytest.mark.parametrize(
+    ("timeout_s", "times"),
+    [(15.0, [0.0, 0.2, 0.6]), (0.61, [0.0, 0.2, 0.6]), (0.59, [0.0, 0.2]), (0.21, [0.0, 0.2]), (0.19, [0.0])],
+)
+def test_a_pause_ends_before_the_time_is_over(clock, timeout_s, times):
+    server, seen = failing(clock, timeout_s)
+    with pytest.raises(RemoteError, match="does not respond"):
+        server.get_json("/x")
+    assert [at for at, _ in seen] == times
+
+
+def test_a_pause_that_ends_with_the_time_is_too_long(clock, monkeypatch):
+    monkeypatch.setattr(web, "FIRST_PAUSE_S", 0.25)
+    server, seen = failing(clock, 0.25)
+    with pytest.raises(RemoteError):
+        server.get_json("/x")
+    assert len(seen) == 1
+
+
+def test_time_outs_of_an_attempt(clock):
+    """Three seconds to connect and fifteen in all, less where less is left, 50 ms at least."""
+    assert (WebClient("http://h").timeout_s, WebClient("http://h").pause) == (15.0, time.sleep)
+    server, seen = failing(clock, 15.0, status=500)
+    with pytest.raises(RemoteError):
+        server.get_json("/x")
+    assert seen[0][1] == {"connect": 3.0, "read": 15.0, "write": 15.0, "pool": 15.0}
+    for timeout_s, left_s in ((2.0, 2.0), (0.5, 0.5), (0.01, 0.05), (0.0, 0.05)):
+        server, seen = failing(clock, timeout_s, status=500)
+        with pytest.raises(RemoteError):
+            server.get_json("/x")
+        assert seen[0][1]["connect"] == pytest.approx(left_s)
+        assert seen[0][1]["read"] == pytest.approx(left_s)
+
+
+@pytest.mark.parametrize(("late_s", "sound"), [(1.0, True), (1.1, False)])
+def test_an_answer_ends_with_its_time(clock, late_s, sound):
+    def answer(request):
+        def parts():
+            yield b"{"
+            clock[0] += late_s
+            yield b"}"
+
+        return httpx.Response(200, content=parts())
+
+    server = client(answer, timeout_s=1.0)
+    if sound:
+        assert server.get_json("/x") == {}
+    else:
+        with pytest.raises(RemoteError, match="got no answer within 1 s"):
+            server.get_json("/x")
+
+
+def test_the_most_bytes_of_an_answer():
+    assert web.MOST_ANSWER_BYTES == 32 * 2**20
+
+
+@pytest.mark.parametrize("status", [500, 501, 505])
+def test_from_500_on_an_answer_is_a_document(status):
+    with pytest.raises(RemoteError, match=f"the server failed: router.test: got status {status}"):
+        client(lambda r: httpx.Response(status, text="[1]")).request("GET", "/x")
+    assert client(lambda r: httpx.Response(status, text=" {}")).request("GET", "/x").status == status
+
+
+def test_below_500_any_answer_is_one():
+    for status in (200, 204, 400, 402, 404, 499):
+        assert (
+            client(lambda r, s=status: httpx.Response(s, text="oops")).request("GET", "/x").status == status
+        )
+
+
+def test_an_address_is_cut_in_messages():
+    with pytest.raises(InvalidInput, match="not the URL of a server") as caught:
+        require_url("ftp://me:pw@" + "h" * 99, "x")
+    assert caught.value.faults[0].got == "h" * 60
+
+
+@pytest.mark.parametrize("url", ["http://h:0", "http://h:1", "https://h:65535", "http://[::1]:8002"])
+def test_ports_of_an_address(url):
+    assert require_url(url + "/", "x") == url

@@ -63,7 +63,8 @@ def require_url(url: str, where: str) -> str:
     """
     try:
         parts = urlsplit(url)
-        sound = parts.scheme in ("http", "https") and bool(parts.hostname) and (parts.port or 1) > 0
+        host, _ = parts.hostname, parts.port  # which raises for what is no port
+        sound = parts.scheme in ("http", "https") and bool(host)
     except ValueError:
         sound = False
     if not sound or parts.username or parts.password or parts.query or parts.fragment:
