@@ -215,6 +215,7 @@ def test_a_pause_ends_before_the_time_is_over(clock, timeout_s, times):
     with pytest.raises(RemoteError, match="does not respond"):
         server.get_json("/x")
     assert [at for at, _ in seen] == times
+    assert clock[0] == pytest.approx(100.0 + times[-1])  # no pause behind the last one
 
 
 def test_a_pause_that_ends_with_the_time_is_too_long(clock, monkeypatch):
@@ -285,3 +286,33 @@ def test_an_address_is_cut_in_messages():
 @pytest.mark.parametrize("url", ["http://h:0", "http://h:1", "https://h:65535", "http://[::1]:8002"])
 def test_ports_of_an_address(url):
     assert require_url(url + "/", "x") == url
+
+
+def test_without_a_key_the_question_has_no_place_for_it(monkeypatch):
+    monkeypatch.setenv("SOME_KEY", "  ")
+    seen = []
+    server = client(
+        lambda r: seen.append(r) or httpx.Response(200, json={}),
+        key_variable="SOME_KEY",
+        key_place="query:key",
+    )
+    server.get_json("/x")
+    server.get_json("/x", {"a": "1"})
+    assert [str(request.url) for request in seen] == [
+        "http://router.test/base/x",
+        "http://router.test/base/x?a=1",
+    ]
+
+
+def test_a_client_is_its_settings(monkeypatch):
+    """Not its connections, which do not follow the environment either."""
+    made, answer = [], httpx.Response(200, content=b"{}")
+    monkeypatch.setattr(
+        httpx, "HTTPTransport", lambda **more: made.append(more) or httpx.MockTransport(lambda r: answer)
+    )
+    used, fresh = WebClient("http://h"), WebClient("http://h")
+    assert used.get_json("/x") == used.get_json("/y") == {}
+    assert made == [{"trust_env": False}]
+    assert used == fresh
+    assert repr(used) == repr(fresh)
+    assert "ransport" not in repr(used)
