@@ -9,7 +9,7 @@ import pytest
 
 from tripwatt.errors import InvalidInput
 from tripwatt.routes import gpx as gpx_module
-from tripwatt.routes import read_geojson, read_gpx
+from tripwatt.routes import link_objects, link_table, read_geojson, read_gpx
 from tripwatt.routes.geojson import ROAD_SPEED_M_S
 from tripwatt.routes.link_table import is_links_table, route_from_table
 from tripwatt.routes.links import LinkRoute
@@ -428,8 +428,8 @@ class TestTable:
         assert is_links_table(b"a;length_m\n1;2")
         assert not is_links_table(b"length_m;time_s\n")
         assert not is_links_table(b"a;b\n")
-        assert is_links_table(b"x" * 3990 + b",length_m\n")
-        assert not is_links_table(b"x" * 4000 + b",length_m\n")
+        assert is_links_table(b"x" * 3993 + b",length_m\n")  # the word ends with the 4000th byte
+        assert not is_links_table(b"x" * 3994 + b",length_m\n")
 
     def test_cells(self) -> None:
         made = route_from_table(b'"Length_M" ; speed_m_s;stop_s\n1000,5;10;\n\n;;\n500;5;20\n')
@@ -463,3 +463,48 @@ class TestTable:
 
     def test_bytes_that_are_no_text(self) -> None:
         assert self.faults(b"length_m,speed_m_s\n\xff,5\n")[0].startswith("not a table")
+
+    def test_the_first_line_alone_is_the_header(self) -> None:
+        assert is_links_table(b"length_m,name\n5,time of day\n")
+        assert not is_links_table(b"name,speed\nlength_m,time\n")
+        assert not is_links_table(b"length_m,time_s\n5,6\n")
+        assert is_links_table(b"\xef\xbb\xbf LENGTH \t b")
+        assert len(route_from_table(b"length_m,speed_m_s\n5,6\n").length_m) == 1
+
+    def test_so_many_links_are_read(self, monkeypatch) -> None:
+        """Empty lines do not count."""
+        for module in (link_table, link_objects):
+            monkeypatch.setattr(module, "MOST_LINKS", 3)
+        head, row = b"length_m,speed_m_s\n", b"500,5\n"
+        assert len(route_from_table(head + b"\n,\n" + row + b"\n" + row * 2)) == 3
+        assert self.faults(head + row * 4)[0].startswith("too many links: links: got more than 3")
+        assert self.faults(head + b"\n\n\n" + row * 4)[0].startswith("too many links")
+        assert len(self.faults(head + row * 3 + b"x,5\n")) == 2
+
+    def test_fifty_unknown_columns_are_named_and_ten_have_hints(self) -> None:
+        names = [f"length_{k}_m" for k in range(52)]
+        found = self.faults(",".join(["length_m", "speed_m_s", *names]).encode() + b"\n5,5\n")
+        assert [f.split(":")[0] for f in found] == ["unknown column"] * 50 + ["further faults"]
+        assert found[-1] == "further faults: links: got 2 more"
+        assert ["did you mean" in f for f in found] == [True] * 10 + [False] * 41
+
+    def test_words_of_a_header_are_cut(self) -> None:
+        found = self.faults(f"length_m,speed_m_s,{'c' * 60}\n5,5\n".encode())
+        assert f"links, column '{'c' * 40}': got {'c' * 40}; " in found[0]
+        missing = self.faults(f"speed_m_s,{'c' * 200}\n5,5\n".encode())
+        assert f"got speed_m_s, {'c' * 109}; allowed: length_m" in missing[1]
+        neither = self.faults(f"length_m,{'c' * 200}\n5,5\n".encode())
+        assert f"got length_m, {'c' * 110}; allowed: speed_m_s or travel_time_s" in neither[1]
+
+    def test_reading_ends_behind_fifty_faults_of_cells(self) -> None:
+        found = self.faults(b"length_m,speed_m_s\n" + b"x,5\n" * 49 + b"x,x\n" + b"x,5\n" * 9)
+        assert [f.split(":")[0] for f in found] == ["not a number"] * 51
+        assert "link 50, speed_m_s" in found[-1]
+        exact = self.faults(b"length_m,speed_m_s\n" + b"x,5\n" * 50 + b"x,x\n" + b"x,5\n" * 9)
+        assert "link 51, speed_m_s" in exact[-1]
+        assert len(exact) == 52
+
+    def test_a_link_may_have_as_many_cells_as_the_header(self) -> None:
+        assert len(route_from_table(b"length_m,speed_m_s,grade\n5,5\n5,5,0.01\n")) == 2
+        found = self.faults(b"length_m,speed_m_s\n5,5\n5,5,\n")
+        assert found == ["too many cells: links, link 2: got 3; allowed: 2"]

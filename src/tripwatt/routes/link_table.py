@@ -29,7 +29,7 @@ def is_links_table(data: bytes) -> bool:
     >>> is_links_table(b"length_m,speed_m_s\n"), is_links_table(b"time_s,speed_m_s\n"), is_links_table(b"<gpx/>")
     (True, False, False)
     """
-    names = _cells(data.split(b"\n", 1)[0][:4000].decode("utf-8-sig", "replace"))[0]
+    names = _cells(data.partition(b"\n")[0][:4000].decode("utf-8-sig", "replace"))[0]
     return any(n.startswith("length") for n in names) and not any(n.startswith("time") for n in names)
 
 
@@ -50,9 +50,10 @@ def route_from_table(data: bytes, where: str = "links") -> LinkRoute:
     """
     try:
         text = data.decode("utf-8-sig")
-        names, delimiter = _cells(text.split("\n", 1)[0])
+        names, delimiter = _cells(text.partition("\n")[0])
         reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
-        rows = list(itertools.islice(reader, 1, MOST_LINKS + 3))
+        filled = (row for row in itertools.islice(reader, 1, None) if any(cell.strip() for cell in row))
+        rows = list(itertools.islice(filled, MOST_LINKS + 1))
     except (UnicodeDecodeError, csv.Error) as error:
         raise InvalidInput(Fault("not a table", where, str(error)[:120], "CSV in UTF-8")) from error
     unknown = [name for name in names if name not in LINK_KEYS]
@@ -81,7 +82,7 @@ def route_from_table(data: bytes, where: str = "links") -> LinkRoute:
         faults.append(Fault("missing column", where, ", ".join(names)[:120], "speed_m_s or travel_time_s"))
     links: list[dict[str, float | None]] = []
     wrong: list[Fault] = []
-    for row in (r for r in rows if any(cell.strip() for cell in r)):
+    for row in rows:
         place = f"{where}, link {len(links) + 1}"
         if len(row) > len(names):
             wrong.append(Fault("too many cells", place, f"{len(row)}", f"{len(names)}"))
