@@ -64,6 +64,34 @@ def test_a_tenth_of_a_link_may_be_faster():
     )
 
 
+@pytest.mark.parametrize(("slow_m_s", "free"), [(0.5, 50.0), (0.51, 30.0)])
+def test_half_a_metre_a_second_is_no_speed(slow_m_s, free):
+    """9 m/s, which are 32.4 km/h, in two of 32 samples: of those that move alone they are the highest tenth."""
+    route, _ = free_flow_links(trip((30, 3.6 * slow_m_s), (2, 32.4)), 5000.0)
+    assert 3.6 * route.moving_speed_m_s == pytest.approx([free])
+
+
+def test_a_link_on_which_the_car_hardly_moves_has_the_lowest_class():
+    route, seconds = free_flow_links(trip((101, 1.44)))
+    assert 3.6 * route.moving_speed_m_s == pytest.approx([30.0])
+    assert route.length_m == pytest.approx([40.0])
+    assert seconds == pytest.approx([100.0])
+
+
+def test_each_sample_counts_for_the_link_on_which_it_lies():
+    """Two links of 250 m. A sample of 20 m/s lies at 249.5 m, another one at the end of the trip, 500 m.
+
+    The highest tenth of 12.5, 12.5, 13 and 20 begins at 17.9 m/s, that of 10, 10 and 20 at 18 m/s: the class of 70 km/h.
+    """
+    speed = np.array([13.0, 12.5, 12.5, 20.0, 10.0, 10.0, 20.0])
+    way = np.array([63.75, 62.5, 123.25, 75.0, 100.0, 75.5])
+    time = np.concatenate(([0.0], np.cumsum(way / (0.5 * (speed[1:] + speed[:-1])))))
+    log = Trip.from_samples("t", pd.DataFrame({"time_s": time, "speed_m_s": speed}))
+    route, _ = free_flow_links(log)
+    assert route.length_m == pytest.approx([250.0, 250.0])
+    assert 3.6 * route.moving_speed_m_s == pytest.approx([70.0, 70.0])
+
+
 # factors
 
 
@@ -89,6 +117,25 @@ def test_a_class_without_road_has_the_factor_of_all():
     # 20 km of a class weigh as much as what is assumed of it
     assert factors.factor[1] == pytest.approx((1.6 + 1.4) / 2.0)
     assert factors.factor[3] == pytest.approx((2.0 * 1.2 + 1.4) / 3.0)
+
+
+@pytest.mark.parametrize(("times", "factor"), [(10.0, 3.0), (2.9, 2.9), (0.4, 0.4), (0.1, 1.0 / 3.0)])
+def test_factors_lie_between_a_third_and_three(times, factor):
+    route = links([50.0], [1e6])
+    found = TravelTimeFactors.from_links([route], [times * route.travel_time_s])
+    assert found.factor == pytest.approx([factor] * 6)
+
+
+def test_a_link_counts_for_the_nearest_class():
+    """Of links at 39, 41, 84 and 86 km/h the second is alone with its class, which is 50 km/h."""
+    route = links([39.0, 41.0, 84.0, 86.0], [20_000.0] * 4)
+    factors = TravelTimeFactors.from_links([route], [np.array([1.0, 2.0, 1.0, 1.0]) * route.travel_time_s])
+    free = 72_000.0 / np.array([39.0, 41.0, 84.0, 86.0])
+    overall = (free.sum() + free[1]) / free.sum()
+    prior = 72_000.0 / np.array([30.0, 50.0, 70.0, 100.0, 120.0, 130.0])
+    own = np.array([free[0], free[1], free[2], free[3], 0.0, 0.0])
+    driven = own * np.array([1.0, 2.0, 1.0, 1.0, 1.0, 1.0])
+    assert factors.factor == pytest.approx((driven + overall * prior) / (own + prior))
 
 
 def test_expected_times_never_fall_below_those_of_the_router():

@@ -49,7 +49,7 @@ def road_work(trip: Trip | Plan) -> float:
         + ROTATING_MASS_FACTOR * np.diff(speed) / step
     )
     power = force * mean
-    electric = np.where(power > 0.0, power / DRIVE_EFFICIENCY, power * RECOVERY_EFFICIENCY)
+    electric = np.maximum(power, 0.0) / DRIVE_EFFICIENCY + np.minimum(power, 0.0) * RECOVERY_EFFICIENCY
     return float(np.sum(electric * step))
 
 
