@@ -144,7 +144,8 @@ def route_from_osrm(response: Mapping[str, Any], where: str = "OSRM response") -
                     "one duration for each distance",
                 )
                 raise InvalidInput(fault)
-            longer = max(duration / float(time.sum()), 1.0) if time.sum() > 0 else 1.0
+            total = float(time.sum())
+            longer = max(duration, total) / (total or math.inf)
             for metres, seconds in zip(length.tolist(), time.tolist(), strict=True):
                 pieces.add(
                     metres, seconds * longer, metres / seconds if metres > 0 and seconds > 0 else math.nan
