@@ -231,6 +231,47 @@ def test_joined_routes_by_hand():
     assert join_routes([told, told]).flags == told.flags
 
 
+def uncut(length, time, **more):
+    """The mean length of the links of a plan, weighted by length: which neighbours count as one."""
+    made = plan_from_links(route(length, time, **more))
+    return round(made.link_m, 6)
+
+
+@pytest.mark.parametrize(
+    ("more", "one"),
+    [
+        ({}, True),
+        ({"stop_s": [0.0, 0.0]}, True),
+        ({"stop_s": [0.0, NO]}, False),
+        ({"stop_s": [NO, 0.0]}, False),
+        ({"stop_s": [5.0, 0.0]}, False),
+        ({"stop_s": [0.0, 5.0]}, False),
+        ({"stop_s": [5.0, 5.0]}, False),
+        ({"moving_speed_m_s": [12.0, 12.0]}, True),
+        ({"moving_speed_m_s": [12.0, 12.00001]}, True),
+        ({"moving_speed_m_s": [12.0, 12.0001]}, False),
+        ({"moving_speed_m_s": [12.0, NO]}, False),
+        ({"speed_limit_m_s": [14.0, 14.0]}, True),
+        ({"speed_limit_m_s": [14.0, 14.0001]}, False),
+        ({"speed_limit_m_s": [NO, 14.0]}, False),
+    ],
+)
+def test_neighbours_that_differ_in_nothing_are_one_link(more, one):
+    assert uncut([200.0, 200.0], [20.0, 20.0], **more) == (400.0 if one else 200.0)
+
+
+def test_speeds_that_differ_by_a_millionth_are_one():
+    assert uncut([200.0, 200.0], [20.0, 20.00001]) == 400.0
+    assert uncut([200.0, 200.0], [20.0, 20.0001]) == 200.0
+    assert uncut([200.0, 300.0, 100.0], [20.0, 30.0, 20.0]) == pytest.approx((500.0**2 + 100.0**2) / 600.0)
+
+
+def test_equal_neighbours_beyond_the_longest_link_stay_apart(monkeypatch):
+    monkeypatch.setattr(links, "LONGEST_LINK_M", 600.0)
+    assert uncut([300.0, 300.0], [30.0, 30.0]) == 600.0
+    assert uncut([300.0, 300.5], [30.0, 30.05]) == pytest.approx(300.25, abs=0.01)
+
+
 LINK = {"length_m": 100.0, "speed_m_s": 10.0}
 
 

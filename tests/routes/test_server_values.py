@@ -224,9 +224,9 @@ def test_intervals_of_graphhopper_are_edges_on_the_scale_of_the_path():
 
 def test_a_speed_and_a_limit_of_one_point_count_there_alone():
     details = {"time": [[0, 1, 9000], [1, 1, 9000], [1, 2, 9000], [2, 3, 9000]]}
-    speeds = {"average_speed": [[0, 3, 36.0], [1, 1, 72.0]], "max_speed": [[1, 2, 90.0]]}
+    speeds = {"average_speed": [[0, 3, 36.0], [1, 1, 0.9]], "max_speed": [[1, 2, 90.0]]}
     (edges,) = graphhopper_path(path(line(0.0, 0.01, 0.02, 0.03), 300.0, **details, **speeds), "x").edges
-    np.testing.assert_allclose(edges.speed_m_s, [10.0, 20.0, 20.0, 10.0], **EXACT)
+    np.testing.assert_allclose(edges.speed_m_s, [10.0, 0.25, 0.25, 10.0], **EXACT)
     np.testing.assert_allclose(edges.limit_m_s, [NO, 25.0, 25.0, NO], **EXACT)
     assert edges.road_class == ("",) * 4
 
