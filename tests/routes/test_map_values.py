@@ -2,6 +2,7 @@
 
 import json
 import os
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -276,6 +277,19 @@ def test_the_settlement_of_an_object(tmp_path):
     assert names(made.search("stadt"))[:2] == ["Stadt", "Stadt 7, Stadt"]
     only = written(tmp_path, objects[:1], towns[1:])
     assert names(only.search("inside")) == ["Inside, Hof"]
+
+
+def test_a_settlement_is_near_up_to_a_bound(tmp_path):
+    objects = [Named("poi", "On", 0.3, 0.0), Named("poi", "Beyond", 0.3001, 0.0)]
+    made = written(tmp_path, objects, [Named("town", "Stadt", 0.0, 0.0)])
+    assert names(made.search("on")) == ["On, Stadt"]
+    assert names(made.search("beyond")) == ["Beyond"]
+
+
+def test_an_index_is_read_by_several_threads(tmp_path):
+    made = written(tmp_path, [Named("poi", "Halt", 47.0, 9.0)])
+    with ThreadPoolExecutor(1) as other:
+        assert names(other.submit(made.search, "halt").result()) == ["Halt"]
 
 
 def test_settlements_without_a_limit_of_their_kind(tmp_path):

@@ -358,6 +358,9 @@ def test_words_of_valhalla_are_cut():
     assert caught.value.faults[0].got == "x" * 120
     with pytest.raises(InvalidInput, match="no road found"):
         router_of(route={"error_code": "171", "error": "as a text"}).roads([A, B])
+    for half in ({"error": "x"}, {"error_code": 442}):
+        with pytest.raises(InvalidInput, match="no road found"):
+            router_of(route={**half, **trip(47.0)}).roads([A, B])
     with pytest.raises(RemoteError, match="no line") as caught:
         router_of(route={"trip": {"legs": [{"shape": ["y" * 99]}]}}).roads([A, B])
     assert caught.value.faults[0].got == "['" + "y" * 38

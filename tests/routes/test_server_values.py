@@ -330,3 +330,11 @@ def test_speeds_of_graphhopper_are_not_negative(name):
         graphhopper_path(path(line(0.0, 0.01), 9.0, time=[[0, 1, 5]], **{name: [[0, 1, -0.1]]}), "x")
     with pytest.raises(InvalidInput, match="0 or more"):
         graphhopper_path(path(line(0.0, 0.01), -0.1, time=[[0, 1, 5]]), "x")
+
+
+def test_a_road_has_legs_or_segments():
+    with pytest.raises(InvalidInput, match="legs: got 0; allowed: at least 1"):
+        osrm_edges()
+    feature = {"geometry": {"coordinates": line(0.0, 0.01)}, "properties": {"segments": []}}
+    with pytest.raises(InvalidInput, match="segments: got 0; allowed: at least 1"):
+        openrouteservice_feature(feature, "x")

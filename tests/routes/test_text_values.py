@@ -97,6 +97,19 @@ def test_a_little_height_is_a_height():
     assert np.isnan(read_kml(kml("1,2,0 1,3,-0")).elevation_m).all()
 
 
+def test_points_belong_to_the_line_and_the_recording_around_them():
+    line = "<LineString><coordinates>{}</coordinates></LineString>"
+    found = read_kml(f"\n<kml> {line.format('1,1')} {line.format('1,2 1,3')} </kml>\n".encode())
+    assert found.latitude_deg.tolist() == [2.0, 3.0]
+    parts = line.format("1,2</coordinates><coordinates>1,3 1,4")
+    assert read_kml(f"<kml>{parts}</kml>".encode()).latitude_deg.tolist() == [2.0, 3.0, 4.0]
+    stamps = "<when>2026-05-01T08:00:00Z</when><when>2026-05-01T08:00:07Z</when>"
+    short = "<Track><when>never</when><coord>1 1</coord></Track>"
+    track = f"<Track>{stamps}<coord>1 2</coord><coord>1 3</coord></Track>"
+    found = read_kml(f"<kml>{short}{track}</kml>".encode())
+    assert (found.latitude_deg.tolist(), found.time_s.tolist()) == ([2.0, 3.0], [0.0, 7.0])
+
+
 def test_coordinates_of_other_shapes_are_left_out():
     lines = "<LineString><coordinates>1,2 1,3</coordinates></LineString>"
     ring = "<Polygon><outerBoundaryIs><LinearRing><coordinates>1,1 2,2</coordinates></LinearRing></outerBoundaryIs></Polygon>"

@@ -49,7 +49,7 @@ class _Reading:
             self.lines.append(_Line())
 
     def characters(self, text: str) -> None:
-        if self.path and self.path[-1] in TEXTS:
+        if self.path[-1] in TEXTS:  # outside of the root there is no text
             self.text.append(text)
 
     def end(self, tag: str) -> None:
