@@ -182,6 +182,19 @@ def test_times_of_a_line():
     assert read_geojson(feature({"coordTimes": None})).time_s is None
 
 
+def test_the_points_of_all_lines_are_counted(monkeypatch):
+    """And places east of 90 degrees are on earth."""
+    monkeypatch.setattr(points, "MOST_POINTS", 4)
+    for number, refused in ((2, False), (3, True)):
+        collection = [json.loads(feature(None, ((150.0, 2.0), (-150.0, k)))) for k in range(number)]
+        text = json.dumps({"type": "FeatureCollection", "features": collection}).encode()
+        if refused:
+            (fault,) = faults_of(read_geojson, text)
+            assert (fault.what, fault.where, fault.got) == ("too many points", "route", "6")
+        else:
+            assert len(read_geojson(text)) == 4
+
+
 def test_lines_keep_their_own_times():
     lines = [[[1.0, 2.0], [1.0, 2.1], [1.0, 2.2]], [[1.0, 2.3], [1.0, 2.4]]]
     times = [f"2026-05-01T08:00:{k:02d}Z" for k in (0, 1, 3, 6, 10)]
