@@ -278,6 +278,19 @@ def test_a_delay_slows_down_at_the_dip_and_a_lead_uses_the_pedals(aims):
     np.testing.assert_allclose(driving_s, 8.0 / (speed[1:] + speed[:-1]), **EXACT)
 
 
+def test_the_search_for_the_delays_ends_after_thirty_passes(monkeypatch):
+    """A car that is by turns too slow and too fast never keeps its time."""
+    passes = []
+
+    def by_turns(position, aim, style, effort=None):
+        passes.append(1)
+        return np.full(len(position), 1.0 if len(passes) % 2 else 100.0)
+
+    monkeypatch.setattr(profile, "reachable_speed", by_turns)
+    link_profile([240.0] * 3, [16.0] * 3, moving_speed_m_s=[15.0] * 3)
+    assert len(passes) == 30
+
+
 def test_the_slower_link_rules_where_two_meet_and_a_given_stop_is_a_standstill(aims):
     grid = course([240.0] * 3, [26.0, 16.0, 16.0], stop=[10.0, 0.0, 0.0], limit=[NO, NO, 15.0])
     grid.drive(np.array([-0.4, 0.0, -0.4]))

@@ -48,6 +48,16 @@ def test_pieces_of_an_osrm_leg_without_length_or_time_have_no_speed():
         osrm(leg(8.0, [50.0], [0.0]))
 
 
+def test_time_without_length_belongs_to_the_length_before():
+    made = osrm(leg(5.0, [90.0, 0.0], [0.0, 5.0]))
+    assert (made.length_m.tolist(), made.travel_time_s.tolist()) == ([90.0], [5.0])
+    assert np.isnan(made.moving_speed_m_s).all()
+    behind = osrm(leg(17.0, [90.0, 60.0, 0.0], [9.0, 6.0, 2.0]))
+    np.testing.assert_allclose(behind.travel_time_s, [9.0, 8.0], **EXACT)
+    more = osrm(leg(15.0, [90.0, 60.0, 4.0], [9.0, 6.0, 0.0]))
+    np.testing.assert_allclose(more.length_m, [90.0, 64.0], **EXACT)
+
+
 def test_an_osrm_leg_may_be_shorter_than_its_pieces():
     np.testing.assert_allclose(osrm(leg(0.5, [9.0], [0.9])).travel_time_s, [0.9], **EXACT)
     np.testing.assert_allclose(osrm(leg(0.8, [9.0], [0.4])).travel_time_s, [0.8], **EXACT)
@@ -84,6 +94,7 @@ def test_faults_of_an_osrm_response():
     assert (fault.what, fault.got) == ("annotations of different lengths", "2 and 1")
     assert fault.where == "OSRM response, legs[1]"
     assert faults_of(osrm)[0].what == "too few entries"
+    assert faults_of(route_from_osrm, {"routes": []})[0].what == "too few entries"
 
 
 # Valhalla
@@ -118,6 +129,11 @@ def test_heights_of_valhalla_need_all_legs():
         assert valhalla(*legs).elevation_m is None
 
 
+def test_one_height_of_valhalla_lies_at_the_start():
+    made = valhalla(turns((1.0, 60.0), elevation=[500.0]))
+    assert (made.elevation_position_m.tolist(), made.elevation_m.tolist()) == ([0.0], [500.0])
+
+
 def test_faults_of_a_valhalla_response():
     assert faults_of(valhalla, status=1, status_message="s" * 200)[0].got == "'" + "s" * 79
     assert faults_of(valhalla, units="u" * 99)[0].got == "'" + "u" * 39
@@ -148,6 +164,29 @@ def test_steps_of_openrouteservice_come_before_their_segment():
     assert faults_of(route_from_openrouteservice, {"error": "e" * 150})[0].got == "'" + "e" * 119
     with pytest.raises(InvalidInput, match="too few entries"):
         route_from_openrouteservice({"routes": [{"segments": []}]})
+
+
+@pytest.mark.parametrize(
+    ("longitudes", "positions"),
+    [
+        ((0.0, 5e-6), [0.0, 50.0]),
+        ((0.0, 0.0, 0.002), [0.0, 0.0, 50.0]),
+        ((0.0, 0.001, 0.002), [0.0, 25.0, 50.0]),
+        ((0.0, 0.002, 0.002), [0.0, 50.0, 50.0]),
+        ((0.0, 0.0), None),
+    ],
+)
+def test_heights_lie_on_the_scale_of_the_steps(longitudes, positions):
+    feature = {
+        "geometry": {"coordinates": [[at, 0.0, 500.0 + k] for k, at in enumerate(longitudes)]},
+        "properties": {"segments": [{"distance": 50.0, "duration": 5.0}]},
+    }
+    made = route_from_openrouteservice({"features": [feature]})
+    if positions is None:
+        assert made.elevation_m is None
+        return
+    np.testing.assert_allclose(made.elevation_position_m, positions, rtol=1e-9, atol=1e-9)
+    assert made.elevation_m[-1] == 499.0 + len(longitudes)
 
 
 def lines(latitudes, heights=None):

@@ -1,6 +1,7 @@
 """Links of edges and roads of legs, and what Valhalla is asked and answers, with numbers that are worked out by hand."""
 
 import math
+import threading
 
 import httpx
 import numpy as np
@@ -123,6 +124,13 @@ def test_points_of_a_road_lie_on_the_scale_of_its_links(longitudes, length_m, po
     assert found.stop_position_m == ()
 
 
+def test_points_of_a_road_lie_by_their_ways_on_the_sphere():
+    """A thousandth of a degree to the east, then two to the north."""
+    corner = np.array([(0.0, 0.0), (0.0, 0.001), (0.002, 0.001)])
+    found = made((edges([300.0], [30.0]), corner, None))
+    np.testing.assert_allclose(found.position_m, [0.0, 100.0, 300.0], rtol=1e-6, atol=1e-6)
+
+
 def test_legs_of_a_road_lie_one_behind_the_other():
     heights = (np.array([0.0, 50.0]), np.array([5.0, 6.0]))
     one = (edges([100.0], [10.0]), line(0.0, 0.001), heights)
@@ -182,6 +190,16 @@ def test_a_road_ends_within_1500_metres_of_its_places():
     with pytest.raises(InvalidInput) as caught:
         made(leg, stops=(Place(1.0, 0.0), Place(1.0, 0.0)))
     assert len(caught.value.faults) == 2
+
+
+def test_a_place_may_be_as_far_as_its_bound(monkeypatch):
+    leg, off = (edges([100.0], [10.0]), line(0.0, 0.001), None), Place(0.01, 0.0)
+    far = off.distance_m(Place(0.0, 0.0))
+    monkeypatch.setattr(road, "FARTHEST_START_M", far)
+    assert made(leg, stops=(off, Place(0.0, 0.001))).distance_m == 100.0
+    monkeypatch.setattr(road, "FARTHEST_START_M", far - 1e-6)
+    with pytest.raises(InvalidInput, match="place outside of the map"):
+        made(leg, stops=(off, Place(0.0, 0.001)))
 
 
 def test_a_journey_has_two_places_a_metre_apart():
@@ -373,6 +391,24 @@ def test_a_server_is_asked_side_by_side_and_named_by_its_host():
     assert [r.duration_s for r in found.roads([A, B], alternatives=2)] == [420.0]
 
 
+@pytest.mark.parametrize("at_once", [False, True])
+def test_several_questions_at_once_leave_their_thread(at_once):
+    """A single question stays in it."""
+    elsewhere, answer = [], valhalla()
+
+    def ask(action, document):
+        elsewhere.append((action, threading.get_ident() != here))
+        request = httpx.Request("POST", f"http://h/{action}", json=document)
+        return answer(request).json()
+
+    here, router = threading.get_ident(), ValhallaRouter(ask, at_once=at_once)
+    router.roads([A, B])
+    assert sorted(elsewhere) == [("height", at_once), ("route", False), ("trace_attributes", at_once)]
+    elsewhere.clear()
+    router.roads([A, B], alternatives=1)
+    assert [found for found in elsewhere if found[0] == "route"] == [("route", at_once)] * 2
+
+
 def edge(begin, end, elapsed, **more):
     node = {"elapsed_time": elapsed, **more.pop("node", {})}
     return {"begin_shape_index": begin, "end_shape_index": end, "speed": 50, "end_node": node, **more}
@@ -451,6 +487,7 @@ def test_the_line_of_the_edges_may_have_a_point_more():
     times = [edge(0, 1, 80.0, speed=90), edge(1, 3, 400.0, speed=30)]
     whole = walked(*times, shape=longer).links.length_m
     np.testing.assert_allclose(whole[0] / whole.sum(), 0.2, rtol=1e-6)
+    assert whole.sum() == pytest.approx(7583.0, abs=1.0)
     with pytest.raises(RemoteError, match="point index out of range"):
         walked(*times, shape=SHAPE)
     with pytest.raises(RemoteError, match="point index out of range"):
@@ -484,6 +521,15 @@ def test_heights_at_the_ends_of_a_tunnel_stay():
     assert walked(*both, heights=inside[1:]).links.elevation_m.tolist() == [6.0, 7.0]
     everything = [edge(0, 2, 400.0, tunnel=True)]
     assert walked(*everything, heights=inside).links.elevation_m.tolist() == [5.0, 6.0, 7.0]
+
+
+def test_heights_at_the_ends_of_the_road_are_kept_under_a_roof():
+    start = [edge(0, 1, 200.0, tunnel=True), edge(1, 2, 400.0)]
+    found = walked(*start, heights=[[0, 5.0], [100, 6.0], [5000, 7.0], [7000, 8.0]])
+    assert found.links.elevation_m.tolist() == [5.0, 7.0, 8.0]
+    whole = edge(0, 2, 400.0, tunnel=True)
+    end = walked(whole).links.distance_m
+    assert walked(whole, heights=[[0, 5.0], [100, 6.0], [end, 7.0]]).links.elevation_m.tolist() == [5.0, 7.0]
 
 
 @pytest.mark.parametrize(

@@ -304,7 +304,7 @@ def require_stops(stops: Sequence[Place]) -> None:
     """Raise `InvalidInput` for a journey without two different places."""
     if len(stops) < 2:
         raise InvalidInput(Fault("too few places", "stops", f"{len(stops)}", "a start and a destination"))
-    if all(stops[0].distance_m(place) < 1.0 for place in stops[1:]):
+    if all(stops[0].distance_m(place) < 1.0 for place in stops):
         raise InvalidInput(
             Fault("no way to drive", "stops", f"{stops[0].title} only", "two different places")
         )
