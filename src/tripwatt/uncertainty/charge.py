@@ -123,9 +123,9 @@ class ChargeScale:
             Measured.
         """
         known = np.isfinite(readings).all(axis=1) & np.isfinite(energy_wh)
-        soc, shown, energy = readings[known, :2], readings[known, 2:], energy_wh[known]
+        soc, shown, energy = readings[known, 0], readings[known, 2:], energy_wh[known]
         taken = shown[:, 0] - shown[:, 1]
-        if len(energy) < LEAST_TRIPS or float(np.ptp(soc[:, 0])) <= 0.0:
+        if len(energy) < LEAST_TRIPS or float(np.ptp(soc)) <= 0.0:
             return None
         full = (shown[:, 0] >= FULL).astype(np.float64)
         per_wh, hidden = float(energy @ taken) / float(energy @ energy), 0.0
@@ -137,7 +137,7 @@ class ChargeScale:
             return None
         wh_per_display = 1.0 / per_wh
         expected = energy / wh_per_display
-        slope, shift = np.polyfit(soc[:, 0], shown[:, 1] + expected, 1)
+        slope, shift = np.polyfit(soc, shown[:, 1] + expected, 1)
         if slope <= 0.0:
             return None
         capacity2 = (CAPACITY_SD * expected) ** 2
@@ -148,7 +148,7 @@ class ChargeScale:
             return float(np.sqrt(max(left, least))) * NORMAL_SCALE
 
         from_display = taken + hidden * full - expected
-        from_soc = shown[:, 1] - (slope * soc[:, 0] + shift - expected)
+        from_soc = shown[:, 1] - (slope * soc + shift - expected)
         return cls(
             float(-shift / slope),
             float((1.0 - shift) / slope),
