@@ -427,6 +427,7 @@ def walked(*entries, heights=None, **more):
         ([edge(0, 1, 200.0), edge(1, 2, 400.0)], None),
         ([edge(0, 1, 200.0), edge(1, 1, 200.0), edge(1, 2, 400.0)], None),
         ([edge(0, 0, 0.0), edge(0, 2, 0.5)], None),
+        ([edge(0, 0, 0.0), edge(0, 1, 200.0), edge(1, 2, 400.0)], None),
         ([edge(0, 1, 200.0), edge(1, 3, 400.0)], "point index out of range"),
         ([edge(0, 1.5, 200.0), edge(1.5, 2, 400.0)], "point index out of range"),
         ([edge(-1, 1, 200.0), edge(1, 2, 400.0)], "not a number"),

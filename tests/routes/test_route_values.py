@@ -107,6 +107,21 @@ def test_several_wrong_links_are_counted():
         route([9.0, 0.0, 0.0], [9.0] * 3)
 
 
+def test_one_wrong_link_is_not_counted():
+    with pytest.raises(InvalidInput) as caught:
+        route([9.0, 0.0], [9.0] * 2)
+    assert caught.value.faults[0].got == "0"
+
+
+def test_what_is_not_given_of_a_route():
+    plain = route([9.0], [9.0])
+    assert plain.free_flow is False
+    assert plain.speed_limit_m_s is None
+    assert plain.elevation_at([0.0]) is None
+    assert route([9.0], [9.0], elevation_m=[5.0]).elevation_at([0.0]) is None
+    assert route([9.0], [9.0], elevation_position_m=[0.0]).elevation_at([0.0]) is None
+
+
 def logged(speed, **columns):
     time = 5.0 + np.arange(float(len(speed)))
     return Trip.from_samples("t", pd.DataFrame({"time_s": time, "speed_m_s": speed, **columns}))
@@ -249,7 +264,7 @@ def uncut(length, time, **more):
         ({"stop_s": [5.0, 5.0]}, False),
         ({"moving_speed_m_s": [12.0, 12.0]}, True),
         ({"moving_speed_m_s": [12.0, 12.00001]}, True),
-        ({"moving_speed_m_s": [12.0, 12.0001]}, False),
+        ({"moving_speed_m_s": [12.0, 12.00002]}, False),
         ({"moving_speed_m_s": [12.0, NO]}, False),
         ({"speed_limit_m_s": [14.0, 14.0]}, True),
         ({"speed_limit_m_s": [14.0, 14.0001]}, False),
@@ -262,7 +277,8 @@ def test_neighbours_that_differ_in_nothing_are_one_link(more, one):
 
 def test_speeds_that_differ_by_a_millionth_are_one():
     assert uncut([200.0, 200.0], [20.0, 20.00001]) == 400.0
-    assert uncut([200.0, 200.0], [20.0, 20.0001]) == 200.0
+    assert uncut([200.0, 200.0], [20.0, 20.00003]) == 200.0
+    assert links.MOST_SAMPLES == 2_000_000
     assert uncut([200.0, 300.0, 100.0], [20.0, 30.0, 20.0]) == pytest.approx((500.0**2 + 100.0**2) / 600.0)
 
 

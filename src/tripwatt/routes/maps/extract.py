@@ -146,8 +146,8 @@ def station_of_tags(tags: Mapping[str, str], latitude_deg: float, longitude_deg:
     direct = any(name in DC_SOCKETS for name in sockets)
     outputs = [_power_w(tags.get(f"socket:{name}:output", "")) for name in sockets]
     outputs += [_power_w(tags.get(key, "")) for key in ("charging_station:output", "maxpower")]
-    power = max(outputs, default=0.0)
-    known = power > 0.0
+    power = max(outputs)
+    known = bool(power)
     name = tags.get("name") or tags.get("operator") or tags.get("brand") or tags.get("network") or ""
     return Station(
         latitude_deg,
