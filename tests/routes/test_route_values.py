@@ -89,6 +89,13 @@ def test_bounds_of_a_link():
         assert refused([9.0], [9.0], **{name: [9.0, 9.0]}) == [name]
 
 
+def test_values_below_one_are_values():
+    slow = {"stop_s": [0.5], "moving_speed_m_s": [0.5], "speed_limit_m_s": [0.5]}
+    assert route([0.5], [0.9], **slow).distance_m == 0.5
+    assert links_of_trip(logged([1.0] * 3), 0.5).length_m.tolist() == [0.5] * 4
+    assert links_of_trip(logged([0.2] * 3), 5.0).distance_m == pytest.approx(0.4)
+
+
 def test_bounds_of_a_route():
     assert route([9.0, 9.0], [86_400.0, 86_400.0]).duration_s == 172_800.0
     assert refused([9.0, 9.0], [86_400.0, 86_401.0]) == ["links"]
@@ -148,6 +155,13 @@ def test_a_link_of_a_trip_starts_with_its_first_sample_and_ends_with_its_last():
     np.testing.assert_allclose(made.length_m, [55.0, 55.0], **EXACT)
     assert made.travel_time_s.sum() == 18.0
     assert made.travel_time_s[0] == 3.0 + 1.0 + 5.0
+
+
+def test_a_standstill_at_a_border_belongs_to_the_link_behind_it():
+    """95 m with the stop from 10 m/s in the last second, 5 s standing, 95 m with the start in the first second."""
+    made = links_of_trip(logged([10.0] * 10 + [0.0] * 6 + [10.0] * 10), 95.0)
+    assert made.length_m.tolist() == [95.0, 95.0]
+    assert made.travel_time_s.tolist() == [10.0, 15.0]
 
 
 def test_heights_of_a_trip_are_bridged_and_told_when_missing():
@@ -367,6 +381,15 @@ def test_values_that_are_no_numbers_are_named_once():
     with pytest.raises(InvalidInput) as caught:
         route_from_links([{"length_m": "x", "speed_m_s": "y", "grade": "z", "stop_s": float("inf")}])
     assert [f.what for f in caught.value.faults] == ["not a number"] * 3 + ["not a finite number"]
+
+
+@pytest.mark.parametrize("name", ["grade", "stop_s", "length_m", "speed_m_s", "moving_speed_m_s"])
+def test_an_endless_value_is_one_fault(name):
+    with pytest.raises(InvalidInput) as caught:
+        route_from_links([{**LINK, name: float("inf")}])
+    assert [str(fault) for fault in caught.value.faults] == [
+        f"not a finite number: link 1, {name}: got inf; allowed: a finite number"
+    ]
 
 
 def test_distances_on_the_sphere():
