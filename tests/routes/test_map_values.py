@@ -348,6 +348,15 @@ def test_a_map_says_what_it_is_made_of(builder, tmp_path):
     assert made.index.stations()[0].latitude_deg == 47.1
 
 
+def test_a_house_is_named_by_a_settlement_and_not_by_what_stands_beside_it(builder):
+    made = builder(
+        node(1, 47.0, 9.0, place="hamlet", name="Hof"),
+        node(2, 47.1, 9.1, amenity="cafe", name="Blau"),
+        node(3, 47.1, 9.1, addr__housenumber="7", addr__street="Ring"),
+    )
+    assert names(made.index.search("ring")) == ["Ring 7, Hof"]
+
+
 def test_a_map_without_places_has_no_bounds(builder):
     assert builder().info["bounds_deg"] is None
 
