@@ -189,6 +189,19 @@ def test_a_follower_changes_versions_without_losing_a_request(fleet, tmp_path):
     assert "other" in followed.get().about
 
 
+def test_a_caller_that_read_the_pointer_long_ago_does_not_turn_it_back(fleet, tmp_path, monkeypatch):
+    *_, model, _ = fleet
+    registry = Registry(tmp_path)
+    for version in ("0001", "0002"):
+        registry.add(model)
+        registry.promote(version)
+    followed = FollowedModel(registry)
+    answers = ["0001", "0002"]  # what the caller read before it waited, and what is there now
+    monkeypatch.setattr(Registry, "current", lambda self: answers.pop(0))
+    followed.get()
+    assert (followed.version, answers) == ("0002", [])
+
+
 def test_a_refit_is_compared_and_then_takes_the_newest_weeks_in(fleet, tmp_path):
     _, store, model, folder = fleet
     registry = Registry(tmp_path / "reg")

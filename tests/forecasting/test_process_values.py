@@ -227,6 +227,11 @@ class TestRest:
         assert found == pytest.approx((7.0, 0.0, 0.0, 5.0, 0.0, 3.0, 0.0, 0.0), **EXACT)
 
 
+def test_the_point_of_errors_is_that_of_their_90_percent() -> None:
+    """The 18th of 19 covers 18 / 20."""
+    assert _point(np.array([(-1.0) ** k * k for k in range(1, 20)])) == 18.0
+
+
 def test_shrinkage_from_rests(monkeypatch) -> None:
     """Six trips, two of them with climate control off or unknown; the same rests at every fraction."""
     truth = np.array([60.0, -40.0, 55.0, -70.0, 20.0, 35.0])

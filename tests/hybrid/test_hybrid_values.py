@@ -363,6 +363,14 @@ class TestTripTable:
         two = self.trip("b", elevation_m=[100.0, 101.0, 102.0, 103.0, 104.0], ambient_temperature_degc=30.0)
         return build_table([one, two, self.trip("c")], {"x": load_vehicle("bmw_i3_60ah")})
 
+    def test_any_energy_above_zero_counts(self) -> None:
+        little = self.trip(current_a=0.25)
+        assert little.observed_energy_wh == pytest.approx(0.1)
+        cars = {"x": load_vehicle("bmw_i3_60ah")}
+        assert build_table([little], cars).trip_ids == ("a",)
+        with pytest.raises(InvalidInput, match="no measured energy: a: got 0.0 Wh"):
+            build_table([self.trip(current_a=0.0)], cars)
+
     def test_running_sums(self) -> None:
         """Of the bin means of 1 s that the table holds; 20 °C is comfortable."""
         made = self.made()

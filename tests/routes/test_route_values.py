@@ -373,6 +373,7 @@ def test_fifty_faults_are_named_and_the_rest_counted():
 def test_too_many_links_are_refused_before_they_are_read(monkeypatch):
     monkeypatch.setattr(link_objects, "MOST_LINKS", 3)
     assert len(route_from_links([LINK] * 3)) == 3
+    assert len(link_objects.columns_one_by_one([LINK] * 3)["length_m"]) == 3
     with pytest.raises(InvalidInput, match="too many links"):
         route_from_links(LINK for _ in range(4))
     with pytest.raises(InvalidInput, match="no links"):

@@ -301,16 +301,17 @@ def test_so_many_answers_are_kept(monkeypatch):
     first, second, third = Place(47.0, 9.0), Place(47.1, 9.0), Place(47.2, 9.0)
     seen = []
     source = server(seen)
-    source.at((first, second), (NOON, NOON))
+    for place in (first, second):
+        source.at((place,), (NOON,))
     source.at((second, first), (NOON, NOON))
-    assert len(seen) == 1
+    assert len(seen) == 2
     found = source.at((first, third), (NOON, NOON))
     assert [w.temperature_degc for w in found] == [1.0, 2.0]
-    assert seen[1].url.params["latitude"] == "47.00,47.20"
+    assert seen[2].url.params["latitude"] == "47.00,47.20"
     source.at((third, first), (NOON, NOON))
-    assert len(seen) == 2
-    source.at((second,), (NOON,))
     assert len(seen) == 3
+    source.at((second,), (NOON,))
+    assert len(seen) == 4
 
 
 def hours(**changed):

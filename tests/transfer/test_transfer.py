@@ -22,7 +22,8 @@ from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
 from tripwatt.hybrid.split import SplitCorrector
 from tripwatt.physics import simulate_trip
 from tripwatt.synthetic import synthetic_fleet
-from tripwatt.transfer import adapt_model, adaptation
+from tripwatt.transfer import adapt_model, adaptation, adapting
+from tripwatt.transfer.adapting import weighted_quantiles
 from tripwatt.trips import Fleet, Trip, plan_from_trip
 from tripwatt.uncertainty.held_out import process_segments
 from tripwatt.vehicles import Vehicle, load_vehicle
@@ -304,6 +305,19 @@ def test_trips_left_out_in_turn_have_errors_of_the_sign_of_their_scores(base, se
         assert one.observed_wh == pytest.approx(trip.observed_energy_wh, rel=0.01)
         sd = (one.observed_wh - one.predicted_wh) / one.score
         assert 0.0 < sd < 0.5 * one.observed_wh
+
+
+def test_errors_of_the_base_and_own_errors_share_one_weight(base, second_car, leaf, monkeypatch) -> None:
+    seen = []
+    monkeypatch.setattr(
+        adapting, "weighted_quantiles", lambda values, weight: seen.append(weight) or weighted(values, weight)
+    )
+    weighted = weighted_quantiles
+    model = load_model(base)
+    adaptation(model, second_car.trips[:4], leaf)
+    (weight,) = seen
+    assert weight.sum() == pytest.approx(1.0)
+    assert weight[-4:] == pytest.approx(np.full(4, 1.0 / (adapting.BASE_TRIPS + 4.0)))
 
 
 def test_an_energy_from_the_state_of_charge_counts_less(base, second_car, leaf) -> None:

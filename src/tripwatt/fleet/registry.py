@@ -319,7 +319,9 @@ class FollowedModel:
             return self._held[1]
         if wanted != self._held[0] and self._lock.acquire(blocking=False):
             try:
-                self._held = (wanted, self._registry.load(wanted))
+                wanted = self._registry.current()  # it may have moved on while this caller waited
+                if wanted != self._held[0]:
+                    self._held = (wanted, self._registry.load(wanted))
             except InvalidInput:
                 pass  # the version before goes on
             finally:

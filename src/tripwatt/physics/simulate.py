@@ -204,7 +204,7 @@ def simulate(
         raise InvalidInput(faults)
     if slope is None:
         slope = np.zeros(len(time)) if height is None else grade_from_elevation(time, speed, height)
-    elif len(slope) > 1:
+    else:
         slope = np.concatenate((slope[:1], 0.5 * (slope[1:] + slope[:-1])))
     if conditions.air_density_kg_m3 is None:
         known = None if height is None else height[np.isfinite(height)]
