@@ -368,7 +368,7 @@ class TestTripTable:
         assert little.observed_energy_wh == pytest.approx(0.1)
         cars = {"x": load_vehicle("bmw_i3_60ah")}
         assert build_table([little], cars).trip_ids == ("a",)
-        with pytest.raises(InvalidInput, match="no measured energy: a: got 0.0 Wh"):
+        with pytest.raises(InvalidInput, match=r"no measured energy: a: got 0\.0 Wh"):
             build_table([self.trip(current_a=0.0)], cars)
 
     def test_running_sums(self) -> None:
