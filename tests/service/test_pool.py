@@ -1,337 +1,411 @@
-"""The pool of workers, with workers that are told what to do, and the bounds of the protocol, with a transport that listens."""
+"""The worker pool with processes that only pretend: starts, jobs, losses, restarts and times."""
 
 from __future__ import annotations
 
 import asyncio
-import signal
-from types import SimpleNamespace
+import sys
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import orjson
 import pytest
-import uvicorn
-from uvicorn.server import ServerState
+from tests.support.virtual_time import elapsed_s, run_jumping
 
-from tripwatt.service import pool as pools
-from tripwatt.service.pool import JobResult, Worker, WorkerLost, WorkerPool
+from tripwatt.journey import AtlasSettings
+from tripwatt.service.frames import encode_frame, read_frame_async
+from tripwatt.service.pool import KILL_SIGNALS, JobResult, Worker, WorkerLost, WorkerPool
 from tripwatt.service.problems import Problem
-from tripwatt.service.protocol import (
-    HEAD_TIMEOUT_S,
-    MAX_HEAD_BYTES,
-    MAX_HEADERS,
-    SEND_TIMEOUT_S,
-    SLICE_BYTES,
-    BoundedProtocol,
-)
 from tripwatt.service.settings import Limits, Settings
 
+READY = encode_frame({"ready": True}, b"")
+ANSWER = encode_frame({"status": 200, "seconds": 0.5}, b"done")
+JOB = {"kind": "forecast"}
 
-class Told:
-    """A worker that does as it is told: gives a result, is lost, or does not answer."""
-
-    def __init__(self, *answers: Any) -> None:
-        self.answers = list(answers)
-        self.ended = asyncio.Event()
-        self.process = SimpleNamespace(pid=7, wait=self.wait)
-        self.killed = False
-
-    async def wait(self) -> int:
-        await self.ended.wait()
-        return -9
-
-    async def run(self, frame: bytes) -> JobResult:
-        answer = self.answers.pop(0) if self.answers else JobResult(200, b"{}", 0.0)
-        if answer == "hang":
-            await asyncio.Event().wait()
-        if isinstance(answer, Exception):
-            self.ended.set()
-            raise answer
-        return answer
-
-    async def kill(self) -> None:
-        self.killed = True
-        self.ended.set()
-
-    async def stop(self) -> None:
-        self.ended.set()
+Step = bytes | int | float | None
+"""What a process does with a frame: answer, end with a code, answer after a delay [s] and `done`, or hang."""
 
 
-class Started:
-    """Starts workers in turn; an exception is a start that fails."""
+class Process:
+    """A process that follows its steps, the first of which is the one for its start."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, *workers: Any) -> None:
-        self.workers = list(workers)
-        monkeypatch.setattr(Worker, "start", self.start)
+    def __init__(self, pid: int, *steps: Step, ends_with_input: bool = True) -> None:
+        self.pid, self.steps, self.ends_with_input = pid, list(steps), ends_with_input
+        self.stdout = asyncio.StreamReader()
+        self.stdin = self
+        self.frames: list[bytes] = []
+        self.killed_s: float | None = None
+        self.ended: asyncio.Future[int] = asyncio.get_running_loop().create_future()
 
-    async def start(self, settings: Settings) -> Any:
-        found = self.workers.pop(0) if self.workers else Told()
-        if isinstance(found, Exception):
-            raise found
-        return found
+    def write(self, frame: bytes) -> None:
+        self.frames.append(frame)
+        step = self.steps.pop(0) if self.steps else ANSWER
+        if isinstance(step, bytes):
+            self.stdout.feed_data(step)
+        elif isinstance(step, int):
+            self.end(step)
+        elif step is not None:
+            asyncio.get_running_loop().call_later(step, self.stdout.feed_data, ANSWER)
 
-
-def made(events: list[str], workers: int = 1, **limits: Any) -> WorkerPool:
-    settings = Settings(workers=workers, limits=Limits(**limits))
-    return WorkerPool(settings, lambda name, **details: events.append(name))
-
-
-def test_a_lost_start_is_repeated_after_twice_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    waits: list[float] = []
-    sleep = asyncio.sleep
-
-    async def note(seconds: float) -> None:
-        waits.append(seconds)
-        await sleep(0)
-
-    async def run() -> tuple[int, int]:
-        first = Told()
-        Started(monkeypatch, first, *(OSError() for _ in range(9)))
-        pool = made(events)
-        await pool.start()
-        monkeypatch.setattr(pools.asyncio, "sleep", note)
-        first.ended.set()
-        while "worker started" not in events:
-            await sleep(0)
-        await pool.stop()
-        return pool.lost, pool.ready
-
-    events: list[str] = []
-    assert asyncio.run(run()) == (1, 0)
-    assert waits == pytest.approx([0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 10.0, 10.0])
-    assert events == ["worker lost", *["worker did not start"] * 9, "worker started"]
-
-
-@pytest.mark.parametrize(
-    ("crashed", "losses", "kind"),
-    [(True, 1, None), (True, 2, "internal"), (False, 3, None), (False, 4, "busy")],
-)
-def test_how_many_workers_a_job_may_lose(
-    monkeypatch: pytest.MonkeyPatch, crashed: bool, losses: int, kind: str | None
-) -> None:
-    """Two that crash: the job is probably the cause. Four that were ended: the client has to ask again."""
-
-    async def run() -> Any:
-        Started(monkeypatch, *(Told(WorkerLost(crashed=crashed)) for _ in range(losses)))
-        pool = made([], timeout_s=30.0)
-        await pool.start()
-        try:
-            return await pool.run({"kind": "forecast"}, b"")
-        finally:
-            await pool.stop()
-
-    if kind is None:
-        assert asyncio.run(run()).status == 200
-        return
-    with pytest.raises(Problem) as caught:
-        asyncio.run(run())
-    assert caught.value.kind == kind
-    assert caught.value.headers == ({"Retry-After": "1"} if kind == "busy" else {})
-
-
-def test_as_many_jobs_wait_as_the_limit_allows(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def run() -> tuple[str, int, int]:
-        Started(monkeypatch, Told(*["hang"] * 9))
-        pool = made([], waiting=2, timeout_s=30.0)
-        await pool.start()
-        jobs = [asyncio.ensure_future(pool.run({"kind": "x"}, b"")) for _ in range(3)]
-        await asyncio.sleep(0)
-        await asyncio.sleep(0)
-        waiting = pool.waiting
-        with pytest.raises(Problem) as caught:
-            await pool.run({"kind": "x"}, b"")
-        queued = asyncio.ensure_future(pool.run({"kind": "x"}, b"", may_queue=True))
-        await asyncio.sleep(0)
-        more = pool.waiting
-        for job in (*jobs, queued):
-            job.cancel()
-        await asyncio.gather(*jobs, queued, return_exceptions=True)
-        await pool.stop()
-        return caught.value.kind, waiting, more
-
-    assert asyncio.run(run()) == ("busy", 2, 3)
-
-
-def test_a_worker_that_hangs_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def run() -> tuple[str, bool]:
-        hanging = Told("hang")
-        Started(monkeypatch, hanging)
-        pool = made(events, timeout_s=0.01)
-        await pool.start()
-        with pytest.raises(Problem) as caught:
-            await pool.run({"kind": "x"}, b"")
-        while "worker hung" not in events:
-            await asyncio.sleep(0)
-        await pool.stop()
-        return caught.value.detail, hanging.killed
-
-    events: list[str] = []
-    assert asyncio.run(run()) == ("longer than 0.01 s", True)
-
-
-def test_a_worker_that_was_ended_from_outside_did_not_crash() -> None:
-    assert pools.KILL_SIGNALS == (-signal.SIGKILL, -signal.SIGTERM)
-
-    async def lost(code: int) -> bool:
-        process = SimpleNamespace(
-            stdin=SimpleNamespace(write=lambda frame: None, drain=ended), stdout=None, wait=ends(code)
-        )
-        process.stdout = process.stdin
-        with pytest.raises(WorkerLost) as caught:
-            await Worker(process).run(b"")  # type: ignore[arg-type]
-        return caught.value.crashed
-
-    async def ended() -> None:
-        raise ConnectionResetError
-
-    def ends(code: int) -> Any:
-        async def wait() -> int:
-            return code
-
-        return wait
-
-    assert [asyncio.run(lost(code)) for code in (-9, -15, -11, 0, 1)] == [False, False, True, True, True]
-
-
-# the protocol
-
-
-class Wire:
-    """A transport that keeps what is written."""
-
-    def __init__(self) -> None:
-        self.sent, self.closed, self.aborted = b"", False, False
-
-    def write(self, data: bytes) -> None:
-        self.sent += data
-
-    def is_closing(self) -> bool:
-        return self.closed
+    async def drain(self) -> None: ...
 
     def close(self) -> None:
-        self.closed = True
+        if self.ends_with_input:
+            self.end(0)
 
-    def abort(self) -> None:
-        self.aborted = True
+    def end(self, code: int) -> None:
+        if not self.ended.done():
+            self.ended.set_result(code)
+            self.stdout.feed_eof()
 
-    def get_extra_info(self, name: str, default: Any = None) -> Any:
-        return ("127.0.0.1", 1) if name in ("sockname", "peername") else default
+    def kill(self) -> None:
+        if self.ended.done():
+            raise ProcessLookupError
+        self.killed_s = elapsed_s()
+        self.end(-9)
 
-    def pause_reading(self) -> None: ...
-    def resume_reading(self) -> None: ...
-
-
-def connected(app: Any, timers: list[float]) -> tuple[BoundedProtocol, Wire]:
-    """A protocol with an application; the delays of its timers are kept."""
-    loop = asyncio.get_running_loop()
-    config = uvicorn.Config(app, log_config=None)
-    config.load()
-    protocol = BoundedProtocol(config, ServerState(), {}, loop)
-    later = loop.call_later
-
-    def call_later(delay: float, *rest: Any) -> Any:
-        timers.append(delay)
-        return later(delay, *rest)
-
-    loop.call_later = call_later  # type: ignore[method-assign]
-    wire = Wire()
-    protocol.connection_made(wire)  # type: ignore[arg-type]
-    return protocol, wire
+    async def wait(self) -> int:
+        return await asyncio.shield(self.ended)
 
 
-async def echo(scope: Any, receive: Any, send: Any) -> None:
-    size = 0
-    while True:
-        message = await receive()
-        size += len(message.get("body", b""))
-        if not message.get("more_body"):
-            break
-    await send({"type": "http.response.start", "status": 200, "headers": []})
-    await send({"type": "http.response.body", "body": b"%d bytes" % size})
+class Processes:
+    """Starts processes in place of the real ones, each with the next steps."""
+
+    def __init__(self, patch: pytest.MonkeyPatch, *steps: tuple[Step, ...] | OSError) -> None:
+        self.steps = list(steps)
+        self.started: list[Process] = []
+        self.calls: list[tuple[tuple[Any, ...], dict[str, Any]]] = []
+        self.refused = 0
+        patch.setattr(asyncio, "create_subprocess_exec", self.start)
+
+    async def start(self, *command: Any, **options: Any) -> Process:
+        self.calls.append((command, options))
+        steps = self.steps.pop(0) if self.steps else (READY,)
+        if isinstance(steps, OSError):
+            self.refused += 1
+            raise steps
+        self.started.append(Process(100 + len(self.started), *steps))
+        return self.started[-1]
 
 
-def answer_to(*parts: bytes) -> tuple[bytes, bool]:
-    async def run() -> tuple[bytes, bool]:
-        protocol, wire = connected(echo, [])
-        for part in parts:
-            protocol.data_received(part)
-        for _ in range(20):
-            await asyncio.sleep(0)
-        found = wire.sent, wire.closed
-        protocol.connection_lost(None)
-        return found
+class Log:
+    """What a pool has said."""
 
-    return asyncio.run(run())
+    def __init__(self) -> None:
+        self.said: list[dict[str, Any]] = []
 
+    def __call__(self, event: str, **more: Any) -> None:
+        self.said.append({"event": event, **more})
 
-def head(size: int) -> bytes:
-    """A head of so many bytes."""
-    start, end = b"GET / HTTP/1.1\r\nHost: a\r\nX: ", b"\r\n\r\n"
-    return start + b"x" * (size - len(start) - len(end)) + end
+    def events(self) -> list[str]:
+        return [record["event"] for record in self.said]
 
 
-def test_a_head_of_the_limit_is_read() -> None:
-    assert MAX_HEAD_BYTES == 2 * SLICE_BYTES == 32_768
-    sent, _ = answer_to(head(MAX_HEAD_BYTES)[:-4], b"\r\n\r\n")
-    assert sent.startswith(b"HTTP/1.1 200")
+async def settled() -> None:
+    for _ in range(30):
+        await asyncio.sleep(0)
 
 
-@pytest.mark.parametrize("pieces", [1, 7])
-def test_a_head_beyond_the_limit_is_answered_and_closed(pieces: int) -> None:
-    whole = head(MAX_HEAD_BYTES + SLICE_BYTES + 100)
-    size = -(-len(whole) // pieces)
-    sent, closed = answer_to(*(whole[k : k + size] for k in range(0, len(whole), size)))
-    assert closed
-    assert sent.startswith(b"HTTP/1.1 431 Request Header Fields Too Large\r\n")
-    document = orjson.loads(sent.partition(b"\r\n\r\n")[2])
-    assert document["detail"] == "at most 32768 bytes and 100 headers"
+def pool_of(log: Callable[..., None] | None = None, workers: int = 1, **limits: Any) -> WorkerPool:
+    return WorkerPool(Settings(workers=workers, limits=Limits(**limits)), log or Log())
 
 
-def test_a_head_without_an_end_may_have_the_limit_and_no_byte_more() -> None:
-    open_head = head(MAX_HEAD_BYTES + 100)[:MAX_HEAD_BYTES]
-    assert answer_to(open_head) == (b"", False)
-    sent, closed = answer_to(open_head, b"x")
-    assert closed
-    assert sent.startswith(b"HTTP/1.1 431")
+async def problem_of(pool: WorkerPool, **more: Any) -> Problem:
+    with pytest.raises(Problem) as caught:
+        await pool.run(JOB, b"", **more)
+    return caught.value
 
 
-@pytest.mark.parametrize(("headers", "status"), [(MAX_HEADERS, b"200"), (MAX_HEADERS + 1, b"431")])
-def test_headers_are_counted(headers: int, status: bytes) -> None:
-    lines = b"".join(b"X-%d: 1\r\n" % k for k in range(headers - 1))
-    sent, _ = answer_to(b"GET / HTTP/1.1\r\nHost: a\r\n" + lines + b"\r\n")
-    assert sent.split(b" ", 2)[1] == status
+def test_a_worker_is_started_without_the_token_and_with_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TRIPWATT_TOKEN", "secret")
+    monkeypatch.setenv("OMP_NUM_THREADS", "8")
+    monkeypatch.setenv("SOME_VARIABLE", "kept")
+    processes = Processes(monkeypatch)
+    settings = Settings({"one": Path("/m/1")}, limits=Limits(samples=7), atlas=AtlasSettings("a-map"))
+    worker = run_jumping(Worker.start(settings))
+    assert worker.process is processes.started[0]  # type: ignore[comparison-overlap]
+    command, options = processes.calls[0]
+    assert command == (sys.executable, "-m", "tripwatt.service.worker")
+    assert options["start_new_session"] is True
+    environment = options["env"]
+    assert "TRIPWATT_TOKEN" not in environment
+    assert [environment[k] for k in ("SOME_VARIABLE", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")] == [
+        *("kept", "1", "1")
+    ]
 
 
-def test_a_long_body_is_no_head() -> None:
-    body = b"x" * (3 * MAX_HEAD_BYTES)
-    start = b"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: %d\r\n\r\n" % len(body)
-    sent, _ = answer_to(start, *(body[k : k + 10_000] for k in range(0, len(body), 10_000)))
-    assert b"\r\n%d bytes\r\n" % len(body) in sent
+def test_a_worker_is_told_its_models_limits_and_atlas(monkeypatch: pytest.MonkeyPatch) -> None:
+    processes = Processes(monkeypatch)
+    settings = Settings({"one": Path("/m/1")}, limits=Limits(samples=7), atlas=AtlasSettings("a-map"))
+
+    async def run() -> tuple[dict[str, Any], bytes]:
+        await Worker.start(settings)
+        stream = asyncio.StreamReader()
+        stream.feed_data(processes.started[0].frames[0])
+        return await read_frame_async(stream)
+
+    head, body = run_jumping(run())
+    assert (head["models"], head["limits"]["samples"], body) == ({"one": "/m/1"}, 7, b"")
+    assert head["atlas"] == {"map": "a-map", "places": "", "weather": "", "stations": ""}
 
 
-def test_what_is_no_http_is_told_and_closed() -> None:
-    sent, closed = answer_to(b"nonsense\r\n\r\n")
-    assert closed
-    assert sent.startswith(b"HTTP/1.1 400 Bad Request\r\n")
-    length = int(sent.partition(b"Content-Length: ")[2].split(b"\r\n")[0])
-    assert length == len(sent.partition(b"\r\n\r\n")[2])
+def test_a_worker_has_two_minutes_to_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    processes = Processes(monkeypatch, (None,), (119.0,))
+
+    async def run() -> None:
+        with pytest.raises(TimeoutError):
+            await Worker.start(Settings())
+        assert (elapsed_s(), processes.started[0].killed_s) == (120.0, 120.0)
+        await Worker.start(Settings())
+        assert processes.started[1].killed_s is None
+
+    run_jumping(run())
 
 
-def test_times_of_a_connection() -> None:
-    async def run() -> tuple[list[float], bool]:
-        timers: list[float] = []
-        protocol, wire = connected(echo, timers)
-        protocol.data_received(b"GET / HTTP/1.1\r\n")
-        protocol.pause_writing()
-        protocol.pause_writing()
-        protocol.resume_writing()
-        protocol.connection_lost(None)
-        return timers, wire.aborted
+@pytest.mark.parametrize(("code", "crashed"), [(0, True), (1, True), (-11, True), (-9, False), (-15, False)])
+def test_a_worker_that_ends_is_lost_and_only_kills_are_no_crash(code: int, crashed: bool) -> None:
+    async def run() -> bool:
+        with pytest.raises(WorkerLost) as caught:
+            await Worker(Process(1, code)).run(b"")  # type: ignore[arg-type]
+        return caught.value.crashed
 
-    timers, aborted = asyncio.run(run())
-    assert (HEAD_TIMEOUT_S, SEND_TIMEOUT_S) == (10.0, 20.0)
-    assert timers == [
-        10.0,
-        10.0,
-        20.0,
-    ]  # of the connection, of the head that began, of the client that does not read
-    assert not aborted
+    assert run_jumping(run()) is crashed
+    assert KILL_SIGNALS == (-9, -15)
+    assert WorkerLost().crashed is False
+
+
+def test_a_result_has_status_content_and_time() -> None:
+    async def run() -> JobResult:
+        return await Worker(Process(1)).run(b"x")  # type: ignore[arg-type]
+
+    assert run_jumping(run()) == JobResult(200, b"done", 0.5)
+
+
+def test_a_worker_that_does_not_stop_is_killed_after_five_seconds() -> None:
+    async def run() -> tuple[float | None, float | None]:
+        good, bad = Process(1), Process(2, ends_with_input=False)
+        await Worker(good).stop()  # type: ignore[arg-type]
+        assert elapsed_s() == 0.0
+        await Worker(bad).stop()  # type: ignore[arg-type]
+        return good.killed_s, bad.killed_s
+
+    assert run_jumping(run()) == (None, 5.0)
+
+
+def test_a_worker_that_has_ended_can_be_killed() -> None:
+    async def run() -> None:
+        process = Process(1, 0)
+        process.end(0)
+        await Worker(process).kill()  # type: ignore[arg-type]
+        assert process.killed_s is None
+
+    run_jumping(run())
+
+
+def test_all_workers_start_and_stop(monkeypatch: pytest.MonkeyPatch) -> None:
+    processes, log = Processes(monkeypatch), Log()
+
+    async def run() -> None:
+        pool = pool_of(log, workers=3)
+        assert (pool.ready, pool.waiting, pool.lost) == (0, 0, 0)
+        await pool.start()
+        assert (pool.ready, pool.waiting, pool.lost) == (3, 0, 0)
+        await pool.stop()
+        await settled()
+        assert (pool.ready, pool.lost) == (0, 0)
+
+    run_jumping(run())
+    assert [process.ended.result() for process in processes.started] == [0, 0, 0]
+    assert [process.killed_s for process in processes.started] == [None] * 3
+    assert log.said == []
+
+
+def test_workers_take_jobs_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    processes = Processes(monkeypatch)
+
+    async def run() -> None:
+        pool = pool_of(workers=2)
+        await pool.start()
+        for _ in range(4):
+            assert (await pool.run(JOB, b"body")).content == b"done"
+        assert [len(process.frames) for process in processes.started] == [3, 3]
+        assert processes.started[0].frames[1] == encode_frame(JOB, b"body")
+        await pool.stop()
+
+    run_jumping(run())
+
+
+def test_jobs_beyond_the_waiting_ones_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    Processes(monkeypatch, (READY, 1.0))
+
+    async def run() -> None:
+        pool = pool_of(waiting=2)
+        await pool.start()
+        tasks = [asyncio.create_task(pool.run(JOB, b"")) for _ in range(2)]
+        await settled()
+        assert pool.waiting == 1
+        tasks.append(asyncio.create_task(pool.run(JOB, b"")))
+        await settled()
+        assert pool.waiting == 2
+        problem = await problem_of(pool)
+        assert (problem.kind, problem.detail) == ("busy", "too many requests wait")
+        assert problem.headers == {"Retry-After": "1"}
+        tasks.append(asyncio.create_task(pool.run(JOB, b"", may_queue=True)))
+        await settled()
+        assert pool.waiting == 3
+        assert [result.status for result in await asyncio.gather(*tasks)] == [200] * 4
+        assert (pool.waiting, elapsed_s()) == (0, 1.0)
+        await pool.stop()
+
+    run_jumping(run())
+
+
+def test_a_hung_worker_is_killed_and_its_job_times_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    processes, log = Processes(monkeypatch, (READY, None)), Log()
+
+    async def run() -> None:
+        pool = pool_of(log, timeout_s=2.5)
+        await pool.start()
+        problem = await problem_of(pool)
+        assert (problem.kind, problem.detail, elapsed_s()) == ("timeout", "longer than 2.5 s", 2.5)
+        await settled()
+        assert (pool.ready, pool.lost, pool.waiting) == (1, 1, 0)
+        assert (await pool.run(JOB, b"")).status == 200
+        await pool.stop()
+
+    run_jumping(run())
+    assert processes.started[0].killed_s == 2.5
+    assert log.said == [
+        {"event": "worker hung", "pid": 100},
+        {"event": "worker lost", "pid": 100, "code": -9},
+        {"event": "worker started", "ready": 1},
+    ]
+
+
+def test_a_request_that_waits_too_long_times_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    Processes(monkeypatch, (READY, 3.0))
+
+    async def run() -> None:
+        pool = pool_of(timeout_s=4.0)
+        await pool.start()
+        first = asyncio.create_task(pool.run(JOB, b""))
+        await asyncio.sleep(0.0)
+        pool.settings = Settings(workers=1, limits=Limits(timeout_s=1.0))
+        assert (await problem_of(pool)).detail == "longer than 1 s"
+        assert (elapsed_s(), pool.waiting) == (1.0, 0)
+        assert (await first).content == b"done"
+        await pool.stop()
+
+    run_jumping(run())
+
+
+def test_a_cancelled_request_leaves_its_worker_usable(monkeypatch: pytest.MonkeyPatch) -> None:
+    processes = Processes(monkeypatch, (READY, 2.0))
+
+    async def run() -> None:
+        pool = pool_of()
+        await pool.start()
+        task = asyncio.create_task(pool.run(JOB, b""))
+        await settled()
+        task.cancel()
+        await settled()
+        assert (await pool.run(JOB, b"")).status == 200
+        assert elapsed_s() == 2.0
+        assert (len(processes.started), pool.lost) == (1, 0)
+        await pool.stop()
+
+    run_jumping(run())
+
+
+def test_a_job_is_given_up_after_two_crashes(monkeypatch: pytest.MonkeyPatch) -> None:
+    Processes(monkeypatch, *[(READY, 1)] * 3)
+
+    async def run() -> None:
+        pool = pool_of()
+        await pool.start()
+        problem = await problem_of(pool)
+        assert (problem.kind, problem.detail) == ("internal", "the computation ended without a result")
+        await settled()
+        assert pool.lost == 2
+        await pool.stop()
+
+    run_jumping(run())
+
+
+def test_a_job_is_tried_again_after_one_crash(monkeypatch: pytest.MonkeyPatch) -> None:
+    Processes(monkeypatch, (READY, 1))
+
+    async def run() -> None:
+        pool = pool_of()
+        await pool.start()
+        assert (await pool.run(JOB, b"")).status == 200
+        assert (pool.lost, pool.ready) == (1, 1)
+        await pool.stop()
+
+    run_jumping(run())
+
+
+@pytest.mark.parametrize(("kills", "is_busy"), [(3, False), (4, True)])
+def test_a_job_loses_at_most_four_killed_workers(
+    monkeypatch: pytest.MonkeyPatch, kills: int, is_busy: bool
+) -> None:
+    Processes(monkeypatch, *[(READY, -9)] * kills)
+
+    async def run() -> None:
+        pool = pool_of()
+        await pool.start()
+        if is_busy:
+            problem = await problem_of(pool)
+            assert (problem.kind, problem.detail) == ("busy", "the workers were ended; try again")
+            assert problem.headers == {"Retry-After": "1"}
+        else:
+            assert (await pool.run(JOB, b"")).status == 200
+        await settled()
+        assert (pool.lost, pool.ready) == (kills, 1)
+        await pool.stop()
+
+    run_jumping(run())
+
+
+def test_an_idle_worker_that_was_lost_gets_no_job(monkeypatch: pytest.MonkeyPatch) -> None:
+    processes = Processes(monkeypatch)
+
+    async def run() -> None:
+        pool = pool_of()
+        await pool.start()
+        processes.started[0].end(-9)
+        await settled()
+        assert (await pool.run(JOB, b"")).status == 200
+        assert [len(process.frames) for process in processes.started] == [1, 2]
+        await pool.stop()
+
+    run_jumping(run())
+
+
+def test_the_delay_before_another_start_doubles_up_to_ten_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    failed = [OSError("no process"), (1,), (None,), *[OSError("no process")] * 7]
+    log, delays = Log(), []
+    sleep = asyncio.sleep
+
+    async def noted(delay_s: float) -> None:
+        delays.append(delay_s)
+        await sleep(0)
+
+    async def lose() -> None:
+        processes = Processes(monkeypatch, (READY,), *failed)  # type: ignore[arg-type]
+        pool = pool_of(log)
+        await pool.start()
+        monkeypatch.setattr(asyncio, "sleep", noted)
+        processes.started[0].end(3)
+        while "worker started" not in log.events():
+            await sleep(1.0)
+        monkeypatch.setattr(asyncio, "sleep", sleep)
+        assert (pool.ready, pool.lost) == (1, 1)
+        await pool.stop()
+
+    run_jumping(lose())
+    assert delays == [0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 10.0, 10.0, 10.0]
+    assert log.said[0] == {"event": "worker lost", "pid": 100, "code": 3}
+    assert log.said[1] == {"event": "worker did not start", "error": "OSError('no process')"}
+    assert log.events() == ["worker lost", *["worker did not start"] * 10, "worker started"]
+    assert orjson.dumps(log.said)

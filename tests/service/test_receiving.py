@@ -1,321 +1,283 @@
-"""Bodies as they arrive, lines of a batch, media types and problem documents: by value, on both sides of each bound."""
+"""Bodies within bounds of size and time, media types, and which responses a client accepts."""
 
 from __future__ import annotations
 
 import asyncio
-import io
 from typing import Any
 
-import orjson
 import pytest
 from starlette.requests import Request
+from tests.support.virtual_time import elapsed_s, run_jumping
 
-from tripwatt.errors import Fault, InvalidInput
-from tripwatt.service.batching import LineSplitter, forecast_lines
-from tripwatt.service.frames import encode_frame, read_frame, read_frame_async
-from tripwatt.service.metrics import BUCKETS_S, Metrics
-from tripwatt.service.middleware import MAX_CLIENTS, TokenBuckets, rate_limit_key
-from tripwatt.service.pool import JobResult
-from tripwatt.service.problems import MAX_FAULTS, MAX_TEXT_LENGTH, TITLES, Problem, invalid_input
-from tripwatt.service.receiving import GRACE_S, Arrival, Arrivals, accepts, media_type, require_media_type
-from tripwatt.service.schemas import MIN_DURATION_S, require_duration
-from tripwatt.service.settings import Limits
-
-
-def request(parts: list[bytes] | None = None, **headers: str) -> Request:
-    """A request whose body arrives in parts; None for a client that leaves."""
-    messages = [
-        {"type": "http.request", "body": part, "more_body": k + 1 < len(parts)}
-        for k, part in enumerate(parts or [])
-    ]
-    left = iter(messages if parts is not None else [])
-
-    async def receive() -> Any:
-        return next(left, {"type": "http.disconnect"})
-
-    named = [(name.replace("_", "-").encode(), value.encode()) for name, value in headers.items()]
-    return Request({"type": "http", "method": "POST", "headers": named}, receive)
-
-
-def read(asked: Request, limit: int = 10, most: int = 1) -> bytes:
-    taken: list[bytes] = []
-    asyncio.run(Arrivals(most).read(asked, ["application/json"], limit, 5.0, taken.append))
-    return b"".join(taken)
-
-
-JSON = {"content_type": "application/json"}
-
-
-def test_a_body_of_the_limit_is_read_and_one_byte_more_is_not() -> None:
-    assert read(request([b"12345", b"67890"], **JSON)) == b"1234567890"
-    for parts in ([b"12345678901"], [b"1234567890", b"1"]):
-        with pytest.raises(Problem) as caught:
-            read(request(parts, **JSON))
-        assert (caught.value.kind, caught.value.detail) == ("too-large", "at most 10 bytes")
-        assert caught.value.headers == {"Connection": "close"}
-
-
-@pytest.mark.parametrize(
-    ("length", "kind"),
-    [("10", None), ("11", "too-large"), ("9" * 19, "too-large"), ("-1", "bad-request"), ("x", "bad-request")],
+from tripwatt.service.problems import Problem
+from tripwatt.service.receiving import (
+    GRACE_S,
+    Arrival,
+    Arrivals,
+    accepts,
+    media_type,
+    require_accepts,
+    require_media_type,
 )
-def test_the_length_that_a_request_names(length: str, kind: str | None) -> None:
-    asked = request([b"{}"], **JSON, content_length=length)
-    if kind is None:
-        assert read(asked) == b"{}"
-        return
+
+JSON = "application/json"
+
+
+class Body:
+    """A body whose parts arrive after the given delays [s]; a part of None ends the connection."""
+
+    def __init__(self, *parts: tuple[float, bytes | None], is_complete: bool = True) -> None:
+        self.parts, self.is_complete = list(parts), is_complete
+
+    async def __call__(self) -> dict[str, Any]:
+        if not self.parts:
+            await asyncio.sleep(3600.0)
+        delay_s, part = self.parts.pop(0)
+        await asyncio.sleep(delay_s)
+        if part is None:
+            return {"type": "http.disconnect"}
+        return {"type": "http.request", "body": part, "more_body": bool(self.parts) or not self.is_complete}
+
+
+def asked(body: Body | None = None, **headers: str) -> Request:
+    given = [(name.replace("_", "-").encode(), value.encode()) for name, value in headers.items()]
+    return Request({"type": "http", "headers": given}, body)  # type: ignore[arg-type]
+
+
+async def read(
+    arrivals: Arrivals, body: Body, limit: int = 10, timeout_s: float = 20.0, **more: str
+) -> bytes:
+    parts: list[bytes] = []
+    request = asked(body, content_type=JSON, **more)
+    await arrivals.read(request, (JSON,), limit, timeout_s, parts.append)
+    return b"".join(parts)
+
+
+def problem_of(body: Body, **more: Any) -> Problem:
     with pytest.raises(Problem) as caught:
-        read(asked)
-    assert caught.value.kind == kind
+        run_jumping(read(Arrivals(1), body, **more))
+    return caught.value
 
 
-def test_an_incomplete_body() -> None:
+def test_a_body_of_the_largest_size_is_read() -> None:
+    assert run_jumping(read(Arrivals(1), Body((0.0, b"12345"), (0.0, b"67890")))) == b"1234567890"
+    assert run_jumping(read(Arrivals(1), Body((0.0, b"1234567890")), content_length="10")) == b"1234567890"
+    assert run_jumping(read(Arrivals(1), Body((0.0, b"")), content_length="0")) == b""
+
+
+def test_one_byte_more_is_refused() -> None:
+    counted = problem_of(Body((0.0, b"12345"), (0.0, b"678901")))
+    announced = problem_of(Body((0.0, b"1")), content_length="11")
+    for problem in (counted, announced):
+        assert (problem.kind, problem.detail) == ("too-large", "at most 10 bytes")
+        assert problem.headers == {"Connection": "close"}
+
+
+def test_a_length_has_at_most_18_digits() -> None:
+    body = Body((0.0, b"1"))
+    assert run_jumping(read(Arrivals(1), body, limit=10**18, content_length="9" * 18)) == b"1"
+    assert problem_of(Body((0.0, b"1")), limit=10**20, content_length="0" * 18 + "1").kind == "too-large"
+
+
+@pytest.mark.parametrize("length", ["-1", "1.0", "", "x", "+1", "1 "])
+def test_a_length_is_a_number(length: str) -> None:
+    problem = problem_of(Body((0.0, b"1")), content_length=length)
+    assert (problem.kind, problem.detail) == ("bad-request", "Content-Length is not a number")
+
+
+def test_digits_of_other_scripts_are_no_length() -> None:
+    request = Request(
+        {"type": "http", "headers": [(b"content-type", JSON.encode()), (b"content-length", b"\xb2")]},
+        Body((0.0, b"1")),  # type: ignore[arg-type]
+    )
     with pytest.raises(Problem) as caught:
-        read(request(None, **JSON))
-    assert (caught.value.kind, caught.value.detail) == ("bad-request", "the body is incomplete")
+        run_jumping(Arrivals(1).read(request, (JSON,), 10, 1.0, lambda part: None))
+    assert caught.value.kind == "bad-request"
 
 
-def test_the_slowest_body_gives_its_place_to_the_next() -> None:
-    """Two bodies hold two places; a third one takes that of the slower, which fails as late."""
+def test_a_body_that_breaks_off_is_incomplete() -> None:
+    problem = problem_of(Body((0.0, b"1"), (0.0, None)))
+    assert (problem.kind, problem.detail) == ("bad-request", "the body is incomplete")
 
-    async def run() -> list[str]:
-        arrivals = Arrivals(2)
-        gates = [asyncio.Event() for _ in range(3)]
-        sizes = (100, 5, 50)
-        ends: list[str] = ["", "", ""]
 
-        async def client(k: int) -> None:
-            sent = 0
-
-            async def receive() -> Any:
-                nonlocal sent
-                sent += 1
-                if sent == 1:
-                    return {"type": "http.request", "body": b"x" * sizes[k], "more_body": True}
-                await gates[k].wait()
-                return {"type": "http.request", "body": b"", "more_body": False}
-
-            head = [(b"content-type", b"application/json")]
-            asked = Request({"type": "http", "method": "POST", "headers": head}, receive)
-            try:
-                await arrivals.read(asked, ["application/json"], 1000, 60.0, lambda part: None)
-                ends[k] = "read"
-            except Problem as problem:
-                ends[k] = problem.kind
-
-        loop = asyncio.get_running_loop()
-        now = 0.0
-        loop.time = lambda: now  # type: ignore[method-assign] # the places are told by this clock alone
-        tasks = [asyncio.ensure_future(client(k)) for k in (0, 1)]
-        for _ in range(10):
-            await asyncio.sleep(0)
-        assert len(arrivals) == 2
-        now = GRACE_S
-        tasks.append(asyncio.ensure_future(client(2)))
-        for _ in range(10):
-            await asyncio.sleep(0)
-        for gate in gates:
-            gate.set()
-        await asyncio.gather(*tasks)
+def test_a_body_has_its_time() -> None:
+    async def run() -> None:
+        arrivals = Arrivals(1)
+        assert await read(arrivals, Body((1.0, b"1"), (1.4, b"2")), timeout_s=2.5) == b"12"
+        assert elapsed_s() == 2.4
+        with pytest.raises(Problem) as caught:
+            await read(arrivals, Body((0.0, b"1"), is_complete=False), timeout_s=2.5)
+        assert elapsed_s() == 4.9
+        assert caught.value.kind == "body-late"
+        assert caught.value.detail == "slower than others, or longer than 2.5 s"
+        assert caught.value.headers == {"Connection": "close"}
         assert len(arrivals) == 0
-        return ends
 
-    assert asyncio.run(run()) == ["read", "body-late", "read"]
-
-
-def test_the_rate_of_an_arrival() -> None:
-    found = Arrival(None, 10.0)  # type: ignore[arg-type]
-    found.size = 300
-    assert found.rate(12.0) == 150.0
-    assert found.rate(10.0) == 300.0 / 1e-9
+    run_jumping(run())
 
 
-def test_media_types() -> None:
-    assert media_type(request(content_type=" Application/JSON ; charset=utf-8")) == "application/json"
-    assert media_type(request()) == ""
-    require_media_type(request(**JSON, content_encoding="Identity"), ["application/json"])
+def test_a_body_in_one_part_takes_no_place() -> None:
+    async def run() -> None:
+        arrivals = Arrivals(0)
+        assert await read(arrivals, Body((0.0, b"1"))) == b"1"
+        assert elapsed_s() == 0.0
+
+    run_jumping(run())
+
+
+def test_a_body_keeps_one_place_until_its_end() -> None:
+    async def run() -> None:
+        arrivals = Arrivals(2)
+        task = asyncio.create_task(read(arrivals, Body((0.0, b"1"), (1.0, b"2"), (1.0, b"3"))))
+        await asyncio.sleep(0.5)
+        assert len(arrivals) == 1
+        await asyncio.sleep(1.0)
+        assert len(arrivals) == 1
+        assert await task == b"123"
+        assert len(arrivals) == 0
+
+    run_jumping(run())
+
+
+def test_the_grace_is_a_fifth_of_a_second() -> None:
+    assert GRACE_S == 0.2
+
+
+def test_a_further_body_waits_for_the_grace_of_the_oldest() -> None:
+    async def run() -> None:
+        arrivals = Arrivals(1)
+        slow = asyncio.create_task(read(arrivals, Body((0.0, b"1"), (9.0, b"2"))))
+        await asyncio.sleep(0.05)
+        assert await read(arrivals, Body((0.0, b"3"), (0.0, b"4"))) == b"34"
+        assert elapsed_s() == 0.2
+        with pytest.raises(Problem) as caught:
+            await slow
+        assert caught.value.kind == "body-late"
+        assert elapsed_s() == 0.2
+
+    run_jumping(run())
+
+
+def test_a_further_body_does_not_wait_after_the_grace() -> None:
+    async def run() -> None:
+        arrivals = Arrivals(1)
+        slow = asyncio.create_task(read(arrivals, Body((0.0, b"1"), (9.0, b"2"))))
+        await asyncio.sleep(GRACE_S)
+        assert await read(arrivals, Body((0.0, b"3"), (0.0, b"4"))) == b"34"
+        assert elapsed_s() == 0.2
+        with pytest.raises(Problem):
+            await slow
+
+    run_jumping(run())
+
+
+def test_there_is_a_place_until_all_are_taken() -> None:
+    async def run() -> None:
+        arrivals = Arrivals(2)
+        first = asyncio.create_task(read(arrivals, Body((0.0, b"1"), (9.0, b"2"))))
+        await asyncio.sleep(1.0)
+        assert await read(arrivals, Body((0.0, b"3"), (1.0, b"4"))) == b"34"
+        assert await first == b"12"
+
+    run_jumping(run())
+
+
+def test_the_slowest_body_gives_its_place() -> None:
+    """The first body has 2 bytes in 4 s, the second 3 bytes in 4 s, the third is younger than the grace."""
+
+    async def run() -> None:
+        arrivals = Arrivals(3)
+        bodies = (
+            Body((0.0, b"1"), (1.0, b"2"), (9.0, b".")),
+            Body((0.0, b"12"), (1.0, b"3"), (9.0, b".")),
+            Body((3.9, b""), (9.0, b".")),
+        )
+        slow, fast, young = [asyncio.create_task(read(arrivals, body)) for body in bodies]
+        await asyncio.sleep(4.0)
+        assert await read(arrivals, Body((0.0, b"x"), (0.0, b"y"))) == b"xy"
+        with pytest.raises(Problem):
+            await slow
+        assert elapsed_s() == 4.0
+        assert (await fast, await young) == (b"123.", b".")
+
+    run_jumping(run())
+
+
+def test_the_rate_of_an_arrival_is_its_bytes_by_its_time() -> None:
+    arrival = Arrival(asyncio.Timeout(None), 100.0)
+    assert (arrival.size, arrival.rate(104.0)) == (0, 0.0)
+    arrival.size = 50
+    assert arrival.rate(104.0) == 12.5
+    assert arrival.rate(100.0) == pytest.approx(5e10)
+
+
+def test_a_media_type_has_no_parameters_and_no_case() -> None:
+    assert media_type(asked(content_type=" Application/JSON ; charset=utf-8")) == JSON
+    assert media_type(asked()) == ""
+
+
+def test_other_media_types_are_refused_with_those_allowed() -> None:
+    require_media_type(asked(content_type="text/csv"), (JSON, "text/csv"))
     with pytest.raises(Problem) as caught:
-        require_media_type(request(), ["application/json", "text/csv"])
+        require_media_type(asked(), (JSON, "text/csv"))
+    assert caught.value.kind == "media-type"
     assert caught.value.detail == "Content-Type is missing; allowed: application/json, text/csv"
     assert caught.value.headers == {"Accept": "application/json, text/csv"}
+
+
+def test_a_long_media_type_is_cut() -> None:
     with pytest.raises(Problem) as caught:
-        require_media_type(request(**JSON, content_encoding="gzip"), ["application/json"])
-    assert caught.value.headers == {"Accept-Encoding": "identity"}
+        require_media_type(asked(content_type="x" * 300), (JSON,))
+    assert caught.value.detail == "Content-Type is " + "x" * 184 + "; allowed: application/json"
+
+
+def test_a_compressed_body_is_refused() -> None:
+    for coding in ("", " Identity "):
+        require_media_type(asked(content_type=JSON, content_encoding=coding), (JSON,))
+    with pytest.raises(Problem) as caught:
+        require_media_type(asked(content_type=JSON, content_encoding="gzip"), (JSON,))
+    assert (caught.value.kind, caught.value.headers) == ("media-type", {"Accept-Encoding": "identity"})
 
 
 @pytest.mark.parametrize(
-    ("header", "accepted"),
+    ("header", "allowed"),
     [
-        ("*/*", True),
+        ("application/json", True),
+        ("APPLICATION/JSON ; q=0.5", True),
         ("application/*", True),
+        ("*/*", True),
         ("text/*", False),
-        ("application/*;q=0, application/json", True),
-        ("application/json;q=0, */*", False),
-        ("*/*;q=0, application/*;q=0.1", True),
-        ("application/json; charset=x; q=0.0", False),
+        ("text/html", False),
+        ("application/xml, text/html;q=1", False),
+        ("*/*;q=0", False),
+        ("*/*;q=0.001", True),
+        ("application/json;q=0, application/*;q=1, */*;q=1", False),
+        ("application/*;q=1, */*;q=1, application/json;q=0", False),
+        ("application/json, application/*;q=0, */*;q=0", True),
+        ("application/*;q=0, */*", False),
+        ("*/*, application/*;q=0", False),
+        ("application/*, */*;q=0", True),
+        ("*/*;q=0, application/*", True),
+        ("application/json;q=0, application/json", True),
+        ("application/json, application/json;q=0", False),
         ("application/json;q=x", False),
-        ("application/json, application/json;q=0", False),  # of two of one rank the last counts
-        ("", False),
+        ("application/json;level=0", True),
+        ("application/json;level=1;q=0", False),
+        ("application/json; q =0", False),
+        ("application/json, text/html;q=0", True),
     ],
 )
-def test_what_an_accept_header_allows(header: str, accepted: bool) -> None:
-    assert accepts(header, "application/json") is accepted
+def test_the_most_specific_range_decides(header: str, allowed: bool) -> None:
+    assert accepts(header, JSON) is allowed
 
 
-def lines_of(parts: list[bytes]) -> list[bytes]:
-    splitter = LineSplitter(2)
-    for part in parts:
-        splitter.take(part)
-    return splitter.lines()
-
-
-def test_lines_of_a_batch_are_counted_on_the_way() -> None:
-    splitter = LineSplitter(2)
-    splitter.take(b"a\n\nb\n\n")  # four line breaks, two lines
-    assert splitter.lines() == [b"a", b"b"]
-    for parts in ([b"a\nb\nc"], [b"a\nb\n", b"c"], [b"\n\n\n\n\n"]):
-        with pytest.raises(Problem) as caught:
-            lines_of(parts)
-        assert (caught.value.kind, caught.value.detail) == ("too-large", "at most 2 trips")
+def test_without_an_accept_header_every_type_is_fine() -> None:
+    require_accepts(asked(), JSON)
+    require_accepts(asked(accept="  "), JSON)
+    require_accepts(asked(accept="text/html, application/json;q=0.1"), JSON)
     with pytest.raises(Problem) as caught:
-        LineSplitter(2).lines()
-    assert caught.value.kind == "invalid-input"
-
-
-class Pool:
-    """Forecasts a line as its length; at most so many at once."""
-
-    def __init__(self, workers: int, most_bytes: int) -> None:
-        self.settings = type("S", (), {"workers": workers, "limits": Limits(body_bytes=most_bytes)})()
-        self.running = self.most = 0
-
-    async def run(self, job: Any, line: bytes, *, may_queue: bool) -> JobResult:
-        assert (job, may_queue) == ({"kind": "forecast"}, True)
-        self.running += 1
-        self.most = max(self.most, self.running)
-        await asyncio.sleep(0)
-        self.running -= 1
-        if line == b"bad":
-            raise Problem("timeout")
-        return JobResult(422 if line == b"no" else 200, str(len(line)).encode(), 0.003)
-
-
-def test_lines_are_answered_in_order() -> None:
-    async def run() -> list[bytes]:
-        return [answer async for answer in forecast_lines(lines, pool, metrics)]  # type: ignore[arg-type]
-
-    pool, metrics = Pool(2, 4), Metrics()
-    lines = [b"a", b"bad", b"1234", b"12345", b"no", b"bb"]
-    found = asyncio.run(run())
-    assert [found[k] for k in (0, 2, 4, 5)] == [b"1\n", b"4\n", b"2\n", b"2\n"]
-    assert orjson.loads(found[1])["status"] == 504
-    assert orjson.loads(found[3])["detail"] == "at most 4 bytes per trip"
-    assert pool.most <= 3  # two workers, and one that waits
-    text = metrics.render().decode()
-    for outcome, count in (("answered", 3), ("failed", 1), ("refused", 2)):
-        assert f'tripwatt_trips_total{{outcome="{outcome}"}} {count}.0' in text
-    assert 'tripwatt_work_seconds_count{kind="batch"} 4.0' in text
-    assert 'tripwatt_work_seconds_bucket{kind="batch",le="0.0025"} 0.0' in text
-    assert 'tripwatt_work_seconds_bucket{kind="batch",le="0.005"} 4.0' in text
-
-
-def test_the_buckets_of_the_metrics_hold_the_longest_time() -> None:
-    assert list(BUCKETS_S) == sorted(BUCKETS_S)
-    assert (BUCKETS_S[0], BUCKETS_S[-1]) == (0.0025, Limits().timeout_s)
-
-
-def test_frames_that_end_too_early() -> None:
-    frame = encode_frame({"a": 1}, b"body")
-    assert frame[:8] == b"\0\0\0\x07\0\0\0\x04"
-    assert read_frame(io.BytesIO(frame + b"rest")) == ({"a": 1}, b"body")
-    assert read_frame(io.BytesIO(frame[:7])) is None
-    assert read_frame(io.BytesIO(frame[:-1])) is None
-    assert read_frame(io.BytesIO(encode_frame({}, b""))) == ({}, b"")
-
-    async def read_async(data: bytes) -> Any:
-        reader = asyncio.StreamReader()
-        reader.feed_data(data)
-        reader.feed_eof()
-        return await read_frame_async(reader)
-
-    assert asyncio.run(read_async(frame)) == ({"a": 1}, b"body")
-    with pytest.raises(asyncio.IncompleteReadError):
-        asyncio.run(read_async(frame[:-1]))
-
-
-def test_tokens_of_a_client() -> None:
-    buckets = TokenBuckets(rate_per_s=2.0, burst=3)
-    assert [buckets.wait_s("a", 0.0) for _ in range(4)] == [0.0, 0.0, 0.0, 0.5]
-    assert buckets.wait_s("b", 0.0) == 0.0
-    assert buckets.wait_s("a", 0.25) == 0.25  # half a token is there
-    assert buckets.wait_s("a", 0.5) == 0.0
-    assert [buckets.wait_s("a", 100.0) for _ in range(4)] == [0.0, 0.0, 0.0, 0.5]  # never more than the burst
-
-
-def test_the_clients_that_were_quiet_longest_are_forgotten() -> None:
-    buckets = TokenBuckets(1.0, 1)
-    for k in range(MAX_CLIENTS + 1):
-        buckets.wait_s(str(k), 0.0)
-    assert len(buckets.by_client) == MAX_CLIENTS == 10_000
-    assert "0" not in buckets.by_client
-    assert "1" in buckets.by_client
-
-
-@pytest.mark.parametrize(
-    ("address", "key"),
-    [
-        ("::1", None),
-        ("2001:db8:0:1:ffff::2", "2001:db8:0:1::/64"),
-        ("unix", "unix"),
-        ("10.0.0.1", "10.0.0.1"),
-    ],
-)
-def test_keys_of_clients(address: str, key: str | None) -> None:
-    assert rate_limit_key(address) == key
-
-
-def test_statuses_of_problems() -> None:
-    assert {kind: status for kind, (status, _) in TITLES.items()} == {
-        "not-json": 400,
-        "bad-request": 400,
-        "host-not-served": 400,
-        "token-needed": 401,
-        "not-found": 404,
-        "method-not-allowed": 405,
-        "not-acceptable": 406,
-        "body-late": 408,
-        "too-large": 413,
-        "media-type": 415,
-        "invalid-input": 422,
-        "head-too-large": 431,
-        "too-many-requests": 429,
-        "internal": 500,
-        "no-map": 501,
-        "remote": 502,
-        "busy": 503,
-        "timeout": 504,
-    }
-
-
-def test_a_document_lists_fifty_faults_and_counts_the_others() -> None:
-    faults = [Fault(f"f{k}", f"w{k}", "x" * (MAX_TEXT_LENGTH + k)) for k in range(MAX_FAULTS + 2)]
-    full = invalid_input(faults[:MAX_FAULTS]).document("id")
-    assert (len(full["faults"]), "more_faults" in full, full["instance"]) == (50, False, "id")
-    assert full["detail"] == "w0: f0; w1: f1; w2: f2"
-    assert [len(fault["got"]) for fault in full["faults"][:2]] == [300, 300]
-    more = invalid_input(faults).document()
-    assert (len(more["faults"]), more["more_faults"]) == (50, 2)
-    assert "instance" not in more
-    assert Problem("busy").document() == {"type": "/problems/busy", "title": TITLES["busy"][1], "status": 503}
-    response = Problem("busy", headers={"Retry-After": "1"}).response("id")
-    assert (response.status_code, response.headers["retry-after"]) == (503, "1")
-    assert response.headers["content-type"] == "application/problem+json"
-
-
-def test_durations_of_trips() -> None:
-    limits = Limits(duration_s=60.0)
-    require_duration(MIN_DURATION_S, "samples", limits)
-    require_duration(60.0, "samples", limits)
-    for wrong in (0.99 * MIN_DURATION_S, 60.1, float("nan")):
-        with pytest.raises(InvalidInput, match="duration out of range: samples"):
-            require_duration(wrong, "samples", limits)
+        require_accepts(asked(accept="text/html"), JSON)
+    assert (caught.value.kind, caught.value.detail) == (
+        "not-acceptable",
+        "the response is application/json",
+    )

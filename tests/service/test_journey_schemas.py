@@ -1,0 +1,117 @@
+"""Bounds of every field of a journey, at the bound and beyond it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+
+from tripwatt.errors import InvalidInput
+from tripwatt.service.journey_schemas import PlaceRequest, PlanRequest, ReachRequest, WeatherRequest
+from tripwatt.service.schemas import check_request
+
+PLACE = {"latitude_deg": 47.0, "longitude_deg": 9.0}
+PLAN: dict[str, Any] = {"stops": [PLACE, "Ostheim"]}
+REACH: dict[str, Any] = {"start": PLACE}
+
+
+def is_valid(model: type[BaseModel], document: dict[str, Any]) -> bool:
+    try:
+        check_request(document, model)
+    except InvalidInput:
+        return False
+    return True
+
+
+@pytest.mark.parametrize(
+    ("model", "others", "name", "low", "high"),
+    [
+        (PlaceRequest, PLACE, "latitude_deg", -90.0, 90.0),
+        (PlaceRequest, PLACE, "longitude_deg", -180.0, 180.0),
+        (WeatherRequest, {}, "temperature_degc", -60.0, 70.0),
+        (WeatherRequest, {}, "wind_speed_m_s", 0.0, 60.0),
+        (WeatherRequest, {}, "wind_from_deg", 0.0, 360.0),
+        (WeatherRequest, {}, "rain_mm_h", 0.0, 200.0),
+        (WeatherRequest, {}, "pressure_pa", 30_000.0, 110_000.0),
+        (ReachRequest, REACH, "soc", 0.0, 1.0),
+        (ReachRequest, REACH, "ambient_temperature_degc", -60.0, 70.0),
+        (ReachRequest, REACH, "cabin_setpoint_degc", 0.0, 50.0),
+        (ReachRequest, REACH, "cabin_temperature_degc", -60.0, 100.0),
+        (ReachRequest, REACH, "battery_temperature_degc", -60.0, 100.0),
+        (ReachRequest, REACH, "payload_mass_kg", 0.0, 60_000.0),
+        (ReachRequest, REACH, "reserve", 0.0, 1.0),
+        (PlanRequest, PLAN, "reserve", 0.0, 1.0),
+    ],
+)
+def test_a_number_has_its_bounds(
+    model: type[BaseModel], others: dict[str, Any], name: str, low: float, high: float
+) -> None:
+    assert is_valid(model, others | {name: low})
+    assert is_valid(model, others | {name: high})
+    assert not is_valid(model, others | {name: float(np.nextafter(low, -np.inf))})
+    assert not is_valid(model, others | {name: float(np.nextafter(high, np.inf))})
+    assert not is_valid(model, others | {name: str(low)})
+    assert not is_valid(model, others | {name: float("nan")})
+
+
+def test_a_journey_has_two_to_twenty_stops() -> None:
+    assert [is_valid(PlanRequest, {"stops": ["a"] * k}) for k in (1, 2, 20, 21)] == [False, True, True, False]
+
+
+def test_at_most_three_other_roads() -> None:
+    found = [is_valid(PlanRequest, PLAN | {"alternatives": k}) for k in (-1, 0, 3, 4)]
+    assert found == [False, True, True, False]
+
+
+def test_a_stop_has_1_to_200_characters() -> None:
+    found = [is_valid(ReachRequest, {"start": "x" * k}) for k in (0, 1, 200, 201)]
+    assert found == [False, True, True, False]
+
+
+def test_a_name_of_a_place_has_at_most_200_characters() -> None:
+    assert [is_valid(PlaceRequest, PLACE | {"name": "x" * k}) for k in (0, 200, 201)] == [True, True, False]
+
+
+@pytest.mark.parametrize("name", ["model", "vehicle"])
+def test_a_model_and_a_car_have_at_most_100_characters(name: str) -> None:
+    assert [is_valid(ReachRequest, REACH | {name: "x" * k}) for k in (100, 101)] == [True, False]
+
+
+def test_at_most_three_extras() -> None:
+    found = [is_valid(ReachRequest, REACH | {"extras": ["trailer"] * k}) for k in (3, 4)]
+    assert found == [True, False]
+
+
+def test_a_departure_is_a_text_with_a_time_zone() -> None:
+    found = check_request(PLAN | {"depart": "2026-02-01T07:30:00+01:00"}, PlanRequest)
+    assert found.started_at is not None
+    assert found.started_at.isoformat() == "2026-02-01T07:30:00+01:00"
+    assert not is_valid(PlanRequest, PLAN | {"depart": "2026-02-01T07:30:00"})
+
+
+def test_the_defaults_of_a_journey() -> None:
+    plan = check_request(PLAN, PlanRequest).model_dump(exclude_none=True)
+    assert plan == {
+        "stops": [PLACE | {"name": ""}, "Ostheim"],
+        "reserve": 0.1,
+        "alternatives": 0,
+        "round_trip": False,
+        "answers": True,
+    }
+    assert check_request(REACH, ReachRequest).reserve == 0.0
+    assert WeatherRequest().model_dump(exclude_none=True) == {
+        "wind_speed_m_s": 0.0,
+        "wind_from_deg": 0.0,
+        "rain_mm_h": 0.0,
+    }
+
+
+@pytest.mark.parametrize(
+    ("model", "others"),
+    [(PlaceRequest, PLACE), (WeatherRequest, {}), (PlanRequest, PLAN), (ReachRequest, REACH)],
+)
+def test_unknown_fields_are_faults(model: type[BaseModel], others: dict[str, Any]) -> None:
+    assert is_valid(model, others)
+    assert not is_valid(model, others | {"colour": 1})
