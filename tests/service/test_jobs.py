@@ -1,0 +1,272 @@
+"""What a job of a worker is told and returns, and how many of each thing it takes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import orjson
+import pytest
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecasting.storage import DEFAULT_MODEL
+from tripwatt.service import jobs as room
+from tripwatt.service.jobs import JOB_KINDS, Check, Jobs, collected_faults, require_finite
+from tripwatt.service.schemas import NotJson
+from tripwatt.service.settings import Limits
+
+LINKS = [{"length_m": 800.0, "speed_m_s": 8.0}, {"length_m": 400.0, "speed_m_s": 8.0}]
+CSV = b"time_s,speed_m_s\n5,10\n6,10\n7,12\n"
+
+
+@pytest.fixture(scope="module")
+def jobs() -> Jobs:
+    return Jobs.from_folders({}, Limits())
+
+
+def limited(jobs: Jobs, **limits: Any) -> Jobs:
+    return replace(jobs, limits=Limits(**limits))
+
+
+def faults_of(call: Any, *arguments: Any) -> tuple[Fault, ...]:
+    with pytest.raises(InvalidInput) as caught:
+        call(*arguments)
+    return caught.value.faults
+
+
+def body_of(**fields: Any) -> bytes:
+    return orjson.dumps({"links": LINKS, **fields})
+
+
+def test_without_folders_there_is_the_model_of_the_package(jobs: Jobs) -> None:
+    assert list(jobs.models) == [DEFAULT_MODEL]
+    assert jobs.journeys.atlas is None
+    jobs.warm_up()
+
+
+def test_a_forecast_has_the_name_and_the_reserve_of_its_request(jobs: Jobs) -> None:
+    found = jobs.forecast(body_of(trip="mine", soc=0.5, reserve=0.35))
+    assert found["trip"] == "mine"
+    assert "0.35" in found["p_arrive"]
+    assert found == jobs.run({"kind": "forecast"}, body_of(trip="mine", soc=0.5, reserve=0.35))
+
+
+def test_an_update_is_measured_until_its_last_sample(jobs: Jobs) -> None:
+    observed = {"time_s": [0.0, 1.0, 4.0], "voltage_v": [360.0] * 3, "current_a": [10.0] * 3}
+    found = jobs.run({"kind": "update"}, body_of(soc=0.5, observed=observed))
+    assert isinstance(found, dict)
+    assert found["measured_until_s"] == 4.0
+
+
+def test_what_is_wrong_is_named_once_and_together(jobs: Jobs) -> None:
+    body = body_of(soc=2.0, model="bmw_i3_tu", vehicle="nothing", observed={"time_s": 1})
+    found = [fault.where for fault in faults_of(jobs.update, body)]
+    assert len(found) == len(set(found))
+    assert {"soc", "model", "vehicle", "observed.time_s"} == set(found)
+
+
+def test_a_body_that_is_no_object_is_one_fault(jobs: Jobs) -> None:
+    for call in (jobs.forecast, jobs.update, jobs.plan, jobs.reach):
+        assert [fault.where for fault in faults_of(call, b"[]")] == ["body"]
+    with pytest.raises(NotJson):
+        jobs.forecast(b"{")
+
+
+def test_a_trip_has_samples_or_links(jobs: Jobs) -> None:
+    samples = {"time_s": [0, 1, 2], "speed_m_s": [10, 10, 10]}
+    (both,) = faults_of(jobs.forecast, body_of(samples=samples))
+    (neither,) = faults_of(jobs.forecast, b"{}")
+    assert [both.got, neither.got] == ["both", "neither"]
+    assert jobs.forecast(orjson.dumps({"samples": samples}))["given"] == "the driven speed trace"
+
+
+@pytest.mark.parametrize(
+    ("name", "fix"), [("bmw_i3_tu", "did you mean bmw_i3_tum?"), ("zzz", ""), ("bmw_i3_tum" + "x" * 90, "")]
+)
+def test_an_unknown_model_gets_a_suggestion(jobs: Jobs, name: str, fix: str) -> None:
+    (fault,) = faults_of(jobs.forecast, body_of(model=name))
+    assert (fault.what, fault.where, fault.allowed, fault.fix) == (
+        "unknown model",
+        "model",
+        DEFAULT_MODEL,
+        fix,
+    )
+
+
+def test_a_model_and_a_car_are_texts(jobs: Jobs) -> None:
+    assert [fault.where for fault in faults_of(jobs.forecast, body_of(model=3))] == ["model"]
+    assert [fault.where for fault in faults_of(jobs.forecast, body_of(vehicle=3))] == ["vehicle"]
+    assert [fault.where for fault in faults_of(jobs.forecast, body_of(model=3, vehicle="nothing"))] == [
+        *("model", "vehicle")
+    ]
+
+
+def test_the_car_of_the_model_needs_no_transfer(jobs: Jobs) -> None:
+    own = jobs.models[DEFAULT_MODEL].vehicle.name
+    found = limited(jobs)
+    assert found.forecast(body_of(vehicle=own)) == found.forecast(body_of())
+    assert found.transferred == {}
+
+
+def test_a_car_or_figures(jobs: Jobs) -> None:
+    (fault,) = faults_of(jobs.forecast, body_of(vehicle="vw_id3", vehicle_figures={}))
+    assert (fault.what, fault.got) == ("no single car", "both")
+    assert {f.where for f in faults_of(jobs.forecast, body_of(vehicle_figures={"mass_kg": 1.0}))} == {
+        "vehicle_figures.mass_kg"
+    }
+
+
+def test_a_transferred_model_is_kept_and_the_oldest_goes_first(
+    jobs: Jobs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[str] = []
+
+    def on_vehicle(model: Any, car: Any) -> Any:
+        made.append(car)
+        return model, ()
+
+    monkeypatch.setattr(room, "on_vehicle", on_vehicle)
+    known = {(DEFAULT_MODEL, f"car {k}"): (jobs.models[DEFAULT_MODEL], ()) for k in range(63)}
+    found = replace(jobs, transferred=dict(known))
+    found.forecast(body_of(vehicle="vw_id3"))
+    assert len(found.transferred) == 64
+    assert (DEFAULT_MODEL, "car 0") in found.transferred
+    found.forecast(body_of(vehicle="vw_id3"))
+    assert made == ["vw_id3"]
+    found.forecast(body_of(vehicle="tesla_model_3_lr"))
+    assert len(found.transferred) == 64
+    assert next(iter(found.transferred)) == (DEFAULT_MODEL, "car 1")
+    assert list(found.transferred)[-2:] == [(DEFAULT_MODEL, "vw_id3"), (DEFAULT_MODEL, "tesla_model_3_lr")]
+
+
+def test_the_flags_of_a_transfer_come_first(jobs: Jobs) -> None:
+    found = limited(jobs).forecast(body_of(vehicle="vw_id3"))
+    assert found["flags"][0]["code"] == "no_trips_of_car"
+    assert "no_trips_of_car" not in {flag["code"] for flag in jobs.forecast(body_of())["flags"]}
+
+
+def test_an_uploaded_trip_is_measured_from_its_first_sample(jobs: Jobs) -> None:
+    found = limited(jobs, samples=3, duration_s=2.0).route(CSV, None)
+    assert (found["duration_s"], found["distance_m"]) == (2.0, 21.0)
+    assert (found["links"], found["elevation"], found["notes"]) == (None, None, [])
+    assert found["samples"]["speed_m_s"] == [10.0, 10.0, 12.0]
+
+
+def test_an_uploaded_trip_has_its_limits(jobs: Jobs) -> None:
+    assert faults_of(limited(jobs, samples=2).route, CSV, None) == (
+        Fault("too many samples", "upload", "3", "at most 2"),
+    )
+    (fault,) = faults_of(limited(jobs, duration_s=1.9).route, CSV, None)
+    assert (fault.what, fault.got) == ("duration out of range", "2 s")
+
+
+def test_an_uploaded_route_has_its_limits(jobs: Jobs) -> None:
+    body = orjson.dumps(LINKS)
+    found = limited(jobs, links=2, duration_s=150.0).route(body, None)
+    assert [link["length_m"] for link in found["links"]] == [800.0, 400.0]
+    assert found["elevation"] is None
+    assert [note["code"] for note in found["notes"]] == ["no_elevation"]
+    assert faults_of(limited(jobs, links=1).route, body, None) == (
+        Fault("too many links", "upload", "2", "at most 1"),
+    )
+    assert faults_of(limited(jobs, duration_s=149.0).route, body, None)[0].got == "150 s"
+
+
+@pytest.mark.parametrize("before", [b"", b"\xef\xbb\xbf", b" \t\r\n"])
+def test_the_content_of_an_upload_decides(jobs: Jobs, before: bytes) -> None:
+    assert jobs.route(before + orjson.dumps(LINKS), None)["links"] is not None
+    table = b"length_m,speed_m_s\n800,8\n"
+    assert jobs.route(table, None)["links"] is not None
+    assert jobs.route(CSV, None)["links"] is None
+
+
+def line_of(*points: list[float]) -> bytes:
+    return orjson.dumps({"type": "LineString", "coordinates": points})
+
+
+def test_a_track_without_times_is_driven_at_the_speed(jobs: Jobs) -> None:
+    points = ([11.5, 48.1, 500.0], [11.6, 48.1, 510.0])
+    slow, fast = (jobs.run({"kind": "route", "speed_m_s": v}, line_of(*points)) for v in (10.0, 20.0))
+    assert isinstance(slow, dict)
+    assert isinstance(fast, dict)
+    assert slow["links"][0]["travel_time_s"] == pytest.approx(2.0 * fast["links"][0]["travel_time_s"])
+    assert slow["elevation"]["elevation_m"][0] == pytest.approx(500.0, abs=1.0)
+    assert len(slow["elevation"]["position_m"]) == len(slow["elevation"]["elevation_m"])
+
+
+def gpx_of(*seconds: int) -> bytes:
+    points = "".join(
+        f'<trkpt lat="{48 + k / 3e3:.5f}" lon="11.5"><ele>500</ele><time>2026-05-01T08:{s // 60:02d}:{s % 60:02d}Z</time></trkpt>'
+        for k, s in enumerate(seconds)
+    )
+    return f"<gpx><trk><trkseg>{points}</trkseg></trk></gpx>".encode()
+
+
+def test_a_log_has_its_duration_and_no_links(jobs: Jobs) -> None:
+    log = gpx_of(*range(0, 124, 4))
+    found = limited(jobs, duration_s=120.0).route(log, None)
+    assert (found["links"], found["duration_s"]) == (None, 120.0)
+    (fault,) = faults_of(limited(jobs, duration_s=119.0).route, log, None)
+    assert (fault.where, fault.got) == ("upload", "120 s")
+
+
+def test_the_cars_and_the_models_fitted_on_them(jobs: Jobs) -> None:
+    rows = {row["name"]: row["models"] for row in jobs.vehicles()["vehicles"]}
+    own = jobs.models[DEFAULT_MODEL].vehicle.name
+    assert rows.pop(own) == [DEFAULT_MODEL]
+    assert set(map(tuple, rows.values())) == {()}
+    searched = jobs.run({"kind": "vehicles", "search": "kona"}, b"")
+    assert isinstance(searched, dict)
+    assert [row["name"] for row in searched["vehicles"]] == ["hyundai_kona_64", "hyundai_kona_39"]
+
+
+def test_a_described_car(jobs: Jobs) -> None:
+    found = jobs.run({"kind": "describe"}, b'{"mass_kg": 1830, "title": "mine"}')
+    assert isinstance(found, dict)
+    assert (found["title"], found["test_mass_kg"], found["anchor"]) == ("mine", 1905.0, "class")
+
+
+def test_every_kind_of_job_is_run(jobs: Jobs) -> None:
+    assert sorted(JOB_KINDS) == [
+        *("describe", "examples", "forecast", "map", "places", "plan", "reach", "route", "tile", "update"),
+        *("vehicles", "view"),
+    ]
+    assert jobs.run({"kind": "map"}, b"") == jobs.journeys.describe()
+
+
+def test_checks_collect_their_faults() -> None:
+    check = Check()
+    assert (check(lambda: 3), check.failed, check.faults) == (3, False, [])
+    first, second = Fault("a", "b"), Fault("c", "d")
+
+    def fail(*faults: Fault) -> None:
+        raise InvalidInput(faults)
+
+    def together() -> None:
+        with collected_faults() as found:
+            found(lambda: fail(first))
+            found(lambda: fail(second, first))
+
+    assert faults_of(together) == (first, second)
+
+    def without_its_own() -> None:
+        with collected_faults() as found:
+            found(lambda: fail())
+
+    assert faults_of(without_its_own) == ()
+
+
+@pytest.mark.parametrize("name", ["energy_wh", "soc_arrival", "battery_loss_wh"])
+def test_every_value_of_a_forecast_is_finite(name: str) -> None:
+    found: dict[str, Any] = {
+        "energy_wh": 1.0,
+        "soc_arrival": 0.5,
+        "battery_loss_wh": 1.0,
+        "quantiles_wh": {"0.5": 1.0},
+        "p_arrive": {"0": 1.0},
+        "series": {"time_s": [0.0, 1.0]},
+    }
+    assert require_finite(found) is found
+    for spoiled in ({name: float("nan")}, {"p_arrive": {"0": float("inf")}}):
+        with pytest.raises(InvalidInput, match="no forecast"):
+            require_finite(found | spoiled)
