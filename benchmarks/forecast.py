@@ -21,6 +21,8 @@ TRIP_S = 1300.0
 RUNS = 101
 ONE = "one forecast of 1,300 s at 1 Hz, in process"
 LONG_TRIP_H = 12
+LITTLE = 0.4
+"""Measured over driven current of the first half of the long trip."""
 LONG = f"one forecast of {LONG_TRIP_H} h at 1 Hz, in process, with its interval"
 LONG_UPDATE = f"one update after half of {LONG_TRIP_H} h, in process, with its interval"
 GROWTH = f"growth exponent of the forecast from 1,300 s to {LONG_TRIP_H} h"
@@ -75,6 +77,7 @@ def long_trips(model: ForecastModel, samples: pd.DataFrame) -> Iterator[Row]:
     for log in (samples, long):
         plan = plan_from_samples(log, "bench")
         seen = log[log["time_s"] <= 0.5 * log["time_s"].iloc[-1]]
+        seen = seen.assign(current_a=seen["current_a"] * LITTLE)  # six hours as driven take more than a battery holds
         before = model.forecast(plan)
         seconds.append(
             (
