@@ -298,6 +298,23 @@ def test_more_trips_are_surer_and_nearer(base, second_car, leaf) -> None:
     assert misses[1] < misses[0]
 
 
+def test_errors_of_another_car_grow_with_the_energy(base, second_car, leaf, tmp_path: Path) -> None:
+    """As a share of the energy that own trips moved, less the part that every trip has; never below half of the middle trip."""
+    model, trips = load_model(base), second_car.trips[:6]
+    own = adaptation(model, trips, leaf)
+    donor = model.donor_ if own.masked_inputs else model.as_donor()
+    table = segment_trips(trips, leaf)
+    noise = donor.variances_wh2(table, trips) - 2.0 * donor.scale.values[0] ** 2
+    moved = np.array([table.take([i]).features["moved_w"] @ table.take([i]).hours for i in range(6)])
+    driven = np.maximum(moved, 0.5 * np.median(moved))
+    share = np.sqrt(np.mean(np.maximum(noise, 0.0) * own.posterior.noise_scale / driven**2))
+    found = own.model.uncertainty_.scale
+    assert found.least_share == pytest.approx(share, rel=1e-9)
+    save_model(own.model, tmp_path / "grown", provenance={}, evaluation={})
+    assert load_model(tmp_path / "grown").uncertainty_.scale.least_share == found.least_share
+    assert model.uncertainty_.scale.least_share == 0.0
+
+
 def test_trips_left_out_in_turn_have_errors_of_the_sign_of_their_scores(base, second_car, leaf) -> None:
     found = adaptation(load_model(base), second_car.trips[:6], leaf).model.held_out_
     assert [one.trip for one in found] == [trip.trip_id for trip in second_car.trips[:6]]

@@ -439,7 +439,7 @@ def _take_values(document: dict[str, dict[str, Any]], vehicle: Vehicle) -> None:
 
 
 def _scale_part(scale: TotalScale) -> dict[str, Any]:
-    return {"scale": scale.values.tolist(), "course": asdict(scale.course)}
+    return {"scale": scale.values.tolist(), "course": asdict(scale.course), "least_share": scale.least_share}
 
 
 def _scale_of_part(values: Mapping[str, Any]) -> TotalScale:
@@ -447,7 +447,9 @@ def _scale_of_part(values: Mapping[str, Any]) -> TotalScale:
     course = values.get("course", {"constant_w": 1.0, "drifts": []})
     drifts = tuple((float(sd_w), float(time_s)) for sd_w, time_s in course["drifts"])
     return TotalScale(
-        np.array(values["scale"], dtype=np.float64), TimeCourse(float(course["constant_w"]), drifts)
+        np.array(values["scale"], dtype=np.float64),
+        TimeCourse(float(course["constant_w"]), drifts),
+        float(values.get("least_share", 0.0)),
     )
 
 

@@ -123,7 +123,10 @@ def adaptation(
         own,
         process=replace(own.process, split=False),
         charge=None if table.charge is None else ChargeScale.from_readings(table.charge, observed),
-        scale=adapted_scale(donor.scale, posterior.noise_scale),
+        scale=replace(
+            adapted_scale(donor.scale, posterior.noise_scale),
+            least_share=_share_of_energy(table, donor.scale, evidence.noise_wh2, posterior.noise_scale),
+        ),
         scores=scores,
     )
     model = ForecastModel(
@@ -231,6 +234,20 @@ def adapted_scale(base: TotalScale, noise_scale: float) -> TotalScale:
     """Scale of an adapted model's totals: the base's errors times the noise of own trips; the corrector's uncertainty in full."""
     factor = np.sqrt(noise_scale * T_VARIANCE)
     return TotalScale(np.append(base.values[:3] * factor, 1.0), base.course)
+
+
+def _share_of_energy(
+    table: SegmentTable, base: TotalScale, noise_wh2: FloatArray, noise_scale: float
+) -> float:
+    """Root mean square of the errors of own trips, less their constant part, over the energy moved.
+
+    How the errors of this car grow with a trip was seen on the base's trips alone. What another book lacks (wind, tyres, load,
+    the driver) takes a share of the energy, and no error grows faster.
+    """
+    moved = np.add.reduceat(table.features["moved_w"].to_numpy() * table.hours, table.offsets[:-1])
+    constant = base.values[0] ** 2 * T_VARIANCE
+    driven = np.maximum(moved, 0.5 * np.median(moved))  # a trip that hardly moves has no share of its own
+    return float(np.sqrt(np.mean(np.maximum(noise_wh2 - constant, 0.0) * noise_scale / driven**2)))
 
 
 def _scores(

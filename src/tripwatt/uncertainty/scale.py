@@ -66,13 +66,16 @@ class TotalScale:
     ``sd² = a² + (b hours)² + (c moved)² + (d corrector)² + outside²``: an error of every trip, one of every hour (climate
     control, auxiliaries), a share of the energy moved at the wheels, the corrector's own uncertainty of a trip unlike
     those of its training, and in full what it may have missed outside of their range. The hours count as the errors of
-    power add up: those of a drift cancel in part on a long trip.
+    power add up: those of a drift cancel in part on a long trip. Where the growth with the trip was not seen, the errors
+    of hours and of energy together are at least `least_share` of the energy moved: no error grows faster than the trip.
 
     Attributes
     ----------
     values : ndarray, shape (4,)
         ``a`` [Wh], ``b`` [W], ``c`` and ``d`` [1].
     course : TimeCourse
+    least_share : float
+        0 where trips of many lengths were seen.
 
     Examples
     --------
@@ -84,11 +87,14 @@ class TotalScale:
 
     values: FloatArray
     course: TimeCourse = TimeCourse()
+    least_share: float = 0.0
 
     def sd_wh(self, segments: Segments) -> float:
         """Standard deviation of the trip's energy [Wh]."""
         sizes = _sizes(segments, self.course)
-        return float(np.hypot(np.linalg.norm(self.values * sizes), segments.outside_sd_wh))
+        parts = self.values * sizes
+        growing = max(float(np.hypot(parts[1], parts[2])), self.least_share * float(sizes[2]))
+        return float(np.linalg.norm([parts[0], growing, parts[3], segments.outside_sd_wh]))
 
     @classmethod
     def from_errors(
