@@ -77,7 +77,9 @@ def long_trips(model: ForecastModel, samples: pd.DataFrame) -> Iterator[Row]:
     for log in (samples, long):
         plan = plan_from_samples(log, "bench")
         seen = log[log["time_s"] <= 0.5 * log["time_s"].iloc[-1]]
-        seen = seen.assign(current_a=seen["current_a"] * LITTLE)  # six hours as driven take more than a battery holds
+        seen = seen.assign(
+            current_a=seen["current_a"] * LITTLE
+        )  # six hours as driven take more than a battery holds
         before = model.forecast(plan)
         seconds.append(
             (

@@ -17,6 +17,7 @@ from tripwatt.physics.battery import (
 from tripwatt.physics.cabin import CabinStart, condition_cabin, heat_pump_cop, heat_pump_heat
 from tripwatt.physics.departure import cabin_at_departure, warmth_from_cabin
 from tripwatt.physics.drivetrain import motor_loss, propulsion, regeneration_acceptance
+from tripwatt.physics.relaxation import Relaxation
 from tripwatt.physics.road_load import (
     GRADE_WEIGHT,
     aero_drag_force,
@@ -27,7 +28,6 @@ from tripwatt.physics.road_load import (
     rolling_factor,
     rolling_resistance_force,
 )
-from tripwatt.physics.thermal import Relaxation
 from tripwatt.vehicles import load_vehicle
 from tripwatt.vehicles.parts import Battery, Climate, Drivetrain, Regeneration, Tyres
 

@@ -9,9 +9,9 @@ from tripwatt.errors import InvalidInput
 from tripwatt.physics.battery import discharge, internal_resistance, open_circuit_voltage
 from tripwatt.physics.cabin import HEAT_PUMP_RATING_DEGC, CabinStart, condition_cabin, heat_pump_heat
 from tripwatt.physics.conditions import DriveConditions
+from tripwatt.physics.relaxation import Relaxation
 from tripwatt.physics.road_load import air_density, grade_from_elevation, rolling_factor
 from tripwatt.physics.simulate import simulate
-from tripwatt.physics.thermal import Relaxation
 from tripwatt.trips import Departure
 from tripwatt.vehicles import Vehicle, load_vehicle
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.physics.thermal import Relaxation
+from tripwatt.physics.relaxation import Relaxation
 from tripwatt.units import (
     DRY_AIR_GAS_CONSTANT_J_KG_K,
     GRAVITY_M_S2,

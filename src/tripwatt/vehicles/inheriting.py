@@ -177,7 +177,7 @@ def _scaled_motor(car: Mapping[str, Any], reference: Mapping[str, Any], name: st
         "inverter_voltage_drop_v": 1.0,
         "inverter_resistance_ohm": 1.0 / power,
     }
-    how = f"{name}'s motor and inverter at {torque:.3g} times its torque and {speed:.3g} times its speed"
+    how = f"motor and inverter of {name} at {torque:.3g} times its torque and {speed:.3g} times its speed"
     return {key: _scale_entry(losses[key], factor, how) for key, factor in factors.items()}
 
 

@@ -134,7 +134,7 @@ def similar_document(car: Figures, classes: ClassValues) -> dict[str, Any]:
     document = {
         "name": car.title,
         "extends": ["passenger_car", "nmc_cells"],
-        "scaled": {"motor_losses": "bmw_i3_60ah", "cell_resistance": "bmw_i3_94ah"},
+        "scaled": {"motor_losses": "permanent_magnet_motor", "cell_resistance": "bmw_i3_94ah"},
         "body": {"curb_mass_kg": {**car.curb_mass, "unit": "kg"}},
         "road_load": _road_load(car, classes),
         "drivetrain": {

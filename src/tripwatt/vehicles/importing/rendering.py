@@ -43,7 +43,7 @@ def vehicle_toml(found: Found, source: str) -> str:
         'estimate = ["general figures of packs", "grid of resistance_ohm"]',
         "",
         "[scaled]",
-        'motor_losses = "bmw_i3_60ah"',
+        'motor_losses = "permanent_magnet_motor"',
     ]
     if found.pack_resistance_ohm is None:
         lines.append('cell_resistance = "bmw_i3_94ah"')
