@@ -21,7 +21,10 @@ import pandas as pd
 
 CATALOGUE: Final = Path(os.environ.get("TRIPWATT_CATALOGUE", "../shared/reference/ev_catalogue"))
 SELECTION: Final = Path(__file__).with_name("car_selection.csv")
+CHARGING_SELECTION: Final = Path(__file__).with_name("charging_selection.csv")
 TABLE: Final = Path(__file__).parents[1] / "src" / "tripwatt" / "vehicles" / "data" / "table" / "cars.csv"
+
+CHARGING: Final = TABLE.with_name("charging.csv")
 
 LABEL_FACTOR: Final = 0.7
 """Label over dynamometer in miles per gallon equivalent, 40 CFR 600.210-12, for makers that do not run five cycles."""
@@ -306,6 +309,45 @@ def from_ademe(row: dict[str, str], wltp: pd.DataFrame) -> Iterator[Cell]:
     yield Cell(car, "wltc", number(0.5 * (low + high), 6), "kWh/100 km", "ademe", note)
 
 
+def charging_points(folder: Path = CATALOGUE) -> list[list[str]]:
+    """Points of the charging curves that were drawn for a car, one row each; `charging_selection.csv` names the cars."""
+    specs = json.loads((folder / "ev_specs.json").read_text("utf-8"))
+    rows = []
+    with CHARGING_SELECTION.open(encoding="utf-8", newline="") as file:
+        for chosen in csv.DictReader(file):
+            found = [s for s in specs if is_drawn(s, chosen)]
+            assert found, f"{chosen['car']}: no drawn curve"
+            line = max(found, key=lambda s: s["release_year"])
+            note = " ".join(
+                filter(None, (line["brand"], line["model"], line["variant"], str(line["release_year"])))
+            )
+            rows += [
+                [
+                    chosen["car"],
+                    number(soc / 100.0),
+                    number(power),
+                    number(line["ac_kw"]),
+                    chosen["source"],
+                    note,
+                ]
+                for soc, power in line["curve"]
+            ]
+    return rows
+
+
+def is_drawn(spec: dict[str, Any], chosen: dict[str, str]) -> bool:
+    """Whether a row of the list is the chosen car, with a curve of its own."""
+    same = all(spec[key] == chosen[key] for key in ("brand", "model", "variant"))
+    return same and spec["curve_kind"].startswith("drawn") and chosen["source"] in spec["source"].lower()
+
+
+def write_charging(rows: list[list[str]], path: Path = CHARGING) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(["car", "displayed_soc", "power_kw", "alternating_kw", "source", "note"])
+        out.writerows(rows)
+
+
 def write(rows: list[Cell], path: Path = TABLE) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", encoding="utf-8", newline="") as file:
@@ -320,10 +362,13 @@ def main() -> None:
     arguments = parser.parse_args()
     rows = cells()
     cars = {row.car for row in rows if row.key == "title"}
+    points = charging_points()
     confirmed = sum(row.value == "1" for row in rows if row.key == "confirmed")
     print(f"{len(rows)} cells of {len(cars)} cars; usable energy of {confirmed} confirmed by a second source")
+    print(f"charging curves of {len({row[0] for row in points})} cars")
     if arguments.write:
         write(rows)
+        write_charging(points)
 
 
 if __name__ == "__main__":

@@ -29,6 +29,7 @@ from tripwatt.journey.reach import reach_along, reached_share
 from tripwatt.routes.maps import Station
 from tripwatt.routes.routers import Edges, Road, pooled
 from tripwatt.routes.weather import Weather
+from tripwatt.vehicles import load_vehicle
 
 A, B = Place(47.0, 9.0, "A"), Place(47.0, 9.8, "B")
 KM_H = 1.0 / 3.6
@@ -217,6 +218,16 @@ def test_a_curve_of_ones_own_is_no_class_curve(model):
     wh = found.forecast.charge.wh_per_display
     seconds = (stop.soc_leave - stop.soc_arrival) * wh / (EFFICIENCY * 60_000.0) * 3600.0
     assert stop.charging_s == pytest.approx(300.0 + seconds, rel=1e-6)
+
+
+def test_a_car_has_its_own_curve_or_that_of_its_class():
+    kona = ChargingCurve.from_vehicle(load_vehicle("hyundai_kona_64"), 64_000.0)
+    own = load_vehicle("hyundai_kona_64").charging
+    assert (kona.soc, kona.power_w, kona.is_class) == (own.displayed_soc, own.power_w, False)
+    assert kona.alternating_w == own.alternating_power_w == 11_000.0
+    i3 = ChargingCurve.from_vehicle(load_vehicle("bmw_i3_60ah"), 20_000.0)
+    assert i3 == ChargingCurve.from_class(20_000.0)
+    assert (i3.is_class, i3.power_w[0], i3.power_w[-1]) == (True, 24_000.0, 2_000.0)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,9 @@
 """The table of cars, its search, the cars that it describes, and how well each is known."""
 
+import re
+
 import pytest
+from tests.support import ROOT
 from tests.support.cars import some_cars
 
 from tripwatt.errors import InvalidInput
@@ -228,3 +231,13 @@ def test_on_the_road_an_anchored_car_has_more_drag_once() -> None:
     assert on_road(road) is road
     book = load_vehicle("bmw_i3_60ah")
     assert on_road(book) is book
+
+
+def test_the_page_of_the_cars_shows_the_spreads() -> None:
+    """The rows of the anchors in docs/vehicles.md, in percent."""
+    page = (ROOT / "docs" / "vehicles.md").read_text(encoding="utf-8")
+    published = {p.name: p.width for p in PARAMETERS}
+    for anchor in ("road_load", "certification", "class", "book"):
+        widths = {**published, **spreads(anchor)}
+        shown = " | ".join(f"{100.0 * widths[name]:.0f} %" for name in ("rolling", "air", "drivetrain"))
+        assert re.search(rf"^\| `{anchor}` \|.*\| {re.escape(shown)} \|$", page, re.MULTILINE), anchor

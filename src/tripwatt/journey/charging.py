@@ -64,8 +64,29 @@ class ChargingCurve:
             raise InvalidInput(Fault("no charging curve", "charging_curve", got, allowed))
 
     @classmethod
-    def from_class(cls, vehicle: Vehicle, display_wh: float) -> ChargingCurve:
-        """The curve of the class of a car, scaled to the energy of its display [Wh]."""
+    def from_vehicle(cls, vehicle: Vehicle, display_wh: float) -> ChargingCurve:
+        """The curve of a car, or that of its class where none is known.
+
+        Parameters
+        ----------
+        vehicle : Vehicle
+        display_wh : float
+            Energy of its display from empty to full [Wh].
+
+        Examples
+        --------
+        >>> from tripwatt.vehicles import load_vehicle
+        >>> ChargingCurve.from_vehicle(load_vehicle("nissan_leaf_40"), 37_600.0).power_w
+        (41000.0, 45000.0, 36000.0, 15000.0)
+        """
+        own = vehicle.charging
+        if own is None:
+            return cls.from_class(display_wh)
+        return cls(own.displayed_soc, own.power_w, own.alternating_power_w)
+
+    @classmethod
+    def from_class(cls, display_wh: float) -> ChargingCurve:
+        """The curve of middle-class cars, scaled to the energy of its display [Wh]."""
         return cls(CLASS_SOC, tuple(rate * display_wh for rate in CLASS_RATE_1_H), is_class=True)
 
     def power_at(self, soc: FloatArray, station: Station) -> FloatArray:

@@ -331,7 +331,7 @@ def journey_with(drive: Drive, stops: tuple[Place, ...], atlas: Atlas, options: 
     journey = replace(journey, costs_wh=_costs(drive, first), speed=_speed(drive, first, options.reserve))
     if journey.arrives:
         return journey
-    curve = options.charging_curve or ChargingCurve.from_class(
+    curve = options.charging_curve or ChargingCurve.from_vehicle(
         drive.model.vehicle, first.forecast.charge.wh_per_display
     )
     stop = find_stop(drive, first.road, first.forecast, atlas, curve, options.reserve)

@@ -87,7 +87,8 @@ Row = Mapping[str, tuple[Cell, ...]]
 """Cells of a car by their key; certified figures can come several times."""
 
 
-def _records(name: str) -> Iterator[dict[str, str]]:
+def records(name: str) -> Iterator[dict[str, str]]:
+    """Rows of a file of `data/table`."""
     file = resources.files("tripwatt.vehicles") / "data" / "table" / name
     yield from csv.DictReader(file.read_text(encoding="utf-8").splitlines())
 
@@ -101,9 +102,9 @@ def catalogue() -> Mapping[str, Row]:
     >>> catalogue()["vw_id4_pro"]["test_weight"][0].number
     4750.0
     """
-    sources = {row["source"]: row for row in _records("sources.csv")}
+    sources = {row["source"]: row for row in records("sources.csv")}
     cars: dict[str, dict[str, tuple[Cell, ...]]] = {}
-    for row in _records("cars.csv"):
+    for row in records("cars.csv"):
         source = sources[row["source"]]
         cell = Cell(row["value"], row["unit"], source["text"], source["licence"], row["note"])
         car = cars.setdefault(row["car"], {})

@@ -27,6 +27,7 @@ from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.files import MOST_TEXT_BYTES, read_text_file
 from tripwatt.vehicles.anchors import anchored_document
 from tripwatt.vehicles.catalogue import catalogue, class_values, table_names
+from tripwatt.vehicles.charging import charging_section
 from tripwatt.vehicles.inheriting import inherit
 from tripwatt.vehicles.licences import licence_faults, with_licences
 from tripwatt.vehicles.overriding import spelled_out
@@ -34,6 +35,7 @@ from tripwatt.vehicles.parts import (
     Auxiliaries,
     Battery,
     Body,
+    Charging,
     Climate,
     Drivetrain,
     Regeneration,
@@ -54,11 +56,12 @@ SECTIONS: Final[Mapping[str, type]] = types.MappingProxyType(
         "battery": Battery,
         "auxiliaries": Auxiliaries,
         "climate": Climate,
+        "charging": Charging,
     }
 )
 """Sections of a car's TOML and the part that each describes."""
 
-OPTIONAL_SECTIONS: Final[frozenset[str]] = frozenset({"tyres", "climate"})
+OPTIONAL_SECTIONS: Final[frozenset[str]] = frozenset({"tyres", "climate", "charging"})
 """Parts that a car may lack."""
 
 ANCHORS: Final = ("book", "road_load", "certification", "class", "road")
@@ -122,6 +125,7 @@ class Vehicle:
     climate: Climate | None
     entries: Mapping[str, Entry] = dataclasses.field(repr=False, compare=False, hash=False)
     anchor: str = "book"
+    charging: Charging | None = None
 
 
 def _data_folder() -> Any:
@@ -281,8 +285,8 @@ def library_document(name: str) -> dict[str, Any]:
         One of `vehicle_names()`.
     """
     if name in file_names():
-        return tomllib.loads(_bundled_text(name))
-    return similar_document(figures_of_row(catalogue()[name]), class_values())
+        return {**tomllib.loads(_bundled_text(name)), **charging_section(name)}
+    return {**similar_document(figures_of_row(catalogue()[name]), class_values()), **charging_section(name)}
 
 
 def _read(path: Path) -> str:
@@ -595,7 +599,20 @@ def _consistency_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]
         ("regeneration", "zero_temperature_degc", "full_temperature_degc"),
         ("climate", "fresh_air_low_w_k", "fresh_air_high_w_k"),
     )
+    yield from _charging_faults(parts["charging"], where)
     for section, low, high in pairs:
         if parts[section] is not None and getattr(parts[section], low) >= getattr(parts[section], high):
             got = f"{getattr(parts[section], low):g} and {getattr(parts[section], high):g}"
             yield Fault("wrong order", f"{where}, {section}.{low} and {high}", got, f"{low} below {high}")
+
+
+def _charging_faults(charging: Charging | None, where: str) -> Iterator[Fault]:
+    """Faults of a charging curve: it goes from an empty to a full display."""
+    if charging is None:
+        return
+    soc, place = charging.displayed_soc, f"{where}, charging.displayed_soc"
+    if len(soc) != len(charging.power_w):
+        got = f"{len(soc)} and {len(charging.power_w)} values"
+        yield Fault("tables differ in length", f"{place} and power_w", got, "equal numbers of values")
+    if any(b <= a for a, b in itertools.pairwise(soc)) or (soc[0], soc[-1]) != (0.0, 1.0):
+        yield Fault("table does not increase", place, str(list(soc)), "increasing values from 0 to 1")

@@ -209,6 +209,17 @@ class Auxiliaries:
 
 
 @dataclass(frozen=True, slots=True)
+class Charging:
+    """What the car takes from a charging station."""
+
+    displayed_soc: tuple[float, ...] = quantity("1", 0.0, 1.0, "displayed state of charge of the powers")
+    power_w: tuple[float, ...] = quantity(
+        "W", 1.0, 2e6, "largest power with direct current over displayed_soc"
+    )
+    alternating_power_w: float = quantity("W", 500.0, 200_000.0, "largest power of the on-board charger")
+
+
+@dataclass(frozen=True, slots=True)
 class Climate:
     """Cabin, heater, air conditioner and their control, see `tripwatt.physics.cabin`."""
 
