@@ -13,7 +13,7 @@ export MYPY_NUM_WORKERS ?= $(WORKERS)
 PIP_INSTALL = -m pip install --quiet --disable-pip-version-check
 UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 
-.PHONY: run check check-latest lowest constraints image sbom docs bench bars bars-fleet readme page browser clean
+.PHONY: run check check-latest lowest constraints image sbom docs bench peers bars bars-fleet readme page browser clean
 
 .venv/.ready: pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -98,6 +98,9 @@ docs: .venv-check/.ready  ## the documentation as a site, into site/; open site/
 
 bench: .venv-bench/.ready  ## ratios against peers, all measured in one run, into bench.json
 	.venv-bench/bin/python -m benchmarks --out bench.json
+
+peers: .venv-bench/.ready  ## other systems on the same trips, into docs/peers.md
+	.venv-bench/bin/python -m benchmarks.peers --write
 
 bars: .venv-bench/.ready  ## the long measurements against the project's own bars
 	.venv-bench/bin/python -m benchmarks.bars

@@ -6,9 +6,9 @@ import argparse
 import json
 from pathlib import Path
 
-from benchmarks import forecast, gam, pipeline
+from benchmarks import forecast, gam, peers, pipeline
 
-SUITES = (pipeline.run, forecast.run, gam.run)
+SUITES = (pipeline.run, forecast.run, gam.run, peers.rows)
 
 
 def main() -> None:

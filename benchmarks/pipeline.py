@@ -73,7 +73,7 @@ def _simulating(trips: Sequence[Trip]) -> Iterator[Row]:
 def _fastsim(trips: Sequence[Trip]) -> tuple[Callable[[], None], float]:
     """FASTSim over the same speed traces on a flat road, and how many seconds of them it drives.
 
-    A car of about the same power; only `walk` is timed, building is not; histories are off, a missed trace is allowed.
+    A car of about the same power; only `run` is timed, building is not; histories are off, a missed trace is allowed.
     A trace that it refuses all the same ends there, and only the seconds before count.
     """
     import fastsim
@@ -81,13 +81,13 @@ def _fastsim(trips: Sequence[Trip]) -> tuple[Callable[[], None], float]:
     car = fastsim.Vehicle.from_resource("2022_Renault_Zoe_ZE50_R135.yaml")
     car.set_save_interval(None)
     udds = fastsim.Cycle.from_resource("udds.csv").to_dict()
-    drives = [_fastsim_drive(fastsim, car, udds, trip) for trip in trips]
+    drives = [fastsim_drive(fastsim, car, udds, trip) for trip in trips]
 
     def walked() -> list[Any]:
         fresh = [drive.copy() for drive in drives]
         for drive in fresh:
             with contextlib.suppress(RuntimeError):
-                drive.walk()
+                drive.run()
         return fresh
 
     driven_s = sum(float(drive.to_dict()["veh"]["state"]["i"]) for drive in walked())
@@ -98,7 +98,10 @@ def _fastsim(trips: Sequence[Trip]) -> tuple[Callable[[], None], float]:
     return job, driven_s
 
 
-def _fastsim_drive(fastsim: Any, car: Any, template: Mapping[str, Any], trip: Trip) -> Any:
+def fastsim_drive(
+    fastsim: Any, car: Any, template: Mapping[str, Any], trip: Trip, grade: Sequence[float] | None = None
+) -> Any:
+    """A drive of a trip at 1 Hz; on a flat road without `grade`. A missed trace is allowed."""
     n = len(trip)
     constant = ("pwr_max_chrg_watts", "temp_amb_air_kelvin", "pwr_solar_load_watts")
     cycle = {
@@ -106,7 +109,7 @@ def _fastsim_drive(fastsim: Any, car: Any, template: Mapping[str, Any], trip: Tr
         **{key: [template[key][0]] * n for key in constant},
         "time_seconds": [float(i) for i in range(n)],
         "speed_meters_per_second": trip.array("speed_m_s").tolist(),
-        "grade": [0.0] * n,
+        "grade": [0.0] * n if grade is None else [float(g) for g in grade],
         "dist_meters": [],
         "elev_meters": [],
         "grade_interp": None,
