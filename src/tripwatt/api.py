@@ -52,6 +52,7 @@ def read_route(
     Returns
     -------
     Plan
+        With what the file knows of the departure.
 
     Raises
     ------
@@ -98,13 +99,27 @@ def read_trips(path: Path | str, dataset: str = "tum", mapping: Path | str | Non
 
     Parameters
     ----------
-    path, dataset, mapping
-        As for `read_logs`.
+    path : path
+        A folder or file of logs, as for `read_logs`.
+    dataset : str
+        Kind of the logs, as for `read_logs`.
+    mapping : path or str, optional
+        Names of the columns of a table, as for `read_logs`.
+
+    Returns
+    -------
+    tuple of Trip
+        Drives that passed the audit.
 
     Raises
     ------
     InvalidInput
         With every fault of the data set.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> trips = tw.read_trips("exports", "table", "leaf_spy")  # doctest: +SKIP
     """
     return audit(read_logs(path, dataset, mapping)).trips
 
@@ -121,12 +136,18 @@ def forecast(
     Parameters
     ----------
     plan : Plan or Trip, or what `read_route` reads
+        The drive to come. Of a trip that took place only the speed trace, the road and the first sample count.
     departure : Departure, optional
         Its known fields take the place of those of the plan.
     model : ForecastModel or path, optional
         The model that comes with the package when not given.
     vehicle : Vehicle or str, optional
         A car other than the model's own. No trips of it are known, so the interval is wider.
+
+    Returns
+    -------
+    Forecast
+        Energy, charge at arrival and their uncertainty.
 
     Raises
     ------
@@ -173,6 +194,11 @@ def fit(
     progress : callable, optional
         Called with (finished fits, all fits).
 
+    Returns
+    -------
+    ForecastModel
+        Fitted on the sound trips.
+
     Raises
     ------
     InvalidInput
@@ -204,10 +230,22 @@ def adapt(
     mode : {"both", "effects", "parameters"}
         What may differ: terms of the corrector, physical parameters of the car, or both.
 
+    Returns
+    -------
+    ForecastModel
+        Of the new car.
+
     Raises
     ------
     InvalidInput
         When the base cannot be transferred, or a trip has no measured energy.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> trips = tw.synthetic_fleet(3, vehicle=tw.load_vehicle("vw_id3")).trips
+    >>> tw.adapt(tw.load_model(), trips, "vw_id3")
+    <ForecastModel Volkswagen ID.3 58 kWh, transferred corrector, 3 trips>
     """
     return adaptation(base, _sound(trips), _car(vehicle), mode=mode).model
 
@@ -218,10 +256,16 @@ def simulate(trip: Plan | Trip, vehicle: Vehicle | str, departure: Departure | N
     Parameters
     ----------
     trip : Plan or Trip
+        The drive; of a trip that took place only what was known at its departure counts.
     vehicle : Vehicle or str
         A car, or the name of one of the library.
     departure : Departure, optional
         Its known fields take the place of those of the plan.
+
+    Returns
+    -------
+    Simulation
+        Power by cause, charge and temperatures of every step.
 
     Raises
     ------

@@ -108,6 +108,11 @@ def first_faults(faults: Sequence[Fault], where: str, most: int = MOST_FAULTS) -
 class InvalidInput(TripwattError):
     """An input that cannot be used, with every fault that was found in it.
 
+    Parameters
+    ----------
+    faults : Fault or iterable of Fault
+        What was found; the message has a line for each.
+
     Examples
     --------
     >>> error = InvalidInput([Fault("no trips", "data/", "0 CSV files", "at least one Trip*.csv")])

@@ -16,6 +16,9 @@ from pathlib import Path
 
 from tests.support import ROOT
 
+WITHOUT_MAP = "^/(?!v1/(plan|reachable|places|tiles|map/view))"
+"""Paths of a service without a map, whose operations of journeys answer 501."""
+
 CONFIGURATION = """
 [checks.positive_data_acceptance]
 expected-statuses = ["2xx", "404", "422"]

@@ -86,6 +86,11 @@ def audit(logs: Fleet | Iterable[Recorded]) -> Audit:
         As a reader gave them, before any resampling. What the logs of one car have in common (the battery's
         capacity) is taken from all of them together.
 
+    Returns
+    -------
+    Audit
+        The sound drives as `trips`, and a finding for each change.
+
     Raises
     ------
     InvalidInput

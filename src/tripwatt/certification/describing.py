@@ -92,6 +92,7 @@ def describe_car(
     mass_kg : float, optional
         Ready to drive, nobody inside: the curb mass, or the mass in running order less 75 kg.
     usable_battery_kwh : float, optional
+        Energy between an empty and a full display.
     consumption_kwh_per_100km : float, optional
         As published, at the wall.
     motor_power_kw : float, optional
@@ -108,6 +109,7 @@ def describe_car(
     Returns
     -------
     Vehicle
+        With a source, or the class that it was taken from, for every value.
 
     Raises
     ------

@@ -61,6 +61,7 @@ def evaluate(
     fleet : Fleet
         Raw trips of one car.
     protocol : {"paper", "forecast"} or EvaluationProtocol
+        Which models, which trips are held out, and what is scored.
     models : sequence of str, optional
         Some of the protocol's models; all by default.
     vehicle : str
@@ -74,10 +75,20 @@ def evaluate(
     execution : Execution, optional
         Processes, and where finished folds are kept.
 
+    Returns
+    -------
+    Results
+        Scores of every model, paired comparisons, the audit and the notes of the run.
+
     Raises
     ------
     InvalidInput
         On an unknown protocol, model, vehicle or override, or when too few trips are left.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> results = tw.evaluate(tw.read_logs("data/tum"), "forecast", models=["hybrid"])  # doctest: +SKIP
     """
     chosen = find_protocol(protocol) if isinstance(protocol, str) else protocol
     specs = choose_models(chosen, models)

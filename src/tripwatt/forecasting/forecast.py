@@ -67,6 +67,15 @@ class Forecast:
     flags : tuple of Flag
     measured : Measured
         What was measured so far.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+    >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+    >>> low, high = found.interval(0.9)
+    >>> bool(low < found.energy_wh < high)
+    True
     """
 
     drive: ExpectedDrive
@@ -131,18 +140,75 @@ class Forecast:
         return float(self._cumulative_sd_wh[-1])
 
     def quantile(self, p: float) -> float:
-        """Quantile of the energy of the whole trip [Wh]; above the least that the drive can take."""
+        """Quantile of the energy of the whole trip [Wh]; above the least that the drive can take.
+
+        Parameters
+        ----------
+        p : float
+            Probability, 0 to 1.
+
+        Returns
+        -------
+        float
+            Energy [Wh] that the trip stays below with this probability.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> found.quantile(0.5) == found.energy_wh
+        True
+        """
         half = self.uncertainty.scores.factor(abs(2.0 * p - 1.0)) * self.sd_wh
         if p >= 0.5:
             return self.energy_wh + half
         return float(possible_energy(self.energy_wh, half, float(self._least_wh[-1])))
 
     def interval(self, level: float) -> tuple[float, float]:
-        """Central interval of the energy of the whole trip [Wh]."""
+        """Central interval of the energy of the whole trip [Wh].
+
+        Parameters
+        ----------
+        level : float
+            Probability of the interval, 0 to 1.
+
+        Returns
+        -------
+        tuple of float
+            Lower and upper bound [Wh].
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> found.interval(0.9) == (found.quantile(0.05), found.quantile(0.95))
+        True
+        """
         return self.quantile(0.5 - 0.5 * level), self.quantile(0.5 + 0.5 * level)
 
     def probability_below(self, energy_wh: float) -> float:
-        """Probability that the trip takes less than `energy_wh`: the inverse of `quantile`."""
+        """Probability that the trip takes less than `energy_wh`: the inverse of `quantile`.
+
+        Parameters
+        ----------
+        energy_wh : float
+            An energy at the battery [Wh].
+
+        Returns
+        -------
+        float
+            0 to 1.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> round(found.probability_below(found.quantile(0.75)), 6)
+        0.75
+        """
         if self.sd_wh <= 0.0:
             return float(self.energy_wh <= energy_wh)
         below = distance_below(self.energy_wh, energy_wh, float(self._least_wh[-1]))
@@ -160,19 +226,75 @@ class Forecast:
         return float(np.clip(self._charge_band[0][-1], 0.0, 1.0))
 
     def soc_quantile(self, p: float) -> float:
-        """Quantile of the displayed state of charge at the end of the trip, 0 to 1."""
+        """Quantile of the displayed state of charge at the end of the trip, 0 to 1.
+
+        Parameters
+        ----------
+        p : float
+            Probability, 0 to 1.
+
+        Returns
+        -------
+        float
+            State of charge that the display at arrival stays below with this probability.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> found.soc_quantile(0.05) < found.soc_arrival < found.soc_quantile(0.95) < 0.8
+        True
+        """
         centre, sd = (values[-1] for values in self._charge_band)
         half = self.uncertainty.scores.factor(abs(2.0 * p - 1.0)) * sd
         return float(np.clip(centre + np.sign(p - 0.5) * half, 0.0, 1.0))
 
     def soc_interval(self, level: float) -> tuple[float, float]:
-        """Central interval of the displayed state of charge at the end of the trip, 0 to 1."""
+        """Central interval of the displayed state of charge at the end of the trip, 0 to 1.
+
+        Parameters
+        ----------
+        level : float
+            Probability of the interval, 0 to 1.
+
+        Returns
+        -------
+        tuple of float
+            Lower and upper bound, 0 to 1.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> found.soc_interval(0.9) == (found.soc_quantile(0.05), found.soc_quantile(0.95))
+        True
+        """
         return self.soc_quantile(0.5 - 0.5 * level), self.soc_quantile(0.5 + 0.5 * level)
 
     def p_arrive(self, reserve: float = 0.0) -> float:
         """Probability to arrive with at least this displayed state of charge, 0 to 1.
 
         Energy, capacity and the display itself are uncertain.
+
+        Parameters
+        ----------
+        reserve : float
+            Displayed state of charge to arrive with, 0 to 1.
+
+        Returns
+        -------
+        float
+            0 to 1.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> found.p_arrive(0.1) > found.p_arrive(0.7)
+        True
         """
         centre, sd = (float(values[-1]) for values in self._charge_band)
         if sd <= 0.0:
@@ -191,6 +313,20 @@ class Forecast:
             Displayed state of charge to arrive with, 0 to 1.
         probability : float
             0.5 to 1.
+
+        Returns
+        -------
+        float
+            Displayed state of charge, 0 to 1, or above 1.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> leave = found.soc_needed(reserve=0.2, probability=0.95)
+        >>> 0.2 < leave < 0.8
+        True
         """
         _, start, _ = self._charge_start
         centre, sd = (float(values[-1]) for values in self._charge_band)
@@ -201,6 +337,24 @@ class Forecast:
         """Displayed charge at the edges of the segments that is exceeded with a probability, 0.5 to 1.
 
         Not held in 0..1; the positions are those of `series`.
+
+        Parameters
+        ----------
+        probability : float
+            0.5 to 1.
+
+        Returns
+        -------
+        ndarray, shape (segments + 1,)
+            Displayed state of charge.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> bool((found.soc_along(0.95) <= found.soc_along(0.5)).all())
+        True
         """
         centre, sd = self._charge_band
         return np.asarray(centre - self.uncertainty.scores.factor(abs(2.0 * probability - 1.0)) * sd)
@@ -234,6 +388,14 @@ class Forecast:
         DataFrame
             `time_s, distance_m, energy_wh, energy_low_wh, energy_high_wh, displayed_soc, displayed_soc_low,
             displayed_soc_high`; the band is the central 90 %.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> found.series()["energy_wh"].iloc[-1] == found.energy_wh
+        np.True_
         """
         return pd.DataFrame(self._series())
 
@@ -277,6 +439,27 @@ class Forecast:
         The standard deviation of the whole trip becomes ``sqrt(own² + (share · energy)²)``; on the way, the second
         part is in proportion to the time to go. Where the travel times are those of an empty road, their share takes the
         place of that of the links, which it contains.
+
+        Parameters
+        ----------
+        route : RouteUncertainty or None
+            Error of speed profiles that are made from links, by their length; None where it was not learned.
+        free_flow : FreeFlowUncertainty, optional
+            Error of the travel times of an empty road.
+
+        Returns
+        -------
+        Forecast
+            With flags for what is not known of the route.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> certain = found.with_route_error(None)
+        >>> certain.sd_wh < found.sd_wh, [flag.code for flag in certain.flags if "route" in flag.code]
+        (True, ['route_error_unknown'])
         """
         link_m = self.plan.link_m
         flags = [*self.flags, *self.plan.flags]
@@ -306,11 +489,25 @@ class Forecast:
             Samples as for `update_since_departure`, but `time_s` on the clock of the plan's file (`plan.start_s` is
             the departure); 0 at departure for a planned route.
 
+        Returns
+        -------
+        Forecast
+            Of the same trip: what was measured, and the rest.
+
         Raises
         ------
         InvalidInput
             With every fault of the samples: also when they begin before the trip or after it, or when their current
             has the wrong sign.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> trip = tw.synthetic_fleet(1).trips[0]
+        >>> before = tw.load_model().forecast(trip)
+        >>> after = before.update(trip.samples[trip.samples["time_s"] <= 0.5 * trip.duration_s])
+        >>> after.sd_wh < before.sd_wh
+        True
         """
         return self.update_since_departure(since_departure(observed, self.plan))
 
@@ -330,12 +527,22 @@ class Forecast:
         Returns
         -------
         Forecast
+            Of the same trip: what was measured, and the rest.
 
         Raises
         ------
         InvalidInput
             With every fault of the samples; also when they have more energy than the battery holds, a charge that
             rises by more than the road falls, or a time after the trip.
+
+        Examples
+        --------
+        >>> import pandas as pd
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> seen = pd.DataFrame({"time_s": [0.0, 300.0], "speed_m_s": 15.0, "observed_energy_wh": [0.0, 600.0]})
+        >>> tw.forecast(plan).update_since_departure(seen).measured_until_s > 0.0
+        True
         """
         samples = checked_samples(observed, self.plan)
         raise_faults(implausible_faults(observed, self.drive))
@@ -351,6 +558,19 @@ class Forecast:
         ----------
         reserve : float, optional
             Displayed state of charge to arrive with: one more entry of `p_arrive`.
+
+        Returns
+        -------
+        dict
+            Numbers, texts, lists and further dicts only; energies [Wh], states of charge 0 to 1.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> found.to_dict()["energy_wh"] == found.energy_wh
+        True
         """
         levels = ARRIVAL_LEVELS if reserve is None else (*ARRIVAL_LEVELS, reserve)
         return {
@@ -372,11 +592,38 @@ class Forecast:
 
     @one_blas_thread
     def to_frame(self) -> pd.DataFrame:
-        """As `series`."""
+        """Give what `series` gives.
+
+        Returns
+        -------
+        DataFrame
+            A row at the end of each segment and one at the start.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> list(found.to_frame().columns[:3])
+        ['time_s', 'distance_m', 'energy_wh']
+        """
         return self.series()
 
     def plot(self) -> Figure:
-        """Energy and state of charge along the trip with their bands, and the energy by cause."""
+        """Energy and state of charge along the trip with their bands, and the energy by cause.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Three panels.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> found.plot().savefig("forecast.png")  # doctest: +SKIP
+        """
         from tripwatt.forecasting.plots import plot_forecast  # matplotlib is slow to import
 
         title = f"{self.plan.trip_id}: {self.energy_wh / 1000.0:.2f} kWh, given {self.given}"

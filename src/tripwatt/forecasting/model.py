@@ -75,9 +75,23 @@ class ForecastModel:
     Parameters
     ----------
     vehicle : Vehicle
+        The car, with its published values.
     corrector : str
         One of `POWER_CORRECTORS`.
     seed : int
+        The same seed gives the same model.
+    corrector_ : PowerCorrector or None
+        The fitted corrector.
+    uncertainty_ : UncertaintyModel or None
+        What is known of the errors, from held-out trips.
+    ranges_ : dict of str to Range
+        Range of each quantity over the training trips.
+    trip_ids_ : tuple of str
+        Training trips.
+    held_out_ : tuple of HeldOut
+        Each of them as it was forecast while its inner fold was held out.
+    donor_ : DonorModel or None
+        The model for cars whose logs lack signals that this one's have; None where there is none.
 
     Examples
     --------
@@ -105,7 +119,33 @@ class ForecastModel:
     def fit(
         self, trips: Sequence[Trip], *, progress: Callable[[int, int], None] | None = None
     ) -> ForecastModel:
-        """Learn from raw trips with measured energy. See `fit_segments`."""
+        """Learn from raw trips with measured energy. See `fit_segments`.
+
+        Parameters
+        ----------
+        trips : sequence of Trip
+            With measured energy; at least `MIN_TRIPS`.
+        progress : callable, optional
+            Called with (finished fits, all fits).
+
+        Returns
+        -------
+        ForecastModel
+            This model.
+
+        Raises
+        ------
+        InvalidInput
+            With fewer trips, or trips without measured energy.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> trips = tw.synthetic_fleet(9).trips
+        >>> model = tw.ForecastModel(tw.load_vehicle("bmw_i3_60ah"), corrector="linear")
+        >>> model.fit(trips)
+        <ForecastModel BMW i3 60 Ah, linear corrector, 9 trips>
+        """
         table = segment_trips(trips, self.vehicle)
         return self.fit_segments(
             table,
@@ -128,6 +168,7 @@ class ForecastModel:
         Parameters
         ----------
         table : SegmentTable
+            Segments of the training trips, simulated with the car of the model.
         routes : LinkedTrips, optional
             The same trips on links, for the uncertainty of planned routes.
         free_flow : FreeFlowTrips, optional
@@ -135,10 +176,24 @@ class ForecastModel:
         progress : callable, optional
             Called with (finished fits, all fits).
 
+        Returns
+        -------
+        ForecastModel
+            This model.
+
         Raises
         ------
         InvalidInput
             With fewer than `MIN_TRIPS` trips.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> trips = tw.synthetic_fleet(9).trips
+        >>> model = tw.ForecastModel(tw.load_vehicle("bmw_i3_60ah"), corrector="linear")
+        >>> from tripwatt.hybrid import segment_trips
+        >>> len(model.fit_segments(segment_trips(trips, model.vehicle)).trip_ids_)
+        9
         """
         if len(table) < MIN_TRIPS:
             fix = "adapt a model of another car with tripwatt fit --base MODEL"
@@ -198,10 +253,22 @@ class ForecastModel:
         where : str
             What they are for, for the message of the error.
 
+        Returns
+        -------
+        tuple of PowerCorrector and UncertaintyModel
+            Both of the fitted model.
+
         Raises
         ------
         InvalidInput
             When the model is not fitted.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> corrector, uncertainty = tw.load_model().fitted_parts("an example")
+        >>> type(uncertainty).__name__
+        'UncertaintyModel'
         """
         if self.corrector_ is None or self.uncertainty_ is None:
             raise InvalidInput(Fault("model is not fitted", where, "no training trips", fix="call fit first"))
@@ -210,10 +277,26 @@ class ForecastModel:
     def as_donor(self, masked_inputs: Sequence[str] = ()) -> DonorModel:
         """The Gaussian processes of the fitted model, for another car.
 
+        Parameters
+        ----------
+        masked_inputs : sequence of str
+            Signals that the model was fitted without.
+
+        Returns
+        -------
+        DonorModel
+            What a model of another car starts from.
+
         Raises
         ------
         InvalidInput
             When it is not fitted or its corrector has no Gaussian process.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> tw.load_model().as_donor().masked_inputs
+        ()
         """
         corrector, uncertainty = self.fitted_parts("base")
         members = Members.from_corrector(corrector)
@@ -233,6 +316,7 @@ class ForecastModel:
         Returns
         -------
         Forecast
+            Energy, charge at arrival and their uncertainty.
 
         Raises
         ------
@@ -278,7 +362,19 @@ class ForecastModel:
         return forecast.with_route_error(uncertainty.route, uncertainty.free_flow)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values: the car, the corrector, and what training saw."""
+        """Plain values: the car, the corrector, and what training saw.
+
+        Returns
+        -------
+        dict
+            Numbers, texts, lists and further dicts only.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> tw.load_model().to_dict()["vehicle"]
+        'bmw_i3_60ah'
+        """
         return {
             "vehicle": self.vehicle.name,
             "vehicle_title": self.vehicle.title,
@@ -291,12 +387,35 @@ class ForecastModel:
         }
 
     def to_frame(self) -> pd.DataFrame:
-        """One row for each quantity that forecasts compare with the training trips: `low`, `high`, `sd`."""
+        """One row for each quantity that forecasts compare with the training trips: `low`, `high`, `sd`.
+
+        Returns
+        -------
+        DataFrame
+            Index: names of the quantities.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> list(tw.load_model().to_frame().columns)
+        ['low', 'high', 'sd']
+        """
         rows = {name: (seen.low, seen.high, seen.sd) for name, seen in self.ranges_.items()}
         return pd.DataFrame.from_dict(rows, orient="index", columns=["low", "high", "sd"])
 
     def plot(self) -> Figure:
-        """Forecast consumption over speed at three outside temperatures, with 90 % intervals."""
+        """Forecast consumption over speed at three outside temperatures, with 90 % intervals.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Consumption [Wh/km] over speed [km/h].
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> tw.load_model().plot().savefig("model.png")  # doctest: +SKIP
+        """
         from tripwatt.forecasting.plots import plot_model  # matplotlib is slow to import
 
         return plot_model(self.forecast, self.vehicle.title)

@@ -173,6 +173,7 @@ def save_model(
     Parameters
     ----------
     model : ForecastModel
+        Fitted.
     folder : path
         A new or empty folder, or one that holds a model, which is replaced.
     provenance : mapping, optional
@@ -220,10 +221,26 @@ def save_model(
 def load_model(folder: Path | str | None = None) -> ForecastModel:
     """A stored model, or without a folder the one that comes with the package.
 
+    Parameters
+    ----------
+    folder : path, optional
+        Where `save_model` or `tripwatt fit` wrote it.
+
+    Returns
+    -------
+    ForecastModel
+        Fitted.
+
     Raises
     ------
     InvalidInput
         When there is no model, it is damaged or altered, its format is not known, or it does not give finite forecasts.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> tw.load_model().vehicle.title
+    'BMW i3 60 Ah'
     """
     place = model_folder(folder)
     model = model_of_parts(read_model(place).parts)

@@ -165,6 +165,13 @@ class Journey:
     flags : tuple of Flag
         Assumptions of the answers; those of a road are with its forecast.
     attribution : str
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
+    >>> journey.forecast.soc_arrival  # doctest: +SKIP
+    0.42
     """
 
     stops: tuple[Place, ...]
@@ -188,7 +195,20 @@ class Journey:
         return self.forecast.p_arrive(self.reserve) >= CERTAIN
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values, as the command line and the service give them."""
+        """Plain values, as the command line and the service give them.
+
+        Returns
+        -------
+        dict
+            Numbers, texts, lists and further dicts only.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
+        >>> journey.to_dict()["arrives"]  # doctest: +SKIP
+        True
+        """
         return {
             "stops": [place.to_dict() for place in self.stops],
             "reserve": self.reserve,
@@ -206,7 +226,19 @@ class Journey:
         }
 
     def to_frame(self) -> pd.DataFrame:
-        """One row for each road: length, time, energy with its 90 % interval, charge at arrival and its probability."""
+        """One row for each road: length, time, energy with its 90 % interval, charge at arrival and its probability.
+
+        Returns
+        -------
+        DataFrame
+            Energies [Wh], states of charge 0 to 1.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
+        >>> journey.to_frame()  # doctest: +SKIP
+        """
         rows = []
         for found in self.roads:
             low, high = found.forecast.interval(0.9)
@@ -225,7 +257,19 @@ class Journey:
         return pd.DataFrame(rows)
 
     def plot(self) -> Figure:
-        """Energy and state of charge along the fastest road."""
+        """Energy and state of charge along the fastest road.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Of the fastest road: energy, state of charge, causes.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
+        >>> journey.plot().savefig("journey.png")  # doctest: +SKIP
+        """
         return self.forecast.plot()
 
     def _title(self) -> str:
@@ -276,6 +320,12 @@ def plan_journey(
     vehicle : Vehicle or str, optional
         A car other than the model's own.
     options : JourneyOptions, optional
+        Reserve at arrival, alternatives, and what is worked out.
+
+    Returns
+    -------
+    Journey
+        Its roads with their forecasts, and the answers about the fastest.
 
     Raises
     ------
@@ -283,6 +333,13 @@ def plan_journey(
         When a place is unknown, no road connects them, or the model cannot be used.
     RemoteError
         When a server that was named does not answer.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
+    >>> journey.arrives, journey.soc_needed  # doctest: +SKIP
+    (True, 0.34)
     """
     options = options or JourneyOptions()
     if not isinstance(atlas, Atlas):

@@ -252,10 +252,20 @@ def create_car(
     base : path, optional
         A stored model to adapt; the bundled one by default.
 
+    Returns
+    -------
+    OwnCar
+        Without trips.
+
     Raises
     ------
     InvalidInput
         When there is no such vehicle or base, the folder is in use, or the package `deltalake` is missing.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> car = tw.create_car("my-leaf", "nissan_leaf_24")  # doctest: +SKIP
     """
     place = Path(folder)
     car = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
@@ -291,10 +301,26 @@ def is_car(folder: Path | str) -> bool:
 def open_car(folder: Path | str) -> OwnCar:
     """Open the folder of a car that `create_car` or `tripwatt car new` made.
 
+    Parameters
+    ----------
+    folder : path
+        Where the car was made.
+
+    Returns
+    -------
+    OwnCar
+        With its trips, its model and its diary.
+
     Raises
     ------
     InvalidInput
         When it is none, or of a newer format.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> tw.open_car("my-leaf").diary.score  # doctest: +SKIP
+    Score(trips=12, error=0.09, weighted_error=0.08, bias=0.01, coverage=0.92, width=0.4)
     """
     place = Path(folder)
     if not is_car(place):

@@ -36,6 +36,11 @@ def read_logs(path: Path | str, dataset: str = "tum", mapping: Path | str | None
     mapping : path or str, optional
         For `dataset="table"`: a TOML file, or the name of a mapping that comes with the package.
 
+    Returns
+    -------
+    Fleet
+        Logs as they came, with notes on the data set.
+
     Raises
     ------
     InvalidInput

@@ -445,10 +445,20 @@ def create_store(
     options : mapping of str to str, optional
         What the object store needs.
 
+    Returns
+    -------
+    TripStore
+        Without trips.
+
     Raises
     ------
     InvalidInput
         When there is a store already, or the place cannot be written.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> store = tw.create_store("trips")  # doctest: +SKIP
     """
     if not 1 <= buckets <= MOST_BUCKETS:
         raise InvalidInput(Fault("value out of range", "buckets", f"{buckets}", f"1 to {MOST_BUCKETS}"))
@@ -471,10 +481,21 @@ def open_store(place: Path | str, *, options: Mapping[str, str] | None = None) -
     options : mapping of str to str, optional
         What the object store needs, as the package `deltalake` takes them.
 
+    Returns
+    -------
+    TripStore
+        With the logs that it has.
+
     Raises
     ------
     InvalidInput
         When there is none, it is of a newer format, or the package `deltalake` is missing.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> tw.open_store("trips").about()["trips"]  # doctest: +SKIP
+    1280
     """
     require_deltalake()
     store = TripStore(f"{place}", dict(options or {}))

@@ -130,10 +130,31 @@ class Departure:
         A signal that the first sample lacks is that of the next one within `FIRST_S`, else it is unknown. An outside
         temperature that only a sensor in the sun can show is unknown.
 
+        Parameters
+        ----------
+        drive : Drive
+            Its first sample counts.
+        context : Context
+            What the log says beside its samples: season, weather, payload, the trip before.
+
+        Returns
+        -------
+        Departure
+            Fields that neither has are None.
+
         Raises
         ------
         InvalidInput
             When a value of the first sample is out of its bounds.
+
+        Examples
+        --------
+        >>> import pandas as pd
+        >>> from tripwatt import Departure, Trip
+        >>> from tripwatt.trips import Context
+        >>> log = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 1.0], "ambient_temperature_degc": [7.0, 7.5]})
+        >>> Departure.from_drive(Trip.from_samples("t", log), Context(payload_mass_kg=80.0))
+        Departure(ambient_temperature_degc=7.0, payload_mass_kg=80.0, follows_trip=False)
         """
         first: dict[str, Any] = {}
         times = drive.array("time_s")
@@ -162,6 +183,16 @@ class Departure:
 
         A state of charge that a driver gives takes the place of the battery management's reading.
 
+        Parameters
+        ----------
+        other : Departure or None
+            None changes nothing.
+
+        Returns
+        -------
+        Departure
+            A new one.
+
         Examples
         --------
         >>> Departure(bms_soc=0.6, payload_mass_kg=80.0).merge(Departure(soc=0.8))
@@ -177,7 +208,19 @@ class Departure:
         return replace(self, **known)
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields that are known; the time of departure as ISO 8601."""
+        """The fields that are known; the time of departure as ISO 8601.
+
+        Returns
+        -------
+        dict
+            Field -> value.
+
+        Examples
+        --------
+        >>> from tripwatt import Departure
+        >>> Departure(soc=0.8, payload_mass_kg=80.0).to_dict()
+        {'soc': 0.8, 'payload_mass_kg': 80.0}
+        """
         known = {
             field.name: value for field in fields(self) if (value := getattr(self, field.name)) is not None
         }
@@ -186,11 +229,34 @@ class Departure:
         return known
 
     def to_frame(self) -> pd.DataFrame:
-        """One row; a column for each field, missing where unknown."""
+        """One row; a column for each field, missing where unknown.
+
+        Returns
+        -------
+        DataFrame
+            Of one row.
+
+        Examples
+        --------
+        >>> from tripwatt import Departure
+        >>> Departure(soc=0.8).to_frame()["soc"].tolist()
+        [0.8]
+        """
         return pd.DataFrame([asdict(self)], columns=[field.name for field in fields(self)])
 
     def plot(self) -> Figure:
-        """The fields that are known, as a table."""
+        """The fields that are known, as a table.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A table without axes.
+
+        Examples
+        --------
+        >>> from tripwatt import Departure
+        >>> Departure(soc=0.8).plot().savefig("departure.png")  # doctest: +SKIP
+        """
         from tripwatt.trips.plots import plot_table  # matplotlib is slow to import
 
         return plot_table("Departure", [(name, str(value)) for name, value in self.to_dict().items()])

@@ -85,17 +85,61 @@ class Plan(Drive):
     ) -> Plan:
         """A plan from a speed trace as it is, `ROUTE_COLUMNS` alone.
 
+        Parameters
+        ----------
+        trip_id : str
+            Name of the drive.
+        samples : DataFrame
+            Canonical columns; those that are no `ROUTE_COLUMNS` are dropped.
+        departure : Departure, optional
+            What is known when the car leaves.
+        link_m : float, optional
+            Mean length of the links [m] from which the speed was made.
+        flags : tuple of Flag
+            What had to be assumed of the road.
+
+        Returns
+        -------
+        Plan
+            With the samples as they are.
+
         Raises
         ------
         InvalidInput
             With every fault of the samples.
+
+        Examples
+        --------
+        >>> import pandas as pd
+        >>> import tripwatt as tw
+        >>> drive = pd.DataFrame({"time_s": [0.0, 60.0], "speed_m_s": [10.0, 10.0], "voltage_v": 360.0})
+        >>> list(tw.Plan.from_samples("drive", drive).samples)
+        ['time_s', 'speed_m_s']
         """
         validate_samples(samples, trip_id)
         route = samples[[name for name in ROUTE_COLUMNS if name in samples.columns]]
         return cls(trip_id, route, departure or Departure(), link_m, tuple(dict.fromkeys(flags)))
 
     def with_departure(self, departure: Departure | None) -> Plan:
-        """The plan with the known fields of a departure in place of its own."""
+        """The plan with the known fields of a departure in place of its own.
+
+        Parameters
+        ----------
+        departure : Departure or None
+            None changes nothing.
+
+        Returns
+        -------
+        Plan
+            A new one.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 5000.0, "speed_m_s": 20.0}], trip_id="commute")
+        >>> plan.with_departure(tw.Departure(soc=0.8)).departure.soc
+        0.8
+        """
         return self if departure is None else replace(self, departure=self.departure.merge(departure))
 
     @property
@@ -104,7 +148,20 @@ class Plan(Drive):
         return self.has("elevation_m") or self.has("grade")
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values, with the names that a request of the service has."""
+        """Plain values, with the names that a request of the service has.
+
+        Returns
+        -------
+        dict
+            Numbers, texts, lists and further dicts only.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 5000.0, "speed_m_s": 20.0}], trip_id="commute")
+        >>> plan.to_dict()["trip"]
+        'commute'
+        """
         return {
             "trip": self.trip_id,
             **self.departure.to_dict(),
@@ -116,7 +173,19 @@ class Plan(Drive):
         }
 
     def plot(self) -> Figure:
-        """Speed, and elevation where it is known, over time."""
+        """Speed, and elevation where it is known, over time.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Speed [km/h], elevation [m].
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 5000.0, "speed_m_s": 20.0}], trip_id="commute")
+        >>> plan.plot().savefig("plan.png")  # doctest: +SKIP
+        """
         from tripwatt.trips.plots import plot_drive  # matplotlib is slow to import
 
         return plot_drive(self, self._title(), None)

@@ -134,6 +134,21 @@ class Log(Recorded):
 class Trip(Recorded):
     """One sound drive that took place.
 
+    Attributes
+    ----------
+    trip_id : str
+        Name of the drive.
+    samples : DataFrame
+        One row per sample, canonical columns, float64.
+    context : Context
+        What the log says beside its samples.
+    observed_energy_wh : float or None
+        Measured energy of the whole drive [Wh]; None without voltage and current.
+    step_s : float or None
+        Length of the steps [s] after `resample`, None for raw samples.
+    observed_energy_std_wh : float or None
+        Standard error of the energy [Wh] where it was taken from the state of charge.
+
     Examples
     --------
     >>> import pandas as pd
@@ -147,17 +162,58 @@ class Trip(Recorded):
     def from_samples(cls, trip_id: str, samples: pd.DataFrame, context: Context | None = None) -> Trip:
         """Validate raw samples and measure their energy. O(samples).
 
+        Parameters
+        ----------
+        trip_id : str
+            Name of the drive.
+        samples : DataFrame
+            Canonical columns, one row a sample.
+        context : Context, optional
+            What the log says beside its samples.
+
+        Returns
+        -------
+        Trip
+            With its measured energy, where voltage and current are known.
+
         Raises
         ------
         InvalidInput
             With every fault of the samples.
+
+        Examples
+        --------
+        >>> import pandas as pd
+        >>> import tripwatt as tw
+        >>> log = pd.DataFrame({"time_s": [0.0, 3600.0], "speed_m_s": 0.0, "voltage_v": 360.0, "current_a": 1.0})
+        >>> tw.Trip.from_samples("parked", log).observed_energy_wh
+        360.0
         """
         validate_samples(samples, trip_id)
         return cls(trip_id, samples, context or Context(), observed_energy(samples))
 
     @classmethod
     def from_log(cls, log: Recorded) -> Trip:
-        """A log taken as it is, without an audit or a check of its values."""
+        """A log taken as it is, without an audit or a check of its values.
+
+        Parameters
+        ----------
+        log : Recorded
+            A log, as a reader gives it.
+
+        Returns
+        -------
+        Trip
+            With the samples, the context and the energy of the log.
+
+        Examples
+        --------
+        >>> import pandas as pd
+        >>> import tripwatt as tw
+        >>> from tripwatt.trips import Log
+        >>> tw.Trip.from_log(Log.from_samples("A", pd.DataFrame({"time_s": [0.0, 60.0], "speed_m_s": [10.0, 10.0]})))
+        <Trip A: 0.6 km in 60 s, energy not measured, 2 samples>
+        """
         return cls(
             log.trip_id,
             log.samples,

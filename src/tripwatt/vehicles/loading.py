@@ -166,6 +166,11 @@ def load_vehicle(
         ``{"auxiliaries.base_load_w": 400.0, "mass": 1300.0}``. Those of a part that the preset leaves out
         change nothing.
 
+    Returns
+    -------
+    Vehicle
+        Its parts, and the origin of every value.
+
     Raises
     ------
     InvalidInput
