@@ -32,6 +32,9 @@ LABEL_FACTOR: Final = 0.7
 KWH_PER_GALLON: Final = 33.705
 """Energy of a gallon of gasoline in miles per gallon equivalent, 40 CFR 600.002."""
 
+IRON_PHOSPHATE: Final = frozenset({"tesla_model_3_2022_rwd", "tesla_model_3_2024_rwd"})
+"""Cars of the selection whose cells have an iron phosphate cathode."""
+
 LABELS: Final = (
     ("bmw_i3_60ah", 3125, 137, 111, "2014-2016"),
     ("bmw_i3_94ah", 3250, 129, 106, "2017"),
@@ -172,6 +175,8 @@ def described(row: dict[str, str]) -> Iterator[Cell]:
             car, {"pack_v": "pack_voltage", "motor_kw": "motor_power"}.get(key, key), row[key], unit, "maker"
         )
     yield Cell(car, "heat_pump", row["heat_pump"], "1", "maker")
+    if car in IRON_PHOSPHATE:
+        yield Cell(car, "chemistry", "lfp", "", "maker")
 
 
 def token(title: str) -> tuple[str, str]:

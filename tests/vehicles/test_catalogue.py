@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import pytest
 from tests.support import ROOT
 from tests.support.cars import some_cars
@@ -20,6 +21,7 @@ from tripwatt.vehicles.anchors import Anchor, anchors, with_anchor
 from tripwatt.vehicles.catalogue import BODIES, Coastdown, catalogue, class_values, table_names
 from tripwatt.vehicles.licences import LICENCES
 from tripwatt.vehicles.loading import ANCHORS, library_document
+from tripwatt.vehicles.similar import CHEMISTRIES
 from tripwatt.vehicles.spreads import loss_sd, road_gain, spreads
 
 NUMBERS = {
@@ -241,3 +243,20 @@ def test_the_page_of_the_cars_shows_the_spreads() -> None:
         widths = {**published, **spreads(anchor)}
         shown = " | ".join(f"{100.0 * widths[name]:.0f} %" for name in ("rolling", "air", "drivetrain"))
         assert re.search(rf"^\| `{anchor}` \|.*\| {re.escape(shown)} \|$", page, re.MULTILINE), anchor
+
+
+@pytest.mark.parametrize(
+    ("name", "chemistry", "cells"), [("tesla_model_3_2024_rwd", "lfp", 109), ("vw_id4_pro", "nmc", 110)]
+)
+def test_the_chemistry_gives_voltage_and_cells(name: str, chemistry: str, cells: int) -> None:
+    """350 V over 3.2 V and 400 V over 3.65 V; the usable energy is charge times the mean voltage of the shared curve."""
+    car = load_vehicle(name)
+    battery, kind = car.battery, CHEMISTRIES[chemistry]
+    assert battery.cells_in_series == cells
+    display = np.linspace(battery.displayed_zero_soc, battery.displayed_full_soc, 2001)
+    mean_v = np.interp(display, battery.ocv_soc, battery.ocv_v).mean()
+    assert mean_v == pytest.approx(kind.mean_v, rel=0.005)
+    usable_ah = battery.capacity_ah * (battery.displayed_full_soc - battery.displayed_zero_soc)
+    usable = catalogue()[name]["usable_energy"][0].number
+    assert usable_ah * cells * kind.mean_v == pytest.approx(1000.0 * usable)
+    assert battery.max_cell_voltage_v == {"lfp": 3.7, "nmc": 4.25}[chemistry]

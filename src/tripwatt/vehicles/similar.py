@@ -45,11 +45,24 @@ RECOVERY_W_PER_KG: Final = 45.0
 PACK_KG_PER_KWH: Final = 6.2
 """Pack over usable energy: about 160 Wh/kg, as 375 kg of the ID.3 for 58 kWh."""
 
-CELL_MEAN_V: Final = 3.72
-"""Mean open-circuit voltage of cells with a layered oxide between the ends of the display."""
 
-NOMINAL_CELL_V: Final = 3.65
-"""Nominal voltage of one cell, by which a pack's nominal voltage gives the cells in series."""
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """Cells of one chemistry: their shared file, and two voltages of one cell [V].
+
+    The mean between the ends of the display turns energy into charge; the nominal one turns a pack's nominal voltage into the
+    number of cells in series.
+    """
+
+    shared: str
+    mean_v: float
+    nominal_v: float
+
+
+CHEMISTRIES: Final = MappingProxyType(
+    {"nmc": Cells("nmc_cells", 3.72, 3.65), "lfp": Cells("lfp_cells", 3.28, 3.20)}
+)
+"""Cathodes: layered oxides (NMC, NCA), and iron phosphate. Nominal voltages are general figures of their cells."""
 
 DISPLAY: Final = (0.03, 0.97)
 """State of charge at which the driver sees 0 and 1, as cars with 94 to 96 % of the gross energy usable."""
@@ -70,6 +83,8 @@ class Figures:
     curb_mass_kg, motor_power_w, usable_energy_wh, pack_voltage_v : Entry-like mapping
         `value`, `source`, `licence` and perhaps `estimated`.
     heat_pump : bool
+    chemistry : str
+        Of `CHEMISTRIES`.
     coastdown : Coastdown, optional
     coastdown_cell : Cell, optional
         Its citation.
@@ -82,6 +97,7 @@ class Figures:
     usable_energy: Mapping[str, Any]
     pack_voltage: Mapping[str, Any]
     heat_pump: bool
+    chemistry: str = "nmc"
     coastdown: Coastdown | None = None
     coastdown_source: Mapping[str, Any] | None = None
 
@@ -109,6 +125,7 @@ def figures_of_row(row: Row) -> Figures:
         usable_energy=first("usable_energy", 1000.0),
         pack_voltage=first("pack_voltage"),
         heat_pump=row["heat_pump"][0].value == "1",
+        chemistry=row["chemistry"][0].value if "chemistry" in row else "nmc",
         coastdown=run,
         coastdown_source=None if run is None else _sourced(0.0, row["coastdown_a"][0]),
     )
@@ -133,7 +150,7 @@ def similar_document(car: Figures, classes: ClassValues) -> dict[str, Any]:
     top_speed = next(speed for limit, speed in TOP_SPEEDS_KM_H if power / mass < limit)
     document = {
         "name": car.title,
-        "extends": ["passenger_car", "nmc_cells"],
+        "extends": ["passenger_car", CHEMISTRIES[car.chemistry].shared],
         "scaled": {"motor_losses": "permanent_magnet_motor", "cell_resistance": "bmw_i3_94ah"},
         "body": {"curb_mass_kg": {**car.curb_mass, "unit": "kg"}},
         "road_load": _road_load(car, classes),
@@ -205,13 +222,14 @@ def _road_load(car: Figures, classes: ClassValues) -> dict[str, Any]:
 
 def _battery(car: Figures) -> dict[str, Any]:
     energy_wh, volts = float(car.usable_energy["value"]), float(car.pack_voltage["value"])
-    cells = round(volts / NOMINAL_CELL_V)
-    how = f"{energy_wh / 1000.0:g} kWh usable at a mean of {CELL_MEAN_V:g} V of {cells} cells in series"
+    kind = CHEMISTRIES[car.chemistry]
+    cells = round(volts / kind.nominal_v)
+    how = f"{energy_wh / 1000.0:g} kWh usable at a mean of {kind.mean_v:g} V of {cells} cells in series"
     low, high = DISPLAY
     return {
         "capacity_ah": {
             **car.usable_energy,
-            "value": energy_wh / (cells * CELL_MEAN_V),
+            "value": energy_wh / (cells * kind.mean_v),
             "unit": "Ah",
             "scale": "displayed_soc",
             "estimated": how,
@@ -220,7 +238,7 @@ def _battery(car: Figures) -> dict[str, Any]:
             **car.pack_voltage,
             "value": cells,
             "unit": "1",
-            "estimated": f"{volts:g} V nominal at {NOMINAL_CELL_V:g} V a cell",
+            "estimated": f"{volts:g} V nominal at {kind.nominal_v:g} V a cell",
         },
         "heat_capacity_j_k": _class(
             PACK_KG_PER_KWH * energy_wh, "J/K", f"{PACK_KG_PER_KWH:g} kg/kWh at 1000 J/(kg K)"
