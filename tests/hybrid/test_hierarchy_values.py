@@ -180,7 +180,7 @@ def test_grid() -> None:
     assert len(set(both)) == len(both) == 5 * 5 * 2 * 5
     assert {o.share for o in both} == {o.own for o in both} == quarters
     assert {o.book for o in both} == {0.0, 1.0}
-    assert {o.noise for o in both} == {0.5, 1.0, 2.0, 4.0, 8.0}
+    assert {o.noise for o in both} == {0.25, 0.5, 1.0, 2.0, 4.0}
     assert {o.book for o in grid("effects")} == {0.0}
     assert {o.own for o in grid("effects")} == quarters
     assert {o.own for o in grid("parameters")} == {0.0}
