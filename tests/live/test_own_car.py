@@ -15,7 +15,7 @@ pytest.importorskip("deltalake", reason="the extra tripwatt[fleet] is not instal
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
-from tripwatt.live import Diary, OwnCar, Score, create_car, forget_car, is_car, open_car
+from tripwatt.live import Diary, OwnCar, Score, create_car, forget_car, is_car, issue_token, open_car
 from tripwatt.live import own_car as module
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.transfer.zero_shot import on_vehicle
@@ -229,6 +229,7 @@ def test_what_is_no_car_is_refused_and_files_of_others_stay(
             open_car(car.folder)
     (car.folder / "car.json").write_text(text)
     (car.folder / "notes.txt").write_text("mine")
+    issue_token(car.folder)
     forget_car(car.folder)
     assert [path.name for path in car.folder.iterdir()] == ["notes.txt"]
     with pytest.raises(InvalidInput, match="not a car"):

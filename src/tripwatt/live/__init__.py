@@ -1,6 +1,27 @@
-"""One car and its diary: its trips in a store, the model that they teach, and every forecast beside what it took."""
+"""One car: its trips in a store, the model that they teach, its diary, and what it sends while it drives."""
 
 from tripwatt.live.diary import Diary, Score
+from tripwatt.live.live_car import LiveCar, LivePlan, is_live_car, issue_token, open_live_car
+from tripwatt.live.live_trip import LiveTrip, TripFinder
 from tripwatt.live.own_car import Learned, OwnCar, create_car, forget_car, is_car, open_car
+from tripwatt.live.telemetry import Sample, sample_from_abrp
 
-__all__ = ["Diary", "Learned", "OwnCar", "Score", "create_car", "forget_car", "is_car", "open_car"]
+__all__ = [
+    "Diary",
+    "Learned",
+    "LiveCar",
+    "LivePlan",
+    "LiveTrip",
+    "OwnCar",
+    "Sample",
+    "Score",
+    "TripFinder",
+    "create_car",
+    "forget_car",
+    "is_car",
+    "is_live_car",
+    "issue_token",
+    "open_car",
+    "open_live_car",
+    "sample_from_abrp",
+]

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 FORMAT: Final = 1
 ABOUT: Final = "car.json"
+LIVE: Final = "live"
+"""Folder of what the car sends while it drives."""
 VEHICLE: Final = "car.toml"
 STORE: Final = "trips"
 LEARNED: Final = "learned"
@@ -349,7 +351,7 @@ def open_car(folder: Path | str) -> OwnCar:
 
 
 def forget_car(folder: Path | str) -> None:
-    """Erase a car: its trips, its model and its diary; files that others put into the folder stay.
+    """Erase a car: its trips, its model, its diary and what it sent while it drove; files that others put into the folder stay.
 
     Raises
     ------
@@ -358,7 +360,7 @@ def forget_car(folder: Path | str) -> None:
     """
     car = open_car(folder)
     with folder_lock(car.folder):
-        for name in (STORE, LEARNED):
+        for name in (STORE, LEARNED, LIVE):
             shutil.rmtree(car.folder / name, ignore_errors=True)
         for name in (VEHICLE, ABOUT):
             (car.folder / name).unlink(missing_ok=True)

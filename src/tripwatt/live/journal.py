@@ -1,0 +1,180 @@
+"""Samples on disk, appended as they arrive: one line of JSON each, read again after a restart.
+
+A line is written before its sample is acknowledged. A process that is killed therefore loses nothing that it acknowledged;
+what a sudden loss of power takes is what the system had not written yet.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Final
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.files import write_file
+from tripwatt.live.telemetry import Sample
+
+MOST_LINE_BYTES: Final = 4096
+"""Longest line; a sample with all columns has less than 1 kB."""
+
+_AFTER: Final = b'{"after_s":%r}\n'
+FLAGS: Final = ("charging", "parked")
+
+
+def line_of(sample: Sample) -> bytes:
+    r"""A sample as a line, without its position.
+
+    Examples
+    --------
+    >>> line_of(Sample(1.7e9, {"speed_m_s": 20.0}, parked=True))
+    b'{"time_s":1700000000.0,"speed_m_s":20.0,"parked":true}\n'
+    """
+    more = {name: True for name in FLAGS if getattr(sample, name)}
+    text = json.dumps(
+        {"time_s": sample.time_s, **sample.values, **more}, separators=(",", ":"), allow_nan=False
+    )
+    return text.encode() + b"\n"
+
+
+def sample_of(line: bytes) -> Sample | None:
+    """The sample of a line; None where the line is damaged."""
+    try:
+        found = json.loads(line)
+        charging, parked = (bool(found.pop(name, False)) for name in FLAGS)
+        time_s = float(found.pop("time_s"))
+        return Sample(time_s, {name: float(value) for name, value in found.items()}, charging, parked)
+    except (ValueError, TypeError, KeyError, AttributeError, InvalidInput):
+        return None
+
+
+class Journal:
+    """A file of samples that only grows, until `rewrite` shortens it in one step.
+
+    Parameters
+    ----------
+    path : Path
+
+    Attributes
+    ----------
+    lines : int
+        Samples in the file.
+    after_s : float
+        Samples up to this time were in the file before it was rewritten [s since 1970].
+
+    Raises
+    ------
+    InvalidInput
+        When the file cannot be opened.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.lines = 0
+        self.after_s = -math.inf
+        self._descriptor = -1
+        self._size = 0
+        self._open()
+
+    def _open(self) -> None:
+        try:
+            self._descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)
+            self._size = _whole_bytes(self._descriptor)
+            os.ftruncate(self._descriptor, self._size)
+            self.after_s = _after_s(os.pread(self._descriptor, MOST_LINE_BYTES, 0).partition(b"\n")[0])
+        except OSError as error:
+            raise InvalidInput(
+                Fault(
+                    "cannot open the journal", f"{self.path}", error.strerror or f"{error}", "a writable file"
+                )
+            ) from error
+
+    def read(self) -> Iterator[Sample]:
+        """All samples in the order of their arrival; damaged lines are left out. O(bytes)."""
+        self.lines = 0
+        with self.path.open("rb") as stream:
+            while line := stream.readline(MOST_LINE_BYTES):
+                sample = sample_of(line)
+                if sample is not None:
+                    self.lines += 1
+                    yield sample
+
+    @property
+    def written_s(self) -> float:
+        """When the file was last written [s since 1970]."""
+        return self.path.stat().st_mtime
+
+    def append(self, sample: Sample) -> None:
+        """Write a sample behind the others. O(1).
+
+        Raises
+        ------
+        OSError
+            When it cannot be written; the file is as before.
+        """
+        line = line_of(sample)
+        try:
+            written = os.write(self._descriptor, line)
+        except OSError:
+            self._cut()
+            raise
+        if written < len(line):
+            self._cut()
+            raise OSError(f"{self.path}: wrote {written} of {len(line)} bytes")
+        self._size += len(line)
+        self.lines += 1
+
+    def _cut(self) -> None:
+        with contextlib.suppress(OSError):
+            os.ftruncate(self._descriptor, self._size)
+
+    def rewrite(self, samples: Iterable[Sample], after_s: float) -> None:
+        """Replace all samples by these, in one step: a process that is killed leaves the old or the new file.
+
+        Parameters
+        ----------
+        samples : iterable of Sample
+        after_s : float
+            Time up to which samples are no longer in the file [s since 1970].
+
+        Raises
+        ------
+        OSError
+            When the file cannot be written; it is as before.
+        """
+        lines = [line_of(sample) for sample in samples]
+        write_file(self.path, lambda made: _write(made, b"".join([_AFTER % after_s, *lines])))
+        self.close()
+        self._open()
+        self.lines = len(lines)
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+
+def _after_s(line: bytes) -> float:
+    """The time of the first line of a rewritten file; minus infinity of any other line."""
+    try:
+        return float(json.loads(line)["after_s"])
+    except (ValueError, TypeError, KeyError):
+        return -math.inf
+
+
+def _whole_bytes(descriptor: int) -> int:
+    """Size of a file up to its last whole line: a process may have been killed while it wrote."""
+    end = os.fstat(descriptor).st_size
+    start = max(0, end - MOST_LINE_BYTES)
+    found = os.pread(descriptor, end - start, start).rfind(b"\n")
+    if found < 0 and start:
+        return end  # no line of ours is so long
+    return start + found + 1
+
+
+def _write(path: Path, content: bytes) -> None:
+    path.write_bytes(content)

@@ -1,0 +1,393 @@
+"""A car on the road: its samples as they arrive, the trip that it is on, and forecasts from what it measured so far.
+
+Everything is in the folder `live` of the car: the journal of samples that no finished trip holds, the plan of its trip, the
+finished trips as tables, and the digest of its token.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import hashlib
+import json
+import math
+import re
+import secrets
+import time
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.files import folder_lock, read_file, read_text_file, write_file
+from tripwatt.forecasting import Forecast
+from tripwatt.live.journal import Journal
+from tripwatt.live.live_trip import LEAST_M, SILENCE_S, LiveTrip, TripFinder
+from tripwatt.live.ordering import Arrival, OrderedSamples
+from tripwatt.live.own_car import LIVE
+from tripwatt.live.telemetry import Sample
+from tripwatt.sources.canonical import read_canonical
+from tripwatt.trips import Context, Departure, Drive, Log
+
+JOURNAL: Final = "journal.ndjson"
+PLAN: Final = "plan.json"
+TOKEN: Final = "token.json"
+TRIPS: Final = "trips"
+
+FUTURE_S: Final = 120.0
+"""A time may be this much ahead of our clock [s]: one that is further ahead would make all that follow late."""
+
+LEAST_ROWS: Final = 3
+"""Fewest samples of a table that can be read again."""
+
+SLACK_LINES: Final = 1000
+"""Lines that the journal of a standing car may hold beyond those that count."""
+
+MOST_PLAN_BYTES: Final = 1 << 24
+MOST_TOKEN_BYTES: Final = 1 << 12
+VALID_NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,63}")
+"""Names of cars: they are parts of paths and of URLs."""
+
+
+@dataclass(frozen=True, slots=True)
+class LivePlan:
+    """The plan of a trip, as it was given.
+
+    Attributes
+    ----------
+    request : mapping
+        Whatever JSON can hold: the service keeps a request for a forecast here.
+    departure_s : float or None
+        Departure on the plan's clock [s since 1970]; None for the start of the trip.
+    given_s : float or None
+        Time of the car's latest sample when the plan was given [s since 1970].
+    """
+
+    request: Mapping[str, Any]
+    departure_s: float | None = None
+    given_s: float | None = None
+
+
+class LiveCar:
+    """A car that sends samples; made by `open_live_car`. One process at a time has it open.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the car. Its name is that of the car.
+
+    Attributes
+    ----------
+    counts : dict of str to int
+        Samples since the car was opened: `new`, `doubled` and `late`.
+    received_s : float or None
+        When the last message came [s since 1970, by our clock].
+
+    Examples
+    --------
+    >>> car = open_live_car("cars/my-leaf")  # doctest: +SKIP
+    >>> car.add(sample_from_abrp({"utc": 1700000000, "speed": 72, "power": 11.1, "soc": 65}))  # doctest: +SKIP
+    'new'
+    >>> car.update(model.forecast(plan)).soc_interval(0.9)  # doctest: +SKIP
+    (0.51, 0.56)
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder / LIVE
+        self.name = folder.name
+        self.counts = {"new": 0, "doubled": 0, "late": 0}
+        self._finder = TripFinder()
+        self._ended: list[LiveTrip] = []
+        with ExitStack() as stack:
+            stack.enter_context(folder_lock(self.folder))
+            self._journal = Journal(self.folder / JOURNAL)
+            stack.callback(self._journal.close)
+            self._ordered = OrderedSamples(self._journal.after_s)
+            self.plan = _read_plan(self.folder / PLAN)
+            for sample in self._journal.read():
+                if self._ordered.arrival(sample) == "new":
+                    self._take(sample)
+            self.received_s = self._journal.written_s if self._journal.lines else None
+            self._finish()
+            self._open = stack.pop_all()
+
+    @property
+    def trip(self) -> LiveTrip | None:
+        """The trip that the car is on; its start is seen when no earlier sample can come."""
+        return self._finder.trip
+
+    def add(self, sample: Sample, *, now_s: float | None = None) -> Arrival:
+        """Take a sample; it is on disk when this returns. O(1) amortised.
+
+        Parameters
+        ----------
+        sample : Sample
+        now_s : float, optional
+            The time by our clock [s since 1970].
+
+        Returns
+        -------
+        {"new", "doubled", "late"}
+            Only a new sample counts.
+
+        Raises
+        ------
+        InvalidInput
+            When its time is ahead of our clock by more than `FUTURE_S`.
+        OSError
+            When it cannot be written; send it again.
+        """
+        now_s = time.time() if now_s is None else now_s
+        if sample.time_s > now_s + FUTURE_S:
+            got, allowed = (
+                f"{sample.time_s - now_s:.0f} s ahead",
+                f"at most {FUTURE_S:g} s ahead of our clock",
+            )
+            raise InvalidInput(
+                Fault("time in the future", "utc", got, allowed, "set the clock of the sender")
+            )
+        arrival = self._ordered.arrival(sample)
+        if arrival == "new":
+            self._journal.append(sample)
+            self._take(sample)
+        self.counts[arrival] += 1
+        self.received_s = now_s
+        self._finish()
+        return arrival
+
+    def _take(self, sample: Sample) -> None:
+        self._ordered.insert(sample)
+        self._follow(self._ordered.ready())
+
+    def _follow(self, samples: list[Sample]) -> None:
+        for sample in samples:
+            ended = self._finder.add(sample)
+            if ended is not None:
+                self._ended.append(ended)
+
+    def end_when_silent(self, now_s: float) -> bool:
+        """End the trip of a car that sent nothing for `SILENCE_S` by our clock.
+
+        Returns
+        -------
+        bool
+            Whether a trip has ended.
+        """
+        if self.received_s is None or now_s - self.received_s < SILENCE_S:
+            return False
+        self._follow(self._ordered.rest())
+        ended = self._finder.end()
+        if ended is not None:
+            self._ended.append(ended)
+        done = bool(self._ended)
+        self._finish()
+        return done
+
+    def _finish(self) -> None:
+        """Write ended trips, forget their plan and their samples. Whatever a killed process left undone is done again."""
+        done = bool(self._ended)
+        while self._ended:
+            self._keep(self._ended[0])
+            del self._ended[0]
+        rest = len(self._finder.before) + len(self._ordered.waiting)
+        if done or (self.trip is None and self._journal.lines > 2 * rest + SLACK_LINES):
+            self._rewrite()
+
+    def _rewrite(self) -> None:
+        """Shorten the journal to what no finished trip holds."""
+        if self.trip is not None:
+            return  # it has begun already: the journal is shortened after it
+        rest = [*self._finder.before, *self._ordered.waiting]
+        after_s = math.nextafter(rest[0].time_s, -math.inf) if rest else self._ordered.given_s
+        self._journal.rewrite(rest, after_s)
+
+    def _keep(self, trip: LiveTrip) -> None:
+        table = trip.table(until_s=trip.moved_s)
+        if trip.distance_m < LEAST_M or len(table) < LEAST_ROWS:
+            return
+        started = dt.datetime.fromtimestamp(trip.start_s, dt.UTC)
+        folder = self.folder / TRIPS
+        folder.mkdir(mode=0o700, exist_ok=True)
+        write_file(folder / f"{started:%Y%m%dT%H%M%SZ}.csv", lambda made: table.to_csv(made, index=False))
+        plan = self.plan
+        if plan is not None and (plan.given_s is None or plan.given_s <= trip.moved_s):
+            self.set_plan(None)
+
+    def observed(self) -> pd.DataFrame:
+        """What the car measured on its trip so far, timed from the departure; also what waits for late samples.
+
+        Without rows where the car is on no trip. O(samples of the trip).
+        """
+        if self.trip is None:
+            return pd.DataFrame({"time_s": [], "speed_m_s": []}, dtype="float64")
+        since_s = None if self.plan is None else self.plan.departure_s
+        return self.trip.table(self._ordered.waiting, since_s=since_s)
+
+    def update(self, forecast: Forecast) -> Forecast:
+        """A forecast of the trip made at its departure, given what was measured so far. O(samples of the trip).
+
+        Parameters
+        ----------
+        forecast : Forecast
+            Its clock is that of `observed`.
+
+        Raises
+        ------
+        InvalidInput
+            As `Forecast.update`: when the samples are not those of this trip.
+        """
+        observed = self.observed()
+        return forecast if len(observed) < 2 else forecast.update_since_departure(observed)
+
+    def departure(self) -> Departure:
+        """What the car's samples show of the departure: their first values on a trip, the latest ones before it."""
+        table = self.observed()
+        if not len(table):
+            latest: dict[str, float] = {}
+            for sample in (*self._finder.before, *self._ordered.waiting):
+                latest |= sample.values
+            table = pd.DataFrame([{"time_s": 0.0, "speed_m_s": 0.0, **latest}], dtype="float64")
+        found = Departure.from_drive(Drive(self.name, table), Context())
+        return replace(found, payload_mass_kg=None, follows_trip=None)
+
+    def set_plan(self, request: Mapping[str, Any] | None, departure_s: float | None = None) -> None:
+        """Give the plan of the trip that the car is on, or of its next one; None takes it away.
+
+        It is kept until its trip has ended.
+
+        Parameters
+        ----------
+        request : mapping or None
+            Whatever JSON can hold.
+        departure_s : float, optional
+            Departure on the clock of the plan [s since 1970]. Earlier samples do not count.
+        """
+        path = self.folder / PLAN
+        if request is None:
+            path.unlink(missing_ok=True)
+            self.plan = None
+            return
+        newest_s = self._ordered.newest_s
+        plan = LivePlan(request, departure_s, newest_s if newest_s > 0.0 else None)
+        about = {"given_s": plan.given_s, "departure_s": departure_s, "request": request}
+        write_file(path, lambda made: _write_json(made, about))
+        self.plan = plan
+
+    def logs(self) -> tuple[Log, ...]:
+        """The finished trips in the order of their departure, as `OwnCar.add` takes them."""
+        return tuple(_read_trip(path, self.name) for path in sorted((self.folder / TRIPS).glob("*.csv")))
+
+    def accepts(self, token: str) -> bool:
+        """Whether a token is that of this car."""
+        return secrets.compare_digest(digest_of(token), token_digest(self.folder.parent) or "")
+
+    def close(self) -> None:
+        """Leave the car to another process."""
+        self._open.close()
+
+    def __enter__(self) -> LiveCar:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        trip = self.trip
+        return f"<LiveCar {self.name}: {'on no trip' if trip is None else f'{trip.distance_m / 1000.0:.1f} km driven'}>"
+
+
+def open_live_car(folder: Path | str) -> LiveCar:
+    """Open a car that sends samples: a new folder, or one that may be a car of `create_car` beside.
+
+    Raises
+    ------
+    InvalidInput
+        When its name cannot be one, it cannot be written, its plan is damaged, or another process has it open.
+    """
+    place = Path(folder).absolute()
+    _live_folder(place)
+    return LiveCar(place)
+
+
+def is_live_car(folder: Path | str) -> bool:
+    """Whether a folder is that of a car with a token."""
+    return (Path(folder) / LIVE / TOKEN).is_file()
+
+
+def issue_token(folder: Path | str) -> str:
+    """Make the token with which a car sends its samples; an earlier one is no longer accepted.
+
+    The folder holds a digest of the token, from which it cannot be found.
+
+    Raises
+    ------
+    InvalidInput
+        As `open_live_car`.
+    """
+    token = secrets.token_urlsafe(24)
+    path = _live_folder(Path(folder).absolute()) / TOKEN
+    write_file(path, lambda made: _write_json(made, {"sha256": digest_of(token)}))
+    return token
+
+
+def digest_of(token: str) -> str:
+    """SHA-256 of a token; tokens are random, so that a digest needs no salt."""
+    return hashlib.sha256(token.encode("utf-8", "replace")).hexdigest()
+
+
+def token_digest(folder: Path) -> str | None:
+    """The digest of a car's token; None where it has none.
+
+    Raises
+    ------
+    InvalidInput
+        When the file is damaged.
+    """
+    path = folder / LIVE / TOKEN
+    if not path.is_file():
+        return None
+    try:
+        found = json.loads(read_text_file(path, MOST_TOKEN_BYTES))["sha256"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise InvalidInput(
+            Fault("damaged file", f"{path}", f"{error}"[:200], "the digest of a token")
+        ) from error
+    return f"{found}"
+
+
+def _live_folder(place: Path) -> Path:
+    """The folder `live` of a car, made where it is missing."""
+    if VALID_NAME.fullmatch(place.name) is None:
+        allowed = "up to 64 letters, digits, '.', '_' and '-'"
+        raise InvalidInput(Fault("name cannot be used", f"{place}", place.name, allowed))
+    try:
+        (place / LIVE).mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        got = error.strerror or f"{error}"
+        raise InvalidInput(Fault("cannot write the folder", f"{place}", got, "a writable folder")) from error
+    return place / LIVE
+
+
+def _read_plan(path: Path) -> LivePlan | None:
+    if not path.is_file():
+        return None
+    try:
+        found = json.loads(read_file(path, MOST_PLAN_BYTES))
+        return LivePlan(dict(found["request"]), found["departure_s"], found["given_s"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise InvalidInput(
+            Fault("damaged file", f"{path}", f"{error}"[:200], "a plan", "remove it")
+        ) from error
+
+
+def _read_trip(path: Path, car: str) -> Log:
+    started = dt.datetime.strptime(path.stem, "%Y%m%dT%H%M%SZ").replace(tzinfo=dt.UTC)
+    local = started.astimezone().replace(tzinfo=None)
+    return Log.from_samples(f"{car}-{path.stem}", read_canonical(path), Context(started_at=local))
+
+
+def _write_json(path: Path, content: Mapping[str, Any]) -> None:
+    path.write_text(json.dumps(content) + "\n", encoding="utf-8")

@@ -1,0 +1,214 @@
+"""The trip that a car is on: found by its motion, its samples kept by column."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections import deque
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import FloatArray
+from tripwatt.live.telemetry import Sample
+from tripwatt.trips import MOST_DURATION_S, table_of
+
+MOVING_M_S: Final = 1.0
+"""A car that is faster drives; positioning by satellite shows a parked car at up to about half of it."""
+
+BEFORE_S: Final = 60.0
+"""The standstill right before the first motion that belongs to a trip [s]: the car is switched on."""
+
+STANDING_S: Final = 300.0
+"""A standstill of this length ends a trip [s]: longer than a traffic light, a barrier or a short jam."""
+
+PARKED_S: Final = 60.0
+"""The same while the gear is in park [s]."""
+
+SILENCE_S: Final = 600.0
+"""A trip ends where a car sends nothing for so long [s]: a tunnel or a dead spot is shorter."""
+
+LEAST_M: Final = 200.0
+"""A shorter drive is no trip [m]: the car was moved, or the positioning was wrong."""
+
+HOLD_S: Final = 10.0
+"""A speed holds for so long where messages lack it [s]."""
+
+MOST_SAMPLES: Final = 50_000
+"""Most samples of a trip that are held: 13 h at 1 Hz. When they are full, every other one goes, and of the next ones too."""
+
+_MOST_BEFORE: Final = 600
+
+
+class LiveTrip:
+    """The samples of one trip so far, in the order of their times.
+
+    Parameters
+    ----------
+    samples : sequence of Sample
+        The first ones.
+
+    Attributes
+    ----------
+    start_s : float
+        Time of the first sample [s since 1970].
+    moved_s : float
+        Time of the last sample in motion [s since 1970].
+    distance_m : float
+    """
+
+    def __init__(self, samples: Sequence[Sample]) -> None:
+        self.start_s = samples[0].time_s
+        self.moved_s = self.last_s = -math.inf
+        self.distance_m = 0.0
+        self._speed_m_s = 0.0
+        self._least_step_s = 0.0
+        self._columns: dict[str, array[float]] = {"time_s": array("d"), "speed_m_s": array("d")}
+        for sample in samples:
+            self.append(sample)
+
+    def __len__(self) -> int:
+        return len(self._columns["time_s"])
+
+    def append(self, sample: Sample) -> None:
+        """Take the next sample. O(1) amortised."""
+        speed = sample.values.get("speed_m_s")
+        if speed is not None:
+            if len(self):
+                self.distance_m += 0.5 * (speed + self._speed_m_s) * min(sample.time_s - self.last_s, HOLD_S)
+            self._speed_m_s = speed
+            if speed >= MOVING_M_S:
+                self.moved_s = sample.time_s
+        times = self._columns["time_s"]
+        if not times or sample.time_s - times[-1] >= self._least_step_s:
+            self._keep(sample)
+        self.last_s = sample.time_s
+
+    def _keep(self, sample: Sample) -> None:
+        if len(self) >= MOST_SAMPLES:
+            times = self._columns["time_s"]
+            self._least_step_s = 2.0 * (times[-1] - times[0]) / len(times)
+            self._columns = {name: values[::2] for name, values in self._columns.items()}
+        for name in sample.values:
+            if name not in self._columns:
+                self._columns[name] = array("d", [math.nan]) * len(self)
+        for name, values in self._columns.items():
+            if name != "time_s":
+                values.append(sample.values.get(name, math.nan))
+        self._columns["time_s"].append(sample.time_s)
+
+    def table(
+        self, more: Iterable[Sample] = (), *, since_s: float | None = None, until_s: float = math.inf
+    ) -> pd.DataFrame:
+        """The samples with canonical columns, timed from a departure. O(samples).
+
+        A speed that is missing is the last one for up to `HOLD_S`; a sample without a speed is left out.
+
+        Parameters
+        ----------
+        more : iterable of Sample
+            Samples after those of the trip, until one of a car that is being charged.
+        since_s, until_s : float, optional
+            The departure, `start_s` by default, and the last time that counts [s since 1970]. Earlier samples are left out.
+        """
+        columns = self._with_more(more)
+        since_s = self.start_s if since_s is None else since_s
+        time = columns["time_s"]
+        columns["speed_m_s"] = held(time, columns["speed_m_s"])
+        kept = np.isfinite(columns["speed_m_s"]) & (time >= since_s) & (time <= until_s)
+        return table_of(
+            {"time_s": time[kept] - since_s} | {n: v[kept] for n, v in columns.items() if n != "time_s"}
+        )
+
+    def _with_more(self, more: Iterable[Sample]) -> dict[str, FloatArray]:
+        later: list[Sample] = []
+        for sample in more:
+            if sample.charging:
+                break
+            later.append(sample)
+        names = dict.fromkeys((*self._columns, *(name for sample in later for name in sample.values)))
+        first = np.full(len(self), np.nan)
+        found = {}
+        for name in names:
+            own = np.array(self._columns[name]) if name in self._columns else first
+            new = [s.time_s if name == "time_s" else s.values.get(name, math.nan) for s in later]
+            found[name] = np.concatenate((own, np.array(new, dtype=np.float64)))
+        return found
+
+
+def held(time_s: FloatArray, speed_m_s: FloatArray) -> FloatArray:
+    """Speeds, a missing one as the last one before it for up to `HOLD_S`; NaN after that.
+
+    Examples
+    --------
+    >>> held(np.array([0.0, 5.0, 11.0, 12.0]), np.array([3.0, np.nan, np.nan, 4.0])).tolist()
+    [3.0, 3.0, nan, 4.0]
+    """
+    rows = np.arange(len(speed_m_s))
+    last = np.maximum.accumulate(np.where(np.isfinite(speed_m_s), rows, -1))
+    young = (last >= 0) & (time_s - time_s[last] <= HOLD_S)
+    return np.where(young, speed_m_s[last], np.nan)
+
+
+class TripFinder:
+    """Finds start and end of the trips of one car in samples that come in the order of their times.
+
+    A trip starts with the first sample faster than `MOVING_M_S` and has up to `BEFORE_S` of standstill before it. It ends
+    after a standstill of `STANDING_S` (`PARKED_S` with the gear in park), after `SILENCE_S` without a sample, when the car is
+    charged, or after the longest duration of a trip. What follows its last motion is no part of it.
+
+    Attributes
+    ----------
+    trip : LiveTrip or None
+        The trip that the car is on.
+    before : deque of Sample
+        The last samples of a car that stands.
+    """
+
+    def __init__(self) -> None:
+        self.trip: LiveTrip | None = None
+        self.before: deque[Sample] = deque(maxlen=_MOST_BEFORE)
+
+    def add(self, sample: Sample) -> LiveTrip | None:
+        """Take the next sample. O(1) amortised.
+
+        Returns
+        -------
+        LiveTrip or None
+            The trip that has ended.
+        """
+        ended = None
+        if self.trip is not None and self._ends(self.trip, sample):
+            ended, self.trip = self.trip, None
+        if self.trip is not None:
+            self.trip.append(sample)
+        else:
+            self._stand(sample)
+        return ended
+
+    def end(self) -> LiveTrip | None:
+        """End the trip that the car is on, if it is on one."""
+        ended, self.trip = self.trip, None
+        return ended
+
+    def _ends(self, trip: LiveTrip, sample: Sample) -> bool:
+        if sample.charging or sample.time_s - trip.last_s >= SILENCE_S:
+            return True
+        if sample.time_s - trip.start_s >= MOST_DURATION_S:
+            return True
+        speed = sample.values.get("speed_m_s")
+        stands = speed is not None and speed < MOVING_M_S
+        return stands and sample.time_s - trip.moved_s >= (PARKED_S if sample.parked else STANDING_S)
+
+    def _stand(self, sample: Sample) -> None:
+        if sample.charging:
+            self.before.clear()
+            return
+        while self.before and sample.time_s - self.before[0].time_s > BEFORE_S:
+            self.before.popleft()
+        self.before.append(sample)
+        if sample.values.get("speed_m_s", 0.0) >= MOVING_M_S:
+            self.trip = LiveTrip(self.before)
+            self.before.clear()

@@ -1,0 +1,327 @@
+"""A car on the road: the same forecast as `update` on the same samples, through restarts, bad connections and full disks."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from tests.live.messages import NOON_S, abrp_messages, measured, over_a_bad_connection, samples_of
+
+import tripwatt as tw
+from tripwatt.errors import InvalidInput
+from tripwatt.forecasting import Forecast
+from tripwatt.live import LiveCar, Sample, is_live_car, issue_token, open_live_car, sample_from_abrp
+from tripwatt.live import live_car as module
+from tripwatt.live.live_trip import SILENCE_S, STANDING_S
+from tripwatt.live.ordering import LATE_S
+from tripwatt.synthetic import example_trip
+from tripwatt.trips import plan_from_samples
+
+NOW_S = NOON_S + 1e6
+REPLAYED = ("TripA05", "TripB20", "TripB30")
+
+
+@pytest.fixture(scope="module")
+def drive() -> pd.DataFrame:
+    """Ten minutes of a drive, a row each second."""
+    return measured(example_trip()).iloc[:600]
+
+
+@pytest.fixture(scope="module")
+def forecast(drive: pd.DataFrame) -> Forecast:
+    return tw.load_model().forecast(plan_from_samples(example_trip().iloc[:700]))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return tmp_path / "my-i3"
+
+
+def fed(car: LiveCar, samples: list[Sample]) -> list[str]:
+    return [car.add(sample, now_s=NOW_S) for sample in samples]
+
+
+def on_the_clock(table: pd.DataFrame) -> pd.DataFrame:
+    return table.assign(time_s=table["time_s"] - table["time_s"].iloc[0])
+
+
+def same(one: Forecast, other: Forecast) -> None:
+    assert one.energy_wh == pytest.approx(other.energy_wh, abs=1e-6)
+    assert one.interval(0.9) == pytest.approx(other.interval(0.9), abs=1e-6)
+    assert one.soc_quantile(0.05) == pytest.approx(other.soc_quantile(0.05), abs=1e-9)
+
+
+def test_the_forecast_is_that_of_update_at_every_moment(
+    drive: pd.DataFrame, forecast: Forecast, folder: Path
+) -> None:
+    with open_live_car(folder) as car:
+        assert car.update(forecast) is forecast, "before the trip it is the forecast at departure"
+        for k, sample in enumerate(samples_of(drive), start=1):
+            car.add(sample, now_s=NOW_S)
+            if k % 120 == 0:
+                same(car.update(forecast), forecast.update(on_the_clock(drive.iloc[:k])))
+        pd.testing.assert_frame_equal(
+            car.observed()[drive.columns], on_the_clock(drive), check_column_type=False
+        )
+
+
+def test_messages_of_abrp_give_the_same_forecast(
+    drive: pd.DataFrame, forecast: Forecast, folder: Path
+) -> None:
+    with open_live_car(folder) as car:
+        for message in abrp_messages(drive):
+            car.add(sample_from_abrp(json.loads(json.dumps(message))), now_s=NOW_S)
+        same(car.update(forecast), forecast.update(on_the_clock(drive)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_late_and_doubled_messages_change_nothing(
+    drive: pd.DataFrame, forecast: Forecast, folder: Path, seed: int
+) -> None:
+    sent = over_a_bad_connection(samples_of(drive), seed, late_s=LATE_S - 1.0)
+    with open_live_car(folder) as car:
+        car.set_plan({}, NOON_S)
+        arrivals = fed(car, sent)
+        left = sorted({sample.time_s - NOON_S for sample in sent})
+        assert car.counts == {"new": len(left), "doubled": len(sent) - len(left), "late": 0}
+        assert arrivals.count("new") == len(left)
+        kept = on_the_clock(drive)
+        same(car.update(forecast), forecast.update_since_departure(kept[kept["time_s"].isin(left)]))
+
+
+def test_a_restart_at_any_moment_loses_and_doubles_nothing(
+    drive: pd.DataFrame, forecast: Forecast, folder: Path
+) -> None:
+    samples = samples_of(drive)
+    sent = over_a_bad_connection(samples, 7)
+    for k in range(0, len(sent), 100):
+        with open_live_car(folder) as car:
+            fed(car, sent[max(0, k - 20) : k + 100])
+    other = folder.with_name("other")
+    with open_live_car(folder) as car, open_live_car(other) as straight:
+        fed(straight, sent)
+        pd.testing.assert_frame_equal(car.observed(), straight.observed())
+        same(car.update(forecast), straight.update(forecast))
+
+
+def ended(car: LiveCar, after_s: float) -> None:
+    """The car stands for long enough."""
+    fed(car, [Sample(NOON_S + after_s + 10.0 * k, {"speed_m_s": 0.0}) for k in range(1, 40)])
+
+
+def test_a_finished_trip_is_a_log_and_leaves_no_samples_behind(drive: pd.DataFrame, folder: Path) -> None:
+    moving = int(np.flatnonzero(drive["speed_m_s"] >= 1.0)[-1])
+    with open_live_car(folder) as car:
+        car.set_plan({"any": "thing"}, NOON_S)
+        fed(car, samples_of(drive))
+        lines = len((folder / "live" / "journal.ndjson").read_bytes().splitlines())
+        assert lines == len(drive)
+        ended(car, float(moving))
+        assert (car.trip, car.plan) == (None, None)
+        assert len(car.observed()) == 0
+        assert len((folder / "live" / "journal.ndjson").read_bytes().splitlines()) < 20
+        (log,) = car.logs()
+    expected = on_the_clock(drive).iloc[: moving + 1]
+    expected = expected[expected["time_s"] <= moving]
+    assert log.trip_id.startswith("my-i3-20231114T")
+    pd.testing.assert_frame_equal(log.samples[drive.columns], expected, check_column_type=False, atol=1e-9)
+    assert log.context.started_at is not None
+    assert log.context.started_at.timestamp() == NOON_S
+
+
+def test_a_trip_that_ends_twice_is_one_trip(
+    drive: pd.DataFrame, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The process is killed between writing the trip and shortening the journal."""
+    with open_live_car(folder) as car:
+        fed(car, samples_of(drive))
+        with monkeypatch.context() as patch:
+            patch.setattr(car._journal, "rewrite", lambda *_: None)
+            ended(car, 600.0)
+    with open_live_car(folder) as car:
+        assert len(car.logs()) == 1
+        assert car.trip is None
+        assert fed(car, samples_of(drive)[-20:]) == ["late"] * 20, (
+            "a sender that repeats itself starts no trip"
+        )
+
+
+def test_a_trip_that_cannot_be_written_is_written_later(
+    drive: pd.DataFrame, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError("no space left on device")
+
+    with open_live_car(folder) as car:
+        fed(car, samples_of(drive))
+        with monkeypatch.context() as patch:
+            patch.setattr(module, "write_file", full)
+            with pytest.raises(OSError, match="no space"):
+                ended(car, 600.0)
+        assert car.logs() == ()
+        ended(car, 1000.0)
+        assert len(car.logs()) == 1
+
+
+def test_silence_by_our_clock_ends_a_trip(drive: pd.DataFrame, folder: Path) -> None:
+    with open_live_car(folder) as car:
+        assert not car.end_when_silent(NOW_S)
+        fed(car, samples_of(drive))
+        assert not car.end_when_silent(NOW_S + SILENCE_S - 1.0)
+        assert car.end_when_silent(NOW_S + SILENCE_S)
+        assert not car.end_when_silent(NOW_S + SILENCE_S)
+        assert len(car.logs()) == 1
+    with open_live_car(folder) as car:
+        assert fed(car, samples_of(drive)[-3:]) == ["late", "late", "doubled"]
+        assert car.trip is None
+
+
+def test_a_car_that_is_moved_a_little_is_on_no_trip(folder: Path) -> None:
+    with open_live_car(folder) as car:
+        car.set_plan({"to": "work"})
+        fed(car, [Sample(NOON_S + k, {"speed_m_s": 2.0 if k < 50 else 0.0}) for k in range(400)])
+        assert (car.trip, car.logs()) == (None, ())
+        assert car.plan is not None, "it still waits for its trip"
+
+
+def test_a_plan_stays_until_its_trip_has_ended(drive: pd.DataFrame, folder: Path) -> None:
+    samples = samples_of(drive)
+    with open_live_car(folder) as car:
+        car.set_plan({"to": "work"}, departure_s=NOON_S + 5.0)
+        fed(car, samples)
+        assert car.observed()["time_s"].iloc[0] == 0.0
+        assert len(car.observed()) == len(drive) - 5
+    with open_live_car(folder) as car:
+        assert car.plan == module.LivePlan({"to": "work"}, NOON_S + 5.0, None)
+        fed(car, [Sample(NOON_S + 600.0 + k, {"speed_m_s": 0.0}) for k in range(int(STANDING_S) - 100)])
+        car.set_plan({"to": "home"})
+        ended(car, 900.0)
+        assert len(car.logs()) == 1
+        assert car.plan is not None, "a plan that was given after the arrival is that of the next trip"
+        assert car.plan.request == {"to": "home"}
+        car.set_plan(None)
+    with open_live_car(folder) as car:
+        assert car.plan is None
+
+
+def test_the_departure_is_what_the_first_samples_show(drive: pd.DataFrame, folder: Path) -> None:
+    with open_live_car(folder) as car:
+        assert car.departure() == tw.Departure()
+        car.add(Sample(NOON_S - 900.0, {"displayed_soc": 0.9, "ambient_temperature_degc": 3.0}), now_s=NOW_S)
+        assert car.departure() == tw.Departure(soc=0.9, ambient_temperature_degc=3.0)
+        fed(car, samples_of(drive.assign(displayed_soc=np.linspace(0.8, 0.7, len(drive)), soc=np.nan)))
+        found = car.departure()
+        assert (found.soc, found.payload_mass_kg) == (0.8, None)
+
+
+def test_a_standing_car_needs_no_more_memory_or_disk_however_long_it_stands(folder: Path) -> None:
+    with open_live_car(folder) as car:
+        for k in range(5000):
+            car.add(Sample(NOON_S + k, {"speed_m_s": 0.0}), now_s=NOW_S)
+        assert len(car._finder.before) <= 61
+        assert len(car._ordered.waiting) <= 31
+        lines = len((folder / "live" / "journal.ndjson").read_bytes().splitlines())
+        assert lines <= module.SLACK_LINES + 2 * 92 + 2
+
+
+def test_a_time_ahead_of_our_clock_is_refused(folder: Path) -> None:
+    with open_live_car(folder) as car:
+        assert car.add(Sample(NOON_S + 120.0), now_s=NOON_S) == "new"
+        with pytest.raises(InvalidInput, match="121 s ahead"):
+            car.add(Sample(NOON_S + 121.0), now_s=NOON_S)
+        assert (car.counts["new"], car.received_s) == (1, NOON_S)
+        assert "on no trip" in repr(car)
+
+
+def test_one_process_has_a_car_open(folder: Path) -> None:
+    with open_live_car(folder), pytest.raises(InvalidInput, match="another run"):
+        open_live_car(folder)
+    open_live_car(folder).close()
+
+
+@pytest.mark.parametrize("name", ["a b", ".hidden", "-x", "ü", "x" * 65])
+def test_a_name_is_part_of_a_path_and_of_a_url(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InvalidInput, match="name cannot be used"):
+        open_live_car(tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_made_or_a_damaged_plan_is_refused(folder: Path) -> None:
+    folder.write_text("")
+    with pytest.raises(InvalidInput, match="cannot write the folder"):
+        open_live_car(folder)
+    other = folder.with_name("other")
+    (other / "live").mkdir(parents=True)
+    for content in ("{", "{}", "[]"):
+        (other / "live" / "plan.json").write_text(content)
+        with pytest.raises(InvalidInput, match="damaged file"):
+            open_live_car(other)
+
+
+def test_a_token_is_that_of_one_car_and_is_not_stored(folder: Path) -> None:
+    assert not is_live_car(folder)
+    token, other = issue_token(folder), issue_token(folder.with_name("other"))
+    assert is_live_car(folder)
+    with open_live_car(folder) as car:
+        assert (car.accepts(token), car.accepts(other), car.accepts("")) == (True, False, False)
+    again = issue_token(folder)
+    with open_live_car(folder) as car:
+        assert (car.accepts(token), car.accepts(again)) == (False, True)
+    assert len({token, other, again}) == 3
+    assert again.encode() not in (folder / "live" / "token.json").read_bytes()
+    (folder / "live" / "token.json").write_text("[]")
+    with open_live_car(folder) as car, pytest.raises(InvalidInput, match="damaged file"):
+        car.accepts(again)
+    with open_live_car(folder.with_name("third")) as car:
+        assert not car.accepts(again)
+
+
+KILLED = """
+import sys
+from pathlib import Path
+from tests.live.messages import measured, samples_of
+from tripwatt.live import open_live_car
+from tripwatt.synthetic import example_trip
+car = open_live_car(sys.argv[1])
+for sample in samples_of(measured(example_trip())):
+    car.add(sample)
+    print(sample.time_s, flush=True)
+"""
+
+
+def test_a_killed_process_loses_nothing_that_it_acknowledged(folder: Path, forecast: Forecast) -> None:
+    acknowledged = 0
+    for _ in range(3):
+        command = [sys.executable, "-c", KILLED, f"{folder}"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            for _ in range(120 + acknowledged):
+                last = float(process.stdout.readline())
+            os.kill(process.pid, signal.SIGKILL)
+            last = max([last, *map(float, process.stdout.read().split()[:-1])])
+        acknowledged = int(last - NOON_S) + 1
+        with open_live_car(folder) as car:
+            observed = car.observed()
+            assert len(observed) >= acknowledged
+            assert observed["time_s"].tolist() == [float(k) for k in range(len(observed))]
+    assert time.time() > NOON_S
+
+
+def test_trips_of_the_tum_set_end_with_the_forecast_of_update(data_dir: Path, tmp_path: Path) -> None:
+    fleet = tw.read_logs(data_dir / "tum", "tum")
+    model = tw.load_model()
+    for trip in (trip for trip in tw.audit(fleet).trips if trip.trip_id in REPLAYED):
+        table, at_departure = measured(trip.samples), model.forecast(trip)
+        table = table.assign(time_s=table["time_s"] - at_departure.plan.start_s)
+        with open_live_car(tmp_path / trip.trip_id) as car:
+            fed(car, samples_of(table, NOON_S + float(table["time_s"].iloc[0])))
+            car.set_plan({}, NOON_S)
+            same(car.update(at_departure), at_departure.update_since_departure(table))
