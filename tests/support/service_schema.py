@@ -16,8 +16,8 @@ from pathlib import Path
 
 from tests.support import ROOT
 
-WITHOUT_MAP = "^/(?!v1/(plan|reachable|places|tiles|map/view))"
-"""Paths of a service without a map, whose operations of journeys answer 501."""
+PLAIN = "^/(?!v1/(plan|reachable|places|tiles|map/view|live|telemetry))"
+"""Paths of a service without a map and without cars on the road; the others answer 501."""
 
 CONFIGURATION = """
 [checks.positive_data_acceptance]

@@ -61,6 +61,13 @@ def add_commands(app: typer.Typer) -> None:
             ("tripwatt forecast my-leaf route.gpx --soc 0.8", "forecast with what it learned"),
         ),
     )(show)
+    car_app.command(
+        "token",
+        epilog=examples(
+            ("tripwatt car token cars/my-leaf", "print a new token for the sender in the car"),
+            ("tripwatt serve --live cars", "follow the cars of the folder"),
+        ),
+    )(token)
     car_app.command("forget", epilog=examples(("tripwatt car forget my-leaf", "erase everything of it")))(
         forget
     )
@@ -156,6 +163,21 @@ def show(
         for row in table.to_dict("records")
     ]
     print_table(f"Last {len(listed)} trips", columns, listed, numbers=columns[2:])
+
+
+def token(
+    car: Annotated[Path, typer.Argument(metavar="CAR", help="Folder of the car; made where it is missing.")],
+    as_json: JsonOption = False,
+) -> None:
+    """Print a new token with which a car sends its messages to `tripwatt serve --live`.
+
+    An earlier token of the car is no longer accepted once the service is started again. The folder holds a digest of the
+    token, so that it cannot be printed a second time.
+    """
+    from tripwatt.live import issue_token
+
+    made = issue_token(car)
+    print_json({"car": f"{car}", "token": made}) if as_json else typer.echo(made)
 
 
 def forget(car: CarArgument, as_json: JsonOption = False) -> None:

@@ -20,6 +20,7 @@ def add_commands(app: typer.Typer) -> None:
             ("tripwatt serve", "serve the bundled model on http://127.0.0.1:8000"),
             ("tripwatt serve my-i3 my-id3 --workers 4", "serve your own models; the first is the default"),
             ("tripwatt serve --map map", "also plan journeys on a map (see `tripwatt map build`)"),
+            ("tripwatt serve --live cars", "also follow cars on the road (see `tripwatt car token`)"),
             ("TRIPWATT_TOKEN=... tripwatt serve --host 0.0.0.0", "serve other machines; they need the token"),
         )
     )(serve)
@@ -54,6 +55,15 @@ def serve(
     places_url: PlacesOption = "",
     weather: WeatherOption = "",
     stations: StationsOption = None,
+    live: Annotated[
+        Path | None,
+        typer.Option(
+            "--live",
+            metavar="DIR",
+            help="Also follow cars on the road: a folder of cars with a token (see `tripwatt car token`).",
+            show_default=False,
+        ),
+    ] = None,
     limit: Annotated[
         list[str] | None,
         typer.Option(
@@ -89,7 +99,7 @@ def serve(
     )
     token = os.environ.get(TOKEN_VARIABLE, "")
     atlas = AtlasSettings(map_, places_url, weather, "" if stations is None else str(stations))
-    settings = Settings(folders, host, port, workers, token, limits[-1], atlas)
+    settings = Settings(folders, host, port, workers, token, limits[-1], atlas, live)
     if map_:
         open_atlas(atlas)
     require_safe(settings)

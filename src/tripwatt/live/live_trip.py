@@ -36,8 +36,8 @@ LEAST_M: Final = 200.0
 HOLD_S: Final = 10.0
 """A speed holds for so long where messages lack it [s]."""
 
-MOST_SAMPLES: Final = 50_000
-"""Most samples of a trip that are held: 13 h at 1 Hz. When they are full, every other one goes, and of the next ones too."""
+MOST_SAMPLES: Final = 40_000
+"""Most samples of a trip that are held: 11 h at 1 Hz. When they are full, every other one goes, and of the next ones too."""
 
 _MOST_BEFORE: Final = 600
 

@@ -19,7 +19,7 @@ from starlette.middleware.gzip import GZipMiddleware
 from starlette.responses import StreamingResponse
 from starlette.routing import Route
 from starlette.staticfiles import StaticFiles
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import Receive, Scope, Send
 
 import tripwatt
 from tripwatt.errors import Fault, excerpt
@@ -28,12 +28,13 @@ from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.service import openapi, schemas
 from tripwatt.service.batching import LineSplitter, forecast_lines
 from tripwatt.service.journey_schemas import MapResponse
+from tripwatt.service.live_operations import LiveOperations
 from tripwatt.service.metrics import Metrics
 from tripwatt.service.middleware import ServiceMiddleware
 from tripwatt.service.openapi import JSON, NDJSON, TILE
 from tripwatt.service.pool import WorkerPool
 from tripwatt.service.problems import MEDIA_TYPE, Problem, invalid_input
-from tripwatt.service.receiving import Arrivals, require_accepts
+from tripwatt.service.receiving import Arrivals, request_id, require_accepts
 from tripwatt.service.settings import Settings
 
 PAGE: Final = Path(__file__).with_name("page")
@@ -72,11 +73,6 @@ class PageFiles(StaticFiles):
         is_asset = "/assets/" in scope["path"]
         response.headers["Cache-Control"] = "public, max-age=31536000, immutable" if is_asset else "no-cache"
         return response
-
-
-def request_id(request: Request) -> str:
-    """Return the id that the middleware has set for a request."""
-    return str(request.scope.get("state", {}).get("request_id", ""))
 
 
 class BatchResponse(StreamingResponse):
@@ -136,7 +132,7 @@ class ExampleDocuments:
         return cls(orjson.dumps({"examples": summaries}), by_name)
 
 
-def create_app(settings: Settings | None = None, log: Log = lambda **record: None) -> ASGIApp:
+def create_app(settings: Settings | None = None, log: Log = lambda **record: None) -> ServiceMiddleware:
     """Create the application; its workers start and stop with its lifespan.
 
     Parameters
@@ -148,12 +144,12 @@ def create_app(settings: Settings | None = None, log: Log = lambda **record: Non
     Raises
     ------
     InvalidInput
-        When a model cannot be used.
+        When a model or a car on the road cannot be used.
     """
     settings = settings or Settings()
     api = Api(settings, log)
     packed = GZipMiddleware(api.app, minimum_size=MIN_GZIP_BYTES, compresslevel=GZIP_LEVEL)
-    return ServiceMiddleware(packed, settings, api.metrics, log)
+    return ServiceMiddleware(packed, settings, api.metrics, log, api.live.end_streams)
 
 
 class Api:
@@ -179,6 +175,7 @@ class Api:
         self.map: bytes | None = None
         self.examples: ExampleDocuments | None = None
         self.models = _models_document(settings)
+        self.live = LiveOperations(settings, self.pool, self._body, log)
         self.app = FastAPI(
             title="tripwatt",
             version=tripwatt.__version__,
@@ -196,7 +193,8 @@ class Api:
     @asynccontextmanager
     async def _lifespan(self, _: FastAPI) -> AsyncIterator[None]:
         await self.pool.start()
-        yield
+        async with self.live.running():
+            yield
         await self.pool.stop()
 
     def _add_routes(self) -> None:
@@ -212,6 +210,10 @@ class Api:
             ("/v1/map/view", "GET", self.get_view, openapi.view()),
             ("/v1/tiles/{zoom}/{column}/{row}", "GET", self.get_tile, openapi.tile()),
             ("/v1/map", "GET", self.get_map, openapi.library(MapResponse, "The map")),
+            ("/v1/telemetry", "POST", self.live.telemetry, openapi.telemetry()),
+            ("/v1/live/{vehicle}", "GET", self.live.get_live, openapi.live()),
+            ("/v1/live/{vehicle}/plan", "PUT", self.live.put_plan, openapi.live_plan()),
+            ("/v1/live/{vehicle}/events", "GET", self.live.get_events, openapi.live_events()),
             ("/v1/models", "GET", self.get_models, openapi.library(schemas.ModelsResponse, "models")),
             (
                 "/v1/vehicles",
@@ -394,14 +396,17 @@ class Api:
         """Return metrics for Prometheus."""
         return Response(self.metrics.render(), media_type=CONTENT_TYPE_LATEST)
 
-    async def _body(self, request: Request, media_types: Sequence[str]) -> bytes:
+    async def _body(
+        self, request: Request, media_types: Sequence[str], most_bytes: int | None = None
+    ) -> bytes:
         """Read the body of a request for a job, unless too many requests wait already."""
         limits = self.settings.limits
+        most_bytes = limits.body_bytes if most_bytes is None else min(most_bytes, limits.body_bytes)
         require_accepts(request, JSON)
         if self.pool.waiting >= limits.waiting:
             raise Problem("busy", "too many requests wait", headers={"Retry-After": "1"})
         parts: list[bytes] = []
-        await self.bodies.read(request, media_types, limits.body_bytes, limits.body_timeout_s, parts.append)
+        await self.bodies.read(request, media_types, most_bytes, limits.body_timeout_s, parts.append)
         return parts[0] if len(parts) == 1 else b"".join(parts)
 
     async def _job(

@@ -28,6 +28,17 @@ UPDATE_REQUEST: Final = {
         "current_a": [2.0, 40.0, 12.0],
     },
 }
+TELEMETRY_REQUEST: Final = {
+    "token": "the-token-of-the-car",
+    "tlm": {
+        "utc": 1_700_000_000,
+        "speed": 72.0,
+        "power": 11.1,
+        "soc": 65.0,
+        "ext_temp": 4.5,
+        "is_charging": 0,
+    },
+}
 PLAN_REQUEST: Final = {
     "stops": [
         {"latitude_deg": 47.141, "longitude_deg": 9.5209},

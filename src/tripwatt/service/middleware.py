@@ -29,6 +29,9 @@ OPEN_PATHS: Final = ("/healthz", "/readyz")
 TOKEN_PATHS: Final = ("/v1/", "/metrics", "/openapi.json")
 """First parts of paths that need the token; the files of the page hold no secret."""
 
+CAR_TOKEN_PATHS: Final = ("/v1/telemetry",)
+"""Paths that need the token of a car instead, which the application checks."""
+
 VALID_REQUEST_ID: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")
 KNOWN_METHODS: Final = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
 MAX_CLIENTS: Final = 10_000
@@ -117,10 +120,20 @@ class ServiceMiddleware:
     metrics : Metrics
     log : callable
         Called with one record of the access log as keywords.
+    end_streams : callable
+        Ends responses that would never end by themselves; the server calls it at its shutdown.
     """
 
-    def __init__(self, app: ASGIApp, settings: Settings, metrics: Metrics, log: Callable[..., None]) -> None:
+    def __init__(
+        self,
+        app: ASGIApp,
+        settings: Settings,
+        metrics: Metrics,
+        log: Callable[..., None],
+        end_streams: Callable[[], None] = lambda: None,
+    ) -> None:
         self.app, self.settings, self.metrics, self.log = app, settings, metrics, log
+        self.end_streams = end_streams
         self.token = settings.token.encode()
         limits = settings.limits
         self.buckets = TokenBuckets(limits.rate_per_s, limits.burst) if limits.rate_per_s > 0 else None
@@ -150,7 +163,7 @@ class ServiceMiddleware:
             if wait_s > 0.0:
                 after = str(max(1, round(wait_s + 0.5)))
                 raise Problem("too-many-requests", f"wait {after} s", headers={"Retry-After": after})
-        if self.token and path.startswith(TOKEN_PATHS):
+        if self.token and path.startswith(TOKEN_PATHS) and path not in CAR_TOKEN_PATHS:
             self._check_token(headers.getlist("authorization"))
 
     def _check_host(self, hosts: list[str]) -> None:

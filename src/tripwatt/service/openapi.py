@@ -9,7 +9,7 @@ from fastapi import FastAPI
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from tripwatt.service import journey_schemas, schemas
+from tripwatt.service import journey_schemas, live_schemas, schemas
 from tripwatt.service.example_requests import (
     CSV,
     FIGURES_REQUEST,
@@ -20,6 +20,7 @@ from tripwatt.service.example_requests import (
     PLANNED_REQUEST,
     REACH_REQUEST,
     SAMPLES_REQUEST,
+    TELEMETRY_REQUEST,
     UPDATE_REQUEST,
 )
 from tripwatt.service.problems import MEDIA_TYPE, TITLES
@@ -30,6 +31,8 @@ request leaves out are unknown: the forecast flags them and its interval is wide
 
 JSON: Final = "application/json"
 NDJSON: Final = "application/x-ndjson"
+FORM: Final = "application/x-www-form-urlencoded"
+EVENTS: Final = "text/event-stream"
 TILE: Final = "application/vnd.mapbox-vector-tile"
 
 REFERENCE: Final = "#/components/schemas/"
@@ -44,6 +47,10 @@ DOCUMENTED: Final[tuple[type[BaseModel], ...]] = (
     journey_schemas.PlacesResponse,
     journey_schemas.MapResponse,
     journey_schemas.ViewResponse,
+    live_schemas.TelemetryRequest,
+    live_schemas.TelemetryResponse,
+    live_schemas.LivePlanRequest,
+    live_schemas.LiveResponse,
     schemas.UpdateRequest,
     schemas.ForecastResponse,
     schemas.RouteResponse,
@@ -87,6 +94,15 @@ _MAP_PROBLEMS: Final = (
     *POOL_PROBLEMS,
     "no-map",
     "remote",
+)
+
+_LIVE_PROBLEMS: Final = (
+    *COMMON_PROBLEMS,
+    "not-found",
+    "not-acceptable",
+    "invalid-input",
+    *POOL_PROBLEMS,
+    "no-live",
 )
 
 
@@ -227,6 +243,49 @@ def view() -> dict[str, Any]:
     return _operation("journeys", "What is named there", content, _MAP_PROBLEMS)
 
 
+def telemetry() -> dict[str, Any]:
+    """Return the description of `POST /v1/telemetry`."""
+    schema = _reference(live_schemas.TelemetryRequest)
+    examples = {"a message": {"value": TELEMETRY_REQUEST}}
+    found = _operation(
+        "live",
+        "What became of the message",
+        _content(JSON, _reference(live_schemas.TelemetryResponse)),
+        (*COMMON_PROBLEMS, *BODY_PROBLEMS, "busy", "no-live"),
+        {**_content(JSON, schema, examples=examples), **_content(FORM, schema, examples=examples)},
+    )
+    found["openapi_extra"]["security"] = [{"car": []}, {}]  # or the token is part of the message
+    return found
+
+
+def live() -> dict[str, Any]:
+    """Return the description of `GET /v1/live/{vehicle}`."""
+    return _operation(
+        "live", "The car", _content(JSON, _reference(live_schemas.LiveResponse)), _LIVE_PROBLEMS
+    )
+
+
+def live_plan() -> dict[str, Any]:
+    """Return the description of `PUT /v1/live/{vehicle}/plan`."""
+    return _operation(
+        "live",
+        "The car with its plan",
+        _content(JSON, _reference(live_schemas.LiveResponse)),
+        (*_LIVE_PROBLEMS, *BODY_PROBLEMS),
+        _content(
+            JSON,
+            _reference(live_schemas.LivePlanRequest),
+            examples={"planned road": {"value": PLANNED_REQUEST}},
+        ),
+    )
+
+
+def live_events() -> dict[str, Any]:
+    """Return the description of `GET /v1/live/{vehicle}/events`."""
+    schema = {"type": "string", "description": "events `live`; the data of each is a LiveResponse"}
+    return _operation("live", "A stream of server-sent events", _content(EVENTS, schema), _LIVE_PROBLEMS)
+
+
 def describe() -> dict[str, Any]:
     """Return the description of `POST /v1/vehicles`."""
     return _operation(
@@ -295,8 +354,9 @@ def add_schemas(app: FastAPI, with_token: bool) -> None:
             )
             components = found.setdefault("components", {})
             components["schemas"] = models["$defs"]
+            components["securitySchemes"] = {"car": {"type": "http", "scheme": "bearer"}}
             if with_token:
-                components["securitySchemes"] = {"token": {"type": "http", "scheme": "bearer"}}
+                components["securitySchemes"]["token"] = {"type": "http", "scheme": "bearer"}
                 found["security"] = [{"token": []}]
             app.openapi_schema = found
         return app.openapi_schema

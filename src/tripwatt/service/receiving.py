@@ -14,6 +14,11 @@ GRACE_S: Final = 0.2
 """Time for which an arriving body cannot be given up for another one."""
 
 
+def request_id(request: Request) -> str:
+    """Return the id that the middleware has set for a request."""
+    return str(request.scope.get("state", {}).get("request_id", ""))
+
+
 class Arrival:
     """A body that is arriving: when it began and how much of it is there.
 

@@ -52,6 +52,10 @@ class Limits:
         Mean rate of the requests of one client [1/s]; 0 for no limit. A batch counts as one request.
     burst : int
         Most requests of one client in quick succession.
+    listeners : int
+        Most streams of events at the same time; a further one is refused.
+    live_every_s : float
+        Shortest time [s] between two events of a stream.
     """
 
     body_bytes: int = 4_000_000
@@ -67,6 +71,8 @@ class Limits:
     body_timeout_s: float = 20.0
     rate_per_s: float = 50.0
     burst: int = 100
+    listeners: int = 64
+    live_every_s: float = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +93,8 @@ class Settings:
     limits : Limits
     atlas : AtlasSettings
         Roads, places, weather and charging stations; without a map there are no journeys.
+    live : Path or None
+        Folder of cars on the road; None for none.
     """
 
     models: Mapping[str, Path] = field(default_factory=lambda: MappingProxyType({}))
@@ -96,6 +104,7 @@ class Settings:
     token: str = field(default="", repr=False)
     limits: Limits = field(default_factory=Limits)
     atlas: AtlasSettings = field(default_factory=AtlasSettings)
+    live: Path | None = None
 
     @property
     def hosts(self) -> frozenset[str]:

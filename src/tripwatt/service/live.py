@@ -1,0 +1,366 @@
+"""Cars on the road: their messages, the plan of their trip, its forecast, and a stream of forecasts for listeners.
+
+This process keeps the messages; the worker pool forecasts, as for any other request.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import orjson
+import pandas as pd
+from starlette.responses import StreamingResponse
+from starlette.types import Receive, Scope, Send
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.live import LiveCar, Sample, is_live_car, open_live_car
+from tripwatt.live.live_car import digest_of, token_digest
+from tripwatt.service.openapi import EVENTS
+from tripwatt.service.pool import JobResult, WorkerPool
+from tripwatt.service.problems import Problem, fault_document, invalid_input
+from tripwatt.service.settings import Limits
+from tripwatt.trips.departure import SIGNALS, TEMPERATURES
+
+SILENCE_CHECK_S: Final = 30.0
+"""Time between two looks for cars that became silent."""
+
+KEEP_ALIVE_S: Final = 15.0
+"""A stream without news sends a comment after so long, so that no proxy closes it."""
+
+SHOWN: Final = ("0.05", "0.5", "0.95")
+"""Probabilities of the quantiles of a live forecast."""
+
+DEFAULT_RESERVE: Final = 0.1
+
+FROM_MESSAGES: Final = ("soc", *TEMPERATURES)
+"""Fields of a departure that a car's messages fill in where the plan lacks them."""
+
+
+@dataclass(eq=False)
+class LiveVehicle:
+    """A car and the last forecast of its trip.
+
+    Attributes
+    ----------
+    car : LiveCar
+    of : tuple
+        What the forecast was made of: number of messages, of plans, and the start of the trip.
+    forecast : dict or None
+        As `LiveForecastDocument`.
+    faults : tuple of dict
+        Why the last messages are not in it.
+    """
+
+    car: LiveCar
+    lock: asyncio.Lock = field(default_factory=asyncio.Lock)
+    plans: int = 0
+    of: tuple[Any, ...] = ()
+    forecast: dict[str, Any] | None = None
+    faults: tuple[dict[str, Any], ...] = ()
+
+    @property
+    def state(self) -> tuple[Any, ...]:
+        """What a forecast depends on."""
+        trip = self.car.trip
+        return self.car.counts["new"], self.plans, trip is not None and trip.start_s, self.car.plan is None
+
+
+class LiveCars:
+    """The cars of a folder and the forecasts of their trips.
+
+    Parameters
+    ----------
+    folder : Path
+        Its sub-folders are cars with a token.
+    pool : WorkerPool
+    limits : Limits
+    log : callable
+        Called with one record of the log as keywords.
+
+    Raises
+    ------
+    InvalidInput
+        When the folder has no car, or one of them cannot be opened.
+    """
+
+    def __init__(self, folder: Path, pool: WorkerPool, limits: Limits, log: Callable[..., None]) -> None:
+        self.pool, self.limits, self.log = pool, limits, log
+        self.vehicles: dict[str, LiveVehicle] = {}
+        self._by_digest: dict[str, LiveVehicle] = {}
+        self.listeners = 0
+        self._ending = asyncio.Event()
+        places = sorted(place for place in folder.iterdir() if is_live_car(place)) if folder.is_dir() else []
+        if not places:
+            fix = "make one: tripwatt car token FOLDER/NAME"
+            raise InvalidInput(
+                Fault("no cars", "--live", f"{folder}", "a folder with cars that have a token", fix)
+            )
+        for place in places:
+            found = LiveVehicle(open_live_car(place))
+            self.vehicles[place.name] = found
+            self._by_digest[token_digest(place) or ""] = found
+
+    def by_name(self, name: str) -> LiveVehicle:
+        """The car of this name.
+
+        Raises
+        ------
+        Problem
+            `not-found`.
+        """
+        if name not in self.vehicles:
+            raise Problem("not-found", "no such car")
+        return self.vehicles[name]
+
+    def by_token(self, token: str) -> LiveVehicle:
+        """The car whose token this is. What is looked up is a digest, so that the time tells nothing of the token.
+
+        Raises
+        ------
+        Problem
+            `token-needed`.
+        """
+        found = self._by_digest.get(digest_of(token)) if token else None
+        if found is None:
+            challenge = {"WWW-Authenticate": 'Bearer realm="tripwatt"'}
+            raise Problem("token-needed", "the token of a car: `token`, or a bearer token", headers=challenge)
+        return found
+
+    def take(self, vehicle: LiveVehicle, sample: Sample) -> dict[str, Any]:
+        """Store a message of a car.
+
+        Returns
+        -------
+        dict
+            As `TelemetryResponse`.
+
+        Raises
+        ------
+        Problem
+            `invalid-input` for a time in the future, `busy` where it cannot be stored.
+        """
+        try:
+            arrival = vehicle.car.add(sample)
+        except InvalidInput as error:
+            raise invalid_input(error.faults) from error
+        except OSError as error:
+            raise self._not_stored("message", vehicle, error) from error
+        ignored = [fault_document(fault) for fault in sample.faults]
+        return {"status": "ok", "vehicle": vehicle.car.name, "arrival": arrival, "ignored": ignored}
+
+    async def set_plan(self, vehicle: LiveVehicle, request: dict[str, Any]) -> JobResult:
+        """Give a car the plan of its trip, if it can be forecast.
+
+        Parameters
+        ----------
+        vehicle : LiveVehicle
+        request : dict
+            A `ForecastRequest`, and `departure_utc` within its bounds.
+
+        Returns
+        -------
+        JobResult
+            Of the forecast at departure; the plan is taken when its status is 200.
+        """
+        plan = {name: value for name, value in request.items() if name != "departure_utc"}
+        result = await self.pool.run({"kind": "forecast"}, orjson.dumps(plan))
+        if result.status == 200:
+            try:
+                vehicle.car.set_plan(plan, request.get("departure_utc"))
+            except OSError as error:
+                raise self._not_stored("plan", vehicle, error) from error
+            vehicle.plans += 1
+        return result
+
+    def _not_stored(self, what: str, vehicle: LiveVehicle, error: OSError) -> Problem:
+        self.log(event=f"{what} not stored", vehicle=vehicle.car.name, error=f"{error}"[:200])
+        return Problem("busy", f"the {what} cannot be stored; send it again", headers={"Retry-After": "10"})
+
+    async def document(self, vehicle: LiveVehicle) -> dict[str, Any]:
+        """A car and the latest forecast of its trip, as `LiveResponse`. One forecast of a car is made at a time."""
+        async with vehicle.lock:
+            if vehicle.of != vehicle.state:
+                await self._forecast(vehicle)
+        car, trip = vehicle.car, vehicle.car.trip
+        since_s = None if car.received_s is None else max(0.0, time.time() - car.received_s)
+        return {
+            "vehicle": car.name,
+            "seconds_since_message": since_s,
+            "messages": dict(car.counts),
+            "trip": None
+            if trip is None
+            else {
+                "departure_utc": trip.start_s,
+                "duration_s": trip.last_s - trip.start_s,
+                "distance_m": trip.distance_m,
+                "samples": len(trip),
+            },
+            "has_plan": car.plan is not None,
+            "forecast": vehicle.forecast,
+            "faults": list(vehicle.faults),
+        }
+
+    async def _forecast(self, vehicle: LiveVehicle) -> None:
+        """Forecast the trip of a car; of messages that are refused, the forecast before them stays."""
+        state, plan = vehicle.state, vehicle.car.plan
+        if plan is None:
+            vehicle.of, vehicle.forecast, vehicle.faults = state, None, ()
+            return
+        request = with_departure(plan.request, vehicle.car)
+        observed = vehicle.car.observed()
+        kind = "forecast" if len(observed) < 2 else "update"
+        if kind == "update":
+            request["observed"] = observed_columns(observed, plan.request)
+        result = await self.pool.run({"kind": kind}, orjson.dumps(request, option=orjson.OPT_SERIALIZE_NUMPY))
+        found = orjson.loads(result.content)
+        if result.status == 200:
+            vehicle.forecast, vehicle.faults = shown(found, request.get("reserve", DEFAULT_RESERVE)), ()
+        else:
+            if vehicle.of[1:] != state[1:]:  # the last forecast is of another trip or plan
+                vehicle.forecast = None
+            vehicle.faults = tuple(found.get("faults", [{"what": found["title"], "where": "forecast"}]))
+        vehicle.of = state
+
+    def listen(self) -> None:
+        """Take a place for a listener.
+
+        Raises
+        ------
+        Problem
+            `busy` when all are taken.
+        """
+        if self.listeners >= self.limits.listeners:
+            raise Problem("busy", "too many listeners", headers={"Retry-After": "30"})
+        self.listeners += 1
+
+    def leave(self) -> None:
+        """Free the place of a listener."""
+        self.listeners -= 1
+
+    async def events(self, vehicle: LiveVehicle) -> AsyncIterator[bytes]:
+        """The forecasts of a car as server-sent events: at once, and then after new messages.
+
+        Yields
+        ------
+        bytes
+            An event `live` whose data is a `LiveResponse`, or a comment.
+        """
+        sent: tuple[Any, ...] | None = None
+        idle_s = 0.0
+        while not self._ending.is_set():
+            if sent != vehicle.state:
+                sent, idle_s = vehicle.state, 0.0
+                try:
+                    yield event(await self.document(vehicle))
+                except Problem as problem:
+                    sent = None
+                    yield b": " + problem.kind.encode() + b"\n\n"
+            elif idle_s >= KEEP_ALIVE_S:
+                idle_s = 0.0
+                yield b": no news\n\n"
+            await self._pause(self.limits.live_every_s)
+            idle_s += self.limits.live_every_s
+
+    async def _pause(self, seconds: float) -> None:
+        try:
+            async with asyncio.timeout(seconds):
+                await self._ending.wait()
+        except TimeoutError:
+            return
+
+    def end_streams(self) -> None:
+        """End all streams of events: a shutdown does not wait for listeners."""
+        self._ending.set()
+
+    async def watch(self) -> None:
+        """End the trips of cars that became silent, until this is cancelled."""
+        while True:
+            for vehicle in self.vehicles.values():
+                try:
+                    vehicle.car.end_when_silent(time.time())
+                except OSError as error:
+                    self._not_stored("trip", vehicle, error)
+            await asyncio.sleep(SILENCE_CHECK_S)
+
+    def close(self) -> None:
+        """Leave the cars to another process."""
+        for vehicle in self.vehicles.values():
+            vehicle.car.close()
+
+
+class EventResponse(StreamingResponse):
+    """A stream of server-sent events.
+
+    Parameters
+    ----------
+    events : async iterator of bytes
+    on_end : callable
+        Called once, when the stream has ended or the client has gone.
+    """
+
+    def __init__(self, events: AsyncIterator[bytes], on_end: Callable[[], None]) -> None:
+        # identity: a compressed stream would wait for more
+        headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no", "Content-Encoding": "identity"}
+        super().__init__(events, media_type=EVENTS, headers=headers)
+        self.on_end = on_end
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send the response."""
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            self.on_end()
+
+
+def event(document: Mapping[str, Any]) -> bytes:
+    r"""A server-sent event.
+
+    Examples
+    --------
+    >>> event({"vehicle": "leaf"})
+    b'event: live\ndata: {"vehicle":"leaf"}\n\n'
+    """
+    return b"event: live\ndata: " + orjson.dumps(document) + b"\n\n"
+
+
+def with_departure(request: Mapping[str, Any], car: LiveCar) -> dict[str, Any]:
+    """A request for a forecast; what it leaves unknown of the departure is what the car's messages show."""
+    found, shown_by = dict(request), car.departure()
+    logged = request.get("samples") or {}
+    if found.get("displayed_soc") is None:
+        found.pop("displayed_soc", None)
+    for name in FROM_MESSAGES:
+        given = found.get(name) is not None or (name == "soc" and "displayed_soc" in found)
+        if not given and SIGNALS[name] not in logged and not (name == "soc" and "soc" in logged):
+            value = getattr(shown_by, name)
+            if value is not None:
+                found[name] = value
+    return found
+
+
+def observed_columns(observed: pd.DataFrame, request: Mapping[str, Any]) -> dict[str, Any]:
+    """The measurements of an update, on the clock of the request's samples."""
+    columns = {name: np.ascontiguousarray(observed[name].to_numpy()) for name in observed.columns}
+    samples = request.get("samples")
+    if samples is not None:
+        columns["time_s"] = columns["time_s"] + float(samples["time_s"][0])
+    return columns
+
+
+def shown(forecast: Mapping[str, Any], reserve: float) -> dict[str, Any]:
+    """What of a forecast a listener gets, as `LiveForecastDocument`."""
+    return {
+        "energy_wh": forecast["energy_wh"],
+        "quantiles_wh": {name: forecast["quantiles_wh"][name] for name in SHOWN},
+        "soc_arrival": forecast["soc_arrival"],
+        "soc_quantiles": {name: forecast["soc_quantiles"][name] for name in SHOWN},
+        "reserve": reserve,
+        "p_arrive": forecast["p_arrive"][f"{reserve:g}"],
+        "measured_until_s": forecast["measured_until_s"],
+    }

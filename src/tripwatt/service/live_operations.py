@@ -1,0 +1,200 @@
+"""The endpoints of cars on the road."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from contextlib import asynccontextmanager
+from typing import Annotated, Any, Final
+from urllib.parse import parse_qsl
+
+import orjson
+from fastapi import Path as PathValue
+from starlette.requests import Request
+from starlette.responses import Response
+
+from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.live import sample_from_abrp
+from tripwatt.live.live_car import VALID_NAME
+from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S
+from tripwatt.service.live import EventResponse, LiveCars
+from tripwatt.service.openapi import EVENTS, FORM, JSON
+from tripwatt.service.pool import WorkerPool
+from tripwatt.service.problems import MEDIA_TYPE, Problem, invalid_input
+from tripwatt.service.receiving import media_type, request_id, require_accepts
+from tripwatt.service.settings import Settings
+
+MOST_MESSAGE_BYTES: Final = 65_536
+"""Largest message of a car; those of senders have less than 2 kB."""
+
+MOST_FORM_FIELDS: Final = 20
+
+ReadBody = Callable[..., Awaitable[bytes]]
+Name = Annotated[str, PathValue(pattern=f"^{VALID_NAME.pattern}$", description="name of the car's folder")]
+
+
+class LiveOperations:
+    """The endpoints of cars on the road; each is the problem `no-live` where the service has no folder of cars.
+
+    Parameters
+    ----------
+    settings : Settings
+    pool : WorkerPool
+    read_body : callable
+        Reads the body of a request: `(request, media_types, most_bytes)`.
+    log : callable
+
+    Raises
+    ------
+    InvalidInput
+        As `LiveCars`.
+    """
+
+    def __init__(
+        self, settings: Settings, pool: WorkerPool, read_body: ReadBody, log: Callable[..., None]
+    ) -> None:
+        self.read_body = read_body
+        self._cars = None if settings.live is None else LiveCars(settings.live, pool, settings.limits, log)
+
+    @asynccontextmanager
+    async def running(self) -> AsyncIterator[None]:
+        """Watch the cars while the service runs."""
+        if self._cars is None:
+            yield
+            return
+        watch = asyncio.ensure_future(self._cars.watch())
+        try:
+            yield
+        finally:
+            watch.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await watch
+            self._cars.close()
+
+    def end_streams(self) -> None:
+        """End all streams of events."""
+        if self._cars is not None:
+            self._cars.end_streams()
+
+    @property
+    def cars(self) -> LiveCars:
+        """The cars.
+
+        Raises
+        ------
+        Problem
+            `no-live`.
+        """
+        if self._cars is None:
+            raise Problem("no-live", "start the service with --live")
+        return self._cars
+
+    async def telemetry(self, request: Request) -> Response:
+        """Take a message of a car in the format of A Better Routeplanner's live data."""
+        cars = self.cars
+        body = await self.read_body(request, (JSON, FORM), MOST_MESSAGE_BYTES)
+        message = message_of(body, media_type(request))
+        vehicle = cars.by_token(given_token(message, request))
+        try:
+            sample = sample_from_abrp(telemetry_of(message))
+        except InvalidInput as error:
+            raise invalid_input(error.faults) from error
+        return _json(cars.take(vehicle, sample))
+
+    async def get_live(self, request: Request, vehicle: Name) -> Response:
+        """Return the state of a car on the road and the latest forecast of its trip."""
+        require_accepts(request, JSON)
+        return _json(await self.cars.document(self.cars.by_name(vehicle)))
+
+    async def put_plan(self, request: Request, vehicle: Name) -> Response:
+        """Give the plan of the trip that a car is on, or of its next one; it is kept until that trip has ended."""
+        found = self.cars.by_name(vehicle)
+        plan = _parsed(await self.read_body(request, (JSON,)))
+        _require_departure(plan)
+        result = await self.cars.set_plan(found, plan)
+        if result.status == 200:
+            return _json(await self.cars.document(found))
+        document = {**orjson.loads(result.content), "instance": request_id(request)}
+        return Response(orjson.dumps(document), result.status, media_type=MEDIA_TYPE)
+
+    async def get_events(self, request: Request, vehicle: Name) -> Response:
+        """Stream the state of a car on the road and the forecasts of its trip as server-sent events."""
+        require_accepts(request, EVENTS)
+        found = self.cars.by_name(vehicle)
+        self.cars.listen()
+        return EventResponse(self.cars.events(found), self.cars.leave)
+
+
+def message_of(body: bytes, kind: str) -> dict[str, Any]:
+    """The object of a body: JSON, or the fields of a form.
+
+    Raises
+    ------
+    Problem
+        `not-json`, or `invalid-input` for JSON that is no object and for a form with too many fields.
+
+    Examples
+    --------
+    >>> message_of(b"token=abc&tlm=%7B%22utc%22%3A1%7D", "application/x-www-form-urlencoded")
+    {'token': 'abc', 'tlm': '{"utc":1}'}
+    """
+    if kind != FORM:
+        return _parsed(body)
+    try:
+        return dict(parse_qsl(body.decode("utf-8"), max_num_fields=MOST_FORM_FIELDS))
+    except ValueError as error:
+        fault = Fault("not a form", "body", f"{error}"[:80], "the fields token and tlm")
+        raise invalid_input([fault]) from error
+
+
+def given_token(message: Mapping[str, Any], request: Request) -> str:
+    """The token of a request: a bearer token, a field of its message, or a parameter of its URL."""
+    kind, _, bearer = request.headers.get("authorization", "").partition(" ")
+    candidates = (
+        bearer.strip() if kind.lower() == "bearer" else "",
+        message.get("token"),
+        request.query_params.get("token"),
+    )
+    return next((token for token in candidates if isinstance(token, str) and token), "")
+
+
+def telemetry_of(message: Mapping[str, Any]) -> Any:
+    """The object `tlm` of a message, which may be its JSON text; the message itself where it has a `utc`.
+
+    Raises
+    ------
+    Problem
+        `not-json` for a text that is none.
+    """
+    found = message.get("tlm", message if "utc" in message else None)
+    if not isinstance(found, str):
+        return found
+    try:
+        return orjson.loads(found)
+    except orjson.JSONDecodeError as error:
+        raise Problem("not-json", f"tlm: {error}") from error
+
+
+def _parsed(body: bytes) -> dict[str, Any]:
+    try:
+        found = orjson.loads(body)
+    except orjson.JSONDecodeError as error:
+        raise Problem("not-json", str(error)) from error
+    if not isinstance(found, dict):
+        raise invalid_input([Fault("not an object", "body", excerpt(found), "an object")])
+    return found
+
+
+def _require_departure(plan: Mapping[str, Any]) -> None:
+    given = plan.get("departure_utc")
+    if given is None:
+        return
+    is_number = isinstance(given, int | float) and not isinstance(given, bool)
+    if not (is_number and FIRST_TIME_S <= given <= LAST_TIME_S):
+        allowed = f"{FIRST_TIME_S:g} to {LAST_TIME_S:g} s since 1970"
+        raise invalid_input([Fault("value out of range", "departure_utc", excerpt(given), allowed)])
+
+
+def _json(document: Mapping[str, Any]) -> Response:
+    return Response(orjson.dumps(document), media_type=JSON)

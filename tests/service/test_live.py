@@ -1,0 +1,533 @@
+"""Cars on the road through the service: its forecasts are those of `update`, and every refusal is a problem document."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import urllib.parse
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import orjson
+import pandas as pd
+import pytest
+from tests.live.messages import NOON_S, abrp_messages, measured
+from tests.support.service_process import TOKEN, Service, serving, wait_for
+from tests.support.service_schema import conformance
+
+import tripwatt as tw
+from tripwatt.errors import InvalidInput
+from tripwatt.forecasting import Forecast
+from tripwatt.live import Sample, issue_token, open_live_car
+from tripwatt.live.live_trip import SILENCE_S
+from tripwatt.service import app as room
+from tripwatt.service import live as module
+from tripwatt.service.app import create_app
+from tripwatt.service.jobs import Jobs
+from tripwatt.service.live import LiveCars, event
+from tripwatt.service.pool import JobResult
+from tripwatt.service.problems import Problem
+from tripwatt.service.settings import Limits, Settings
+from tripwatt.service.worker import run_job
+from tripwatt.synthetic import example_trip
+from tripwatt.trips import plan_from_samples
+
+JSON, FORM = "application/json", "application/x-www-form-urlencoded"
+LINKS = [
+    {"length_m": 4000.0, "speed_m_s": 12.0, "grade": 0.0},
+    {"length_m": 9000.0, "speed_m_s": 20.0, "grade": 0.0},
+]
+
+
+@pytest.fixture(scope="module")
+def jobs() -> Jobs:
+    return Jobs.from_folders({}, Limits())
+
+
+@pytest.fixture(scope="module")
+def drive() -> pd.DataFrame:
+    return measured(example_trip()).iloc[:400]
+
+
+@pytest.fixture(scope="module")
+def plan() -> dict[str, Any]:
+    """The whole trip as a speed trace, with what is known at its departure."""
+    table = example_trip()
+    samples = {name: table[name].tolist() for name in ("time_s", "speed_m_s", "elevation_m")}
+    return {
+        "samples": samples,
+        "soc": 0.9,
+        "ambient_temperature_degc": 4.0,
+        "cabin_temperature_degc": 10.0,
+        "battery_temperature_degc": 12.0,
+        "cabin_setpoint_degc": 21.0,
+        "reserve": 0.3,
+        "departure_utc": NOON_S,
+    }
+
+
+def own_forecast(plan: dict[str, Any]) -> Forecast:
+    """The forecast of a plan at its departure, by the library."""
+    left_out = ("samples", "reserve", "departure_utc")
+    departure = tw.Departure(**{name: value for name, value in plan.items() if name not in left_out})
+    return tw.forecast(plan_from_samples(pd.DataFrame(plan["samples"]), departure=departure))
+
+
+class Pool:
+    """Runs the jobs in this process."""
+
+    waiting, ready, lost = 0, 1, 0
+    jobs: Jobs
+    kinds: list[str]
+
+    def __init__(self, settings: Settings, log_event: Callable[..., None]) -> None:
+        self.settings = settings
+
+    async def run(self, job: dict[str, Any], body: bytes, *, may_queue: bool = False) -> JobResult:
+        self.kinds.append(job["kind"])
+        return JobResult(*run_job(self.jobs, job, body), 0.0)
+
+
+class Served:
+    """An application with two cars, and its client."""
+
+    def __init__(self, folder: Path, **more: Any) -> None:
+        self.tokens = {name: issue_token(folder / name) for name in ("leaf", "zoe")}
+        self.logged: list[dict[str, Any]] = []
+        settings = Settings(live=folder, **more)
+        self.app = create_app(settings, lambda **record: self.logged.append(record))
+
+    def __call__(self, path: str, method: str = "GET", **more: Any) -> httpx.Response:
+        async def ask() -> httpx.Response:
+            transport = httpx.ASGITransport(self.app)  # type: ignore[arg-type]
+            async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
+                return await client.request(method, path, **more)
+
+        return asyncio.run(ask())
+
+    def send(self, message: Any, car: str = "leaf", **more: Any) -> httpx.Response:
+        return self("/v1/telemetry", "POST", json={"token": self.tokens[car], "tlm": message}, **more)
+
+    def put(self, plan: Any, car: str = "leaf") -> httpx.Response:
+        return self(f"/v1/live/{car}/plan", "PUT", json=plan)
+
+
+@pytest.fixture
+def served(tmp_path: Path, jobs: Jobs, monkeypatch: pytest.MonkeyPatch) -> Served:
+    monkeypatch.setattr(Pool, "jobs", jobs, raising=False)
+    monkeypatch.setattr(Pool, "kinds", [], raising=False)
+    monkeypatch.setattr(room, "WorkerPool", Pool)
+    return Served(tmp_path)
+
+
+def _cars(served: Served) -> LiveCars:
+    """The cars of an application."""
+    packed: Any = served.app.app
+    for route in packed.app.routes:
+        if getattr(route, "path", "") == "/v1/telemetry":
+            found: LiveCars = route.endpoint.__self__.cars
+            return found
+    raise AssertionError
+
+
+def message(k: float, **more: Any) -> dict[str, Any]:
+    return {"utc": NOON_S + k, "speed": 36.0, "power": 6.0, "soc": 80.0, **more}
+
+
+def test_the_forecast_on_the_way_is_that_of_update(
+    served: Served, drive: pd.DataFrame, plan: dict[str, Any]
+) -> None:
+    assert served.put(plan).status_code == 200
+    own = own_forecast(plan)
+    found = served("/v1/live/leaf").json()
+    assert (found["trip"], found["seconds_since_message"], found["has_plan"]) == (None, None, True)
+    assert found["forecast"]["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)
+    for sent in abrp_messages(drive):
+        assert served.send(sent).json()["arrival"] == "new"
+    found = served("/v1/live/leaf").json()
+    updated = own.update(drive)
+    assert found["forecast"]["energy_wh"] == pytest.approx(updated.energy_wh, abs=1e-6)
+    assert found["forecast"]["quantiles_wh"] == {
+        f"{p:g}": pytest.approx(updated.quantile(p), abs=1e-6) for p in (0.05, 0.5, 0.95)
+    }
+    assert found["forecast"]["soc_quantiles"] == {
+        f"{p:g}": pytest.approx(updated.soc_quantile(p), abs=1e-9) for p in (0.05, 0.5, 0.95)
+    }
+    assert found["forecast"]["p_arrive"] == pytest.approx(updated.p_arrive(0.3), abs=1e-9)
+    assert (found["forecast"]["reserve"], found["forecast"]["measured_until_s"]) == (0.3, 399.0)
+    assert found["messages"] == {"new": 400, "doubled": 0, "late": 0}
+    assert found["faults"] == []
+    assert found["trip"]["departure_utc"] == NOON_S
+    assert served("/v1/live/zoe").json()["forecast"] is None
+
+
+def test_a_forecast_is_made_once_for_the_same_messages(served: Served) -> None:
+    served.put({"links": LINKS})
+    for k in range(40):
+        served.send(message(k))
+    Pool.kinds.clear()
+    first = served("/v1/live/leaf").json()
+    assert served("/v1/live/leaf").json()["forecast"] == first["forecast"]
+    assert Pool.kinds == ["update"]
+    served.send(message(40.0))
+    served.send(message(40.0))
+    served("/v1/live/leaf")
+    assert Pool.kinds == ["update", "update"]
+
+
+def test_what_the_plan_leaves_unknown_is_what_the_messages_show(served: Served) -> None:
+    served.send(message(0.0, speed=0, soc=61.0, ext_temp=-7.0))
+    served.put({"links": LINKS})
+    own = tw.forecast(LINKS, tw.Departure(soc=0.61, ambient_temperature_degc=-7.0))
+    assert served("/v1/live/leaf").json()["forecast"]["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)
+    served.put({"links": LINKS, "displayed_soc": 0.5, "ambient_temperature_degc": 20.0})
+    own = tw.forecast(LINKS, tw.Departure(soc=0.5, ambient_temperature_degc=20.0))
+    found = served("/v1/live/leaf").json()["forecast"]
+    assert found["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)
+    assert found["soc_arrival"] == pytest.approx(own.soc_arrival, abs=1e-9)
+
+
+def test_the_signals_of_a_speed_trace_count_before_those_of_messages(
+    served: Served, plan: dict[str, Any]
+) -> None:
+    served.send(message(0.0, speed=0, ext_temp=30.0))
+    samples = plan["samples"] | {"ambient_temperature_degc": [-5.0] * len(plan["samples"]["time_s"])}
+    samples["time_s"] = [value + 100.0 for value in samples["time_s"]]
+    served.put({"samples": samples, "soc": 0.9})
+    cold = served("/v1/live/leaf").json()["forecast"]["energy_wh"]
+    served.put({"samples": samples, "soc": 0.9, "ambient_temperature_degc": 30.0})
+    assert abs(served("/v1/live/leaf").json()["forecast"]["energy_wh"] - cold) > 100.0
+
+
+def test_messages_that_cannot_be_of_this_trip_leave_the_forecast_before_them(
+    served: Served, drive: pd.DataFrame, plan: dict[str, Any]
+) -> None:
+    served.put(plan)
+    messages = list(abrp_messages(drive))
+    for sent in messages[:200]:
+        served.send(sent)
+    before = served("/v1/live/leaf").json()
+    served.send(messages[200] | {"soc": 20.0})
+    served.send(messages[201] | {"soc": 90.0})
+    after = served("/v1/live/leaf").json()
+    assert after["forecast"] == before["forecast"]
+    assert [fault["what"] for fault in after["faults"]] == ["charge rises"]
+    assert before["faults"] == []
+    served.put(plan | {"reserve": 0.2})
+    assert served("/v1/live/leaf").json()["forecast"] is None, "it was of another plan"
+
+
+def test_a_message_may_have_any_form_that_senders_use(served: Served) -> None:
+    token, tlm = served.tokens["leaf"], message(0.0)
+    bearer = {"Authorization": f"Bearer {token}"}
+    sent: list[dict[str, Any]] = [
+        {"json": {"token": token, "tlm": message(0.0)}},
+        {"json": {"token": token, "tlm": json.dumps(message(1.0))}},
+        {"json": {"tlm": message(2.0)}, "headers": bearer},
+        {"json": message(3.0), "headers": bearer},
+        {"json": message(4.0), "params": {"token": token}},
+        {"data": {"token": token, "tlm": json.dumps(message(5.0))}},
+        {"data": {"tlm": json.dumps(message(6.0))}, "headers": bearer},
+    ]
+    for more in sent:
+        found = served("/v1/telemetry", "POST", **more)
+        assert (found.status_code, found.json()) == (
+            200,
+            {"status": "ok", "vehicle": "leaf", "arrival": "new", "ignored": []},
+        )
+    assert served.send(tlm).json()["arrival"] == "doubled"
+    assert served("/v1/live/leaf").json()["messages"] == {"new": 7, "doubled": 1, "late": 0}
+
+
+def test_a_value_that_cannot_be_one_is_named(served: Served) -> None:
+    found = served.send(message(0.0, batt_temp=999)).json()
+    assert found["ignored"] == [
+        {"what": "value out of range", "where": "batt_temp", "got": "999", "allowed": "-60 to 100"}
+    ]
+
+
+@pytest.mark.parametrize("token", ["", "x" * 32, "ä", 7, None])
+def test_a_message_needs_the_token_of_a_car(served: Served, token: Any) -> None:
+    found = served("/v1/telemetry", "POST", json={"token": token, "tlm": message(0.0)})
+    assert (found.status_code, found.json()["type"]) == (401, "/problems/token-needed")
+    assert found.headers["www-authenticate"].startswith("Bearer")
+    assert served("/v1/live/leaf").json()["messages"]["new"] == 0
+
+
+@pytest.mark.parametrize(
+    ("body", "kind", "status", "problem"),
+    [
+        (b"{", JSON, 400, "not-json"),
+        (b"[]", JSON, 422, "invalid-input"),
+        (b"&".join(b"a=1" for _ in range(21)), FORM, 422, "invalid-input"),
+        (b"\xff", FORM, 422, "invalid-input"),
+        (b"x" * 65_537, JSON, 413, "too-large"),
+        (b"utc=1", "text/plain", 415, "media-type"),
+    ],
+)
+def test_a_body_that_is_no_message_is_a_problem(
+    served: Served, body: bytes, kind: str, status: int, problem: str
+) -> None:
+    found = served("/v1/telemetry", "POST", content=body, headers={"Content-Type": kind})
+    assert (found.status_code, found.json()["type"]) == (status, f"/problems/{problem}")
+
+
+@pytest.mark.parametrize(
+    ("tlm", "status", "where"),
+    [
+        ({}, 422, "utc"),
+        ({"utc": 1}, 422, "utc"),
+        ({"utc": 4e9}, 422, "utc"),
+        (None, 422, "tlm"),
+        ([1], 422, "tlm"),
+        ("{", 400, None),
+        ("7", 422, "tlm"),
+    ],
+)
+def test_a_message_that_is_none_is_a_problem(
+    served: Served, tlm: Any, status: int, where: str | None
+) -> None:
+    found = served.send(tlm)
+    assert found.status_code == status
+    assert [fault["where"] for fault in found.json().get("faults", [])] == ([where] if where else [])
+
+
+@pytest.mark.parametrize(
+    ("plan", "status", "where"),
+    [
+        ({}, 422, ["samples, links"]),
+        ([], 422, ["body"]),
+        ({"links": LINKS, "colour": 1}, 422, ["colour"]),
+        ({"links": LINKS, "observed": {"time_s": [0, 1]}}, 422, ["observed"]),
+        ({"links": LINKS, "departure_utc": "now"}, 422, ["departure_utc"]),
+        ({"links": LINKS, "departure_utc": True}, 422, ["departure_utc"]),
+        ({"links": LINKS, "departure_utc": 5.0}, 422, ["departure_utc"]),
+        ({"links": LINKS, "departure_utc": None}, 200, []),
+    ],
+)
+def test_a_plan_is_a_forecast_request(served: Served, plan: Any, status: int, where: list[str]) -> None:
+    found = served.put(plan)
+    assert found.status_code == status, found.text
+    assert [fault["where"] for fault in found.json().get("faults", [])] == where
+    assert served("/v1/live/leaf").json()["has_plan"] == (status == 200)
+    if status != 200:
+        assert found.headers["content-type"] == "application/problem+json"
+        assert found.json()["instance"] == found.headers["x-request-id"]
+
+
+def test_the_token_of_the_service_is_for_readers_and_that_of_a_car_for_its_messages(
+    tmp_path: Path, served: Served
+) -> None:
+    guarded = Served(tmp_path / "guarded", token=TOKEN)
+    assert guarded("/v1/live/leaf").status_code == 401
+    assert guarded("/v1/live/leaf", headers={"Authorization": f"Bearer {TOKEN}"}).status_code == 200
+    car = {"Authorization": f"Bearer {guarded.tokens['leaf']}"}
+    assert guarded("/v1/live/leaf", headers=car).status_code == 401
+    assert guarded("/v1/telemetry", "POST", json=message(0.0), headers=car).status_code == 200
+    service = {"Authorization": f"Bearer {TOKEN}"}
+    assert guarded("/v1/telemetry", "POST", json=message(0.0), headers=service).status_code == 401
+
+
+def test_an_unknown_car_is_not_found(served: Served) -> None:
+    for path, method in (("", "GET"), ("/plan", "PUT"), ("/events", "GET")):
+        found = served(f"/v1/live/none{path}", method, json={"links": LINKS} if method == "PUT" else None)
+        assert (found.status_code, found.json()["type"]) == (404, "/problems/not-found")
+        found = served(f"/v1/live/..%2Fleaf{path}", method)
+        assert found.status_code in (404, 422)
+
+
+def test_without_a_folder_of_cars_the_service_follows_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(room, "WorkerPool", Pool)
+    app: Any = create_app(Settings())
+
+    async def ask(path: str, method: str) -> httpx.Response:
+        transport = httpx.ASGITransport(app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
+            return await client.request(method, path, json={})
+
+    for path, method in (
+        ("/v1/telemetry", "POST"),
+        ("/v1/live/leaf", "GET"),
+        ("/v1/live/leaf/plan", "PUT"),
+        ("/v1/live/leaf/events", "GET"),
+    ):
+        found = asyncio.run(ask(path, method))
+        assert (found.status_code, found.json()["type"]) == (501, "/problems/no-live")
+    app.end_streams()
+
+
+def test_a_folder_without_cars_is_refused(tmp_path: Path) -> None:
+    open_live_car(tmp_path / "no-token").close()
+    for folder in (tmp_path, tmp_path / "missing"):
+        with pytest.raises(InvalidInput, match="no cars"):
+            create_app(Settings(live=folder))
+
+
+def test_a_message_that_cannot_be_stored_is_to_be_sent_again(served: Served) -> None:
+    cars = _cars(served)
+
+    def full(_: Sample) -> None:
+        raise OSError("no space left on device")
+
+    journal = cars.vehicles["leaf"].car._journal
+    append, journal.append = journal.append, full  # type: ignore[method-assign]
+    found = served.send(message(0.0))
+    assert (found.status_code, found.headers["retry-after"]) == (503, "10")
+    assert {
+        "event": "message not stored",
+        "vehicle": "leaf",
+        "error": "no space left on device",
+    } in served.logged
+    journal.append = append  # type: ignore[method-assign]
+    assert served.send(message(0.0)).json()["arrival"] == "new"
+
+
+def test_events_come_at_once_after_news_and_as_comments(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cars = _cars(served)
+    monkeypatch.setattr(cars, "limits", Limits(live_every_s=0.01))
+    monkeypatch.setattr(module, "KEEP_ALIVE_S", 0.03)
+    vehicle = cars.by_name("leaf")
+
+    async def listen() -> list[bytes]:
+        found = []
+        async for part in cars.events(vehicle):
+            found.append(part)
+            if len(found) == 1:
+                vehicle.car.add(Sample(NOON_S, {"speed_m_s": 1.0}))
+            if len(found) == 3:
+                vehicle.car.add(Sample(NOON_S, {"speed_m_s": 1.0}))
+            if len(found) == 4:
+                cars.end_streams()
+        return found
+
+    first, second, third, fourth = asyncio.run(listen())
+    assert (third, fourth) == (b": no news\n\n", b": no news\n\n")
+    for part, new in ((first, 0), (second, 1)):
+        head, data, *rest = part.split(b"\n")
+        assert (head, rest) == (b"event: live", [b"", b""])
+        assert orjson.loads(data.removeprefix(b"data: "))["messages"]["new"] == new
+
+
+def test_a_stream_outlives_a_busy_pool(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    cars = _cars(served)
+    monkeypatch.setattr(cars, "limits", Limits(live_every_s=0.01))
+    served.put({"links": LINKS})
+    vehicle = cars.by_name("leaf")
+    vehicle.of = ()
+    answers: list[Any] = [Problem("busy"), None]
+    run = cars.pool.run
+
+    async def busy_once(*given: Any) -> JobResult:
+        problem = answers.pop(0)
+        if problem:
+            raise problem
+        return await run(*given)
+
+    monkeypatch.setattr(cars.pool, "run", busy_once)
+
+    async def listen() -> list[bytes]:
+        found = []
+        async for part in cars.events(vehicle):
+            found.append(part)
+            if len(found) == 2:
+                cars.end_streams()
+        return found
+
+    first, second = asyncio.run(listen())
+    assert first == b": busy\n\n"
+    assert second.startswith(b"event: live\n")
+
+
+def test_listeners_have_places(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    cars = _cars(served)
+    monkeypatch.setattr(cars, "limits", Limits(listeners=2, live_every_s=0.01))
+    cars.listen()
+    cars.listen()
+    found = served("/v1/live/leaf/events")
+    assert (found.status_code, found.json()["detail"]) == (503, "too many listeners")
+    cars.leave()
+    cars.end_streams()
+    found = served("/v1/live/leaf/events")
+    assert (found.status_code, found.headers["content-type"]) == (200, "text/event-stream; charset=utf-8")
+    assert cars.listeners == 1, "the place of a stream that has ended is free"
+    assert served("/v1/live/leaf/events", headers={"Accept": "text/html"}).status_code == 406
+
+
+def test_silent_cars_are_looked_for_while_the_service_runs(
+    served: Served, drive: pd.DataFrame, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cars = _cars(served)
+    for sent in abrp_messages(drive):
+        served.send(sent)
+    car = cars.by_name("leaf").car
+    assert car.received_s is not None
+    car.received_s -= SILENCE_S
+
+    async def run() -> None:
+        watch = asyncio.ensure_future(cars.watch())
+        await asyncio.sleep(0)
+        watch.cancel()
+
+    asyncio.run(run())
+    assert (car.trip, len(car.logs())) == (None, 1)
+    cars.close()
+    open_live_car(car.folder.parent).close()
+
+
+def test_an_event_is_one_line_of_data() -> None:
+    assert event({"text": "a\nb"}) == b'event: live\ndata: {"text":"a\\nb"}\n\n'
+
+
+@pytest.fixture(scope="module")
+def road(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, dict[str, str]]]:
+    folder = tmp_path_factory.mktemp("road")
+    tokens = {name: issue_token(folder / "cars" / name) for name in ("leaf", "zoe")}
+    more = ("--workers", "1", "--live", f"{folder / 'cars'}", "--limit", "live_every_s=0.05")
+    with serving(folder, *more) as found:
+        yield found, tokens
+
+
+def test_the_operations_of_cars_conform_to_the_openapi_document(
+    road: tuple[Service, dict[str, str]],
+) -> None:
+    """Without messages, which need a token, and events, which do not end."""
+    found = conformance(
+        road[0].url,
+        6,
+        seed=3,
+        only=r"^/v1/live/\{vehicle\}(/plan)?$",
+        phases="examples,fuzzing",
+        timeout_s=400,
+    )
+    assert found.clean, found.text
+
+
+def test_a_running_service_streams_forecasts_and_ends_in_time(
+    road: tuple[Service, dict[str, str]], drive: pd.DataFrame, plan: dict[str, Any]
+) -> None:
+    """The last test of this service."""
+    service, tokens = road
+    assert service.client.put("/v1/live/leaf/plan", json=plan).status_code == 200
+    form = {"Content-Type": FORM, "Authorization": f"Bearer {tokens['leaf']}"}
+    with service.client.stream("GET", "/v1/live/leaf/events") as stream:
+        lines = stream.iter_lines()
+        assert next(lines) == "event: live"
+        first = orjson.loads(next(lines).removeprefix("data: "))
+        assert first["messages"]["new"] == 0
+        for sent in abrp_messages(drive):
+            body = urllib.parse.urlencode({"tlm": json.dumps(sent)})
+            assert service.client.post("/v1/telemetry", content=body, headers=form).status_code == 200
+        for line in lines:
+            if line.startswith("data: ") and orjson.loads(line[6:])["messages"]["new"] == len(drive):
+                break
+        last = orjson.loads(line[6:])
+        own = own_forecast(plan)
+        assert last["forecast"]["energy_wh"] == pytest.approx(own.update(drive).energy_wh, abs=1e-6)
+        service.process.terminate()
+        assert list(lines)[-1:] in ([], [""])
+    assert wait_for(lambda: service.process.poll() is not None)
+    assert service.process.returncode == 0
