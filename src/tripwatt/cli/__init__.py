@@ -25,6 +25,7 @@ from tripwatt.cli import (
     journey,
     logs,
     maps,
+    on_road,
     own_cars,
     serve,
     stores,
@@ -79,6 +80,7 @@ serve.add_commands(app)
 stores.add_commands(app)
 fleets.add_commands(app)
 own_cars.add_commands(app)
+on_road.add_commands(app)
 
 
 def main() -> None:

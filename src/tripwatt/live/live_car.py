@@ -253,6 +253,29 @@ class LiveCar:
         found = Departure.from_drive(Drive(self.name, table), Context())
         return replace(found, payload_mass_kg=None, follows_trip=None)
 
+    def about(self, now_s: float) -> dict[str, Any]:
+        """Plain values: the car, seconds since its last message, messages since it was opened, and its trip.
+
+        Parameters
+        ----------
+        now_s : float
+            The time by our clock [s since 1970].
+        """
+        trip = self.trip
+        return {
+            "vehicle": self.name,
+            "seconds_since_message": None if self.received_s is None else max(0.0, now_s - self.received_s),
+            "messages": dict(self.counts),
+            "trip": None
+            if trip is None
+            else {
+                "departure_utc": trip.start_s,
+                "duration_s": trip.last_s - trip.start_s,
+                "distance_m": trip.distance_m,
+                "samples": len(trip),
+            },
+        }
+
     def set_plan(self, request: Mapping[str, Any] | None, departure_s: float | None = None) -> None:
         """Give the plan of the trip that the car is on, or of its next one; None takes it away.
 

@@ -187,21 +187,9 @@ class LiveCars:
         async with vehicle.lock:
             if vehicle.of != vehicle.state:
                 await self._forecast(vehicle)
-        car, trip = vehicle.car, vehicle.car.trip
-        since_s = None if car.received_s is None else max(0.0, time.time() - car.received_s)
         return {
-            "vehicle": car.name,
-            "seconds_since_message": since_s,
-            "messages": dict(car.counts),
-            "trip": None
-            if trip is None
-            else {
-                "departure_utc": trip.start_s,
-                "duration_s": trip.last_s - trip.start_s,
-                "distance_m": trip.distance_m,
-                "samples": len(trip),
-            },
-            "has_plan": car.plan is not None,
+            **vehicle.car.about(time.time()),
+            "has_plan": vehicle.car.plan is not None,
             "forecast": vehicle.forecast,
             "faults": list(vehicle.faults),
         }

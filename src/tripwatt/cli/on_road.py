@@ -1,0 +1,164 @@
+"""`tripwatt live`: follow a car over MQTT."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+
+from tripwatt.cli.options import JsonOption, examples, gather, model_of
+from tripwatt.errors import Fault, InvalidInput
+
+if TYPE_CHECKING:
+    from tripwatt.live import LiveForecaster
+
+PASSWORD_VARIABLE: Final = "TRIPWATT_MQTT_PASSWORD"
+"""Environment variable of the broker's password."""
+
+
+def add_commands(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command(
+        epilog=examples(
+            (
+                "tripwatt live cars/my-leaf --mqtt mqtt://192.0.2.7 --source ovms --topic ovms/me/leaf/metric --plan to-work.gpx",
+                "follow a car with OVMS to work",
+            ),
+            (
+                "tripwatt live cars/my-3 --mqtt mqtt://192.0.2.7 --source teslamate --topic teslamate/cars/1",
+                "keep the trips of a car that TeslaMate reads",
+            ),
+        )
+    )(live)
+
+
+def live(
+    car: Annotated[
+        Path,
+        typer.Argument(
+            metavar="CAR",
+            help="Folder of the car; made where it is missing. A car of `tripwatt car new` is forecast with what it learned.",
+        ),
+    ],
+    mqtt: Annotated[
+        str,
+        typer.Option(
+            "--mqtt", metavar="URL", help="Broker: mqtt://[NAME@]HOST[:PORT], or mqtts:// encrypted."
+        ),
+    ],
+    source: Annotated[str, typer.Option(metavar="NAME", help="What sends: ovms, teslamate or abrp.")],
+    topic: Annotated[
+        str,
+        typer.Option(
+            metavar="TOPIC",
+            help="Topic below which the metrics of the car are: ovms/USER/CAR/metric, teslamate/cars/1. Of abrp, the topic "
+            "of the messages.",
+        ),
+    ],
+    plan: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="TRIP", help="The trip, as for `tripwatt forecast`: a planned route.", show_default=False
+        ),
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MODEL", help="Folder of a model. Default: the bundled model.", show_default=False
+        ),
+    ] = None,
+    vehicle: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME|FILE",
+            help="A car other than that of the model, or a TOML file.",
+            show_default=False,
+        ),
+    ] = None,
+    reserve: Annotated[
+        float,
+        typer.Option(min=0.0, max=1.0, metavar="0..1", help="State of charge to keep, as displayed."),
+    ] = 0.1,
+    every: Annotated[
+        float, typer.Option(min=0.1, max=3600.0, metavar="S", help="Shortest time between two forecasts [s].")
+    ] = 5.0,
+    publish: Annotated[
+        str,
+        typer.Option(
+            metavar="TOPIC", help="Also publish each forecast as JSON to this topic.", show_default=False
+        ),
+    ] = "",
+    as_json: JsonOption = False,
+) -> None:
+    """Follow a car over MQTT until you interrupt the command: keep its trips, and forecast the one that it is on.
+
+    The command requires the extra `tripwatt[live]`. It reads the password of the broker from TRIPWATT_MQTT_PASSWORD. What the
+    plan leaves unknown of the departure is what the car's messages show.
+    """
+    try:
+        import aiomqtt  # noqa: F401
+    except ImportError as error:
+        raise InvalidInput(
+            Fault("missing package", "tripwatt live", str(error), fix="run pip install 'tripwatt[live]'")
+        ) from error
+    from tripwatt.live import Broker, Follower, TopicJoiner, is_car, open_live_car
+
+    got: dict[str, Any] = {"forecaster": None}
+    own = car if is_car(car) else None
+    gather(
+        lambda: got.update(broker=Broker.from_url(mqtt, os.environ.get(PASSWORD_VARIABLE))),
+        lambda: got.update(joiner=TopicJoiner(source, topic)),
+        lambda: (
+            None if plan is None else got.update(forecaster=_forecaster(plan, model or own, vehicle, reserve))
+        ),
+    )
+    with open_live_car(car) as opened:
+        follower = Follower(
+            opened, got["joiner"], _printer(as_json), got["forecaster"], every, publish, _note
+        )
+        asyncio.run(follower.follow(got["broker"]))
+
+
+def _forecaster(plan: Path, model: Path | None, vehicle: str | None, reserve: float) -> LiveForecaster:
+    from tripwatt.api import read_route
+    from tripwatt.live import LiveForecaster
+    from tripwatt.transfer.zero_shot import on_vehicle
+    from tripwatt.vehicles import load_vehicle
+
+    car = None if vehicle is None else load_vehicle(vehicle)
+    return LiveForecaster(on_vehicle(model_of(model), car)[0], read_route(plan), reserve)
+
+
+def _printer(as_json: bool) -> Any:
+    if as_json:
+        return lambda document: typer.echo(json.dumps(document))
+    return lambda document: typer.echo(sentence(document))
+
+
+def _note(text: str) -> None:
+    typer.echo(f"note: {text}", err=True)
+
+
+def sentence(document: dict[str, Any]) -> str:
+    """The state of a car in one line.
+
+    Examples
+    --------
+    >>> sentence({"vehicle": "leaf", "messages": {"new": 7}, "trip": None, "forecast": None, "faults": []})
+    'leaf: on no trip, 7 messages'
+    """
+    trip, found = document["trip"], document["forecast"]
+    where = "on no trip" if trip is None else f"{trip['distance_m'] / 1000.0:.1f} km driven"
+    parts = [f"{document['vehicle']}: {where}", f"{document['messages']['new']} messages"]
+    if found is not None:
+        low, _, high = found["soc_quantiles"].values()
+        parts += [
+            f"{found['energy_wh'] / 1000.0:.2f} kWh in all",
+            f"arrival with {found['soc_arrival']:.0%} ({low:.0%} to {high:.0%})",
+            f"{found['p_arrive']:.0%} to arrive with {found['reserve']:.0%}",
+        ]
+    return ", ".join([*parts, *document["faults"]])
