@@ -26,6 +26,7 @@ from tripwatt.cli.on_road import sentence
 from tripwatt.errors import InvalidInput
 from tripwatt.live import Broker, Follower, LiveForecaster, Sample, TopicJoiner, following, open_live_car
 from tripwatt.live.live_trip import SILENCE_S
+from tripwatt.routes import links_of_trip, plan_from_links
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import plan_from_samples
 
@@ -74,7 +75,7 @@ def drive() -> pd.DataFrame:
     return measured(example_trip()).iloc[:300]
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def forecaster() -> LiveForecaster:
     return LiveForecaster(tw.load_model(), plan_from_samples(example_trip()), reserve=0.2)
 
@@ -244,7 +245,7 @@ def test_what_cannot_be_of_the_trip_leaves_the_forecast_at_departure(
             car.add(Sample(NOON_S + k, {"speed_m_s": 10.0, "displayed_soc": 0.3 if k < 50 else 0.9}))
         found = forecaster.document(car)
         assert found["forecast"]["measured_until_s"] == 0.0
-        assert [fault.partition(":")[0] for fault in found["faults"]] == ["charge rises"]
+        assert [fault["what"] for fault in found["faults"]] == ["charge rises"]
         shown = sentence(car.about(NOON_S) | found)
         assert "charge rises" in shown
 
@@ -261,8 +262,30 @@ def test_the_plan_of_a_trip_that_has_ended_is_not_used_again(
         follower._look_for_the_end(now_s)
         assert follower.document(now_s)["forecast"] is not None
         follower._look_for_the_end(now_s + SILENCE_S)
-        assert (car.trip, follower.forecaster) == (None, None)
+        assert (car.trip, forecaster.plan) == (None, None)
         assert follower.document(now_s)["forecast"] is None
+
+
+def test_without_a_plan_the_road_is_that_of_the_usual_trip(
+    drive: pd.DataFrame, forecaster: LiveForecaster, tmp_path: Path
+) -> None:
+    without = LiveForecaster(forecaster.model)
+    with open_live_car(tmp_path / "leaf") as car:
+        for sample in samples_of(drive):
+            car.add(sample)
+        assert without.document(car) == {"plan": None, "usual_trip": None, "forecast": None, "faults": []}
+        assert car.received_s is not None
+        car.end_when_silent(car.received_s + SILENCE_S)
+        (log,) = car.logs()
+        for sample in samples_of(drive.iloc[:150], NOON_S + 86_400.0):
+            car.add(sample)
+        found = without.document(car)
+        plan = plan_from_links(links_of_trip(log)).with_departure(car.departure())
+        own = car.update(forecaster.model.forecast(plan))
+        assert (found["plan"], found["usual_trip"]) == ("usual", log.trip_id)
+        assert found["forecast"]["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)
+        assert found["forecast"]["measured_until_s"] > 100.0
+        assert without.document(car) == found
 
 
 @pytest.mark.parametrize("url", ["", "host", "http://host", "mqtt://", "mqtt://host:x", "mqtt://host:99999"])

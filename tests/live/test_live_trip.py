@@ -37,12 +37,12 @@ def fed(*samples: Sample) -> tuple[TripFinder, list[LiveTrip]]:
 
 
 def test_a_trip_starts_with_the_first_motion_and_the_standstill_before_it() -> None:
-    standing = [at(10.0 * k, 0.99 * MOVING_M_S) for k in range(20)]
+    standing = [at(10.0 * k, 0.99 * MOVING_M_S) for k in range(40)]
     finder, _ = fed(*standing)
     assert finder.trip is None
-    finder.add(at(200.0, MOVING_M_S))
+    finder.add(at(400.0, MOVING_M_S))
     assert finder.trip is not None
-    assert finder.trip.start_s == T0 + 200.0 - BEFORE_S
+    assert finder.trip.start_s == T0 + 400.0 - BEFORE_S
     assert len(finder.trip) == BEFORE_S / 10.0 + 1
     assert len(finder.before) == 0
 

@@ -22,6 +22,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
 from tripwatt.live import Sample, issue_token, open_live_car
 from tripwatt.live.live_trip import SILENCE_S
+from tripwatt.routes import links_of_trip, plan_from_links
 from tripwatt.service import app as room
 from tripwatt.service import live as module
 from tripwatt.service.app import create_app
@@ -142,7 +143,7 @@ def test_the_forecast_on_the_way_is_that_of_update(
     assert served.put(plan).status_code == 200
     own = own_forecast(plan)
     found = served("/v1/live/leaf").json()
-    assert (found["trip"], found["seconds_since_message"], found["has_plan"]) == (None, None, True)
+    assert (found["trip"], found["seconds_since_message"], found["plan"]) == (None, None, "given")
     assert found["forecast"]["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)
     for sent in abrp_messages(drive):
         assert served.send(sent).json()["arrival"] == "new"
@@ -187,6 +188,26 @@ def test_what_the_plan_leaves_unknown_is_what_the_messages_show(served: Served) 
     found = served("/v1/live/leaf").json()["forecast"]
     assert found["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)
     assert found["soc_arrival"] == pytest.approx(own.soc_arrival, abs=1e-9)
+
+
+def test_without_a_plan_the_road_is_that_of_the_usual_trip(served: Served, drive: pd.DataFrame) -> None:
+    car = _cars(served).by_name("leaf").car
+    for sent in abrp_messages(drive):
+        served.send(sent)
+    assert served("/v1/live/leaf").json()["forecast"] is None
+    assert car.received_s is not None
+    car.end_when_silent(car.received_s + SILENCE_S)
+    (log,) = car.logs()
+    for sent in abrp_messages(drive.iloc[:200], NOON_S + 86_400.0):
+        served.send(sent)
+    found = served("/v1/live/leaf").json()
+    plan = plan_from_links(links_of_trip(log)).with_departure(car.departure())
+    own = car.update(tw.load_model().forecast(plan))
+    assert (found["plan"], found["usual_trip"], found["faults"]) == ("usual", log.trip_id, [])
+    assert found["forecast"]["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)
+    served.put({"links": LINKS})
+    found = served("/v1/live/leaf").json()
+    assert (found["plan"], found["usual_trip"]) == ("given", None)
 
 
 def test_the_signals_of_a_speed_trace_count_before_those_of_messages(
@@ -311,7 +332,7 @@ def test_a_plan_is_a_forecast_request(served: Served, plan: Any, status: int, wh
     found = served.put(plan)
     assert found.status_code == status, found.text
     assert [fault["where"] for fault in found.json().get("faults", [])] == where
-    assert served("/v1/live/leaf").json()["has_plan"] == (status == 200)
+    assert served("/v1/live/leaf").json()["plan"] == ("given" if status == 200 else None)
     if status != 200:
         assert found.headers["content-type"] == "application/problem+json"
         assert found.json()["instance"] == found.headers["x-request-id"]
@@ -522,9 +543,10 @@ def test_a_running_service_streams_forecasts_and_ends_in_time(
             body = urllib.parse.urlencode({"tlm": json.dumps(sent)})
             assert service.client.post("/v1/telemetry", content=body, headers=form).status_code == 200
         for line in lines:
-            if line.startswith("data: ") and orjson.loads(line[6:])["messages"]["new"] == len(drive):
-                break
-        last = orjson.loads(line[6:])
+            if line.startswith("data: "):
+                last = orjson.loads(line[6:])
+                if last["forecast"]["measured_until_s"] == drive["time_s"].iloc[-1]:
+                    break
         own = own_forecast(plan)
         assert last["forecast"]["energy_wh"] == pytest.approx(own.update(drive).energy_wh, abs=1e-6)
         service.process.terminate()

@@ -62,7 +62,10 @@ def live(
     plan: Annotated[
         Path | None,
         typer.Option(
-            metavar="TRIP", help="The trip, as for `tripwatt forecast`: a planned route.", show_default=False
+            metavar="TRIP",
+            help="The road, as for `tripwatt forecast`: a planned route. Default: that of an earlier trip which began at "
+            "about the same time of day.",
+            show_default=False,
         ),
     ] = None,
     model: Annotated[
@@ -107,14 +110,12 @@ def live(
         ) from error
     from tripwatt.live import Broker, Follower, TopicJoiner, is_car, open_live_car
 
-    got: dict[str, Any] = {"forecaster": None}
+    got: dict[str, Any] = {}
     own = car if is_car(car) else None
     gather(
         lambda: got.update(broker=Broker.from_url(mqtt, os.environ.get(PASSWORD_VARIABLE))),
         lambda: got.update(joiner=TopicJoiner(source, topic)),
-        lambda: (
-            None if plan is None else got.update(forecaster=_forecaster(plan, model or own, vehicle, reserve))
-        ),
+        lambda: got.update(forecaster=_forecaster(plan, model or own, vehicle, reserve)),
     )
     with open_live_car(car) as opened:
         follower = Follower(
@@ -123,14 +124,15 @@ def live(
         asyncio.run(follower.follow(got["broker"]))
 
 
-def _forecaster(plan: Path, model: Path | None, vehicle: str | None, reserve: float) -> LiveForecaster:
+def _forecaster(plan: Path | None, model: Path | None, vehicle: str | None, reserve: float) -> LiveForecaster:
     from tripwatt.api import read_route
     from tripwatt.live import LiveForecaster
     from tripwatt.transfer.zero_shot import on_vehicle
     from tripwatt.vehicles import load_vehicle
 
     car = None if vehicle is None else load_vehicle(vehicle)
-    return LiveForecaster(on_vehicle(model_of(model), car)[0], read_route(plan), reserve)
+    road = None if plan is None else read_route(plan)
+    return LiveForecaster(on_vehicle(model_of(model), car)[0], road, reserve)
 
 
 def _printer(as_json: bool) -> Any:
@@ -161,4 +163,4 @@ def sentence(document: dict[str, Any]) -> str:
             f"arrival with {found['soc_arrival']:.0%} ({low:.0%} to {high:.0%})",
             f"{found['p_arrive']:.0%} to arrive with {found['reserve']:.0%}",
         ]
-    return ", ".join([*parts, *document["faults"]])
+    return ", ".join([*parts, *(fault["what"] for fault in document["faults"])])

@@ -7,7 +7,7 @@ import json
 import ssl
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import unquote, urlsplit
 
@@ -16,7 +16,8 @@ from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.live.live_car import LiveCar
 from tripwatt.live.telemetry import Sample
 from tripwatt.live.topics import TopicJoiner
-from tripwatt.trips import Departure, Plan
+from tripwatt.routes import links_of_trip, plan_from_links
+from tripwatt.trips import Plan
 
 if TYPE_CHECKING:
     import aiomqtt
@@ -89,44 +90,69 @@ class LiveForecaster:
     Parameters
     ----------
     model : ForecastModel
-    plan : Plan
-        What it leaves unknown of the departure is what the car's messages show.
+    plan : Plan or None
+        Without one, each trip is forecast on the road of the car's usual trip at this time of day. What the plan leaves
+        unknown of the departure is what the car's messages show.
     reserve : float
         Displayed state of charge to keep.
     """
 
     model: ForecastModel
-    plan: Plan
+    plan: Plan | None = None
     reserve: float = 0.1
-    _made: tuple[Departure, Forecast] | None = None
+    _made: tuple[Any, Forecast] | None = None
+    _usual: Plan | None = None
 
-    def at_departure(self, car: LiveCar) -> Forecast:
-        """The forecast at the departure, made again only when more is known of it."""
-        departure = car.departure().merge(self.plan.departure)
-        if self._made is None or self._made[0] != departure:
-            self._made = departure, self.model.forecast(replace(self.plan, departure=departure))
+    def at_departure(self, car: LiveCar) -> Forecast | None:
+        """The forecast at the departure, made again only when more is known of it; None without a plan."""
+        plan = self._plan_of(car)
+        if plan is None:
+            return None
+        departure = car.departure().merge(plan.departure)
+        made_of = plan.trip_id, departure
+        if self._made is None or self._made[0] != made_of:
+            self._made = made_of, self.model.forecast(replace(plan, departure=departure))
         return self._made[1]
+
+    def _plan_of(self, car: LiveCar) -> Plan | None:
+        """The plan that was given, else the road of the usual trip."""
+        if self.plan is not None:
+            return self.plan
+        usual = car.usual_trip()
+        if usual is None:
+            return None
+        if self._usual is None or self._usual.trip_id != usual.trip_id:
+            self._usual = plan_from_links(links_of_trip(usual), trip_id=usual.trip_id)
+        return self._usual
 
     def document(self, car: LiveCar) -> dict[str, Any]:
         """The forecast given what was measured, and why it lacks the last messages, as the service gives them."""
-        faults: list[str] = []
-        forecast = self.at_departure(car)
-        try:
-            forecast = car.update(forecast)
-        except InvalidInput as error:
-            faults = [f"{fault}" for fault in error.faults]
+        forecast, faults = self.at_departure(car), []
+        usual = None if self.plan is not None or forecast is None else forecast.plan.trip_id
+        source = None if forecast is None else "given" if usual is None else "usual"
+        if forecast is not None:
+            try:
+                forecast = car.update(forecast)
+            except InvalidInput as error:
+                faults = [fault_fields(fault) for fault in error.faults]
+        shown = None if forecast is None else self._shown(forecast)
+        return {"plan": source, "usual_trip": usual, "forecast": shown, "faults": faults}
+
+    def _shown(self, forecast: Forecast) -> dict[str, Any]:
         return {
-            "forecast": {
-                "energy_wh": forecast.energy_wh,
-                "quantiles_wh": {f"{p:g}": forecast.quantile(p) for p in QUANTILES},
-                "soc_arrival": forecast.soc_arrival,
-                "soc_quantiles": {f"{p:g}": forecast.soc_quantile(p) for p in QUANTILES},
-                "reserve": self.reserve,
-                "p_arrive": forecast.p_arrive(self.reserve),
-                "measured_until_s": forecast.measured_until_s,
-            },
-            "faults": faults,
+            "energy_wh": forecast.energy_wh,
+            "quantiles_wh": {f"{p:g}": forecast.quantile(p) for p in QUANTILES},
+            "soc_arrival": forecast.soc_arrival,
+            "soc_quantiles": {f"{p:g}": forecast.soc_quantile(p) for p in QUANTILES},
+            "reserve": self.reserve,
+            "p_arrive": forecast.p_arrive(self.reserve),
+            "measured_until_s": forecast.measured_until_s,
         }
+
+
+def fault_fields(fault: Fault) -> dict[str, str]:
+    """The fields of a fault that are not empty."""
+    return {name: text for name, text in asdict(fault).items() if text}
 
 
 @dataclass(eq=False)
@@ -140,7 +166,7 @@ class Follower:
     show : callable
         Called with the state of the car and the forecast after new messages.
     forecaster : LiveForecaster, optional
-        Without one, trips are kept and not forecast. It is dropped when the trip of its plan has ended.
+        Without one, trips are kept and not forecast. It loses its plan when the trip of it has ended.
     every_s : float
         Shortest time between two forecasts [s].
     publish_to : str
@@ -225,15 +251,15 @@ class Follower:
             self.car.end_when_silent(now_s)
         except OSError as error:
             self.note(f"trip not stored: {error}"[:200])
-        if self._on_trip and self.car.trip is None:
-            self.forecaster = None
+        if self._on_trip and self.car.trip is None and self.forecaster is not None:
+            self.forecaster.plan = None
         self._on_trip = self.car.trip is not None
 
     def document(self, now_s: float) -> dict[str, Any]:
         """The state of the car and the forecast of its trip."""
         found = self.car.about(now_s)
         if self.forecaster is None:
-            return {**found, "forecast": None, "faults": []}
+            return {**found, "plan": None, "usual_trip": None, "forecast": None, "faults": []}
         return found | self.forecaster.document(self.car)
 
 

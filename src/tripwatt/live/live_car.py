@@ -29,6 +29,7 @@ from tripwatt.live.live_trip import LEAST_M, SILENCE_S, LiveTrip, TripFinder
 from tripwatt.live.ordering import Arrival, OrderedSamples
 from tripwatt.live.own_car import LIVE
 from tripwatt.live.telemetry import Sample
+from tripwatt.live.usual import LONGER, usual_departure
 from tripwatt.sources.canonical import read_canonical
 from tripwatt.trips import Context, Departure, Drive, Log
 
@@ -36,6 +37,8 @@ JOURNAL: Final = "journal.ndjson"
 PLAN: Final = "plan.json"
 TOKEN: Final = "token.json"
 TRIPS: Final = "trips"
+NAMED: Final = "%Y%m%dT%H%M%SZ"
+"""Name of a finished trip: its departure in UTC."""
 
 FUTURE_S: Final = 120.0
 """A time may be this much ahead of our clock [s]: one that is further ahead would make all that follow late."""
@@ -101,6 +104,7 @@ class LiveCar:
         self.counts = {"new": 0, "doubled": 0, "late": 0}
         self._finder = TripFinder()
         self._ended: list[LiveTrip] = []
+        self._usual: tuple[float, Log | None] | None = None
         with ExitStack() as stack:
             stack.enter_context(folder_lock(self.folder))
             self._journal = Journal(self.folder / JOURNAL)
@@ -211,7 +215,7 @@ class LiveCar:
         started = dt.datetime.fromtimestamp(trip.start_s, dt.UTC)
         folder = self.folder / TRIPS
         folder.mkdir(mode=0o700, exist_ok=True)
-        write_file(folder / f"{started:%Y%m%dT%H%M%SZ}.csv", lambda made: table.to_csv(made, index=False))
+        write_file(folder / f"{started:{NAMED}}.csv", lambda made: table.to_csv(made, index=False))
         plan = self.plan
         if plan is not None and (plan.given_s is None or plan.given_s <= trip.moved_s):
             self.set_plan(None)
@@ -225,6 +229,25 @@ class LiveCar:
             return pd.DataFrame({"time_s": [], "speed_m_s": []}, dtype="float64")
         since_s = None if self.plan is None else self.plan.departure_s
         return self.trip.table(self._ordered.waiting, since_s=since_s)
+
+    def usual_trip(self) -> Log | None:
+        """The finished trip that began nearest by time of day to the one that the car is on.
+
+        None where there is none within `NEAR_S`, or the car has driven further than that trip. O(finished trips), once
+        for a trip.
+        """
+        trip = self.trip
+        if trip is None:
+            return None
+        if self._usual is None or self._usual[0] != trip.start_s:
+            self._usual = trip.start_s, self._find_usual(trip.start_s)
+        found = self._usual[1]
+        return None if found is None or trip.distance_m > LONGER * found.distance_m else found
+
+    def _find_usual(self, start_s: float) -> Log | None:
+        paths = {_started(path).timestamp(): path for path in (self.folder / TRIPS).glob("*.csv")}
+        found = usual_departure(paths, start_s)
+        return None if found is None else _read_trip(paths[found], self.name)
 
     def update(self, forecast: Forecast) -> Forecast:
         """A forecast of the trip made at its departure, given what was measured so far. O(samples of the trip).
@@ -406,9 +429,13 @@ def _read_plan(path: Path) -> LivePlan | None:
         ) from error
 
 
+def _started(path: Path) -> dt.datetime:
+    """Departure of a finished trip, by the name of its file."""
+    return dt.datetime.strptime(path.stem, NAMED).replace(tzinfo=dt.UTC)
+
+
 def _read_trip(path: Path, car: str) -> Log:
-    started = dt.datetime.strptime(path.stem, "%Y%m%dT%H%M%SZ").replace(tzinfo=dt.UTC)
-    local = started.astimezone().replace(tzinfo=None)
+    local = _started(path).astimezone().replace(tzinfo=None)
     return Log.from_samples(f"{car}-{path.stem}", read_canonical(path), Context(started_at=local))
 
 

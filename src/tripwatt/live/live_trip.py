@@ -18,8 +18,9 @@ from tripwatt.trips import MOST_DURATION_S, table_of
 MOVING_M_S: Final = 1.0
 """A car that is faster drives; positioning by satellite shows a parked car at up to about half of it."""
 
-BEFORE_S: Final = 60.0
-"""The standstill right before the first motion that belongs to a trip [s]: the car is switched on."""
+BEFORE_S: Final = 180.0
+"""The standstill right before the first motion that belongs to a trip [s]: the car is switched on. Those of the TUM set take
+up to 154 s."""
 
 STANDING_S: Final = 300.0
 """A standstill of this length ends a trip [s]: longer than a traffic light, a barrier or a short jam."""
@@ -39,7 +40,7 @@ HOLD_S: Final = 10.0
 MOST_SAMPLES: Final = 40_000
 """Most samples of a trip that are held: 11 h at 1 Hz. When they are full, every other one goes, and of the next ones too."""
 
-_MOST_BEFORE: Final = 600
+_MOST_BEFORE: Final = 2000
 
 
 class LiveTrip:

@@ -32,7 +32,7 @@ from tripwatt.routes import (
 )
 from tripwatt.service.journey_schemas import PlanRequest, ReachRequest
 from tripwatt.service.journeys import JourneyJobs
-from tripwatt.service.library import columns_of, described, examples, links_of, vehicles
+from tripwatt.service.library import columns_of, described, examples, fields_of, vehicles
 from tripwatt.service.schemas import (
     Elevation,
     ForecastRequest,
@@ -280,15 +280,7 @@ class Jobs:
             )
         require_duration(route.duration_s, "upload", self.limits)
         plan = plan_from_route(route)
-        return self._route_response(plan.samples, plan.flags) | {
-            "links": links_of(route),
-            "elevation": None
-            if route.elevation_m is None or route.elevation_position_m is None
-            else {
-                "position_m": route.elevation_position_m.tolist(),
-                "elevation_m": route.elevation_m.tolist(),
-            },
-        }
+        return self._route_response(plan.samples, plan.flags) | fields_of(route)
 
     def _route_response(self, samples: pd.DataFrame, flags: tuple[Flag, ...] = ()) -> dict[str, Any]:
         """The response to an upload, without links."""

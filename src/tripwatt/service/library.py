@@ -35,6 +35,17 @@ def links_of(route: LinkRoute) -> list[dict[str, float]]:
     return [{n: v for n, v in zip(names, row, strict=True) if v == v} for row in rows]
 
 
+def fields_of(route: LinkRoute) -> dict[str, Any]:
+    """Return a route as the fields `links` and `elevation` of a request."""
+    if route.elevation_m is None or route.elevation_position_m is None:
+        return {"links": links_of(route), "elevation": None}
+    elevation = {
+        "position_m": route.elevation_position_m.tolist(),
+        "elevation_m": route.elevation_m.tolist(),
+    }
+    return {"links": links_of(route), "elevation": elevation}
+
+
 def columns_of(samples: pd.DataFrame) -> dict[str, list[float | None]]:
     """Return a table as the `samples` of a request; a missing value is None."""
     return {

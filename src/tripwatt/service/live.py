@@ -10,6 +10,7 @@ import time
 from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -21,6 +22,8 @@ from starlette.types import Receive, Scope, Send
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.live import LiveCar, Sample, is_live_car, open_live_car
 from tripwatt.live.live_car import digest_of, token_digest
+from tripwatt.routes import links_of_trip
+from tripwatt.service.library import fields_of
 from tripwatt.service.openapi import EVENTS
 from tripwatt.service.pool import JobResult, WorkerPool
 from tripwatt.service.problems import Problem, fault_document, invalid_input
@@ -55,6 +58,8 @@ class LiveVehicle:
         As `LiveForecastDocument`.
     faults : tuple of dict
         Why the last messages are not in it.
+    usual : tuple of str and mapping
+        Name of the usual trip, and its road as fields of a request.
     """
 
     car: LiveCar
@@ -63,6 +68,19 @@ class LiveVehicle:
     of: tuple[Any, ...] = ()
     forecast: dict[str, Any] | None = None
     faults: tuple[dict[str, Any], ...] = ()
+    usual: tuple[str, Mapping[str, Any]] = ("", MappingProxyType({}))
+
+    @property
+    def plan(self) -> Mapping[str, Any] | None:
+        """The request of the plan that was given, else of the road of the usual trip."""
+        if self.car.plan is not None:
+            return self.car.plan.request
+        trip = self.car.usual_trip()
+        if trip is None:
+            return None
+        if self.usual[0] != trip.trip_id:
+            self.usual = trip.trip_id, fields_of(links_of_trip(trip))
+        return self.usual[1]
 
     @property
     def state(self) -> tuple[Any, ...]:
@@ -189,22 +207,23 @@ class LiveCars:
                 await self._forecast(vehicle)
         return {
             **vehicle.car.about(time.time()),
-            "has_plan": vehicle.car.plan is not None,
+            "plan": "given" if vehicle.car.plan is not None else "usual" if vehicle.forecast else None,
+            "usual_trip": vehicle.usual[0] if vehicle.car.plan is None and vehicle.forecast else None,
             "forecast": vehicle.forecast,
             "faults": list(vehicle.faults),
         }
 
     async def _forecast(self, vehicle: LiveVehicle) -> None:
         """Forecast the trip of a car; of messages that are refused, the forecast before them stays."""
-        state, plan = vehicle.state, vehicle.car.plan
+        state, plan = vehicle.state, vehicle.plan
         if plan is None:
             vehicle.of, vehicle.forecast, vehicle.faults = state, None, ()
             return
-        request = with_departure(plan.request, vehicle.car)
+        request = with_departure(plan, vehicle.car)
         observed = vehicle.car.observed()
         kind = "forecast" if len(observed) < 2 else "update"
         if kind == "update":
-            request["observed"] = observed_columns(observed, plan.request)
+            request["observed"] = observed_columns(observed, plan)
         result = await self.pool.run({"kind": kind}, orjson.dumps(request, option=orjson.OPT_SERIALIZE_NUMPY))
         found = orjson.loads(result.content)
         if result.status == 200:

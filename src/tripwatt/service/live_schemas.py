@@ -83,7 +83,10 @@ class LiveResponse(ResponseModel):
     seconds_since_message: float | None = Field(description="null before the first message")
     messages: LiveMessages
     trip: LiveTripDocument | None = Field(description="null while the car is on no trip")
-    has_plan: bool
+    plan: Literal["given", "usual"] | None = Field(
+        description="the plan that was given, or the road of an earlier trip that began at about this time of day"
+    )
+    usual_trip: str | None = Field(description="name of that trip")
     forecast: LiveForecastDocument | None = Field(description="null without a plan")
     faults: list[ProblemFault] = Field(
         description="why the last messages are not in the forecast; empty when they are"

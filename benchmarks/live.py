@@ -1,0 +1,278 @@
+"""Cars on the road: python -m benchmarks.live [--data FOLDER] [--trips N] [--cars N] [--seconds S].
+
+TUM trips at 1 Hz are sent to a running service, each by a car of its own. Printed are the largest difference of the last
+forecasts to `update` on the same samples, the same after the service was killed in the middle of all trips, the coverage of
+90 % intervals on the way where a fifth of the messages each is lost, late or doubled (models that have not seen the trip), and
+the lag of many cars that send every 2 s.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import os
+import random
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pandas as pd
+from tests.live.messages import NOON_S, abrp_messages, measured, over_a_bad_connection, samples_of
+from tests.support.service_process import Service, serving
+
+import tripwatt as tw
+from benchmarks.measure import tum_folder
+from tripwatt.forecasting import Forecast
+from tripwatt.live import issue_token, open_live_car
+from tripwatt.sources.tum import REFERENCE_TRIPS
+from tripwatt.trips import COLUMNS, Trip, plan_from_samples
+
+FOLDS = 5
+SHARES = (0.25, 0.5, 0.75)
+AT_ONCE = 16
+PERIOD_S = 2.0
+
+
+@dataclass(frozen=True)
+class Row:
+    """One figure and its bounds."""
+
+    text: str
+    value: float
+    least: float
+    most: float
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A trip as a car sends it, once a second, with its time on the clock of its plan."""
+
+    trip: Trip
+    table: pd.DataFrame
+
+    @classmethod
+    def of(cls, trip: Trip) -> Drive:
+        table = measured(trip.samples)
+        return cls(trip, table.assign(time_s=table["time_s"] - trip.samples["time_s"].iloc[0]))
+
+    @property
+    def plan(self) -> dict[str, Any]:
+        """The request with the whole speed trace, whose first samples are what is known of the departure."""
+        samples = self.trip.samples
+        step = max(1, round(len(samples) / 40_000))
+        columns = {name: samples[name].iloc[::step] for name in samples.columns if name in COLUMNS}
+        columns["time_s"] = columns["time_s"] - columns["time_s"].iloc[0]
+        lists = {n: [None if v != v else v for v in values.tolist()] for n, values in columns.items()}
+        return {"samples": lists, "departure_utc": NOON_S}
+
+    def updated(self) -> Forecast:
+        """The forecast of the library, updated with all that was sent."""
+        plan = plan_from_samples(pd.DataFrame(self.plan["samples"], dtype=np.float64))
+        return tw.forecast(plan).update(self.table)
+
+
+async def each(work: Sequence[Any]) -> list[Any]:
+    """All results, a few at once."""
+    places = asyncio.Semaphore(AT_ONCE)
+
+    async def one(task: Any) -> Any:
+        async with places:
+            return await task
+
+    return list(await asyncio.gather(*map(one, work)))
+
+
+def send(
+    service: Service, tokens: Mapping[str, str], drives: Sequence[Drive], start: float, stop: float
+) -> None:
+    """Send a part of every drive."""
+
+    async def drive_one(client: httpx.AsyncClient, drive: Drive) -> None:
+        messages = list(abrp_messages(drive.table))
+        for message in messages[int(start * len(messages)) : int(stop * len(messages))]:
+            body = {"token": tokens[drive.trip.trip_id], "tlm": message}
+            found = await client.post("/v1/telemetry", json=body)
+            assert found.status_code == 200, found.text
+
+    async def run() -> None:
+        async with httpx.AsyncClient(base_url=service.url, timeout=120.0) as client:
+            await each([drive_one(client, drive) for drive in drives])
+
+    asyncio.run(run())
+
+
+def differences(service: Service, drives: Sequence[Drive]) -> list[float]:
+    """Difference of the last forecast of each drive to that of the library [Wh]; infinite where samples are missing."""
+    found = []
+    for drive in drives:
+        answer = service.client.get(f"/v1/live/{drive.trip.trip_id}").json()
+        whole = answer["trip"] is not None and not answer["faults"]
+        energy = answer["forecast"]["energy_wh"] if whole else np.inf
+        found.append(abs(energy - drive.updated().energy_wh))
+    return found
+
+
+def replayed(drives: Sequence[Drive], *, killed: bool) -> list[float]:
+    """Send all drives to a service, which is killed in the middle of them or not."""
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        tokens = {d.trip.trip_id: issue_token(folder / "cars" / d.trip.trip_id) for d in drives}
+        more = ("--workers", "2", "--live", f"{folder / 'cars'}", "--limit", "timeout_s=120")
+        with serving(folder, *more) as service:
+            for drive in drives:
+                done = service.client.put(f"/v1/live/{drive.trip.trip_id}/plan", json=drive.plan)
+                assert done.status_code == 200, done.text
+            send(service, tokens, drives, 0.0, 0.5)
+            if not killed:
+                send(service, tokens, drives, 0.5, 1.0)
+                return differences(service, drives)
+            os.kill(service.process.pid, signal.SIGKILL)
+            service.process.wait()
+        with serving(folder, *more) as service:
+            send(service, tokens, drives, 0.49, 1.0)  # what was sent last is sent again
+            return differences(service, drives)
+
+
+def covered(trips: Sequence[Trip], drives: Sequence[Drive]) -> tuple[float, float, int]:
+    """Coverage on the way with a bad and with a sound connection, and the number of forecasts of each."""
+    inside: dict[bool, list[bool]] = {True: [], False: []}
+    order = np.random.default_rng(0).permutation(len(trips)) % FOLDS
+    for fold in range(FOLDS):
+        print(f"fold {fold + 1} of {FOLDS}", file=sys.stderr)
+        seen = [trip for trip, f in zip(trips, order, strict=True) if f != fold]
+        model = tw.fit(seen, "bmw_i3_60ah")
+        for drive, f in zip(drives, order, strict=True):
+            if f == fold:
+                at_departure = model.forecast(drive.trip)
+                for bad in (True, False):
+                    inside[bad] += on_the_way(drive, at_departure, bad=bad)
+    return float(np.mean(inside[True])), float(np.mean(inside[False])), len(inside[True])
+
+
+def on_the_way(drive: Drive, at_departure: Forecast, *, bad: bool) -> list[bool]:
+    """Whether the energy of a trip is inside of the 90 % interval, at parts of the way."""
+    samples = samples_of(drive.table, NOON_S + float(drive.table["time_s"].iloc[0]))
+    sent = over_a_bad_connection(samples, seed=len(samples)) if bad else samples
+    took = drive.trip.observed_energy_wh
+    assert took is not None
+    found = []
+    with tempfile.TemporaryDirectory() as place, open_live_car(Path(place) / "car") as car:
+        car.set_plan({}, NOON_S)
+        marks = [int(share * len(sent)) for share in SHARES]
+        for k, sample in enumerate(sent, start=1):
+            car.add(sample)
+            if k in marks:
+                low, high = car.update(at_departure).interval(0.9)
+                found.append(low <= took <= high)
+    return found
+
+
+def many_cars(cars: int, seconds: float) -> Iterator[Row]:
+    """The lag of messages of many cars, each every 2 s, while four of them are listened to."""
+    links = [{"length_m": 60_000.0, "speed_m_s": 20.0}]
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        tokens = [issue_token(folder / "cars" / f"car{k}") for k in range(cars)]
+        with serving(folder, "--workers", "1", "--live", f"{folder / 'cars'}") as service:
+            for k in range(cars):
+                service.client.put(f"/v1/live/car{k}/plan", json={"links": links, "soc": 0.8})
+            lags, memory = asyncio.run(_load(service, tokens, seconds))
+            counted = sum(
+                service.client.get(f"/v1/live/car{k}").json()["messages"]["new"] for k in range(cars)
+            )
+    yield Row(f"{cars} cars for {seconds:g} s: lag p99 [s]", float(np.percentile(lags, 99)), 0.0, 1.0)
+    yield Row(f"{cars} cars for {seconds:g} s: messages lost", float(len(lags) - counted), 0.0, 0.0)
+    yield Row(
+        f"{cars} cars for {seconds:g} s: memory, last fifth over second fifth",
+        float(
+            np.mean(memory[-len(memory) // 5 :]) / np.mean(memory[len(memory) // 5 : 2 * len(memory) // 5])
+        ),
+        0.0,
+        1.1,
+    )
+
+
+async def _load(service: Service, tokens: Sequence[str], seconds: float) -> tuple[list[float], list[int]]:
+    lags: list[float] = []
+    memory: list[int] = []
+    ends = time.monotonic() + seconds
+
+    async def one(client: httpx.AsyncClient, token: str) -> None:
+        draw = random.Random(token)
+        due = time.monotonic() + draw.uniform(0.0, PERIOD_S)
+        while due < ends:
+            await asyncio.sleep(max(0.0, due - time.monotonic()))
+            message = {
+                "utc": round(time.time(), 3),
+                "speed": 70.0,
+                "power": draw.uniform(5.0, 20.0),
+                "soc": 80.0,
+            }
+            done = await client.post("/v1/telemetry", json={"token": token, "tlm": message})
+            assert done.status_code == 200, done.text
+            lags.append(time.monotonic() - due)
+            due += PERIOD_S
+
+    async def listen(client: httpx.AsyncClient, car: int) -> None:
+        async with client.stream("GET", f"/v1/live/car{car}/events") as stream:
+            async for _ in stream.aiter_bytes():
+                pass
+
+    async def watch() -> None:
+        while True:
+            memory.append(service.resident_bytes())
+            await asyncio.sleep(max(0.2, seconds / 100.0))
+
+    limits = httpx.Limits(max_connections=len(tokens) + 10)
+    async with httpx.AsyncClient(base_url=service.url, timeout=60.0, limits=limits) as client:
+        beside = [
+            asyncio.ensure_future(watch()),
+            *(asyncio.ensure_future(listen(client, k)) for k in range(4)),
+        ]
+        await asyncio.gather(*(one(client, token) for token in tokens))
+        for task in beside:
+            task.cancel()
+        await asyncio.gather(*beside, return_exceptions=True)
+    return lags, memory
+
+
+def run(data: Path, most: int, cars: int, seconds: float) -> Iterator[Row]:
+    """All rows."""
+    known = [t for t in tw.read_trips(data, "tum") if t.trip_id in REFERENCE_TRIPS and t.observed_energy_wh]
+    drives = [Drive.of(trip) for trip in known]
+    for killed, text in ((False, "difference to update"), (True, "difference after kill -9")):
+        found = replayed(drives[:most], killed=killed)
+        yield Row(f"{text}, largest of {len(found)} trips [Wh]", max(found), 0.0, 1e-6)
+    bad, sound, number = covered(known, drives)
+    yield Row(f"coverage of 90 % with lost, late and doubled messages, {number} forecasts", bad, 0.85, 1.0)
+    yield Row(f"coverage of 90 % with all messages, {number} forecasts", sound, 0.85, 1.0)
+    yield from many_cars(cars, seconds)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--data", type=Path, default=None)
+    parser.add_argument(
+        "--trips", type=int, default=len(REFERENCE_TRIPS), help="trips that are sent to a service"
+    )
+    parser.add_argument("--cars", type=int, default=200)
+    parser.add_argument("--seconds", type=float, default=600.0)
+    options = parser.parse_args()
+    data = options.data or tum_folder()
+    met = True
+    for row in run(data, options.trips, options.cars, options.seconds):
+        inside = row.least <= row.value <= row.most
+        met &= inside
+        print(f"{'yes' if inside else 'NO':3} {row.value:12.6g}  {row.text}", flush=True)
+    return 0 if met else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
