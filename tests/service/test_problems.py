@@ -23,6 +23,7 @@ STATUSES = {
     "head-too-large": 431,
     "too-many-requests": 429,
     "internal": 500,
+    "no-live": 501,
     "no-map": 501,
     "remote": 502,
     "busy": 503,
