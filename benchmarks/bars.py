@@ -28,6 +28,7 @@ from benchmarks import (
     coverage,
     gam,
     hostile,
+    live,
     physics_trips,
     pipeline,
     planned,
@@ -38,6 +39,7 @@ from benchmarks import (
 from benchmarks import forecast as forecast_speed
 from benchmarks import journeys as journeys_of
 from benchmarks.measure import ROOT, RUNS, Row, tum_folder
+from tripwatt.sources.tum import REFERENCE_TRIPS
 
 NOT_AT_HAND = "not at hand"
 EVALUATE = "tripwatt evaluate DATA/tum --protocol paper"
@@ -497,6 +499,20 @@ def journeys() -> Iterator[Bar]:
         )
 
 
+def on_the_road() -> Iterator[Bar]:
+    """Bars on cars on the road: the same forecast as an update, after a kill too, coverage, many cars."""
+    measure = "python -m benchmarks.live"
+    data = tum_folder()
+    if data is None:
+        yield missing("TUM trips sent to a service, 200 cars for 600 s", measure)
+        return
+    for row in live.run(data, len(REFERENCE_TRIPS), cars=200, seconds=600.0):
+        if row.least > 0.0:
+            yield at_least(row.text, measure, row.value, row.least)
+        else:
+            yield at_most(row.text, measure, row.value, row.most)
+
+
 def transfer() -> Iterator[Bar]:
     """Bars on the way of a correction from the i3 to the VED's car 10, with the time that it takes."""
     from tripwatt.evaluation.transfer import evaluate_transfer
@@ -553,6 +569,7 @@ def bars(
     yield from synthetic_coverage()
     yield from planned_routes(links)
     yield from journeys()
+    yield from on_the_road()
     yield from physics()
     yield from leafs()
     yield from transfer()

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -181,6 +182,18 @@ def test_silence_by_our_clock_ends_a_trip(drive: pd.DataFrame, folder: Path) -> 
     with open_live_car(folder) as car:
         assert fed(car, samples_of(drive)[-3:]) == ["late", "late", "doubled"]
         assert car.trip is None
+
+
+def test_a_car_is_not_silent_while_nobody_listened(drive: pd.DataFrame, folder: Path) -> None:
+    with open_live_car(folder) as car:
+        fed(car, samples_of(drive))
+    opened_s = time.time()
+    os.utime(folder / "live" / "journal.ndjson", (NOW_S, NOW_S))
+    with open_live_car(folder) as car:
+        assert car.received_s == NOW_S
+        assert not car.end_when_silent(opened_s + SILENCE_S - 1.0)
+        assert car.trip is not None
+        assert car.end_when_silent(time.time() + SILENCE_S)
 
 
 def test_a_car_that_is_moved_a_little_is_on_no_trip(folder: Path) -> None:

@@ -83,7 +83,8 @@ class Journal:
         try:
             self._descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)
             self._size = _whole_bytes(self._descriptor)
-            os.ftruncate(self._descriptor, self._size)
+            if self._size < os.fstat(self._descriptor).st_size:
+                os.ftruncate(self._descriptor, self._size)
             self.after_s = _after_s(os.pread(self._descriptor, MOST_LINE_BYTES, 0).partition(b"\n")[0])
         except OSError as error:
             raise InvalidInput(

@@ -115,6 +115,7 @@ class LiveCar:
                 if self._ordered.arrival(sample) == "new":
                     self._take(sample)
             self.received_s = self._journal.written_s if self._journal.lines else None
+            self._listening_s = time.time() if self._journal.lines else -math.inf
             self._finish()
             self._open = stack.pop_all()
 
@@ -173,14 +174,14 @@ class LiveCar:
                 self._ended.append(ended)
 
     def end_when_silent(self, now_s: float) -> bool:
-        """End the trip of a car that sent nothing for `SILENCE_S` by our clock.
+        """End the trip of a car that sent nothing for `SILENCE_S` by our clock, while this process listened.
 
         Returns
         -------
         bool
             Whether a trip has ended.
         """
-        if self.received_s is None or now_s - self.received_s < SILENCE_S:
+        if self.received_s is None or now_s - max(self.received_s, self._listening_s) < SILENCE_S:
             return False
         self._follow(self._ordered.rest())
         ended = self._finder.end()
