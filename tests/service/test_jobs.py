@@ -228,7 +228,19 @@ def test_a_described_car(jobs: Jobs) -> None:
 
 def test_every_kind_of_job_is_run(jobs: Jobs) -> None:
     assert sorted(JOB_KINDS) == [
-        *("describe", "examples", "forecast", "map", "places", "plan", "reach", "route", "tile", "update"),
+        *(
+            "describe",
+            "examples",
+            "forecast",
+            "map",
+            "need",
+            "places",
+            "plan",
+            "reach",
+            "route",
+            "tile",
+            "update",
+        ),
         *("vehicles", "view"),
     ]
     assert jobs.run({"kind": "map"}, b"") == jobs.journeys.describe()

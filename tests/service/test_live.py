@@ -210,6 +210,74 @@ def test_without_a_plan_the_road_is_that_of_the_usual_trip(served: Served, drive
     assert (found["plan"], found["usual_trip"]) == ("given", None)
 
 
+def need(served: Served, **asked: Any) -> httpx.Response:
+    return served("/v1/need", params={"vehicle": "leaf", **asked})
+
+
+def test_the_need_of_a_plan_is_a_quantile_and_the_charge_to_leave_with(served: Served) -> None:
+    served.send(message(0.0, speed=0, soc=30.0))
+    served.put({"links": LINKS, "soc": 0.8, "ambient_temperature_degc": -5.0, "reserve": 0.25})
+    own = tw.forecast(LINKS, tw.Departure(soc=0.8, ambient_temperature_degc=-5.0))
+    found = need(served, probability=0.95).json()
+    assert found == {
+        "vehicle": "leaf",
+        "plan": "given",
+        "usual_trip": None,
+        "probability": 0.95,
+        "reserve": 0.25,
+        "expected_wh": pytest.approx(own.energy_wh, abs=1e-6),
+        "energy_wh": pytest.approx(own.quantile(0.95), abs=1e-6),
+        "soc_needed": pytest.approx(own.soc_needed(0.25, 0.95), abs=1e-9),
+        "wh_per_display": pytest.approx(own.charge.wh_per_display, abs=1e-6),
+        "soc": 0.3,
+        "charge_wh": pytest.approx((own.soc_needed(0.25, 0.95) - 0.3) * own.charge.wh_per_display, abs=1e-3),
+    }
+    assert found["charge_wh"] > 0.0
+    warm = need(served, reserve=0.0, ambient_temperature_degc=20.0).json()
+    own = tw.forecast(LINKS, tw.Departure(soc=0.8, ambient_temperature_degc=20.0))
+    assert (warm["probability"], warm["reserve"]) == (0.9, 0.0)
+    assert warm["energy_wh"] == pytest.approx(own.quantile(0.9), abs=1e-6)
+    assert warm["soc_needed"] == pytest.approx(own.soc_needed(0.0, 0.9), abs=1e-9)
+    served.send(message(1.0, speed=0, soc=99.0))
+    assert need(served).json()["charge_wh"] == 0.0
+
+
+def test_the_need_without_a_plan_is_that_of_the_usual_trip(served: Served, drive: pd.DataFrame) -> None:
+    car = _cars(served).by_name("leaf").car
+    for sent in abrp_messages(drive):
+        served.send(sent)
+    assert car.received_s is not None
+    car.end_when_silent(car.received_s + SILENCE_S)
+    (log,) = car.logs()
+    found = need(served, departure_utc=NOON_S + 86_400.0 + 1800.0).json()
+    own = tw.load_model().forecast(plan_from_links(links_of_trip(log)))
+    assert (found["plan"], found["usual_trip"], found["soc"]) == ("usual", log.trip_id, None)
+    assert found["energy_wh"] == pytest.approx(own.quantile(0.9), abs=1e-6)
+    assert found["charge_wh"] is None
+    for departure_utc in (NOON_S + 86_400.0 + 6.0 * 3600.0, NOON_S - 86_400.0):
+        assert need(served, departure_utc=departure_utc).status_code == 404
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"vehicle": ""},
+        {"probability": 0.49},
+        {"probability": 1.0},
+        {"reserve": -0.1},
+        {"reserve": 1.1},
+        {"departure_utc": 5},
+        {"ambient_temperature_degc": 58},
+        {"probability": "nan"},
+    ],
+)
+def test_a_need_has_bounds(served: Served, asked: dict[str, Any]) -> None:
+    served.put({"links": LINKS})
+    assert need(served, **asked).status_code == 422
+    assert need(served).status_code == 200
+    assert need(served, vehicle="none").status_code == 404
+
+
 def test_the_signals_of_a_speed_trace_count_before_those_of_messages(
     served: Served, plan: dict[str, Any]
 ) -> None:
@@ -373,6 +441,7 @@ def test_without_a_folder_of_cars_the_service_follows_none(monkeypatch: pytest.M
         ("/v1/live/leaf", "GET"),
         ("/v1/live/leaf/plan", "PUT"),
         ("/v1/live/leaf/events", "GET"),
+        ("/v1/need?vehicle=leaf", "GET"),
     ):
         found = asyncio.run(ask(path, method))
         assert (found.status_code, found.json()["type"]) == (501, "/problems/no-live")
@@ -520,7 +589,7 @@ def test_the_operations_of_cars_conform_to_the_openapi_document(
         road[0].url,
         6,
         seed=3,
-        only=r"^/v1/live/\{vehicle\}(/plan)?$",
+        only=r"^/v1/(live/\{vehicle\}(/plan)?|need)$",
         phases="examples,fuzzing",
         timeout_s=400,
     )

@@ -241,13 +241,15 @@ class LiveCar:
         if trip is None:
             return None
         if self._usual is None or self._usual[0] != trip.start_s:
-            self._usual = trip.start_s, self._find_usual(trip.start_s)
+            self._usual = trip.start_s, self.usual_trip_at(trip.start_s)
         found = self._usual[1]
         return None if found is None or trip.distance_m > LONGER * found.distance_m else found
 
-    def _find_usual(self, start_s: float) -> Log | None:
+    def usual_trip_at(self, start_s: float) -> Log | None:
+        """The finished trip that began nearest by time of day to a departure [s since 1970]. O(finished trips)."""
         paths = {_started(path).timestamp(): path for path in (self.folder / TRIPS).glob("*.csv")}
-        found = usual_departure(paths, start_s)
+        earlier = (other for other in paths if other < start_s)
+        found = usual_departure(earlier, start_s)
         return None if found is None else _read_trip(paths[found], self.name)
 
     def update(self, forecast: Forecast) -> Forecast:

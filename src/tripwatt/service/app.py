@@ -214,6 +214,7 @@ class Api:
             ("/v1/live/{vehicle}", "GET", self.live.get_live, openapi.live()),
             ("/v1/live/{vehicle}/plan", "PUT", self.live.put_plan, openapi.live_plan()),
             ("/v1/live/{vehicle}/events", "GET", self.live.get_events, openapi.live_events()),
+            ("/v1/need", "GET", self.live.get_need, openapi.need()),
             ("/v1/models", "GET", self.get_models, openapi.library(schemas.ModelsResponse, "models")),
             (
                 "/v1/vehicles",

@@ -154,6 +154,23 @@ class Jobs:
                 observed = check(lambda: parse_observed(document["observed"], self.limits))
         return require_finite(forecast(request).update(observed).to_dict(request.reserve))
 
+    def need(self, body: bytes, probability: float) -> dict[str, Any]:
+        """Return what a `ForecastRequest` needs with a probability: energy, and displayed charge to leave with."""
+        document = parse_json(body)
+        with collected_faults() as check:
+            request = check(lambda: check_request(document, ForecastRequest))
+            forecast = self._checked(document, check)
+        found = forecast(request)
+        needed = {
+            "expected_wh": found.energy_wh,
+            "energy_wh": found.quantile(probability),
+            "soc_needed": found.soc_needed(request.reserve, probability),
+            "wh_per_display": found.charge.wh_per_display,
+        }
+        if not all(map(math.isfinite, needed.values())):
+            raise _no_forecast()
+        return {"reserve": request.reserve, **needed}
+
     def plan(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `PlanRequest`."""
         found = self.journeys.plan(*self._journey(body, PlanRequest))
@@ -384,6 +401,7 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
     MappingProxyType(
         {
             "forecast": lambda jobs, job, body: jobs.forecast(body),
+            "need": lambda jobs, job, body: jobs.need(body, job["probability"]),
             "update": lambda jobs, job, body: jobs.update(body),
             "route": lambda jobs, job, body: jobs.route(body, job["speed_m_s"]),
             "plan": lambda jobs, job, body: jobs.plan(body),
@@ -434,5 +452,9 @@ def require_finite(forecast: dict[str, Any]) -> dict[str, Any]:
     if not all(
         math.isfinite(sum(values)) for values in lists
     ):  # one value that is not finite makes the sum so
-        raise InvalidInput(Fault("no forecast", "trip", "implausible results", "a trip that a car can drive"))
+        raise _no_forecast()
     return forecast
+
+
+def _no_forecast() -> InvalidInput:
+    return InvalidInput(Fault("no forecast", "trip", "implausible results", "a trip that a car can drive"))

@@ -234,6 +234,51 @@ class LiveCars:
             vehicle.faults = tuple(found.get("faults", [{"what": found["title"], "where": "forecast"}]))
         vehicle.of = state
 
+    async def need(
+        self, vehicle: LiveVehicle, probability: float, departure_s: float, known: Mapping[str, float]
+    ) -> JobResult | dict[str, Any]:
+        """What the next trip of a car needs, as `NeedResponse`; the result of a job that was refused.
+
+        Parameters
+        ----------
+        vehicle : LiveVehicle
+        probability : float
+            0.5 to 1.
+        departure_s : float
+            When it leaves, for a trip without a plan [s since 1970].
+        known : mapping of str to float
+            Fields of the request that take the place of those of the plan.
+
+        Raises
+        ------
+        Problem
+            `not-found` without a plan and a usual trip.
+        """
+        car, usual = vehicle.car, None
+        if car.plan is not None:
+            request = dict(car.plan.request)
+        else:
+            usual = car.usual_trip_at(departure_s)
+            if usual is None:
+                raise Problem("not-found", "no plan, and no earlier trip at this time of day")
+            request = fields_of(links_of_trip(usual))
+        soc = car.departure().soc if car.trip is None else None
+        job = {"kind": "need", "probability": probability}
+        result = await self.pool.run(job, orjson.dumps({**request, **known}))
+        if result.status != 200:
+            return result
+        found = orjson.loads(result.content)
+        missing_wh = None if soc is None else max(0.0, found["soc_needed"] - soc) * found["wh_per_display"]
+        return {
+            "vehicle": car.name,
+            "plan": "given" if usual is None else "usual",
+            "usual_trip": None if usual is None else usual.trip_id,
+            "probability": probability,
+            **found,
+            "soc": soc,
+            "charge_wh": missing_wh,
+        }
+
     def listen(self) -> None:
         """Take a place for a listener.
 

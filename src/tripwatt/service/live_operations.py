@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
 from typing import Annotated, Any, Final
@@ -11,6 +12,7 @@ from urllib.parse import parse_qsl
 
 import orjson
 from fastapi import Path as PathValue
+from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
@@ -20,7 +22,7 @@ from tripwatt.live.live_car import VALID_NAME
 from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S
 from tripwatt.service.live import EventResponse, LiveCars
 from tripwatt.service.openapi import EVENTS, FORM, JSON
-from tripwatt.service.pool import WorkerPool
+from tripwatt.service.pool import JobResult, WorkerPool
 from tripwatt.service.problems import MEDIA_TYPE, Problem, invalid_input
 from tripwatt.service.receiving import media_type, request_id, require_accepts
 from tripwatt.service.settings import Settings
@@ -31,7 +33,9 @@ MOST_MESSAGE_BYTES: Final = 65_536
 MOST_FORM_FIELDS: Final = 20
 
 ReadBody = Callable[..., Awaitable[bytes]]
-Name = Annotated[str, PathValue(pattern=f"^{VALID_NAME.pattern}$", description="name of the car's folder")]
+NAME: Final = {"pattern": f"^{VALID_NAME.pattern}$", "description": "name of the car's folder"}
+Name = Annotated[str, PathValue(**NAME)]
+NameQuery = Annotated[str, Query(**NAME)]
 
 
 class LiveOperations:
@@ -115,8 +119,34 @@ class LiveOperations:
         result = await self.cars.set_plan(found, plan)
         if result.status == 200:
             return _json(await self.cars.document(found))
-        document = {**orjson.loads(result.content), "instance": request_id(request)}
-        return Response(orjson.dumps(document), result.status, media_type=MEDIA_TYPE)
+        return _refused(result, request)
+
+    async def get_need(
+        self,
+        request: Request,
+        vehicle: NameQuery,
+        probability: Annotated[
+            float, Query(ge=0.5, le=0.99, description="with which the charge suffices")
+        ] = 0.9,
+        reserve: Annotated[
+            float | None, Query(ge=0.0, le=1.0, description="state of charge to arrive with")
+        ] = None,
+        departure_utc: Annotated[
+            float | None,
+            Query(ge=FIRST_TIME_S, le=LAST_TIME_S, description="when it leaves [s since 1970]; default: now"),
+        ] = None,
+        ambient_temperature_degc: Annotated[float | None, Query(ge=-60.0, le=57.0)] = None,
+    ) -> Response:
+        """Return what the next trip of a car needs: energy at a quantile, charge to leave with, energy to charge."""
+        require_accepts(request, JSON)
+        given = {"reserve": reserve, "ambient_temperature_degc": ambient_temperature_degc}
+        found = await self.cars.need(
+            self.cars.by_name(vehicle),
+            probability,
+            time.time() if departure_utc is None else departure_utc,
+            {name: value for name, value in given.items() if value is not None},
+        )
+        return _json(found) if isinstance(found, dict) else _refused(found, request)
 
     async def get_events(self, request: Request, vehicle: Name) -> Response:
         """Stream the state of a car on the road and the forecasts of its trip as server-sent events."""
@@ -194,6 +224,12 @@ def _require_departure(plan: Mapping[str, Any]) -> None:
     if not (is_number and FIRST_TIME_S <= given <= LAST_TIME_S):
         allowed = f"{FIRST_TIME_S:g} to {LAST_TIME_S:g} s since 1970"
         raise invalid_input([Fault("value out of range", "departure_utc", excerpt(given), allowed)])
+
+
+def _refused(result: JobResult, request: Request) -> Response:
+    """The response with the problem document of a job."""
+    document = {**orjson.loads(result.content), "instance": request_id(request)}
+    return Response(orjson.dumps(document), result.status, media_type=MEDIA_TYPE)
 
 
 def _json(document: Mapping[str, Any]) -> Response:

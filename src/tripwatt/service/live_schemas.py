@@ -43,6 +43,28 @@ class LivePlanRequest(ForecastRequest):
     )
 
 
+class NeedResponse(ResponseModel):
+    """What the next trip of a car needs, for charge planning."""
+
+    vehicle: str
+    plan: Literal["given", "usual"] = Field(
+        description="the plan that was given, or the road of an earlier trip that began at about this time of day"
+    )
+    usual_trip: str | None = Field(description="name of that trip")
+    probability: float = Field(description="with which energy and charge suffice")
+    reserve: float = Field(description="displayed state of charge to arrive with")
+    expected_wh: float = Field(description="expected energy of the trip [Wh]")
+    energy_wh: float = Field(description="quantile of the energy at the probability [Wh]")
+    soc_needed: float = Field(
+        description="displayed state of charge to leave with; above 1 where a full battery does not suffice"
+    )
+    wh_per_display: float = Field(description="energy of a whole display [Wh]")
+    soc: float | None = Field(
+        description="displayed state of charge of the last messages; null where unknown or on a trip"
+    )
+    charge_wh: float | None = Field(description="energy that is missing in the battery [Wh]")
+
+
 class LiveTripDocument(ResponseModel):
     """The trip that a car is on."""
 

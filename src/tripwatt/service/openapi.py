@@ -51,6 +51,7 @@ DOCUMENTED: Final[tuple[type[BaseModel], ...]] = (
     live_schemas.TelemetryResponse,
     live_schemas.LivePlanRequest,
     live_schemas.LiveResponse,
+    live_schemas.NeedResponse,
     schemas.UpdateRequest,
     schemas.ForecastResponse,
     schemas.RouteResponse,
@@ -262,6 +263,16 @@ def live() -> dict[str, Any]:
     """Return the description of `GET /v1/live/{vehicle}`."""
     return _operation(
         "live", "The car", _content(JSON, _reference(live_schemas.LiveResponse)), _LIVE_PROBLEMS
+    )
+
+
+def need() -> dict[str, Any]:
+    """Return the description of `GET /v1/need`."""
+    return _operation(
+        "live",
+        "What the next trip needs",
+        _content(JSON, _reference(live_schemas.NeedResponse)),
+        _LIVE_PROBLEMS,
     )
 
 
