@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from tripwatt.cli import app
+from tripwatt.cli.on_road import sentence
 from tripwatt.errors import InvalidInput
 from tripwatt.live import open_live_car
 
@@ -32,3 +34,49 @@ def test_a_token_is_printed_once_and_is_that_of_the_car(tmp_path: Path) -> None:
 def test_a_folder_without_cars_is_not_served(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match=r"no cars.*tripwatt car token"):
         run("serve", "--live", tmp_path, "--port", 0)
+
+
+def test_all_wrong_options_are_named_together(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInput) as caught:
+        run(
+            "live",
+            tmp_path / "leaf",
+            "--mqtt",
+            "http://h",
+            "--source",
+            "bmw",
+            "--topic",
+            "x",
+            "--plan",
+            "none.gpx",
+        )
+    whats = [fault.what for fault in caught.value.faults]
+    assert whats[:2] == ["not a broker", "unknown sender"]
+    assert len(whats) == 3
+    assert not (tmp_path / "leaf").exists()
+
+
+def test_without_the_extra_the_error_names_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "aiomqtt", None)
+    with pytest.raises(InvalidInput, match=r"tripwatt\[live\]"):
+        run("live", tmp_path / "leaf", "--mqtt", "mqtt://h", "--source", "ovms", "--topic", "x")
+
+
+def test_a_car_in_one_line() -> None:
+    found = {
+        "vehicle": "leaf",
+        "messages": {"new": 7},
+        "trip": {"distance_m": 3456.0},
+        "forecast": {
+            "energy_wh": 2345.0,
+            "soc_arrival": 0.62,
+            "soc_quantiles": {"0.05": 0.6, "0.5": 0.62, "0.95": 0.64},
+            "p_arrive": 0.998,
+            "reserve": 0.1,
+        },
+        "faults": [{"what": "charge rises"}],
+    }
+    assert sentence(found) == (
+        "leaf: 3.5 km driven, 7 messages, 2.35 kWh in all, arrival with 62% (60% to 64%), 99.8% to arrive with 10%, "
+        "charge rises"
+    )

@@ -547,6 +547,13 @@ def test_listeners_have_places(served: Served, monkeypatch: pytest.MonkeyPatch) 
     assert served("/v1/live/leaf/events", headers={"Accept": "text/html"}).status_code == 406
 
 
+def test_the_head_of_a_stream_ends(served: Served) -> None:
+    found = served("/v1/live/leaf/events", "HEAD")
+    assert (found.status_code, found.content) == (200, b"")
+    assert found.headers["content-type"].startswith("text/event-stream")
+    assert _cars(served).listeners == 0
+
+
 def test_silent_cars_are_looked_for_while_the_service_runs(
     served: Served, drive: pd.DataFrame, monkeypatch: pytest.MonkeyPatch
 ) -> None:

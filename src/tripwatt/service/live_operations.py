@@ -152,6 +152,8 @@ class LiveOperations:
         """Stream the state of a car on the road and the forecasts of its trip as server-sent events."""
         require_accepts(request, EVENTS)
         found = self.cars.by_name(vehicle)
+        if request.scope.get("was_head"):
+            return Response(media_type=EVENTS)  # a stream without a body would never end
         self.cars.listen()
         return EventResponse(self.cars.events(found), self.cars.leave)
 
