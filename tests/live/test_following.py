@@ -23,7 +23,7 @@ import aiomqtt
 
 import tripwatt as tw
 from tripwatt.cli.on_road import sentence
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import Fault, InvalidInput
 from tripwatt.live import Broker, Follower, LiveForecaster, Sample, TopicJoiner, following, open_live_car
 from tripwatt.live.live_trip import SILENCE_S
 from tripwatt.routes import links_of_trip, plan_from_links
@@ -248,6 +248,23 @@ def test_what_cannot_be_of_the_trip_leaves_the_forecast_at_departure(
         assert [fault["what"] for fault in found["faults"]] == ["charge rises"]
         shown = sentence(car.about(NOON_S) | found)
         assert "charge rises" in shown
+
+
+def test_a_plan_that_cannot_be_forecast_is_a_fault(
+    forecaster: LiveForecaster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise InvalidInput(Fault("no road", "plan"))
+
+    monkeypatch.setattr(type(forecaster.model), "forecast", refuse)
+    with open_live_car(tmp_path / "leaf") as car:
+        found = forecaster.document(car)
+    assert found == {
+        "plan": None,
+        "usual_trip": None,
+        "forecast": None,
+        "faults": [{"what": "no road", "where": "plan"}],
+    }
 
 
 def test_the_plan_of_a_trip_that_has_ended_is_not_used_again(

@@ -216,6 +216,13 @@ def test_the_usual_trip_is_that_of_this_time_of_day(drive: pd.DataFrame, folder:
         assert usual is not None
         assert usual.trip_id == car.logs()[0].trip_id
         assert car.usual_trip() is usual, "its file is read once"
+        path = next((folder / "live" / "trips").iterdir())
+        path.with_name("notes.csv").write_text("mine")
+        assert len(car.logs()) == 1
+        whole = path.read_bytes()
+        path.write_text("time_s\n")
+        assert car.usual_trip_at(NOON_S + day_s) is None
+        path.write_bytes(whole)
         fed(car, [Sample(NOON_S + day_s + 1000.0 + k, {"speed_m_s": 30.0}) for k in range(400)])
         assert car.usual_trip() is None, "the car goes elsewhere"
         ended(car, day_s + 1400.0)

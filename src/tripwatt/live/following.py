@@ -16,7 +16,8 @@ from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.live.live_car import LiveCar
 from tripwatt.live.telemetry import Sample
 from tripwatt.live.topics import TopicJoiner
-from tripwatt.routes import links_of_trip, plan_from_links
+from tripwatt.live.usual import road_of
+from tripwatt.routes import plan_from_links
 from tripwatt.trips import Plan
 
 if TYPE_CHECKING:
@@ -122,21 +123,25 @@ class LiveForecaster:
         if usual is None:
             return None
         if self._usual is None or self._usual.trip_id != usual.trip_id:
-            self._usual = plan_from_links(links_of_trip(usual), trip_id=usual.trip_id)
+            road = road_of(usual)
+            self._usual = None if road is None else plan_from_links(road, trip_id=usual.trip_id)
         return self._usual
 
     def document(self, car: LiveCar) -> dict[str, Any]:
         """The forecast given what was measured, and why it lacks the last messages, as the service gives them."""
-        forecast, faults = self.at_departure(car), []
+        forecast, faults = None, []
+        try:
+            forecast = self.at_departure(car)
+            forecast = None if forecast is None else car.update(forecast)
+        except InvalidInput as error:
+            faults = [fault_fields(fault) for fault in error.faults]
         usual = None if self.plan is not None or forecast is None else forecast.plan.trip_id
-        source = None if forecast is None else "given" if usual is None else "usual"
-        if forecast is not None:
-            try:
-                forecast = car.update(forecast)
-            except InvalidInput as error:
-                faults = [fault_fields(fault) for fault in error.faults]
-        shown = None if forecast is None else self._shown(forecast)
-        return {"plan": source, "usual_trip": usual, "forecast": shown, "faults": faults}
+        return {
+            "plan": None if forecast is None else "given" if usual is None else "usual",
+            "usual_trip": usual,
+            "forecast": None if forecast is None else self._shown(forecast),
+            "faults": faults,
+        }
 
     def _shown(self, forecast: Forecast) -> dict[str, Any]:
         return {

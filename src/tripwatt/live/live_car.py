@@ -37,6 +37,7 @@ JOURNAL: Final = "journal.ndjson"
 PLAN: Final = "plan.json"
 TOKEN: Final = "token.json"
 TRIPS: Final = "trips"
+NAMES: Final = re.compile(r"\d{8}T\d{6}Z")
 NAMED: Final = "%Y%m%dT%H%M%SZ"
 """Name of a finished trip: its departure in UTC."""
 
@@ -247,10 +248,18 @@ class LiveCar:
 
     def usual_trip_at(self, start_s: float) -> Log | None:
         """The finished trip that began nearest by time of day to a departure [s since 1970]. O(finished trips)."""
-        paths = {_started(path).timestamp(): path for path in (self.folder / TRIPS).glob("*.csv")}
+        paths = {_started(path).timestamp(): path for path in self._finished()}
         earlier = (other for other in paths if other < start_s)
         found = usual_departure(earlier, start_s)
-        return None if found is None else _read_trip(paths[found], self.name)
+        try:
+            return None if found is None else _read_trip(paths[found], self.name)
+        except InvalidInput:  # somebody changed the file
+            return None
+
+    def _finished(self) -> list[Path]:
+        """Files of finished trips; those that others put there are left out."""
+        found = (self.folder / TRIPS).glob("*.csv")
+        return sorted(path for path in found if NAMES.fullmatch(path.stem))
 
     def update(self, forecast: Forecast) -> Forecast:
         """A forecast of the trip made at its departure, given what was measured so far. O(samples of the trip).
@@ -327,7 +336,7 @@ class LiveCar:
 
     def logs(self) -> tuple[Log, ...]:
         """The finished trips in the order of their departure, as `OwnCar.add` takes them."""
-        return tuple(_read_trip(path, self.name) for path in sorted((self.folder / TRIPS).glob("*.csv")))
+        return tuple(_read_trip(path, self.name) for path in self._finished())
 
     def accepts(self, token: str) -> bool:
         """Whether a token is that of this car."""

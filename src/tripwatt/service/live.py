@@ -22,7 +22,7 @@ from starlette.types import Receive, Scope, Send
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.live import LiveCar, Sample, is_live_car, open_live_car
 from tripwatt.live.live_car import digest_of, token_digest
-from tripwatt.routes import links_of_trip
+from tripwatt.live.usual import road_of
 from tripwatt.service.library import fields_of
 from tripwatt.service.openapi import EVENTS
 from tripwatt.service.pool import JobResult, WorkerPool
@@ -79,8 +79,9 @@ class LiveVehicle:
         if trip is None:
             return None
         if self.usual[0] != trip.trip_id:
-            self.usual = trip.trip_id, fields_of(links_of_trip(trip))
-        return self.usual[1]
+            road = road_of(trip)
+            self.usual = trip.trip_id, {} if road is None else fields_of(road)
+        return self.usual[1] or None
 
     @property
     def state(self) -> tuple[Any, ...]:
@@ -259,9 +260,10 @@ class LiveCars:
             request = dict(car.plan.request)
         else:
             usual = car.usual_trip_at(departure_s)
-            if usual is None:
+            road = None if usual is None else road_of(usual)
+            if road is None:
                 raise Problem("not-found", "no plan, and no earlier trip at this time of day")
-            request = fields_of(links_of_trip(usual))
+            request = fields_of(road)
         soc = car.departure().soc if car.trip is None else None
         job = {"kind": "need", "probability": probability}
         result = await self.pool.run(job, orjson.dumps({**request, **known}))
