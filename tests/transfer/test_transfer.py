@@ -307,7 +307,7 @@ def test_errors_of_another_car_grow_with_the_energy(base, second_car, leaf, tmp_
     noise = donor.variances_wh2(table, trips) - 2.0 * donor.scale.values[0] ** 2
     moved = np.array([table.take([i]).features["moved_w"] @ table.take([i]).hours for i in range(6)])
     driven = np.maximum(moved, 0.5 * np.median(moved))
-    share = np.sqrt(np.mean(np.maximum(noise, 0.0) * own.posterior.noise_scale / driven**2))
+    share = np.sqrt(np.mean(np.maximum(noise, 0.0) * max(own.posterior.noise_scale, 1.0) / driven**2))
     found = own.model.uncertainty_.scale
     assert found.least_share == pytest.approx(share, rel=1e-9)
     save_model(own.model, tmp_path / "grown", provenance={}, evaluation={})

@@ -242,12 +242,14 @@ def _share_of_energy(
     """Root mean square of the errors of own trips, less their constant part, over the energy moved.
 
     How the errors of this car grow with a trip was seen on the base's trips alone. What another book lacks (wind, tyres, load,
-    the driver) takes a share of the energy, and no error grows faster.
+    the driver) takes a share of the energy, and no error grows faster. Small errors on a few trips do not show that those of
+    long ones are smaller than the base's.
     """
     moved = np.add.reduceat(table.features["moved_w"].to_numpy() * table.hours, table.offsets[:-1])
     constant = base.values[0] ** 2 * T_VARIANCE
     driven = np.maximum(moved, 0.5 * np.median(moved))  # a trip that hardly moves has no share of its own
-    return float(np.sqrt(np.mean(np.maximum(noise_wh2 - constant, 0.0) * noise_scale / driven**2)))
+    square = np.maximum(noise_wh2 - constant, 0.0) * max(noise_scale, 1.0)
+    return float(np.sqrt(np.mean(square / driven**2)))
 
 
 def _scores(
