@@ -25,6 +25,7 @@ import tripwatt as tw
 from tripwatt.cli.on_road import sentence
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.live import Broker, Follower, LiveForecaster, Sample, TopicJoiner, following, open_live_car
+from tripwatt.live.discovery import SENSORS, discovery
 from tripwatt.live.live_trip import SILENCE_S
 from tripwatt.routes import links_of_trip, plan_from_links
 from tripwatt.synthetic import example_trip
@@ -149,10 +150,29 @@ def test_the_forecast_over_mqtt_is_that_of_update(
                 if published[-1]["messages"]["new"] == len(drive):
                     break
 
+    found_by_home_assistant: dict[str, Any] = {}
+
+    async def work_and_look(follower: Follower, shown: list[dict[str, Any]]) -> None:
+        await work(follower, shown)
+        async with aiomqtt.Client(where.host, where.port) as client:
+            await client.subscribe("homeassistant/#")
+            async for message in client.messages:
+                assert isinstance(message.payload, bytes)
+                assert message.retain
+                found_by_home_assistant[message.topic.value] = json.loads(message.payload)
+                if len(found_by_home_assistant) == len(SENSORS):
+                    break
+
     with broker(tmp_path) as (where, _):
         shown = following_car(
-            tmp_path / "leaf", where, work, forecaster=forecaster, publish_to="tripwatt/leaf"
+            tmp_path / "leaf",
+            where,
+            work_and_look,
+            forecaster=forecaster,
+            publish_to="tripwatt/leaf",
+            announce_below="homeassistant",
         )
+    assert found_by_home_assistant == dict(discovery("leaf", "tripwatt/leaf", "homeassistant"))
     table = drive[["time_s", *METRICS]]
     own = forecaster.model.forecast(forecaster.plan).update_since_departure(table)
     found = shown[-1]["forecast"]

@@ -95,6 +95,14 @@ def live(
             metavar="TOPIC", help="Also publish each forecast as JSON to this topic.", show_default=False
         ),
     ] = "",
+    discovery: Annotated[
+        str,
+        typer.Option(
+            metavar="PREFIX",
+            help="Let Home Assistant find what --publish sends, below this prefix of topics: usually homeassistant.",
+            show_default=False,
+        ),
+    ] = "",
     as_json: JsonOption = False,
 ) -> None:
     """Follow a car over MQTT until you interrupt the command: keep its trips, and forecast the one that it is on.
@@ -115,13 +123,19 @@ def live(
     gather(
         lambda: got.update(broker=Broker.from_url(mqtt, os.environ.get(PASSWORD_VARIABLE))),
         lambda: got.update(joiner=TopicJoiner(source, topic)),
+        lambda: _require_topic(publish, discovery),
         lambda: got.update(forecaster=_forecaster(plan, model or own, vehicle, reserve)),
     )
     with open_live_car(car) as opened:
         follower = Follower(
-            opened, got["joiner"], _printer(as_json), got["forecaster"], every, publish, _note
+            opened, got["joiner"], _printer(as_json), got["forecaster"], every, publish, discovery, _note
         )
         asyncio.run(follower.follow(got["broker"]))
+
+
+def _require_topic(publish: str, discovery: str) -> None:
+    if discovery and not publish:
+        raise InvalidInput(Fault("nothing is published", "--discovery", discovery, "beside --publish TOPIC"))
 
 
 def _forecaster(plan: Path | None, model: Path | None, vehicle: str | None, reserve: float) -> LiveForecaster:

@@ -13,6 +13,7 @@ from urllib.parse import unquote, urlsplit
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.live.discovery import discovery
 from tripwatt.live.live_car import LiveCar
 from tripwatt.live.telemetry import Sample
 from tripwatt.live.topics import TopicJoiner
@@ -176,6 +177,8 @@ class Follower:
         Shortest time between two forecasts [s].
     publish_to : str
         Topic for the same as JSON; empty for none.
+    announce_below : str
+        Prefix of topics below which Home Assistant finds what is published; empty for none.
     note : callable
         Called with a sentence when the broker is lost or a message is not stored.
     """
@@ -186,6 +189,7 @@ class Follower:
     forecaster: LiveForecaster | None = None
     every_s: float = 5.0
     publish_to: str = ""
+    announce_below: str = ""
     note: Callable[[str], None] = lambda _: None
     _received: float = 0.0
     _on_trip: bool = False
@@ -200,6 +204,7 @@ class Follower:
                 async with _client(broker, f"tripwatt-{self.car.name}") as client:
                     await client.subscribe(self.joiner.filter, qos=1)
                     wait_s = AGAIN_S[0]
+                    await self._announce(client)
                     await self._run(client)
             except aiomqtt.MqttError as error:
                 self.note(f"{broker.host}:{broker.port}: {error}"[:200])
@@ -217,6 +222,12 @@ class Follower:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _announce(self, client: aiomqtt.Client) -> None:
+        if not (self.publish_to and self.announce_below):
+            return
+        for topic, message in discovery(self.car.name, self.publish_to, self.announce_below):
+            await client.publish(topic, json.dumps(message), qos=1, retain=True)
 
     async def _listen(self, client: aiomqtt.Client) -> None:
         async for message in client.messages:

@@ -1,0 +1,56 @@
+"""Sensors that Home Assistant finds: their topics, and what their templates give of a published document."""
+
+from __future__ import annotations
+
+import jinja2
+import pytest
+
+from tripwatt.live.discovery import discovery
+
+DOCUMENT = {
+    "seconds_since_message": 90.0,
+    "forecast": {
+        "energy_wh": 4321.0,
+        "soc_quantiles": {"0.05": 0.2111, "0.5": 0.3, "0.95": 0.3899},
+        "p_arrive": 0.98765,
+    },
+}
+
+
+def values(document: dict[str, object]) -> dict[str, object]:
+    """Value of each sensor; templates run as in Home Assistant, with the document as `value_json`."""
+    run = jinja2.Environment(autoescape=True)
+    return {
+        topic.split("/")[-2]: run.from_string(message["value_template"]).render(value_json=document)
+        for topic, message in discovery("leaf", "tripwatt/leaf", "homeassistant")
+    }
+
+
+def test_templates_give_the_figures_in_the_units_of_the_sensors() -> None:
+    assert values(DOCUMENT) == {
+        "energy": "4.32",
+        "arrival": "30.0",
+        "arrival_low": "21.1",
+        "arrival_high": "39.0",
+        "p_arrive": "98.8",
+        "silence": "1.5",
+    }
+    units = [message["unit_of_measurement"] for _, message in discovery("leaf", "t", "p")]
+    assert units == ["kWh", "%", "%", "%", "%", "min"]
+
+
+def test_without_a_forecast_figures_are_unknown() -> None:
+    found = values({"seconds_since_message": None, "forecast": None})
+    assert found.pop("silence") == "0.0"
+    assert set(found.values()) == {"None"}
+
+
+@pytest.mark.parametrize(
+    ("car", "node"), [("leaf", "tripwatt_leaf"), ("Mein Auto/ü", "tripwatt_Mein_Auto__")]
+)
+def test_topics_have_the_characters_that_home_assistant_allows(car: str, node: str) -> None:
+    found = list(discovery(car, "tripwatt/x", "ha"))
+    assert found[0][0] == f"ha/sensor/{node}/energy/config"
+    assert len({message["unique_id"] for _, message in found}) == len(found) == 6
+    assert {message["state_topic"] for _, message in found} == {"tripwatt/x"}
+    assert all(message["device"]["identifiers"] == [node] for _, message in found)
