@@ -225,6 +225,7 @@ def test_a_car_has_its_own_curve_or_that_of_its_class():
     own = load_vehicle("hyundai_kona_64").charging
     assert (kona.soc, kona.power_w, kona.is_class) == (own.displayed_soc, own.power_w, False)
     assert kona.alternating_w == own.alternating_power_w == 11_000.0
+    assert ChargingCurve.from_vehicle(load_vehicle("nissan_leaf_40"), 38_000.0).alternating_w == 6_600.0
     i3 = ChargingCurve.from_vehicle(load_vehicle("bmw_i3_60ah"), 20_000.0)
     assert i3 == ChargingCurve.from_class(20_000.0)
     assert (i3.is_class, i3.power_w[0], i3.power_w[-1]) == (True, 24_000.0, 2_000.0)
