@@ -333,7 +333,7 @@ def test_errors_of_the_framework_are_problem_documents(
 
 @pytest.mark.parametrize(
     ("status", "kind"),
-    [(400, "bad-request"), (418, "bad-request"), (499, "bad-request"), (500, "internal"), (501, "internal")],
+    [(400, "bad-request"), (418, "bad-request"), (451, "bad-request"), (500, "internal"), (501, "internal")],
 )
 def test_other_errors_of_the_framework_have_a_kind(status: int, kind: str) -> None:
     from fastapi import FastAPI, HTTPException
