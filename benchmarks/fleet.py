@@ -169,22 +169,30 @@ def truth(trips: int = 1200, vehicles: int = 60) -> Iterator[Bar]:
     X, models = rows.X, rows.texts("car_model")
     own = {vehicle_truth(plan, n).vehicle_id: vehicle_truth(plan, n) for n in range(vehicles)}
     names = sorted(own)
-    found, true = [], []
+    ids, who, simulated = rows.texts("vehicle_id"), rows.texts("driver"), rows.numbers("simulated_wh")
+    found, true, driven = [], [], []
     for name in names:
         its = models == own[name].car_model
+        shares = {driver: share for driver, _, share in own[name].drivers}
+        driven.append(np.mean([shares[driver] for driver in who[ids == name]]) * simulated[its].mean())
         usual = X[its].mean(axis=0)
         base, _ = model.posterior.weights(own[name].car_model)
         found.append(float(usual @ (model.posterior.weights(own[name].car_model, name)[0] - base)))
         true.append(own_energy_wh(plan, own[name], rows.where(its)))
+    together = [a + b for a, b in zip(true, driven, strict=True)]
     centred = [[v - np.mean([w for w, n in zip(values, names, strict=True) if own[n].car_model == own[m].car_model])
-                for v, m in zip(values, names, strict=True)] for values in (found, true)]  # fmt: skip
-    correlation = float(np.corrcoef(*centred)[0, 1])
+                for v, m in zip(values, names, strict=True)] for values in (found, true, together)]  # fmt: skip
+    correlation = float(np.corrcoef(centred[0], centred[1])[0, 1])
     yield at_least(
         f"deviations of vehicles at {trips // vehicles} trips, correlation with the truth",
         how,
         correlation,
         0.9,
     )
+    text = "the same against the vehicle with the drivers of its trips"
+    yield shown(text, how, f"{np.corrcoef(centred[0], centred[2])[0, 1]:.3f}", "")
+    text = "the vehicle against the vehicle with its drivers, both true: what no estimate can part"
+    yield shown(text, how, f"{np.corrcoef(centred[1], centred[2])[0, 1]:.3f}", "")
     evaluation = evaluate_rows(rows)
     for row in evaluation.own.to_dict("records"):
         best = min(row["own_only"], row["fleet_only"])
@@ -233,7 +241,7 @@ def own_energy_wh(plan: Any, truth_: Any, rows: Any) -> float:
     )
 
 
-def update(trips: int = 1000, vehicles: int = 50) -> Iterator[Bar]:
+def update(trips: int = 5000, vehicles: int = 100) -> Iterator[Bar]:
     from tripwatt.fleet.executors import InProcess
     from tripwatt.fleet.hierarchy import posterior
     from tripwatt.fleet.model import update_fleet

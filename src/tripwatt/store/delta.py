@@ -218,26 +218,16 @@ class DeltaFolder:
         )
         return {name: found[name] for name in ("numFilesAdded", "numFilesRemoved")}
 
-    def compact_beyond(self, files: int, target_size: int) -> bool:
-        """Merge small data files when the table has more than some, unless another writer commits meanwhile.
-
-        Parameters
-        ----------
-        files : int
-            Data files from which merging pays.
-        target_size : int
-            Size up to which files are merged [bytes].
+    def try_to_compact(self, target_size: int) -> bool:
+        """Merge small data files as `compact` does, unless another writer changes them meanwhile.
 
         Returns
         -------
         bool
             Whether they were merged.
         """
-        table = self.open()
-        if len(table.file_uris()) <= files:
-            return False
         try:
-            table.optimize.compact(target_size=target_size, writer_properties=_writing())
+            self.open().optimize.compact(target_size=target_size, writer_properties=_writing())
         except require_deltalake().exceptions.CommitFailedError:
             return False
         return True

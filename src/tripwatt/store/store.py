@@ -214,7 +214,8 @@ class TripStore:
                 kept = {s.row["digest"] for s in committed}
                 lost = [s.row["digest"] for s in new if s.row["digest"] not in kept]
                 self.samples.delete(f"batch = '{batch}' AND digest IN ({_sql_texts(lost)})")
-        self.rows.compact_beyond(FILES_A_BUCKET * self.buckets, FILE_BYTES)
+        if len(before.file_uris()) > FILES_A_BUCKET * self.buckets:
+            self.rows.try_to_compact(FILE_BYTES)
         unusable = sum(s.row["drives"] == 0 for s in committed)
         return Added(len(committed), len(stored) - len(committed), unusable)
 
