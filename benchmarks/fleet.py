@@ -8,7 +8,8 @@
     peers   statsmodels MixedLM and single fits on the same rows
     real    the TUM i3 and the Leafs of the VED set as one fleet (data in --data)
 
-Prints each bar with its figure. The synthetic fleet and its seed are fixed.
+Prints each bar with its figure, and writes those of `scale` into docs/fleet.md with --write. The synthetic fleet and its seed
+are fixed.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ import numpy as np
 from benchmarks.bars import Bar, at_least, at_most, missing, shown
 
 COMMAND = "python -m benchmarks.fleet"
+PAGE = Path(__file__).parents[1] / "docs" / "fleet.md"
+MARKS = ("<!-- costs: python -m benchmarks.fleet scale --write -->", "<!-- end of the costs -->")
 MB = 1.0 / 1024.0
 
 
@@ -493,6 +496,15 @@ def same(trips: int = 160, vehicles: int = 16) -> Iterator[Bar]:
     shutil.rmtree(folder, ignore_errors=True)
 
 
+def write(bars: list[Bar]) -> None:
+    """Put what `scale` printed between the marks of the page."""
+    rows = "\n".join(f"| {bar.text} | {bar.figure} |" for bar in bars)
+    head, _, rest = PAGE.read_text(encoding="utf-8").partition(MARKS[0])
+    tail = rest.partition(MARKS[1])[2]
+    table = f"`{bars[0].measure}` printed:\n\n| what | printed |\n|---|---:|\n{rows}"
+    PAGE.write_text(f"{head}{MARKS[0]}\n\n{table}\n\n{MARKS[1]}{tail}", encoding="utf-8")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(prog=COMMAND)
     names = ("scale", "same", "store", "truth", "update", "peers", "real")
@@ -501,6 +513,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--write", action="store_true", help="write the costs of `scale` into docs/fleet.md")
     given = parser.parse_args()
     found = []
     for name in given.what or names:
@@ -513,9 +526,13 @@ def main() -> None:
             "peers": peers,
             "real": lambda: real(given.data),
         }[name]
+        printed = []
         for bar in bars():
             print(f"{bar.text} | {bar.figure} | {bar.required} | {bar.verdict}", flush=True)
-            found.append(bar.__dict__)
+            printed.append(bar)
+        found += [bar.__dict__ for bar in printed]
+        if given.write and name == "scale":
+            write(printed)
     if given.json is not None:
         given.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
 
