@@ -33,7 +33,7 @@ def test_a_token_is_printed_once_and_is_that_of_the_car(tmp_path: Path) -> None:
 
 def test_a_folder_without_cars_is_not_served(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match=r"no cars.*tripwatt car token"):
-        run("serve", "--live", tmp_path, "--port", 0)
+        run("serve", "--cars", tmp_path, "--port", 0)
 
 
 def test_all_wrong_options_are_named_together(tmp_path: Path) -> None:

@@ -33,6 +33,8 @@ FORMAT: Final = 1
 ABOUT: Final = "car.json"
 LIVE: Final = "live"
 """Folder of what the car sends while it drives."""
+UPLOADS: Final = "uploads"
+"""Folder of logs that were sent and are not learned yet."""
 VEHICLE: Final = "car.toml"
 STORE: Final = "trips"
 LEARNED: Final = "learned"
@@ -140,9 +142,25 @@ class OwnCar:
             entries, left_out = self._learn(given, progress or (lambda done, total: None))
         return Learned(done.added, done.known, entries, left_out)
 
-    def about(self) -> dict[str, Any]:
-        """Plain values: the car, its trips, what was learned, and its scores."""
-        diary = self.diary
+    def state(self) -> tuple[int, ...]:
+        """What changes whenever the car has learned: file number and time of its model [ns]."""
+        place = self._learned / MODEL
+        found = (place if place.is_dir() else self.folder / ABOUT).stat()
+        return found.st_ino, found.st_mtime_ns
+
+    def about(self, diary: Diary | None = None) -> dict[str, Any]:
+        """Plain values: the car, its trips, what was learned, and its scores.
+
+        Parameters
+        ----------
+        diary : Diary, optional
+            Its diary, where it was read already.
+
+        Returns
+        -------
+        dict
+        """
+        diary = self.diary if diary is None else diary
         latest, by_book = diary.latest()
         return {
             "car": self.name,
@@ -156,6 +174,7 @@ class OwnCar:
             "latest": latest.to_dict(),
             "latest_by_book": by_book.to_dict(),
             "by_temperature": {name: score.to_dict() for name, score in diary.by_temperature().items()},
+            "by_season": diary.by_season(),
             "by_cause_wh": diary.by_cause_wh(),
         }
 
@@ -360,7 +379,7 @@ def forget_car(folder: Path | str) -> None:
     """
     car = open_car(folder)
     with folder_lock(car.folder):
-        for name in (STORE, LEARNED, LIVE):
+        for name in (STORE, LEARNED, LIVE, UPLOADS):
             shutil.rmtree(car.folder / name, ignore_errors=True)
         for name in (VEHICLE, ABOUT):
             (car.folder / name).unlink(missing_ok=True)

@@ -105,7 +105,7 @@ class LiveCars:
     Raises
     ------
     InvalidInput
-        When the folder has no car, or one of them cannot be opened.
+        When there is no such folder, or a car with a token cannot be opened.
     """
 
     def __init__(self, folder: Path, pool: WorkerPool, limits: Limits, log: Callable[..., None]) -> None:
@@ -114,16 +114,31 @@ class LiveCars:
         self._by_digest: dict[str, LiveVehicle] = {}
         self.listeners = 0
         self._ending = asyncio.Event()
-        places = sorted(place for place in folder.iterdir() if is_live_car(place)) if folder.is_dir() else []
-        if not places:
-            fix = "make one: tripwatt car token FOLDER/NAME"
-            raise InvalidInput(
-                Fault("no cars", "--live", f"{folder}", "a folder with cars that have a token", fix)
-            )
-        for place in places:
-            found = LiveVehicle(open_live_car(place))
-            self.vehicles[place.name] = found
-            self._by_digest[token_digest(place) or ""] = found
+        if not folder.is_dir():
+            fix = "make it; cars are made in it on the page or by `tripwatt car new`"
+            raise InvalidInput(Fault("no folder of cars", "--cars", f"{folder}", "a folder", fix))
+        for place in sorted(place for place in folder.iterdir() if is_live_car(place)):
+            self.open(place)
+
+    def open(self, place: Path) -> None:
+        """Follow the car of a folder; of one that is followed already, only its token is read again.
+
+        Raises
+        ------
+        InvalidInput
+            When the car cannot be opened.
+        """
+        found = self.vehicles.get(place.name) or LiveVehicle(open_live_car(place))
+        self.vehicles[place.name] = found
+        self._by_digest = {digest: car for digest, car in self._by_digest.items() if car is not found}
+        self._by_digest[token_digest(place) or ""] = found
+
+    def drop(self, name: str) -> None:
+        """Follow a car no longer."""
+        found = self.vehicles.pop(name, None)
+        if found is not None:
+            self._by_digest = {digest: car for digest, car in self._by_digest.items() if car is not found}
+            found.car.close()
 
     def by_name(self, name: str) -> LiveVehicle:
         """The car of this name.
