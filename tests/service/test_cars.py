@@ -16,6 +16,7 @@ import pytest
 from tests.sources.test_loggers import EXPORTS, WHOLE_UNITS, charge, written
 from tests.sources.test_suggest import drive
 from tests.support.service_process import Service, serving
+from tests.support.service_schema import conformance
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
@@ -303,12 +304,26 @@ def test_a_token_makes_the_car_send_at_once(service: Service) -> None:
     assert service.client.get("/v1/live/on-road").status_code == 404
 
 
+def test_the_operations_on_cars_conform_to_their_description(service: Service) -> None:
+    """Without uploads, whose files schemathesis cannot make up."""
+    found = conformance(
+        service.url,
+        6,
+        seed=3,
+        only=r"^/v1/cars(/\{car\}(/token)?)?$",
+        phases="examples,fuzzing",
+        timeout_s=400,
+    )
+    assert found.clean, found.text
+
+
 def test_without_a_folder_there_are_no_cars() -> None:
     jobs = CarJobs()
     assert jobs.names() == []
     assert jobs.model("any") is None
+    assert jobs.list() == {"cars": None}
     with pytest.raises(Problem) as caught:
-        jobs.list()
+        jobs.show("any")
     assert caught.value.kind == "no-live"
 
 

@@ -116,7 +116,8 @@ class CarJobs:
 
     def list(self) -> dict[str, Any]:
         """Return the cars, as `CarsResponse`."""
-        self.place("any")
+        if self.folder is None:
+            return {"cars": None}
         return {"cars": [_summary(self.car(name), self.car(name).about()) for name in self.names()]}
 
     def show(self, name: str) -> dict[str, Any]:
@@ -166,6 +167,8 @@ class CarJobs:
         document, assumed = changed_tables(proposal, request, own.vehicle)
         shown = _shown_mapping(document, proposal)
         used = {entry["column"] for entry in shown}
+        # where a file has a row for each value, signals stand for columns
+        found["columns"] = list(dict.fromkeys([*found["columns"], *used]))
         preview, faults = None, []
         try:
             preview = preview_of(read_table(tables, mapping_from_tables(document, "mapping")))

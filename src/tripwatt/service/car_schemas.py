@@ -198,7 +198,7 @@ class CarResponse(CarSummary):
 class CarsResponse(ResponseModel):
     """The cars of the service."""
 
-    cars: list[CarSummary]
+    cars: list[CarSummary] | None = Field(description="null where the service keeps no cars")
 
 
 class TokenResponse(ResponseModel):

@@ -75,7 +75,7 @@ def main() -> None:
         return
     models = {name: Path(folder) for name, folder in first[0]["models"].items()}
     journeys = JourneyJobs.from_settings(first[0]["atlas"])
-    folder = first[0]["cars"]
+    folder = first[0].get("cars")
     cars = CarJobs(None if folder is None else Path(folder))
     jobs = Jobs.from_folders(models, Limits(**first[0]["limits"]), journeys, cars)
     jobs.warm_up()

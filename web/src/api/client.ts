@@ -104,7 +104,7 @@ export const listExamples = async () =>
   (await requestJson<{ examples: ExampleSummary[] }>("v1/examples")).examples;
 export const loadExample = (trip: string) => requestJson<Example>(`v1/examples/${encodeURIComponent(trip)}`);
 
-export const listCars = async () => (await requestJson<{ cars: OwnCarSummary[] }>("v1/cars")).cars;
+export const listCars = async () => (await requestJson<{ cars: OwnCarSummary[] | null }>("v1/cars")).cars;
 const pathOf = (car: string) => `v1/cars/${encodeURIComponent(car)}`;
 export const createCar = (body: string) => post<OwnCar>("v1/cars", body, "application/json");
 export const getCar = (car: string) => requestJson<OwnCar>(pathOf(car));

@@ -52,12 +52,7 @@ async function asked<T>(request: () => Promise<T>): Promise<T | null> {
 
 /** Load the cars, if the service keeps any. */
 export async function loadOwnCars(): Promise<void> {
-  try {
-    ownCars.value = await listCars();
-  } catch (error) {
-    if (!(error instanceof RequestFailed)) throw error;
-    ownCars.value = null;
-  }
+  ownCars.value = await listCars();
 }
 
 function keep(found: OwnCar): void {

@@ -229,13 +229,19 @@ export function OwnCarLogs({ car }: { car: string }) {
           <div class="actions">
             <button
               type="button"
+              disabled={sending.value !== null}
               onClick={() => {
                 reading.value = null;
               }}
             >
               {words.cancel}
             </button>
-            <button type="button" class="primary" disabled={drives === 0} onClick={() => void learn(car)}>
+            <button
+              type="button"
+              class="primary"
+              disabled={drives === 0 || sending.value !== null}
+              onClick={() => void learn(car)}
+            >
               {words.learn(drives)}
             </button>
           </div>

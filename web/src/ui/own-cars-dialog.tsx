@@ -67,6 +67,7 @@ function NewCar() {
         <span>{words.name}</span>
         <input
           name="name"
+          type="text"
           required
           maxLength={64}
           pattern="[A-Za-z0-9_][A-Za-z0-9._\-]*"
