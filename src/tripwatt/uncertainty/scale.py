@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -96,16 +96,29 @@ class TotalScale:
         growing = max(float(np.hypot(parts[1], parts[2])), self.least_share * float(sizes[2]))
         return float(np.linalg.norm([parts[0], growing, parts[3], segments.outside_sd_wh]))
 
+    def with_share(self, share: float, energy_over_moved: float) -> TotalScale:
+        """With a further share of every energy, such as by a capacity that is not well known; that of the energy moved carries it."""
+        values = self.values.copy()
+        values[2] = np.hypot(values[2], share * energy_over_moved)
+        return replace(self, values=values)
+
     @classmethod
     def from_errors(
-        cls, trips: Sequence[Segments], errors_wh: FloatArray, course: TimeCourse | None = None
+        cls,
+        trips: Sequence[Segments],
+        errors_wh: FloatArray,
+        course: TimeCourse | None = None,
+        measured_sd_wh: FloatArray | float = 0.0,
     ) -> TotalScale:
-        """Maximum a posteriori of t-distributed errors, with log-normal priors around usual values. O(trips) a step."""
+        """Maximum a posteriori of t-distributed errors, with log-normal priors around usual values. O(trips) a step.
+
+        The variance of what was measured, with `measured_sd_wh` [Wh], is that of the trip's energy and of its measurement.
+        """
         from scipy.optimize import minimize
 
         course = course or TimeCourse()
         sizes = np.array([_sizes(segments, course) for segments in trips]) * _START
-        outside = np.array([segments.outside_sd_wh for segments in trips])
+        outside = np.hypot([segments.outside_sd_wh for segments in trips], measured_sd_wh)
 
         def cost(logs: FloatArray) -> tuple[float, FloatArray]:
             parts = sizes**2 * np.exp(2.0 * logs)

@@ -69,9 +69,15 @@ class UpdateShrinkage:
     def from_trips(
         cls, process: ResidualProcess, trips: Sequence[HeldOutResidual], scale_wh: FloatArray
     ) -> UpdateShrinkage:
-        """Learn from held-out trips; `scale_wh` is the standard deviation of each total. O(segments of all trips)."""
+        """Learn from held-out trips; `scale_wh` is the standard deviation of each total. O(segments of all trips).
+
+        Without a trip nothing is known of updates, and their shares are 0.
+        """
         shares = np.zeros((len(FRACTIONS), len(COMPONENTS)))
         sd_factors = np.ones((len(FRACTIONS), 2))
+        if not trips:
+            none = shares[:, 0]
+            return cls(none, none, none, sd_factors[:, 0], sd_factors[:, 1], none)
         split = np.array([process.split and trip.climate_w is not None for trip in trips])
         own = np.array([process.sd_wh(trip.segments) for trip in trips])
         before = _point(np.array([trip.error_wh for trip in trips]) / scale_wh)
