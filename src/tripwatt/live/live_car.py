@@ -47,6 +47,9 @@ FUTURE_S: Final = 120.0
 LEAST_ROWS: Final = 3
 """Fewest samples of a table that can be read again."""
 
+SECONDS_PER_DAY: Final = 86_400.0
+ERASE_EVERY_S: Final = 3600.0
+
 SLACK_LINES: Final = 1000
 """Lines that the journal of a standing car may hold beyond those that count."""
 
@@ -82,6 +85,8 @@ class LiveCar:
     ----------
     folder : Path
         Of the car. Its name is that of the car.
+    keep_days : float, optional
+        Days that finished trips, and samples of a car that is silent, stay on disk; for ever by default.
 
     Attributes
     ----------
@@ -99,13 +104,15 @@ class LiveCar:
     (0.51, 0.56)
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, keep_days: float = math.inf) -> None:
         self.folder = folder / LIVE
+        self.keep_days = keep_days
         self.name = folder.name
         self.counts = {"new": 0, "doubled": 0, "late": 0}
         self._finder = TripFinder()
         self._ended: list[LiveTrip] = []
         self._usual: tuple[float, Log | None] | None = None
+        self._erased_s = -math.inf
         with ExitStack() as stack:
             stack.enter_context(folder_lock(self.folder))
             self._journal = Journal(self.folder / JOURNAL)
@@ -118,6 +125,7 @@ class LiveCar:
             self.received_s = self._journal.written_s if self._journal.lines else None
             self._listening_s = time.time() if self._journal.lines else -math.inf
             self._finish()
+            self.erase_old(time.time())
             self._open = stack.pop_all()
 
     @property
@@ -164,6 +172,29 @@ class LiveCar:
         self._finish()
         return arrival
 
+    def erase_old(self, now_s: float) -> int:
+        """Erase what is older than `keep_days`: finished trips by their departure, and the samples of a car that sends no more.
+
+        A trip that the car is on stays. O(finished trips).
+
+        Returns
+        -------
+        int
+            Trips that were erased.
+        """
+        before_s = now_s - self.keep_days * SECONDS_PER_DAY
+        if before_s == -math.inf:
+            return 0
+        old = [path for path in self._finished() if _started(path).timestamp() < before_s]
+        for path in old:
+            path.unlink(missing_ok=True)
+        silent = self.received_s is not None and self.received_s < before_s
+        if silent and self.trip is None and self._journal.lines:
+            self._journal.rewrite([], self._ordered.newest_s)
+        if old:
+            self._usual = None
+        return len(old)
+
     def _take(self, sample: Sample) -> None:
         self._ordered.insert(sample)
         self._follow(self._ordered.ready())
@@ -182,6 +213,9 @@ class LiveCar:
         bool
             Whether a trip has ended.
         """
+        if now_s - self._erased_s > ERASE_EVERY_S:
+            self._erased_s = now_s
+            self.erase_old(now_s)
         if self.received_s is None or now_s - max(self.received_s, self._listening_s) < SILENCE_S:
             return False
         self._follow(self._ordered.rest())
@@ -357,8 +391,14 @@ class LiveCar:
         return f"<LiveCar {self.name}: {'on no trip' if trip is None else f'{trip.distance_m / 1000.0:.1f} km driven'}>"
 
 
-def open_live_car(folder: Path | str) -> LiveCar:
+def open_live_car(folder: Path | str, *, keep_days: float = math.inf) -> LiveCar:
     """Open a car that sends samples: a new folder, or one that may be a car of `create_car` beside.
+
+    Parameters
+    ----------
+    folder : path
+    keep_days : float, optional
+        Days that finished trips stay on disk; older ones are erased now and every hour. For ever by default.
 
     Raises
     ------
@@ -367,7 +407,7 @@ def open_live_car(folder: Path | str) -> LiveCar:
     """
     place = Path(folder).absolute()
     _live_folder(place)
-    return LiveCar(place)
+    return LiveCar(place, keep_days)
 
 
 def is_live_car(folder: Path | str) -> bool:
