@@ -449,7 +449,7 @@ def token_digest(folder: Path) -> str | None:
         return None
     try:
         found = json.loads(read_text_file(path, MOST_TOKEN_BYTES))["sha256"]
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InvalidInput(
             Fault("damaged file", f"{path}", f"{error}"[:200], "the digest of a token")
         ) from error
@@ -475,7 +475,7 @@ def _read_plan(path: Path) -> LivePlan | None:
     try:
         found = json.loads(read_file(path, MOST_PLAN_BYTES))
         return LivePlan(dict(found["request"]), found["departure_s"], found["given_s"])
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InvalidInput(
             Fault("damaged file", f"{path}", f"{error}"[:200], "a plan", "remove it")
         ) from error
