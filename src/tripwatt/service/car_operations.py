@@ -21,6 +21,8 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.live import is_car
+from tripwatt.live.live_car import finished_count
 from tripwatt.live.own_car import UPLOADS
 from tripwatt.service.car_jobs import TABLES, read_progress
 from tripwatt.service.car_schemas import NAME_PATTERN
@@ -37,6 +39,9 @@ ReadBody = Callable[..., Awaitable[bytes]]
 UPLOAD_PATTERN: Final = "^[a-z0-9]{8,32}$"
 MOST_FILES: Final = 4000
 """Most tables of an upload."""
+
+LOOK_S: Final = 5.0
+"""Time between two looks for trips that have ended on the road."""
 
 EXPIRES_AFTER_S: Final = 3600.0
 """An upload that is not learned is erased after so long, when the car gets the next one."""
@@ -55,6 +60,7 @@ class Learning:
     Attributes
     ----------
     upload : str
+        Empty for trips that the car sent.
     task : asyncio.Task
     result : JobResult or None
         None while it runs.
@@ -82,6 +88,8 @@ class CarOperations:
         Reads the body of a request: `(request, media_types, most_bytes, limit)`.
     learning : dict
         By name of the car.
+    driven : dict
+        Finished trips that a car had sent when it learned them last, by name of the car.
     """
 
     settings: Settings
@@ -90,6 +98,7 @@ class CarOperations:
     live: Callable[[], LiveCars]
     read_body: ReadBody
     learning: dict[str, Learning] = field(default_factory=dict)
+    driven: dict[str, int] = field(default_factory=dict)
     _started: bool = False
 
     @classmethod
@@ -108,11 +117,12 @@ class CarOperations:
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
-        """Stop what is learned when the service stops: what was learned by then is kept."""
+        """Learn trips that have ended on the road; stop with the service, which keeps what was learned by then."""
+        watch = asyncio.ensure_future(self._watch())
         try:
             yield
         finally:
-            tasks = [found.task for found in self.learning.values() if found.task is not None]
+            tasks = [watch, *(found.task for found in self.learning.values() if found.task is not None)]
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
@@ -180,11 +190,32 @@ class CarOperations:
         self._require_idle(car)
         found = Learning(upload)
         self.learning[car] = found
-        found.task = asyncio.ensure_future(self._learn(found, car, body))
+        job = {"kind": "learn", "car": car, "upload": upload}
+        found.task = asyncio.ensure_future(self._learn(found, job, body))
         return await self._job(request, {"kind": "car", "car": car}, shows=True)
 
-    async def _learn(self, found: Learning, car: str, body: bytes) -> None:
-        job = {"kind": "learn", "car": car, "upload": found.upload}
+    async def _watch(self) -> None:
+        """Learn the trips of cars on the road soon after they have ended, until this is cancelled.
+
+        Trips that are in the car's store already are not counted again, so that it does not matter when a service was killed.
+        """
+        while self.settings.cars is not None:
+            for name in list(self.live().vehicles):
+                count = finished_count(self.settings.cars / name)
+                known = self.learning.get(name)
+                is_idle = known is None or known.result is not None
+                if is_idle and count != self.driven.get(name, 0) and is_car(self.settings.cars / name):
+                    found = Learning("")
+                    self.learning[name] = found
+                    found.task = asyncio.ensure_future(
+                        self._learn(found, {"kind": "learn driven", "car": name})
+                    )
+                    await found.task
+                    if found.result is not None and found.result.status == 200:
+                        self.driven[name] = count
+            await asyncio.sleep(LOOK_S)
+
+    async def _learn(self, found: Learning, job: dict[str, Any], body: bytes = b"") -> None:
         try:
             if not self._started:
                 self._started = True
@@ -205,7 +236,7 @@ class CarOperations:
 
     def _car(self, name: str) -> Path:
         place = self._folder() / name
-        if not (place / "car.json").is_file():
+        if not is_car(place):
             raise Problem("not-found", "no such car")
         return place
 
