@@ -311,7 +311,7 @@ def test_a_trip_that_the_car_sent_is_learned_once_it_has_ended(service: Service,
     token = service.client.post("/v1/cars/driven/token").json()["token"]
     drive_ = measured(synthetic_fleet(1).logs[0].samples)
     messages = [
-        *abrp_messages(drive_.iloc[::5], NOON_S),
+        *abrp_messages(drive_.iloc[::2], NOON_S),
         # a later day shows that the trip has ended
         *({"utc": NOON_S + 86_400.0 + k, "speed": 0.0, "soc": 70.0} for k in (0.0, 120.0)),
     ]
