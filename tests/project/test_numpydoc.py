@@ -56,10 +56,11 @@ def names() -> Iterator[tuple[str, Any]]:
 
 def members(name: str, thing: Any) -> Iterator[tuple[str, Any]]:
     """The public methods and properties that a class itself defines."""
+    fields = {field.name for field in dataclasses.fields(thing)} if dataclasses.is_dataclass(thing) else set()
     for member, value in vars(thing).items() if inspect.isclass(thing) else ():
         kinds = (classmethod, staticmethod, property)
         is_shown = inspect.isfunction(value) or isinstance(value, kinds) or hasattr(value, "attrname")
-        if not member.startswith("_") and is_shown:
+        if not member.startswith("_") and is_shown and member not in fields:
             yield f"{name}.{member}", value
 
 

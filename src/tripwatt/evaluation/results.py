@@ -65,6 +65,12 @@ class EvaluationRun:
         Summary, diagnosis and effects of the GAMM, likewise; None where it was not among the models.
     forecast : ForecastInsight or None
         Held-out forecasts of the first evaluation; None in a protocol without them.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> run = tw.evaluate(tw.synthetic_fleet(12), models=["constant"])  # doctest: +SKIP
+    >>> sorted(run.results)  # doctest: +SKIP
     """
 
     results: dict[str, Any]
@@ -183,7 +189,19 @@ def paired_summary(
 
 
 def write_results(run: EvaluationRun, out: Path) -> None:
-    """Write `results.json`, `folds.csv` and, where there are forecasts, `forecasts.csv` into the folder `out`."""
+    """Write `results.json`, `folds.csv` and, where there are forecasts, `forecasts.csv` into the folder `out`.
+
+    Parameters
+    ----------
+    run : EvaluationRun
+        As `evaluate` returns it.
+    out : Path
+        Folder, made where it is missing; files of an earlier run are replaced.
+
+    Examples
+    --------
+    >>> write_results(run, Path("out"))  # doctest: +SKIP
+    """
     out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(run.results, indent=1, allow_nan=False, default=_plain)
     (out / "results.json").write_text(text + "\n", encoding="utf-8")
