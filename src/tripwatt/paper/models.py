@@ -24,7 +24,7 @@ class Corrector(Protocol):
     Examples
     --------
     >>> from tripwatt.paper import Table2Corrector
-    >>> learner: Corrector = Table2Corrector(terms=("s(time)",))
+    >>> learner: Corrector = Table2Corrector(terms=("s(time_s)",))
     >>> callable(learner.fit) and callable(learner.predict)
     True
     """
@@ -85,6 +85,26 @@ class HybridModel:
     shares_folds : bool
         Whether the corrector has `leave_groups_out`, which gives the held-out predictions of all folds at once,
         identical in law to one refit per fold.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tripwatt.hybrid import build_table
+    >>> from tripwatt.paper import Table2Corrector
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> table = build_table(synthetic_fleet(4).trips, {"physics": load_vehicle(VEHICLE)})
+    >>> model = HybridModel(Table2Corrector(every_rows=120, errors="normal", terms=("s(time_s, k=4)",)), "physics")
+    >>> X, residual, groups = model.training_data(table)
+    >>> len(X) == len(residual) == len(groups)
+    True
+    >>> error = model.fit(table).predict(table) - table.observed_wh
+    >>> bool(np.abs(error).mean() < np.abs(residual).mean())
+    True
+    >>> model.predict_held_out(table, np.arange(4)).shape == residual.shape
+    True
+    >>> model.inner_errors(table, np.arange(4), seed=0).shape
+    (4,)
     """
 
     corrector: Any

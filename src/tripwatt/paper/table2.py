@@ -62,6 +62,22 @@ class Table2Corrector:
         The fitted engine, for summary, diagnosis and effects.
     left_out_ : tuple of str
         Those of `terms` that the training rows do not determine.
+
+    Examples
+    --------
+    >>> from tripwatt.hybrid import build_table
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> table = build_table(synthetic_fleet(4).trips, {"physics": load_vehicle(VEHICLE)})
+    >>> X, y, trip = table.covariates, table.observed_wh - table.simulated("physics"), table.groups
+    >>> corrector = Table2Corrector(every_rows=120, errors="normal", terms=("s(time_s, k=4)",)).fit(X, y, trip)
+    >>> corrector.predict(X).shape == corrector.leave_groups_out(X, y, trip).shape == y.shape
+    True
+    >>> frame, rows = corrector.training_frame(X, trip)
+    >>> len(frame) == len(rows), len(corrector.frame(X)) == len(X)
+    (True, True)
+    >>> corrector.inner_errors(X, y, trip, trip, seed=0).shape
+    (4,)
     """
 
     every_rows: int = 60
