@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from tests.support import ROOT
 
 import tripwatt as tw
 
@@ -42,6 +43,9 @@ PACKAGES = sorted(
     for found in pkgutil.iter_modules(tw.__path__)
     if found.ispkg and hasattr(importlib.import_module(f"tripwatt.{found.name}"), "__all__")
 )
+
+WITH_A_PAGE_OF_THEIR_OWN = ("tripwatt.cli", "tripwatt.service")
+"""Packages that the command line and the requests describe, not the reference."""
 
 
 def names() -> Iterator[tuple[str, Any]]:
@@ -93,3 +97,9 @@ def test_a_public_name_is_documented(name: str, thing: Any) -> None:
 def test_the_checks_find_what_is_missing() -> None:
     codes = {code for code, _ in validate("tripwatt.arrays.eigen")["errors"]}
     assert codes & CHECKS
+
+
+def test_the_reference_lists_every_package() -> None:
+    listed = (ROOT / "docs" / "site" / "build.py").read_text("utf-8")
+    missing = {package for package in PACKAGES if f'"{package}",' not in listed}
+    assert missing == set(WITH_A_PAGE_OF_THEIR_OWN) & set(PACKAGES)

@@ -69,8 +69,10 @@ class EvaluationRun:
     Examples
     --------
     >>> import tripwatt as tw
-    >>> run = tw.evaluate(tw.synthetic_fleet(12), models=["constant"])  # doctest: +SKIP
-    >>> sorted(run.results)  # doctest: +SKIP
+    >>> from tripwatt.evaluation import Execution
+    >>> run = tw.evaluate(tw.synthetic_fleet(6), protocol="paper", models=["constant"], execution=Execution(n_jobs=1))
+    >>> run.folds["model"].unique().tolist(), len(run.series)
+    (['constant'], 6)
     """
 
     results: dict[str, Any]
@@ -200,7 +202,14 @@ def write_results(run: EvaluationRun, out: Path) -> None:
 
     Examples
     --------
-    >>> write_results(run, Path("out"))  # doctest: +SKIP
+    >>> import tempfile
+    >>> import tripwatt as tw
+    >>> from tripwatt.evaluation import Execution
+    >>> run = tw.evaluate(tw.synthetic_fleet(6), protocol="paper", models=["constant"], execution=Execution(n_jobs=1))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_results(run, Path(folder))
+    ...     print(sorted(file.name for file in Path(folder).iterdir()))
+    ['folds.csv', 'results.json']
     """
     out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(run.results, indent=1, allow_nan=False, default=_plain)

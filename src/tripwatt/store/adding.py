@@ -58,7 +58,15 @@ def add_files(
 
     Examples
     --------
-    >>> add_files(store, "logs", car_model="nissan_leaf_24")  # doctest: +SKIP
+    >>> import tempfile
+    >>> from tripwatt.store import create_store
+    >>> from tripwatt.synthetic import example_trip
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder, "trip.csv")
+    ...     example_trip().to_csv(file, index=False)
+    ...     store = create_store(Path(folder, "store"))
+    ...     print(add_files(store, file, car_model="bmw_i3_60ah", vehicle_id="V1"))
+    1 trips added, 0 were known; 0 of the added have no sound drive
     """
     if dataset != "table":
         logs = read_logs(path, dataset, mapping)

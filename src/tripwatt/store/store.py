@@ -119,8 +119,13 @@ class FileTrips:
 
     Examples
     --------
-    >>> for part in store.file_trips(store.trip_rows()):  # doctest: +SKIP
-    ...     print(part.file.path, len(part.rows))
+    >>> import tempfile
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     store = create_store(folder)
+    ...     _ = store.add(synthetic_fleet(2), vehicle_id="V1", car_model="bmw_i3_60ah")
+    ...     print(sum(len(part.rows) for part in store.file_trips(store.trip_rows())))
+    2
     """
 
     file: DataFile
@@ -630,9 +635,15 @@ def read_file(
 
     Examples
     --------
-    >>> for part in store.file_trips(store.trip_rows()):  # doctest: +SKIP
+    >>> import tempfile
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     store = create_store(folder)
+    ...     _ = store.add(synthetic_fleet(1), vehicle_id="V1", car_model="bmw_i3_60ah")
+    ...     (part,) = store.file_trips(store.trip_rows())
     ...     for row, log in read_file(store.samples.filesystem(), part.file.path, part.rows):
-    ...         print(row["digest"], log)
+    ...         print(row["vehicle_id"], len(log) == row["samples"])
+    V1 True
     """
     import pyarrow as pa
     import pyarrow.parquet as pq

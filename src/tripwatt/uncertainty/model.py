@@ -79,7 +79,13 @@ class UncertaintyModel:
 
         Examples
         --------
-        >>> UncertaintyModel.from_held_out([held_out_residual(corrector, table) for table in tables])  # doctest: +SKIP
+        >>> import numpy as np
+        >>> from tripwatt.uncertainty import Segments
+        >>> from tripwatt.uncertainty.process import HeldOutResidual
+        >>> segments = Segments(np.arange(12) * 60.0, np.full(12, 60.0), np.full(12, 4000.0), np.zeros(12))
+        >>> trips = [HeldOutResidual(segments, np.full(12, power)) for power in (-80.0, 60.0, 20.0, -30.0, 90.0)]
+        >>> UncertaintyModel.from_held_out(trips).scores.values.shape
+        (5,)
         """
         errors = np.array([trip.error_wh for trip in trips])
         process = fit_process(trips)

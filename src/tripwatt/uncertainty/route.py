@@ -112,11 +112,16 @@ class LinkedTrips:
 
     Examples
     --------
+    >>> from tripwatt.hybrid import power_corrector, segment_trips
     >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
-    >>> linked = linked_trips(synthetic_fleet(1).trips, load_vehicle(VEHICLE))
+    >>> trips, car = synthetic_fleet(4).trips, load_vehicle(VEHICLE)
+    >>> linked, driven = linked_trips(trips, car), segment_trips(trips, car)
     >>> len(linked.tables[0]) == len(LENGTHS_M), len(linked.take([0, 0]).tables)
     (True, 2)
+    >>> corrector = power_corrector("linear").fit(driven.take([0, 1, 2]))
+    >>> linked.differences(corrector, driven, np.array([3])).shape
+    (1, 3)
     """
 
     tables: tuple[tuple[SegmentTable, ...], ...]

@@ -90,7 +90,13 @@ class UpdateShrinkage:
 
         Examples
         --------
-        >>> UpdateShrinkage.from_trips(process, trips, scale_wh)  # doctest: +SKIP
+        >>> from tripwatt.uncertainty import Segments, fit_process
+        >>> from tripwatt.uncertainty.process import HeldOutResidual
+        >>> segments = Segments(np.arange(12) * 60.0, np.full(12, 60.0), np.full(12, 4000.0), np.zeros(12))
+        >>> trips = [HeldOutResidual(segments, np.full(12, power)) for power in (-80.0, 60.0, 20.0, -30.0, 90.0)]
+        >>> learned = UpdateShrinkage.from_trips(fit_process(trips), trips, np.full(5, 15.0))
+        >>> 0.0 <= learned.at("joint", 0.25) <= learned.at("joint", 0.75) <= 1.0
+        True
         """
         shares = np.zeros((len(FRACTIONS), len(COMPONENTS)))
         sd_factors = np.ones((len(FRACTIONS), 2))
