@@ -88,7 +88,7 @@ class Score:
         table : DataFrame
             Columns `energy_wh`, and `forecast_wh`, `low_wh` and `high_wh` after the prefix `start`.
         start : str
-            "book_" for the forecasts without own trips.
+            Prefix of the columns: `book_` for the forecasts without own trips.
 
         Returns
         -------
