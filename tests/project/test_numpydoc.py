@@ -15,6 +15,7 @@ from tests.support import ROOT
 
 import tripwatt as tw
 
+ClassDoc = pytest.importorskip("numpydoc.docscrape", reason="numpydoc builds the site").ClassDoc
 validate = pytest.importorskip("numpydoc.validate", reason="numpydoc builds the site").validate
 
 CHECKS = {
@@ -92,6 +93,24 @@ def test_a_public_name_is_documented(name: str, thing: Any) -> None:
         checks -= {"EX01"}
     found = [f"{code}: {text}" for code, text in validate(name)["errors"] if code in checks]
     assert not found, name
+
+
+@pytest.mark.parametrize(
+    ("name", "thing"),
+    [pytest.param(*found, id=found[0]) for found in names() if dataclasses.is_dataclass(found[1])],
+)
+def test_every_field_of_a_dataclass_is_described(name: str, thing: Any) -> None:
+    document = ClassDoc(thing, config={"show_class_members": False})
+    described = {
+        field.strip(): bool("".join(entry.desc).strip())
+        for section in ("Attributes", "Parameters")
+        for entry in document[section]
+        for field in entry.name.split(",")
+    }
+    inherited = {field for kind in thing.__mro__[1:] for field in getattr(kind, "__dataclass_fields__", ())}
+    shown = {field.name for field in dataclasses.fields(thing) if not field.name.startswith("_")}
+    assert shown - inherited <= set(described), name
+    assert [field for field, is_described in described.items() if not is_described] == []
 
 
 def test_the_checks_find_what_is_missing() -> None:

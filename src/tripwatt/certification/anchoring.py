@@ -56,6 +56,7 @@ class Anchored:
     loss : str
         What it multiplies.
     factor : float
+        Factor of the loss.
     before, after : ndarray, shape (figures,)
         Relative errors.
 

@@ -45,6 +45,7 @@ class CurveEffect:
     Attributes
     ----------
     label, covariate : str
+        Label of the term, and its covariate.
     x, effect, std_error : ndarray (m,)
         Grid over the range of the data (of the rows of a by-smooth), centred effect and its standard error.
     multiplier : float

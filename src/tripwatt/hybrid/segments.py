@@ -34,6 +34,7 @@ class SegmentTable:
     trip_ids : tuple of str
         One name for each trip.
     offsets : ndarray of int, shape (trips + 1,)
+        First row of each trip, and the number of rows.
     features : DataFrame, (rows, features)
         Known before departure; NaN where unknown.
     hours : ndarray, shape (rows,)

@@ -59,12 +59,17 @@ class Atlas:
     router : Router
         Finds roads.
     places : PlaceSearch or None
+        Finds places by name; None where only coordinates are understood.
     stations : tuple of Station
+        Charging stations; empty where none are known.
     weather : WeatherSource or None
+        Forecasts the weather; None where it is not known.
     attribution : str
         What has to be shown beside a road or a place.
     bounds_deg : tuple of float or None
         South, west, north and east of the map, where it has an end.
+    folder : MapFolder or None
+        The folder of the map; None for a router's server.
 
     Examples
     --------

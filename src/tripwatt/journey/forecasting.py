@@ -39,6 +39,7 @@ class Drive:
     departure : Departure
         When the car leaves, and what is known then.
     weather : Weather, WeatherSource or None
+        By hand, or where it comes from; None where it is not known.
     flags : tuple of Flag
         Of the car.
 

@@ -209,6 +209,7 @@ class Journey:
     flags : tuple of Flag
         Assumptions of the answers; those of a road are with its forecast.
     attribution : str
+        What has to be shown beside the road.
 
     Examples
     --------

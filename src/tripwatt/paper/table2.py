@@ -60,6 +60,8 @@ class Table2Corrector:
     ----------
     model_ : GAMM
         The fitted engine, for summary, diagnosis and effects.
+    medians_ : Series
+        Medians of the covariates that are numbers, over the training rows.
     left_out_ : tuple of str
         Those of `terms` that the training rows do not determine.
 
@@ -254,7 +256,7 @@ class Table2Corrector:
         Returns
         -------
         DataFrame
-            Without missing values of numbers.
+            Missing numbers are the medians of the training rows.
         """
         assert self.medians_ is not None
         frame = X.fillna(self.medians_.to_dict())

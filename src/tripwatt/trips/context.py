@@ -13,6 +13,7 @@ class Context:
     Attributes
     ----------
     season : {"summer", "winter"} or None
+        Season of the drive.
     weather : str or None
         One of the data set's own levels, in lower case.
     started_at : datetime or None

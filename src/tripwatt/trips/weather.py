@@ -20,6 +20,7 @@ class PlanWeather:
     air_density_kg_m3 : float or None
         None where the pressure is not known: that of the standard atmosphere.
     rain_mm_h : float
+        Rain on the road.
 
     Examples
     --------

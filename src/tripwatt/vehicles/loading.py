@@ -117,10 +117,29 @@ class Vehicle:
     title : str
         Name for people.
     preset : str
+        Preset of the TOML that was read.
+    body : Body
+        Masses.
+    road_load : RoadLoad
+        Resistance on a flat road.
+    tyres : Tyres or None
+        How rolling drag depends on weather and warmth; None in presets without it.
+    drivetrain : Drivetrain
+        Gear, motor and inverter.
+    regeneration : Regeneration
+        How much braking goes through the motor.
+    battery : Battery
+        High-voltage battery.
+    auxiliaries : Auxiliaries
+        Loads that neither drive nor heat.
+    climate : Climate or None
+        Cabin and climate control; None in presets without it.
     entries : mapping of str to Entry
         "section.key" -> value, unit and source, as used.
     anchor : str
         What the values were held against, one of `ANCHORS`.
+    charging : Charging or None
+        Charging power; None where it is not known.
 
     Examples
     --------
