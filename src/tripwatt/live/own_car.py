@@ -77,6 +77,7 @@ class OwnCar:
     Attributes
     ----------
     folder : Path
+        Of the car, whose name is that of the folder.
     vehicle : Vehicle
         With its published values.
     base : Path or None

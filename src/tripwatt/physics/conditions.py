@@ -26,6 +26,7 @@ class DriveConditions:
     Attributes
     ----------
     ambient_temperature_degc : float
+        Temperature of the outside air [°C].
     initial_soc : float
         State of charge of the battery management, 0 to 1.
     initial_battery_temperature_degc : float, optional
@@ -39,6 +40,7 @@ class DriveConditions:
     cabin_setpoint_degc : float, optional
         The car's usual set-point when not given.
     solar_irradiance_w_m2 : float
+        Irradiance of a horizontal surface [W/m²].
     initial_warmth : float
         0 for tyres and driveline after a long stop, 1 as warm as after a long fast drive.
     air_density_kg_m3 : float, optional

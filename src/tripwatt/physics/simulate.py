@@ -80,6 +80,7 @@ class Simulation:
     battery_power_w : ndarray
         Power at the battery terminals, on which the energy is counted.
     battery_current_a, terminal_voltage_v, battery_temperature_degc, soc : ndarray
+        Current and voltage at the terminals of the battery, its temperature, and the state of charge of its management.
     cabin_temperature_degc : ndarray
         NaN where no climate control was simulated.
     battery_loss_w : ndarray
