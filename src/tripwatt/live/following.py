@@ -72,7 +72,7 @@ class Broker:
         url : str
             With the scheme `mqtt` or `mqtts`.
         password : str, optional
-            In place of that of the URL.
+            For a URL without one.
 
         Returns
         -------
