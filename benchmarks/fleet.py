@@ -8,7 +8,8 @@
     peers   statsmodels MixedLM and single fits on the same rows
     real    the TUM i3 and the Leafs of the VED set as one fleet (data in --data)
 
-Prints each bar with its figure. The synthetic fleet and its seed are fixed.
+Prints each bar with its figure, and writes those of `scale` into docs/fleet.md with --write. The synthetic fleet and its seed
+are fixed.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ import numpy as np
 from benchmarks.bars import Bar, at_least, at_most, missing, shown
 
 COMMAND = "python -m benchmarks.fleet"
+PAGE = Path(__file__).parents[1] / "docs" / "fleet.md"
+MARKS = ("<!-- costs: python -m benchmarks.fleet scale --write -->", "<!-- end of the costs -->")
 MB = 1.0 / 1024.0
 
 
@@ -169,22 +172,30 @@ def truth(trips: int = 1200, vehicles: int = 60) -> Iterator[Bar]:
     X, models = rows.X, rows.texts("car_model")
     own = {vehicle_truth(plan, n).vehicle_id: vehicle_truth(plan, n) for n in range(vehicles)}
     names = sorted(own)
-    found, true = [], []
+    ids, who, simulated = rows.texts("vehicle_id"), rows.texts("driver"), rows.numbers("simulated_wh")
+    found, true, driven = [], [], []
     for name in names:
         its = models == own[name].car_model
+        shares = {driver: share for driver, _, share in own[name].drivers}
+        driven.append(np.mean([shares[driver] for driver in who[ids == name]]) * simulated[its].mean())
         usual = X[its].mean(axis=0)
         base, _ = model.posterior.weights(own[name].car_model)
         found.append(float(usual @ (model.posterior.weights(own[name].car_model, name)[0] - base)))
         true.append(own_energy_wh(plan, own[name], rows.where(its)))
+    together = [a + b for a, b in zip(true, driven, strict=True)]
     centred = [[v - np.mean([w for w, n in zip(values, names, strict=True) if own[n].car_model == own[m].car_model])
-                for v, m in zip(values, names, strict=True)] for values in (found, true)]  # fmt: skip
-    correlation = float(np.corrcoef(*centred)[0, 1])
+                for v, m in zip(values, names, strict=True)] for values in (found, true, together)]  # fmt: skip
+    correlation = float(np.corrcoef(centred[0], centred[1])[0, 1])
     yield at_least(
         f"deviations of vehicles at {trips // vehicles} trips, correlation with the truth",
         how,
         correlation,
         0.9,
     )
+    text = "the same against the vehicle with the drivers of its trips"
+    yield shown(text, how, f"{np.corrcoef(centred[0], centred[2])[0, 1]:.3f}", "")
+    text = "the vehicle against the vehicle with its drivers, both true: what no estimate can part"
+    yield shown(text, how, f"{np.corrcoef(centred[1], centred[2])[0, 1]:.3f}", "")
     evaluation = evaluate_rows(rows)
     for row in evaluation.own.to_dict("records"):
         best = min(row["own_only"], row["fleet_only"])
@@ -233,7 +244,7 @@ def own_energy_wh(plan: Any, truth_: Any, rows: Any) -> float:
     )
 
 
-def update(trips: int = 1000, vehicles: int = 50) -> Iterator[Bar]:
+def update(trips: int = 5000, vehicles: int = 100) -> Iterator[Bar]:
     from tripwatt.fleet.executors import InProcess
     from tripwatt.fleet.hierarchy import posterior
     from tripwatt.fleet.model import update_fleet
@@ -485,6 +496,15 @@ def same(trips: int = 160, vehicles: int = 16) -> Iterator[Bar]:
     shutil.rmtree(folder, ignore_errors=True)
 
 
+def write(bars: list[Bar]) -> None:
+    """Put what `scale` printed between the marks of the page."""
+    rows = "\n".join(f"| {bar.text} | {bar.figure} |" for bar in bars)
+    head, _, rest = PAGE.read_text(encoding="utf-8").partition(MARKS[0])
+    tail = rest.partition(MARKS[1])[2]
+    table = f"`{bars[0].measure}` printed:\n\n| what | printed |\n|---|---:|\n{rows}"
+    PAGE.write_text(f"{head}{MARKS[0]}\n\n{table}\n\n{MARKS[1]}{tail}", encoding="utf-8")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(prog=COMMAND)
     names = ("scale", "same", "store", "truth", "update", "peers", "real")
@@ -493,6 +513,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--write", action="store_true", help="write the costs of `scale` into docs/fleet.md")
     given = parser.parse_args()
     found = []
     for name in given.what or names:
@@ -505,9 +526,13 @@ def main() -> None:
             "peers": peers,
             "real": lambda: real(given.data),
         }[name]
+        printed = []
         for bar in bars():
             print(f"{bar.text} | {bar.figure} | {bar.required} | {bar.verdict}", flush=True)
-            found.append(bar.__dict__)
+            printed.append(bar)
+        found += [bar.__dict__ for bar in printed]
+        if given.write and name == "scale":
+            write(printed)
     if given.json is not None:
         given.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
 

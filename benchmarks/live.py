@@ -124,7 +124,7 @@ def replayed(drives: Sequence[Drive], *, killed: bool) -> list[float]:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         tokens = {d.trip.trip_id: issue_token(folder / "cars" / d.trip.trip_id) for d in drives}
-        more = ("--workers", "2", "--live", f"{folder / 'cars'}", "--limit", "timeout_s=120")
+        more = ("--workers", "2", "--cars", f"{folder / 'cars'}", "--limit", "timeout_s=120")
         with serving(folder, *more) as service:
             for drive in drives:
                 done = service.client.put(f"/v1/live/{drive.trip.trip_id}/plan", json=drive.plan)
@@ -180,7 +180,7 @@ def many_cars(cars: int, seconds: float) -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         tokens = [issue_token(folder / "cars" / f"car{k}") for k in range(cars)]
-        with serving(folder, "--workers", "1", "--live", f"{folder / 'cars'}") as service:
+        with serving(folder, "--workers", "1", "--cars", f"{folder / 'cars'}") as service:
             for k in range(cars):
                 service.client.put(f"/v1/live/car{k}/plan", json={"links": links, "soc": 0.8})
             lags, memory = asyncio.run(_load(service, tokens, seconds))

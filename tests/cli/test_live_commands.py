@@ -31,9 +31,9 @@ def test_a_token_is_printed_once_and_is_that_of_the_car(tmp_path: Path) -> None:
         assert (car.accepts(made["token"]), car.accepts(printed)) == (True, False)
 
 
-def test_a_folder_without_cars_is_not_served(tmp_path: Path) -> None:
-    with pytest.raises(InvalidInput, match=r"no cars.*tripwatt car token"):
-        run("serve", "--live", tmp_path, "--port", 0)
+def test_a_missing_folder_of_cars_is_not_served(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInput, match=r"no folder of cars.*tripwatt car new"):
+        run("serve", "--cars", tmp_path / "missing", "--port", 0)
 
 
 def test_all_wrong_options_are_named_together(tmp_path: Path) -> None:

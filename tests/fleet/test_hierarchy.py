@@ -5,7 +5,16 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from tripwatt.errors import InvalidInput
-from tripwatt.fleet.hierarchy import FLEET_SD, Posterior, Scales, Tree, fit_scales, log_likelihood, posterior
+from tripwatt.fleet.hierarchy import (
+    FLEET_SD,
+    Posterior,
+    Scales,
+    Tree,
+    fit_scales,
+    log_likelihood,
+    log_likelihood_gradient,
+    posterior,
+)
 from tripwatt.fleet.statistics import Sums
 
 SPLIT = np.array([0, 0, 1])
@@ -133,6 +142,26 @@ def test_the_tree_puts_parents_first():
     assert all(tree.parent[i] < i for i in range(1, len(tree.names)))
     assert [tree.names[i] for i in tree.leaf] == [("a", "v1"), GROUPS[1], GROUPS[2], ("b", "v3")]
     assert [len(tree.nodes(level)) for level in range(4)] == [1, 2, 3, 2]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_gradient_is_that_of_the_likelihood(seed):
+    rng = np.random.default_rng(seed)
+    sums = sums_of(*trips(seed, count=rng.integers(0, 9, 4)))
+    logs = rng.normal(0.0, 0.7, 7)
+
+    def scales(logs):
+        sds = np.exp(logs[:6]).reshape(3, 2)
+        return Scales(tuple(tuple(row) for row in sds.tolist()), float(np.exp(logs[6])))
+
+    value, gradient = log_likelihood_gradient(Tree.from_groups(sums.groups), sums, scales(logs), SPLIT)
+    assert value == pytest.approx(log_likelihood(sums, scales(logs), SPLIT), rel=1e-12)
+    step = 1e-5
+    for k, slope in enumerate(gradient):
+        up, down = (
+            log_likelihood(sums, scales(logs + sign * step * np.eye(7)[k]), SPLIT) for sign in (1, -1)
+        )
+        assert slope == pytest.approx((up - down) / (2.0 * step), rel=1e-5, abs=1e-7)
 
 
 def test_scales_are_found_where_the_likelihood_is_largest():

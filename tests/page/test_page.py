@@ -311,7 +311,7 @@ def test_britain_has_miles_and_degrees_celsius(look: Look) -> None:
 
 WORD = re.compile(r"[^\W\d_]{3,}")
 NAMES = re.compile(r"tripwatt|\d\s(min|kWh)|^kWh|^\[")
-SAME = {"Links", "Start", "Pause", "Token", "← Reserve 10\u00a0%", "Deutsch", "English"}
+SAME = {"Links", "Start", "Pause", "Token", "Name", "← Reserve 10\u00a0%", "Deutsch", "English"}
 
 SHOWN_TEXT = """
 () => {

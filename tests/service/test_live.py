@@ -97,7 +97,7 @@ class Served:
     def __init__(self, folder: Path, **more: Any) -> None:
         self.tokens = {name: issue_token(folder / name) for name in ("leaf", "zoe")}
         self.logged: list[dict[str, Any]] = []
-        settings = Settings(live=folder, **more)
+        settings = Settings(cars=folder, **more)
         self.app = create_app(settings, lambda **record: self.logged.append(record))
 
     def __call__(self, path: str, method: str = "GET", **more: Any) -> httpx.Response:
@@ -448,11 +448,11 @@ def test_without_a_folder_of_cars_the_service_follows_none(monkeypatch: pytest.M
     app.end_streams()
 
 
-def test_a_folder_without_cars_is_refused(tmp_path: Path) -> None:
+def test_a_folder_that_is_missing_is_refused_and_an_empty_one_is_not(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInput, match="no folder of cars"):
+        create_app(Settings(cars=tmp_path / "missing"))
     open_live_car(tmp_path / "no-token").close()
-    for folder in (tmp_path, tmp_path / "missing"):
-        with pytest.raises(InvalidInput, match="no cars"):
-            create_app(Settings(live=folder))
+    create_app(Settings(cars=tmp_path))
 
 
 def test_a_message_that_cannot_be_stored_is_to_be_sent_again(served: Served) -> None:
@@ -583,7 +583,7 @@ def test_an_event_is_one_line_of_data() -> None:
 def road(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, dict[str, str]]]:
     folder = tmp_path_factory.mktemp("road")
     tokens = {name: issue_token(folder / "cars" / name) for name in ("leaf", "zoe")}
-    more = ("--workers", "1", "--live", f"{folder / 'cars'}", "--limit", "live_every_s=0.05")
+    more = ("--workers", "1", "--cars", f"{folder / 'cars'}", "--limit", "live_every_s=0.05")
     with serving(folder, *more) as found:
         yield found, tokens
 

@@ -31,6 +31,9 @@ def test_every_limit_has_its_documented_default() -> None:
         "body_timeout_s": 20.0,
         "rate_per_s": 50.0,
         "burst": 100,  # two seconds of the mean rate
+        "upload_bytes": 64_000_000,  # a month of drives of a logger, packed
+        "car_bytes": 512_000_000,
+        "learn_s": 1800.0,
         "listeners": 64,
         "live_every_s": 5.0,
     }
@@ -39,7 +42,7 @@ def test_every_limit_has_its_documented_default() -> None:
 def test_the_service_is_for_this_machine_by_default() -> None:
     found = Settings()
     assert (found.host, found.port, found.workers, found.token) == ("127.0.0.1", 8000, 2, "")
-    assert (dict(found.models), found.limits, found.atlas.map, found.live) == ({}, Limits(), "", None)
+    assert (dict(found.models), found.limits, found.atlas.map, found.cars) == ({}, Limits(), "", None)
     assert MIN_TOKEN_LENGTH == 16
 
 

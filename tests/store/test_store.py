@@ -258,6 +258,32 @@ def test_compacting_keeps_every_trip_and_orphans_wait(store, monkeypatch):
     assert sum(1 for _ in store.logs()) == 8
 
 
+def test_many_small_commits_leave_few_files_of_rows(store, monkeypatch):
+    monkeypatch.setattr("tripwatt.store.store.FILES_A_BUCKET", 2)  # four buckets: merged beyond eight files
+    most = 0
+    for day in range(1, 24):
+        trips = [drive(trip=f"T{day}", vehicle=f"V{k}", day=day, start=k) for k in range(3)]
+        assert store.add(trips, car_model=CAR) == Added(3, 0, 0)
+        most = max(most, len(store.rows.open().file_uris()))
+    assert most <= 8 + 2 * 3  # each commit adds a file for each vehicle, and the files are counted before it
+    assert store.add([drive(trip="T1", vehicle="V2", start=2)], car_model=CAR) == Added(0, 1, 0)
+    assert [len(list(store.logs(vehicle_id=f"V{k}"))) for k in range(3)] == [23, 23, 23]
+
+
+def test_merging_gives_way_to_a_writer_that_commits_first(store, monkeypatch):
+    store.add([drive()], car_model=CAR)
+    store.add([drive(trip="T2", day=2)], car_model=CAR)
+    stale = store.rows.open()
+    store.rows.delete("trip_id = 'T1'")
+    monkeypatch.setattr("tripwatt.store.delta.DeltaFolder.open", lambda self: stale)
+    assert store.rows.try_to_compact(1 << 20) is False
+    monkeypatch.undo()
+    assert list(store.trips()["trip_id"]) == ["T2"]
+    store.add([drive(trip="T3", day=3)], car_model=CAR)
+    assert store.rows.try_to_compact(1 << 20) is True
+    assert len(store.rows.open().file_uris()) == 1
+
+
 def test_missing_samples_are_an_error_and_no_shorter_trip(store):
     store.add([drive()], car_model=CAR)
     (row,) = store.trip_rows()

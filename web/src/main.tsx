@@ -17,6 +17,7 @@ import { Header } from "./ui/header";
 import { MapCard } from "./ui/map-card";
 import { Result } from "./ui/result";
 import { CarDialog } from "./ui/car-dialog";
+import { OwnCarsDialog } from "./ui/own-cars-dialog";
 import { connectTokenDialog, TokenDialog } from "./ui/token-dialog";
 import { TripPanel } from "./ui/trip-panel";
 
@@ -24,9 +25,15 @@ function Foot() {
   const used = model.value;
   const { foot } = text.value;
   const { name, model: learned } = used ?? {};
+  const { own, title = "" } = car.value ?? {};
   return (
     <footer>
-      {name && learned && (
+      {own && (
+        <p>
+          {foot.ownCar(own, title)} {foot.caution}
+        </p>
+      )}
+      {!own && name && learned && (
         <p>
           {isMeasured.value
             ? `${foot.own(learned.vehicle_title)} ${foot.model(name, learned.trips)}`
@@ -60,6 +67,7 @@ function Page() {
       <Announcer />
       <TokenDialog />
       <CarDialog />
+      <OwnCarsDialog />
     </>
   );
 }

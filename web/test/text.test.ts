@@ -85,6 +85,9 @@ const ALIKE = [
   "/result/reserveAbove",
   "/drive/start",
   "/drive/pause",
+  "/ownCars/name",
+  "/ownCars/changed",
+  "/ownCars/sd",
   "/token/label",
 ];
 

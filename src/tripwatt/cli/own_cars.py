@@ -65,7 +65,7 @@ def add_commands(app: typer.Typer) -> None:
         "token",
         epilog=examples(
             ("tripwatt car token cars/my-leaf", "print a new token for the sender in the car"),
-            ("tripwatt serve --live cars", "follow the cars of the folder"),
+            ("tripwatt serve --cars cars", "follow the cars of the folder"),
         ),
     )(token)
     car_app.command("forget", epilog=examples(("tripwatt car forget my-leaf", "erase everything of it")))(
@@ -100,7 +100,12 @@ def new(
 
 def add(
     car: CarArgument,
-    data: Annotated[Path, typer.Argument(metavar="DATA", help="Folder or file of logged trips.")],
+    data: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DATA", help="Folder or file of logged trips: tables, workbooks, ZIP archives."
+        ),
+    ],
     dataset: DatasetOption = None,
     mapping: MappingOption = None,
     as_json: JsonOption = False,
@@ -111,11 +116,12 @@ def add(
     already is not added again, so you can repeat the command with a growing folder.
     """
     from tripwatt.live import open_car
+    from tripwatt.sources.archives import unpacked
 
     own = open_car(car)
     shown = console()
-    with shown.status("reading trips"):
-        fleet = read_logs(data, dataset or "table", mapping)
+    with shown.status("reading trips"), unpacked(data) as tables:
+        fleet = read_logs(tables, dataset or "table", mapping)
     with progress(shown, "trips") as advance:
         done = own.add(fleet, progress=advance)
     if as_json:
@@ -169,7 +175,7 @@ def token(
     car: Annotated[Path, typer.Argument(metavar="CAR", help="Folder of the car; made where it is missing.")],
     as_json: JsonOption = False,
 ) -> None:
-    """Print a new token with which a car sends its messages to `tripwatt serve --live`.
+    """Print a new token with which a car sends its messages to `tripwatt serve --cars`.
 
     An earlier token of the car is no longer accepted once the service is started again. The folder holds a digest of the
     token, so that it cannot be printed a second time.

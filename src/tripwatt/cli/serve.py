@@ -20,7 +20,7 @@ def add_commands(app: typer.Typer) -> None:
             ("tripwatt serve", "serve the bundled model on http://127.0.0.1:8000"),
             ("tripwatt serve my-i3 my-id3 --workers 4", "serve your own models; the first is the default"),
             ("tripwatt serve --map map", "also plan journeys on a map (see `tripwatt map build`)"),
-            ("tripwatt serve --live cars", "also follow cars on the road (see `tripwatt car token`)"),
+            ("tripwatt serve --cars cars", "also keep cars that learn, and follow them on the road"),
             ("TRIPWATT_TOKEN=... tripwatt serve --host 0.0.0.0", "serve other machines; they need the token"),
         )
     )(serve)
@@ -55,12 +55,13 @@ def serve(
     places_url: PlacesOption = "",
     weather: WeatherOption = "",
     stations: StationsOption = None,
-    live: Annotated[
+    cars: Annotated[
         Path | None,
         typer.Option(
-            "--live",
+            "--cars",
             metavar="DIR",
-            help="Also follow cars on the road: a folder of cars with a token (see `tripwatt car token`).",
+            help="Also keep cars that learn from their trips, and follow those with a token on the road: a folder of "
+            "cars, which may be empty (see `tripwatt car`).",
             show_default=False,
         ),
     ] = None,
@@ -99,7 +100,7 @@ def serve(
     )
     token = os.environ.get(TOKEN_VARIABLE, "")
     atlas = AtlasSettings(map_, places_url, weather, "" if stations is None else str(stations))
-    settings = Settings(folders, host, port, workers, token, limits[-1], atlas, live)
+    settings = Settings(folders, host, port, workers, token, limits[-1], atlas, cars)
     if map_:
         open_atlas(atlas)
     require_safe(settings)

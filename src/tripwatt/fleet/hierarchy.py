@@ -193,31 +193,81 @@ def posterior(sums: Sums, scales: Scales, split: IntArray = SPLIT) -> Posterior:
     """
     tree = Tree.from_groups(sums.groups)
     info, shift, _ = _to_root(tree, sums, scales, split)
+    mean, covariance, _ = _from_root(tree, info, shift, scales, split)
+    return Posterior(tree, scales, mean, covariance, split)
+
+
+def _from_root(
+    tree: Tree, info: FloatArray, shift: FloatArray, scales: Scales, split: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Mean and covariance of every node's weights, and the mean square of its own deviations, shape (nodes, features)."""
     p = len(split)
     mean = np.zeros((len(tree.names), p))
     covariance = np.zeros((len(tree.names), p, p))
+    square = np.zeros((len(tree.names), p))
     for level in range(len(LEVELS)):
         nodes = tree.nodes(level)
         if not len(nodes):
             continue
         prior = scales.variances(level, split)
         # deviation of the node given its parent's weights: precision S = 1 / prior + info
-        S = info[nodes] + np.diag(1.0 / np.maximum(prior, _TINY))
-        inverse = np.linalg.inv(S)
+        inverse = np.linalg.inv(info[nodes] + np.diag(1.0 / np.maximum(prior, _TINY)))
         if level == 0:
             mean[0], covariance[0] = inverse[0] @ shift[0], inverse[0]
             continue
         around, spread = mean[tree.parent[nodes]], covariance[tree.parent[nodes]]
         # w_node = w_parent + d with d | w_parent ~ N(S^-1 (shift - info w_parent), S^-1)
-        keep = np.eye(p) - inverse @ info[nodes]
-        mean[nodes] = np.einsum("nij,nj->ni", keep, around) + np.einsum("nij,nj->ni", inverse, shift[nodes])
-        covariance[nodes] = keep @ spread @ np.swapaxes(keep, 1, 2) + inverse
-    return Posterior(tree, scales, mean, 0.5 * (covariance + np.swapaxes(covariance, 1, 2)), split)
+        gain = inverse @ info[nodes]
+        deviation = ((inverse @ shift[nodes][:, :, None]) - gain @ around[:, :, None])[:, :, 0]
+        by_parent = gain @ spread
+        mean[nodes] = around + deviation
+        own = inverse + by_parent @ np.swapaxes(gain, 1, 2)
+        covariance[nodes] = spread + own - by_parent - np.swapaxes(by_parent, 1, 2)
+        square[nodes] = deviation**2 + np.diagonal(own, axis1=1, axis2=2)
+    return mean, 0.5 * (covariance + np.swapaxes(covariance, 1, 2)), square
 
 
 def log_likelihood(sums: Sums, scales: Scales, split: IntArray = SPLIT) -> float:
     """Logarithm of the marginal likelihood of all trips. O(groups x features^3)."""
     return _to_root(Tree.from_groups(sums.groups), sums, scales, split)[2]
+
+
+def log_likelihood_gradient(
+    tree: Tree, sums: Sums, scales: Scales, split: IntArray = SPLIT
+) -> tuple[float, FloatArray]:
+    """The marginal likelihood's logarithm, and its derivatives by those of the scales. O(groups x features^3).
+
+    By Fisher's identity the derivative is the posterior mean of that of the complete data: by the logarithm of a standard
+    deviation ``s``, the sum over deviations of ``E[d^2] / s^2 - 1``; by that of the trips' variance, half of the expected
+    residual sum of squares over it less the number of trips (McLachlan and Krishnan, The EM Algorithm and Extensions,
+    section 3.8).
+
+    Parameters
+    ----------
+    tree : Tree
+        Of the groups of `sums`.
+    sums : Sums
+    scales : Scales
+    split : ndarray of int, shape (features,)
+
+    Returns
+    -------
+    value : float
+    gradient : ndarray, shape (3 * groups of features + 1,)
+        By `Scales.sds`, row by row, and by `Scales.noise`.
+    """
+    info, shift, value = _to_root(tree, sums, scales, split)
+    mean, covariance, square = _from_root(tree, info, shift, scales, split)
+    parts = len(scales.sds[0])
+    slopes = np.zeros((3, parts))
+    for level in (1, 2, 3):
+        nodes = tree.nodes(level)
+        excess = square[nodes].sum(axis=0) / scales.variances(level, split) - len(nodes)
+        np.add.at(slopes[level - 1], split, excess)
+    m, C = mean[tree.leaf], covariance[tree.leaf]
+    fit = (sums.xx * (C + m[:, :, None] * m[:, None, :])).sum() - 2.0 * (sums.xy * m).sum()
+    by_noise = 0.5 * (float(sums.yy.sum() + fit) / scales.noise - float(sums.count.sum()))
+    return value, np.append(slopes.ravel(), by_noise)
 
 
 _TINY: Final = 1e-12
@@ -285,10 +335,14 @@ def fit_scales(sums: Sums, split: IntArray = SPLIT, start: Scales | None = None)
         sds = values[:-1].reshape(3, parts)
         return Scales(tuple(tuple(float(v) for v in row) for row in sds), float(values[-1]))
 
-    def cost(logs: FloatArray) -> float:
-        pull = (logs[:-1] - usual[:-1]) / LOG_SD
-        return -log_likelihood(sums, scales(logs), split) + 0.5 * float(pull @ pull)
+    tree = Tree.from_groups(sums.groups)
+
+    def cost(logs: FloatArray) -> tuple[float, FloatArray]:
+        value, gradient = log_likelihood_gradient(tree, sums, scales(logs), split)
+        pull = np.append((logs[:-1] - usual[:-1]) / LOG_SD, 0.0)
+        return -value + 0.5 * float(pull @ pull), pull / LOG_SD - gradient
 
     bounds = [(u - 6.0, u + 4.0) for u in usual[:-1]] + [(-12.0, 12.0)]
-    found = minimize(cost, first, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60, "ftol": 1e-10})
+    options = {"maxiter": 60, "ftol": 1e-10}
+    found = minimize(cost, first, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
     return scales(np.asarray(found.x))

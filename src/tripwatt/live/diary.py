@@ -38,6 +38,7 @@ BOOK: Final = "book_"
 CAUSE: Final = "cause_"
 """Start of the columns with the forecast's energy by cause [Wh]."""
 
+QUARTERS: Final = ("december_to_february", "march_to_may", "june_to_august", "september_to_november")
 LATEST: Final = 20
 """Trips of the running score."""
 
@@ -301,6 +302,37 @@ class Diary:
             "unknown": np.isnan(air),
         }
         return {name: Score.of(self.table[rows]) for name, rows in classes.items() if rows.any()}
+
+    def by_season(self) -> dict[str, dict[str, float | int | None]]:
+        """Sum trips, distance, measured energy, error and coverage over each quarter of the year that has trips.
+
+        The quarters are those of meteorology: December to February is the first.
+
+        Returns
+        -------
+        dict of str to dict
+            Name of the quarter -> `trips`, `distance_m` [m], `energy_wh` [Wh], `error` and `coverage`: the
+            `weighted_error` and the `coverage` of `Score`.
+
+        Examples
+        --------
+        >>> Diary.empty().by_season()
+        {}
+        """
+        month = pd.to_datetime(self.table["started_at"].replace("", None), errors="coerce", utc=True).dt.month
+        found = {}
+        for number, name in enumerate(QUARTERS):
+            rows = self.table[(month % 12) // 3 == number]
+            if len(rows):
+                score = Score.of(rows).to_dict()
+                found[name] = {
+                    "trips": len(rows),
+                    "distance_m": float(rows["distance_m"].sum()),
+                    "energy_wh": float(rows["energy_wh"].sum()),
+                    "error": score["weighted_error"],
+                    "coverage": score["coverage"],
+                }
+        return found
 
     def by_cause_wh(self) -> dict[str, float]:
         """Sum where the energy went: the forecasts by cause, and what was measured beside their sum.

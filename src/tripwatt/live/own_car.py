@@ -33,6 +33,8 @@ FORMAT: Final = 1
 ABOUT: Final = "car.json"
 LIVE: Final = "live"
 """Folder of what the car sends while it drives."""
+UPLOADS: Final = "uploads"
+"""Folder of logs that were sent and are not learned yet."""
 VEHICLE: Final = "car.toml"
 STORE: Final = "trips"
 LEARNED: Final = "learned"
@@ -88,8 +90,8 @@ class OwnCar:
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     car = create_car(Path(folder, "my-leaf"), "nissan_leaf_24")
-    ...     print(car.about()["trips"], car.model().vehicle.name)
-    0 nissan_leaf_24
+    ...     print(car.about()["trips"], car.model().vehicle.name, len(car.state()))
+    0 nissan_leaf_24 2
     >>> car.add(tw.read_logs("exports", mapping="leaf_spy"))  # doctest: +SKIP
     Learned(added=12, known=0, entries=11, left_out=())
     """
@@ -161,15 +163,32 @@ class OwnCar:
             entries, left_out = self._learn(given, progress or (lambda done, total: None))
         return Learned(done.added, done.known, entries, left_out)
 
-    def about(self) -> dict[str, Any]:
+    def state(self) -> tuple[int, ...]:
+        """Identify what the car has learned: the value changes whenever it learns.
+
+        Returns
+        -------
+        tuple of int
+            File number and time of its model [ns]; of its description before the first trip.
+        """
+        place = self._learned / MODEL
+        found = (place if place.is_dir() else self.folder / ABOUT).stat()
+        return found.st_ino, found.st_mtime_ns
+
+    def about(self, diary: Diary | None = None) -> dict[str, Any]:
         """Describe the car, its trips, what was learned, and its scores.
+
+        Parameters
+        ----------
+        diary : Diary, optional
+            Its diary, where it was read already.
 
         Returns
         -------
         dict
             Plain values.
         """
-        diary = self.diary
+        diary = self.diary if diary is None else diary
         latest, by_book = diary.latest()
         return {
             "car": self.name,
@@ -183,6 +202,7 @@ class OwnCar:
             "latest": latest.to_dict(),
             "latest_by_book": by_book.to_dict(),
             "by_temperature": {name: score.to_dict() for name, score in diary.by_temperature().items()},
+            "by_season": diary.by_season(),
             "by_cause_wh": diary.by_cause_wh(),
         }
 
@@ -417,7 +437,7 @@ def forget_car(folder: Path | str) -> None:
     """
     car = open_car(folder)
     with folder_lock(car.folder):
-        for name in (STORE, LEARNED, LIVE):
+        for name in (STORE, LEARNED, LIVE, UPLOADS):
             shutil.rmtree(car.folder / name, ignore_errors=True)
         for name in (VEHICLE, ABOUT):
             (car.folder / name).unlink(missing_ok=True)

@@ -27,6 +27,7 @@ from tripwatt.forecasting import load_metadata, load_model
 from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.service import openapi, schemas
 from tripwatt.service.batching import LineSplitter, forecast_lines
+from tripwatt.service.car_operations import CarOperations
 from tripwatt.service.journey_schemas import MapResponse
 from tripwatt.service.live_operations import LiveOperations
 from tripwatt.service.metrics import Metrics
@@ -176,6 +177,13 @@ class Api:
         self.examples: ExampleDocuments | None = None
         self.models = _models_document(settings)
         self.live = LiveOperations(settings, self.pool, self._body, log)
+        self.cars = CarOperations.from_settings(
+            settings,
+            self.pool,
+            lambda: self.live.cars,
+            self._body,
+            lambda event, **more: log(event=event, **more),
+        )
         self.app = FastAPI(
             title="tripwatt",
             version=tripwatt.__version__,
@@ -193,7 +201,7 @@ class Api:
     @asynccontextmanager
     async def _lifespan(self, _: FastAPI) -> AsyncIterator[None]:
         await self.pool.start()
-        async with self.live.running():
+        async with self.live.running(), self.cars.running():
             yield
         await self.pool.stop()
 
@@ -215,6 +223,14 @@ class Api:
             ("/v1/live/{vehicle}/plan", "PUT", self.live.put_plan, openapi.live_plan()),
             ("/v1/live/{vehicle}/events", "GET", self.live.get_events, openapi.live_events()),
             ("/v1/need", "GET", self.live.get_need, openapi.need()),
+            ("/v1/cars", "GET", self.cars.list_cars, openapi.cars()),
+            ("/v1/cars", "POST", self.cars.new_car, openapi.new_car()),
+            ("/v1/cars/{car}", "GET", self.cars.get_car, openapi.car()),
+            ("/v1/cars/{car}", "DELETE", self.cars.forget_car, openapi.forget_car()),
+            ("/v1/cars/{car}/token", "POST", self.cars.new_token, openapi.car_token()),
+            ("/v1/cars/{car}/uploads/{upload}/{file}", "PUT", self.cars.put_file, openapi.put_logs()),
+            ("/v1/cars/{car}/uploads/{upload}", "POST", self.cars.read_logs, openapi.read_logs()),
+            ("/v1/cars/{car}/uploads/{upload}/learn", "POST", self.cars.learn, openapi.learn()),
             ("/v1/models", "GET", self.get_models, openapi.library(schemas.ModelsResponse, "models")),
             (
                 "/v1/vehicles",
@@ -398,16 +414,26 @@ class Api:
         return Response(self.metrics.render(), media_type=CONTENT_TYPE_LATEST)
 
     async def _body(
-        self, request: Request, media_types: Sequence[str], most_bytes: int | None = None
+        self,
+        request: Request,
+        media_types: Sequence[str],
+        most_bytes: int | None = None,
+        *,
+        large: bool = False,
     ) -> bytes:
-        """Read the body of a request for a job, unless too many requests wait already."""
+        """Read the body of a request for a job, unless too many requests wait already.
+
+        A `large` body takes one of the places of batches, and may have more than `Limits.body_bytes`.
+        """
         limits = self.settings.limits
-        most_bytes = limits.body_bytes if most_bytes is None else min(most_bytes, limits.body_bytes)
+        if most_bytes is None or not large:
+            most_bytes = min(most_bytes or limits.body_bytes, limits.body_bytes)
         require_accepts(request, JSON)
         if self.pool.waiting >= limits.waiting:
             raise Problem("busy", "too many requests wait", headers={"Retry-After": "1"})
         parts: list[bytes] = []
-        await self.bodies.read(request, media_types, most_bytes, limits.body_timeout_s, parts.append)
+        bodies = self.batch_bodies if large else self.bodies
+        await bodies.read(request, media_types, most_bytes, limits.body_timeout_s, parts.append)
         return parts[0] if len(parts) == 1 else b"".join(parts)
 
     async def _job(

@@ -28,6 +28,8 @@ UPDATE_REQUEST: Final = {
         "current_a": [2.0, 40.0, 12.0],
     },
 }
+NEW_CAR_REQUEST: Final = {"name": "my-leaf", "vehicle": "nissan_leaf_24"}
+
 TELEMETRY_REQUEST: Final = {
     "token": "the-token-of-the-car",
     "tlm": {

@@ -30,6 +30,8 @@ from tripwatt.routes import (
     plan_from_route,
     route_from_track,
 )
+from tripwatt.service.car_jobs import CarJobs
+from tripwatt.service.car_schemas import LogsRequest, NewCarRequest
 from tripwatt.service.journey_schemas import PlanRequest, ReachRequest
 from tripwatt.service.journeys import JourneyJobs
 from tripwatt.service.library import columns_of, described, examples, fields_of, vehicles
@@ -86,16 +88,23 @@ class Jobs:
         The atlas of the service.
     transferred : dict
         Models transferred to other cars, made when first used, by model and car; with their flags.
+    cars : CarJobs
+        Cars whose models requests may name as well.
     """
 
     models: Mapping[str, ForecastModel]
     limits: Limits
     journeys: JourneyJobs = field(default_factory=JourneyJobs)
     transferred: dict[tuple[str, str], CarModel] = field(default_factory=dict)
+    cars: CarJobs = field(default_factory=CarJobs)
 
     @classmethod
     def from_folders(
-        cls, folders: Mapping[str, Path], limits: Limits, journeys: JourneyJobs | None = None
+        cls,
+        folders: Mapping[str, Path],
+        limits: Limits,
+        journeys: JourneyJobs | None = None,
+        cars: CarJobs | None = None,
     ) -> Jobs:
         """Load the models.
 
@@ -105,9 +114,11 @@ class Jobs:
             Name -> folder; empty for the model of the package.
         limits : Limits
         journeys : JourneyJobs, optional
+        cars : CarJobs, optional
         """
         models = {name: load_model(folder) for name, folder in folders.items()}
-        return cls(models or {DEFAULT_MODEL: load_model()}, limits, journeys or JourneyJobs())
+        models = models or {DEFAULT_MODEL: load_model()}
+        return cls(models, limits, journeys or JourneyJobs(), cars=cars or CarJobs())
 
     def warm_up(self) -> None:
         """Compute one forecast per model, so that the first request takes no longer than the others."""
@@ -220,12 +231,15 @@ class Jobs:
         name, vehicle = document.get("model"), document.get("vehicle")
         name = next(iter(self.models)) if name is None else name
         faults = []
-        if isinstance(name, str) and name not in self.models:
-            faults.append(_unknown("model", name, list(self.models)))
+        label, fitted = name, self.models.get(name) if isinstance(name, str) else None
+        if isinstance(name, str) and fitted is None:
+            label, fitted = self.cars.model(name) or (name, None)
+            if fitted is None:
+                faults.append(_unknown("model", name, [*self.models, *self.cars.names()]))
         # only names of the library, never a path of a file
         if isinstance(vehicle, str) and vehicle not in (
             *vehicle_names(),
-            *(m.vehicle.name for m in self.models.values()),
+            *(m.vehicle.name for m in (*self.models.values(), fitted) if m is not None),
         ):
             try:
                 require_vehicle(vehicle)
@@ -233,7 +247,8 @@ class Jobs:
                 faults += error.faults
         if faults or not isinstance(name, str) or not isinstance(vehicle, str | None):
             raise InvalidInput(faults)  # another type is a fault of its field
-        model = self.models[name]
+        assert fitted is not None
+        model = fitted
         figures = document.get("vehicle_figures")
         if vehicle is not None and figures is not None:
             got = "both"
@@ -244,7 +259,7 @@ class Jobs:
         if known is None:
             assert vehicle is not None
             require_vehicle(vehicle)
-        key = (name, vehicle or "" if known is None else known.model_dump_json())
+        key = (f"{label}", vehicle or "" if known is None else known.model_dump_json())
         kept = self.transferred.get(key)
         if kept is not None:
             return lambda: kept
@@ -261,6 +276,22 @@ class Jobs:
     def describe(self, body: bytes) -> dict[str, Any]:
         """Return the response to `VehicleFigures`."""
         return described(describe(check_request(parse_json(body), VehicleFigures)))
+
+    def new_car(self, body: bytes) -> dict[str, Any]:
+        """Make the car of a `NewCarRequest`, and return it."""
+        request = check_request(parse_json(body), NewCarRequest)
+        if request.name in self.models:
+            got = f"{request.name}"
+            raise InvalidInput(
+                Fault("name is taken", "name", got, "another name: a model of the service has it")
+            )
+        if (request.vehicle is None) == (request.vehicle_figures is None):
+            got = "neither" if request.vehicle is None else "both"
+            raise InvalidInput(Fault("no single car", "vehicle, vehicle_figures", got, "one of the two"))
+        if request.vehicle_figures is not None:
+            return self.cars.create(request.name, describe(request.vehicle_figures))
+        require_vehicle(request.vehicle or "")
+        return self.cars.create(request.name, request.vehicle or "")
 
     def _plan(self, document: Mapping[str, Any]) -> Plan:
         samples, links = document.get("samples"), document.get("links")
@@ -413,10 +444,23 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
             "vehicles": lambda jobs, job, body: jobs.vehicles(job.get("search")),
             "describe": lambda jobs, job, body: jobs.describe(body),
             "examples": lambda jobs, job, body: examples(),
+            "cars": lambda jobs, job, body: jobs.cars.list(),
+            "car": lambda jobs, job, body: jobs.cars.show(job["car"]),
+            "new car": lambda jobs, job, body: jobs.new_car(body),
+            "forget car": lambda jobs, job, body: jobs.cars.forget(job["car"]),
+            "car token": lambda jobs, job, body: jobs.cars.token(job["car"]),
+            "logs": lambda jobs, job, body: jobs.cars.logs(job["car"], job["upload"], logs_request(body)),
+            "learn driven": lambda jobs, job, body: jobs.cars.learn_driven(job["car"]),
+            "learn": lambda jobs, job, body: jobs.cars.learn(job["car"], job["upload"], logs_request(body)),
         }
     )
 )
 """Kind of job -> the method of `Jobs` that runs it."""
+
+
+def logs_request(body: bytes) -> LogsRequest:
+    """How the tables of an upload are to be read."""
+    return check_request(parse_json(body), LogsRequest)
 
 
 def describe(figures: VehicleFigures) -> Vehicle:

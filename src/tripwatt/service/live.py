@@ -20,7 +20,7 @@ from starlette.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.live import LiveCar, Sample, is_live_car, open_live_car
+from tripwatt.live import LiveCar, Sample, is_car, is_live_car, open_live_car
 from tripwatt.live.live_car import digest_of, token_digest
 from tripwatt.live.usual import road_of
 from tripwatt.service.library import fields_of
@@ -105,7 +105,7 @@ class LiveCars:
     Raises
     ------
     InvalidInput
-        When the folder has no car, or one of them cannot be opened.
+        When there is no such folder, or a car with a token cannot be opened.
     """
 
     def __init__(self, folder: Path, pool: WorkerPool, limits: Limits, log: Callable[..., None]) -> None:
@@ -114,16 +114,31 @@ class LiveCars:
         self._by_digest: dict[str, LiveVehicle] = {}
         self.listeners = 0
         self._ending = asyncio.Event()
-        places = sorted(place for place in folder.iterdir() if is_live_car(place)) if folder.is_dir() else []
-        if not places:
-            fix = "make one: tripwatt car token FOLDER/NAME"
-            raise InvalidInput(
-                Fault("no cars", "--live", f"{folder}", "a folder with cars that have a token", fix)
-            )
-        for place in places:
-            found = LiveVehicle(open_live_car(place))
-            self.vehicles[place.name] = found
-            self._by_digest[token_digest(place) or ""] = found
+        if not folder.is_dir():
+            fix = "make it; cars are made in it on the page or by `tripwatt car new`"
+            raise InvalidInput(Fault("no folder of cars", "--cars", f"{folder}", "a folder", fix))
+        for place in sorted(place for place in folder.iterdir() if is_live_car(place)):
+            self.open(place)
+
+    def open(self, place: Path) -> None:
+        """Follow the car of a folder; of one that is followed already, only its token is read again.
+
+        Raises
+        ------
+        InvalidInput
+            When the car cannot be opened.
+        """
+        found = self.vehicles.get(place.name) or LiveVehicle(open_live_car(place))
+        self.vehicles[place.name] = found
+        self._by_digest = {digest: car for digest, car in self._by_digest.items() if car is not found}
+        self._by_digest[token_digest(place) or ""] = found
+
+    def drop(self, name: str) -> None:
+        """Follow a car no longer."""
+        found = self.vehicles.pop(name, None)
+        if found is not None:
+            self._by_digest = {digest: car for digest, car in self._by_digest.items() if car is not found}
+            found.car.close()
 
     def by_name(self, name: str) -> LiveVehicle:
         """The car of this name.
@@ -220,7 +235,7 @@ class LiveCars:
         if plan is None:
             vehicle.of, vehicle.forecast, vehicle.faults = state, None, ()
             return
-        request = with_departure(plan, vehicle.car)
+        request = by_own_model(with_departure(plan, vehicle.car), vehicle.car)
         observed = vehicle.car.observed()
         kind = "forecast" if len(observed) < 2 else "update"
         if kind == "update":
@@ -264,6 +279,7 @@ class LiveCars:
             if road is None:
                 raise Problem("not-found", "no plan, and no earlier trip at this time of day")
             request = fields_of(road)
+        request = by_own_model(request, car)
         soc = car.departure().soc if car.trip is None else None
         job = {"kind": "need", "probability": probability}
         result = await self.pool.run(job, orjson.dumps({**request, **known}))
@@ -381,6 +397,17 @@ def event(document: Mapping[str, Any]) -> bytes:
     b'event: live\ndata: {"vehicle":"leaf"}\n\n'
     """
     return b"event: live\ndata: " + orjson.dumps(document) + b"\n\n"
+
+
+def by_own_model(request: Mapping[str, Any], car: LiveCar) -> dict[str, Any]:
+    """A request for a forecast by the model of the car's own trips, unless it names a model or a car.
+
+    A car that only has a token has no model of its own: its requests stay as they are.
+    """
+    named = any(request.get(name) is not None for name in ("model", "vehicle", "vehicle_figures"))
+    if named or not is_car(car.folder.parent):
+        return dict(request)
+    return {**request, "model": car.name}
 
 
 def with_departure(request: Mapping[str, Any], car: LiveCar) -> dict[str, Any]:

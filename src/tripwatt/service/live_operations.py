@@ -59,7 +59,7 @@ class LiveOperations:
         self, settings: Settings, pool: WorkerPool, read_body: ReadBody, log: Callable[..., None]
     ) -> None:
         self.read_body = read_body
-        self._cars = None if settings.live is None else LiveCars(settings.live, pool, settings.limits, log)
+        self._cars = None if settings.cars is None else LiveCars(settings.cars, pool, settings.limits, log)
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
@@ -91,7 +91,7 @@ class LiveOperations:
             `no-live`.
         """
         if self._cars is None:
-            raise Problem("no-live", "start the service with --live")
+            raise Problem("no-live", "start the service with --cars")
         return self._cars
 
     async def telemetry(self, request: Request) -> Response:

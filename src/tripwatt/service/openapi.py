@@ -9,13 +9,14 @@ from fastapi import FastAPI
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from tripwatt.service import journey_schemas, live_schemas, schemas
+from tripwatt.service import car_schemas, journey_schemas, live_schemas, schemas
 from tripwatt.service.example_requests import (
     CSV,
     FIGURES_REQUEST,
     GEOJSON,
     GPX,
     KML,
+    NEW_CAR_REQUEST,
     PLAN_REQUEST,
     PLANNED_REQUEST,
     REACH_REQUEST,
@@ -33,6 +34,7 @@ JSON: Final = "application/json"
 NDJSON: Final = "application/x-ndjson"
 FORM: Final = "application/x-www-form-urlencoded"
 EVENTS: Final = "text/event-stream"
+BYTES: Final = "application/octet-stream"
 TILE: Final = "application/vnd.mapbox-vector-tile"
 
 REFERENCE: Final = "#/components/schemas/"
@@ -52,6 +54,14 @@ DOCUMENTED: Final[tuple[type[BaseModel], ...]] = (
     live_schemas.LivePlanRequest,
     live_schemas.LiveResponse,
     live_schemas.NeedResponse,
+    car_schemas.NewCarRequest,
+    car_schemas.LogsRequest,
+    car_schemas.CarsResponse,
+    car_schemas.CarResponse,
+    car_schemas.UploadResponse,
+    car_schemas.LogsResponse,
+    car_schemas.TokenResponse,
+    car_schemas.Forgotten,
     schemas.UpdateRequest,
     schemas.ForecastResponse,
     schemas.RouteResponse,
@@ -295,6 +305,72 @@ def live_events() -> dict[str, Any]:
     """Return the description of `GET /v1/live/{vehicle}/events`."""
     schema = {"type": "string", "description": "events `live`; the data of each is a LiveResponse"}
     return _operation("live", "A stream of server-sent events", _content(EVENTS, schema), _LIVE_PROBLEMS)
+
+
+def cars() -> dict[str, Any]:
+    """Return the description of `GET /v1/cars`."""
+    return _operation(
+        "cars", "The cars", _content(JSON, _reference(car_schemas.CarsResponse)), _LIVE_PROBLEMS
+    )
+
+
+def new_car() -> dict[str, Any]:
+    """Return the description of `POST /v1/cars`."""
+    return _car_operation("The car", car_schemas.NewCarRequest, NEW_CAR_REQUEST)
+
+
+def car() -> dict[str, Any]:
+    """Return the description of `GET /v1/cars/{car}`."""
+    return _operation("cars", "The car", _content(JSON, _reference(car_schemas.CarResponse)), _LIVE_PROBLEMS)
+
+
+def forget_car() -> dict[str, Any]:
+    """Return the description of `DELETE /v1/cars/{car}`."""
+    return _operation("cars", "Its name", _content(JSON, _reference(car_schemas.Forgotten)), _LIVE_PROBLEMS)
+
+
+def car_token() -> dict[str, Any]:
+    """Return the description of `POST /v1/cars/{car}/token`."""
+    content = _content(JSON, _reference(car_schemas.TokenResponse))
+    return _operation("cars", "The token; it cannot be shown again", content, _LIVE_PROBLEMS)
+
+
+def put_logs() -> dict[str, Any]:
+    """Return the description of `PUT /v1/cars/{car}/uploads/{upload}/{file}`."""
+    return _operation(
+        "cars",
+        "The upload so far",
+        _content(JSON, _reference(car_schemas.UploadResponse)),
+        (*_LIVE_PROBLEMS, *BODY_PROBLEMS),
+        {BYTES: {"schema": {"type": "string", "format": "binary"}}},
+    )
+
+
+def read_logs() -> dict[str, Any]:
+    """Return the description of `POST /v1/cars/{car}/uploads/{upload}`."""
+    return _car_operation(
+        "The mapping, and what the tables hold", car_schemas.LogsRequest, {}, car_schemas.LogsResponse
+    )
+
+
+def learn() -> dict[str, Any]:
+    """Return the description of `POST /v1/cars/{car}/uploads/{upload}/learn`."""
+    return _car_operation("The car; its field `learning` shows the progress", car_schemas.LogsRequest, {})
+
+
+def _car_operation(
+    description: str,
+    request: type[BaseModel],
+    example: Mapping[str, Any],
+    response: type[BaseModel] = car_schemas.CarResponse,
+) -> dict[str, Any]:
+    return _operation(
+        "cars",
+        description,
+        _content(JSON, _reference(response)),
+        (*_LIVE_PROBLEMS, *BODY_PROBLEMS),
+        _content(JSON, _reference(request), examples={"example": {"value": dict(example)}}),
+    )
 
 
 def describe() -> dict[str, Any]:

@@ -103,7 +103,12 @@ class Worker:
         )
         worker = cls(process)
         models = {name: str(folder) for name, folder in settings.models.items()}
-        first = {"models": models, "limits": asdict(settings.limits), "atlas": asdict(settings.atlas)}
+        first = {
+            "models": models,
+            "limits": asdict(settings.limits),
+            "atlas": asdict(settings.atlas),
+            "cars": None if settings.cars is None else str(settings.cars),
+        }
         first_frame = encode_frame(first, b"")
         try:
             async with asyncio.timeout(START_TIMEOUT_S):

@@ -34,7 +34,7 @@ TITLES: Final[Mapping[str, tuple[int, str]]] = {
     "too-many-requests": (429, "Too many requests"),
     "internal": (500, "Internal error"),
     "no-map": (501, "The service has no map"),
-    "no-live": (501, "The service follows no cars"),
+    "no-live": (501, "The service keeps no cars"),
     "remote": (502, "A server that was asked did not answer"),
     "busy": (503, "The service is busy"),
     "timeout": (504, "The computation timed out"),

@@ -52,6 +52,12 @@ class Limits:
         Mean rate of the requests of one client [1/s]; 0 for no limit. A batch counts as one request.
     burst : int
         Most requests of one client in quick succession.
+    upload_bytes : int
+        Largest file of logs.
+    car_bytes : int
+        Most bytes of the files of a car that are not learned yet, as they came and unpacked.
+    learn_s : float
+        Longest time that learning the trips of an upload may take [s].
     listeners : int
         Most streams of events at the same time; a further one is refused.
     live_every_s : float
@@ -71,6 +77,9 @@ class Limits:
     body_timeout_s: float = 20.0
     rate_per_s: float = 50.0
     burst: int = 100
+    upload_bytes: int = 64_000_000
+    car_bytes: int = 512_000_000
+    learn_s: float = 1800.0
     listeners: int = 64
     live_every_s: float = 5.0
 
@@ -93,8 +102,8 @@ class Settings:
     limits : Limits
     atlas : AtlasSettings
         Roads, places, weather and charging stations; without a map there are no journeys.
-    live : Path or None
-        Folder of cars on the road; None for none.
+    cars : Path or None
+        Folder of cars: their trips, the models that they teach, and what they send on the road; None for none.
     """
 
     models: Mapping[str, Path] = field(default_factory=lambda: MappingProxyType({}))
@@ -104,7 +113,7 @@ class Settings:
     token: str = field(default="", repr=False)
     limits: Limits = field(default_factory=Limits)
     atlas: AtlasSettings = field(default_factory=AtlasSettings)
-    live: Path | None = None
+    cars: Path | None = None
 
     @property
     def hosts(self) -> frozenset[str]:

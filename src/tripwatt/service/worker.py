@@ -17,6 +17,7 @@ from typing import Any
 import orjson
 
 from tripwatt.errors import InvalidInput, RemoteError
+from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.frames import encode_frame, read_frame
 from tripwatt.service.jobs import Jobs
 from tripwatt.service.journeys import JourneyJobs
@@ -55,6 +56,8 @@ def run_job(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
         problem = Problem("remote", faults=error.faults)
     except InvalidInput as error:
         problem = invalid_input(error.faults)
+    except Problem as error:
+        problem = error
     except Exception as error:  # the log gets the traceback, the client does not
         log_json(event="bug", kind=job["kind"], traceback="".join(traceback.format_exception(error)))
         problem = Problem("internal")
@@ -72,7 +75,9 @@ def main() -> None:
         return
     models = {name: Path(folder) for name, folder in first[0]["models"].items()}
     journeys = JourneyJobs.from_settings(first[0]["atlas"])
-    jobs = Jobs.from_folders(models, Limits(**first[0]["limits"]), journeys)
+    folder = first[0].get("cars")
+    cars = CarJobs(None if folder is None else Path(folder))
+    jobs = Jobs.from_folders(models, Limits(**first[0]["limits"]), journeys, cars)
     jobs.warm_up()
     gc.collect()
     gc.freeze()

@@ -220,10 +220,49 @@ def parse_mapping(text: str, source: str) -> ColumnMapping:
     >>> parse_mapping('[columns]\ntime_s = {column = "t"}\nspeed_m_s = {column = "v", unit = "mph"}', "my.toml").columns["speed_m_s"]
     MappedColumn(column='v', unit='mph', format='', optional=False)
     """
+    return mapping_from_tables(parse_tables(text, source), source)
+
+
+def parse_tables(text: str, source: str) -> dict[str, Any]:
+    r"""The tables of a mapping's TOML, not yet checked.
+
+    Raises
+    ------
+    InvalidInput
+        When the text is no TOML.
+
+    Examples
+    --------
+    >>> parse_tables('[trip]\ncolumn = "id"', "my.toml")
+    {'trip': {'column': 'id'}}
+    """
     try:
-        tables = tomllib.loads(text)
+        return tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise InvalidInput(Fault("not a TOML file", source, str(error)[:200], "TOML 1.0")) from error
+
+
+def mapping_from_tables(tables: Mapping[str, Any], source: str) -> ColumnMapping:
+    """A mapping from the tables of its TOML.
+
+    Parameters
+    ----------
+    tables : mapping
+        As `parse_tables` returns them.
+    source : str
+        File or name that it came from.
+
+    Raises
+    ------
+    InvalidInput
+        As `load_mapping`.
+
+    Examples
+    --------
+    >>> columns = {"time_s": {"column": "t"}, "speed_m_s": {"column": "v", "unit": "km/h"}}
+    >>> mapping_from_tables({"columns": columns}, "page").columns["speed_m_s"].unit
+    'km/h'
+    """
     raise_faults(_structure_faults(tables, source))
     columns = {
         ours: MappedColumn(

@@ -218,6 +218,20 @@ class DeltaFolder:
         )
         return {name: found[name] for name in ("numFilesAdded", "numFilesRemoved")}
 
+    def try_to_compact(self, target_size: int) -> bool:
+        """Merge small data files as `compact` does, unless another writer changes them meanwhile.
+
+        Returns
+        -------
+        bool
+            Whether they were merged.
+        """
+        try:
+            self.open().optimize.compact(target_size=target_size, writer_properties=_writing())
+        except require_deltalake().exceptions.CommitFailedError:
+            return False
+        return True
+
     def _repeated(self, action: Callable[[Any], Result]) -> Result:
         failed = require_deltalake().exceptions.CommitFailedError
         for _ in range(MOST_TRIES):

@@ -49,6 +49,9 @@ BATCH: Final = 500
 FILE_BYTES: Final = 16 << 20
 """Size up to which `compact` merges data files: what a worker reads at once stays far below 1 GB in memory."""
 
+FILES_A_BUCKET: Final = 16
+"""Data files of `trips` in a bucket, on average, from which adding merges them: each commit reads them all."""
+
 ORPHANS_AFTER_S: Final = 86_400.0
 """Samples without a row of `trips` are dropped when they are older: younger ones may be of a writer at work."""
 
@@ -188,7 +191,9 @@ class TripStore:
         batch: int = BATCH,
         progress: Callable[[Added], None] | None = None,
     ) -> Added:
-        """Add logs; one that is there already, by its digest, is not added again. O(samples).
+        """Add logs; one that is there already, by its digest, is not added again.
+
+        O(samples) and, for each commit, a read of the rows of `trips` in the buckets of its vehicles.
 
         Logs are committed `batch` at a time: after a crash all batches are there of which `progress` was called.
 
@@ -232,7 +237,8 @@ class TripStore:
 
     def _add_batch(self, stored: Sequence[StoredLog]) -> Added:
         once = list({s.row["digest"]: s for s in stored}.values())
-        new = self._unknown(once, self.rows.open())
+        before = self.rows.open()
+        new = self._unknown(once, before)
         if not new:
             return Added(known=len(stored))
         batch = f"{time.time_ns():020d}-{uuid.uuid4().hex[:12]}"
@@ -240,7 +246,7 @@ class TripStore:
         committed: list[StoredLog] = []
 
         def rows_for(table: Any) -> pa.Table | None:
-            committed[:] = self._unknown(new, table)
+            committed[:] = new if table.version() == before.version() else self._unknown(new, table)
             return trips_table(committed, batch) if committed else None
 
         try:
@@ -250,6 +256,8 @@ class TripStore:
                 kept = {s.row["digest"] for s in committed}
                 lost = [s.row["digest"] for s in new if s.row["digest"] not in kept]
                 self.samples.delete(f"batch = '{batch}' AND digest IN ({_sql_texts(lost)})")
+        if len(before.file_uris()) > FILES_A_BUCKET * self.buckets:
+            self.rows.try_to_compact(FILE_BYTES)
         unusable = sum(s.row["drives"] == 0 for s in committed)
         return Added(len(committed), len(stored) - len(committed), unusable)
 

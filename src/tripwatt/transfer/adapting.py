@@ -201,6 +201,7 @@ def adapt_model(
             "mode": mode,
             "hidden": list(done.masked_inputs),
             "share_in_common": done.posterior.share,
+            "shares_by_stage": list(done.posterior.shares),
             "noise_scale": done.posterior.noise_scale,
             "parameters": {k: {"change": m, "sd": s} for k, (m, s) in done.parameters.items()}
             if mode != "effects"

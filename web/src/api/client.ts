@@ -6,9 +6,12 @@ import type {
   ExampleSummary,
   Forecast,
   Journey,
+  LogsReading,
   MapInfo,
   MapView,
   Model,
+  OwnCar,
+  OwnCarSummary,
   Place,
   Problem,
   Reach,
@@ -100,6 +103,26 @@ export const describeCar = (figures: string) =>
 export const listExamples = async () =>
   (await requestJson<{ examples: ExampleSummary[] }>("v1/examples")).examples;
 export const loadExample = (trip: string) => requestJson<Example>(`v1/examples/${encodeURIComponent(trip)}`);
+
+export const listCars = async () => (await requestJson<{ cars: OwnCarSummary[] | null }>("v1/cars")).cars;
+const pathOf = (car: string) => `v1/cars/${encodeURIComponent(car)}`;
+export const createCar = (body: string) => post<OwnCar>("v1/cars", body, "application/json");
+export const getCar = (car: string) => requestJson<OwnCar>(pathOf(car));
+export const forgetCar = (car: string) =>
+  requestJson<{ forgotten: string }>(pathOf(car), { method: "DELETE" });
+export const newCarToken = async (car: string) =>
+  (await requestJson<{ token: string }>(`${pathOf(car)}/token`, { method: "POST" })).token;
+
+/** Send a file of logs; files of one upload are read together. */
+export const sendFile = (car: string, upload: string, file: File) =>
+  requestJson<{ files: number; bytes: number }>(
+    `${pathOf(car)}/uploads/${upload}/${encodeURIComponent(file.name)}`,
+    { method: "PUT", body: file, headers: { "content-type": "application/octet-stream" } },
+  );
+export const readLogs = (car: string, upload: string, body: string) =>
+  post<LogsReading>(`${pathOf(car)}/uploads/${upload}`, body, "application/json");
+export const learnLogs = (car: string, upload: string, body: string) =>
+  post<OwnCar>(`${pathOf(car)}/uploads/${upload}/learn`, body, "application/json");
 
 export const requestForecast = (body: string, signal?: AbortSignal) =>
   post<Forecast>("v1/forecast", body, "application/json", signal);

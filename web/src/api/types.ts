@@ -198,3 +198,96 @@ export interface Route {
   distance_m: number;
   notes: Flag[];
 }
+
+/** A car that the service keeps. */
+export interface OwnCarSummary {
+  name: string;
+  vehicle: string;
+  title: string;
+  /** Logs in its store. */
+  trips: number;
+  in_diary: number;
+  has_token: boolean;
+}
+
+/** Forecasts beside what the trips took; shares of the energy, null for what no trip shows. */
+export interface Score {
+  trips: number;
+  error: number | null;
+  weighted_error: number | null;
+  bias: number | null;
+  coverage: number | null;
+  width: number | null;
+}
+
+export interface DiaryEntry {
+  trip_id: string;
+  started_at: string;
+  trips_learned: number;
+  distance_m: number;
+  duration_s: number;
+  ambient_temperature_degc: number | null;
+  energy_wh: number;
+  forecast_wh: number;
+  low_wh: number;
+  high_wh: number;
+  by_cause_wh: Record<string, number>;
+}
+
+export interface Season {
+  trips: number;
+  distance_m: number;
+  energy_wh: number;
+  error: number | null;
+  coverage: number | null;
+}
+
+export interface Learning {
+  state: "running" | "done" | "failed";
+  done: number;
+  total: number | null;
+  added: number | null;
+  known: number | null;
+  entries: number | null;
+  left_out: string[];
+  faults: Fault[];
+}
+
+export interface OwnCar extends OwnCarSummary {
+  /** Relative changes of physical parameters. */
+  learned: Record<string, { change: number; sd: number }>;
+  score: Score;
+  latest: Score;
+  latest_by_book: Score;
+  by_season: Record<string, Season>;
+  by_cause_wh: Record<string, number>;
+  /** Newest first. */
+  diary: DiaryEntry[];
+  base_load_w: number;
+  learning: Learning | null;
+}
+
+export interface LogsChanges {
+  changes?: Record<string, { column: string; unit?: string } | null>;
+  current_positive?: "discharge" | "charge";
+}
+
+/** How the tables of an upload are read, and what they hold then. */
+export interface LogsReading {
+  columns: string[];
+  fields: { ours: string; units: string[] }[];
+  mapping: { ours: string; column: string; unit: string; why: string }[];
+  shipped: string | null;
+  unused: string[];
+  current_positive: "discharge" | "charge";
+  assumed: Record<string, number>;
+  preview: {
+    logs: number;
+    drives: number;
+    distance_m: number;
+    energy_wh: number;
+    findings: { trip: string; from_s: number; to_s: number; what: string; consequence: string }[];
+    n_findings: number;
+  } | null;
+  faults: Fault[];
+}

@@ -13,6 +13,8 @@ export interface Car {
   figures?: Figures;
   /** What the described car is called. */
   title?: string;
+  /** Name of a car of the service that learns from its trips; `model` is then that of the trips it begins with. */
+  own?: string;
 }
 
 export const models = signal<Model[]>([]);
@@ -29,7 +31,9 @@ export const choices = computed(() => {
 });
 
 /** Whether the model was fitted on trips of the chosen car. */
-export const isMeasured = computed(() => model.value?.model.vehicle === car.value?.vehicle);
+export const isMeasured = computed(
+  () => !!car.value?.own || model.value?.model.vehicle === car.value?.vehicle,
+);
 
 export function chooseVehicle(name: string): void {
   const [own] = vehicles.value.find((row) => row.name === name)?.models ?? [];
@@ -43,14 +47,26 @@ export function chooseDescribed(figures: Figures, title: string): void {
   if (any) car.value = { vehicle: DESCRIBED, model: any, figures, title };
 }
 
+/** Choose a car of the service by its name; `of` is the car of the library that it is. */
+export function chooseOwn(own: string, of: string, title: string): void {
+  const any = car.value?.model ?? models.value[0]?.name;
+  const known = vehicles.value.some(({ name }) => name === of);
+  if (any) car.value = { vehicle: known ? of : DESCRIBED, model: any, title, own };
+}
+
 export function chooseModel(name: string): void {
   if (car.value) car.value = { ...car.value, model: name };
 }
 
 /** Choose the car and the model of the last visit, if the service still has them, else the first model. */
-export function chooseFirst(last: Partial<Car> | undefined): void {
+export function chooseFirst(last: Partial<Car> | undefined, owned: readonly string[] = []): void {
   const known = models.value.find(({ name }) => name === last?.model) ?? models.value[0];
   if (!known) return;
+  const { own, vehicle: of = "", title = "" } = last ?? {};
+  if (own && owned.includes(own)) {
+    car.value = { model: known.name, vehicle: of, title, own };
+    return;
+  }
   if (last?.figures && last.title) {
     car.value = { model: known.name, vehicle: DESCRIBED, figures: last.figures, title: last.title };
     return;

@@ -6,6 +6,7 @@ import type { ExampleSummary, Place } from "../api/types";
 import { type Car, car, chooseFirst, models, vehicles } from "./car";
 import { change, type Conditions, conditions, USUAL } from "./conditions";
 import { reportProblem, problem } from "./forecast";
+import { loadOwnCars, ownCars } from "./own-cars";
 import { readStored, writeStored } from "./preferences";
 import { type End, ends, loadMap, setEnd } from "./journey";
 import { type Source, type Trip, trip, tripFromExample, tripFromRoute, tripFromStops } from "./trip";
@@ -106,12 +107,16 @@ export async function startPage(): Promise<void> {
       listModels(),
       listVehicles(),
       withMap ? [] : listExamples(),
+      loadOwnCars(),
     ]);
     batch(() => {
       models.value = allModels;
       vehicles.value = allVehicles;
       examples.value = allExamples;
-      chooseFirst(last.car);
+      chooseFirst(
+        last.car,
+        ownCars.value?.map(({ name }) => name),
+      );
     });
   });
   if (withMap) {

@@ -119,7 +119,8 @@ export function tripFromRoute(route: Route, title: string, source: Source): Trip
 /** The car as members of a request. */
 export function fieldsOfCar(car: Car | null): object {
   if (!car) return {};
-  const { vehicle, model, figures } = car;
+  const { vehicle, model, figures, own } = car;
+  if (own) return { model: own };
   return figures ? { vehicle_figures: figures, model } : { vehicle, model };
 }
 

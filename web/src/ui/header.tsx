@@ -2,12 +2,14 @@ import type { Vehicle } from "../api/types";
 import { type System, unitsOf } from "../model/units";
 import { car, choices, chooseModel, chooseVehicle, DESCRIBED, vehicles } from "../state/car";
 import { faults } from "../state/forecast";
+import { ownCars, useCar } from "../state/own-cars";
 import { chosenLanguage, language, system, text, type Theme, theme } from "../state/preferences";
 import { type Language, LANGUAGES } from "../text";
 import { openCarDialog } from "./car-dialog";
 import { Choice } from "./choice";
 import { FaultList } from "./faults";
 import { Icon } from "./icons";
+import { openOwnCars } from "./own-cars-dialog";
 
 const THEMES: [Theme, "system" | "sun" | "moon"][] = [
   ["system", "system"],
@@ -89,6 +91,9 @@ const CAR_FIELDS = ["vehicle", "vehicle_figures", "consumption_kwh_per_100km", "
 
 /** Value of the option that opens the form; no car has this name. */
 const FORM = "form";
+/** Value of the option that opens the cars of the service, and the start of the values of these cars. */
+const MANAGE = "own";
+const OWN = "own:";
 
 function CarSelect() {
   const measured = vehicles.value.filter((row) => row.models.length > 0);
@@ -96,19 +101,34 @@ function CarSelect() {
   const wrong = CAR_FIELDS.flatMap((field) => faults.value.get(field) ?? []);
   if (vehicles.value.length === 0) return null;
   const { header } = text.value;
+  const chosen = car.value?.own ? OWN + car.value.own : (car.value?.vehicle ?? "");
   return (
     <div class="car">
       <label>
         <span class="unseen">{header.car}</span>
         <select
-          value={car.value?.vehicle ?? ""}
+          value={chosen}
           onChange={(event) => {
-            if (event.currentTarget.value !== FORM) return chooseVehicle(event.currentTarget.value);
-            event.currentTarget.value = car.value?.vehicle ?? "";
-            openCarDialog();
+            const { value } = event.currentTarget;
+            const own = ownCars.value?.find(({ name }) => OWN + name === value);
+            if (own) return useCar(own);
+            if (value !== FORM && value !== MANAGE) return chooseVehicle(value);
+            event.currentTarget.value = chosen;
+            if (value === FORM) openCarDialog();
+            else openOwnCars(car.value?.own);
           }}
         >
-          {car.value?.title && <option value={DESCRIBED}>{car.value.title}</option>}
+          {car.value?.title && !car.value.own && <option value={DESCRIBED}>{car.value.title}</option>}
+          {ownCars.value && (
+            <optgroup label={text.value.ownCars.mine}>
+              {ownCars.value.map(({ name, title }) => (
+                <option key={name} value={OWN + name}>
+                  {name}: {title}
+                </option>
+              ))}
+              <option value={MANAGE}>{text.value.ownCars.manage}</option>
+            </optgroup>
+          )}
           <option value={FORM}>{header.missing}</option>
           <Cars label={header.trained} rows={measured} />
           {byMaker(others).map(([maker, rows]) => (
@@ -116,7 +136,7 @@ function CarSelect() {
           ))}
         </select>
       </label>
-      {choices.value.length > 1 && (
+      {choices.value.length > 1 && !car.value?.own && (
         <label>
           <span class="unseen">{header.model}</span>
           <select value={car.value?.model ?? ""} onChange={(event) => chooseModel(event.currentTarget.value)}>

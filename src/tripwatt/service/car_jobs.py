@@ -1,0 +1,361 @@
+"""Jobs of cars that learn: list and show them, propose how their logs are read, learn, forget. All file work is here."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Hashable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.auditing import audit
+from tripwatt.errors import InvalidInput
+from tripwatt.files import write_file
+from tripwatt.forecasting import ForecastModel
+from tripwatt.live import (
+    OwnCar,
+    create_car,
+    finished_trips,
+    forget_car,
+    is_car,
+    is_live_car,
+    issue_token,
+    open_car,
+)
+from tripwatt.live.diary import CAUSE
+from tripwatt.live.live_car import VALID_NAME
+from tripwatt.live.own_car import UPLOADS
+from tripwatt.physics.battery import open_circuit_voltage
+from tripwatt.service.car_schemas import LogsRequest, plain
+from tripwatt.service.library import usable_energy_wh
+from tripwatt.service.problems import MAX_FAULTS, Problem, fault_document
+from tripwatt.sources.columnar import open_table, table_files
+from tripwatt.sources.mapping import (
+    POWER,
+    TIME_STAMPS,
+    UNITS,
+    ColumnMapping,
+    mapping_from_tables,
+    parse_tables,
+)
+from tripwatt.sources.suggest import Suggestion, suggest_mapping
+from tripwatt.sources.table import read_table
+from tripwatt.trips import Fleet
+from tripwatt.vehicles import Vehicle
+
+PROGRESS: Final = "progress.json"
+"""File beside the tables of an upload with the trips that were learned."""
+
+TABLES: Final = "tables"
+SHOWN_FINDINGS: Final = 40
+SHOWN_TRIPS: Final = 200
+SHOWN_REASONS: Final = 20
+MOST_KEPT_MODELS: Final = 16
+"""Models of cars that a worker keeps in memory; the oldest goes first."""
+
+HALF_CHARGED: Final = 0.5
+"""State of charge whose open-circuit voltage stands for the battery's nominal voltage."""
+
+
+@dataclass(frozen=True)
+class CarJobs:
+    """The cars of a folder.
+
+    Attributes
+    ----------
+    folder : Path or None
+        None for a service without cars.
+    models : dict
+        Models in memory, by name: what they were read from, and the model.
+    """
+
+    folder: Path | None = None
+    models: dict[str, tuple[tuple[int, ...], ForecastModel]] = field(default_factory=dict)
+
+    def names(self) -> list[str]:
+        """Names of the cars."""
+        if self.folder is None or not self.folder.is_dir():
+            return []
+        return sorted(place.name for place in self.folder.iterdir() if is_car(place))
+
+    def place(self, name: str) -> Path:
+        """The folder of a car of this name, which may not exist.
+
+        Raises
+        ------
+        Problem
+            `no-live` for a service without cars, `not-found` for what cannot be a name.
+        """
+        if self.folder is None:
+            raise Problem("no-live", "start the service with --cars")
+        if VALID_NAME.fullmatch(name) is None:
+            raise Problem("not-found", "no such car")
+        return self.folder / name
+
+    def car(self, name: str) -> OwnCar:
+        """The car of this name.
+
+        Raises
+        ------
+        Problem
+            `not-found`.
+        """
+        place = self.place(name)
+        if not is_car(place):
+            raise Problem("not-found", "no such car")
+        return open_car(place)
+
+    def model(self, name: str) -> tuple[str, ForecastModel] | None:
+        """The model of a car as it is now, with a label that changes when it learns; None where there is no such car."""
+        if self.folder is None or VALID_NAME.fullmatch(name) is None or not is_car(self.folder / name):
+            return None
+        own = open_car(self.folder / name)
+        state = own.state()
+        kept = self.models.get(name)
+        if kept is None or kept[0] != state:
+            self.models.pop(name, None)
+            while len(self.models) >= MOST_KEPT_MODELS:
+                del self.models[next(iter(self.models))]
+            self.models[name] = kept = state, own.model()
+        return f"{name}@{state}", kept[1]
+
+    def list(self) -> dict[str, Any]:
+        """Return the cars, as `CarsResponse`."""
+        if self.folder is None:
+            return {"cars": None}
+        return {"cars": [_summary(self.car(name), self.car(name).about()) for name in self.names()]}
+
+    def show(self, name: str) -> dict[str, Any]:
+        """Return a car and its diary, as `CarResponse` without `learning`."""
+        own = self.car(name)
+        diary = own.diary
+        about = own.about(diary)
+        rows = [_entry(row) for row in diary.table.tail(SHOWN_TRIPS).iloc[::-1].to_dict("records")]
+        return {
+            **_summary(own, about),
+            **{
+                key: about[key]
+                for key in ("score", "latest", "latest_by_book", "by_temperature", "by_season", "by_cause_wh")
+            },
+            "learned": {
+                key: {"change": found["change"], "sd": found["sd"]} for key, found in about["learned"].items()
+            },
+            "base_load_w": own.vehicle.auxiliaries.base_load_w,
+            "diary": rows,
+        }
+
+    def create(self, name: str, vehicle: Vehicle | str) -> dict[str, Any]:
+        """Make a car, and return it as `show`."""
+        create_car(self.place(name), vehicle)
+        return self.show(name)
+
+    def forget(self, name: str) -> dict[str, Any]:
+        """Erase a car."""
+        forget_car(self.car(name).folder)
+        self.models.pop(name, None)
+        return {"forgotten": name}
+
+    def token(self, name: str) -> dict[str, Any]:
+        """Make a token for a car."""
+        return {"token": issue_token(self.car(name).folder)}
+
+    def logs(self, name: str, upload: str, request: LogsRequest) -> dict[str, Any]:
+        """Return how the tables of an upload are read, and what they hold then, as `LogsResponse`."""
+        own = self.car(name)
+        tables = uploaded(own.folder, upload)
+        proposal = suggest_mapping(tables)
+        found: dict[str, Any] = {
+            "columns": _columns(tables),
+            "fields": [{"ours": ours, "units": units_of(ours)} for ours in UNITS],
+            "shipped": proposal.shipped,
+        }
+        document, assumed = changed_tables(proposal, request, own.vehicle)
+        shown = _shown_mapping(document, proposal)
+        used = {entry["column"] for entry in shown}
+        # where a file has a row for each value, signals stand for columns
+        found["columns"] = list(dict.fromkeys([*found["columns"], *used]))
+        preview, faults = None, []
+        try:
+            preview = preview_of(read_table(tables, mapping_from_tables(document, "mapping")))
+        except InvalidInput as error:
+            faults = [fault_document(fault) for fault in _by_file(error, tables).faults[:MAX_FAULTS]]
+        positive = document.get("current", {}).get("positive", "discharge")
+        return {
+            **found,
+            "mapping": shown,
+            "unused": [column for column in found["columns"] if column not in used],
+            "current_positive": positive,
+            "assumed": assumed,
+            "preview": preview,
+            "faults": faults,
+        }
+
+    def learn(self, name: str, upload: str, request: LogsRequest) -> dict[str, Any]:
+        """Learn the trips of an upload, and drop it; return what became of them."""
+        own = self.car(name)
+        tables = uploaded(own.folder, upload)
+        progress = tables.parent / PROGRESS
+        try:
+            fleet = read_table(tables, mapping_of(tables, request, own.vehicle))
+        except InvalidInput as error:
+            raise _by_file(error, tables) from error
+        done = own.add(fleet, progress=lambda n, total: _write_progress(progress, n, total))
+        shutil.rmtree(tables.parent, ignore_errors=True)
+        return {**asdict(done), "left_out": list(done.left_out[:SHOWN_REASONS])}
+
+    def learn_driven(self, name: str) -> dict[str, Any]:
+        """Learn the trips that a car sent and that are not in its store; return what became of them."""
+        own = self.car(name)
+        known = frozenset(own.store.trips(columns=["trip_id"])["trip_id"])
+        done = own.add(finished_trips(own.folder, known=known))
+        return {**asdict(done), "left_out": list(done.left_out[:SHOWN_REASONS])}
+
+
+def uploaded(car: Path, upload: str) -> Path:
+    """The folder with the tables of an upload.
+
+    Raises
+    ------
+    Problem
+        `not-found`.
+    """
+    place = car / UPLOADS / upload / TABLES
+    if not upload.isalnum() or not place.is_dir():
+        raise Problem("not-found", "no such upload")
+    return place
+
+
+def units_of(ours: str) -> list[str]:
+    """Units that a column of a table may have for one of ours.
+
+    Examples
+    --------
+    >>> units_of("speed_m_s")[:2]
+    ['m/s', 'km/h']
+    """
+    return [*UNITS[ours], *(TIME_STAMPS if ours == "time_s" else ())]
+
+
+def mapping_of(tables: Path, request: LogsRequest, vehicle: Vehicle) -> ColumnMapping:
+    """The mapping that is proposed for tables, with the changes of a request."""
+    return mapping_from_tables(changed_tables(suggest_mapping(tables), request, vehicle)[0], "mapping")
+
+
+def changed_tables(
+    proposal: Suggestion, request: LogsRequest, vehicle: Vehicle
+) -> tuple[dict[str, Any], dict[str, float]]:
+    """The tables of a proposed mapping with the changes of a request, and values of the battery that the car fills in."""
+    found = parse_tables(proposal.toml, "mapping")
+    columns = found.setdefault("columns", {})
+    for ours, choice in request.changes.items():
+        before = columns.pop(ours, {})
+        if choice is not None:
+            kept = (
+                {"format": before["format"]}
+                if before.get("format") and before.get("column") == choice.column
+                else {}
+            )
+            unit = choice.unit or (before.get("unit") if before.get("column") == choice.column else None)
+            columns[ours] = {"column": choice.column, **kept, **({"unit": unit} if unit else {})}
+    if request.current_positive is not None:
+        found["current"] = {"positive": request.current_positive}
+    battery, assumed = found.setdefault("battery", {}), {}
+    measured = {POWER, "current_a"} & columns.keys()
+    if measured and "voltage_v" not in columns:
+        assumed["nominal_voltage_v"] = float(
+            open_circuit_voltage(np.array([HALF_CHARGED]), vehicle.battery)[0]
+        )
+    elif not measured and {"soc", "displayed_soc"} & columns.keys():
+        assumed["usable_capacity_kwh"] = usable_energy_wh(vehicle) / 1000.0
+    battery.update(assumed)
+    if not battery:
+        del found["battery"]
+    return found, assumed
+
+
+def preview_of(fleet: Fleet) -> dict[str, Any]:
+    """What the audit says of some logs, as `LogsPreview`."""
+    found = audit(fleet)
+    sound = [trip for trip in found.trips if trip.observed_energy_wh is not None]
+    return {
+        "logs": len(fleet.logs),
+        "drives": len(sound),
+        "distance_m": float(sum(trip.distance_m for trip in sound)),
+        "energy_wh": float(sum(trip.observed_energy_wh or 0.0 for trip in sound)),
+        "findings": [asdict(finding) for finding in found.findings[:SHOWN_FINDINGS]],
+        "n_findings": len(found.findings),
+    }
+
+
+def read_progress(folder: Path, upload: str) -> tuple[int, int | None]:
+    """Trips of an upload that were learned, and their number; 0 and None before the first."""
+    try:
+        found = json.loads((folder / UPLOADS / upload / PROGRESS).read_text(encoding="utf-8"))
+        return int(found["done"]), int(found["total"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return 0, None
+
+
+def _write_progress(path: Path, done: int, total: int) -> None:
+    text = json.dumps({"done": done, "total": total})
+
+    def write(made: Path) -> None:
+        made.write_text(text, encoding="utf-8")
+
+    write_file(path, write)
+
+
+def _by_file(error: InvalidInput, tables: Path) -> InvalidInput:
+    """The same faults with files by their names: where the service keeps them is nobody's business."""
+    folder = f"{tables}{os.sep}"
+    return InvalidInput(
+        replace(fault, **{name: text.replace(folder, "") for name, text in asdict(fault).items()})
+        for fault in error.faults
+    )
+
+
+def _columns(tables: Path) -> list[str]:
+    largest = max(table_files(tables), key=lambda file: os.stat(file).st_size)
+    return [name for name in dict.fromkeys(open_table(largest).names) if name]
+
+
+def _shown_mapping(tables: Mapping[str, Any], proposal: Suggestion) -> list[dict[str, str]]:
+    why = {(guess.ours, guess.column): guess.why for guess in proposal.guesses}
+    return [
+        {
+            "ours": ours,
+            "column": str(entry.get("column", "")),
+            "unit": str(entry.get("unit") or units_of(ours)[0]).lower(),
+            "why": why.get((ours, str(entry.get("column", ""))), ""),
+        }
+        for ours, entry in tables.get("columns", {}).items()
+    ]
+
+
+def _entry(row: Mapping[Hashable, Any]) -> dict[str, Any]:
+    """A row of a diary, as `DiaryEntry`."""
+    values = {f"{key}": plain(value) for key, value in row.items()}
+    causes = {key for key in values if key.startswith(CAUSE)}
+    return {
+        **{key: value for key, value in values.items() if key not in causes},
+        "by_cause_wh": {
+            key.removeprefix(CAUSE).removesuffix("_wh"): values[key]
+            for key in values
+            if key in causes and values[key] is not None
+        },
+    }
+
+
+def _summary(own: OwnCar, about: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "name": own.name,
+        "vehicle": own.vehicle.name,
+        "title": own.vehicle.title,
+        "trips": about["trips"],
+        "in_diary": about["in_diary"],
+        "has_token": is_live_car(own.folder),
+    }

@@ -1,0 +1,310 @@
+"""The endpoints of cars that learn from their trips: made, shown, given logs, erased.
+
+This process stores uploads and keeps track of what is learned; workers read, audit and learn.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import shutil
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import orjson
+from fastapi import Path as PathValue
+from starlette.requests import Request
+from starlette.responses import Response
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.live import is_car
+from tripwatt.live.live_car import finished_count
+from tripwatt.live.own_car import UPLOADS
+from tripwatt.service.car_jobs import TABLES, read_progress
+from tripwatt.service.car_schemas import NAME_PATTERN
+from tripwatt.service.live import LiveCars
+from tripwatt.service.openapi import BYTES, JSON
+from tripwatt.service.pool import JobResult, WorkerPool
+from tripwatt.service.problems import MEDIA_TYPE, Problem, invalid_input
+from tripwatt.service.receiving import request_id, require_accepts
+from tripwatt.service.settings import Settings
+from tripwatt.sources.archives import unpack
+
+ReadBody = Callable[..., Awaitable[bytes]]
+
+UPLOAD_PATTERN: Final = "^[a-z0-9]{8,32}$"
+MOST_FILES: Final = 4000
+"""Most tables of an upload."""
+
+LOOK_S: Final = 5.0
+"""Time between two looks for trips that have ended on the road."""
+
+EXPIRES_AFTER_S: Final = 3600.0
+"""An upload that is not learned is erased after so long, when the car gets the next one."""
+
+CarName = Annotated[str, PathValue(pattern=NAME_PATTERN, description="name of the car")]
+UploadName = Annotated[
+    str, PathValue(pattern=UPLOAD_PATTERN, description="name of the upload, chosen by the client")
+]
+FileName = Annotated[str, PathValue(min_length=1, max_length=200, description="name of the file")]
+
+
+@dataclass(eq=False)
+class Learning:
+    """Trips that a car learns, or has learned last.
+
+    Attributes
+    ----------
+    upload : str
+        Empty for trips that the car sent.
+    task : asyncio.Task
+    result : JobResult or None
+        None while it runs.
+    """
+
+    upload: str
+    task: asyncio.Task[None] | None = None
+    result: JobResult | None = None
+
+
+@dataclass(eq=False)
+class CarOperations:
+    """The endpoints of cars; each is the problem `no-live` where the service has no folder of cars.
+
+    Attributes
+    ----------
+    settings : Settings
+    pool : WorkerPool
+        Shows cars and reads logs.
+    learners : WorkerPool
+        One worker, started with the first upload that is learned; its jobs may take minutes.
+    live : callable
+        Returns the cars on the road; what it raises is passed on.
+    read_body : callable
+        Reads the body of a request: `(request, media_types, most_bytes, limit)`.
+    learning : dict
+        By name of the car.
+    driven : dict
+        Finished trips that a car had sent when it learned them last, by name of the car.
+    """
+
+    settings: Settings
+    pool: WorkerPool
+    learners: WorkerPool
+    live: Callable[[], LiveCars]
+    read_body: ReadBody
+    learning: dict[str, Learning] = field(default_factory=dict)
+    driven: dict[str, int] = field(default_factory=dict)
+    _started: bool = False
+
+    @classmethod
+    def from_settings(
+        cls,
+        settings: Settings,
+        pool: WorkerPool,
+        live: Callable[[], LiveCars],
+        read_body: ReadBody,
+        log: Callable[..., None],
+    ) -> CarOperations:
+        """The endpoints of a service."""
+        limits = replace(settings.limits, timeout_s=settings.limits.learn_s)
+        learners = WorkerPool(replace(settings, workers=1, limits=limits), log)
+        return cls(settings, pool, learners, live, read_body)
+
+    @asynccontextmanager
+    async def running(self) -> AsyncIterator[None]:
+        """Learn trips that have ended on the road; stop with the service, which keeps what was learned by then."""
+        watch = asyncio.ensure_future(self._watch())
+        try:
+            yield
+        finally:
+            tasks = [watch, *(found.task for found in self.learning.values() if found.task is not None)]
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            if self._started:
+                await self.learners.stop()
+
+    async def list_cars(self, request: Request) -> Response:
+        """List the cars."""
+        require_accepts(request, JSON)
+        return await self._job(request, {"kind": "cars"})
+
+    async def new_car(self, request: Request) -> Response:
+        """Make a car that learns from its trips."""
+        self._folder()
+        return await self._job(
+            request, {"kind": "new car"}, await self.read_body(request, (JSON,)), shows=True
+        )
+
+    async def get_car(self, request: Request, car: CarName) -> Response:
+        """Return a car, what it learned, and its diary."""
+        require_accepts(request, JSON)
+        return await self._job(request, {"kind": "car", "car": car}, shows=True)
+
+    async def forget_car(self, request: Request, car: CarName) -> Response:
+        """Erase a car: its trips, its model, its diary, and what it sent."""
+        require_accepts(request, JSON)
+        self._require_idle(car)
+        with contextlib.suppress(Problem):
+            self.live().drop(car)
+        response = await self._job(request, {"kind": "forget car", "car": car})
+        self.learning.pop(car, None)
+        return response
+
+    async def new_token(self, request: Request, car: CarName) -> Response:
+        """Make a token with which a car sends its messages; an earlier one is no longer accepted."""
+        require_accepts(request, JSON)
+        response = await self._job(request, {"kind": "car token", "car": car})
+        if response.status_code == 200:
+            self.live().open(self._folder() / car)
+        return response
+
+    async def put_file(self, request: Request, car: CarName, upload: UploadName, file: FileName) -> Response:
+        """Add a file of logs to an upload: a table, a workbook, or an archive of them."""
+        place = self._car(car) / UPLOADS / upload
+        content = await self.read_body(request, (BYTES,), self.settings.limits.upload_bytes, large=True)
+        found = await asyncio.to_thread(self._store, place, file, content)
+        return Response(orjson.dumps(found), media_type=JSON)
+
+    async def read_logs(self, request: Request, car: CarName, upload: UploadName) -> Response:
+        """Return how the tables of an upload are read, and what the audit says of them; nothing is learned."""
+        body = await self.read_body(request, (JSON,))
+        return await self._job(request, {"kind": "logs", "car": car, "upload": upload}, body)
+
+    async def learn(self, request: Request, car: CarName, upload: UploadName) -> Response:
+        """Learn the trips of an upload: the response comes at once, and the car shows the progress."""
+        body = await self.read_body(request, (JSON,))
+        checked = await self.pool.run({"kind": "logs", "car": car, "upload": upload}, body)
+        if checked.status != 200:
+            return _refused(checked, request)
+        faults = orjson.loads(checked.content)["faults"]
+        if faults:
+            raise invalid_input(
+                [Fault(**{"where": "logs", **{k: v for k, v in fault.items() if v}}) for fault in faults]
+            )
+        self._require_idle(car)
+        found = Learning(upload)
+        self.learning[car] = found
+        job = {"kind": "learn", "car": car, "upload": upload}
+        found.task = asyncio.ensure_future(self._learn(found, job, body))
+        return await self._job(request, {"kind": "car", "car": car}, shows=True)
+
+    async def _watch(self) -> None:
+        """Learn the trips of cars on the road soon after they have ended, until this is cancelled.
+
+        Trips that are in the car's store already are not counted again, so that it does not matter when a service was killed.
+        """
+        while self.settings.cars is not None:
+            for name in list(self.live().vehicles):
+                count = finished_count(self.settings.cars / name)
+                known = self.learning.get(name)
+                is_idle = known is None or known.result is not None
+                if is_idle and count != self.driven.get(name, 0) and is_car(self.settings.cars / name):
+                    found = Learning("")
+                    self.learning[name] = found
+                    found.task = asyncio.ensure_future(
+                        self._learn(found, {"kind": "learn driven", "car": name})
+                    )
+                    await found.task
+                    if found.result is not None and found.result.status == 200:
+                        self.driven[name] = count
+            await asyncio.sleep(LOOK_S)
+
+    async def _learn(self, found: Learning, job: dict[str, Any], body: bytes = b"") -> None:
+        try:
+            if not self._started:
+                self._started = True
+                await self.learners.start()
+            found.result = await self.learners.run(job, body, may_queue=True)
+        except Problem as problem:
+            found.result = JobResult(problem.status, orjson.dumps(problem.document()), 0.0)
+
+    def _require_idle(self, car: str) -> None:
+        found = self.learning.get(car)
+        if found is not None and found.result is None:
+            raise Problem("busy", "the car is learning", headers={"Retry-After": "5"})
+
+    def _folder(self) -> Path:
+        if self.settings.cars is None:
+            raise Problem("no-live", "start the service with --cars")
+        return self.settings.cars
+
+    def _car(self, name: str) -> Path:
+        place = self._folder() / name
+        if not is_car(place):
+            raise Problem("not-found", "no such car")
+        return place
+
+    def _store(self, place: Path, name: str, content: bytes) -> dict[str, int]:
+        """Unpack a file into the tables of an upload; uploads that were left are erased."""
+        _expire(place.parent, time.time() - EXPIRES_AFTER_S)
+        tables = place / TABLES
+        try:
+            tables.mkdir(parents=True, exist_ok=True)
+            unpack(name, tables, content=content)
+        except InvalidInput as error:
+            raise invalid_input(error.faults) from error
+        except OSError as error:
+            raise Problem("busy", f"the file cannot be stored: {error.strerror}") from error
+        sizes = [file.stat().st_size for file in tables.iterdir()]
+        used = sum(file.stat().st_size for file in place.parent.rglob("*") if file.is_file())
+        if len(sizes) > MOST_FILES or used > self.settings.limits.car_bytes:
+            shutil.rmtree(place, ignore_errors=True)
+            limit = self.settings.limits.car_bytes
+            raise Problem(
+                "too-large", f"at most {MOST_FILES} tables and {limit} bytes that are not learned yet"
+            )
+        return {"files": len(sizes), "bytes": sum(sizes)}
+
+    async def _job(
+        self, request: Request, job: dict[str, Any], body: bytes = b"", *, shows: bool = False
+    ) -> Response:
+        learning = (
+            self._learning(job["car"]) if "car" in job else None
+        )  # before: what is done by then is shown
+        result = await self.pool.run(job, body)
+        if result.status != 200:
+            return _refused(result, request)
+        if not shows:
+            return Response(result.content, media_type=JSON)
+        shown = {**orjson.loads(result.content), "learning": learning}
+        return Response(orjson.dumps(shown), media_type=JSON)
+
+    def _learning(self, car: str) -> dict[str, Any] | None:
+        """What a car learns, as `LearningDocument`."""
+        found = self.learning.get(car)
+        if found is None:
+            return None
+        nothing: dict[str, Any] = {
+            "added": None,
+            "known": None,
+            "entries": None,
+            "left_out": [],
+            "faults": [],
+        }
+        if found.result is None:
+            done, total = read_progress(self._folder() / car, found.upload)
+            return {"state": "running", "done": done, "total": total, **nothing}
+        document: Mapping[str, Any] = orjson.loads(found.result.content)
+        if found.result.status != 200:
+            faults = document.get("faults") or [{"what": document["title"], "where": "logs"}]
+            return {"state": "failed", "done": 0, "total": None, **nothing, "faults": faults}
+        entries = document["entries"]
+        return {"state": "done", "done": entries, "total": entries, **document, "faults": []}
+
+
+def _expire(uploads: Path, before_s: float) -> None:
+    for place in uploads.iterdir() if uploads.is_dir() else []:
+        with contextlib.suppress(OSError):
+            if max(file.stat().st_mtime for file in (place, *place.rglob("*"))) < before_s:
+                shutil.rmtree(place, ignore_errors=True)
+
+
+def _refused(result: JobResult, request: Request) -> Response:
+    document = {**orjson.loads(result.content), "instance": request_id(request)}
+    return Response(orjson.dumps(document), result.status, media_type=MEDIA_TYPE)

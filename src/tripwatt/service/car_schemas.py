@@ -1,0 +1,218 @@
+"""Schemas of the requests and responses of cars that learn from their trips."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from tripwatt.live.live_car import VALID_NAME
+from tripwatt.service.schemas import ProblemFault, ResponseModel, VehicleFigures
+from tripwatt.sources.mapping import UNITS
+
+NAME_PATTERN = f"^{VALID_NAME.pattern}$"
+
+
+class CarRequestModel(BaseModel):
+    """Base of requests."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class NewCarRequest(CarRequestModel):
+    """A car to keep: a name, and either a car of the library or a few figures."""
+
+    name: str = Field(
+        pattern=NAME_PATTERN, description="name of the car; it is the name of its folder and of its model"
+    )
+    vehicle: str | None = Field(None, max_length=200, description="name of a car of the library")
+    vehicle_figures: VehicleFigures | None = None
+
+
+class ColumnChoice(CarRequestModel):
+    """The column of a table that is one of ours."""
+
+    column: str = Field(max_length=500)
+    unit: str | None = Field(None, max_length=20, description="null for the unit that was proposed, or ours")
+
+
+class LogsRequest(CarRequestModel):
+    """How uploaded tables are to be read."""
+
+    changes: dict[str, ColumnChoice | None] = Field(
+        default_factory=dict,
+        max_length=len(UNITS),
+        description="our column -> column of the table in place of the proposed one; null to leave it out",
+    )
+    current_positive: Literal["discharge", "charge"] | None = Field(
+        None, description="null for the sign that was proposed"
+    )
+
+
+class UploadResponse(ResponseModel):
+    """An upload so far."""
+
+    files: int = Field(description="tables")
+    bytes: int
+
+
+class MappedColumnDocument(ResponseModel):
+    """One of our columns and the column of the table that it is."""
+
+    ours: str
+    column: str
+    unit: str
+    why: str = Field(description="empty where the request chose it")
+
+
+class FieldDocument(ResponseModel):
+    """A column that can be mapped."""
+
+    ours: str
+    units: list[str]
+
+
+class FindingDocument(ResponseModel):
+    """One thing that is wrong with a log."""
+
+    trip: str
+    from_s: float
+    to_s: float
+    what: str
+    consequence: Literal["trimmed", "split", "set aside", "noted"]
+
+
+class LogsPreview(ResponseModel):
+    """What the audit says of the tables as they are mapped."""
+
+    logs: int
+    drives: int = Field(description="sound drives with measured energy")
+    distance_m: float = Field(description="of the sound drives")
+    energy_wh: float = Field(description="of the sound drives")
+    findings: list[FindingDocument] = Field(description="the first ones")
+    n_findings: int
+
+
+class LogsResponse(ResponseModel):
+    """The proposed or chosen mapping of uploaded tables, with what they hold when they are read by it."""
+
+    columns: list[str] = Field(description="columns of the largest table")
+    fields: list[FieldDocument] = Field(description="our columns and their units")
+    mapping: list[MappedColumnDocument]
+    shipped: str | None = Field(description="the bundled mapping whose columns the table has")
+    unused: list[str] = Field(description="columns that are ignored")
+    current_positive: Literal["discharge", "charge"]
+    assumed: dict[str, float] = Field(
+        description="values of the battery that the car's published values fill in"
+    )
+    preview: LogsPreview | None = Field(description="null where the tables cannot be read so")
+    faults: list[ProblemFault] = Field(description="why not")
+
+
+class ScoreDocument(ResponseModel):
+    """Forecasts beside what the trips took; null for what no trip shows."""
+
+    trips: int
+    error: float | None
+    weighted_error: float | None
+    bias: float | None
+    coverage: float | None
+    width: float | None
+
+
+class SeasonDocument(ResponseModel):
+    """A quarter of the year."""
+
+    trips: int
+    distance_m: float
+    energy_wh: float = Field(description="as measured")
+    error: float | None = Field(description="sum of the errors of the forecasts over the energy")
+    coverage: float | None
+
+
+class LearnedParameter(ResponseModel):
+    """What the trips say of a physical parameter."""
+
+    change: float = Field(description="relative to the published value")
+    sd: float
+
+
+class DiaryEntry(ResponseModel):
+    """A trip as it was forecast before the car had learned it, and what it took."""
+
+    trip_id: str
+    started_at: str = Field(description="ISO 8601; empty where unknown")
+    trips_learned: int = Field(description="trips that the car had learned before")
+    distance_m: float
+    duration_s: float
+    ambient_temperature_degc: float | None
+    energy_wh: float
+    forecast_wh: float
+    low_wh: float
+    high_wh: float
+    book_forecast_wh: float = Field(description="by the published values of the car")
+    book_low_wh: float
+    book_high_wh: float
+    by_cause_wh: dict[str, float] = Field(description="the forecast by cause")
+
+
+class LearningDocument(ResponseModel):
+    """Trips that a car learns, or has learned last."""
+
+    state: Literal["running", "done", "failed"]
+    done: int = Field(description="trips that were forecast")
+    total: int | None = Field(description="null before they are counted")
+    added: int | None = Field(description="logs that are new; null while it runs")
+    known: int | None
+    entries: int | None = Field(description="new trips of the diary")
+    left_out: list[str] = Field(description="drives that are not learned, with the reason; the first ones")
+    faults: list[ProblemFault]
+
+
+class CarSummary(ResponseModel):
+    """A car of the service."""
+
+    name: str
+    vehicle: str
+    title: str
+    trips: int = Field(description="logs in its store")
+    in_diary: int
+    has_token: bool = Field(description="whether it can send messages")
+
+
+class CarResponse(CarSummary):
+    """A car, what it learned, and its diary."""
+
+    learned: dict[str, LearnedParameter]
+    score: ScoreDocument
+    latest: ScoreDocument = Field(description="of the last trips")
+    latest_by_book: ScoreDocument = Field(description="the same by the published values of the car")
+    by_temperature: dict[str, ScoreDocument]
+    by_season: dict[str, SeasonDocument]
+    by_cause_wh: dict[str, float]
+    diary: list[DiaryEntry] = Field(description="the last trips, newest first")
+    base_load_w: float = Field(description="published value [W]")
+    learning: LearningDocument | None
+
+
+class CarsResponse(ResponseModel):
+    """The cars of the service."""
+
+    cars: list[CarSummary] | None = Field(description="null where the service keeps no cars")
+
+
+class TokenResponse(ResponseModel):
+    """A token with which a car sends its messages."""
+
+    token: str
+
+
+class Forgotten(ResponseModel):
+    """The car that was erased."""
+
+    forgotten: str
+
+
+def plain(value: Any) -> Any:
+    """A number that JSON has: None for one that is not finite."""
+    return None if isinstance(value, float) and value - value != 0.0 else value

@@ -1,0 +1,231 @@
+"""Logs as people keep them: archives of many files, and workbooks, unpacked into tables that readers read."""
+
+from __future__ import annotations
+
+import csv
+import datetime as dt
+import io
+import itertools
+import re
+import tempfile
+import warnings
+import zipfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
+from typing import Any, Final
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.files import read_file, require_small_content
+from tripwatt.sources.columnar import MOST_ROWS, SUFFIXES
+from tripwatt.sources.delimited import MOST_COLUMNS
+
+ARCHIVE: Final = ".zip"
+WORKBOOK: Final = ".xlsx"
+MOST_FILES: Final = 2000
+"""Most tables of an archive."""
+
+MOST_SHEETS: Final = 50
+LEAST_NAMES: Final = 2
+"""Texts that make a row of a sheet its header."""
+
+MOST_LEADING_ROWS: Final = 50
+"""Rows above the header of a sheet."""
+
+LONGEST_STEM: Final = 80
+
+
+def is_packed(path: Path | str) -> bool:
+    """Whether a file has to be unpacked before a reader of tables can read it, by its suffix.
+
+    Examples
+    --------
+    >>> is_packed("logs.zip"), is_packed("drive.csv")
+    (True, False)
+    """
+    return Path(path).suffix.lower() in (ARCHIVE, WORKBOOK)
+
+
+def unpack(path: Path | str, folder: Path, *, content: bytes | None = None) -> list[Path]:
+    """Write the tables of a file into a folder: its own, those of an archive, the sheets of a workbook as CSV.
+
+    Members of an archive that are no tables are left out. O(bytes).
+
+    Parameters
+    ----------
+    path : path
+        Its suffix tells what it is.
+    folder : Path
+        An existing folder. Names that are taken get a number.
+    content : bytes, optional
+        Of the file; it is read when not given.
+
+    Returns
+    -------
+    list of Path
+        The tables, in the order of the archive.
+
+    Raises
+    ------
+    InvalidInput
+        When it holds no table, is damaged, or holds more than `MOST_FILES` tables or 256 MiB.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     [made.name for made in unpack("a drive.csv", Path(folder), content=b"time_s,speed_m_s")]
+    ['a drive.csv']
+    """
+    place = Path(path)
+    data = read_file(place) if content is None else content
+    kind = place.suffix.lower()
+    if kind == ARCHIVE:
+        found = list(_from_archive(place, data, folder))
+    elif kind == WORKBOOK:
+        found = list(_from_workbook(place, data, folder))
+    elif kind in SUFFIXES:
+        found = [_written(folder, place.name, data)]
+    else:
+        found = []
+    if not found:
+        allowed = f"a file {', '.join((*SUFFIXES, WORKBOOK))}, or an archive {ARCHIVE} of them"
+        raise InvalidInput(Fault("no trips", f"{place}", f"no table in {place.name}", allowed))
+    return found
+
+
+@contextmanager
+def unpacked(path: Path | str) -> Iterator[Path]:
+    """A path that readers of tables read: the file or folder itself, or a temporary folder with its unpacked tables.
+
+    Parameters
+    ----------
+    path : path
+
+    Yields
+    ------
+    Path
+
+    Raises
+    ------
+    InvalidInput
+        As `unpack`.
+    """
+    place = Path(path)
+    packed = [place] if place.is_file() else sorted(place.iterdir()) if place.is_dir() else []
+    if not any(is_packed(file) for file in packed):
+        yield place
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        for file in packed:
+            if file.is_file() and (is_packed(file) or file.suffix.lower() in SUFFIXES):
+                unpack(file, Path(folder))
+        yield Path(folder)
+
+
+def safe_name(name: str, suffix: str) -> str:
+    """The last part of a name as a name of a file: letters, digits, blanks and ``._-+()``, with a suffix.
+
+    Examples
+    --------
+    >>> safe_name("../../etc/my drive?.CSV", ".csv"), safe_name("...", ".csv")
+    ('my drive_.csv', 'table.csv')
+    """
+    stem = _last_part(name)
+    if stem.lower().endswith(suffix):
+        stem = stem[: -len(suffix)]
+    stem = re.sub(r"[^\w .+()-]", "_", stem)[:LONGEST_STEM].strip(" .")
+    return f"{stem or 'table'}{suffix}"
+
+
+def _last_part(name: str) -> str:
+    return PurePosixPath(name.replace("\\", "/")).name
+
+
+def _written(folder: Path, name: str, data: bytes) -> Path:
+    suffix = PurePosixPath(name).suffix.lower()
+    wanted = folder / safe_name(name, suffix)
+    place = wanted
+    for number in itertools.count(2):
+        if not place.exists():
+            break
+        place = wanted.with_name(f"{wanted.stem} {number}{suffix}")
+    place.write_bytes(data)
+    return place
+
+
+def _from_archive(place: Path, data: bytes, folder: Path) -> Iterator[Path]:
+    try:
+        archive = require_small_content(io.BytesIO(data), f"{place}")
+        tables = [
+            entry
+            for entry in archive.infolist()
+            if PurePosixPath(entry.filename).suffix.lower() in (*SUFFIXES, WORKBOOK)
+            and not _last_part(entry.filename).startswith((".", "~"))
+            and "__MACOSX" not in entry.filename
+        ]
+        if len(tables) > MOST_FILES:
+            got = f"{len(tables)} tables"
+            raise InvalidInput(Fault("too many files", f"{place}", got, f"at most {MOST_FILES}"))
+        for entry in tables:
+            member = archive.read(entry)
+            if entry.filename.lower().endswith(WORKBOOK):
+                yield from _from_workbook(Path(entry.filename), member, folder)
+            else:
+                yield _written(folder, entry.filename, member)
+    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError, ValueError) as error:
+        if isinstance(error, InvalidInput):
+            raise
+        got = f"{error}"[:160]
+        raise InvalidInput(
+            Fault("unreadable archive", f"{place}", got, "a ZIP archive without a password")
+        ) from error
+
+
+def _from_workbook(place: Path, data: bytes, folder: Path) -> Iterator[Path]:
+    import openpyxl
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # about styles and extensions, which are not read
+            stream = io.BytesIO(data)
+            require_small_content(stream, f"{place}")
+            book = openpyxl.load_workbook(stream, data_only=True, read_only=True)
+            sheets = [(sheet.title, _table_of(sheet)) for sheet in book.worksheets[:MOST_SHEETS]]
+    except InvalidInput:
+        raise
+    except Exception as error:  # openpyxl documents no error types: a damaged archive raises a dozen kinds
+        got = f"{type(error).__name__}: {error}"[:160]
+        raise InvalidInput(Fault("unreadable sheet", f"{place}", got, "an .xlsx workbook")) from error
+    tables = [(title, table) for title, table in sheets if len(table) > 1]
+    for title, table in tables:
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows(table)
+        stem = place.stem if len(tables) == 1 else f"{place.stem} {title}"
+        yield _written(folder, f"{stem}.csv", text.getvalue().encode("utf-8"))
+
+
+def _table_of(sheet: Any) -> list[list[str]]:
+    """Rows of a sheet as texts from its header on, cut to the columns that the header names."""
+    rows = sheet.iter_rows(values_only=True, max_col=MOST_COLUMNS, max_row=MOST_ROWS)
+    for _ in range(MOST_LEADING_ROWS):
+        header = next(rows, None)
+        if header is None:
+            return []
+        if sum(isinstance(cell, str) and bool(cell.strip()) for cell in header) >= LEAST_NAMES:
+            width = max(i + 1 for i, cell in enumerate(header) if cell is not None)
+            return [
+                _texts(header[:width]),
+                *(_texts(row[:width]) for row in rows if any(cell is not None for cell in row)),
+            ]
+    return []
+
+
+def _texts(cells: Sequence[Any]) -> list[str]:
+    return [_text(cell) for cell in cells]
+
+
+def _text(cell: Any) -> str:
+    if cell is None:
+        return ""
+    return cell.isoformat() if isinstance(cell, dt.date | dt.time) else f"{cell}"

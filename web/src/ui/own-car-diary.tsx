@@ -1,0 +1,257 @@
+/** What a car has learned, before and after, and its diary: each trip as it was forecast, and what it took. */
+
+import type { DiaryEntry, OwnCar } from "../api/types";
+import { ENERGY, PERCENT } from "../model/units";
+import { format, text, units } from "../state/preferences";
+import { FaultList } from "./faults";
+
+/** Smallest relative change that is worth a line. */
+const LEAST_CHANGE = 0.005;
+
+function percent(share: number | null, digits = 1): string {
+  return share === null ? "–" : `${format.value.figure(PERCENT.from(share), digits)}\u00a0%`;
+}
+
+/** Two bars, one above the other: without own trips, and with them. */
+function BeforeAfter({
+  label,
+  before,
+  after,
+}: {
+  label: string;
+  before: number | null;
+  after: number | null;
+}) {
+  const { ownCars: words } = text.value;
+  const most = Math.max(before ?? 0, after ?? 0) || 1;
+  const rows = [
+    [words.byBook, before, "book"],
+    [words.byTrips, after, "own"],
+  ] as const;
+  return (
+    <table class="before-after">
+      <caption>{label}</caption>
+      <tbody>
+        {rows.map(([name, value, kind]) => (
+          <tr key={kind}>
+            <th scope="row">{name}</th>
+            <td class="picture" aria-hidden="true">
+              <span class={kind} style={{ width: `${(100 * (value ?? 0)) / most}%` }} />
+            </td>
+            <td class="value">{percent(value)}</td>
+          </tr>
+        ))}
+      </tbody>
+    </table>
+  );
+}
+
+function Learned({ of }: { of: OwnCar }) {
+  const { ownCars: words } = text.value;
+  const { signed, figure } = format.value;
+  const changed = Object.entries(of.learned).filter(([, { change }]) => Math.abs(change) >= LEAST_CHANGE);
+  return (
+    <ul class="learned">
+      {changed.map(([name, { change, sd }]) => (
+        <li key={name}>
+          {name === "base_load"
+            ? words.baseLoad(figure(of.base_load_w * (1 + change), 0))
+            : words.changed(
+                `${signed(PERCENT.from(change), 0)}\u00a0%`,
+                words.parameters[name as keyof typeof words.parameters],
+              )}{" "}
+          <span class="note">{words.sd(figure(PERCENT.from(sd), 0))}</span>
+        </li>
+      ))}
+    </ul>
+  );
+}
+
+/** Forecast, its interval and what the trip took, on one scale. */
+function Spread({ of, most }: { of: DiaryEntry; most: number }) {
+  const at = (wh: number) => `${Math.min(100, Math.max(0, (100 * wh) / most))}%`;
+  const isInside = of.low_wh <= of.energy_wh && of.energy_wh <= of.high_wh;
+  return (
+    <div class="spread" aria-hidden="true">
+      <i class="band" style={{ left: at(of.low_wh), width: `calc(${at(of.high_wh)} - ${at(of.low_wh)})` }} />
+      <i class="middle" style={{ left: at(of.forecast_wh) }} />
+      <i class={isInside ? "took" : "took outside"} style={{ left: at(of.energy_wh) }} />
+    </div>
+  );
+}
+
+function Trips({ of }: { of: OwnCar }) {
+  const { ownCars: words } = text.value;
+  const { figure, shown, signed } = format.value;
+  const most = Math.max(1, ...of.diary.map((row) => Math.max(row.high_wh, row.energy_wh)));
+  const day = new Intl.DateTimeFormat(format.value.locale, { dateStyle: "medium", timeStyle: "short" });
+  const kwh = (wh: number) => figure(ENERGY.from(wh), 2);
+  const heads = [words.trip, words.distance, words.forecast, words.picture, words.took, words.error];
+  return (
+    <section class="scroll" tabIndex={0} aria-label={words.diary}>
+      <table class="diary">
+        <thead>
+          <tr>
+            {heads.map((head) => (
+              <th key={head} scope="col">
+                {head}
+              </th>
+            ))}
+          </tr>
+        </thead>
+        <tbody>
+          {of.diary.map((row) => (
+            <tr key={row.trip_id}>
+              <th scope="row">
+                {row.started_at ? day.format(new Date(row.started_at)) : row.trip_id}
+                {row.ambient_temperature_degc !== null && (
+                  <span class="note"> {shown(row.ambient_temperature_degc, units.value.temperature)}</span>
+                )}
+              </th>
+              <td>{shown(row.distance_m, units.value.distance)}</td>
+              <td>{words.interval(kwh(row.forecast_wh), kwh(row.low_wh), kwh(row.high_wh))}</td>
+              <td>
+                <Spread of={row} most={most} />
+              </td>
+              <td>
+                {kwh(row.energy_wh)}
+                {(row.energy_wh < row.low_wh || row.energy_wh > row.high_wh) && (
+                  <span class="note"> {words.outside}</span>
+                )}
+              </td>
+              <td>{signed(ENERGY.from(row.forecast_wh - row.energy_wh), 2)}</td>
+            </tr>
+          ))}
+        </tbody>
+      </table>
+    </section>
+  );
+}
+
+function Seasons({ of }: { of: OwnCar }) {
+  const { ownCars: words } = text.value;
+  const { figure, shown } = format.value;
+  const { consumption, distance } = units.value;
+  const seasons = Object.entries(of.by_season);
+  if (seasons.length === 0) return null;
+  const heads = [words.season, words.trips, words.distance, consumption.unit, words.error, words.coverage];
+  return (
+    <section class="scroll" tabIndex={0} aria-label={words.seasons}>
+      <table class="diary">
+        <caption>{words.seasons}</caption>
+        <thead>
+          <tr>
+            {heads.map((head) => (
+              <th key={head} scope="col">
+                {head}
+              </th>
+            ))}
+          </tr>
+        </thead>
+        <tbody>
+          {seasons.map(([name, row]) => (
+            <tr key={name}>
+              <th scope="row">{words.quarters[name as keyof typeof words.quarters]}</th>
+              <td>{figure(row.trips, 0)}</td>
+              <td>{shown(row.distance_m, distance, 0)}</td>
+              <td>
+                {row.distance_m > 0 && row.energy_wh > 0
+                  ? figure(consumption.from(row.energy_wh / row.distance_m), 1)
+                  : "–"}
+              </td>
+              <td>{percent(row.error)}</td>
+              <td>{percent(row.coverage, 0)}</td>
+            </tr>
+          ))}
+        </tbody>
+      </table>
+    </section>
+  );
+}
+
+/** Energy of all trips by cause. */
+function Causes({ of }: { of: OwnCar }) {
+  const { ownCars: words, causes } = text.value;
+  const { figure } = format.value;
+  const names: Record<string, string> = { ...causes.names, not_forecast: words.notForecast };
+  const rows = Object.entries(of.by_cause_wh).sort(([, a], [, b]) => b - a);
+  const total = rows.reduce((sum, [, wh]) => sum + wh, 0);
+  const most = Math.max(1, ...rows.map(([, wh]) => Math.abs(wh)));
+  if (total <= 0) return null;
+  return (
+    <table class="before-after">
+      <caption>{words.whereEnergyWent}</caption>
+      <tbody>
+        {rows.map(([name, wh]) => (
+          <tr key={name}>
+            <th scope="row">{names[name] ?? name}</th>
+            <td class="picture" aria-hidden="true">
+              <span class={wh < 0 ? "book" : "own"} style={{ width: `${(100 * Math.abs(wh)) / most}%` }} />
+            </td>
+            <td class="value">{figure(ENERGY.from(wh), 1)}</td>
+            <td class="value">{percent(wh / total, 0)}</td>
+          </tr>
+        ))}
+      </tbody>
+    </table>
+  );
+}
+
+function Progress({ of }: { of: OwnCar }) {
+  const { ownCars: words } = text.value;
+  const { learning } = of;
+  if (!learning) return null;
+  if (learning.state === "running") {
+    const { done, total } = learning;
+    return (
+      <div class="learning" role="status">
+        <label>
+          {total === null ? words.starting : words.learning(done, total)}{" "}
+          <progress value={total === null ? undefined : done} max={total ?? 1} />
+        </label>
+      </div>
+    );
+  }
+  if (learning.state === "failed") return <FaultList faults={learning.faults} />;
+  return (
+    <p class="note" role="status">
+      {words.learnedNow(learning.entries ?? 0, learning.known ?? 0)}
+      {learning.left_out.length > 0 && (
+        <span lang="en"> {words.leftOut(format.value.list(learning.left_out.slice(0, 5)))}</span>
+      )}
+    </p>
+  );
+}
+
+export function OwnCarDiary({ of }: { of: OwnCar }) {
+  const { ownCars: words } = text.value;
+  const { latest, latest_by_book: book, score } = of;
+  return (
+    <section aria-labelledby="own-car-diary">
+      <Progress of={of} />
+      {of.in_diary === 0 ? (
+        <p>{words.nothingYet}</p>
+      ) : (
+        <>
+          <h3 id="own-car-diary">{words.learnedFrom(of.in_diary)}</h3>
+          <Learned of={of} />
+          <div class="pair">
+            <BeforeAfter
+              label={words.errorOfLast(latest.trips)}
+              before={book.weighted_error}
+              after={latest.weighted_error}
+            />
+            <BeforeAfter label={words.widthOfLast(latest.trips)} before={book.width} after={latest.width} />
+          </div>
+          <h3>{words.diary}</h3>
+          <p class="note">
+            {words.score(percent(score.weighted_error), percent(score.coverage, 0), score.trips)}
+          </p>
+          <Trips of={of} />
+          <Seasons of={of} />
+          <Causes of={of} />
+        </>
+      )}
+    </section>
+  );
+}

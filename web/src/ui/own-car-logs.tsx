@@ -1,0 +1,252 @@
+/** Logs of a car: dropped, read by a proposed mapping that can be corrected, audited, and learned. */
+
+import { useState } from "preact/hooks";
+import type { LogsReading } from "../api/types";
+import { ENERGY } from "../model/units";
+import { changeReading, faultsOfCars, learn, reading, sendFiles, sending } from "../state/own-cars";
+import { format, text, units } from "../state/preferences";
+import { FaultList } from "./faults";
+import { Icon } from "./icons";
+
+const MAX_BYTES = 64_000_000;
+const MEGABYTE = 1_000_000;
+/** Columns that no forecast can be learned without. */
+const NEEDED = ["time_s", "speed_m_s"];
+const MAX_UNUSED = 30;
+
+/** Units as people write them. */
+const UNIT_NAMES: Record<string, string> = {
+  degc: "°C",
+  degf: "°F",
+  k: "K",
+  v: "V",
+  mv: "mV",
+  kv: "kV",
+  a: "A",
+  ma: "mA",
+  da: "0.1 A",
+  w: "W",
+  kw: "kW",
+  // eslint-disable-next-line page/text -- a unit
+  nm: "Nm",
+  ps: "PS",
+  "1": "0 … 1",
+};
+
+function fieldName(ours: string): string {
+  const names: Record<string, string> = text.value.ownCars.fields;
+  return names[ours] ?? ours;
+}
+
+/** The column and the unit of one of our columns; both can be corrected. */
+function MappingRow({ of, car, found }: { of: string; car: string; found: LogsReading }) {
+  const { ownCars: words } = text.value;
+  const now = found.mapping.find(({ ours }) => ours === of);
+  const units = found.fields.find(({ ours }) => ours === of)?.units ?? [];
+  const name = fieldName(of);
+  const change = (column: string, unit?: string) =>
+    void changeReading(car, { changes: { [of]: column ? { column, ...(unit && { unit }) } : null } });
+  return (
+    <tr>
+      <th scope="row">{name}</th>
+      <td>
+        <select
+          aria-label={words.columnOf(name)}
+          value={now?.column ?? ""}
+          onChange={(event) => change(event.currentTarget.value)}
+        >
+          <option value="">{words.noColumn}</option>
+          {found.columns.map((column) => (
+            <option key={column} value={column}>
+              {column}
+            </option>
+          ))}
+        </select>
+      </td>
+      <td>
+        {now && (
+          <select
+            aria-label={words.unitOf(name)}
+            value={now.unit}
+            onChange={(event) => change(now.column, event.currentTarget.value)}
+          >
+            {units.map((unit) => (
+              <option key={unit} value={unit}>
+                {UNIT_NAMES[unit] ?? unit}
+              </option>
+            ))}
+          </select>
+        )}
+      </td>
+      <td class="why" lang="en">
+        {now?.why}
+      </td>
+    </tr>
+  );
+}
+
+function Mapping({ car, found }: { car: string; found: LogsReading }) {
+  const { ownCars: words } = text.value;
+  const [all, setAll] = useState(false);
+  const mapped = found.mapping.map(({ ours }) => ours);
+  const rows = found.fields
+    .map(({ ours }) => ours)
+    .filter((ours) => all || mapped.includes(ours) || NEEDED.includes(ours));
+  const unused = found.unused.slice(0, MAX_UNUSED);
+  return (
+    <>
+      <p class="note">{found.shipped ? words.knownLogger(found.shipped) : words.proposed}</p>
+      <section class="scroll" tabIndex={0} aria-label={words.mapping}>
+        <table class="mapping">
+          <thead>
+            <tr>
+              {[words.what, words.column, words.unit, words.reason].map((head) => (
+                <th key={head} scope="col">
+                  {head}
+                </th>
+              ))}
+            </tr>
+          </thead>
+          <tbody>
+            {rows.map((ours) => (
+              <MappingRow key={ours} of={ours} car={car} found={found} />
+            ))}
+          </tbody>
+        </table>
+      </section>
+      <button type="button" class="link" aria-expanded={all} onClick={() => setAll(!all)}>
+        {all ? words.fewerColumns : words.moreColumns}
+      </button>
+      <label class="field">
+        <span>{words.positive}</span>
+        <select
+          value={found.current_positive}
+          onChange={(event) =>
+            void changeReading(car, {
+              current_positive: event.currentTarget.value === "charge" ? "charge" : "discharge",
+            })
+          }
+        >
+          <option value="discharge">{words.discharge}</option>
+          <option value="charge">{words.charge}</option>
+        </select>
+      </label>
+      {found.assumed.usable_capacity_kwh !== undefined && (
+        <p class="note">{words.bySoc(format.value.figure(found.assumed.usable_capacity_kwh, 1))}</p>
+      )}
+      {unused.length > 0 && (
+        <details class="as-table">
+          <summary>{words.unused(found.unused.length)}</summary>
+          <p class="note">{format.value.list(unused)}</p>
+        </details>
+      )}
+    </>
+  );
+}
+
+/** What the audit found, in the words of the service. */
+function Audit({ preview }: { preview: NonNullable<LogsReading["preview"]> }) {
+  const { ownCars: words } = text.value;
+  const { shown } = format.value;
+  const { logs, drives, distance_m, energy_wh, findings, n_findings } = preview;
+  return (
+    <>
+      <p>
+        <strong>
+          {words.audit(logs, drives, shown(distance_m, units.value.distance), shown(energy_wh, ENERGY))}
+        </strong>
+      </p>
+      {n_findings > 0 && (
+        <details class="as-table" open={drives === 0}>
+          <summary>{words.findings(n_findings)}</summary>
+          <ul class="findings" lang="en">
+            {findings.map(({ trip, from_s, what, consequence }) => (
+              <li key={`${trip} ${from_s} ${what}`}>
+                {trip}: {what} ({consequence})
+              </li>
+            ))}
+          </ul>
+        </details>
+      )}
+    </>
+  );
+}
+
+export function OwnCarLogs({ car }: { car: string }) {
+  const [over, setOver] = useState(false);
+  const [refused, setRefused] = useState("");
+  const { ownCars: words, trip } = text.value;
+  const now = reading.value;
+  const take = (list: FileList | null | undefined) => {
+    const files = [...(list ?? [])];
+    const large = files.find(({ size }) => size > MAX_BYTES);
+    setRefused(large ? trip.tooLarge(large.name, MAX_BYTES / MEGABYTE) : "");
+    const fitting = files.filter(({ size }) => size <= MAX_BYTES);
+    if (fitting.length > 0) void sendFiles(car, fitting);
+  };
+  const drives = now?.found.preview?.drives ?? 0;
+  return (
+    <section aria-labelledby="own-car-logs">
+      <h3 id="own-car-logs">{words.logs}</h3>
+      <div
+        class={`drop${over ? " over" : ""}`}
+        onDragOver={(event) => {
+          event.preventDefault();
+          setOver(true);
+        }}
+        onDragLeave={() => setOver(false)}
+        onDrop={(event) => {
+          event.preventDefault();
+          setOver(false);
+          take(event.dataTransfer?.files);
+        }}
+      >
+        <label class="file">
+          <Icon name="upload" />
+          <span class="name">{words.dropLogs}</span>
+          <span class="figures">{words.formats}</span>
+          <input
+            type="file"
+            multiple
+            accept=".csv,.tsv,.txt,.parquet,.xlsx,.zip"
+            onChange={(event) => {
+              take(event.currentTarget.files);
+              event.currentTarget.value = "";
+            }}
+          />
+        </label>
+      </div>
+      <p class="note" role="status">
+        {sending.value && words.sending(sending.value)}
+      </p>
+      {refused && <p class="faults">{refused}</p>}
+      <FaultList faults={faultsOfCars.value} />
+      {now && (
+        <div class="reading">
+          <Mapping car={car} found={now.found} />
+          {now.found.preview && <Audit preview={now.found.preview} />}
+          <FaultList faults={now.found.faults} />
+          <div class="actions">
+            <button
+              type="button"
+              disabled={sending.value !== null}
+              onClick={() => {
+                reading.value = null;
+              }}
+            >
+              {words.cancel}
+            </button>
+            <button
+              type="button"
+              class="primary"
+              disabled={drives === 0 || sending.value !== null}
+              onClick={() => void learn(car)}
+            >
+              {words.learn(drives)}
+            </button>
+          </div>
+        </div>
+      )}
+    </section>
+  );
+}
