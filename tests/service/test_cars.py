@@ -13,7 +13,6 @@ import numpy as np
 import openpyxl
 import pandas as pd
 import pytest
-from tests.live.messages import NOON_S, abrp_messages, measured
 from tests.sources.test_loggers import EXPORTS, WHOLE_UNITS, charge, written
 from tests.sources.test_suggest import drive
 from tests.support.service_process import Service, serving
@@ -22,9 +21,8 @@ from tests.support.service_schema import conformance
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
 import tripwatt as tw
-from tripwatt.live import create_car, open_car, open_live_car
+from tripwatt.live import open_car
 from tripwatt.service.car_jobs import CarJobs, uploaded
-from tripwatt.service.live import by_own_model
 from tripwatt.service.problems import Problem
 from tripwatt.synthetic import synthetic_fleet
 
@@ -304,45 +302,6 @@ def test_a_token_makes_the_car_send_at_once(service: Service) -> None:
     assert service.client.post("/v1/telemetry", json={**message, "token": other}).status_code == 200
     assert service.client.delete("/v1/cars/on-road").status_code == 200
     assert service.client.get("/v1/live/on-road").status_code == 404
-
-
-def test_a_trip_that_the_car_sent_is_learned_once_it_has_ended(service: Service, folder: Path) -> None:
-    new_car(service, "driven")
-    token = service.client.post("/v1/cars/driven/token").json()["token"]
-    drive_ = measured(synthetic_fleet(1).logs[0].samples)
-    messages = [
-        *abrp_messages(drive_.iloc[::2], NOON_S),
-        # a later day shows that the trip has ended
-        *({"utc": NOON_S + 86_400.0 + k, "speed": 0.0, "soc": 70.0} for k in (0.0, 120.0)),
-    ]
-    for message in messages:
-        sent = service.client.post("/v1/telemetry", json={"token": token, "tlm": message})
-        assert sent.json()["arrival"] == "new", sent.text
-    service.client.put("/v1/live/driven/plan", json={"links": LINKS, "soc": 0.9})
-    for _ in range(300):
-        car = service.client.get("/v1/cars/driven").json()
-        if car["in_diary"]:
-            break
-        time.sleep(0.1)
-    assert (car["trips"], car["in_diary"]) == (1, 1)
-    assert car["diary"][0]["trip_id"].startswith("driven-")
-    energy = synthetic_fleet(1).logs[0].observed_energy_wh
-    assert car["diary"][0]["energy_wh"] == pytest.approx(energy, rel=0.03)
-    # the forecast of the next trip is by what the car has learned, and a second look learns nothing twice
-    live = service.client.get("/v1/live/driven").json()
-    own = service.client.post("/v1/forecast", json={"links": LINKS, "soc": 0.9, "model": "driven"}).json()
-    assert live["forecast"]["energy_wh"] == pytest.approx(own["energy_wh"], rel=0.05)
-    again = CarJobs(folder).learn_driven("driven")
-    assert (again["added"], again["known"], again["entries"]) == (0, 0, 0)
-
-
-def test_a_request_of_a_car_on_the_road_is_for_its_own_model(tmp_path: Path) -> None:
-    create_car(tmp_path / "kept", "nissan_leaf_24")
-    for name, model in (("kept", "kept"), ("sender", None)):
-        with open_live_car(tmp_path / name) as car:
-            assert by_own_model({"links": LINKS}, car).get("model") == model
-            for given in ({"model": "other"}, {"vehicle": "vw_id3"}, {"vehicle_figures": {}}):
-                assert by_own_model(given, car) == given
 
 
 def test_the_operations_on_cars_conform_to_their_description(service: Service) -> None:

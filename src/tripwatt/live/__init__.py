@@ -2,14 +2,7 @@
 
 from tripwatt.live.diary import Diary, Score
 from tripwatt.live.following import Broker, Follower, LiveForecaster
-from tripwatt.live.live_car import (
-    LiveCar,
-    LivePlan,
-    finished_trips,
-    is_live_car,
-    issue_token,
-    open_live_car,
-)
+from tripwatt.live.live_car import LiveCar, LivePlan, is_live_car, issue_token, open_live_car
 from tripwatt.live.live_trip import LiveTrip, TripFinder
 from tripwatt.live.own_car import Learned, OwnCar, create_car, forget_car, is_car, open_car
 from tripwatt.live.telemetry import Sample, sample_from_abrp
@@ -30,7 +23,6 @@ __all__ = [
     "TopicJoiner",
     "TripFinder",
     "create_car",
-    "finished_trips",
     "forget_car",
     "is_car",
     "is_live_car",

@@ -13,7 +13,7 @@ import math
 import re
 import secrets
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -298,7 +298,9 @@ class LiveCar:
             return None
 
     def _finished(self) -> list[Path]:
-        return _finished_files(self.folder)
+        """Files of finished trips; those that others put there are left out."""
+        found = (self.folder / TRIPS).glob("*.csv")
+        return sorted(path for path in found if NAMES.fullmatch(path.stem))
 
     def update(self, forecast: Forecast) -> Forecast:
         """Update a forecast of the trip made at its departure by what was measured so far. O(samples of the trip).
@@ -482,48 +484,6 @@ def is_live_car(folder: Path | str) -> bool:
     return (Path(folder) / LIVE / TOKEN).is_file()
 
 
-def finished_trips(folder: Path | str, *, known: Collection[str] = ()) -> tuple[Log, ...]:
-    """The finished trips that a car sent, in the order of their departure, whoever has the car open. O(samples).
-
-    Parameters
-    ----------
-    folder : path
-        Of the car.
-    known : collection of str
-        Ids of trips that are left out.
-
-    Returns
-    -------
-    tuple of Log
-        As `OwnCar.add` takes them; files that cannot be read are left out.
-
-    Examples
-    --------
-    >>> finished_trips("no-such-car")
-    ()
-    """
-    place = Path(folder).absolute()
-    found = []
-    for path in _finished_files(place / LIVE):
-        if f"{place.name}-{path.stem}" not in known:
-            try:
-                found.append(_read_trip(path, place.name))
-            except InvalidInput:  # somebody changed the file
-                continue
-    return tuple(found)
-
-
-def finished_count(folder: Path | str) -> int:
-    """How many finished trips a car sent.
-
-    Examples
-    --------
-    >>> finished_count("no-such-car")
-    0
-    """
-    return len(_finished_files(Path(folder).absolute() / LIVE))
-
-
 def issue_token(folder: Path | str) -> str:
     """Make the token with which a car sends its samples; an earlier one is no longer accepted.
 
@@ -594,11 +554,6 @@ def _live_folder(place: Path) -> Path:
         got = error.strerror or f"{error}"
         raise InvalidInput(Fault("cannot write the folder", f"{place}", got, "a writable folder")) from error
     return place / LIVE
-
-
-def _finished_files(live: Path) -> list[Path]:
-    """Files of finished trips; those that others put there are left out."""
-    return sorted(path for path in (live / TRIPS).glob("*.csv") if NAMES.fullmatch(path.stem))
 
 
 def _read_plan(path: Path) -> LivePlan | None:

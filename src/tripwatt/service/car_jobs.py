@@ -16,16 +16,7 @@ from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
 from tripwatt.files import write_file
 from tripwatt.forecasting import ForecastModel
-from tripwatt.live import (
-    OwnCar,
-    create_car,
-    finished_trips,
-    forget_car,
-    is_car,
-    is_live_car,
-    issue_token,
-    open_car,
-)
+from tripwatt.live import OwnCar, create_car, forget_car, is_car, is_live_car, issue_token, open_car
 from tripwatt.live.diary import CAUSE
 from tripwatt.live.live_car import VALID_NAME
 from tripwatt.live.own_car import UPLOADS
@@ -205,13 +196,6 @@ class CarJobs:
             raise _by_file(error, tables) from error
         done = own.add(fleet, progress=lambda n, total: _write_progress(progress, n, total))
         shutil.rmtree(tables.parent, ignore_errors=True)
-        return {**asdict(done), "left_out": list(done.left_out[:SHOWN_REASONS])}
-
-    def learn_driven(self, name: str) -> dict[str, Any]:
-        """Learn the trips that a car sent and that are not in its store; return what became of them."""
-        own = self.car(name)
-        known = frozenset(own.store.trips(columns=["trip_id"])["trip_id"])
-        done = own.add(finished_trips(own.folder, known=known))
         return {**asdict(done), "left_out": list(done.left_out[:SHOWN_REASONS])}
 
 

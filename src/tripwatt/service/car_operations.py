@@ -21,8 +21,6 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.live import is_car
-from tripwatt.live.live_car import finished_count
 from tripwatt.live.own_car import UPLOADS
 from tripwatt.service.car_jobs import TABLES, read_progress
 from tripwatt.service.car_schemas import NAME_PATTERN
@@ -39,9 +37,6 @@ ReadBody = Callable[..., Awaitable[bytes]]
 UPLOAD_PATTERN: Final = "^[a-z0-9]{8,32}$"
 MOST_FILES: Final = 4000
 """Most tables of an upload."""
-
-LOOK_S: Final = 5.0
-"""Time between two looks for trips that have ended on the road."""
 
 EXPIRES_AFTER_S: Final = 3600.0
 """An upload that is not learned is erased after so long, when the car gets the next one."""
@@ -60,7 +55,6 @@ class Learning:
     Attributes
     ----------
     upload : str
-        Empty for trips that the car sent.
     task : asyncio.Task
     result : JobResult or None
         None while it runs.
@@ -88,8 +82,6 @@ class CarOperations:
         Reads the body of a request: `(request, media_types, most_bytes, limit)`.
     learning : dict
         By name of the car.
-    driven : dict
-        Finished trips that a car had sent when it learned them last, by name of the car.
     """
 
     settings: Settings
@@ -98,7 +90,6 @@ class CarOperations:
     live: Callable[[], LiveCars]
     read_body: ReadBody
     learning: dict[str, Learning] = field(default_factory=dict)
-    driven: dict[str, int] = field(default_factory=dict)
     _started: bool = False
 
     @classmethod
@@ -117,12 +108,11 @@ class CarOperations:
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
-        """Learn trips that have ended on the road; stop with the service, which keeps what was learned by then."""
-        watch = asyncio.ensure_future(self._watch())
+        """Stop what is learned when the service stops: what was learned by then is kept."""
         try:
             yield
         finally:
-            tasks = [watch, *(found.task for found in self.learning.values() if found.task is not None)]
+            tasks = [found.task for found in self.learning.values() if found.task is not None]
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
@@ -190,32 +180,11 @@ class CarOperations:
         self._require_idle(car)
         found = Learning(upload)
         self.learning[car] = found
-        job = {"kind": "learn", "car": car, "upload": upload}
-        found.task = asyncio.ensure_future(self._learn(found, job, body))
+        found.task = asyncio.ensure_future(self._learn(found, car, body))
         return await self._job(request, {"kind": "car", "car": car}, shows=True)
 
-    async def _watch(self) -> None:
-        """Learn the trips of cars on the road soon after they have ended, until this is cancelled.
-
-        Trips that are in the car's store already are not counted again, so that it does not matter when a service was killed.
-        """
-        while self.settings.cars is not None:
-            for name in list(self.live().vehicles):
-                count = finished_count(self.settings.cars / name)
-                known = self.learning.get(name)
-                is_idle = known is None or known.result is not None
-                if is_idle and count != self.driven.get(name, 0) and is_car(self.settings.cars / name):
-                    found = Learning("")
-                    self.learning[name] = found
-                    found.task = asyncio.ensure_future(
-                        self._learn(found, {"kind": "learn driven", "car": name})
-                    )
-                    await found.task
-                    if found.result is not None and found.result.status == 200:
-                        self.driven[name] = count
-            await asyncio.sleep(LOOK_S)
-
-    async def _learn(self, found: Learning, job: dict[str, Any], body: bytes = b"") -> None:
+    async def _learn(self, found: Learning, car: str, body: bytes) -> None:
+        job = {"kind": "learn", "car": car, "upload": found.upload}
         try:
             if not self._started:
                 self._started = True
@@ -236,7 +205,7 @@ class CarOperations:
 
     def _car(self, name: str) -> Path:
         place = self._folder() / name
-        if not is_car(place):
+        if not (place / "car.json").is_file():
             raise Problem("not-found", "no such car")
         return place
 

@@ -450,7 +450,6 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
             "forget car": lambda jobs, job, body: jobs.cars.forget(job["car"]),
             "car token": lambda jobs, job, body: jobs.cars.token(job["car"]),
             "logs": lambda jobs, job, body: jobs.cars.logs(job["car"], job["upload"], logs_request(body)),
-            "learn driven": lambda jobs, job, body: jobs.cars.learn_driven(job["car"]),
             "learn": lambda jobs, job, body: jobs.cars.learn(job["car"], job["upload"], logs_request(body)),
         }
     )

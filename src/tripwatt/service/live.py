@@ -20,7 +20,7 @@ from starlette.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.live import LiveCar, Sample, is_car, is_live_car, open_live_car
+from tripwatt.live import LiveCar, Sample, is_live_car, open_live_car
 from tripwatt.live.live_car import digest_of, token_digest
 from tripwatt.live.usual import road_of
 from tripwatt.service.library import fields_of
@@ -235,7 +235,7 @@ class LiveCars:
         if plan is None:
             vehicle.of, vehicle.forecast, vehicle.faults = state, None, ()
             return
-        request = by_own_model(with_departure(plan, vehicle.car), vehicle.car)
+        request = with_departure(plan, vehicle.car)
         observed = vehicle.car.observed()
         kind = "forecast" if len(observed) < 2 else "update"
         if kind == "update":
@@ -279,7 +279,6 @@ class LiveCars:
             if road is None:
                 raise Problem("not-found", "no plan, and no earlier trip at this time of day")
             request = fields_of(road)
-        request = by_own_model(request, car)
         soc = car.departure().soc if car.trip is None else None
         job = {"kind": "need", "probability": probability}
         result = await self.pool.run(job, orjson.dumps({**request, **known}))
@@ -397,17 +396,6 @@ def event(document: Mapping[str, Any]) -> bytes:
     b'event: live\ndata: {"vehicle":"leaf"}\n\n'
     """
     return b"event: live\ndata: " + orjson.dumps(document) + b"\n\n"
-
-
-def by_own_model(request: Mapping[str, Any], car: LiveCar) -> dict[str, Any]:
-    """A request for a forecast by the model of the car's own trips, unless it names a model or a car.
-
-    A car that only has a token has no model of its own: its requests stay as they are.
-    """
-    named = any(request.get(name) is not None for name in ("model", "vehicle", "vehicle_figures"))
-    if named or not is_car(car.folder.parent):
-        return dict(request)
-    return {**request, "model": car.name}
 
 
 def with_departure(request: Mapping[str, Any], car: LiveCar) -> dict[str, Any]:
