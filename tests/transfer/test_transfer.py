@@ -382,7 +382,7 @@ def test_a_transferred_corrector_comes_back_from_its_parts() -> None:
     """The shares of climate and drive in their order; a model of version 0.1 has one share for both."""
     made = zero_shot_model(load_model(), load_vehicle("nissan_leaf_24")).corrector_
     assert isinstance(made, HierarchicalCorrector)
-    assert made.shares == (0.5, 0.5)
+    assert made.shares == pytest.approx((0.5, 0.5))
     about, parts = corrector_parts(replace(made, shares=(0.25, 0.75)), "own")
     back = corrector_of_parts(about, parts)
     assert isinstance(back, HierarchicalCorrector)
