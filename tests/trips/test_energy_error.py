@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 import tripwatt as tw
 from tripwatt.sources.mapping import parse_mapping
 from tripwatt.sources.table import read_table
-from tripwatt.trips import power_energy_std, resolution
-from tripwatt.trips.energy import POWER_TIME_S, _of_sampling
+from tripwatt.trips.energy import POWER_TIME_S, _of_sampling, power_energy_std, resolution
 
 
 def power_of(seed, seconds=1800, mean=12_000.0, sd=14_000.0):

@@ -195,10 +195,22 @@ class LiveCar:
 
         A trip that the car is on stays. O(finished trips).
 
+        Parameters
+        ----------
+        now_s : float
+            The time by our clock [s since 1970].
+
         Returns
         -------
         int
             Trips that were erased.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder, open_live_car(f"{folder}/leaf", keep_days=90.0) as car:
+        ...     car.erase_old(1.8e9)
+        0
         """
         before_s = now_s - self.keep_days * SECONDS_PER_DAY
         if before_s == -math.inf:

@@ -29,7 +29,8 @@ from tripwatt.sources.mapping import (
     load_mapping,
     parse_mapping,
 )
-from tripwatt.trips import COLUMNS, Context, Flag, Fleet, Log, raise_faults, resolution
+from tripwatt.trips import COLUMNS, Context, Flag, Fleet, Log, raise_faults
+from tripwatt.trips.energy import resolution
 from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.vehicles import load_vehicle
 

@@ -3,7 +3,7 @@
 from tripwatt.trips.context import Context
 from tripwatt.trips.departure import ASKED, EXTRAS, SIGNALS, TEMPERATURES, Departure
 from tripwatt.trips.drive import Drive
-from tripwatt.trips.energy import observed_cumulative_energy, observed_energy, power_energy_std, resolution
+from tripwatt.trips.energy import observed_cumulative_energy, observed_energy
 from tripwatt.trips.flags import Flag
 from tripwatt.trips.fleet import Fleet
 from tripwatt.trips.gaps import MOST_DURATION_S, gap_flags, time_faults
@@ -56,11 +56,9 @@ __all__ = [
     "observed_energy",
     "plan_from_samples",
     "plan_from_trip",
-    "power_energy_std",
     "raise_faults",
     "require_unique_ids",
     "resample",
-    "resolution",
     "scalar_faults",
     "structure_faults",
     "table_of",

@@ -112,10 +112,10 @@ def observed_energy_std(samples: pd.DataFrame) -> float | None:
     Examples
     --------
     >>> time = np.arange(0.0, 1200.0, 5.0)
-    >>> power = 1000.0 * np.round(9.0 + 8.0 * np.sin(time))
+    >>> power = 1000.0 * np.round(3.0 + 8.0 * np.sin(time))
     >>> log = pd.DataFrame({"time_s": time, "voltage_v": 400.0, "current_a": power / 400.0})
     >>> round(observed_energy_std(log))
-    94
+    55
     """
     if not {"time_s", "voltage_v", "current_a"} <= set(samples.columns):
         return None

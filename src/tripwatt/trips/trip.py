@@ -107,6 +107,23 @@ class Recorded(Drive):
         """The same drive with other raw samples: its energy measured anew, with the standard error of a power.
 
         An energy without voltage and current keeps the standard error that it came with.
+
+        Parameters
+        ----------
+        samples : DataFrame
+            Canonical columns, one row a sample.
+
+        Returns
+        -------
+        Self
+            With the energy of these samples.
+
+        Examples
+        --------
+        >>> import pandas as pd
+        >>> samples = pd.DataFrame({"time_s": [0.0, 3600.0], "speed_m_s": 10.0, "voltage_v": 360.0, "current_a": 2.0})
+        >>> Recorded("A", samples).with_samples(samples).observed_energy_wh
+        720.0
         """
         measured = {"voltage_v", "current_a"} <= set(samples.columns)
         std = observed_energy_std(samples) if measured else self.observed_energy_std_wh

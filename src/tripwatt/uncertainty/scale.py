@@ -109,7 +109,25 @@ class TotalScale:
         return float(np.linalg.norm([parts[0], growing, parts[3], segments.outside_sd_wh]))
 
     def with_share(self, share: float, energy_over_moved: float) -> TotalScale:
-        """With a further share of every energy, such as by a capacity that is not well known; that of the energy moved carries it."""
+        """Add a share of every energy, such as by a capacity that is not well known; that of the energy moved carries it.
+
+        Parameters
+        ----------
+        share : float
+            Relative standard deviation of every energy.
+        energy_over_moved : float
+            Energy of the trips over the energy moved at their wheels.
+
+        Returns
+        -------
+        TotalScale
+            As wide or wider.
+
+        Examples
+        --------
+        >>> float(TotalScale(np.array([30.0, 40.0, 0.03, 1.0])).with_share(0.02, 2.0).values[2])
+        0.05
+        """
         values = self.values.copy()
         values[2] = np.hypot(values[2], share * energy_over_moved)
         return replace(self, values=values)
