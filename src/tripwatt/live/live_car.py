@@ -13,7 +13,7 @@ import math
 import re
 import secrets
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,6 +26,7 @@ from tripwatt.files import folder_lock, read_file, read_text_file, write_file
 from tripwatt.forecasting import Forecast
 from tripwatt.live.journal import Journal
 from tripwatt.live.live_trip import LEAST_M, SILENCE_S, LiveTrip, TripFinder
+from tripwatt.live.on_the_way import MadeForecast, OnTheWay, read_forecasts, write_forecasts
 from tripwatt.live.ordering import Arrival, OrderedSamples
 from tripwatt.live.own_car import LIVE
 from tripwatt.live.telemetry import Sample
@@ -37,6 +38,8 @@ JOURNAL: Final = "journal.ndjson"
 PLAN: Final = "plan.json"
 TOKEN: Final = "token.json"
 TRIPS: Final = "trips"
+FORECASTS: Final = "forecasts.json"
+"""Forecasts of the trip that the car is on; of a finished trip, the end of the name of its file."""
 NAMES: Final = re.compile(r"\d{8}T\d{6}Z")
 NAMED: Final = "%Y%m%dT%H%M%SZ"
 """Name of a finished trip: its departure in UTC."""
@@ -112,6 +115,7 @@ class LiveCar:
             stack.callback(self._journal.close)
             self._ordered = OrderedSamples(self._journal.after_s)
             self.plan = _read_plan(self.folder / PLAN)
+            self._on_the_way = OnTheWay(self.folder / FORECASTS)
             for sample in self._journal.read():
                 if self._ordered.arrival(sample) == "new":
                     self._take(sample)
@@ -217,7 +221,10 @@ class LiveCar:
         started = dt.datetime.fromtimestamp(trip.start_s, dt.UTC)
         folder = self.folder / TRIPS
         folder.mkdir(mode=0o700, exist_ok=True)
-        write_file(folder / f"{started:{NAMED}}.csv", lambda made: table.to_csv(made, index=False))
+        made = self._on_the_way.of(trip.start_s)
+        if made:  # before the trip itself: whoever finds it finds its forecasts
+            write_forecasts(folder / f"{started:{NAMED}}.{FORECASTS}", trip.start_s, made)
+        write_file(folder / f"{started:{NAMED}}.csv", lambda part: table.to_csv(part, index=False))
         plan = self.plan
         if plan is not None and (plan.given_s is None or plan.given_s <= trip.moved_s):
             self.set_plan(None)
@@ -248,18 +255,60 @@ class LiveCar:
 
     def usual_trip_at(self, start_s: float) -> Log | None:
         """The finished trip that began nearest by time of day to a departure [s since 1970]. O(finished trips)."""
-        paths = {_started(path).timestamp(): path for path in self._finished()}
+        paths = {_started(name).timestamp(): name for name in finished_names(self.folder.parent)}
         earlier = (other for other in paths if other < start_s)
         found = usual_departure(earlier, start_s)
         try:
-            return None if found is None else _read_trip(paths[found], self.name)
+            return None if found is None else _read_trip(self.folder.parent, paths[found])
         except InvalidInput:  # somebody changed the file
             return None
 
-    def _finished(self) -> list[Path]:
-        """Files of finished trips; those that others put there are left out."""
-        found = (self.folder / TRIPS).glob("*.csv")
-        return sorted(path for path in found if NAMES.fullmatch(path.stem))
+    @property
+    def forecasts(self) -> tuple[MadeForecast, ...]:
+        """Forecasts that were kept of the trip that the car is on."""
+        return () if self.trip is None else self._on_the_way.of(self.trip.start_s)
+
+    @property
+    def wants_forecast(self) -> bool:
+        """Whether a forecast that is made now is kept with the trip."""
+        trip = self.trip
+        return trip is not None and self._on_the_way.is_due(trip.start_s, trip.last_s - trip.start_s)
+
+    def keep_forecast(
+        self, energy_wh: float, low_wh: float, high_wh: float, *, departing: bool = False
+    ) -> bool:
+        """Keep a forecast of the trip that the car is on for its diary, if one is due.
+
+        Parameters
+        ----------
+        energy_wh, low_wh, high_wh : float
+            Energy of the whole trip, and the ends of its 90 % interval.
+        departing : bool
+            Whether it was made before anything was measured.
+
+        Returns
+        -------
+        bool
+            Whether it was kept.
+
+        Raises
+        ------
+        OSError
+            When it cannot be written.
+        """
+        trip = self.trip
+        if trip is None or (departing and self.forecasts):
+            return False
+        at_s, distance_m = (0.0, 0.0) if departing else (trip.last_s - trip.start_s, trip.distance_m)
+        return self._on_the_way.add(trip.start_s, MadeForecast(at_s, distance_m, energy_wh, low_wh, high_wh))
+
+    def shown_soc(self) -> float | None:
+        """The displayed state of charge of the latest message that has one. O(samples without one)."""
+        waiting = (*self._finder.before, *self._ordered.waiting)
+        for sample in reversed(waiting):
+            if "displayed_soc" in sample.values:
+                return sample.values["displayed_soc"]
+        return None if self.trip is None else self.trip.latest("displayed_soc")
 
     def update(self, forecast: Forecast) -> Forecast:
         """A forecast of the trip made at its departure, given what was measured so far. O(samples of the trip).
@@ -301,6 +350,7 @@ class LiveCar:
             "vehicle": self.name,
             "seconds_since_message": None if self.received_s is None else max(0.0, now_s - self.received_s),
             "messages": dict(self.counts),
+            "soc": self.shown_soc(),
             "trip": None
             if trip is None
             else {
@@ -336,7 +386,7 @@ class LiveCar:
 
     def logs(self) -> tuple[Log, ...]:
         """The finished trips in the order of their departure, as `OwnCar.add` takes them."""
-        return tuple(_read_trip(path, self.name) for path in self._finished())
+        return finished_logs(self.folder.parent)
 
     def accepts(self, token: str) -> bool:
         """Whether a token is that of this car."""
@@ -416,6 +466,42 @@ def token_digest(folder: Path) -> str | None:
     return f"{found}"
 
 
+def finished_names(folder: Path) -> list[str]:
+    """Names of the trips that a car has finished, in the order of their departure; files that others put there are left out."""
+    found = (folder / LIVE / TRIPS).glob("*.csv")
+    return sorted(path.stem for path in found if NAMES.fullmatch(path.stem))
+
+
+def finished_logs(folder: Path, names: Iterable[str] | None = None) -> tuple[Log, ...]:
+    """Trips that a car has finished, all or those of some names. Another process may follow the car meanwhile.
+
+    Raises
+    ------
+    InvalidInput
+        When one of them cannot be read.
+    """
+    return tuple(_read_trip(folder, name) for name in (finished_names(folder) if names is None else names))
+
+
+def log_name(car: str, name: str) -> str:
+    """Name of the log of a finished trip.
+
+    Examples
+    --------
+    >>> log_name("leaf", "20240501T080000Z")
+    'leaf-20240501T080000Z'
+    """
+    return f"{car}-{name}"
+
+
+def forecasts_of(folder: Path, trip_id: str) -> tuple[MadeForecast, ...]:
+    """Forecasts that were made during a finished trip, by the name of its log; none where none were made."""
+    name = trip_id.removeprefix(log_name(folder.name, ""))
+    if NAMES.fullmatch(name) is None:
+        return ()
+    return read_forecasts(folder / LIVE / TRIPS / f"{name}.{FORECASTS}")
+
+
 def _live_folder(place: Path) -> Path:
     """The folder `live` of a car, made where it is missing."""
     if VALID_NAME.fullmatch(place.name) is None:
@@ -441,14 +527,15 @@ def _read_plan(path: Path) -> LivePlan | None:
         ) from error
 
 
-def _started(path: Path) -> dt.datetime:
-    """Departure of a finished trip, by the name of its file."""
-    return dt.datetime.strptime(path.stem, NAMED).replace(tzinfo=dt.UTC)
+def _started(name: str) -> dt.datetime:
+    """Departure of a finished trip, by its name."""
+    return dt.datetime.strptime(name, NAMED).replace(tzinfo=dt.UTC)
 
 
-def _read_trip(path: Path, car: str) -> Log:
-    local = _started(path).astimezone().replace(tzinfo=None)
-    return Log.from_samples(f"{car}-{path.stem}", read_canonical(path), Context(started_at=local))
+def _read_trip(folder: Path, name: str) -> Log:
+    local = _started(name).astimezone().replace(tzinfo=None)
+    table = read_canonical(folder / LIVE / TRIPS / f"{name}.csv")
+    return Log.from_samples(log_name(folder.name, name), table, Context(started_at=local))
 
 
 def _write_json(path: Path, content: Mapping[str, Any]) -> None:
