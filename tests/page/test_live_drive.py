@@ -112,6 +112,33 @@ def test_figures_follow_the_messages_of_a_car(opened: Any, keeper: Service, cars
     keeper.client.delete("/v1/cars/my-i3").raise_for_status()
 
 
+@pytest.mark.parametrize("opened", [("desktop", "light", "en-IE")], indirect=True)
+def test_the_trip_of_the_page_becomes_the_plan_of_the_car(opened: Any, keeper: Service, cars: Path) -> None:
+    page = opened
+    token = new_car(keeper, cars, "planned")
+    start_s = time.time() - HOUR_S
+    send(keeper, token, [{"utc": start_s, "speed": 0.0, "soc": 70.0, "ext_temp": 3.0}])
+    page.get_by_role("button", name="On the road").click()
+    road(page).get_by_text("The car is on no trip.").wait_for()
+    plan = road(page).get_by_role("button", name="Drive the trip of the page")
+    assert plan.count() == 0, "a driven trip is no plan"
+    page.keyboard.press("Escape")
+    page.get_by_role("radio", name="Distance").check()
+    page.get_by_label("Distance", exact=True).last.fill("30")
+    page.get_by_role("button", name="Forecast", exact=True).click()
+    page.get_by_role("button", name="On the road").click()
+    with page.expect_response(lambda answer: answer.url.endswith("/plan")) as answered:
+        plan.click()
+    sent, found = answered.value.request.post_data_json, answered.value.json()
+    assert not {"soc", "ambient_temperature_degc"} & sent.keys(), "these are what the car sends"
+    assert found["forecast"]["distance_m"] == pytest.approx(30_000.0, rel=1e-3)
+    shown = f"{100.0 * found['forecast']['soc_arrival']:.0f}%"
+    road(page).locator(".number", has_text=shown).wait_for()
+    assert found["forecast"]["soc_arrival"] < 0.7
+    assert plan.count() == 0
+    keeper.client.delete("/v1/cars/planned").raise_for_status()
+
+
 def test_an_old_message_a_lost_stream_and_a_deleted_car_are_said(
     opened: Any, keeper: Service, cars: Path
 ) -> None:

@@ -109,6 +109,9 @@ class LiveCar:
         self._finder = TripFinder()
         self._ended: list[LiveTrip] = []
         self._usual: tuple[float, Log | None] | None = None
+        self._shown: tuple[float, float] | None = (
+            None  # time and displayed charge of the latest sample that has one
+        )
         with ExitStack() as stack:
             stack.enter_context(folder_lock(self.folder))
             self._journal = Journal(self.folder / JOURNAL)
@@ -169,6 +172,9 @@ class LiveCar:
         return arrival
 
     def _take(self, sample: Sample) -> None:
+        soc = sample.values.get("displayed_soc")
+        if soc is not None and (self._shown is None or sample.time_s >= self._shown[0]):
+            self._shown = sample.time_s, soc
         self._ordered.insert(sample)
         self._follow(self._ordered.ready())
 
@@ -302,14 +308,6 @@ class LiveCar:
         at_s, distance_m = (0.0, 0.0) if departing else (trip.last_s - trip.start_s, trip.distance_m)
         return self._on_the_way.add(trip.start_s, MadeForecast(at_s, distance_m, energy_wh, low_wh, high_wh))
 
-    def shown_soc(self) -> float | None:
-        """The displayed state of charge of the latest message that has one. O(samples without one)."""
-        waiting = (*self._finder.before, *self._ordered.waiting)
-        for sample in reversed(waiting):
-            if "displayed_soc" in sample.values:
-                return sample.values["displayed_soc"]
-        return None if self.trip is None else self.trip.latest("displayed_soc")
-
     def update(self, forecast: Forecast) -> Forecast:
         """A forecast of the trip made at its departure, given what was measured so far. O(samples of the trip).
 
@@ -350,7 +348,7 @@ class LiveCar:
             "vehicle": self.name,
             "seconds_since_message": None if self.received_s is None else max(0.0, now_s - self.received_s),
             "messages": dict(self.counts),
-            "soc": self.shown_soc(),
+            "soc": None if self._shown is None else self._shown[1],
             "trip": None
             if trip is None
             else {

@@ -100,13 +100,6 @@ class LiveTrip:
                 values.append(sample.values.get(name, math.nan))
         self._columns["time_s"].append(sample.time_s)
 
-    def latest(self, name: str) -> float | None:
-        """The latest value of a column; None where no sample has one. O(samples after it)."""
-        for value in reversed(self._columns.get(name, ())):
-            if math.isfinite(value):
-                return value
-        return None
-
     def table(
         self, more: Iterable[Sample] = (), *, since_s: float | None = None, until_s: float = math.inf
     ) -> pd.DataFrame:

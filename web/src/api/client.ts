@@ -6,6 +6,7 @@ import type {
   ExampleSummary,
   Forecast,
   Journey,
+  LiveCar,
   LogsReading,
   MapInfo,
   MapView,
@@ -133,6 +134,14 @@ export const learnLogs = (car: string, upload: string, body: string) =>
 
 /** Cars that can send messages while they drive. */
 export const listRoadCars = async () => (await requestJson<{ vehicles: RoadCar[] }>("v1/live")).vehicles;
+
+/** Give a car the plan of its trip, or of its next one. */
+export const putPlan = (car: string, body: string) =>
+  requestJson<LiveCar>(`v1/live/${encodeURIComponent(car)}/plan`, {
+    method: "PUT",
+    body,
+    headers: { "content-type": "application/json" },
+  });
 
 /** The events of a car on the road, as they come: the data of each, and nothing for a sign of life. */
 export async function* listenTo(car: string, signal: AbortSignal): AsyncGenerator<string[], void> {

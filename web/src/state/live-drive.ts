@@ -25,6 +25,9 @@ export const link = signal<"connecting" | "open" | "lost" | "gone">("connecting"
 /** Whether the screen stays on: by the browser, not, or unknown yet. */
 export const awake = signal<boolean | null>(null);
 
+/** Whether the service refused the last plan. */
+export const planFailed = signal(false);
+
 const chosenNight = signal<boolean | null>(readStored<{ night: boolean }>(KEY).night ?? null);
 export const night = computed(() => chosenNight.value ?? dark.value);
 
@@ -148,6 +151,7 @@ export function keepOnRoad(): void {
     batch(() => {
       live.value = null;
       link.value = "connecting";
+      planFailed.value = false;
     });
     void keepListening(name, stop.signal);
     return () => stop.abort();

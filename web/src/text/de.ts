@@ -365,7 +365,9 @@ export const de: Text = {
     noTripHint: "Die Vorhersage beginnt, wenn es losfährt.",
     noPlan: "Keine Vorhersage: die Strecke ist unbekannt.",
     noPlanHint:
-      "Geben Sie der Fahrt einen Plan; ohne Plan gilt die Strecke einer früheren Fahrt zu dieser Tageszeit.",
+      "Wählen Sie auf der Seite eine Fahrt nach Orten, Links oder Entfernung. Ohne sie gilt die Strecke einer früheren Fahrt zu dieser Tageszeit.",
+    usePlan: (trip) => `Fahrt der Seite fahren: ${trip}`,
+    planFailed: "Der Dienst hat diese Fahrt nicht angenommen.",
     gone: "Dieses Auto wird nicht verfolgt.",
     goneHint: "Es wurde gelöscht, oder es hat kein Token.",
   },

@@ -361,7 +361,10 @@ export const en = {
     noTrip: "The car is on no trip.",
     noTripHint: "The forecast begins when it drives off.",
     noPlan: "No forecast: the road is not known.",
-    noPlanHint: "Give the trip a plan; without one, the road is that of an earlier trip at this time of day.",
+    noPlanHint:
+      "Choose a trip by places, links or distance on the page. Without one, the road is that of an earlier trip at this time of day.",
+    usePlan: (trip: string) => `Drive the trip of the page: ${trip}`,
+    planFailed: "The service did not take this trip.",
     gone: "This car is not followed.",
     goneHint: "It was deleted, or it has no token.",
   },

@@ -13,14 +13,17 @@ import {
   link,
   live,
   night,
+  planFailed,
   quietS,
   roadCars,
   toggleNight,
 } from "../state/live-drive";
 import { format, text, units } from "../state/preferences";
+import { canPlan, planFromPage } from "../state/road-plan";
+import { trip } from "../state/trip";
 import { Icon } from "./icons";
 import { openOwnCars } from "./own-cars-dialog";
-import { chanceInFigures } from "./wording";
+import { chanceInFigures, tripTitle } from "./wording";
 
 /** A car that sent nothing for so long may have lost its connection [s]. */
 const OLD_S = 120;
@@ -61,6 +64,26 @@ function Arrival({ of, label }: { of: LiveForecast; label: string }) {
         </span>
       </p>
     </>
+  );
+}
+
+/** Gives the car the trip of the page. */
+function PlanButton() {
+  const { live: words } = text.value;
+  if (!canPlan.value || !trip.value) return null;
+  return (
+    <p>
+      <button type="button" class="primary" onClick={() => void planFromPage()}>
+        <Icon name="road" />
+        {words.usePlan(tripTitle(trip.value))}
+      </button>
+      {planFailed.value && (
+        <span class="faults" role="alert">
+          {" "}
+          {words.planFailed}
+        </span>
+      )}
+    </p>
   );
 }
 
@@ -108,6 +131,7 @@ function Car({ of }: { of: LiveCar }) {
           </Figure>
         )}
       </dl>
+      {of.plan !== "given" && <PlanButton />}
       {of.plan === "usual" && <p class="note">{words.usual}</p>}
       {of.faults.length > 0 && (
         <p class="faults">
@@ -132,7 +156,7 @@ function Status() {
     <ul class="status">
       {live.value && (
         <li class={isOld ? "old" : ""}>
-          <Icon name={isOld ? "warning" : "check"} />
+          {quiet !== null && <Icon name={isOld ? "warning" : "check"} />}
           {quiet === null ? words.noMessage : ageText(quiet)}
         </li>
       )}
