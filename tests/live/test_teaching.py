@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict
 from pathlib import Path
 
 import pandas as pd
 import pytest
 from tests.live.messages import NOON_S, measured, samples_of
+from typer.testing import CliRunner
 
 pytest.importorskip("deltalake", reason="the extra tripwatt[fleet] is not installed")
 
 import tripwatt as tw
+from tripwatt.cli import app
 from tripwatt.errors import InvalidInput
 from tripwatt.live import LiveCar, create_car, has_news, learn_finished, open_car, open_live_car
 from tripwatt.live import own_car as own_module
@@ -185,3 +188,16 @@ def test_the_forecasts_of_a_trip_have_a_bound_and_a_distance(tmp_path: Path) -> 
         path.write_text(content)
         assert read_forecasts(path) == ()
     assert read_forecasts(tmp_path / "missing") == ()
+
+
+def test_the_command_learns_what_the_car_finished(folder: Path) -> None:
+    with open_live_car(folder) as car:
+        drive(car, 0)
+    for expected in (
+        "1 trips added, 0 were known, 1 in the diary",
+        "0 trips added, 1 were known, 0 in the diary",
+    ):
+        done = CliRunner().invoke(app, ["car", "learn", str(folder)], catch_exceptions=False)
+        assert (done.exit_code, expected in done.stdout) == (0, True), done.output
+    found = json.loads(CliRunner().invoke(app, ["car", "learn", str(folder), "--json"]).stdout)
+    assert (found["known"], found["car"]["in_diary"]) == (1, 1)
