@@ -58,6 +58,8 @@ PACKAGES: Final = (
     "tripwatt.store",
     "tripwatt.fleet.model",
     "tripwatt.evaluation",
+    "tripwatt.report",
+    "tripwatt.paper",
     "tripwatt.gam",
     "tripwatt.learners.boosting",
     "tripwatt.learners.forest",

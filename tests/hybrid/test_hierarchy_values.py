@@ -125,6 +125,8 @@ COVARIANCE = block_diag(
 )
 VARIANCES = np.array([0.04, 2.0, 2.0, 3.0])
 WEIGHTS = np.array([0.2, 1.0, -0.5, 2.0])
+STAGE = np.array([0, 0, 0, 1])
+"""The corrector of each weight: the shares of its stage."""
 
 
 def evidence(n=4) -> Evidence:
@@ -139,12 +141,13 @@ def evidence(n=4) -> Evidence:
 
 def before(option: Option) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance of (in common, own, lost, parameters)."""
-    mean = np.concatenate([option.share * WEIGHTS, np.zeros(4 + 4 + 2)])
-    own = option.own**2 * (1 - option.share**2) * VARIANCES
+    share = np.array(option.shares)[STAGE]
+    mean = np.concatenate([share * WEIGHTS, np.zeros(4 + 4 + 2)])
+    own = option.own**2 * (1 - share**2) * VARIANCES
     covariance = block_diag(
-        option.share**2 * COVARIANCE,
+        share[:, None] * COVARIANCE * share,
         np.diag(own),
-        np.diag(option.share**2 * VARIANCES),
+        np.diag(share**2 * VARIANCES),
         np.diag(option.book**2 * np.array([0.01, 0.16])),
     )
     return mean, covariance
@@ -158,7 +161,7 @@ def dense(trips: Evidence, known: list[int], mode="both"):
     """Weight, posterior mean and posterior covariance of each option."""
     X, y, n = stacked(trips)[known], trips.residual_wh[known], trips.noise_wh2[known]
     found, logs = [], []
-    for option in grid(mode):
+    for option in grid(mode, stages=2):
         mean, covariance = before(option)
         if known:
             total = X @ covariance @ X.T + np.diag(option.noise * n)
@@ -183,6 +186,10 @@ def test_grid() -> None:
     assert {o.noise for o in both} == {0.25, 0.5, 1.0, 2.0, 4.0}
     assert {o.book for o in grid("effects")} == {0.0}
     assert {o.own for o in grid("effects")} == quarters
+    apart = grid(stages=2)
+    assert len(set(apart)) == len(apart) == 3 * 3 * 5 * 2 * 5
+    assert {o.shares for o in apart} == {(a, b) for a in (0.0, 0.5, 1.0) for b in (0.0, 0.5, 1.0)}
+    assert Option((0.0, 1.0), 1.0, 1.0, 1.0).share == 0.5
     assert {o.own for o in grid("parameters")} == {0.0}
     assert {o.book for o in grid("parameters")} == {0.0, 1.0}
     require_mode("both")
@@ -256,15 +263,18 @@ class TestTransfer:
         trips = evidence()
         found = CarTransfer(members(), SCALES, PARTS, mode).posterior(trips)
         weights, options = dense(trips, [0, 1, 2, 3], mode)
-        assert weights.min() > 1e-4  # none is left out
         assert found.weights == pytest.approx(weights, **EXACT)
-        mean = sum(w * m for w, (_, m, _) in zip(weights, options, strict=True))
-        second = sum(w * (c + np.outer(m, m)) for w, (_, m, c) in zip(weights, options, strict=True))
+        assert weights.min() < 1e-4 < weights.max() / 100.0
+        kept = np.where(weights >= 1e-4, weights, 0.0)  # options that hardly count are left out
+        kept /= kept.sum()
+        mean = sum(w * m for w, (_, m, _) in zip(kept, options, strict=True))
+        second = sum(w * (c + np.outer(m, m)) for w, (_, m, c) in zip(kept, options, strict=True))
         assert found.mean == pytest.approx(mean, **EXACT)
         assert found.covariance == pytest.approx(second - np.outer(mean, mean), rel=1e-6, abs=1e-7)
-        assert found.share == pytest.approx(
-            sum(w * o.share for w, (o, _, _) in zip(weights, options, strict=True))
-        )
+        for k in range(2):
+            mean_share = sum(w * o.shares[k] for w, (o, _, _) in zip(weights, options, strict=True))
+            assert found.shares[k] == pytest.approx(mean_share)
+        assert found.share == pytest.approx(sum(found.shares) / 2.0)
         scale = sum(w * o.noise for w, (o, _, _) in zip(weights, options, strict=True))
         assert found.noise_scale == pytest.approx(scale, **EXACT)
         sd = np.sqrt(np.maximum(np.diag(found.covariance)[-2:], 0.0))
@@ -328,7 +338,7 @@ class TestCorrector:
     def posterior(self) -> Posterior:
         rng = np.random.default_rng(2)
         root = rng.normal(0.0, 1.0, (14, 14))
-        option = Option(0.25, 1.0, 1.0, 1.0), Option(0.75, 1.0, 1.0, 1.0)
+        option = Option((0.5, 0.5), 1.0, 1.0, 1.0), Option((0.0, 1.0), 1.0, 1.0, 1.0)
         return Posterior(rng.normal(0.0, 1.0, 14), root @ root.T, option, np.array([0.5, 0.5]), 1.0)
 
     @pytest.mark.parametrize("calibrated", [frozenset(), frozenset({"mass"})])
@@ -343,13 +353,15 @@ class TestCorrector:
         onto[4, 12:] = 1.0
         covariance = onto @ given.covariance @ onto.T
         assert found.factor @ found.factor.T == pytest.approx(covariance, rel=1e-4, abs=1e-3)
-        assert found.share == 0.5
+        assert found.shares == (0.25, 0.75)
         assert found.scales is TRANSFER.scales
 
     def test_small_directions_are_dropped(self) -> None:
         """Of variances 1, 2e-8 and 0.5e-8 of the largest the last is not stored."""
         diagonal = np.concatenate([[4.0, 8e-8, 2e-8], np.zeros(11)])
-        given = Posterior(np.zeros(14), np.diag(diagonal), (), np.empty(0), 1.0)
+        given = Posterior(
+            np.zeros(14), np.diag(diagonal), (Option((0.5, 0.5), 1.0, 1.0, 1.0),), np.ones(1), 1.0
+        )
         found = HierarchicalCorrector.from_posterior(TRANSFER, given, frozenset())
         assert found.factor.shape == (12, 2)
         assert np.sort((found.factor**2).sum(axis=0)) == pytest.approx([8e-8, 4.0], rel=1e-6)
@@ -359,12 +371,13 @@ class TestCorrector:
         found = HierarchicalCorrector.from_posterior(TRANSFER, self.posterior(), frozenset())
         own = rows()
         X = np.hstack(TRANSFER.rows(own))
-        shape = (FEATURES * SCALES * TRUST[:, None]) @ np.array([0.5, 0.0, 1.0, -1.0])
+        shares = np.array([0.25, 0.25, 0.25, 0.75])
+        shape = (FEATURES * SCALES * TRUST[:, None]) @ (shares * np.array([0.5, 0.0, 1.0, -1.0]))
         hours = own.hours
         for trip in (slice(0, 2), slice(2, 3), slice(3, 5)):
             shape[trip] -= (shape[trip] @ hours[trip]) / hours[trip].sum()
         mean, factor = found.predict_with_uncertainty(own)
-        assert mean == pytest.approx(X @ found.mean + 0.5 * shape, **EXACT)
+        assert mean == pytest.approx(X @ found.mean + shape, **EXACT)
         assert factor == pytest.approx(X @ found.factor, **EXACT)
         assert found.predict(own).tolist() == mean.tolist()
         assert found.uncertainty_factor(own).tolist() == factor.tolist()

@@ -53,6 +53,15 @@ class Audit:
         In the order of the logs.
     n_logs : int
         How many logs were audited.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> found = audit(synthetic_fleet(2))
+    >>> print(found)
+    2 drives out of 2 logs are used, 0 are not
+    >>> list(found.frame().columns), found.set_aside
+    (['trip', 'from_s', 'to_s', 'what', 'consequence'], {})
     """
 
     trips: tuple[Trip, ...]
@@ -69,7 +78,13 @@ class Audit:
         return {trip: "; ".join(what) for trip, what in reasons.items()}
 
     def frame(self) -> pd.DataFrame:
-        """One row a finding: trip, from_s, to_s, what, consequence."""
+        """Tabulate the findings.
+
+        Returns
+        -------
+        DataFrame
+            One row per finding: ``trip``, ``from_s``, ``to_s`` [s], ``what``, ``consequence``.
+        """
         columns = ["trip", "from_s", "to_s", "what", "consequence"]
         return pd.DataFrame([[getattr(f, c) for c in columns] for f in self.findings], columns=columns)
 

@@ -56,8 +56,17 @@ class Anchored:
     loss : str
         What it multiplies.
     factor : float
+        Factor of the loss.
     before, after : ndarray, shape (figures,)
         Relative errors.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle("bmw_i3_60ah")
+    >>> found = Anchored(car, "motor", 1.0, np.array([0.02, 0.04]), np.array([-0.01, 0.01]))
+    >>> round(found.anchor("certification").before, 3)
+    0.03
     """
 
     vehicle: Vehicle
@@ -67,7 +76,18 @@ class Anchored:
     after: FloatArray
 
     def anchor(self, level: str) -> Anchor:
-        """The entries that the factor changes."""
+        """Collect the entries that the factor changes.
+
+        Parameters
+        ----------
+        level : str
+            A key of `tripwatt.vehicles.ANCHORS`.
+
+        Returns
+        -------
+        Anchor
+            With the values of the entries, their units, and the mean relative error that the factor closes.
+        """
         known = self.vehicle.entries
         entries = {
             key: (_value(self.vehicle, key), known[key].unit if key in known else UNITS[self.loss])
@@ -100,14 +120,23 @@ def _value(vehicle: Vehicle, key: str) -> float:
 
 
 def scaled(vehicle: Vehicle, loss: str, factor: float) -> Vehicle:
-    """A car with one loss times a factor; the gear's is an exponent of its efficiency, 1 more of iron is `IRON_LOSS_W`.
+    """Multiply one loss of a car by a factor.
+
+    The gear's factor is an exponent of its efficiency; 1 more of iron is `IRON_LOSS_W` at `IRON_SPEED_M_S`.
 
     Parameters
     ----------
     vehicle : Vehicle
+        The car.
     loss : str
         One of `LOSSES`, or `ROAD_LOAD`.
     factor : float
+        How many times the loss.
+
+    Returns
+    -------
+    Vehicle
+        A copy with other parts; its entries stay as they are.
 
     Examples
     --------
@@ -138,7 +167,7 @@ def scaled(vehicle: Vehicle, loss: str, factor: float) -> Vehicle:
 def anchored(
     vehicle: Vehicle, figures: Sequence[CertifiedFigure], losses: Sequence[str] = LOSSES
 ) -> Anchored:
-    """The car with the loss that closes the mean error of its certified figures. O(losses x figures x samples).
+    """Close the mean error of a car's certified figures by one of its losses. O(losses x figures x samples).
 
     Parameters
     ----------
@@ -148,6 +177,20 @@ def anchored(
         At least one. Those marked as outliers are left out, unless all are.
     losses : sequence of str
         Of `LOSSES` and `ROAD_LOAD`; the one that leaves the smallest error of a single figure is taken.
+
+    Returns
+    -------
+    Anchored
+        The car with the loss that was taken.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle("bmw_i3_60ah")
+    >>> figure = CertifiedFigure("udds", 110.0, at_wall=False, test_mass_kg=1400.0, source="example")
+    >>> found = anchored(car, [figure], ["motor"])
+    >>> bool(abs(found.after[0]) <= abs(found.before[0]))
+    True
     """
     sound = [figure for figure in figures if not figure.outlier] or list(figures)
     before = errors(vehicle, sound)

@@ -51,12 +51,20 @@ class CertifiedFigure:
     cycle : str
         One of `CYCLES`.
     wh_per_km : float
+        Consumption [Wh/km].
     at_wall : bool
         At the wall, with what charging takes, or else at the battery terminals.
     test_mass_kg : float
+        Mass of the car in the test [kg].
     source : str
+        Where the figure comes from.
     outlier : bool
         Marked in the list as out of proportion to the work at the wheels.
+
+    Examples
+    --------
+    >>> CertifiedFigure("wltc", 160.0, at_wall=True, test_mass_kg=1900.0, source="list of the maker").outlier
+    False
     """
 
     cycle: str
@@ -99,13 +107,25 @@ def wltp_test_mass(running_order_kg: float, largest_mass_kg: float | None = None
 
 
 def certified_figures(name: str, vehicle: Vehicle) -> tuple[CertifiedFigure, ...]:
-    """Certified figures of a car of the library; none where the table has none.
+    """List the certified figures of a car of the library.
 
     Parameters
     ----------
     name : str
+        Name of the car in the table.
     vehicle : Vehicle
         The car, whose mass a WLTP figure is for where the table has no test mass.
+
+    Returns
+    -------
+    tuple of CertifiedFigure
+        Empty where the table has none.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> sorted({figure.cycle for figure in certified_figures("vw_id3", load_vehicle("vw_id3"))})
+    ['wltc']
     """
     return tuple(_figures(catalogue().get(name, {}), vehicle))
 
@@ -137,14 +157,29 @@ def _test_mass(row: Row, cycle: str, vehicle: Vehicle) -> float:
 
 
 def driven_wh_per_km(vehicle: Vehicle, trace: tuple[FloatArray, FloatArray], test_mass_kg: float) -> float:
-    """Consumption at the battery terminals on a dynamometer [Wh/km]: warm car, no climate control. O(samples).
+    """Simulate the consumption at the battery terminals on a dynamometer: warm car, no climate control. O(samples).
 
     Parameters
     ----------
     vehicle : Vehicle
+        The car.
     trace : tuple of ndarray
         Time [s] and speed [m/s], shape (samples,) each.
     test_mass_kg : float
+        Mass of the car in the test [kg].
+
+    Returns
+    -------
+    float
+        Consumption [Wh/km].
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> trace = np.arange(60.0), np.full(60, 15.0)
+    >>> car = load_vehicle("bmw_i3_60ah")
+    >>> driven_wh_per_km(car, trace, 1300.0) < driven_wh_per_km(car, trace, 1500.0)
+    True
     """
     time, speed = trace
     load = vehicle.road_load
@@ -166,11 +201,53 @@ def driven_wh_per_km(vehicle: Vehicle, trace: tuple[FloatArray, FloatArray], tes
 
 
 def simulated_wh_per_km(vehicle: Vehicle, figure: CertifiedFigure) -> float:
-    """Consumption where the certified figure was measured, at the wall or at the battery terminals [Wh/km]."""
+    """Simulate the consumption where the certified figure was measured. O(samples).
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The car.
+    figure : CertifiedFigure
+        Its cycle, test mass, and place of measurement.
+
+    Returns
+    -------
+    float
+        Consumption at the wall or at the battery terminals [Wh/km].
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle("bmw_i3_60ah")
+    >>> at_wall, inside = (CertifiedFigure("udds", 110.0, wall, 1400.0, "example") for wall in (True, False))
+    >>> simulated_wh_per_km(car, at_wall) > simulated_wh_per_km(car, inside)
+    True
+    """
     at_terminals = driven_wh_per_km(vehicle, schedule(figure.cycle), figure.test_mass_kg)
     return at_terminals / charging_efficiency() if figure.at_wall else at_terminals
 
 
 def relative_error(vehicle: Vehicle, figure: CertifiedFigure) -> float:
-    """Simulated over certified consumption less one."""
+    """Compute simulated over certified consumption, less one. O(samples).
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The car.
+    figure : CertifiedFigure
+        What it was certified with.
+
+    Returns
+    -------
+    float
+        Positive when the simulation takes more.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle("bmw_i3_60ah")
+    >>> figure = CertifiedFigure("udds", simulated_wh_per_km(car, CertifiedFigure("udds", 1.0, False, 1400.0, "")), False, 1400.0, "")
+    >>> relative_error(car, figure)
+    0.0
+    """
     return simulated_wh_per_km(vehicle, figure) / figure.wh_per_km - 1.0

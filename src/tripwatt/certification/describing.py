@@ -189,6 +189,11 @@ def usual_figures(body: str) -> Mapping[str, float]:
 
     A kind of fewer than two cars takes those of all.
 
+    Parameters
+    ----------
+    body : str
+        Kind of body, such as "suv".
+
     Examples
     --------
     >>> usual_figures("small")["mass_kg"] < usual_figures("suv")["mass_kg"]
@@ -293,7 +298,23 @@ def _meeting(car: Vehicle, document: Mapping[str, Any], wh_per_km: float, proced
 
 @dataclass(frozen=True, slots=True)
 class ConsumptionInterval:
-    """Consumption of a test at the wall [kWh/100 km] and its central interval."""
+    """Consumption of a test at the wall [kWh/100 km] and its central interval.
+
+    Attributes
+    ----------
+    middle : float
+        Median [kWh/100 km].
+    low : float
+        Lower end of the interval [kWh/100 km].
+    high : float
+        Upper end of the interval [kWh/100 km].
+
+    Examples
+    --------
+    >>> found = certified_interval(describe_car(body="suv", mass_kg=1900))
+    >>> found.low < found.middle < found.high
+    True
+    """
 
     middle: float
     low: float
@@ -309,10 +330,12 @@ def certified_interval(car: Vehicle, cycle: str = "wltc", level: float = 0.9) ->
         From `describe_car`; of another car what its anchor leaves open.
     cycle : {"wltc", "udds", "hwfet"}
     level : float
+        Probability of the interval, 0 to 1.
 
     Returns
     -------
     ConsumptionInterval
+        At the wall [kWh/100 km].
 
     Notes
     -----

@@ -84,7 +84,12 @@ on_road.add_commands(app)
 
 
 def main() -> None:
-    """Run the command line; translate the library's errors into one message and exit code 2."""
+    """Run the command line; translate the library's errors into one message and exit code 2.
+
+    Examples
+    --------
+    >>> main()  # doctest: +SKIP
+    """
     signal.signal(signal.SIGTERM, _terminate)
     try:
         app(prog_name="tripwatt")

@@ -32,6 +32,11 @@ class Execution:
         Use the finished folds that are there, if they belong to the same trips, models, seed and version.
     progress : callable or None
         Called with (finished folds, all folds).
+
+    Examples
+    --------
+    >>> Execution(n_jobs=1).resume
+    False
     """
 
     n_jobs: int = -1

@@ -33,6 +33,13 @@ class ErrorSummary:
     bias : float
         Mean of (predicted - observed) / observed.
     rmse_wh : float
+        Root mean square of predicted less observed energy [Wh].
+
+    Examples
+    --------
+    >>> found = summarise_errors(np.array([1000.0, 2000.0]), np.array([1100.0, 1900.0]), seed=0)
+    >>> round(found.mape, 3), round(found.bias, 3), found.rmse_wh
+    (0.075, 0.025, 100.0)
     """
 
     mape: float
@@ -55,6 +62,12 @@ class PairedDifference:
         95 % percentile bootstrap interval over trips.
     significant : bool
         Whether the interval leaves out 0, whatever the seed of the bootstrap. See `leaves_out_zero`.
+
+    Examples
+    --------
+    >>> found = paired_difference(np.full(20, 0.05), np.full(20, 0.08), seed=0)
+    >>> round(found.diff, 3), found.significant
+    (-0.03, True)
     """
 
     diff: float
@@ -101,7 +114,27 @@ def bootstrap_interval(values: FloatArray, seed: int, *, draws: int = BOOTSTRAP_
 
 
 def summarise_errors(observed_wh: FloatArray, predicted_wh: FloatArray, seed: int) -> ErrorSummary:
-    """Summary of the errors at the end of the trip, arrays of shape (trips,) in [Wh]."""
+    """Summarise the errors at the end of the trips.
+
+    Parameters
+    ----------
+    observed_wh : ndarray, shape (trips,)
+        Measured energy [Wh], above 0.
+    predicted_wh : ndarray, shape (trips,)
+        Predicted energy [Wh].
+    seed : int
+        Of the bootstrap.
+
+    Returns
+    -------
+    ErrorSummary
+        Relative errors as fractions.
+
+    Examples
+    --------
+    >>> round(summarise_errors(np.array([1000.0, 2000.0]), np.array([1100.0, 1800.0]), seed=0).max_ape, 3)
+    0.1
+    """
     ape = absolute_percentage_error(observed_wh, predicted_wh)
     error = predicted_wh - observed_wh
     return ErrorSummary(
@@ -115,7 +148,27 @@ def summarise_errors(observed_wh: FloatArray, predicted_wh: FloatArray, seed: in
 
 
 def paired_difference(ape_a: FloatArray, ape_b: FloatArray, seed: int) -> PairedDifference:
-    """Mean difference of two models' APE over the same trips, arrays of shape (trips,)."""
+    """Compare the APE of two models over the same trips.
+
+    Parameters
+    ----------
+    ape_a : ndarray, shape (trips,)
+        Absolute percentage errors of the first model, as fractions.
+    ape_b : ndarray, shape (trips,)
+        Those of the second.
+    seed : int
+        Of the bootstrap.
+
+    Returns
+    -------
+    PairedDifference
+        Mean of `ape_a - ape_b` and its interval.
+
+    Examples
+    --------
+    >>> paired_difference(np.array([0.05, 0.15]), np.array([0.08, 0.12]), seed=0).significant
+    False
+    """
     difference = ape_a - ape_b
     interval = bootstrap_interval(difference, seed)
     sure = leaves_out_zero(interval, lambda other: bootstrap_interval(difference, seed + other))

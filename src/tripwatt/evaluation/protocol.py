@@ -148,7 +148,9 @@ class EvaluationProtocol(Protocol):
     Attributes
     ----------
     name, title : str
+        Name by which a run is asked for, and the title of its report.
     models : tuple of ModelSpec
+        Models that are compared.
     sections : tuple of ReportSection
         The report of a run.
     focus : str or None
@@ -157,35 +159,90 @@ class EvaluationProtocol(Protocol):
         Mean errors that the paper reports for its data set, by model.
     given : str
         Condition of every error, repeated beside it; empty where there is none to state.
+
+    Examples
+    --------
+    >>> from tripwatt.evaluation import find_protocol
+    >>> protocol = find_protocol("paper")
+    >>> protocol.name, protocol.models[0].name
+    ('paper', 'constant')
+    >>> prepared = protocol.prepare(fleet, None, CarChoice("bmw_i3_60ah"))  # doctest: +SKIP
+    >>> protocol.assemble(prepared, results, protocol.models, seed=0)  # doctest: +SKIP
     """
 
     @property
-    def name(self) -> str: ...  # noqa: D102 - see Attributes
+    def name(self) -> str:
+        """Name by which a run is asked for."""
+        ...
 
     @property
-    def title(self) -> str: ...  # noqa: D102
+    def title(self) -> str:
+        """Title of the report."""
+        ...
 
     @property
-    def models(self) -> tuple[ModelSpec, ...]: ...  # noqa: D102
+    def models(self) -> tuple[ModelSpec, ...]:
+        """Models that are compared."""
+        ...
 
     @property
-    def sections(self) -> tuple[ReportSection, ...]: ...  # noqa: D102
+    def sections(self) -> tuple[ReportSection, ...]:
+        """Sections of the report of a run."""
+        ...
 
     @property
-    def focus(self) -> str | None: ...  # noqa: D102
+    def focus(self) -> str | None:
+        """Model that the report describes; None for the hybrid with the lowest mean error."""
+        ...
 
     @property
-    def published(self) -> Mapping[str, float]: ...  # noqa: D102
+    def published(self) -> Mapping[str, float]:
+        """Mean errors that the paper reports for its data set, by model."""
+        ...
 
     @property
-    def given(self) -> str: ...  # noqa: D102
+    def given(self) -> str:
+        """Condition of every error, repeated beside it; empty where there is none to state."""
+        ...
 
     def extra(self, specs: Sequence[ModelSpec]) -> tuple[ModelSpec, ...]:
-        """Runs beside the chosen models that are no rows of the table, such as learning curves."""
+        """Choose the runs beside the chosen models that are no rows of the table, such as learning curves.
+
+        Parameters
+        ----------
+        specs : sequence of ModelSpec
+            The chosen models.
+
+        Returns
+        -------
+        tuple of ModelSpec
+            Empty where there are none.
+
+        Examples
+        --------
+        >>> from tripwatt.evaluation import find_protocol
+        >>> protocol = find_protocol("paper")
+        >>> protocol.extra(protocol.models[:1])
+        ()
+        """
         ...
 
     def prepare(self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice) -> Prepared:
         """Audit the trips, simulate them and set the folds.
+
+        Parameters
+        ----------
+        fleet : Fleet
+            Logs to evaluate on.
+        test_fleet : Fleet or None
+            Logs to test on instead of held-out trips, where the protocol has such a test.
+        car : CarChoice
+            The car that is simulated.
+
+        Returns
+        -------
+        Prepared
+            Trips with their simulation, and the folds.
 
         Raises
         ------
@@ -197,17 +254,52 @@ class EvaluationProtocol(Protocol):
     def assemble(
         self, prepared: Prepared, results: Sequence[FoldResult], specs: Sequence[ModelSpec], seed: int
     ) -> Any:
-        """Score the held-out predictions: an `EvaluationRun`."""
+        """Score the held-out predictions.
+
+        Parameters
+        ----------
+        prepared : Prepared
+            From `prepare`.
+        results : sequence of FoldResult
+            Of every fold.
+        specs : sequence of ModelSpec
+            The chosen models.
+        seed : int
+            Of the bootstrap.
+
+        Returns
+        -------
+        EvaluationRun
+            Everything that the report shows.
+        """
         ...
 
 
 def choose_models(protocol: EvaluationProtocol, names: Sequence[str] | None = None) -> tuple[ModelSpec, ...]:
-    """The models of a protocol, or those of them that are named.
+    """Choose the models of a protocol, or those of them that are named.
+
+    Parameters
+    ----------
+    protocol : EvaluationProtocol
+        With its models.
+    names : sequence of str, optional
+        Names of models; all by default.
+
+    Returns
+    -------
+    tuple of ModelSpec
+        In the order of the protocol.
 
     Raises
     ------
     InvalidInput
         On an unknown model.
+
+    Examples
+    --------
+    >>> from tripwatt.evaluation import find_protocol
+    >>> [spec.name for spec in choose_models(find_protocol("paper"), ["linear6", "constant"])]
+    ['constant', 'linear6']
     """
     specs = protocol.models
     if names is None:

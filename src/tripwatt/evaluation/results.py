@@ -65,6 +65,14 @@ class EvaluationRun:
         Summary, diagnosis and effects of the GAMM, likewise; None where it was not among the models.
     forecast : ForecastInsight or None
         Held-out forecasts of the first evaluation; None in a protocol without them.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> from tripwatt.evaluation import Execution
+    >>> run = tw.evaluate(tw.synthetic_fleet(6), protocol="paper", models=["constant"], execution=Execution(n_jobs=1))
+    >>> run.folds["model"].unique().tolist(), len(run.series)
+    (['constant'], 6)
     """
 
     results: dict[str, Any]
@@ -183,7 +191,26 @@ def paired_summary(
 
 
 def write_results(run: EvaluationRun, out: Path) -> None:
-    """Write `results.json`, `folds.csv` and, where there are forecasts, `forecasts.csv` into the folder `out`."""
+    """Write `results.json`, `folds.csv` and, where there are forecasts, `forecasts.csv` into the folder `out`.
+
+    Parameters
+    ----------
+    run : EvaluationRun
+        As `evaluate` returns it.
+    out : Path
+        Folder, made where it is missing; files of an earlier run are replaced.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import tripwatt as tw
+    >>> from tripwatt.evaluation import Execution
+    >>> run = tw.evaluate(tw.synthetic_fleet(6), protocol="paper", models=["constant"], execution=Execution(n_jobs=1))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_results(run, Path(folder))
+    ...     print(sorted(file.name for file in Path(folder).iterdir()))
+    ['folds.csv', 'results.json']
+    """
     out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(run.results, indent=1, allow_nan=False, default=_plain)
     (out / "results.json").write_text(text + "\n", encoding="utf-8")

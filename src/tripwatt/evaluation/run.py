@@ -26,7 +26,17 @@ DEFAULT_PROTOCOL: Final = "paper"
 
 
 def find_protocol(name: str) -> EvaluationProtocol:
-    """A protocol by its name.
+    """Find a protocol by its name.
+
+    Parameters
+    ----------
+    name : str
+        A key of `PROTOCOLS`.
+
+    Returns
+    -------
+    EvaluationProtocol
+        With its models and the sections of its report.
 
     Raises
     ------

@@ -65,6 +65,7 @@ class Forecast:
     route_sd_wh : float
         Standard deviation that a planned route adds to the trip's energy [Wh]; 0 for a driven trace.
     flags : tuple of Flag
+        What was assumed, and what limits the forecast.
     measured : Measured
         What was measured so far.
 

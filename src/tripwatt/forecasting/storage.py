@@ -294,18 +294,29 @@ def _numbers(value: Any) -> Iterator[float]:
 
 
 def load_metadata(folder: Path | str | None = None, *, check_parts: bool = True) -> dict[str, Any]:
-    """The metadata of a stored model, or of the one that comes with the package.
+    """Read the metadata of a stored model, or of the one that comes with the package.
 
     Parameters
     ----------
     folder : path, optional
+        Of the stored model.
     check_parts : bool
         Whether every part is read and checked as well.
+
+    Returns
+    -------
+    dict
+        As `save_model` wrote it.
 
     Raises
     ------
     InvalidInput
         As `load_model`.
+
+    Examples
+    --------
+    >>> sorted(load_metadata(check_parts=False))[:2]
+    ['contract', 'evaluation']
     """
     place = model_folder(folder)
     return dict(read_model(place).metadata) if check_parts else read_metadata(place)

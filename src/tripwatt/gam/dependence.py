@@ -117,6 +117,14 @@ class Autocorrelation:
         Pooled over the groups, between -1 and 1; 0 where the residuals of all pairs are 0.
     pairs : ndarray (m,)
         Pairs of rows behind each value.
+
+    Examples
+    --------
+    >>> found = autocorrelation([1.0, -1.0, 1.0, -1.0], ["a", "a", "b", "b"], max_lag=1)
+    >>> list(found.frame().columns)
+    ['lag', 'correlation', 'pairs', 'bound']
+    >>> found.plot().get_xlabel()
+    'Lag (rows)'
     """
 
     lag: NDArray[np.intp]
@@ -141,14 +149,31 @@ class Autocorrelation:
         )
 
     def frame(self) -> pd.DataFrame:
-        """The numbers: ``lag``, ``correlation``, ``pairs``, ``bound``."""
+        """Tabulate the correlations.
+
+        Returns
+        -------
+        DataFrame
+            One row per lag: ``lag``, ``correlation``, ``pairs``, and ``bound``, beyond which chance is unlikely.
+        """
         import pandas as pd
 
         columns = {"lag": self.lag, "correlation": self.correlation, "pairs": self.pairs, "bound": self.bound}
         return pd.DataFrame(columns)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw it, on new axes if none are given."""
+        """Draw the correlation over the lag.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Axes to draw on; new ones by default.
+
+        Returns
+        -------
+        matplotlib Axes
+            The axes that were drawn on.
+        """
         ax = axes_or_new(ax)
         ax.fill_between(self.lag, -self.bound, self.bound, color=GREY, alpha=0.3, linewidth=0)
         ax.vlines(self.lag, 0.0, self.correlation, color=BLUE, linewidth=2)
@@ -182,6 +207,7 @@ def autocorrelation(
     Returns
     -------
     Autocorrelation
+        At lags from 1 to the largest.
 
     Raises
     ------

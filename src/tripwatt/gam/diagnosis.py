@@ -290,9 +290,25 @@ class Diagnosis:
     Attributes
     ----------
     qq : QuantileQuantile
+        Residuals against the quantiles of their distribution.
     predictor : ResidualsAgainstPredictor
+        Residuals against the linear predictor.
     histogram : ResidualHistogram
+        Counts of residuals.
     response : ResponseAgainstFitted
+        The response against the fitted values.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from tripwatt.gam.model import GAMM
+    >>> x = np.linspace(0, 1, 60)
+    >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
+    >>> found = diagnosis(GAMM("y ~ s(x, k=8)").fit(frame))
+    >>> found.frame().shape
+    (60, 5)
+    >>> len(found.plot().axes)
+    4
     """
 
     qq: QuantileQuantile
@@ -301,13 +317,30 @@ class Diagnosis:
     response: ResponseAgainstFitted
 
     def frame(self) -> pd.DataFrame:
-        """One row per row of the data: ``fitted``, ``response``, ``linear_predictor``, ``residual``, ``theoretical``."""
+        """Tabulate what the figures show.
+
+        Returns
+        -------
+        DataFrame
+            One row per row of the data: ``fitted``, ``response``, ``linear_predictor``, ``residual``, ``theoretical``.
+        """
         whole = self.response.frame().join(self.predictor.frame())
         rank = np.argsort(np.argsort(self.predictor.residual, kind="stable"), kind="stable")
         return whole.assign(theoretical=self.qq.theoretical[rank])
 
     def plot(self, figure: Figure | None = None) -> Figure:
-        """Draw the four figures, on a new 2 x 2 figure if none is given."""
+        """Draw the four figures.
+
+        Parameters
+        ----------
+        figure : matplotlib Figure, optional
+            Figure to draw on; a new one with 2 x 2 axes by default.
+
+        Returns
+        -------
+        matplotlib Figure
+            The figure that was drawn on.
+        """
         if figure is None:
             figure = new_figure(9.0, 7.2)
         axes = figure.subplots(2, 2)

@@ -45,13 +45,27 @@ class CurveEffect:
     Attributes
     ----------
     label, covariate : str
+        Label of the term, and its covariate.
     x, effect, std_error : ndarray (m,)
         Grid over the range of the data (of the rows of a by-smooth), centred effect and its standard error.
     multiplier : float
         Half width of the band in standard errors.
     edf : float
+        Effective degrees of freedom.
     rug : ndarray
         Values of the covariate in the data.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from tripwatt.gam.model import GAMM
+    >>> x = np.linspace(0, 1, 60)
+    >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
+    >>> curve = effects(GAMM("y ~ s(x, k=8)").fit(frame), frame)["s(x)"]
+    >>> list(curve.frame().columns)
+    ['x', 'effect', 'std_error', 'lower', 'upper']
+    >>> curve.plot().get_xlabel()
+    'x'
     """
 
     label: str
@@ -64,7 +78,13 @@ class CurveEffect:
     rug: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def frame(self) -> pd.DataFrame:
-        """The numbers: the covariate, ``effect``, ``std_error``, ``lower``, ``upper``."""
+        """Tabulate the curve and its band.
+
+        Returns
+        -------
+        DataFrame
+            One row per point of the grid: the covariate, ``effect``, ``std_error``, ``lower``, ``upper``.
+        """
         import pandas as pd
 
         half = self.multiplier * self.std_error
@@ -74,7 +94,18 @@ class CurveEffect:
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw it, on new axes if none are given."""
+        """Draw the curve with its band.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Axes to draw on; new ones by default.
+
+        Returns
+        -------
+        matplotlib Axes
+            The axes that were drawn on.
+        """
         ax = axes_or_new(ax)
         table = self.frame()
         ax.fill_between(self.x, table["lower"], table["upper"], color=BLUE, alpha=0.2, linewidth=0)
@@ -97,6 +128,7 @@ class SurfaceEffect:
     Attributes
     ----------
     label : str
+        Label of the term.
     covariates : tuple of str
         The two that span the surface.
     x, y : ndarray (m,)
@@ -104,10 +136,20 @@ class SurfaceEffect:
     effect, std_error : ndarray (m, m)
         Centred effect, rows along y; NaN far from all data.
     edf : float
+        Effective degrees of freedom.
     points : ndarray (n, 2)
         Where the data are.
     at : dict
         Values at which other covariates are held.
+
+    Examples
+    --------
+    >>> grid = np.linspace(0.0, 1.0, 5)
+    >>> found = SurfaceEffect("te(x,z)", ("x", "z"), grid, grid, np.outer(grid, grid), np.ones((5, 5)), edf=3.0)
+    >>> found.frame().shape
+    (25, 4)
+    >>> found.plot().get_ylabel()
+    'z'
     """
 
     label: str
@@ -121,7 +163,13 @@ class SurfaceEffect:
     at: Mapping[str, float] = field(default_factory=dict)
 
     def frame(self) -> pd.DataFrame:
-        """The numbers, one row per point of the grid: both covariates, ``effect``, ``std_error``."""
+        """Tabulate the surface.
+
+        Returns
+        -------
+        DataFrame
+            One row per point of the grid: both covariates, ``effect``, ``std_error``.
+        """
         import pandas as pd
 
         x, y = np.meshgrid(self.x, self.y)
@@ -129,7 +177,18 @@ class SurfaceEffect:
         return pd.DataFrame({**columns, "effect": self.effect.ravel(), "std_error": self.std_error.ravel()})
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw it, on new axes if none are given."""
+        """Draw the surface as filled contours.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Axes to draw on; new ones by default.
+
+        Returns
+        -------
+        matplotlib Axes
+            The axes that were drawn on.
+        """
         ax = axes_or_new(ax)
         shown = np.ma.masked_invalid(self.effect)
         if shown.count() and float(np.ma.ptp(shown)) > 0:
@@ -162,12 +221,23 @@ class RandomEffects:
     Attributes
     ----------
     label : str
+        Label of the term.
     level : tuple of str
         Sorted by effect.
     effect, std_error, theoretical : ndarray (m,)
         Predicted effects, their standard errors, and normal quantiles with the standard deviation of the model.
     edf, sd : float
         Effective degrees of freedom and standard deviation of the effect in the model.
+
+    Examples
+    --------
+    >>> found = RandomEffects(
+    ...     "s(trip)", ("b", "a"), np.array([-1.0, 1.0]), np.array([0.2, 0.2]), np.array([-0.9, 0.9]), edf=1.8, sd=1.3
+    ... )
+    >>> found.frame().shape
+    (2, 4)
+    >>> found.plot().get_ylabel()
+    'Random effect'
     """
 
     label: str
@@ -179,14 +249,31 @@ class RandomEffects:
     sd: float
 
     def frame(self) -> pd.DataFrame:
-        """The numbers: ``level``, ``effect``, ``std_error``, ``theoretical``."""
+        """Tabulate the random effects.
+
+        Returns
+        -------
+        DataFrame
+            One row per level: ``level``, ``effect``, ``std_error``, ``theoretical``.
+        """
         import pandas as pd
 
         columns = {"effect": self.effect, "std_error": self.std_error, "theoretical": self.theoretical}
         return pd.DataFrame({"level": self.level, **columns})
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw it, on new axes if none are given."""
+        """Draw the random effects against Gaussian quantiles.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Axes to draw on; new ones by default.
+
+        Returns
+        -------
+        matplotlib Axes
+            The axes that were drawn on.
+        """
         ax = axes_or_new(ax)
         ends = self.theoretical[[0, -1]]
         ax.plot(ends, ends, color=RED, linewidth=1.5)
@@ -212,13 +299,23 @@ class FactorEffect:
     Attributes
     ----------
     label : str
+        Label of the term.
     level : tuple of str
+        Level of each row.
     effect, std_error : ndarray (m,)
         0 with standard error 0 for a level without data.
     multiplier : float
         Half width of the interval in standard errors.
     reference : str
         Level that the others are compared with; empty for a number.
+
+    Examples
+    --------
+    >>> found = FactorEffect("season", ("winter",), np.array([2.0]), np.array([0.5]), 1.96, reference="summer")
+    >>> found.frame()[["lower", "upper"]].round(2).to_numpy().tolist()
+    [[1.02, 2.98]]
+    >>> found.plot().get_xlabel()
+    'Difference from summer'
     """
 
     label: str
@@ -229,7 +326,13 @@ class FactorEffect:
     reference: str = ""
 
     def frame(self) -> pd.DataFrame:
-        """The numbers: ``level``, ``effect``, ``std_error``, ``lower``, ``upper``."""
+        """Tabulate the coefficients.
+
+        Returns
+        -------
+        DataFrame
+            One row per level: ``level``, ``effect``, ``std_error``, ``lower``, ``upper``.
+        """
         import pandas as pd
 
         half = self.multiplier * self.std_error
@@ -239,7 +342,18 @@ class FactorEffect:
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw it, on new axes if none are given."""
+        """Draw the coefficients with their intervals.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Axes to draw on; new ones by default.
+
+        Returns
+        -------
+        matplotlib Axes
+            The axes that were drawn on.
+        """
         ax = axes_or_new(ax)
         rows = np.arange(len(self.level))
         ax.axvline(0.0, color=GREY, linewidth=0.8)
@@ -462,6 +576,7 @@ def plot_effects(found: Mapping[str, Effect], figure: Figure | None = None, colu
     Returns
     -------
     matplotlib Figure
+        One panel for each effect, in their order.
 
     Examples
     --------

@@ -28,6 +28,11 @@ class Gaussian:
     ----------
     scale : float, optional
         Variance; estimated when None.
+
+    Examples
+    --------
+    >>> Gaussian().name, Gaussian(scale=0.01).scale
+    ('gaussian', 0.01)
     """
 
     scale: float | None = None
@@ -51,9 +56,15 @@ class ScaledT:
 
     Examples
     --------
-    >>> family = ScaledT()
+    >>> family, residual = ScaledT(), np.array([0.0, 1.0])
     >>> round(float(family.loglik(np.zeros(1), nu=5.0, sigma=1.0)), 4)
     -0.9686
+    >>> family.deviance(residual, nu=5.0).round(4).tolist()
+    [0.0, 1.0939]
+    >>> family.score(residual, nu=5.0, sigma=1.0).tolist()
+    [0.0, 1.0]
+    >>> family.expected_weight(nu=5.0, sigma=1.0)
+    0.75
     """
 
     min_df: float = 3.0
@@ -66,22 +77,78 @@ class ScaledT:
         return "scat"
 
     def loglik(self, residual: FloatArray, nu: float, sigma: float) -> float:
-        """Log-likelihood of residuals (n,), summed."""
+        """Sum the log-likelihood of residuals.
+
+        Parameters
+        ----------
+        residual : ndarray, shape (n,)
+            Response minus linear predictor.
+        nu : float
+            Degrees of freedom.
+        sigma : float
+            Scale of the errors, in the unit of the response.
+
+        Returns
+        -------
+        float
+            Natural logarithm, with all constants.
+        """
         n = len(residual)
         return n * _log_constant(nu, sigma) - (nu + 1) / 2 * float(
             np.log1p((residual / sigma) ** 2 / nu).sum()
         )
 
     def deviance(self, residual: FloatArray, nu: float) -> FloatArray:
-        """Contribution (n,) of each residual over sigma to the deviance: (nu + 1) log(1 + r^2 / nu)."""
+        """Compute the contribution of each residual to the deviance: (nu + 1) log(1 + r^2 / nu).
+
+        Parameters
+        ----------
+        residual : ndarray, shape (n,)
+            Response minus linear predictor, over sigma.
+        nu : float
+            Degrees of freedom.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            At least 0.
+        """
         return np.asarray((nu + 1) * np.log1p(residual**2 / nu))
 
     def score(self, residual: FloatArray, nu: float, sigma: float) -> FloatArray:
-        """Derivative (n,) of the log-likelihood in the linear predictor."""
+        """Compute the derivative of the log-likelihood in the linear predictor.
+
+        Parameters
+        ----------
+        residual : ndarray, shape (n,)
+            Response minus linear predictor.
+        nu : float
+            Degrees of freedom.
+        sigma : float
+            Scale of the errors, in the unit of the response.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Of each row; bounded, so that an outlier has little weight.
+        """
         return np.asarray((nu + 1) * residual / (nu * sigma**2 + residual**2))
 
     def expected_weight(self, nu: float, sigma: float) -> float:
-        """Fisher information of one row: (nu + 1) / ((nu + 3) sigma^2)."""
+        """Compute the Fisher information of one row: (nu + 1) / ((nu + 3) sigma^2).
+
+        Parameters
+        ----------
+        nu : float
+            Degrees of freedom.
+        sigma : float
+            Scale of the errors, in the unit of the response.
+
+        Returns
+        -------
+        float
+            The same for every row.
+        """
         return (nu + 1) / ((nu + 3) * sigma**2)
 
 

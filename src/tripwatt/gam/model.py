@@ -82,11 +82,18 @@ class GAMM(RegressorMixin, BaseEstimator):
     Examples
     --------
     >>> rng = np.random.default_rng(1)
-    >>> frame = pd.DataFrame({"x": np.linspace(0, 1, 100)})
+    >>> frame = pd.DataFrame({"x": np.linspace(0, 1, 100), "trip": np.repeat(list("abcde"), 20)})
     >>> y = np.sin(6 * frame["x"]) + 0.1 * rng.standard_normal(100)
     >>> model = GAMM(Formula(None, (Smooth(("x",)),))).fit(frame, y)
     >>> bool(model.converged_), bool(model.r2_ > 0.9)
     (True, True)
+    >>> value, error = model.predict(frame, se=True)
+    >>> bool(np.abs(value - np.sin(6 * frame["x"])).max() < 0.2), bool((error > 0.0).all())
+    (True, True)
+    >>> model.extrapolation_mask(pd.DataFrame({"x": [0.5, 1.5]})).tolist()
+    [False, True]
+    >>> model.leave_groups_out(frame, y, groups="trip").shape
+    (100,)
     """
 
     def __init__(
@@ -186,7 +193,9 @@ class GAMM(RegressorMixin, BaseEstimator):
 
         Returns
         -------
-        ndarray (n,) or DataFrame, or a pair with the standard errors
+        ndarray, shape (n,), or DataFrame
+            The response, or with `terms` the contribution of each term. With `se` a pair: this and its standard errors of
+            the same kind.
 
         Notes
         -----
@@ -219,7 +228,18 @@ class GAMM(RegressorMixin, BaseEstimator):
         return (fit.sum(axis=1), total) if se else fit.sum(axis=1)
 
     def extrapolation_mask(self, frame: pd.DataFrame) -> BoolArray:
-        """Rows (n,) with a covariate outside its training range or a level that training did not have."""
+        """Mark rows with a covariate outside its training range or a level that training did not have.
+
+        Parameters
+        ----------
+        frame : DataFrame
+            Columns of the terms; the column of a random effect may be missing.
+
+        Returns
+        -------
+        ndarray of bool, shape (n,)
+            A new level of a random effect does not count.
+        """
         self._complete(frame, (), None)
         out = np.zeros(len(frame), dtype=bool)
         for names, support in self.training_.supports.items():
@@ -251,6 +271,7 @@ class GAMM(RegressorMixin, BaseEstimator):
         Parameters
         ----------
         frame : DataFrame
+            Columns that the formula names.
         y : array-like (n,), optional
             Response; default: the formula's left side.
         groups : array-like (n,) or str

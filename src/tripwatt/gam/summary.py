@@ -35,7 +35,7 @@ def stars(p_value: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """Tables and scores of a fitted model; `text`, `html` and `latex` print them.
+    r"""Tables and scores of a fitted model; `text`, `html` and `latex` print them.
 
     Attributes
     ----------
@@ -65,6 +65,22 @@ class Summary:
         What ended the fit.
     notes : tuple of str
         Reductions that the data forced: columns removed, levels without data.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from tripwatt.gam.model import GAMM
+    >>> x = np.linspace(0, 1, 60)
+    >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
+    >>> found = summary(GAMM("y ~ s(x, k=8)").fit(frame))
+    >>> list(found.frame()["kind"]), [label for label, _, _ in found.rows()]
+    (['parametric', 'smooth'], ['(Intercept)', 'EDF: s(x)'])
+    >>> list(found.scores())
+    ['R2 (adjusted)', 'Deviance explained', 'REML', 'Log-likelihood', 'AIC', 'n']
+    >>> found.distribution() in found.text()
+    True
+    >>> found.html()[:6], found.latex().splitlines()[0]
+    ('<table', '\\begin{tabular}{l c}')
     """
 
     parametric: pd.DataFrame
@@ -114,11 +130,12 @@ class Summary:
         return whole.assign(stars=[stars(p) for p in whole["p_value"]])
 
     def distribution(self) -> str:
-        """The family in words, with what was estimated of it.
+        """Describe the family in words, with what was estimated of it.
 
         Returns
         -------
         str
+            One line.
         """
         if self.family != "scat":
             return f"{self.family}, scale {self.scale:.5g}"
@@ -126,7 +143,7 @@ class Summary:
         return f"Student's t, nu {self.nu:.4g}{bound}, sigma {self.sigma:.5g}"
 
     def scores(self) -> dict[str, str]:
-        """Scores of the fit, ready to print.
+        """Format the scores of the fit, ready to print.
 
         Returns
         -------
@@ -143,11 +160,12 @@ class Summary:
         }
 
     def text(self) -> str:
-        """The summary as plain text.
+        """Print the summary as plain text.
 
         Returns
         -------
         str
+            Lines, the last with a line break.
         """
         lines = [f"Family:  {self.distribution()}", f"Formula: {self.formula}"]
         if not self.converged:
@@ -193,6 +211,7 @@ class Summary:
         Returns
         -------
         str
+            One element ``table``.
         """
         from html import escape
 
@@ -220,7 +239,7 @@ class Summary:
         )
 
     def latex(self, title: str = "Model") -> str:
-        r"""The summary as a LaTeX tabular: one column, estimate (standard error) and EDF (reference df).
+        """The summary as a LaTeX tabular: one column, estimate (standard error) and EDF (reference df).
 
         Parameters
         ----------
@@ -230,6 +249,7 @@ class Summary:
         Returns
         -------
         str
+            An environment ``tabular``.
         """
         rows = self.rows()
         labels = [_latex(label) for label, _, _ in rows]

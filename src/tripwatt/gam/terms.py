@@ -137,6 +137,11 @@ class Tensor:
 class RandomEffect:
     """A random intercept: one independent normal effect per level, all with the same variance.
 
+    Parameters
+    ----------
+    name : str
+        Column of the levels.
+
     Examples
     --------
     >>> RandomEffect("trip").label

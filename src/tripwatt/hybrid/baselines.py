@@ -13,16 +13,54 @@ from tripwatt.hybrid.trip_table import TripTable
 
 @dataclass
 class PhysicsOnly:
-    """The simulation as it is; nothing to learn."""
+    """The simulation as it is; nothing to learn.
+
+    Parameters
+    ----------
+    simulation : str or None
+        Physics preset, a key of `TripTable.simulated_wh`; None predicts 0.
+
+    Examples
+    --------
+    >>> from tripwatt.hybrid import build_table
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> table = build_table(synthetic_fleet(1).trips, {"physics": load_vehicle(VEHICLE)})
+    >>> predicted = PhysicsOnly("physics").fit(table).predict(table)
+    >>> float(predicted[-1]) == float(table.simulated("physics")[-1])
+    True
+    """
 
     simulation: str | None
 
     def fit(self, table: TripTable) -> Self:
-        """Nothing is learned."""
+        """Do nothing: there is nothing to learn.
+
+        Parameters
+        ----------
+        table : TripTable
+            Not used.
+
+        Returns
+        -------
+        PhysicsOnly
+            Itself.
+        """
         return self
 
     def predict(self, table: TripTable) -> FloatArray:
-        """Simulated cumulative energy [Wh], shape (rows,)."""
+        """Predict the simulated cumulative energy.
+
+        Parameters
+        ----------
+        table : TripTable
+            Trips with their simulated energy.
+
+        Returns
+        -------
+        ndarray, shape (rows,)
+            Cumulative energy at each row [Wh].
+        """
         return table.simulated(self.simulation)
 
 
@@ -40,6 +78,18 @@ class EnergyRegression:
         Columns of `TripTable.totals`.
     simulation : str or None
         Physics preset whose energy is one more regressor.
+    coefficients_ : ndarray, shape (regressors,)
+        Energy per unit of each regressor [Wh per unit], set by `fit`; with `simulation` first that of the simulated energy [1].
+
+    Examples
+    --------
+    >>> from tripwatt.hybrid import build_table
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> table = build_table(synthetic_fleet(3).trips, {"physics": load_vehicle(VEHICLE)})
+    >>> model = EnergyRegression((), simulation="physics").fit(table)
+    >>> model.coefficients_.shape, model.predict(table).shape == table.observed_wh.shape
+    ((1,), True)
     """
 
     regressors: tuple[str, ...]
@@ -47,7 +97,18 @@ class EnergyRegression:
     coefficients_: FloatArray = field(default_factory=lambda: np.empty(0))
 
     def fit(self, table: TripTable) -> Self:
-        """Least squares over trips. O(trips x regressors^2)."""
+        """Fit the coefficients by least squares over trips. O(trips x regressors^2).
+
+        Parameters
+        ----------
+        table : TripTable
+            Trips with measured energy.
+
+        Returns
+        -------
+        EnergyRegression
+            Itself.
+        """
         last = table.last_rows
         observed = table.observed_wh[last]
         design = self._design(table)[last] / observed[:, None]
@@ -57,7 +118,18 @@ class EnergyRegression:
         return self
 
     def predict(self, table: TripTable) -> FloatArray:
-        """Cumulative energy [Wh], shape (rows,)."""
+        """Predict the cumulative energy.
+
+        Parameters
+        ----------
+        table : TripTable
+            Trips; their measured energy is not used.
+
+        Returns
+        -------
+        ndarray, shape (rows,)
+            Cumulative energy at each row [Wh].
+        """
         return np.asarray(self._design(table) @ self.coefficients_, dtype=np.float64)
 
     def _design(self, table: TripTable) -> FloatArray:

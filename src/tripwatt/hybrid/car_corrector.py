@@ -31,15 +31,15 @@ class HierarchicalCorrector:
         Weights of (in common, own, lost).
     factor : ndarray, shape (3 x features, any)
         ``factor @ factor.T`` is their covariance.
-    share : float
-        Share in common; the base's shape within a trip is taken by it.
+    shares : tuple of float
+        Shares in common by stage; the base's shape within a trip is taken by them.
     """
 
     base: Members
     scales: FloatArray
     mean: FloatArray
     factor: FloatArray
-    share: float
+    shares: tuple[float, ...]
 
     @classmethod
     def from_posterior(
@@ -73,7 +73,7 @@ class HierarchicalCorrector:
         factor = _factor(0.5 * (covariance + covariance.T))
         factor = np.asarray(factor, dtype=np.float32).astype(np.float64)  # as it is stored: half the size
         mean = np.asarray(moved.tocsr() @ posterior.mean)
-        return cls(transfer.members, transfer.scales, mean, factor, posterior.share)
+        return cls(transfer.members, transfer.scales, mean, factor, posterior.shares)
 
     def fit(self, table: SegmentTable) -> NoReturn:
         """Not possible: it is adapted with `CarTransfer`, from the base."""
@@ -101,7 +101,8 @@ class HierarchicalCorrector:
         """`predict` and `uncertainty_factor`."""
         segments = CarTransfer(self.base, self.scales).rows(table)
         rows = np.hstack(segments)
-        shape = self.share * less_trip_mean(segments[0] @ self.base.shape[:, None], table)[:, 0]
+        within = np.array(self.shares)[self.base.stage] * self.base.shape
+        shape = less_trip_mean(segments[0] @ within[:, None], table)[:, 0]
         return rows @ self.mean + shape, rows @ self.factor
 
     def predict_climate(self, table: SegmentTable) -> FloatArray | None:

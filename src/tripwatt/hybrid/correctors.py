@@ -39,12 +39,29 @@ TRANSFERABLE: Final = ("linear", "gp", "ensemble", "split")
 
 
 def power_corrector(name: str, seed: int = 0) -> PowerCorrector:
-    """A fresh corrector.
+    """Make a corrector that is not fitted.
+
+    Parameters
+    ----------
+    name : str
+        One of `POWER_CORRECTORS`.
+    seed : int
+        Of all its random choices.
+
+    Returns
+    -------
+    PowerCorrector
+        With its usual settings.
 
     Raises
     ------
     InvalidInput
         On an unknown name.
+
+    Examples
+    --------
+    >>> type(power_corrector("linear")).__name__, sorted(POWER_CORRECTORS)
+    ('GPCorrector', ['boosting', 'ensemble', 'forest', 'gamm', 'gp', 'linear', 'split'])
     """
     if name not in POWER_CORRECTORS:
         raise InvalidInput(Fault("unknown corrector", "corrector", name, ", ".join(POWER_CORRECTORS)))

@@ -3,18 +3,19 @@
 The corrector is a Gaussian process, linear in weights `w` of known features. Its posterior on the first car has mean
 `m` and covariance `C`; its prior variances, estimated by marginal likelihood, are `V`. For another car
 
-    w' = rho w + own,   own ~ N(0, tau^2 (1 - rho^2) V),   theta ~ N(0, kappa^2 W),
+    w' = rho_s w + own,   own ~ N(0, tau^2 (1 - rho_s^2) V),   theta ~ N(0, kappa^2 W),
     residual energy of trip i = x_i' w' + s_i' theta + error_i,   error_i ~ N(0, lambda * n_i).
 
-`rho` is the share of the correction that cars have in common, `theta` the relative error of a few physical parameters
+`rho_s` is the share of the correction of stage `s` that cars have in common: climate control is used alike in cars whose road loads
+differ, so the stages of a corrector that keeps them apart have shares of their own. `theta` is the relative error of a few physical parameters
 with published widths `W` (`tripwatt.hybrid.parameters`), `tau` and `kappa` how much cars differ in the one and the other,
 and `n_i` the variance of a trip as estimated from the first car's held-out trips. One car carries no information about
-how much cars differ, so `rho`, `tau`, `kappa` and `lambda` have flat priors on a grid and are integrated by their marginal likelihood on the second car's trips (empirical
+how much cars differ, so `rho_s`, `tau`, `kappa` and `lambda` have flat priors on a grid and are integrated by their marginal likelihood on the second car's trips (empirical
 Bayes without a choice: Gelman et al., Bayesian Data Analysis, section 5.4; Rasmussen and Williams 2006, section 5.2).
 Without a trip half of the correction is taken. The absolute error is convex in the share, so half of a correction is
 never worse than the mean of none and all of it.
 
-Outside of what the first car has seen the share fades: `rho` of a segment is multiplied by exp(-d^2 / 2) with d the
+Outside of what the first car has seen the share fades: `rho_s` of a segment is multiplied by exp(-d^2 / 2) with d the
 distance from the range of each covariate in its standard deviations; what is lost comes back as variance.
 """
 
@@ -22,6 +23,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
 from types import MappingProxyType
 from typing import Final
 
@@ -37,6 +40,8 @@ from tripwatt.learners.gp import KernelTerm
 from tripwatt.vehicles import Vehicle
 
 SHARES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
+STAGE_SHARES: Final = (0.0, 0.5, 1.0)
+"""Shares of each stage where a corrector has several: the grid has every combination."""
 OWN_SCALES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
 """At 1 both cars are alike before any trip: each correction is drawn from the same prior. More would say that the book
 values of the second car are worse than those of the first."""
@@ -52,25 +57,31 @@ _CLIMATE: Final = frozenset({"ambient_temperature_degc", "cabin_temperature_degc
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """One point of the grid: share in common, scales of what is own and of book values, of the error's variance."""
+    """One point of the grid: shares in common by stage, scales of what is own and of book values, of the error's variance."""
 
-    share: float
+    shares: tuple[float, ...]
     own: float
     book: float
     noise: float
 
+    @property
+    def share(self) -> float:
+        """Mean of the shares of all stages."""
+        return sum(self.shares) / len(self.shares)
 
-def grid(mode: str = "both") -> tuple[Option, ...]:
+
+def grid(mode: str = "both", stages: int = 1) -> tuple[Option, ...]:
     """Every option of a mode, all of the same weight before any trip.
 
     Examples
     --------
-    >>> len(grid("both")), {o.book for o in grid("effects")}
-    (250, {0.0})
+    >>> len(grid("both")), len(grid("both", stages=2)), {o.book for o in grid("effects")}
+    (250, 450, {0.0})
     """
     own = OWN_SCALES if mode != "parameters" else (0.0,)
     book = BOOK_SCALES if mode != "effects" else (0.0,)
-    return tuple(Option(r, t, b, n) for r in SHARES for t in own for b in book for n in NOISE_SCALES)
+    shares = product(SHARES if stages == 1 else STAGE_SHARES, repeat=stages)
+    return tuple(Option(r, t, b, n) for r, t, b, n in product(shares, own, book, NOISE_SCALES))
 
 
 def require_mode(mode: str) -> None:
@@ -125,6 +136,12 @@ class Members:
             for corrector in self.correctors
             for i, term in enumerate(corrector.terms)
         ]
+
+    @property
+    def stage(self) -> IntArray:
+        """Which of them each feature belongs to, shape (features,)."""
+        counts = [len(c.model.weights_) for c in self.correctors]
+        return np.repeat(np.arange(len(counts)), counts)
 
     @property
     def weights(self) -> FloatArray:
@@ -246,6 +263,11 @@ class CarTransfer:
     parameters: tuple[Parameter, ...] = PARAMETERS
     mode: str = "both"
 
+    @cached_property
+    def options(self) -> tuple[Option, ...]:
+        """The grid."""
+        return grid(self.mode, len(self.members.correctors))
+
     def evidence(self, table: SegmentTable, physical_w: FloatArray, noise_wh2: FloatArray) -> Evidence:
         """Trips of the second car. O(rows x features).
 
@@ -274,12 +296,13 @@ class CarTransfer:
 
         O(options x trips x features + trips x features^2 x options that count).
         """
-        prior = grid(self.mode)
+        prior = self.options
         weights = self._weights(evidence, prior)
         total = sum(o.noise * w for o, w in zip(prior, weights, strict=True))
         counting = [(o, w) for o, w in zip(prior, weights, strict=True) if w >= _NEGLIGIBLE]
         kept = sum(w for _, w in counting)
-        features, common = self._stacked(evidence), 0.0
+        features, stage = self._stacked(evidence), self.members.stage
+        common = np.zeros(len(stage))
         diagonal = np.zeros(features.shape[1])
         means, gains = [], []
         for option, weight in counting:
@@ -287,13 +310,13 @@ class CarTransfer:
             mean, gain, own = self._conditioned(evidence, features, option)
             means.append(share * mean)
             gains.append(share * gain)
-            common += weight / kept * option.share**2
+            common += weight / kept * np.array(option.shares)[stage] ** 2
             diagonal += own * weight / kept
         stacked, known = np.array(means), np.hstack(gains)
         centre = np.sqrt([w / kept for _, w in counting]) @ stacked
         covariance = stacked.T @ stacked - np.outer(centre, centre) - known @ known.T
         n = len(self.scales)
-        covariance[:n, :n] += common * self.members.covariance
+        covariance[:n, :n] += common[:, None] * self.members.covariance  # stages are independent
         covariance[np.diag_indices(len(centre))] += diagonal
         return Posterior(centre, covariance, prior, weights, float(total))
 
@@ -304,7 +327,7 @@ class CarTransfer:
         """
         y, noise = evidence.residual_wh, evidence.noise_wh2
         logs, means, variances = [], [], []
-        for option, mean, kernel in self._kernels(evidence, grid(self.mode)):
+        for option, mean, kernel in self._kernels(evidence, self.options):
             covariance = kernel + np.diag(option.noise * noise)
             inverse = np.linalg.inv(covariance)
             variance = 1.0 / np.diag(inverse)
@@ -330,7 +353,7 @@ class CarTransfer:
         score : ndarray of int, shape (trips,)
             The trips to predict.
         """
-        prior = grid(self.mode)
+        prior = self.options
         everything = [
             _given_draws(mean, kernel, option.noise * evidence.noise_wh2, evidence.residual_wh, draws, score)
             for option, mean, kernel in self._kernels(evidence, prior)
@@ -349,16 +372,21 @@ class CarTransfer:
         self, evidence: Evidence, prior: Sequence[Option]
     ) -> Iterator[tuple[Option, FloatArray, FloatArray]]:
         """Mean and covariance of the trips' residual energies before any of them, for each option."""
-        before, posterior = self.members.variances, self.members.covariance
-        world, physics = evidence.world, evidence.physical
-        common = (world @ posterior) @ world.T
-        own = (evidence.own * before) @ evidence.own.T
-        lost = (evidence.lost * before) @ evidence.lost.T
+        members, physics = self.members, evidence.physical
+        before, posterior, stage = members.variances, members.covariance, members.stage
+        centres, shared, owned = [], [], []
+        for k in range(len(members.correctors)):
+            its = stage == k
+            world, own, lost = evidence.world[:, its], evidence.own[:, its], evidence.lost[:, its]
+            centres.append(world @ members.weights[its])
+            shared.append((world @ posterior[np.ix_(its, its)]) @ world.T + (lost * before[its]) @ lost.T)
+            owned.append((own * before[its]) @ own.T)
         physical = (physics * self._widths()) @ physics.T
-        centre = world @ self.members.weights
         for option in prior:
-            mine = option.own**2 * (1.0 - option.share**2) * own + option.book**2 * physical
-            yield option, option.share * centre, option.share**2 * (common + lost) + mine
+            kernel = option.book**2 * physical
+            for share, in_common, own_part in zip(option.shares, shared, owned, strict=True):
+                kernel = kernel + share**2 * in_common + option.own**2 * (1.0 - share**2) * own_part
+            yield option, np.einsum("k,kt->t", option.shares, np.array(centres)), kernel
 
     def _weights(self, evidence: Evidence, prior: Sequence[Option]) -> FloatArray:
         """Posterior probability of each option."""
@@ -381,13 +409,12 @@ class CarTransfer:
         `L` with ``L @ L.T`` what the trips took of it, and its diagonal before them beside what is in common.
         """
         before, n = self.members.variances, len(self.scales)
-        mean = np.concatenate([option.share * self.members.weights, np.zeros(features.shape[1] - n)])
-        own = option.own**2 * (1.0 - option.share**2) * before
-        diagonal = np.concatenate(
-            [np.zeros(n), own, option.share**2 * before, option.book**2 * self._widths()]
-        )
+        share = np.array(option.shares)[self.members.stage]
+        mean = np.concatenate([share * self.members.weights, np.zeros(features.shape[1] - n)])
+        own = option.own**2 * (1.0 - share**2) * before
+        diagonal = np.concatenate([np.zeros(n), own, share**2 * before, option.book**2 * self._widths()])
         cross = diagonal[:, None] * features.T
-        cross[:n] += option.share**2 * self._common_cross(evidence)
+        cross[:n] += (share**2)[:, None] * self._common_cross(evidence)
         total = features @ cross + np.diag(option.noise * evidence.noise_wh2)
         factor = np.linalg.inv(np.linalg.cholesky(total)).T  # inverse of the total is factor @ factor.T
         gain = cross @ factor
@@ -427,9 +454,14 @@ class Posterior:
     noise_scale: float
 
     @property
+    def shares(self) -> tuple[float, ...]:
+        """Means of the shares in common, by stage."""
+        return tuple((self.weights @ np.array([option.shares for option in self.options])).tolist())
+
+    @property
     def share(self) -> float:
-        """Mean of the share in common."""
-        return float(sum(o.share * w for o, w in zip(self.options, self.weights, strict=True)))
+        """Mean of the shares of all stages."""
+        return sum(self.shares) / len(self.shares)
 
     def parameters(self, names: Sequence[str]) -> Mapping[str, tuple[float, float]]:
         """Relative change of each parameter and its standard deviation."""

@@ -15,34 +15,126 @@ from tripwatt.trips import TEMPERATURES
 
 
 class PowerCorrector(Protocol):
-    """Learns the residual power of segments."""
+    """Learns the residual power of segments.
+
+    Examples
+    --------
+    >>> from tripwatt.hybrid import power_corrector, segment_trips
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> table = segment_trips(synthetic_fleet(6).trips, load_vehicle(VEHICLE))
+    >>> corrector: PowerCorrector = power_corrector("linear").fit(table)
+    >>> corrector.predict(table).shape == table.hours.shape
+    True
+    >>> power_w, factor_w = corrector.predict_with_uncertainty(table)
+    >>> factor_w.shape == corrector.uncertainty_factor(table).shape
+    True
+    >>> len(corrector.outside_factor(table)) == len(table.hours)
+    True
+    >>> corrector.predict_climate(table) is None, corrector.clone_tuned() is corrector
+    (True, False)
+    """
 
     def fit(self, table: SegmentTable) -> Self:
-        """Learn from the trips of a table."""
+        """Learn from the trips of a table.
+
+        Parameters
+        ----------
+        table : SegmentTable
+            Segments of trips with measured power.
+
+        Returns
+        -------
+        PowerCorrector
+            Itself.
+        """
         ...
 
     def clone_tuned(self) -> PowerCorrector:
-        """An unfitted copy with the settings that `fit` chose, to fit on a part of the same trips."""
+        """Make an unfitted copy with the settings that `fit` chose, to fit on a part of the same trips.
+
+        Returns
+        -------
+        PowerCorrector
+            Of the same kind.
+        """
         ...
 
     def predict(self, table: SegmentTable) -> FloatArray:
-        """Residual power of each row [W]."""
+        """Predict the residual power of each row.
+
+        Parameters
+        ----------
+        table : SegmentTable
+            Segments; their measured power is not used.
+
+        Returns
+        -------
+        ndarray, shape (rows,)
+            Observed minus simulated power [W].
+        """
         ...
 
     def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
-        """`L` with `L @ L.T` the covariance of the corrector's own uncertainty [W²], shape (rows, any)."""
+        """Compute `L` with `L @ L.T` the covariance of the corrector's own uncertainty [W²].
+
+        Parameters
+        ----------
+        table : SegmentTable
+            Segments; their measured power is not used.
+
+        Returns
+        -------
+        ndarray, shape (rows, any)
+            `L` [W].
+        """
         ...
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
-        """`L` as of `uncertainty_factor`, of what the correction may be outside of what it was learned from [W]."""
+        """Compute `L` as of `uncertainty_factor`, of what the correction may be outside of what it was learned from.
+
+        Parameters
+        ----------
+        table : SegmentTable
+            Segments; their measured power is not used.
+
+        Returns
+        -------
+        ndarray, shape (rows, any)
+            `L` [W].
+        """
         ...
 
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
-        """`predict` and `uncertainty_factor` at once."""
+        """Compute `predict` and `uncertainty_factor` at once.
+
+        Parameters
+        ----------
+        table : SegmentTable
+            Segments; their measured power is not used.
+
+        Returns
+        -------
+        power_w : ndarray, shape (rows,)
+            As of `predict` [W].
+        factor_w : ndarray, shape (rows, any)
+            As of `uncertainty_factor` [W].
+        """
         ...
 
     def predict_climate(self, table: SegmentTable) -> FloatArray | None:
-        """The part of `predict` that is climate control [W]; None for a joint corrector."""
+        """Predict the part of `predict` that is climate control.
+
+        Parameters
+        ----------
+        table : SegmentTable
+            Segments; their measured power is not used.
+
+        Returns
+        -------
+        ndarray, shape (rows,), or None
+            Power [W]; None for a joint corrector.
+        """
         ...
 
 

@@ -32,12 +32,15 @@ class SegmentTable:
     Attributes
     ----------
     trip_ids : tuple of str
+        One name for each trip.
     offsets : ndarray of int, shape (trips + 1,)
+        First row of each trip, and the number of rows.
     features : DataFrame, (rows, features)
         Known before departure; NaN where unknown.
     hours : ndarray, shape (rows,)
         Length of each segment [h].
     simulated_w : ndarray, shape (rows,)
+        Simulated power at the battery terminals.
     observed_w : ndarray or None, shape (rows,)
         Measured power at the battery terminals.
     observed_hvac_w : ndarray or None, shape (rows,)
@@ -45,6 +48,16 @@ class SegmentTable:
     charge : ndarray or None, shape (trips, 4)
         Readings of the state of charge: the battery management's at departure and arrival, the displayed one at both;
         NaN where it was not logged. None for plans.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> table = segment_trips(synthetic_fleet(2).trips, load_vehicle(VEHICLE))
+    >>> len(table), len(table.take([1])), len(SegmentTable.join([table, table]))
+    (2, 1, 4)
+    >>> table.totals_wh(table.observed_w).shape
+    (2,)
     """
 
     trip_ids: tuple[str, ...]
@@ -86,7 +99,18 @@ class SegmentTable:
         return np.asarray(self.observed_hvac_w - self.features["hvac_w"].to_numpy())
 
     def take(self, members: Sequence[int] | IntArray) -> SegmentTable:
-        """The table of some of the trips. O(their rows)."""
+        """Take some of the trips. O(their rows).
+
+        Parameters
+        ----------
+        members : sequence of int
+            Places of the trips.
+
+        Returns
+        -------
+        SegmentTable
+            Trips in the order of `members`.
+        """
         index = np.asarray(members, dtype=np.int64)
         rows = np.concatenate([np.arange(self.offsets[i], self.offsets[i + 1]) for i in index])
         return SegmentTable(
@@ -101,12 +125,34 @@ class SegmentTable:
         )
 
     def totals_wh(self, power_w: FloatArray) -> FloatArray:
-        """Energy of each trip [Wh] of a power at each row, shape (trips,)."""
+        """Sum a power over each trip.
+
+        Parameters
+        ----------
+        power_w : ndarray, shape (rows,)
+            Power of each row [W].
+
+        Returns
+        -------
+        ndarray, shape (trips,)
+            Energy of each trip [Wh].
+        """
         return np.add.reduceat(power_w * self.hours, self.offsets[:-1])
 
     @classmethod
     def join(cls, tables: Sequence[SegmentTable]) -> SegmentTable:
-        """One table of several."""
+        """Make one table of several.
+
+        Parameters
+        ----------
+        tables : sequence of SegmentTable
+            At least one; with the same features.
+
+        Returns
+        -------
+        SegmentTable
+            Trips in the order of the tables; with measured power and charge only where all tables have them.
+        """
         observed = [t.observed_w for t in tables]
         climate = [
             np.full(len(t.hours), np.nan) if t.observed_hvac_w is None else t.observed_hvac_w for t in tables
@@ -132,15 +178,34 @@ class SegmentTable:
 def segment_table(
     plan: Plan, simulation: Simulation, measured: Trip | None = None, *, segment_s: float = SEGMENT_S
 ) -> SegmentTable:
-    """Segments of one trip, from its plan and simulation; with the measured power where there is a measured trip.
+    """Cut one trip into segments, from its plan and simulation; with the measured power where there is a measured trip.
 
     Parameters
     ----------
     plan : Plan
+        Speed trace and road, and what is known at departure.
     simulation : Simulation
         Of the plan.
     measured : Trip, optional
         The raw trip; its cumulative energy is read at the ends of the segments.
+    segment_s : float
+        Length of a segment [s]; the last one takes what is left and is up to twice as long.
+
+    Returns
+    -------
+    SegmentTable
+        Of one trip.
+
+    Examples
+    --------
+    >>> from tripwatt.physics import simulate_trip
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.trips import plan_from_trip
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> plan = plan_from_trip(synthetic_fleet(1).logs[0])
+    >>> table = segment_table(plan, simulate_trip(load_vehicle(VEHICLE), plan))
+    >>> len(table), table.observed_w is None, bool(abs(table.hours.sum() * 3600.0 - plan.duration_s) < 2.0)
+    (1, True, True)
     """
     time = plan.array("time_s")
     step = np.diff(time, prepend=time[0] - np.median(np.diff(time)))
@@ -181,12 +246,32 @@ def segment_table(
 
 
 def segment_trips(trips: Sequence[Trip], vehicle: Vehicle) -> SegmentTable:
-    """Segments of recorded trips, their measured power beside the simulated one. O(samples).
+    """Cut recorded trips into segments, their measured power beside the simulated one. O(samples).
+
+    Parameters
+    ----------
+    trips : sequence of Trip
+        Raw trips with measured energy.
+    vehicle : Vehicle
+        The car that is simulated.
+
+    Returns
+    -------
+    SegmentTable
+        Of all trips, in their order.
 
     Raises
     ------
     InvalidInput
         When there is no trip or one has no measured energy.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> table = segment_trips(synthetic_fleet(2).trips, load_vehicle(VEHICLE))
+    >>> len(table), len(table.residual_w) == len(table.hours)
+    (2, True)
     """
     unmeasured = [t.trip_id for t in trips if t.observed_energy_wh is None]
     faults = [Fault("no measured energy", name, "", "voltage and current") for name in unmeasured]

@@ -122,7 +122,7 @@ def corrector_parts(corrector: PowerCorrector, name: str = "corrector") -> Store
         return about, {part: {**corrector.model.to_arrays(), _SHAPE: corrector.shape}}
     if isinstance(corrector, HierarchicalCorrector):
         members, arrays = members_parts(corrector.base, f"{name}-base")
-        about = {"kind": "transferred", "arrays": part, "base": members, "share": corrector.share}
+        about = {"kind": "transferred", "arrays": part, "base": members, "shares": list(corrector.shares)}
         own: dict[str, npt.NDArray[Any]] = {
             "scales": corrector.scales,
             "mean": corrector.mean,
@@ -169,7 +169,9 @@ def corrector_of_parts(about: Mapping[str, Any], parts: Mapping[str, Arrays]) ->
         base = members_of_parts(about["base"], parts)
         own = parts[about["arrays"]]
         factor = own["factor"].astype(np.float64)
-        return HierarchicalCorrector(base, own["scales"], own["mean"], factor, float(about["share"]))
+        one = [about["share"]] * len(base.correctors) if "share" in about else about["shares"]  # before 0.2
+        shares = tuple(float(share) for share in one)
+        return HierarchicalCorrector(base, own["scales"], own["mean"], factor, shares)
     if kind == "trees":
         return StoredTrees(
             TreeTable.from_arrays(parts[about["arrays"]]),

@@ -42,6 +42,7 @@ class TripTable:
     trips : tuple of Trip
         Resampled trips, in order.
     offsets : ndarray of int, shape (trips + 1,)
+        First row of each trip, and the number of rows.
     covariates : DataFrame, (rows, covariates)
         Numbers as float64, season and weather as categories.
     observed_wh : ndarray, shape (rows,)
@@ -52,6 +53,19 @@ class TripTable:
         Running sums that the linear baselines use: km, hours, cold and hot hours, cubed speed, acceleration work.
     notes : tuple of str
         Covariates that were dropped, and why.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> table = build_table(synthetic_fleet(2).trips, {"physics": load_vehicle(VEHICLE)})
+    >>> len(table.take([1]).trips), len(table.rows_of(np.array([0]))) == int(table.offsets[1])
+    (1, True)
+    >>> float(table.simulated(None).sum())
+    0.0
+    >>> light = table.without_samples()
+    >>> len(light.trips[0].samples), light.digest() == table.digest()
+    (0, True)
     """
 
     trips: tuple[Trip, ...]
@@ -81,19 +95,52 @@ class TripTable:
         return self.offsets[1:] - 1
 
     def simulated(self, preset: str | None) -> FloatArray:
-        """Simulated cumulative energy under a preset [Wh], shape (rows,); zeros for None."""
+        """Look up the simulated cumulative energy under a preset.
+
+        Parameters
+        ----------
+        preset : str or None
+            A key of `simulated_wh`.
+
+        Returns
+        -------
+        ndarray, shape (rows,)
+            Cumulative energy [Wh]; zeros for None.
+        """
         if preset is None:
             return np.zeros(len(self.observed_wh))
         return self.simulated_wh[preset]
 
     def rows_of(self, members: IntArray) -> IntArray:
-        """Row numbers of the given trips, in their order."""
+        """List the rows of some trips.
+
+        Parameters
+        ----------
+        members : ndarray of int
+            Places of the trips.
+
+        Returns
+        -------
+        ndarray of int
+            Row numbers, trip by trip in the order of `members`.
+        """
         if not len(members):
             return np.empty(0, np.int64)
         return np.concatenate([np.arange(self.offsets[i], self.offsets[i + 1]) for i in members])
 
     def take(self, members: Sequence[int] | IntArray) -> TripTable:
-        """The table of some of the trips. O(their rows)."""
+        """Take some of the trips. O(their rows).
+
+        Parameters
+        ----------
+        members : sequence of int
+            Places of the trips.
+
+        Returns
+        -------
+        TripTable
+            Trips in the order of `members`.
+        """
         index = np.asarray(members, dtype=np.int64)
         rows = self.rows_of(index)
         lengths = np.diff(self.offsets)[index]
@@ -108,11 +155,23 @@ class TripTable:
         )
 
     def without_samples(self) -> TripTable:
-        """The same table without the trips' own samples, which no model looks at: cheap to send to a process."""
+        """Drop the trips' own samples, which no model looks at: the table is then cheap to send to a process.
+
+        Returns
+        -------
+        TripTable
+            With the same rows.
+        """
         return replace(self, trips=tuple(replace(t, samples=t.samples.iloc[:0]) for t in self.trips))
 
     def digest(self) -> str:
-        """SHA-256 of every input of a model: stored folds belong to trips of the same digest."""
+        """Compute the SHA-256 of every input of a model: stored folds belong to trips of the same digest.
+
+        Returns
+        -------
+        str
+            Hexadecimal.
+        """
         sha = hashlib.sha256("\n".join(self.trip_ids).encode())
         for values in (
             self.offsets,
@@ -136,10 +195,23 @@ def build_table(trips: Sequence[Trip], physics: Mapping[str, Vehicle], *, step_s
     step_s : float
         Length of the block means [s].
 
+    Returns
+    -------
+    TripTable
+        With the rows of all trips.
+
     Raises
     ------
     InvalidInput
         When there is no trip, two share an id, or one has no measured, positive energy.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> table = build_table(synthetic_fleet(2).trips, {"physics": load_vehicle(VEHICLE)})
+    >>> len(table.trips), sorted(table.simulated_wh)
+    (2, ['physics'])
     """
     require_unique_ids(trips)
     faults = [
@@ -229,15 +301,48 @@ def _totals(block: Trip) -> pd.DataFrame:
 
 
 class EnergyModel(Protocol):
-    """Anything that predicts the cumulative energy of trips."""
+    """Anything that predicts the cumulative energy of trips.
+
+    Examples
+    --------
+    >>> from tripwatt.hybrid import PhysicsOnly
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> table = build_table(synthetic_fleet(2).trips, {"physics": load_vehicle(VEHICLE)})
+    >>> model: EnergyModel = PhysicsOnly("physics")
+    >>> bool((model.fit(table).predict(table) == table.simulated_wh["physics"]).all())
+    True
+    """
 
     simulation: str | None
     """Physics preset that the prediction starts from; None without physics."""
 
     def fit(self, table: TripTable) -> Self:
-        """Learn from the trips of the table."""
+        """Learn from the trips of the table.
+
+        Parameters
+        ----------
+        table : TripTable
+            Trips with measured energy.
+
+        Returns
+        -------
+        EnergyModel
+            Itself.
+        """
         ...
 
     def predict(self, table: TripTable) -> FloatArray:
-        """Cumulative energy at each row [Wh], shape (rows,)."""
+        """Predict the cumulative energy.
+
+        Parameters
+        ----------
+        table : TripTable
+            Trips; their measured energy is not used.
+
+        Returns
+        -------
+        ndarray, shape (rows,)
+            Cumulative energy at each row [Wh].
+        """
         ...

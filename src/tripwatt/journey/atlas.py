@@ -37,6 +37,11 @@ class AtlasSettings:
         URL of a server with the interface of Open-Meteo.
     stations : str
         CSV file of charging stations; those of the map when empty.
+
+    Examples
+    --------
+    >>> AtlasSettings("map", stations="stations.csv").weather
+    ''
     """
 
     map: str = ""
@@ -52,13 +57,30 @@ class Atlas:
     Attributes
     ----------
     router : Router
+        Finds roads.
     places : PlaceSearch or None
+        Finds places by name; None where only coordinates are understood.
     stations : tuple of Station
+        Charging stations; empty where none are known.
     weather : WeatherSource or None
+        Forecasts the weather; None where it is not known.
     attribution : str
         What has to be shown beside a road or a place.
     bounds_deg : tuple of float or None
         South, west, north and east of the map, where it has an end.
+    folder : MapFolder or None
+        The folder of the map; None for a router's server.
+
+    Examples
+    --------
+    >>> from tripwatt.routes.maps import Station
+    >>> from tripwatt.routes.routers import open_server
+    >>> router = open_server("osrm=http://127.0.0.1:5000")
+    >>> atlas = Atlas(router, stations=(Station(47.0, 9.0, "A", 5e4), Station(48.0, 9.0, "B", 5e4)))
+    >>> [station.name for station in atlas.stations_within((46.0, 8.0, 47.5, 10.0), 9)]
+    ['A']
+    >>> atlas.tile(14, 8620, 5750), atlas.settlements((46.0, 8.0, 47.5, 10.0), 9)
+    (b'', ())
     """
 
     router: Router
@@ -75,15 +97,56 @@ class Atlas:
         return isinstance(self.router, ValhallaRouter) and self.router.ask_tile is not None
 
     def tile(self, zoom: int, column: int, row: int) -> bytes:
-        """A vector tile of the roads; empty where there are none. See `ValhallaRouter.tile`."""
+        """Read a vector tile of the roads. See `ValhallaRouter.tile`.
+
+        Parameters
+        ----------
+        zoom : int
+            Level of the tile, 0 for the world.
+        column : int
+            From west, 0 to 2^zoom - 1.
+        row : int
+            From north, 0 to 2^zoom - 1.
+
+        Returns
+        -------
+        bytes
+            Empty where there are no roads, or no map of Valhalla.
+        """
         return self.router.tile(zoom, column, row) if isinstance(self.router, ValhallaRouter) else b""
 
     def settlements(self, bounds_deg: Bounds, limit: int) -> tuple[Place, ...]:
-        """Settlements of the map inside of bounds, the most important first; none without a map folder."""
+        """List the settlements of the map inside of bounds, the most important first.
+
+        Parameters
+        ----------
+        bounds_deg : tuple of float
+            South, west, north and east [°].
+        limit : int
+            Most settlements.
+
+        Returns
+        -------
+        tuple of Place
+            Empty without a map folder.
+        """
         return () if self.folder is None else self.folder.index.settlements(*bounds_deg, limit)
 
     def stations_within(self, bounds_deg: Bounds, limit: int) -> tuple[Station, ...]:
-        """Charging stations inside of bounds, those with the most power first."""
+        """List the charging stations inside of bounds, those with the most power first.
+
+        Parameters
+        ----------
+        bounds_deg : tuple of float
+            South, west, north and east [°].
+        limit : int
+            Most stations.
+
+        Returns
+        -------
+        tuple of Station
+            Empty without stations.
+        """
         return within(self.stations, *bounds_deg, limit)
 
 
@@ -95,10 +158,19 @@ def open_atlas(settings: AtlasSettings | Path | str | None = None) -> Atlas:
     settings : AtlasSettings, path or str, optional
         A folder or URL alone is that of the roads; `TRIPWATT_MAP` when not given.
 
+    Returns
+    -------
+    Atlas
+        With what the settings name; everything else is None or empty.
+
     Raises
     ------
     InvalidInput
         With everything that cannot be opened.
+
+    Examples
+    --------
+    >>> open_atlas("map").bounds_deg  # doctest: +SKIP
     """
     if not isinstance(settings, AtlasSettings):
         settings = AtlasSettings("" if settings is None else str(settings))

@@ -49,6 +49,16 @@ class ChargingCurve:
     ------
     InvalidInput
         When it is no curve.
+
+    Examples
+    --------
+    >>> curve = ChargingCurve.from_class(50_000.0)
+    >>> curve.is_class
+    True
+    >>> station = Station(47.0, 9.0, "", 20_000.0, direct_current=True)
+    >>> slow, fast = curve.power_at(np.array([1.0, 0.5]), station)
+    >>> bool(slow < fast < station.power_w)
+    True
     """
 
     soc: tuple[float, ...]
@@ -70,8 +80,14 @@ class ChargingCurve:
         Parameters
         ----------
         vehicle : Vehicle
+            The car.
         display_wh : float
             Energy of its display from empty to full [Wh].
+
+        Returns
+        -------
+        ChargingCurve
+            Its `is_class` tells which of them it is.
 
         Examples
         --------
@@ -86,17 +102,57 @@ class ChargingCurve:
 
     @classmethod
     def from_class(cls, display_wh: float) -> ChargingCurve:
-        """The curve of middle-class cars, scaled to the energy of its display [Wh]."""
+        """Scale the curve of middle-class cars to the battery of a car.
+
+        Parameters
+        ----------
+        display_wh : float
+            Energy of the display from empty to full [Wh].
+
+        Returns
+        -------
+        ChargingCurve
+            With `is_class`.
+        """
         return cls(CLASS_SOC, tuple(rate * display_wh for rate in CLASS_RATE_1_H), is_class=True)
 
     def power_at(self, soc: FloatArray, station: Station) -> FloatArray:
-        """Power into the battery at displayed charges [W], shape of `soc`."""
+        """Compute the power into the battery.
+
+        Parameters
+        ----------
+        soc : ndarray
+            Displayed states of charge, 0 to 1.
+        station : Station
+            Where the car charges.
+
+        Returns
+        -------
+        ndarray
+            Power [W] after the losses of charging, shape of `soc`.
+        """
         if not station.direct_current:
             return np.full_like(soc, EFFICIENCY * min(station.power_w, self.alternating_w))
         return np.asarray(EFFICIENCY * np.minimum(np.interp(soc, self.soc, self.power_w), station.power_w))
 
     def seconds(self, start: float, end: float, station: Station, display_wh: float) -> float:
-        """Time to charge from one displayed charge to another [s], without `STOP_S`.
+        """Compute the time to charge from one displayed charge to another, without `STOP_S`. O((end - start) / STEP).
+
+        Parameters
+        ----------
+        start : float
+            Displayed state of charge before, 0 to 1.
+        end : float
+            Displayed state of charge after, 0 to 1.
+        station : Station
+            Where the car charges.
+        display_wh : float
+            Energy of the display from empty to full [Wh].
+
+        Returns
+        -------
+        float
+            Time [s]; 0 where `end` is not above `start`.
 
         Examples
         --------

@@ -37,9 +37,27 @@ class Drive:
     model : ForecastModel
         Of the car.
     departure : Departure
+        When the car leaves, and what is known then.
     weather : Weather, WeatherSource or None
+        By hand, or where it comes from; None where it is not known.
     flags : tuple of Flag
         Of the car.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> from tripwatt.routes import route_from_links
+    >>> links = route_from_links([{"length_m": 3000.0, "travel_time_s": 240.0}])
+    >>> line = np.array([0.0, 3000.0])
+    >>> road = Road(links, ("primary",), np.array([47.0, 47.027]), np.array([9.0, 9.0]), line)
+    >>> drive = Drive(tw.load_model("bmw_i3_tum"), Departure(soc=0.8))
+    >>> drive.expected(road).distance_m
+    3000.0
+    >>> plan, weather = drive.plan(road, "there")
+    >>> plan.trip_id, weather, drive.forecast_plan(plan).energy_wh == drive.forecast(road).energy_wh
+    ('there', (), True)
+    >>> drive.forecast(road, payload_mass_kg=300.0).energy_wh > drive.forecast(road).energy_wh
+    True
     """
 
     model: ForecastModel
@@ -53,14 +71,21 @@ class Drive:
         return self.departure.started_at or dt.datetime.now(dt.UTC)
 
     def forecast(self, road: Road, trip_id: str = "journey", **changed: Any) -> Forecast:
-        """The forecast of a road.
+        """Forecast the energy of a road.
 
         Parameters
         ----------
         road : Road
+            From a router.
         trip_id : str
+            Name of the plan.
         **changed : object
             Fields of the departure that differ.
+
+        Returns
+        -------
+        Forecast
+            With the flags of the car, and the error of the weather in its standard deviation.
 
         Raises
         ------
@@ -72,7 +97,27 @@ class Drive:
         return drive.forecast_plan(plan, weather)
 
     def plan(self, road: Road, trip_id: str = "journey") -> tuple[Plan, tuple[Weather, ...]]:
-        """The plan of a road with its weather."""
+        """Make the plan of a road with its weather.
+
+        Parameters
+        ----------
+        road : Road
+            From a router.
+        trip_id : str
+            Name of the plan.
+
+        Returns
+        -------
+        plan : Plan
+            With the departure.
+        weather : tuple of Weather
+            At places along the road; empty without a source of weather.
+
+        Raises
+        ------
+        InvalidInput
+            As the weather.
+        """
         road = self.expected(road)
         plan = road.plan(trip_id).with_departure(self.departure)
         if self.weather is None:
@@ -81,14 +126,38 @@ class Drive:
         return plan_with_weather(plan, road, position, weather), weather
 
     def expected(self, road: Road) -> Road:
-        """The road with the travel times that are expected on it, where the model knows them."""
+        """Replace free-flow travel times by those that are expected on the road, where the model knows them.
+
+        Parameters
+        ----------
+        road : Road
+            From a router.
+
+        Returns
+        -------
+        Road
+            The same road where its travel times are not of free flow, or the model has not measured them.
+        """
         uncertainty = self.model.uncertainty_
         if not road.links.free_flow or uncertainty is None or uncertainty.free_flow is None:
             return road
         return road.with_links(uncertainty.free_flow.factors.expected(road.links))
 
     def forecast_plan(self, plan: Plan, weather: tuple[Weather, ...] = ()) -> Forecast:
-        """The forecast of a plan; the error of the weather is part of its standard deviation."""
+        """Forecast the energy of a plan; the error of the weather is part of its standard deviation.
+
+        Parameters
+        ----------
+        plan : Plan
+            With its departure and weather.
+        weather : tuple of Weather
+            From which the plan's weather was made.
+
+        Returns
+        -------
+        Forecast
+            With the flags of the car.
+        """
         found = self.model.forecast(plan)
         sd_wh = self._weather_sd_wh(found, weather)
         return replace(

@@ -61,6 +61,11 @@ class JourneyOptions:
         Whether costs, speed and charging are worked out beside the forecasts.
     charging_curve : ChargingCurve or None
         Of the car; that of its class when None.
+
+    Examples
+    --------
+    >>> JourneyOptions(reserve=0.15, alternatives=2).round_trip
+    False
     """
 
     reserve: float = 0.1
@@ -84,9 +89,26 @@ class RoadForecast:
     Attributes
     ----------
     road : Road
+        From the router.
     forecast : Forecast
+        Of the energy on the road.
     labels : tuple of str
         Of "fastest", "shortest", "least energy".
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> from tripwatt.journey import Drive
+    >>> from tripwatt.routes import route_from_links
+    >>> from tripwatt.routes.routers import Road
+    >>> links = route_from_links([{"length_m": 3000.0, "travel_time_s": 240.0}])
+    >>> line = np.array([0.0, 3000.0])
+    >>> road = Road(links, ("primary",), np.array([47.0, 47.027]), np.array([9.0, 9.0]), line)
+    >>> found = RoadForecast(road, Drive(tw.load_model("bmw_i3_tum"), tw.Departure(soc=0.8)).forecast(road))
+    >>> found.soc_at(0.0) > found.soc_at(3000.0)
+    True
+    >>> sorted(found.to_dict(reserve=0.1))[:4]
+    ['distance_m', 'duration_s', 'forecast', 'labels']
     """
 
     road: Road
@@ -94,13 +116,35 @@ class RoadForecast:
     labels: tuple[str, ...] = ()
 
     def soc_at(self, position_m: float) -> float:
-        """Displayed charge that is expected at a distance from the start, 0 to 1."""
+        """Interpolate the displayed charge that is expected at a distance from the start.
+
+        Parameters
+        ----------
+        position_m : float
+            Distance from the start along the road [m].
+
+        Returns
+        -------
+        float
+            0 to 1.
+        """
         series = self.forecast.series()
         scale = series["distance_m"].iloc[-1] / self.road.distance_m
         return float(np.interp(position_m * scale, series["distance_m"], series["displayed_soc"]))
 
     def to_dict(self, reserve: float | None = None) -> dict[str, Any]:
-        """Plain values: the line on the map, the kinds of road, the forecast."""
+        """Convert the forecast to plain values: the line on the map, the kinds of road, the forecast.
+
+        Parameters
+        ----------
+        reserve : float, optional
+            Displayed charge for which the probability to arrive is given.
+
+        Returns
+        -------
+        dict
+            SI units, as the names of the keys have them.
+        """
         road = self.road
         return {
             "labels": list(self.labels),
@@ -165,6 +209,7 @@ class Journey:
     flags : tuple of Flag
         Assumptions of the answers; those of a road are with its forecast.
     attribution : str
+        What has to be shown beside the road.
 
     Examples
     --------
@@ -352,12 +397,34 @@ def plan_journey(
 
 
 def find_stops(stops: Sequence[Place | str], atlas: Atlas, *, round_trip: bool = False) -> tuple[Place, ...]:
-    """Places of texts.
+    """Find the places of a journey.
+
+    Parameters
+    ----------
+    stops : sequence of Place or str
+        In order; a text is the name of a place, or latitude and longitude.
+    atlas : Atlas
+        With a search of places, for names.
+    round_trip : bool
+        Whether the first place is also the last.
+
+    Returns
+    -------
+    tuple of Place
+        In the order of the journey.
 
     Raises
     ------
     InvalidInput
-        With every place that is unknown.
+        With every place that is unknown, or when there are too few or too many.
+
+    Examples
+    --------
+    >>> from tripwatt.journey import Atlas
+    >>> from tripwatt.routes.routers import open_server
+    >>> atlas = Atlas(open_server("osrm=http://127.0.0.1:5000"))
+    >>> len(find_stops(["47.14, 9.52", "47.16, 9.50"], atlas, round_trip=True))
+    3
     """
     if not 2 <= len(stops) <= MOST_STOPS:
         raise InvalidInput(
@@ -376,7 +443,33 @@ def find_stops(stops: Sequence[Place | str], atlas: Atlas, *, round_trip: bool =
 
 
 def journey_with(drive: Drive, stops: tuple[Place, ...], atlas: Atlas, options: JourneyOptions) -> Journey:
-    """As `plan_journey`, with everything opened."""
+    """Plan a journey as `plan_journey` does, with everything opened.
+
+    Parameters
+    ----------
+    drive : Drive
+        The car, its departure and the weather.
+    stops : tuple of Place
+        In the order of the journey, at least two.
+    atlas : Atlas
+        With a router.
+    options : JourneyOptions
+        What is asked; its weather is not used.
+
+    Returns
+    -------
+    Journey
+        With a forecast for each road.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no road, or as `Drive.forecast`.
+
+    Examples
+    --------
+    >>> journey_with(drive, find_stops(["Vaduz", "Malbun"], atlas), atlas, JourneyOptions())  # doctest: +SKIP
+    """
     title = " to ".join(place.title for place in stops)[:100]
     roads = atlas.router.roads(stops, alternatives=options.alternatives)
     found = _labelled([RoadForecast(road, drive.forecast(road, title)) for road in roads])

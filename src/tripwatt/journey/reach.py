@@ -42,11 +42,21 @@ class Reach:
     Attributes
     ----------
     start : Place
+        Where the car leaves.
     outlines : dict of float to tuple of Place
         Probability -> corners of the area, clockwise; each lies on a road.
     map_ends : bool
         Whether the map ends before the charge in at least one direction: the area is larger than shown.
     attribution : str
+        What has to be shown beside the area.
+
+    Examples
+    --------
+    >>> start = Place(47.0, 9.0)
+    >>> corners = tuple(start.moved(bearing, 80_000.0) for bearing in (0.0, 120.0, 240.0))
+    >>> found = Reach(start, {0.9: corners}, map_ends=False).to_dict()
+    >>> found["areas"][0]["polygon"]["type"], len(found["areas"][0]["polygon"]["coordinates"][0])
+    ('Polygon', 4)
     """
 
     start: Place
@@ -55,7 +65,13 @@ class Reach:
     attribution: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values; outlines as GeoJSON polygons."""
+        """Convert the area to plain values; outlines as GeoJSON polygons.
+
+        Returns
+        -------
+        dict
+            Keys `start`, `areas`, `map_ends`, `flags` and `attribution`.
+        """
         flags = [flag_to_dict(Flag("map_ends", "reach"))] if self.map_ends else []
         return {
             "start": self.start.to_dict(),
@@ -81,7 +97,7 @@ class Reach:
 
 
 def find_reach(drive: Drive, start: Place, atlas: Atlas, *, reserve: float = 0.0) -> Reach:
-    """The area of reach. One road and one forecast for each of `DIRECTIONS` directions.
+    """Find the area of reach. One road and one forecast for each of `DIRECTIONS` directions.
 
     Roads lead to places at the edge of an isochrone, or of a circle where the router has none, beyond the reach of the
     car; along each road the forecast gives the distance at which the charge falls to the reserve with a probability.
@@ -89,15 +105,27 @@ def find_reach(drive: Drive, start: Place, atlas: Atlas, *, reserve: float = 0.0
     Parameters
     ----------
     drive : Drive
+        The car, its departure and the weather.
     start : Place
+        Where the car leaves.
     atlas : Atlas
+        With a router.
     reserve : float
         Displayed state of charge that is kept.
+
+    Returns
+    -------
+    Reach
+        One outline for each probability.
 
     Raises
     ------
     InvalidInput
         When no road leads away from the start.
+
+    Examples
+    --------
+    >>> find_reach(drive, Place(47.14, 9.52), open_atlas("map"), reserve=0.1)  # doctest: +SKIP
     """
     roads, last = [], None
     for place in _targets(drive, start, atlas):

@@ -36,6 +36,7 @@ class ChargingStop:
     Attributes
     ----------
     station : Station
+        Where the car charges.
     soc_arrival : float
         Displayed charge that is expected at the station.
     soc_leave : float
@@ -46,6 +47,14 @@ class ChargingStop:
         Of the whole journey with the stop.
     p_station, p_arrive : float
         Probability to reach the station, and to reach the destination with the reserve after it.
+
+    Examples
+    --------
+    >>> from tripwatt.routes.maps import Station
+    >>> station = Station(47.0, 9.0, "A", 5e4, direct_current=True)
+    >>> stop = ChargingStop(station, 0.2, 0.8, 1800.0, 9000.0, p_station=0.99, p_arrive=0.95)
+    >>> sorted(stop.to_dict())
+    ['charging_s', 'duration_s', 'p_arrive', 'p_station', 'soc_arrival', 'soc_leave', 'station']
     """
 
     station: Station
@@ -57,7 +66,13 @@ class ChargingStop:
     p_arrive: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values."""
+        """Convert the stop to plain values.
+
+        Returns
+        -------
+        dict
+            One key for each attribute; the station as a dict.
+        """
         return {
             "station": self.station.to_dict(),
             "soc_arrival": self.soc_arrival,

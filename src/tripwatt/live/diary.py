@@ -54,6 +54,7 @@ class Score:
     Attributes
     ----------
     trips : int
+        Number of trips.
     error : float
         Mean of the absolute error of a trip over its energy; trips without consumption do not count.
     weighted_error : float
@@ -64,6 +65,12 @@ class Score:
         Share of the trips within their 90 % interval.
     width : float
         Sum of the widths of the intervals over the sum of the energies.
+
+    Examples
+    --------
+    >>> table = pd.DataFrame({"energy_wh": [1000.0], "forecast_wh": [1100.0], "low_wh": [900.0], "high_wh": [1300.0]})
+    >>> Score.of(table).to_dict()["coverage"]
+    1.0
     """
 
     trips: int
@@ -75,7 +82,19 @@ class Score:
 
     @classmethod
     def of(cls, table: pd.DataFrame, start: str = "") -> Score:
-        """Score of the rows of a diary; `start` is `book_` for the forecasts without own trips.
+        """Score the rows of a diary.
+
+        Parameters
+        ----------
+        table : DataFrame
+            Columns `energy_wh`, and `forecast_wh`, `low_wh` and `high_wh` after the prefix `start`.
+        start : str
+            Prefix of the columns: `book_` for the forecasts without own trips.
+
+        Returns
+        -------
+        Score
+            NaN for what no row shows.
 
         Examples
         --------
@@ -99,7 +118,13 @@ class Score:
         )
 
     def to_dict(self) -> dict[str, float | int | None]:
-        """Plain values; None for what no trip shows."""
+        """Convert the score to plain values.
+
+        Returns
+        -------
+        dict
+            One key for each attribute; None for what no trip shows.
+        """
         values = {name: getattr(self, name) for name in self.__slots__}
         return {name: None if value != value else value for name, value in values.items()}
 
@@ -147,24 +172,57 @@ class Diary:
         One row a trip: `trip_id`, `started_at`, `trips_learned` before it, what is known of the drive, `energy_wh` as
         measured, the forecast at departure with its 90 % interval (`forecast_wh`, `low_wh`, `high_wh`), the same by the
         model without own trips (`book_forecast_wh`, `book_low_wh`, `book_high_wh`), and the forecast by cause.
+
+    Examples
+    --------
+    >>> row = {"trip_id": "A", "ambient_temperature_degc": 3.0, "energy_wh": 1000.0, "forecast_wh": 1100.0,
+    ...        "low_wh": 900.0, "high_wh": 1300.0, "book_forecast_wh": 1200.0, "book_low_wh": 900.0, "book_high_wh": 1500.0}
+    >>> diary = Diary.empty().with_entries([row])
+    >>> len(diary), diary.score.error
+    (1, 0.1)
+    >>> own, book = diary.latest(5)
+    >>> own.error < book.error
+    True
+    >>> list(diary.by_temperature()), diary.by_cause_wh()
+    (['below 5 °C'], {})
     """
 
     table: pd.DataFrame
 
     @classmethod
     def empty(cls) -> Diary:
-        """A diary without a trip."""
+        """Make a diary without a trip.
+
+        Returns
+        -------
+        Diary
+            With all columns but those by cause.
+        """
         texts = {name: pd.Series(dtype=str) for name in TEXTS}
         return cls(pd.DataFrame({**texts, **{name: pd.Series(dtype=np.float64) for name in NUMBERS}}))
 
     @classmethod
     def read(cls, path: Path) -> Diary:
-        """The diary of a file.
+        """Read a diary from a file.
+
+        Parameters
+        ----------
+        path : Path
+            A Parquet file.
+
+        Returns
+        -------
+        Diary
+            With the trips of the file.
 
         Raises
         ------
         InvalidInput
             When it cannot be read or is no diary.
+
+        Examples
+        --------
+        >>> Diary.read(Path("my-leaf/learned/diary.parquet"))  # doctest: +SKIP
         """
         try:
             table = pd.read_parquet(path)
@@ -180,7 +238,18 @@ class Diary:
         return cls(table)
 
     def with_entries(self, entries: Iterable[Mapping[str, Any]]) -> Diary:
-        """The diary with further rows."""
+        """Add rows.
+
+        Parameters
+        ----------
+        entries : iterable of mapping
+            One for each trip, keys as the columns of `table`.
+
+        Returns
+        -------
+        Diary
+            A copy with the rows at its end.
+        """
         rows = pd.DataFrame(list(entries))
         if rows.empty:
             return self
@@ -200,12 +269,31 @@ class Diary:
         return Score.of(self.table)
 
     def latest(self, trips: int = LATEST) -> tuple[Score, Score]:
-        """Scores of the last trips: by the model of their time, and by that without own trips."""
+        """Score the last trips.
+
+        Parameters
+        ----------
+        trips : int
+            How many.
+
+        Returns
+        -------
+        own : Score
+            By the model of the time of each trip.
+        book : Score
+            By the model without own trips.
+        """
         last = self.table.tail(trips)
         return Score.of(last), Score.of(last, BOOK)
 
     def by_temperature(self) -> dict[str, Score]:
-        """Scores by outside air: below 5 °C, up to 20 °C, from 20 °C on, unknown; classes without trips are left out."""
+        """Score the trips by outside air: below 5 °C, up to 20 °C, from 20 °C on, unknown.
+
+        Returns
+        -------
+        dict of str to Score
+            Classes without trips are left out.
+        """
         air = self.table["ambient_temperature_degc"].to_numpy(dtype=np.float64)
         classes = {
             "below 5 °C": air < COLD_DEGC,
@@ -216,9 +304,15 @@ class Diary:
         return {name: Score.of(self.table[rows]) for name, rows in classes.items() if rows.any()}
 
     def by_season(self) -> dict[str, dict[str, float | int | None]]:
-        """Trips, distance [m], measured energy [Wh], error and coverage of each quarter of the year that has trips.
+        """Sum trips, distance, measured energy, error and coverage over each quarter of the year that has trips.
 
         The quarters are those of meteorology: December to February is the first.
+
+        Returns
+        -------
+        dict of str to dict
+            Name of the quarter -> `trips`, `distance_m` [m], `energy_wh` [Wh], `error` and `coverage`: the
+            `weighted_error` and the `coverage` of `Score`.
 
         Examples
         --------
@@ -241,7 +335,13 @@ class Diary:
         return found
 
     def by_cause_wh(self) -> dict[str, float]:
-        """Where the energy went [Wh]: the forecasts by cause, and what was measured beside their sum."""
+        """Sum where the energy went: the forecasts by cause, and what was measured beside their sum.
+
+        Returns
+        -------
+        dict of str to float
+            Cause -> energy [Wh]; `not_forecast` is measured less forecast energy. Empty where no forecast is by cause.
+        """
         causes = {
             name.removeprefix(CAUSE).removesuffix("_wh"): float(self.table[name].sum())
             for name in self.table.columns

@@ -43,9 +43,18 @@ class Broker:
     Attributes
     ----------
     host : str
+        Name or address.
     port : int
+        Of TCP.
     username, password : str or None
+        None for a broker without accounts.
     encrypted : bool
+        Whether the connection is by TLS.
+
+    Examples
+    --------
+    >>> Broker("broker.example", 1883).encrypted
+    False
     """
 
     host: str
@@ -56,7 +65,19 @@ class Broker:
 
     @classmethod
     def from_url(cls, url: str, password: str | None = None) -> Broker:
-        """The broker of a URL such as `mqtt://name@192.0.2.7:1883`.
+        """Read a URL such as `mqtt://name@192.0.2.7:1883`.
+
+        Parameters
+        ----------
+        url : str
+            With the scheme `mqtt` or `mqtts`.
+        password : str, optional
+            For a URL without one.
+
+        Returns
+        -------
+        Broker
+            With the usual port of the scheme where the URL has none.
 
         Raises
         ------
@@ -89,14 +110,30 @@ class Broker:
 class LiveForecaster:
     """The forecast of the trip of one car, made at its departure and updated on the way.
 
-    Parameters
+    Attributes
     ----------
     model : ForecastModel
+        Of the car.
     plan : Plan or None
         Without one, each trip is forecast on the road of the car's usual trip at this time of day. What the plan leaves
         unknown of the departure is what the car's messages show.
     reserve : float
         Displayed state of charge to keep.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import tripwatt as tw
+    >>> from tripwatt.live import Sample, open_live_car
+    >>> plan = tw.read_route(b'[{"length_m": 3000, "speed_m_s": 12}]')
+    >>> forecaster = LiveForecaster(tw.load_model("bmw_i3_tum"), plan)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     car = open_live_car(Path(folder, "i3"))
+    ...     _ = car.add(Sample(1.7e9, {"speed_m_s": 0.0, "displayed_soc": 0.8}))
+    ...     print(forecaster.at_departure(car).plan.departure.soc, forecaster.document(car)["plan"])
+    ...     car.close()
+    0.8 given
     """
 
     model: ForecastModel
@@ -106,7 +143,18 @@ class LiveForecaster:
     _usual: Plan | None = None
 
     def at_departure(self, car: LiveCar) -> Forecast | None:
-        """The forecast at the departure, made again only when more is known of it; None without a plan."""
+        """Make the forecast at the departure, again only when more is known of it.
+
+        Parameters
+        ----------
+        car : LiveCar
+            The car on its trip.
+
+        Returns
+        -------
+        Forecast or None
+            None without a plan.
+        """
         plan = self._plan_of(car)
         if plan is None:
             return None
@@ -129,7 +177,18 @@ class LiveForecaster:
         return self._usual
 
     def document(self, car: LiveCar) -> dict[str, Any]:
-        """The forecast given what was measured, and why it lacks the last messages, as the service gives them."""
+        """Describe the forecast given what was measured, and why it lacks the last messages.
+
+        Parameters
+        ----------
+        car : LiveCar
+            The car on its trip.
+
+        Returns
+        -------
+        dict
+            Plain values as the service gives them: `plan`, `usual_trip`, `forecast` and `faults`.
+        """
         forecast, faults = None, []
         try:
             forecast = self.at_departure(car)
@@ -165,10 +224,12 @@ def fault_fields(fault: Fault) -> dict[str, str]:
 class Follower:
     """Follows one car over MQTT until it is cancelled.
 
-    Parameters
+    Attributes
     ----------
     car : LiveCar
+        The car that sends.
     joiner : TopicJoiner
+        Makes samples of its messages.
     show : callable
         Called with the state of the car and the forecast after new messages.
     forecaster : LiveForecaster, optional
@@ -181,6 +242,19 @@ class Follower:
         Prefix of topics below which Home Assistant finds what is published; empty for none.
     note : callable
         Called with a sentence when the broker is lost or a message is not stored.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from tripwatt.live import open_live_car
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     car = open_live_car(Path(folder, "leaf"))
+    ...     follower = Follower(car, TopicJoiner("teslamate", "teslamate/cars/1"), show=print)
+    ...     print(follower.document(1.7e9)["forecast"])
+    ...     car.close()
+    None
+    >>> asyncio.run(follower.follow(Broker.from_url("mqtt://127.0.0.1")))  # doctest: +SKIP
     """
 
     car: LiveCar
@@ -195,7 +269,13 @@ class Follower:
     _on_trip: bool = False
 
     async def follow(self, broker: Broker) -> None:
-        """Follow the car; a broker that is lost is asked again, for as long as it takes."""
+        """Follow the car; a broker that is lost is asked again, for as long as it takes.
+
+        Parameters
+        ----------
+        broker : Broker
+            That the car sends to.
+        """
         import aiomqtt  # an extra
 
         wait_s = AGAIN_S[0]
@@ -272,7 +352,18 @@ class Follower:
         self._on_trip = self.car.trip is not None
 
     def document(self, now_s: float) -> dict[str, Any]:
-        """The state of the car and the forecast of its trip."""
+        """Describe the state of the car and the forecast of its trip.
+
+        Parameters
+        ----------
+        now_s : float
+            The time by our clock [s since 1970].
+
+        Returns
+        -------
+        dict
+            Plain values: what `LiveCar.about` and `LiveForecaster.document` give.
+        """
         found = self.car.about(now_s)
         if self.forecaster is None:
             return {**found, "plan": None, "usual_trip": None, "forecast": None, "faults": []}

@@ -71,6 +71,11 @@ class LivePlan:
         Departure on the plan's clock [s since 1970]; None for the start of the trip.
     given_s : float or None
         Time of the car's latest sample when the plan was given [s since 1970].
+
+    Examples
+    --------
+    >>> LivePlan({"links": []}).departure_s is None
+    True
     """
 
     request: Mapping[str, Any]
@@ -95,9 +100,21 @@ class LiveCar:
 
     Examples
     --------
-    >>> car = open_live_car("cars/my-leaf")  # doctest: +SKIP
-    >>> car.add(sample_from_abrp({"utc": 1700000000, "speed": 72, "power": 11.1, "soc": 65}))  # doctest: +SKIP
-    'new'
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     car = open_live_car(Path(folder, "my-leaf"))
+    ...     print([car.add(Sample(1.7e9 + 10.0 * k, {"speed_m_s": 10.0, "displayed_soc": 0.8})) for k in range(4)])
+    ...     print(car.observed().shape, car.departure().soc, car.about(1.7e9 + 60.0)["seconds_since_message"] is None)
+    ...     print(car.usual_trip(), car.usual_trip_at(1.7e9), car.accepts("a token"))
+    ...     car.set_plan({"links": []})
+    ...     print(car.plan.request)
+    ...     print(car.end_when_silent(1.7e9), car.logs())
+    ...     car.close()
+    ['new', 'new', 'new', 'new']
+    (4, 3) 0.8 False
+    None None False
+    {'links': []}
+    False ()
     >>> car.update(model.forecast(plan)).soc_interval(0.9)  # doctest: +SKIP
     (0.51, 0.56)
     """
@@ -138,6 +155,7 @@ class LiveCar:
         Parameters
         ----------
         sample : Sample
+            What the car sent.
         now_s : float, optional
             The time by our clock [s since 1970].
 
@@ -186,6 +204,11 @@ class LiveCar:
 
     def end_when_silent(self, now_s: float) -> bool:
         """End the trip of a car that sent nothing for `SILENCE_S` by our clock, while this process listened.
+
+        Parameters
+        ----------
+        now_s : float
+            The time by our clock [s since 1970].
 
         Returns
         -------
@@ -236,9 +259,12 @@ class LiveCar:
             self.set_plan(None)
 
     def observed(self) -> pd.DataFrame:
-        """What the car measured on its trip so far, timed from the departure; also what waits for late samples.
+        """Tabulate what the car measured on its trip so far, timed from the departure; also what waits for late samples. O(samples of the trip).
 
-        Without rows where the car is on no trip. O(samples of the trip).
+        Returns
+        -------
+        DataFrame
+            Canonical columns; without rows where the car is on no trip.
         """
         if self.trip is None:
             return pd.DataFrame({"time_s": [], "speed_m_s": []}, dtype="float64")
@@ -246,10 +272,14 @@ class LiveCar:
         return self.trip.table(self._ordered.waiting, since_s=since_s)
 
     def usual_trip(self) -> Log | None:
-        """The finished trip that began nearest by time of day to the one that the car is on.
+        """Find the finished trip that began nearest by time of day to the one that the car is on.
 
-        None where there is none within `NEAR_S`, or the car has driven further than that trip. O(finished trips), once
-        for a trip.
+        O(finished trips), once for a trip.
+
+        Returns
+        -------
+        Log or None
+            None where there is none within `NEAR_S`, or the car has driven further than that trip.
         """
         trip = self.trip
         if trip is None:
@@ -260,7 +290,18 @@ class LiveCar:
         return None if found is None or trip.distance_m > LONGER * found.distance_m else found
 
     def usual_trip_at(self, start_s: float) -> Log | None:
-        """The finished trip that began nearest by time of day to a departure [s since 1970]. O(finished trips)."""
+        """Find the finished trip that began nearest by time of day to a departure. O(finished trips).
+
+        Parameters
+        ----------
+        start_s : float
+            The departure [s since 1970].
+
+        Returns
+        -------
+        Log or None
+            None where there is none within `NEAR_S`, or its file was changed.
+        """
         paths = {_started(name).timestamp(): name for name in finished_names(self.folder.parent)}
         earlier = (other for other in paths if other < start_s)
         found = usual_departure(earlier, start_s)
@@ -301,6 +342,11 @@ class LiveCar:
         ------
         OSError
             When it cannot be written.
+
+        Examples
+        --------
+        >>> car.keep_forecast(forecast.energy_wh, *forecast.interval(0.9))  # doctest: +SKIP
+        True
         """
         trip = self.trip
         if trip is None or (departing and self.forecasts):
@@ -309,12 +355,17 @@ class LiveCar:
         return self._on_the_way.add(trip.start_s, MadeForecast(at_s, distance_m, energy_wh, low_wh, high_wh))
 
     def update(self, forecast: Forecast) -> Forecast:
-        """A forecast of the trip made at its departure, given what was measured so far. O(samples of the trip).
+        """Update a forecast of the trip made at its departure by what was measured so far. O(samples of the trip).
 
         Parameters
         ----------
         forecast : Forecast
             Its clock is that of `observed`.
+
+        Returns
+        -------
+        Forecast
+            The same where fewer than two samples were measured.
 
         Raises
         ------
@@ -325,7 +376,13 @@ class LiveCar:
         return forecast if len(observed) < 2 else forecast.update_since_departure(observed)
 
     def departure(self) -> Departure:
-        """What the car's samples show of the departure: their first values on a trip, the latest ones before it."""
+        """Collect what the car's samples show of the departure.
+
+        Returns
+        -------
+        Departure
+            Of the first values on a trip, of the latest ones before it; without payload and without whether it follows a trip.
+        """
         table = self.observed()
         if not len(table):
             latest: dict[str, float] = {}
@@ -336,12 +393,17 @@ class LiveCar:
         return replace(found, payload_mass_kg=None, follows_trip=None)
 
     def about(self, now_s: float) -> dict[str, Any]:
-        """Plain values: the car, seconds since its last message, messages since it was opened, and its trip.
+        """Describe the car: seconds since its last message, messages since it was opened, and its trip.
 
         Parameters
         ----------
         now_s : float
             The time by our clock [s since 1970].
+
+        Returns
+        -------
+        dict
+            Plain values; `trip` is None where the car is on none.
         """
         trip = self.trip
         return {
@@ -383,11 +445,28 @@ class LiveCar:
         self.plan = plan
 
     def logs(self) -> tuple[Log, ...]:
-        """The finished trips in the order of their departure, as `OwnCar.add` takes them."""
+        """Read the finished trips.
+
+        Returns
+        -------
+        tuple of Log
+            In the order of their departure, as `OwnCar.add` takes them.
+        """
         return finished_logs(self.folder.parent)
 
     def accepts(self, token: str) -> bool:
-        """Whether a token is that of this car."""
+        """Tell whether a token is that of this car.
+
+        Parameters
+        ----------
+        token : str
+            As a sender gave it.
+
+        Returns
+        -------
+        bool
+            Compared in constant time; False where the car has no token.
+        """
         return secrets.compare_digest(digest_of(token), token_digest(self.folder.parent) or "")
 
     def close(self) -> None:
@@ -408,10 +487,29 @@ class LiveCar:
 def open_live_car(folder: Path | str) -> LiveCar:
     """Open a car that sends samples: a new folder, or one that may be a car of `create_car` beside.
 
+    Parameters
+    ----------
+    folder : Path or str
+        Of the car, whose name is that of the folder.
+
+    Returns
+    -------
+    LiveCar
+        Locked against other processes until its `close`.
+
     Raises
     ------
     InvalidInput
         When its name cannot be one, it cannot be written, its plan is damaged, or another process has it open.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     car = open_live_car(Path(folder, "my-leaf"))
+    ...     print(car.name, car.trip)
+    ...     car.close()
+    my-leaf None
     """
     place = Path(folder).absolute()
     _live_folder(place)
@@ -419,7 +517,23 @@ def open_live_car(folder: Path | str) -> LiveCar:
 
 
 def is_live_car(folder: Path | str) -> bool:
-    """Whether a folder is that of a car with a token."""
+    """Tell whether a folder is that of a car with a token.
+
+    Parameters
+    ----------
+    folder : Path or str
+        Of a car.
+
+    Returns
+    -------
+    bool
+        Without opening the car.
+
+    Examples
+    --------
+    >>> is_live_car("no-such-folder")
+    False
+    """
     return (Path(folder) / LIVE / TOKEN).is_file()
 
 
@@ -428,10 +542,28 @@ def issue_token(folder: Path | str) -> str:
 
     The folder holds a digest of the token, from which it cannot be found.
 
+    Parameters
+    ----------
+    folder : Path or str
+        Of a car; made where it is missing.
+
+    Returns
+    -------
+    str
+        The token; it cannot be read again.
+
     Raises
     ------
     InvalidInput
         As `open_live_car`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     token = issue_token(Path(folder, "my-leaf"))
+    ...     print(len(token), is_live_car(Path(folder, "my-leaf")))
+    32 True
     """
     token = secrets.token_urlsafe(24)
     path = _live_folder(Path(folder).absolute()) / TOKEN

@@ -58,6 +58,16 @@ class LiveTrip:
     moved_s : float
         Time of the last sample in motion [s since 1970].
     distance_m : float
+        Driven so far [m].
+
+    Examples
+    --------
+    >>> trip = LiveTrip([Sample(1.7e9, {"speed_m_s": 10.0})])
+    >>> trip.append(Sample(1.7e9 + 1.0, {"speed_m_s": 12.0}))
+    >>> trip.distance_m
+    11.0
+    >>> trip.table()["speed_m_s"].tolist()
+    [10.0, 12.0]
     """
 
     def __init__(self, samples: Sequence[Sample]) -> None:
@@ -74,7 +84,13 @@ class LiveTrip:
         return len(self._columns["time_s"])
 
     def append(self, sample: Sample) -> None:
-        """Take the next sample. O(1) amortised."""
+        """Take the next sample. O(1) amortised.
+
+        Parameters
+        ----------
+        sample : Sample
+            Later than all before.
+        """
         speed = sample.values.get("speed_m_s")
         if speed is not None:
             if len(self):
@@ -103,7 +119,7 @@ class LiveTrip:
     def table(
         self, more: Iterable[Sample] = (), *, since_s: float | None = None, until_s: float = math.inf
     ) -> pd.DataFrame:
-        """The samples with canonical columns, timed from a departure. O(samples).
+        """Tabulate the samples with canonical columns, timed from a departure. O(samples).
 
         A speed that is missing is the last one for up to `HOLD_S`; a sample without a speed is left out.
 
@@ -113,6 +129,11 @@ class LiveTrip:
             Samples after those of the trip, until one of a car that is being charged.
         since_s, until_s : float, optional
             The departure, `start_s` by default, and the last time that counts [s since 1970]. Earlier samples are left out.
+
+        Returns
+        -------
+        DataFrame
+            One row per sample; `time_s` is 0 at the departure.
         """
         columns = self._with_more(more)
         since_s = self.start_s if since_s is None else since_s
@@ -166,6 +187,16 @@ class TripFinder:
         The trip that the car is on.
     before : deque of Sample
         The last samples of a car that stands.
+
+    Examples
+    --------
+    >>> finder = TripFinder()
+    >>> [finder.add(Sample(1.7e9 + k, {"speed_m_s": 10.0})) for k in range(3)]
+    [None, None, None]
+    >>> finder.end().distance_m
+    20.0
+    >>> finder.trip is None
+    True
     """
 
     def __init__(self) -> None:
@@ -174,6 +205,11 @@ class TripFinder:
 
     def add(self, sample: Sample) -> LiveTrip | None:
         """Take the next sample. O(1) amortised.
+
+        Parameters
+        ----------
+        sample : Sample
+            Later than all before.
 
         Returns
         -------
@@ -190,7 +226,13 @@ class TripFinder:
         return ended
 
     def end(self) -> LiveTrip | None:
-        """End the trip that the car is on, if it is on one."""
+        """End the trip that the car is on, if it is on one.
+
+        Returns
+        -------
+        LiveTrip or None
+            The trip that has ended; None where the car was on none.
+        """
         ended, self.trip = self.trip, None
         return ended
 

@@ -59,6 +59,11 @@ class Learned:
         New trips of the diary.
     left_out : tuple of str
         Given drives that are not in the diary, with the reason.
+
+    Examples
+    --------
+    >>> Learned(added=12, known=0, entries=11, left_out=("A: no sound drive",)).entries
+    11
     """
 
     added: int
@@ -74,6 +79,7 @@ class OwnCar:
     Attributes
     ----------
     folder : Path
+        Of the car, whose name is that of the folder.
     vehicle : Vehicle
         With its published values.
     base : Path or None
@@ -81,7 +87,11 @@ class OwnCar:
 
     Examples
     --------
-    >>> car = create_car("my-leaf", "nissan_leaf_24")  # doctest: +SKIP
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     car = create_car(Path(folder, "my-leaf"), "nissan_leaf_24")
+    ...     print(car.about()["trips"], car.model().vehicle.name, len(car.state()))
+    0 nissan_leaf_24 2
     >>> car.add(tw.read_logs("exports", mapping="leaf_spy"))  # doctest: +SKIP
     Learned(added=12, known=0, entries=11, left_out=())
     """
@@ -107,7 +117,13 @@ class OwnCar:
         return Diary.read(path) if path.is_file() else Diary.empty()
 
     def model(self) -> ForecastModel:
-        """The model of the car: adapted to its trips, or that of its published values before the first one."""
+        """Load the model of the car.
+
+        Returns
+        -------
+        ForecastModel
+            Adapted to its trips, or that of its published values before the first one.
+        """
         if (self._learned / MODEL).is_dir():
             return load_model(self._learned / MODEL)
         return self._by_book()
@@ -127,6 +143,11 @@ class OwnCar:
         progress : callable, optional
             Called with the trips that were forecast and their number.
 
+        Returns
+        -------
+        Learned
+            What is new in the store and in the diary.
+
         Raises
         ------
         InvalidInput
@@ -143,13 +164,19 @@ class OwnCar:
         return Learned(done.added, done.known, entries, left_out)
 
     def state(self) -> tuple[int, ...]:
-        """What changes whenever the car has learned: file number and time of its model [ns]."""
+        """Identify what the car has learned: the value changes whenever it learns.
+
+        Returns
+        -------
+        tuple of int
+            File number and time of its model [ns]; of its description before the first trip.
+        """
         place = self._learned / MODEL
         found = (place if place.is_dir() else self.folder / ABOUT).stat()
         return found.st_ino, found.st_mtime_ns
 
     def about(self, diary: Diary | None = None) -> dict[str, Any]:
-        """Plain values: the car, its trips, what was learned, and its scores.
+        """Describe the car, its trips, what was learned, and its scores.
 
         Parameters
         ----------
@@ -159,6 +186,7 @@ class OwnCar:
         Returns
         -------
         dict
+            Plain values.
         """
         diary = self.diary if diary is None else diary
         latest, by_book = diary.latest()
@@ -315,7 +343,23 @@ def create_car(
 
 
 def is_car(folder: Path | str) -> bool:
-    """Whether a folder is that of a car."""
+    """Tell whether a folder is that of a car.
+
+    Parameters
+    ----------
+    folder : Path or str
+        Any folder.
+
+    Returns
+    -------
+    bool
+        Without opening the car.
+
+    Examples
+    --------
+    >>> is_car("no-such-folder")
+    False
+    """
     return (Path(folder) / ABOUT).is_file()
 
 
@@ -372,10 +416,24 @@ def open_car(folder: Path | str) -> OwnCar:
 def forget_car(folder: Path | str) -> None:
     """Erase a car: its trips, its model, its diary and what it sent while it drove; files that others put into the folder stay.
 
+    Parameters
+    ----------
+    folder : Path or str
+        Of the car.
+
     Raises
     ------
     InvalidInput
         When it is no car.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     place = create_car(Path(folder, "my-leaf"), "nissan_leaf_24").folder
+    ...     forget_car(place)
+    ...     print(place.exists())
+    False
     """
     car = open_car(folder)
     with folder_lock(car.folder):

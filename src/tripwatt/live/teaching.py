@@ -24,11 +24,27 @@ MOST_TAUGHT_BYTES: Final = 1 << 24
 
 
 def has_news(folder: Path) -> bool:
-    """Whether a car has finished a trip that it was not given to learn. O(finished trips)."""
+    """Tell whether a car has finished a trip that it was not given to learn. O(finished trips).
+
+    Parameters
+    ----------
+    folder : Path
+        Of the car.
+
+    Returns
+    -------
+    bool
+        False for a folder without the description of a car.
+
+    Examples
+    --------
+    >>> has_news(Path("no-such-car"))
+    False
+    """
     return is_car(folder) and not set(finished_names(folder)) <= _taught(folder)
 
 
-def learn_finished(folder: Path, *, progress: Callable[[int, int], None] | None = None) -> Learned:
+def learn_finished(folder: Path | str, *, progress: Callable[[int, int], None] | None = None) -> Learned:
     """Give a car the trips that it finished on the road: each is forecast before it teaches, and enters the diary.
 
     Parameters
@@ -47,6 +63,11 @@ def learn_finished(folder: Path, *, progress: Callable[[int, int], None] | None 
     ------
     InvalidInput
         As `open_car` and `OwnCar.add`.
+
+    Examples
+    --------
+    >>> learn_finished("cars/my-leaf")  # doctest: +SKIP
+    Learned(added=1, known=12, entries=1, left_out=())
     """
     own = open_car(folder)
     names = finished_names(own.folder)

@@ -54,6 +54,12 @@ class Sample:
     ------
     InvalidInput
         When the time, a column or a value cannot be one.
+
+    Examples
+    --------
+    >>> sample = Sample(1.7e9, {"speed_m_s": 20.0, "displayed_soc": 0.65})
+    >>> sample.charging, sample.position_deg is None
+    (False, True)
     """
 
     time_s: float

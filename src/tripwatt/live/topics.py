@@ -90,6 +90,8 @@ class TopicJoiner:
     ...     joiner.take(f"teslamate/cars/1/{name}", value, 1.7e9)
     >>> dict(joiner.take("teslamate/cars/1/speed", b"71", 1.7e9 + 1.0).values)
     {'speed_m_s': 20.0, 'displayed_soc': 0.65, 'voltage_v': 350.0, 'current_a': 20.0}
+    >>> round(joiner.flush().values["speed_m_s"], 2)
+    19.72
     """
 
     def __init__(self, source: str, root: str) -> None:
@@ -120,7 +122,9 @@ class TopicJoiner:
         Parameters
         ----------
         topic : str
+            Of the message.
         payload : bytes
+            Of the message.
         received_s : float
             Time of its arrival [s since 1970].
         retained : bool
@@ -151,7 +155,13 @@ class TopicJoiner:
         return done
 
     def flush(self) -> Sample | None:
-        """The sample that is not complete yet; None where nothing came since the last one."""
+        """Give the sample that is not complete yet.
+
+        Returns
+        -------
+        Sample or None
+            None where nothing came since the last one.
+        """
         if not self._fresh or self._open_s == -math.inf:
             return None
         self._fresh = False

@@ -60,8 +60,26 @@ class Table2Corrector:
     ----------
     model_ : GAMM
         The fitted engine, for summary, diagnosis and effects.
+    medians_ : Series
+        Medians of the covariates that are numbers, over the training rows.
     left_out_ : tuple of str
         Those of `terms` that the training rows do not determine.
+
+    Examples
+    --------
+    >>> from tripwatt.hybrid import build_table
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> table = build_table(synthetic_fleet(4).trips, {"physics": load_vehicle(VEHICLE)})
+    >>> X, y, trip = table.covariates, table.observed_wh - table.simulated("physics"), table.groups
+    >>> corrector = Table2Corrector(every_rows=120, errors="normal", terms=("s(time_s, k=4)",)).fit(X, y, trip)
+    >>> corrector.predict(X).shape == corrector.leave_groups_out(X, y, trip).shape == y.shape
+    True
+    >>> frame, rows = corrector.training_frame(X, trip)
+    >>> len(frame) == len(rows), len(corrector.frame(X)) == len(X)
+    (True, True)
+    >>> corrector.inner_errors(X, y, trip, trip, seed=0).shape
+    (4,)
     """
 
     every_rows: int = 60
@@ -73,33 +91,64 @@ class Table2Corrector:
     left_out_: tuple[str, ...] = ()
 
     def fit(self, X: pd.DataFrame, y: FloatArray, groups: IntArray) -> Self:
-        """Fit by performance iteration and fREML. O(rows x coefficients^2)."""
+        """Fit by performance iteration and fREML. O(rows x coefficients^2).
+
+        Parameters
+        ----------
+        X : DataFrame, shape (rows, covariates)
+            As of `TripTable.covariates`.
+        y : ndarray, shape (rows,)
+            What is learned, such as the residual [Wh].
+        groups : ndarray of int, shape (rows,)
+            Trip of each row; rows of a trip follow one another.
+
+        Returns
+        -------
+        Table2Corrector
+            Itself.
+        """
         frame, rows = self._training(X, groups)
         self.model_ = self._engine().fit(frame, np.asarray(y)[rows], groups=groups[rows])
         return self
 
     def predict(self, X: pd.DataFrame) -> FloatArray:
-        """Predicted `y` of new trips: their random effect is 0."""
+        """Predict `y` of new trips: their random effect is 0.
+
+        Parameters
+        ----------
+        X : DataFrame, shape (rows, covariates)
+            As of `fit`.
+
+        Returns
+        -------
+        ndarray, shape (rows,)
+            In the unit of `y`.
+        """
         return np.asarray(self.model_.predict(self.frame(X)), dtype=np.float64)
 
     def leave_groups_out(
         self, X: pd.DataFrame, y: FloatArray, groups: IntArray, folds: IntArray | None = None
     ) -> FloatArray:
-        """Predicted `y` of every row by a fit without its fold.
+        """Predict `y` of every row by a fit without its fold.
 
         Coefficients, smoothing parameters and those of the errors are estimated anew for each fold. The knots of the
         smooths, the medians of missing values and the choice of terms come from the covariates of all rows.
 
         Parameters
         ----------
-        X : DataFrame
+        X : DataFrame, shape (rows, covariates)
+            As of `fit`.
         y : ndarray, shape (rows,)
-        groups, folds : ndarray of int, shape (rows,)
-            Trip and fold of each row; each trip is a fold by default.
+            What is learned.
+        groups : ndarray of int, shape (rows,)
+            Trip of each row.
+        folds : ndarray of int, shape (rows,), optional
+            Fold of each row; each trip is a fold by default.
 
         Returns
         -------
         ndarray, shape (rows,)
+            Held-out predictions, in the unit of `y`.
         """
         units = groups if folds is None else folds
         frame, rows = self._training(X, groups)
@@ -123,15 +172,21 @@ class Table2Corrector:
 
         Parameters
         ----------
-        X : DataFrame
+        X : DataFrame, shape (rows, covariates)
+            As of `fit`.
         y : ndarray, shape (rows,)
-        groups, folds : ndarray of int, shape (rows,)
+            What is learned.
+        groups : ndarray of int, shape (rows,)
+            Trip of each row.
+        folds : ndarray of int, shape (rows,)
+            Fold of each row.
         seed : int
+            Of the draw of the blocks.
 
         Returns
         -------
         ndarray, shape (folds,)
-            In the order of the sorted numbers of the folds.
+            In the order of the sorted numbers of the folds, in the unit of `y`; NaN for fewer than three folds.
         """
         numbers, row_fold = np.unique(folds, return_inverse=True)
         if len(numbers) < 3:
@@ -159,7 +214,22 @@ class Table2Corrector:
         return frame, rows
 
     def training_frame(self, X: pd.DataFrame, groups: IntArray) -> tuple[pd.DataFrame, IntArray]:
-        """The rows that `fit` takes, as the engine sees them, and their numbers."""
+        """Choose the rows that `fit` takes.
+
+        Parameters
+        ----------
+        X : DataFrame, shape (rows, covariates)
+            As of `fit`.
+        groups : ndarray of int, shape (rows,)
+            Trip of each row.
+
+        Returns
+        -------
+        frame : DataFrame
+            The rows as the engine sees them.
+        rows : ndarray of int
+            Their numbers.
+        """
         position = pd.Series(groups).groupby(groups, sort=False).cumcount().to_numpy()
         last = np.append(groups[1:] != groups[:-1], True)
         rows = np.flatnonzero((position % self.every_rows == 0) | last).astype(np.int64)
@@ -174,7 +244,20 @@ class Table2Corrector:
         return GAMM(formula, ar1_rho="estimate" if self.errors == "ar1" else None)
 
     def frame(self, X: pd.DataFrame, groups: IntArray | None = None) -> pd.DataFrame:
-        """Covariates as the engine sees them; with `groups`, the trips are those of the fit. Needs `fit`."""
+        """Convert covariates to what the engine sees. Needs `fit`.
+
+        Parameters
+        ----------
+        X : DataFrame, shape (rows, covariates)
+            As of `fit`.
+        groups : ndarray of int, shape (rows,), optional
+            Trip of each row; with it, the trips are those of the fit.
+
+        Returns
+        -------
+        DataFrame
+            Missing numbers are the medians of the training rows.
+        """
         assert self.medians_ is not None
         frame = X.fillna(self.medians_.to_dict())
         if "season" in frame:

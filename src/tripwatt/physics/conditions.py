@@ -26,6 +26,7 @@ class DriveConditions:
     Attributes
     ----------
     ambient_temperature_degc : float
+        Temperature of the outside air [°C].
     initial_soc : float
         State of charge of the battery management, 0 to 1.
     initial_battery_temperature_degc : float, optional
@@ -39,6 +40,7 @@ class DriveConditions:
     cabin_setpoint_degc : float, optional
         The car's usual set-point when not given.
     solar_irradiance_w_m2 : float
+        Irradiance of a horizontal surface [W/m²].
     initial_warmth : float
         0 for tyres and driveline after a long stop, 1 as warm as after a long fast drive.
     air_density_kg_m3 : float, optional
@@ -53,8 +55,12 @@ class DriveConditions:
 
     Examples
     --------
-    >>> DriveConditions(ambient_temperature_degc=-5.0).battery_start_degc
-    -5.0
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car, conditions = load_vehicle("bmw_i3_60ah"), DriveConditions(ambient_temperature_degc=-5.0)
+    >>> conditions.battery_start_degc, conditions.cabin_start(car).temperature_degc
+    (-5.0, -5.0)
+    >>> conditions.bounded_values(car)["initial_warmth"]
+    (0.0, 0.0, 1.0)
     """
 
     ambient_temperature_degc: float = UNKNOWN_AMBIENT_DEGC
@@ -80,7 +86,18 @@ class DriveConditions:
         return self.initial_battery_temperature_degc
 
     def cabin_start(self, vehicle: Vehicle) -> CabinStart:
-        """State of the cabin at the start, with the car's usual set-point where none is given."""
+        """Collect the state of the cabin at the start, with the car's usual set-point where none is given.
+
+        Parameters
+        ----------
+        vehicle : Vehicle
+            The car.
+
+        Returns
+        -------
+        CabinStart
+            The cabin has the ambient temperature where none is given.
+        """
         temperature, setpoint = self.initial_cabin_temperature_degc, self.cabin_setpoint_degc
         if temperature is None:
             temperature = self.ambient_temperature_degc
@@ -91,7 +108,18 @@ class DriveConditions:
         )
 
     def bounded_values(self, vehicle: Vehicle) -> dict[str, tuple[float, float, float]]:
-        """Each number by its name, with the lowest and the highest that is allowed."""
+        """List each number with the lowest and the highest that is allowed.
+
+        Parameters
+        ----------
+        vehicle : Vehicle
+            The car, whose mass bounds the payload.
+
+        Returns
+        -------
+        dict of str to tuple of float
+            Name -> (value, lowest, highest), in the unit of the name.
+        """
         cabin = self.cabin_start(vehicle)
         lightest_kg = -0.5 * vehicle.body.curb_mass_kg  # a test may be lighter than the car with its driver
         density = 1.2 if self.air_density_kg_m3 is None else self.air_density_kg_m3

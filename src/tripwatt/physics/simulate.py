@@ -64,6 +64,7 @@ class Simulation:
     Attributes
     ----------
     time_s : ndarray
+        Time of each sample [s].
     grade : ndarray
         Road grade used [1].
     aero_drag_force_n, rolling_resistance_force_n, grade_force_n, inertia_force_n : ndarray
@@ -75,9 +76,11 @@ class Simulation:
     regen_power_w : ndarray
         Electric power that motor and inverter give back.
     friction_brake_power_w, auxiliary_power_w, hvac_power_w : ndarray
+        Power of the friction brakes, of all auxiliaries, and of climate control as part of these.
     battery_power_w : ndarray
         Power at the battery terminals, on which the energy is counted.
     battery_current_a, terminal_voltage_v, battery_temperature_degc, soc : ndarray
+        Current and voltage at the terminals of the battery, its temperature, and the state of charge of its management.
     cabin_temperature_degc : ndarray
         NaN where no climate control was simulated.
     battery_loss_w : ndarray
@@ -88,6 +91,14 @@ class Simulation:
         Power at the battery terminals [W] by each of `CAUSES`; they sum to `battery_power_w`.
     flags : tuple of Flag
         What the car could not follow, each with the time that it lasted [s]; empty when all is well.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> run = simulate(load_vehicle("bmw_i3_60ah"), np.arange(60.0), np.full(60, 15.0))
+    >>> table = run.frame()
+    >>> len(table), float(table["energy_wh"].iloc[-1]) == run.simulated_energy_wh
+    (60, True)
     """
 
     time_s: FloatArray
@@ -135,7 +146,13 @@ class Simulation:
         )
 
     def frame(self) -> pd.DataFrame:
-        """All arrays as columns, energies by cause as `energy_<cause>_wh`."""
+        """Tabulate all arrays.
+
+        Returns
+        -------
+        DataFrame
+            One row per sample and one column per array, energies by cause as `energy_<cause>_wh` [Wh].
+        """
         import pandas as pd
 
         names = [n for n in self.__slots__ if n not in ("power_by_cause_w", "flags")]
@@ -228,6 +245,18 @@ def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
     Of what was measured only `trip.departure` enters; what is unknown there is left to the defaults of `DriveConditions`.
     Works on raw and on resampled trips.
 
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The car, without the extras of the departure.
+    trip : Trip or Plan
+        With `time_s`, `speed_m_s`, and `grade` or `elevation_m` where known.
+
+    Returns
+    -------
+    Simulation
+        One value per sample of the trip.
+
     Raises
     ------
     InvalidInput
@@ -258,7 +287,21 @@ def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
 def conditions_at_departure(
     vehicle: Vehicle, known: Departure, weather: PlanWeather | None = None
 ) -> DriveConditions:
-    """Conditions of a drive from what is known at departure; the usual value of what is unknown.
+    """Choose the conditions of a drive from what is known at departure; the usual value of what is unknown.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The car.
+    known : Departure
+        What is known.
+    weather : PlanWeather, optional
+        Along the plan; its air density and rain count.
+
+    Returns
+    -------
+    DriveConditions
+        At the start of the drive.
 
     Examples
     --------

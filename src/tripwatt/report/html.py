@@ -34,6 +34,11 @@ def render_report(run: object) -> str:
     -------
     str
         One document without a reference to any other file or host.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> html = render_report(tw.evaluate(tw.read_logs("logs")))  # doctest: +SKIP
     """
     panels, context = _evaluation_page(View.from_run(run))
     return _render("report.html.jinja", panels, _drawings(panels), context)
@@ -48,6 +53,11 @@ def write_report(run: object, out: Path) -> None:
         As for `render_report`.
     out : Path
         The folder; made when it is not there. Figures that an earlier report left and this one lacks are removed.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> write_report(tw.evaluate(tw.read_logs("logs")), Path("out"))  # doctest: +SKIP
     """
     panels, context = _evaluation_page(View.from_run(run))
     write_page(out, "report.html.jinja", panels, **context)

@@ -138,6 +138,16 @@ def update_readme(results: Mapping[str, Any], readme_path: Path) -> None:
     ------
     InvalidInput
         When the markers are not there.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     page = Path(folder, "README.md")
+    ...     _ = page.write_text("As it is.")
+    ...     update_readme({"protocol": "unknown"}, page)
+    ...     print(page.read_text())
+    As it is.
     """
     render = README.get(str(results.get("protocol")))
     if render is not None:
@@ -158,6 +168,10 @@ def update_results_page(results: Mapping[str, Any], page_path: Path) -> None:
     ------
     InvalidInput
         When the markers are not there.
+
+    Examples
+    --------
+    >>> update_results_page(json.loads(Path("out/results.json").read_text()), Path("docs/results.md"))  # doctest: +SKIP
     """
     name = str(results.get("protocol"))
     key = name if name in PAGE else DEFAULT_PROTOCOL
@@ -182,6 +196,10 @@ def update_paper_page(
     ------
     InvalidInput
         When the markers are not there.
+
+    Examples
+    --------
+    >>> update_paper_page(json.loads(Path("out/results.json").read_text()), Path("docs/paper.md"))  # doctest: +SKIP
     """
     _between(page_path, "paper-page", render_paper_page(results, transfers))
 

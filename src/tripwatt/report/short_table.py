@@ -86,6 +86,7 @@ def render_table(results: Mapping[str, Any]) -> rich.console.Group:
     Returns
     -------
     rich.console.Group
+        Title, table and note, to print on a console of rich.
 
     Examples
     --------

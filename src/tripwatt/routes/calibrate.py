@@ -33,6 +33,16 @@ HIGHEST: Final = (30.0, 0.8, 0.8)
 def road_work(trip: Trip | Plan) -> float:
     """Electric work per mass of a compact electric car over a trip on a flat road [J/kg], braking partly recovered.
 
+    Parameters
+    ----------
+    trip : Trip or Plan
+        With `time_s` and `speed_m_s`.
+
+    Returns
+    -------
+    float
+        Work over the whole trip [J/kg].
+
     Examples
     --------
     >>> import pandas as pd
@@ -78,15 +88,27 @@ def calibrate_style(
         What is compared, such as the simulated energy of a car; positive.
     style : LinkStyle, optional
         Where the search starts, and the values that are not fitted.
+    most_trips : int
+        Most trips that are driven in each evaluation.
+    most_evaluations : int
+        Most evaluations of the sum that is minimised.
 
     Returns
     -------
     LinkStyle
+        The starting style with fitted `street_speed_m_s`, `length_exponent` and `comfort`.
 
     Raises
     ------
     InvalidInput
         When there is no trip, or one takes no positive energy.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> style = calibrate_style(synthetic_fleet(1).trips, length_m=[500.0], most_evaluations=2)
+    >>> style.length_exponent == LinkStyle().length_exponent
+    True
     """
     from scipy.optimize import minimize
 

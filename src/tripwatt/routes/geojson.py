@@ -67,6 +67,11 @@ def read_geojson(source: bytes | str | Path, *, where: str | None = None) -> Tra
     where : str, optional
         Name for messages.
 
+    Returns
+    -------
+    Track
+        All lines as one.
+
     Raises
     ------
     InvalidInput

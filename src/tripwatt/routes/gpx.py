@@ -40,6 +40,11 @@ def read_gpx(source: bytes | str | Path, *, where: str | None = None) -> Track:
     where : str, optional
         Name for messages.
 
+    Returns
+    -------
+    Track
+        With times where the first and the last point have one; those in between are interpolated.
+
     Raises
     ------
     InvalidInput

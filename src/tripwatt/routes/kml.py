@@ -93,6 +93,11 @@ def read_kml(source: bytes | str | Path, *, where: str | None = None) -> Track:
     where : str, optional
         Name for messages.
 
+    Returns
+    -------
+    Track
+        With times for a recording.
+
     Raises
     ------
     InvalidInput

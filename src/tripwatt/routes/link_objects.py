@@ -48,6 +48,11 @@ def route_from_links(links: Iterable[Mapping[str, float | None]]) -> LinkRoute:
         that the car does not stop), `moving_speed_m_s`, the speed while nothing stands in the way, `speed_limit_m_s`,
         and either `grade` or `start_elevation_m` and `end_elevation_m` [m]. None counts as not given.
 
+    Returns
+    -------
+    LinkRoute
+        In the order of the links.
+
     Raises
     ------
     InvalidInput

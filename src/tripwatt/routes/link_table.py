@@ -22,7 +22,17 @@ DELIMITERS: Final = (";", "\t", ",")
 
 
 def is_links_table(data: bytes) -> bool:
-    r"""Whether a text begins with a header of a table of links: a length in it, and no time of samples.
+    r"""Tell whether a text begins with a header of a table of links: a length in it, and no time of samples.
+
+    Parameters
+    ----------
+    data : bytes
+        The text, or its beginning.
+
+    Returns
+    -------
+    bool
+        Of a long first line the first 4000 bytes count.
 
     Examples
     --------
@@ -34,9 +44,21 @@ def is_links_table(data: bytes) -> bool:
 
 
 def route_from_table(data: bytes, where: str = "links") -> LinkRoute:
-    r"""Links of a CSV table with a header: comma, semicolon or tab between cells. O(bytes).
+    r"""Read links from a CSV table with a header: comma, semicolon or tab between cells. O(bytes).
 
     Columns are those of `route_from_links`; an empty cell is not given. With semicolons or tabs a decimal comma is read.
+
+    Parameters
+    ----------
+    data : bytes
+        The text in UTF-8.
+    where : str
+        Name for messages.
+
+    Returns
+    -------
+    LinkRoute
+        One link for each row.
 
     Raises
     ------

@@ -53,6 +53,7 @@ class LinkRoute:
     Attributes
     ----------
     length_m : ndarray
+        Length of each link [m].
     travel_time_s : ndarray
         Time on the link, every standstill included.
     stop_s : ndarray
@@ -72,6 +73,15 @@ class LinkRoute:
     ------
     InvalidInput
         With every fault of the links.
+
+    Examples
+    --------
+    >>> route = LinkRoute(np.array([500.0, 1000.0]), np.array([50.0, 60.0]), np.zeros(2), np.full(2, np.nan),
+    ...                   np.array([0.0, 1500.0]), np.array([500.0, 530.0]))
+    >>> route.distance_m, route.duration_s
+    (1500.0, 110.0)
+    >>> route.elevation_at([750.0]).tolist()
+    [515.0]
     """
 
     length_m: FloatArray
@@ -106,7 +116,18 @@ class LinkRoute:
         return self.length_m / self.travel_time_s
 
     def elevation_at(self, position_m: npt.ArrayLike) -> FloatArray | None:
-        """Height [m] at distances from the start, shape of `position_m`; None where no height is known."""
+        """Height [m] at distances from the start, shape of `position_m`; None where no height is known.
+
+        Parameters
+        ----------
+        position_m : array_like
+            Distances from the start [m]; outside the known heights the nearest of them counts.
+
+        Returns
+        -------
+        ndarray or None
+            Heights above sea level [m], shape of `position_m`; None where no height is known.
+        """
         if self.elevation_m is None or self.elevation_position_m is None:
             return None
         return np.asarray(
@@ -172,6 +193,11 @@ def links_of_trip(trip: Recorded, length_m: float = 250.0) -> LinkRoute:
     length_m : float
         Length of a link [m].
 
+    Returns
+    -------
+    LinkRoute
+        Without moving speeds and speed limits.
+
     Raises
     ------
     InvalidInput
@@ -224,8 +250,11 @@ def plan_from_links(
     Parameters
     ----------
     route : LinkRoute
+        The planned route.
     trip_id : str
+        Name of the plan.
     style : LinkStyle, optional
+        How traffic and driver fill a link; the calibrated style by default.
     rng : numpy.random.Generator, optional
         Draws stops and speeds; without it the same route gives the same trip.
     step_s : float
@@ -343,7 +372,25 @@ def _limits(route: LinkRoute, first: IntArray) -> FloatArray | None:
 
 
 def join_routes(routes: Sequence[LinkRoute]) -> LinkRoute:
-    """Routes one after the other; heights only where all of them have heights. O(links)."""
+    """Join routes one after the other. O(links).
+
+    Parameters
+    ----------
+    routes : sequence of LinkRoute
+        In the order of travel, at least one.
+
+    Returns
+    -------
+    LinkRoute
+        Its flags are those of all routes; heights are known only where all of them have heights.
+
+    Examples
+    --------
+    >>> from tripwatt.routes import route_from_links
+    >>> one = route_from_links([{"length_m": 500.0, "speed_m_s": 10.0}])
+    >>> join_routes([one, one]).distance_m
+    1000.0
+    """
     heights = [r.elevation_m for r in routes if r.elevation_m is not None]
     places, driven = [], 0.0
     for route in routes:

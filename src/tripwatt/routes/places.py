@@ -64,7 +64,18 @@ class Place:
         return self.name or f"{self.latitude_deg:.5f}, {self.longitude_deg:.5f}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values, as the command line and the service give them."""
+        """Convert the place to plain values, as the command line and the service give them.
+
+        Returns
+        -------
+        dict
+            Keys `name`, `kind`, `latitude_deg` and `longitude_deg`.
+
+        Examples
+        --------
+        >>> Place(47.14, 9.52, "Vaduz", "town").to_dict()["latitude_deg"]
+        47.14
+        """
         return {
             "name": self.title,
             "kind": self.kind,
@@ -73,7 +84,17 @@ class Place:
         }
 
     def distance_m(self, other: Place) -> float:
-        """Distance to another place on the sphere [m].
+        """Compute the distance to another place on the sphere.
+
+        Parameters
+        ----------
+        other : Place
+            Anywhere.
+
+        Returns
+        -------
+        float
+            Distance [m].
 
         Examples
         --------
@@ -87,7 +108,19 @@ class Place:
         return float(haversine_m(latitude, longitude)[0])
 
     def moved(self, bearing_deg: float, distance_m: float) -> Place:
-        """The place at a distance [m] in a direction, clockwise from north, on the sphere.
+        """Find the place at a distance in a direction, on the sphere.
+
+        Parameters
+        ----------
+        bearing_deg : float
+            Direction, clockwise from north [°].
+        distance_m : float
+            Distance [m].
+
+        Returns
+        -------
+        Place
+            Without a name.
 
         Examples
         --------

@@ -28,14 +28,22 @@ def plan_from_route(
     Parameters
     ----------
     route : LinkRoute or Track
+        What `parse_route` gave.
     speed_m_s : float, optional
         Mean speed [m/s] of a track's pieces without time and speed.
     trip_id : str
+        Name of the plan.
     style : LinkStyle, optional
+        How traffic and driver fill a link; the calibrated style by default.
     rng : numpy.random.Generator, optional
         Draws stops and speeds; without it the same route gives the same trip.
     step_s : float
         Time between two samples [s].
+
+    Returns
+    -------
+    Plan
+        Speed over time, and elevation where it is known.
 
     Raises
     ------
@@ -61,10 +69,30 @@ def plan_on_links(trip: Trip, length_m: float) -> Plan:
 
     Travel times of the links include every standstill; elevation is known at their ends, stops are not.
 
+    Parameters
+    ----------
+    trip : Trip
+        Raw or resampled.
+    length_m : float
+        Length of a link [m].
+
+    Returns
+    -------
+    Plan
+        With the departure of the trip.
+
     Raises
     ------
     InvalidInput
         When the trip does not move, or faster than a link can be.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> trip = synthetic_fleet(1).logs[0]
+    >>> plan = plan_on_links(trip, 500.0)
+    >>> plan.departure == trip.departure, abs(plan.distance_m / trip.distance_m - 1.0) < 0.01
+    (True, True)
     """
     plan = plan_from_links(links_of_trip(trip, length_m), trip_id=trip.trip_id)
     return replace(plan.with_departure(trip.departure), start_s=float(trip.array("time_s")[0]))

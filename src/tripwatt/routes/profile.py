@@ -88,6 +88,13 @@ class LinkStyle:
         Exponent of the mean between this speed and the link's own, at least 1: high where the larger of the two wins.
     stop_place : float
         Where in its share of the link the car slows down or stops: 0 at the start, 1 at the end.
+
+    Examples
+    --------
+    >>> style = LinkStyle(comfort=0.5)
+    >>> short, long = style.free_speed(np.array([100.0, 800.0]), np.array([12.0, 12.0]))
+    >>> bool(short < long)
+    True
     """
 
     driver: DriverStyle = field(
@@ -119,6 +126,18 @@ class LinkStyle:
 
     def free_speed(self, length_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
         """Speed between two disturbances [m/s] on links of a mean speed, shape of `length_m`.
+
+        Parameters
+        ----------
+        length_m : ndarray, shape (links,)
+            Length of each link [m]; beyond `LONGEST_STREET_M` it has no effect.
+        speed_m_s : ndarray, shape (links,)
+            Mean speed on each link [m/s].
+
+        Returns
+        -------
+        ndarray, shape (links,)
+            At least the mean speed.
 
         Examples
         --------
@@ -161,6 +180,7 @@ def link_profile(
     speed_limit_m_s : array_like, shape (links,), optional
         Highest speed [m/s], NaN = not known. It is kept except on a link whose mean speed is higher; then that one is.
     style : LinkStyle, optional
+        How traffic and driver fill a link; the calibrated style by default.
     rng : numpy.random.Generator, optional
         Without it the profile is the same every time; with it stops, their lengths and the speeds in between are drawn.
     step_s : float
@@ -169,6 +189,7 @@ def link_profile(
     Returns
     -------
     SpeedProfile
+        Samples of time, speed and position, and the travel times of the links as driven.
 
     Raises
     ------

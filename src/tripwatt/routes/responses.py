@@ -397,7 +397,7 @@ def router_of(response: Mapping[str, Any]) -> str | None:
 def read_response(
     source: bytes | str | Path, router: str | None = None, *, where: str | None = None
 ) -> LinkRoute:
-    """Links of a router's saved response. O(bytes).
+    """Read the links of a router's saved response. O(bytes).
 
     Parameters
     ----------
@@ -407,6 +407,11 @@ def read_response(
         One of `ROUTERS`; recognised from the response when not given.
     where : str, optional
         Name for messages.
+
+    Returns
+    -------
+    LinkRoute
+        The first route of the response.
 
     Raises
     ------
@@ -431,9 +436,28 @@ def _route_from(response: dict[str, Any], router: str | None, name: str) -> Link
 
 
 def is_route(path: Path | str) -> bool:
-    """Whether a file is to be read as a route, by its name or its beginning; False where it cannot be read.
+    r"""Tell whether a file is to be read as a route, by its name or its beginning.
 
     Everything but a Parquet file and a CSV table of samples is: its faults are then those of a route.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file.
+
+    Returns
+    -------
+    bool
+        False where the file cannot be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder, "links.csv")
+    ...     _ = file.write_text("length_m,speed_m_s\n500,10\n")
+    ...     is_route(file), is_route(folder)
+    (True, False)
     """
     path = Path(path)
     if path.suffix.lower() in ROUTE_SUFFIXES:
@@ -460,6 +484,7 @@ def parse_route(source: bytes | str | Path, *, where: str | None = None) -> Link
     Returns
     -------
     LinkRoute or Track
+        A track for GPX, KML and GeoJSON, links for everything else.
 
     Raises
     ------

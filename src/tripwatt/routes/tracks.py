@@ -50,6 +50,7 @@ class Track:
     Attributes
     ----------
     latitude_deg, longitude_deg : ndarray
+        Place of each point in WGS 84 [°].
     elevation_m : ndarray
         NaN where not known.
     time_s : ndarray or None
@@ -59,11 +60,22 @@ class Track:
     started_at : datetime or None
         Time of the first point.
     flags : tuple of Flag
+        What is assumed of the track.
 
     Raises
     ------
     InvalidInput
         For fewer than two points, places that are not on earth, a time that goes back, a track without length.
+
+    Examples
+    --------
+    >>> from tripwatt.routes import read_gpx
+    >>> track = read_gpx(b'<gpx><rte><rtept lat="48" lon="11"/><rtept lat="48.01" lon="11"><ele>520</ele></rtept></rte></gpx>')
+    >>> len(track), track.time_s is None
+    (2, True)
+    >>> position_m, elevation_m, flags = track.elevation()
+    >>> elevation_m.tolist(), flags[0].code
+    ([520.0], 'elevation_interpolated')
     """
 
     latitude_deg: FloatArray
@@ -126,7 +138,17 @@ class Track:
         return self.time_s is not None and float(np.median(np.diff(self.time_s))) <= DENSE_STEP_S
 
     def elevation(self) -> tuple[FloatArray | None, FloatArray | None, tuple[Flag, ...]]:
-        """Distances, heights and what is assumed of them; None where no point has a height."""
+        """Distances, heights and what is assumed of them; None where no point has a height.
+
+        Returns
+        -------
+        position_m : ndarray or None
+            Distances from the start [m] of the points with a height.
+        elevation_m : ndarray or None
+            Their heights [m].
+        flags : tuple of Flag
+            That the road is taken as flat, or that heights are interpolated; empty when every point has one.
+        """
         known = np.isfinite(self.elevation_m)
         if not known.any():
             return None, None, (FLAT_ROAD,)
@@ -135,7 +157,17 @@ class Track:
 
 
 def needs_speed(route: LinkRoute | Track) -> bool:
-    """Whether a route is a track with a piece without time and speed.
+    """Tell whether a route is a track with a piece without time and speed.
+
+    Parameters
+    ----------
+    route : LinkRoute or Track
+        What a reader gave.
+
+    Returns
+    -------
+    bool
+        Whether `plan_from_route` needs its `speed_m_s`.
 
     Examples
     --------
@@ -182,15 +214,21 @@ def times_of(texts: list[str], where: str) -> tuple[FloatArray | None, dt.dateti
 
 
 def route_from_track(track: Track, speed_m_s: float | None = None) -> LinkRoute:
-    """Links of a track: by its times, else by the speeds of its pieces, else by a speed for all. O(points).
+    """Turn a track into links: by its times, else by the speeds of its pieces, else by a speed for all. O(points).
 
     Points are joined until a link has `TRACK_LINK_M`.
 
     Parameters
     ----------
     track : Track
+        What a reader gave.
     speed_m_s : float, optional
         Mean speed, standstill included, where the track has neither time nor speed [m/s].
+
+    Returns
+    -------
+    LinkRoute
+        With the elevation of the track where it is known.
 
     Raises
     ------
@@ -284,8 +322,14 @@ def plan_from_track(
     track : Track
         With times.
     trip_id : str
+        Name of the plan.
     step_s : float
         Time between two samples [s].
+
+    Returns
+    -------
+    Plan
+        Speed over time from the first to the last point, and elevation where it is known.
 
     Raises
     ------

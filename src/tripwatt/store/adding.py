@@ -31,16 +31,42 @@ def add_files(
     Parameters
     ----------
     store : TripStore
-    path, dataset, mapping
+        To which the logs are added.
+    path : Path or str
         As of `read_logs`.
-    car_model, vehicle_id, progress
-        As of `TripStore.add`.
+    car_model : str
+        Name of a car of the library.
+    vehicle_id : str, optional
+        The vehicle of logs that do not name theirs.
+    dataset : str
+        As of `read_logs`.
+    mapping : Path or str, optional
+        As of `read_logs`.
+    progress : callable, optional
+        Called with the sums so far after each commit.
+
+    Returns
+    -------
+    Added
+        Sums over all files.
 
     Raises
     ------
     InvalidInput
         With every fault of all files. What was read without a fault is in the store by then; adding again after the
         repair adds the rest.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from tripwatt.store import create_store
+    >>> from tripwatt.synthetic import example_trip
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder, "trip.csv")
+    ...     example_trip().to_csv(file, index=False)
+    ...     store = create_store(Path(folder, "store"))
+    ...     print(add_files(store, file, car_model="bmw_i3_60ah", vehicle_id="V1"))
+    1 trips added, 0 were known; 0 of the added have no sound drive
     """
     if dataset != "table":
         logs = read_logs(path, dataset, mapping)

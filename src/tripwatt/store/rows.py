@@ -281,7 +281,24 @@ def log_from_rows(row: Mapping[str, Any], columns: Mapping[str, FloatArray]) -> 
 
 
 def stored_findings(row: Mapping[str, Any]) -> tuple[Finding, ...]:
-    """Findings of a row of `trips`."""
+    """Read the findings of a row of `trips`.
+
+    Parameters
+    ----------
+    row : mapping
+        With the column `findings`.
+
+    Returns
+    -------
+    tuple of Finding
+        What the audit of the log found when it was added.
+
+    Examples
+    --------
+    >>> row = {"findings": '[{"drive": "A", "from_s": 0, "to_s": 9, "what": "no speed", "consequence": "cut"}]'}
+    >>> stored_findings(row)[0].what
+    'no speed'
+    """
     return tuple(
         Finding(f["drive"], f["from_s"], f["to_s"], f["what"], f["consequence"])
         for f in json.loads(row["findings"])

@@ -91,6 +91,11 @@ class Added:
         Logs that were in it before.
     unusable : int
         Of the new ones, those of which the audit left no drive.
+
+    Examples
+    --------
+    >>> Added(added=12, unusable=1)
+    Added(added=12, known=0, unusable=1)
     """
 
     added: int = 0
@@ -106,7 +111,25 @@ class Added:
 
 @dataclass(frozen=True, slots=True)
 class FileTrips:
-    """A data file of samples and the logs in it that are wanted; rows of `trips`."""
+    """A data file of samples and the logs in it that are wanted; rows of `trips`.
+
+    Attributes
+    ----------
+    file : DataFile
+        A data file of the table `samples`.
+    rows : tuple of mapping
+        Rows of `trips` of the wanted logs.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     store = create_store(folder)
+    ...     _ = store.add(synthetic_fleet(2), vehicle_id="V1", car_model="bmw_i3_60ah")
+    ...     print(sum(len(part.rows) for part in store.file_trips(store.trip_rows())))
+    2
+    """
 
     file: DataFile
     rows: tuple[Mapping[str, Any], ...]
@@ -127,9 +150,22 @@ class TripStore:
 
     Examples
     --------
-    >>> store = create_store("example-store")  # doctest: +SKIP
-    >>> store.add(logs, vehicle_id="V1", car_model="nissan_leaf_24")  # doctest: +SKIP
-    Added(added=12, known=0, unusable=1)
+    >>> import tempfile
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     store = create_store(folder)
+    ...     print(store.add(synthetic_fleet(2), vehicle_id="V1", car_model="bmw_i3_60ah"))
+    ...     print(store.trips(columns=["trip_id", "vehicle_id"]).shape, len(store.trip_rows(vehicle_id="V1")))
+    ...     print([len(log) > 1 for log in store.logs(limit=1)])
+    ...     print(len(store.file_trips(store.trip_rows())), len(store.audit(limit=1)))
+    ...     print(store.about()["vehicles"], sorted(store.compact()))
+    ...     print(store.forget("V1"))
+    2 trips added, 0 were known; 0 of the added have no sound drive
+    (2, 2) 2
+    [True]
+    2 0
+    1 ['made', 'merged', 'orphans', 'removed']
+    2
     """
 
     place: str
@@ -170,8 +206,14 @@ class TripStore:
         vehicle_id : str, optional
             The vehicle of logs that do not name theirs in `context.car`.
         batch : int
+            Logs in a commit, at least 1.
         progress : callable, optional
             Called with the sums so far after each commit.
+
+        Returns
+        -------
+        Added
+            How many logs are new, were known before, and are unusable.
 
         Raises
         ------
@@ -259,17 +301,32 @@ class TripStore:
         columns: Sequence[str] = LISTED,
         limit: int | None = None,
     ) -> pd.DataFrame:
-        """One row a log, by vehicle and departure.
+        """List the logs, one row each, by vehicle and departure.
 
         Parameters
         ----------
-        vehicle_id, car_model : str, optional
-        since, until : date or ISO 8601 text, optional
-            First departure, and the first that is too late.
+        vehicle_id : str, optional
+            Only logs of this vehicle.
+        car_model : str, optional
+            Only logs of vehicles of this model.
+        since : date or str, optional
+            First departure; a text is ISO 8601.
+        until : date or str, optional
+            First departure that is too late.
         columns : sequence of str
             Of the table `trips`.
         limit : int, optional
             Most rows.
+
+        Returns
+        -------
+        DataFrame
+            One row per log with `columns`.
+
+        Raises
+        ------
+        InvalidInput
+            With every unknown column.
         """
         unknown = [c for c in columns if c not in TRIPS.names]
         raise_faults(Fault("unknown column", "columns", c, ", ".join(TRIPS.names)) for c in unknown)
@@ -286,7 +343,7 @@ class TripStore:
         return listed
 
     def logs(self, rows: Sequence[Mapping[str, Any]] | None = None, **which: Any) -> Iterator[Log]:
-        """Logs as they were added, data file by data file.
+        """Read logs as they were added, data file by data file.
 
         Parameters
         ----------
@@ -294,6 +351,11 @@ class TripStore:
             Rows of `trips`, all columns; those that `which` selects when not given.
         **which
             As of `trips`.
+
+        Yields
+        ------
+        Log
+            Raw, with its context.
         """
         wanted = self.trip_rows(**which) if rows is None else rows
         files = self.samples.filesystem()
@@ -302,14 +364,36 @@ class TripStore:
                 yield log
 
     def trip_rows(self, **which: Any) -> list[dict[str, Any]]:
-        """Rows of `trips` with all columns, as `trips` selects them."""
+        """Read rows of `trips` with all columns, as `trips` selects them.
+
+        Parameters
+        ----------
+        **which
+            As of `trips`, without `columns`.
+
+        Returns
+        -------
+        list of dict
+            One for each log, None where a value is unknown.
+        """
         frame = self.trips(columns=TRIPS.names, **which)
         found = frame.astype(object).where(frame.notna(), None)
         names = [str(name) for name in found.columns]
         return [dict(zip(names, row, strict=True)) for row in found.to_numpy().tolist()]
 
     def file_trips(self, rows: Iterable[Mapping[str, Any]]) -> list[FileTrips]:
-        """The data files of some logs, each with the logs that may be in it. O(files + logs)."""
+        """Find the data files of some logs, each with the logs that may be in it. O(files + logs).
+
+        Parameters
+        ----------
+        rows : iterable of mapping
+            Rows of `trips` with `bucket`, `month` and `batch`.
+
+        Returns
+        -------
+        list of FileTrips
+            Data files without a wanted log are left out.
+        """
         by_place: dict[tuple[int, str], list[Mapping[str, Any]]] = {}
         for row in rows:
             by_place.setdefault((row["bucket"], row["month"]), []).append(row)
@@ -325,7 +409,7 @@ class TripStore:
         return found
 
     def audit(self, **which: Any) -> tuple[Finding, ...]:
-        """Findings of the stored logs, judged anew with the logs of their vehicle beside them.
+        """Judge stored logs anew with the logs of their vehicle beside them.
 
         What the logs of one car have in common, such as its battery's capacity, is taken from all of them; the rows of
         `trips` are of each log by itself.
@@ -334,6 +418,11 @@ class TripStore:
         ----------
         **which
             As of `trips`.
+
+        Returns
+        -------
+        tuple of Finding
+            Vehicle by vehicle.
         """
         found: list[Finding] = []
         rows = self.trip_rows(**which)
@@ -386,6 +475,11 @@ class TripStore:
         Old versions of the tables that need these files can no longer be read. What was made from the trips, such as
         models and reports, is not part of a store.
 
+        Parameters
+        ----------
+        vehicle_id : str
+            The vehicle, as it was added.
+
         Returns
         -------
         int
@@ -415,7 +509,14 @@ class TripStore:
         return erased[0]
 
     def about(self) -> dict[str, Any]:
-        """Counts and sums of the store."""
+        """Count and sum what is in the store.
+
+        Returns
+        -------
+        dict
+            Place and format, counts of logs, vehicles and car models, the distance [m], first and last departure, and the
+            size of the data files [bytes].
+        """
         rows = self.rows.read(["vehicle_id", "car_model", "distance_m", "energy_wh", "drives", "started_at"])
         frame = rows.to_pandas()
         started = frame["started_at"].dropna()
@@ -517,15 +618,40 @@ def open_store(place: Path | str, *, options: Mapping[str, str] | None = None) -
 def read_file(
     files: Any, path: str, rows: Sequence[Mapping[str, Any]]
 ) -> Iterator[tuple[Mapping[str, Any], Log]]:
-    """Those of some logs that are in one data file of samples, each with its row, by digest. O(rows of the file).
+    """Read from a data file of samples those of some logs that are in it. O(rows of the file).
 
     Parameters
     ----------
     files : pyarrow.fs.FileSystem
         Of the table `samples`.
     path : str
+        The data file, as `DataFile.path` has it.
     rows : sequence of mapping
         Rows of `trips`.
+
+    Yields
+    ------
+    row : mapping
+        The log's row of `trips`.
+    log : Log
+        The log, raw; logs come by digest.
+
+    Raises
+    ------
+    InvalidInput
+        When samples of a log are missing.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     store = create_store(folder)
+    ...     _ = store.add(synthetic_fleet(1), vehicle_id="V1", car_model="bmw_i3_60ah")
+    ...     (part,) = store.file_trips(store.trip_rows())
+    ...     for row, log in read_file(store.samples.filesystem(), part.file.path, part.rows):
+    ...         print(row["vehicle_id"], len(log) == row["samples"])
+    V1 True
     """
     import pyarrow as pa
     import pyarrow.parquet as pq

@@ -106,12 +106,15 @@ def faulty_fleet(
     ----------
     n_trips : int
         Three or more.
-    seed, step_s
+    seed : int
+        As for `synthetic_fleet`.
+    step_s : float
         As for `synthetic_fleet`.
 
     Returns
     -------
     fleet : Fleet
+        With three faulty logs.
     faults : tuple of PlantedFault
         In the order of the trips.
 
@@ -136,7 +139,16 @@ def faulty_fleet(
 
 
 def synthetic_truth(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0) -> pd.DataFrame:
-    """What is hidden behind `synthetic_fleet` of the same arguments. O(samples).
+    """Show what is hidden behind `synthetic_fleet` of the same arguments. O(samples).
+
+    Parameters
+    ----------
+    n_trips : int
+        As for `synthetic_fleet`.
+    seed : int
+        As for `synthetic_fleet`.
+    step_s : float
+        As for `synthetic_fleet`.
 
     Returns
     -------
@@ -171,7 +183,32 @@ def synthetic_world(
     vehicle: Vehicle | None = None,
     hours: tuple[float, float] | None = None,
 ) -> tuple[Fleet, pd.DataFrame]:
-    """Fleet and truth together, computed once. Arguments, results and errors as in those two.
+    """Make fleet and truth together, computed once. O(samples).
+
+    Parameters
+    ----------
+    n_trips : int
+        As for `synthetic_fleet`.
+    seed : int
+        As for `synthetic_fleet`.
+    step_s : float
+        As for `synthetic_fleet`.
+    vehicle : Vehicle, optional
+        As for `synthetic_fleet`.
+    hours : tuple of float, optional
+        As for `synthetic_fleet`.
+
+    Returns
+    -------
+    fleet : Fleet
+        As of `synthetic_fleet`.
+    truth : DataFrame
+        As of `synthetic_truth`.
+
+    Raises
+    ------
+    InvalidInput
+        As `synthetic_fleet`.
 
     Examples
     --------
@@ -193,7 +230,17 @@ def synthetic_world(
 
 
 def example_trip(seed: int = 0) -> pd.DataFrame:
-    """One computed trip as a table in canonical columns at 1 Hz, for documentation and for trying commands.
+    """Make one computed trip as a table in canonical columns at 1 Hz, for documentation and for trying commands.
+
+    Parameters
+    ----------
+    seed : int
+        As for `synthetic_fleet`.
+
+    Returns
+    -------
+    DataFrame
+        One row per second.
 
     Examples
     --------

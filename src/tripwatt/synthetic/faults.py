@@ -46,6 +46,7 @@ class PlantedFault:
     trip : str
         Id of the trip that has it.
     kind : {"frozen signal", "wrong sign", "filled gap"}
+        What is wrong with the signal.
     first, stop : int
         Samples that differ from those of the sound trip: first, and one past the last.
     from_s, to_s : float
@@ -53,6 +54,11 @@ class PlantedFault:
         there is none.
     unfaulted_energy_wh : float
         Measured energy of the trip without the fault [Wh].
+
+    Examples
+    --------
+    >>> PlantedFault("A", "frozen signal", 10, 20, 9.0, 20.0, unfaulted_energy_wh=1500.0).kind
+    'frozen signal'
     """
 
     trip: str

@@ -49,11 +49,18 @@ class Adaptation:
     Attributes
     ----------
     model : ForecastModel
+        The adapted model.
     posterior : Posterior
+        What was learned of the car.
     parameters : mapping of str to (float, float)
         Relative change of each physical parameter and its standard deviation.
     masked_inputs : tuple of str
         Inputs that the new car's log lacks, masked in the donor model.
+
+    Examples
+    --------
+    >>> found = adaptation(base, trips, vehicle)  # doctest: +SKIP
+    >>> found.model.forecast(plan)  # doctest: +SKIP
     """
 
     model: ForecastModel
@@ -155,8 +162,11 @@ def adapt_model(
     Parameters
     ----------
     fleet : Fleet
+        Logs of the new car, as a reader gave them.
     vehicle : Vehicle
+        The new car.
     base : ForecastModel
+        The stored model, of another car.
     about_base : mapping
         The base's metadata, as `load_metadata` gives them.
     mode : str
@@ -166,6 +176,10 @@ def adapt_model(
     -------
     model, provenance, evaluation
         As of `train_model`; the provenance nests the base's with its digest.
+
+    Examples
+    --------
+    >>> model, provenance, evaluation = adapt_model(fleet, vehicle, base, load_metadata())  # doctest: +SKIP
     """
     found = audit(fleet)
     done = adaptation(base, found.trips, vehicle, mode=mode)
@@ -187,6 +201,7 @@ def adapt_model(
             "mode": mode,
             "hidden": list(done.masked_inputs),
             "share_in_common": done.posterior.share,
+            "shares_by_stage": list(done.posterior.shares),
             "noise_scale": done.posterior.noise_scale,
             "parameters": {k: {"change": m, "sd": s} for k, (m, s) in done.parameters.items()}
             if mode != "effects"

@@ -31,6 +31,7 @@ def zero_shot_model(base: ForecastModel, vehicle: Vehicle) -> ForecastModel:
     base : ForecastModel
         Fitted, with a corrector that holds a Gaussian process.
     vehicle : Vehicle
+        The car without trips.
 
     Returns
     -------
@@ -80,18 +81,33 @@ def zero_shot_model(base: ForecastModel, vehicle: Vehicle) -> ForecastModel:
 
 
 def on_vehicle(model: ForecastModel, vehicle: Vehicle | str | None) -> tuple[ForecastModel, tuple[Flag, ...]]:
-    """A model on the chosen car, and the flag of a car without trips.
+    """Put a model on the chosen car.
 
     Parameters
     ----------
     model : ForecastModel
+        A fitted model.
     vehicle : Vehicle or str, optional
         A car, or the name of one of the library; the model's own when not given.
+
+    Returns
+    -------
+    model : ForecastModel
+        Of the chosen car; the same object for the model's own car.
+    flags : tuple of Flag
+        That the car has no trips; empty for the model's own car.
 
     Raises
     ------
     InvalidInput
         When there is no such car, or the model cannot be transferred.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> model, flags = on_vehicle(tw.load_model("bmw_i3_tum"), "vw_id3")
+    >>> model.vehicle.name, flags[0].code
+    ('vw_id3', 'no_trips_of_car')
     """
     name = vehicle.name if isinstance(vehicle, Vehicle) else vehicle
     if name is None or name == model.vehicle.name:

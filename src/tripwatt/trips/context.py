@@ -13,11 +13,13 @@ class Context:
     Attributes
     ----------
     season : {"summer", "winter"} or None
+        Season of the drive.
     weather : str or None
         One of the data set's own levels, in lower case.
     started_at : datetime or None
         Local time of departure; its date is the day of leave-one-day-out.
     route : str or None
+        Kind of road in the words of the source, in lower case.
     cabin_setpoint_degc : float or None
         Set-point [°C] at departure.
     payload_mass_kg : float
@@ -30,6 +32,12 @@ class Context:
         Which car of a data set of several drove it; None where the set has one car.
     driver : str or None
         Who drove, None where the source has no name.
+
+    Examples
+    --------
+    >>> context = Context(season="winter", payload_mass_kg=80.0)
+    >>> context.payload_mass_kg, context.driver is None
+    (80.0, True)
     """
 
     season: str | None = None

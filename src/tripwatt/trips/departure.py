@@ -81,7 +81,9 @@ class Departure:
     bms_soc : float or None
         State of charge of the battery management, 0 to 1; it counts before `soc` where a log has both.
     season : {"summer", "winter"} or None
+        Season of the drive.
     weather : str or None
+        Words of the data set for it, in lower case.
     follows_trip : bool or None
         Whether the car comes directly from another trip: tyres and driveline are warm.
     started_at : datetime or None

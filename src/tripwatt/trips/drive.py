@@ -19,8 +19,22 @@ class Drive:
     Attributes
     ----------
     trip_id : str
+        Name of the drive, unique in its data set.
     samples : DataFrame
         One row per sample, canonical columns (see `tripwatt.trips.COLUMNS`), float64.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> drive = Drive("A", pd.DataFrame({"time_s": [0.0, 1.0, 2.0], "speed_m_s": [0.0, 2.0, 4.0]}))
+    >>> len(drive), drive.duration_s, drive.distance_m
+    (3, 2.0, 4.0)
+    >>> drive.array("speed_m_s")
+    array([0., 2., 4.])
+    >>> drive.has("speed_m_s"), drive.has("speed_m_s", "elevation_m")
+    (True, False)
+    >>> drive.to_frame().shape
+    (3, 2)
     """
 
     trip_id: str
@@ -35,6 +49,16 @@ class Drive:
     def array(self, column: str) -> FloatArray:
         """One column as a float64 array, shape (samples,).
 
+        Parameters
+        ----------
+        column : str
+            A column of `samples`.
+
+        Returns
+        -------
+        ndarray, shape (samples,)
+            Its values in the unit of the column, NaN where they are unknown.
+
         Raises
         ------
         KeyError
@@ -43,7 +67,18 @@ class Drive:
         return self.samples[column].to_numpy(dtype=np.float64)
 
     def has(self, *columns: str) -> bool:
-        """Whether every named column is there with at least one finite value."""
+        """Tell whether every named column is there with at least one finite value.
+
+        Parameters
+        ----------
+        *columns : str
+            Names of columns.
+
+        Returns
+        -------
+        bool
+            True for no names.
+        """
         return all(c in self.samples.columns and not bool(np.isnan(self.array(c)).all()) for c in columns)
 
     @property
@@ -58,7 +93,13 @@ class Drive:
         return float(np.trapezoid(self.array("speed_m_s"), self.array("time_s")))
 
     def to_frame(self) -> pd.DataFrame:
-        """The samples, a copy."""
+        """The samples, a copy.
+
+        Returns
+        -------
+        DataFrame
+            One row per sample; to change it does not change the drive.
+        """
         return self.samples.copy()
 
     def _columns(self) -> dict[str, list[float | None]]:

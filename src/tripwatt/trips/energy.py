@@ -15,10 +15,22 @@ def observed_cumulative_energy(samples: pd.DataFrame) -> FloatArray | None:
     Samples in which voltage or current is missing are bridged by the trapezoid between their neighbours. A log that
     has neither may bring a column `observed_energy_wh` of its own, such as one from the state of charge.
 
+    Parameters
+    ----------
+    samples : DataFrame
+        One row per sample: `time_s` [s], and `voltage_v` [V] and `current_a` [A, positive for discharge], or
+        `observed_energy_wh` [Wh].
+
     Returns
     -------
     ndarray, shape (samples,), or None
         Starts at 0; None without a measurement.
+
+    Examples
+    --------
+    >>> drive = pd.DataFrame({"time_s": [0.0, 36.0, 72.0], "voltage_v": 400.0, "current_a": [10.0, 10.0, 20.0]})
+    >>> observed_cumulative_energy(drive)
+    array([  0.,  40., 100.])
     """
     if not {"voltage_v", "current_a"} <= set(samples.columns):
         if "observed_energy_wh" not in samples.columns or not len(samples):
@@ -41,6 +53,25 @@ def observed_cumulative_energy(samples: pd.DataFrame) -> FloatArray | None:
 
 
 def observed_energy(samples: pd.DataFrame) -> float | None:
-    """Energy at the battery terminals over all samples [Wh], None without voltage and current."""
+    """Energy at the battery terminals over all samples [Wh], None without voltage and current.
+
+    Parameters
+    ----------
+    samples : DataFrame
+        As for `observed_cumulative_energy`.
+
+    Returns
+    -------
+    float or None
+        Energy taken from the battery [Wh], negative when more was charged than discharged.
+
+    Examples
+    --------
+    >>> drive = pd.DataFrame({"time_s": [0.0, 36.0, 72.0], "voltage_v": 400.0, "current_a": [10.0, 10.0, 20.0]})
+    >>> observed_energy(drive)
+    100.0
+    >>> observed_energy(drive[["time_s"]]) is None
+    True
+    """
     cumulative = observed_cumulative_energy(samples)
     return None if cumulative is None or not len(cumulative) else float(cumulative[-1])

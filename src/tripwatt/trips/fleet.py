@@ -27,6 +27,13 @@ class Fleet:
         data set defines none.
     citation : str
         Attribution that the data's licence requires, empty when it requires none.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> fleet = synthetic_fleet(2)
+    >>> fleet.name, len(fleet.logs), fleet.reference_trips()
+    ('synthetic', 2, ())
     """
 
     name: str
@@ -41,7 +48,13 @@ class Fleet:
         return tuple(map(Trip.from_log, self.logs))
 
     def reference_trips(self) -> tuple[Trip, ...]:
-        """The reference trips among the logs, ended where the reference ends; empty without a reference."""
+        """The reference trips among the logs, ended where the reference ends; empty without a reference.
+
+        Returns
+        -------
+        tuple of Trip
+            In the order of the logs.
+        """
         ends = self.reference or {}
         return tuple(
             t if ends[t.trip_id] is None else t.between(-math.inf, ends[t.trip_id] or math.inf)

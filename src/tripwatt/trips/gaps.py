@@ -38,6 +38,11 @@ def time_faults(time_s: FloatArray, where: str) -> Iterator[Fault]:
     where : str
         Name for messages.
 
+    Yields
+    ------
+    Fault
+        Too many samples, too long a duration, or a gap longer than `LONGEST_GAP_S`.
+
     Examples
     --------
     >>> [fault.what for fault in time_faults(np.array([0.0, 1.0, 43200.0]), "samples")]
@@ -66,6 +71,16 @@ def time_faults(time_s: FloatArray, where: str) -> Iterator[Fault]:
 
 def gap_flags(time_s: FloatArray) -> tuple[Flag, ...]:
     """The flag of a speed trace with gaps: their time in all [s]. O(samples).
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (samples,)
+        Increasing times [s].
+
+    Returns
+    -------
+    tuple of Flag
+        One flag `gap_bridged` with the sum of all steps longer than `SHORTEST_GAP_S`; empty without such a step.
 
     Examples
     --------

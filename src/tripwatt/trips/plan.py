@@ -232,6 +232,14 @@ def plan_from_trip(trip: Recorded, *, step_s: float = 1.0) -> Plan:
     ------
     InvalidInput
         When a value of the first sample is out of its bounds.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> trip = synthetic_fleet(1).logs[0]
+    >>> plan = plan_from_trip(trip)
+    >>> plan.has("speed_m_s"), plan.has("current_a"), plan.departure == trip.departure
+    (True, False, True)
     """
     return _plan(trip, trip.departure, step_s)
 
@@ -248,10 +256,16 @@ def plan_from_samples(
     samples : DataFrame
         Canonical columns.
     trip_id : str
+        Name of the plan.
     departure : Departure, optional
         Its known fields take the place of those of the first sample.
     step_s : float
         Width of the bins of the speed trace [s].
+
+    Returns
+    -------
+    Plan
+        Speed trace and road as bin means, with a flag when a gap was bridged.
 
     Raises
     ------

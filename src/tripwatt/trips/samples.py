@@ -17,7 +17,17 @@ MOST_BINS: Final = 10_000_000
 
 
 def table_of(columns: Mapping[str, FloatArray]) -> pd.DataFrame:
-    """Columns of floats of one length as one array of numbers, much faster than column by column.
+    """Make a table of columns of floats of one length as one array of numbers, much faster than column by column.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray, shape (samples,)
+        Values by name.
+
+    Returns
+    -------
+    DataFrame
+        One column for each name, in their order, float64.
 
     Examples
     --------
@@ -44,11 +54,28 @@ def bin_means(
     ----------
     time : ndarray, shape (samples,)
         Increasing times [s] since the first sample; they stand for the column `time_s`.
+    columns : mapping of str to ndarray, shape (samples,)
+        Values by name; NaN is unknown and not part of a mean.
+    step_s : float
+        Width of a bin [s], more than 0.
+
+    Returns
+    -------
+    n_bins : int
+        Number of bins from time 0 to the last sample.
+    means : dict of str to ndarray, shape (n_bins,)
+        Means by name. A bin without samples is interpolated; its time is its centre.
 
     Raises
     ------
     InvalidInput
         For more than `MOST_BINS` bins.
+
+    Examples
+    --------
+    >>> n_bins, means = bin_means(np.arange(4.0), {"speed_m_s": np.array([0.0, 2.0, 4.0, 6.0])}, 2.0)
+    >>> n_bins, means["speed_m_s"].tolist()
+    (2, [1.0, 5.0])
     """
     if not float(time[-1]) / step_s < MOST_BINS:
         got = f"{float(time[-1]):g} s in steps of {step_s:g} s"

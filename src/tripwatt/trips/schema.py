@@ -21,7 +21,24 @@ from tripwatt.errors import Fault, InvalidInput
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A canonical sample column: what it means and the range outside which a value cannot be one."""
+    """A canonical sample column: what it means and the range outside which a value cannot be one.
+
+    Attributes
+    ----------
+    unit : str
+        SI unit of the values, "1" for a number without a unit, "degC" for temperatures.
+    minimum : float
+        Smallest possible value, in that unit.
+    maximum : float
+        Largest possible value, in that unit.
+    meaning : str
+        What the column holds, in a few words.
+
+    Examples
+    --------
+    >>> COLUMNS["speed_m_s"].unit, COLUMNS["speed_m_s"].allowed
+    ('m/s', '0 to 90 m/s')
+    """
 
     unit: str
     minimum: float
@@ -109,6 +126,16 @@ LINK_COLUMNS: Final[Mapping[str, Column]] = MappingProxyType(
 def scalar_faults(values: Mapping[str, float | None]) -> Iterator[Fault]:
     """Every single number outside the bounds of its name, a key of `COLUMNS` or `QUANTITIES`; None is unknown.
 
+    Parameters
+    ----------
+    values : mapping of str to (float or None)
+        Name of a quantity to its value in the unit of the name.
+
+    Yields
+    ------
+    Fault
+        One for each value that is out of its bounds or not finite.
+
     Examples
     --------
     >>> print(*scalar_faults({"ambient_temperature_degc": 99.0, "payload_mass_kg": None}))
@@ -127,6 +154,22 @@ def is_sound(samples: pd.DataFrame) -> bool:
 
     One pass over all columns, with the result of `structure_faults` and `value_faults` column by column.
     O(samples x columns).
+
+    Parameters
+    ----------
+    samples : DataFrame
+        One row per sample.
+
+    Returns
+    -------
+    bool
+        True only when `validate_samples` would find nothing.
+
+    Examples
+    --------
+    >>> table = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 2.0]})
+    >>> is_sound(table), is_sound(table.assign(speed_m_s=900.0))
+    (True, False)
     """
     names = samples.columns.tolist()
     if len(samples) < 2 or not {*REQUIRED_COLUMNS} <= set(names) <= set(COLUMNS):
@@ -143,7 +186,25 @@ def is_sound(samples: pd.DataFrame) -> bool:
 
 
 def structure_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
-    """Every reason why a table cannot be a trip at all. O(columns)."""
+    """Every reason why a table cannot be a trip at all. O(columns).
+
+    Parameters
+    ----------
+    samples : DataFrame
+        One row per sample.
+    where : str
+        Name of the table in messages.
+
+    Yields
+    ------
+    Fault
+        One for each missing column, for too few samples, and for each column that is not numeric.
+
+    Examples
+    --------
+    >>> [fault.what for fault in structure_faults(pd.DataFrame({"time_s": [0.0]}), "drive.csv")]
+    ['missing column', 'too few samples']
+    """
     for name in REQUIRED_COLUMNS:
         if name not in samples.columns:
             yield Fault("missing column", where, f"columns {sorted(samples.columns)}", f"a column {name!r}")
@@ -155,7 +216,25 @@ def structure_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
 
 
 def value_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
-    """Every value that cannot be one, of a table without structure faults. O(samples x columns)."""
+    """Every value that cannot be one, of a table without structure faults. O(samples x columns).
+
+    Parameters
+    ----------
+    samples : DataFrame
+        One row per sample, for which `structure_faults` finds nothing.
+    where : str
+        Name of the table in messages.
+
+    Yields
+    ------
+    Fault
+        Missing values of required columns, values out of the bounds of their column, times that do not increase.
+
+    Examples
+    --------
+    >>> [fault.what for fault in value_faults(pd.DataFrame({"time_s": [1.0, 0.0], "speed_m_s": [0.0, np.nan]}), "drive.csv")]
+    ['missing value', 'time does not increase']
+    """
     for name in samples.columns:
         if name not in COLUMNS:
             continue
@@ -186,14 +265,53 @@ def _and_more(rows: IntArray) -> str:
 
 
 def raise_faults(faults: Iterable[Fault]) -> None:
-    """Raise `InvalidInput` with all faults when there is one."""
+    """Raise `InvalidInput` with all faults when there is one.
+
+    Parameters
+    ----------
+    faults : iterable of Fault
+        What was found; it is exhausted before the error is raised.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault, in their order.
+
+    Examples
+    --------
+    >>> raise_faults([])
+    >>> raise_faults(scalar_faults({"soc": 2.0}))
+    Traceback (most recent call last):
+        ...
+    tripwatt.errors.InvalidInput: value out of range: soc: got 2; allowed: 0 to 1
+    """
     found = tuple(faults)
     if found:
         raise InvalidInput(found)
 
 
 def validate_samples(samples: pd.DataFrame, where: str) -> None:
-    """Raise `InvalidInput` with every fault of the samples; return None when there is none."""
+    """Raise `InvalidInput` with every fault of the samples; return None when there is none.
+
+    Parameters
+    ----------
+    samples : DataFrame
+        One row per sample, canonical columns.
+    where : str
+        Name of the table in messages.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of the structure, or, when it has none, with every fault of the values.
+
+    Examples
+    --------
+    >>> validate_samples(pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 900.0]}), "drive.csv")
+    Traceback (most recent call last):
+        ...
+    tripwatt.errors.InvalidInput: value out of range: drive.csv, column 'speed_m_s', row 2: got 900 m/s; allowed: 0 to 90 m/s
+    """
     if is_sound(samples):
         return
     raise_faults(structure_faults(samples, where))

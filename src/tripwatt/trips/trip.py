@@ -31,6 +31,7 @@ class Recorded(Drive):
     Attributes
     ----------
     context : Context
+        What is known of the drive as a whole.
     observed_energy_wh : float or None
         Measured energy of the whole drive [Wh], from the raw samples; None without voltage and current.
     step_s : float or None
@@ -39,6 +40,20 @@ class Recorded(Drive):
     observed_energy_std_wh : float or None
         Standard error of `observed_energy_wh` [Wh] where it was not measured at the terminals but taken from the
         state of charge; None otherwise.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> samples = pd.DataFrame({"time_s": [0.0, 60.0, 120.0], "speed_m_s": 10.0, "voltage_v": 360.0, "current_a": 30.0})
+    >>> drive = Recorded("A", samples, observed_energy_wh=observed_energy(samples))
+    >>> drive
+    <Recorded A: 1.2 km in 2 min, 0.36 kWh measured, 3 samples>
+    >>> round(drive.between(0.0, 60.0).observed_energy_wh)
+    180
+    >>> sorted(drive.to_dict())
+    ['context', 'distance_m', 'duration_s', 'observed_energy_wh', 'samples', 'trip']
+    >>> len(drive.plot().axes)
+    2
     """
 
     context: Context = field(default_factory=Context)
@@ -58,7 +73,22 @@ class Recorded(Drive):
         return Departure.from_drive(self, self.context)
 
     def between(self, from_s: float, to_s: float, *, trip_id: str | None = None) -> Self:
-        """The part of a raw drive with `from_s <= time_s <= to_s`, its energy measured anew."""
+        """The part of a raw drive with `from_s <= time_s <= to_s`, its energy measured anew.
+
+        Parameters
+        ----------
+        from_s : float
+            First time of the part [s], on the clock of `time_s`.
+        to_s : float
+            Last time of the part [s], included.
+        trip_id : str, optional
+            Name of the part; that of the drive by default.
+
+        Returns
+        -------
+        Recorded
+            A drive of the same class.
+        """
         time = self.samples["time_s"]
         part = self.samples[(time >= from_s) & (time <= to_s)].reset_index(drop=True)
         return replace(
@@ -66,7 +96,13 @@ class Recorded(Drive):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values: identity, sums, context and the samples by column."""
+        """Plain values: identity, sums, context and the samples by column.
+
+        Returns
+        -------
+        dict
+            Keys `trip`, `duration_s`, `distance_m`, `observed_energy_wh`, `context` and `samples`; context without what is unknown.
+        """
         context = {name: value for name, value in asdict(self.context).items() if value not in (None, "")}
         if self.context.started_at is not None:
             context["started_at"] = self.context.started_at.isoformat()
@@ -80,7 +116,13 @@ class Recorded(Drive):
         }
 
     def plot(self) -> Figure:
-        """Speed, and elevation and measured energy where they are known, over time."""
+        """Speed, and elevation and measured energy where they are known, over time.
+
+        Returns
+        -------
+        Figure
+            A figure of matplotlib with one panel for each quantity that is known.
+        """
         from tripwatt.trips.plots import plot_drive  # matplotlib is slow to import
 
         energy = (
@@ -110,6 +152,21 @@ class Recorded(Drive):
 class Log(Recorded):
     """A drive as it was logged: its table is sound, its values may still be wrong. `tripwatt.auditing` judges them.
 
+    Attributes
+    ----------
+    trip_id : str
+        Name of the log.
+    samples : DataFrame
+        One row per sample, canonical columns (see `tripwatt.trips.COLUMNS`).
+    context : Context
+        What is known of the drive as a whole.
+    observed_energy_wh : float or None
+        Measured energy of the whole log [Wh], None without a measurement.
+    step_s : float or None
+        None: a log is raw.
+    observed_energy_std_wh : float or None
+        Standard error of the measured energy [Wh] where it comes from the state of charge, None otherwise.
+
     Examples
     --------
     >>> import pandas as pd
@@ -120,6 +177,20 @@ class Log(Recorded):
     @classmethod
     def from_samples(cls, trip_id: str, samples: pd.DataFrame, context: Context | None = None) -> Log:
         """A log whose table can be one.
+
+        Parameters
+        ----------
+        trip_id : str
+            Name of the log.
+        samples : DataFrame
+            One row per sample, canonical columns; at least two rows with `time_s` and `speed_m_s`.
+        context : Context, optional
+            What is known of the drive as a whole; nothing by default.
+
+        Returns
+        -------
+        Log
+            With its measured energy where the samples have one.
 
         Raises
         ------
@@ -231,6 +302,18 @@ def resample(trip: Trip, step_s: float = 1.0) -> Trip:
     starts near 0; the column `observed_energy_wh` is the measured cumulative energy at the end of the bin, from
     the raw samples, so that its last value is the trip's `observed_energy_wh` to the last bit.
 
+    Parameters
+    ----------
+    trip : Trip
+        With raw samples.
+    step_s : float
+        Width of a bin [s], more than 0.
+
+    Returns
+    -------
+    Trip
+        One row per bin, its `step_s` set.
+
     Raises
     ------
     InvalidInput
@@ -257,7 +340,25 @@ def resample(trip: Trip, step_s: float = 1.0) -> Trip:
 
 
 def require_unique_ids(drives: Iterable[Drive]) -> None:
-    """Raise `InvalidInput` when two drives share an id."""
+    """Raise `InvalidInput` when two drives share an id.
+
+    Parameters
+    ----------
+    drives : iterable of Drive
+        Logs, trips or plans.
+
+    Raises
+    ------
+    InvalidInput
+        With all ids that come more than once.
+
+    Examples
+    --------
+    >>> require_unique_ids([Drive("A", None), Drive("A", None)])
+    Traceback (most recent call last):
+        ...
+    tripwatt.errors.InvalidInput: duplicate trip id: trips: got A; allowed: one id per trip
+    """
     ids = pd.Series([drive.trip_id for drive in drives], dtype=object)
     twice = sorted(set(ids[ids.duplicated()]))
     if twice:

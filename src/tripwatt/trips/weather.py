@@ -20,6 +20,15 @@ class PlanWeather:
     air_density_kg_m3 : float or None
         None where the pressure is not known: that of the standard atmosphere.
     rain_mm_h : float
+        Rain on the road.
+
+    Examples
+    --------
+    >>> weather = PlanWeather(np.array([2.0, -1.0]), rain_mm_h=0.5)
+    >>> weather.with_more_wind(1.0).headwind_m_s
+    array([3., 0.])
+    >>> weather.calm().headwind_m_s
+    array([0., 0.])
     """
 
     headwind_m_s: FloatArray
@@ -27,9 +36,26 @@ class PlanWeather:
     rain_mm_h: float = 0.0
 
     def with_more_wind(self, headwind_m_s: float) -> PlanWeather:
-        """The weather with so much more wind against the car [m/s] everywhere."""
+        """Add wind against the car.
+
+        Parameters
+        ----------
+        headwind_m_s : float
+            Additional wind against the direction of travel [m/s], the same at every sample.
+
+        Returns
+        -------
+        PlanWeather
+            A copy with more wind.
+        """
         return replace(self, headwind_m_s=self.headwind_m_s + headwind_m_s)
 
     def calm(self) -> PlanWeather:
-        """The weather without wind."""
+        """Remove the wind.
+
+        Returns
+        -------
+        PlanWeather
+            A copy with a headwind of 0 m/s at every sample.
+        """
         return replace(self, headwind_m_s=np.zeros_like(self.headwind_m_s))

@@ -71,31 +71,83 @@ class ChargeScale:
     hidden: float = 0.0
 
     def displayed(self, soc: Any) -> Any:
-        """What the display shows, for the battery management's state of charge."""
+        """Convert the battery management's state of charge to what the display shows.
+
+        Parameters
+        ----------
+        soc : float or ndarray
+            State of charge of the battery management, 0 to 1.
+
+        Returns
+        -------
+        float or ndarray
+            Displayed state of charge, shape of `soc`; not clipped to 0 to 1.
+        """
         return (soc - self.zero_soc) / (self.full_soc - self.zero_soc)
 
     def left(self, start: float, energy_wh: Any, from_display: bool = True) -> Any:
-        """Displayed charge after an energy was taken; below 0 where it does not last.
+        """Compute the displayed charge after an energy was taken.
 
         A full display that was read gives what it hides first, so the result may lie above 1.
+
+        Parameters
+        ----------
+        start : float
+            Displayed state of charge before, 0 to 1.
+        energy_wh : float or ndarray
+            Energy taken at the terminals [Wh].
+        from_display : bool
+            Whether `start` was read from the display, not converted from the battery management's charge.
+
+        Returns
+        -------
+        float or ndarray
+            Displayed state of charge, shape of `energy_wh`; below 0 where the charge does not last.
         """
         hidden = self.hidden if from_display and start >= FULL else 0.0
         return start + hidden - energy_wh / self.wh_per_display
 
     def sd(self, energy_wh: Any, from_display: bool) -> Any:
-        """Scale of the error of `left`, but for that of the energy: reading and conversion, and the capacity."""
+        """Compute the scale of the error of `left` apart from that of the energy.
+
+        It has two sources: reading and conversion, and the capacity.
+
+        Parameters
+        ----------
+        energy_wh : float or ndarray
+            Energy taken at the terminals [Wh].
+        from_display : bool
+            Whether the charge before was read from the display, not converted from the battery management's charge.
+
+        Returns
+        -------
+        float or ndarray
+            In displayed state of charge [1], shape of `energy_wh`.
+        """
         base = self.displayed_sd if from_display else self.managed_sd
         return np.hypot(base, CAPACITY_SD * np.abs(energy_wh) / self.wh_per_display)
 
     @classmethod
     def from_book(cls, battery: Battery, wh_per_soc: float) -> ChargeScale:
-        """Of a car's published values.
+        """Make the scale from a car's published values.
 
         Parameters
         ----------
         battery : Battery
+            Of the car.
         wh_per_soc : float
             Energy of a unit of the battery management's state of charge [Wh].
+
+        Returns
+        -------
+        ChargeScale
+            With the error of a car whose display was not compared with trips.
+
+        Examples
+        --------
+        >>> from tripwatt.vehicles import load_vehicle
+        >>> ChargeScale.from_book(load_vehicle("bmw_i3_60ah").battery, 21_000.0).trips
+        0
         """
         window = battery.displayed_full_soc - battery.displayed_zero_soc
         return cls(
@@ -121,6 +173,16 @@ class ChargeScale:
             Battery management's charge at departure and arrival, displayed charge at both; NaN where unknown.
         energy_wh : ndarray, shape (trips,)
             Measured.
+
+        Returns
+        -------
+        ChargeScale or None
+            None where too few trips have all readings.
+
+        Examples
+        --------
+        >>> ChargeScale.from_readings(np.full((3, 4), 0.5), np.zeros(3)) is None
+        True
         """
         known = np.isfinite(readings).all(axis=1) & np.isfinite(energy_wh)
         soc, shown, energy = readings[known, 0], readings[known, 2:], energy_wh[known]

@@ -23,19 +23,33 @@ class ConformalScores:
     Attributes
     ----------
     values : ndarray, shape (trips,)
+        Absolute errors over their standard deviations [1].
 
     Examples
     --------
     >>> scores = ConformalScores.from_errors([-1.0, 0.5, 2.0, 0.1])
     >>> scores.factor(0.4), scores.factor(0.8)
     (0.5, 2.0)
+    >>> round(scores.probability(2.0), 3), round(scores.probability(-2.0), 3)
+    (0.9, 0.1)
     """
 
     values: FloatArray
 
     @classmethod
     def from_errors(cls, standardised: Sequence[float]) -> ConformalScores:
-        """From signed standardised errors."""
+        """Make the scores of signed standardised errors.
+
+        Parameters
+        ----------
+        standardised : sequence of float
+            Errors over their standard deviations [1], at least one.
+
+        Returns
+        -------
+        ConformalScores
+            The absolute values, sorted.
+        """
         return cls(np.sort(np.abs(np.asarray(standardised, dtype=np.float64))))
 
     def factor(self, level: float) -> float:
@@ -43,6 +57,16 @@ class ConformalScores:
 
         The k-th of n scores covers a new trip with probability k / (n + 1), whatever the distribution; levels in
         between are interpolated.
+
+        Parameters
+        ----------
+        level : float
+            Coverage of the interval, 0 to 1.
+
+        Returns
+        -------
+        float
+            Standard deviations [1]; never falls with the level.
         """
         n = len(self.values)
         rank = level * (n + 1)
@@ -51,7 +75,18 @@ class ConformalScores:
         return float(self.values[-1]) * _t4_half_width(min(level, 1 - 1e-9)) / _t4_half_width(n / (n + 1))
 
     def probability(self, standardised: float) -> float:
-        """Probability that the error is below `standardised` standard deviations: the inverse of `factor`."""
+        """Probability that the error is below `standardised` standard deviations: the inverse of `factor`.
+
+        Parameters
+        ----------
+        standardised : float
+            Limit of the error over its standard deviation [1].
+
+        Returns
+        -------
+        float
+            0 to 1; 0.5 for a limit of 0.
+        """
         n = len(self.values)
         size = abs(standardised)
         if size <= self.values[-1]:

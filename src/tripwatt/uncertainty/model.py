@@ -37,6 +37,13 @@ class UncertaintyModel:
         Displayed charge by energy; None where the training trips have too few readings.
     free_flow : FreeFlowUncertainty or None
         Expected travel times of a free-flow route and what they add; None where they were not measured.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> uncertainty = tw.load_model("bmw_i3_tum").uncertainty_
+    >>> uncertainty.scores.factor(0.5) < uncertainty.scores.factor(0.9)
+    True
     """
 
     process: ResidualProcess
@@ -54,7 +61,32 @@ class UncertaintyModel:
         route: RouteUncertainty | None = None,
         charge: ChargeScale | None = None,
     ) -> UncertaintyModel:
-        """Estimate every part from trips that the corrector was not fitted on. O(trips x segments^3) a step."""
+        """Estimate every part from trips that the corrector was not fitted on. O(trips x segments^3) a step.
+
+        Parameters
+        ----------
+        trips : sequence of HeldOutResidual
+            Residual powers of trips that the corrector was not fitted on.
+        route : RouteUncertainty, optional
+            Becomes part of the model.
+        charge : ChargeScale, optional
+            Becomes part of the model.
+
+        Returns
+        -------
+        UncertaintyModel
+            Without `free_flow`.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from tripwatt.uncertainty import Segments
+        >>> from tripwatt.uncertainty.process import HeldOutResidual
+        >>> segments = Segments(np.arange(12) * 60.0, np.full(12, 60.0), np.full(12, 4000.0), np.zeros(12))
+        >>> trips = [HeldOutResidual(segments, np.full(12, power)) for power in (-80.0, 60.0, 20.0, -30.0, 90.0)]
+        >>> UncertaintyModel.from_held_out(trips).scores.values.shape
+        (5,)
+        """
         errors = np.array([trip.error_wh for trip in trips])
         process = fit_process(trips)
         course = TimeCourse.from_process(process)

@@ -58,6 +58,12 @@ class Segments:
         Standard deviation of the corrector's own uncertainty of the trip's energy [Wh].
     outside_sd_wh : float
         Standard deviation of what the corrector may have missed outside of what it was learned from [Wh].
+
+    Examples
+    --------
+    >>> segments = Segments(np.array([450.0, 1350.0]), np.full(2, 900.0), np.full(2, 4000.0), np.zeros(2))
+    >>> len(segments), segments.hours.tolist()
+    (2, [0.25, 0.25])
     """
 
     time_s: FloatArray
@@ -88,10 +94,21 @@ class ResidualProcess:
     Attributes
     ----------
     drive, climate : ComponentProcess
+        Processes of driving and of climate control.
     climate_limit_w : float
         Measured climate power counts as no further than this from what was expected [W].
     split : bool
         Whether the components were fitted separately, on logged climate control.
+
+    Examples
+    --------
+    >>> still = ComponentProcess(0.0, 0.0, 0.0, 600.0, 0.0)
+    >>> process = ResidualProcess(ComponentProcess(60.0, 0.0, 0.0, 600.0, 0.0), still, climate_limit_w=500.0, split=True)
+    >>> segments = Segments(np.array([900.0]), np.array([1800.0]), np.zeros(1), np.zeros(1))
+    >>> process.sd_wh(segments), process.prior(segments, "climate").energy_wh(segments.hours)[1].tolist()
+    (30.0, [0.0])
+    >>> process.limited(np.array([-900.0, 20.0])).tolist()
+    [-500.0, 20.0]
     """
 
     drive: ComponentProcess
@@ -100,7 +117,20 @@ class ResidualProcess:
     split: bool
 
     def prior(self, segments: Segments, component: str = "joint") -> PowerPrior:
-        """The residual power before anything was observed: of "drive", of "climate", or of both ("joint")."""
+        """Make the distribution of the residual power before anything was observed.
+
+        Parameters
+        ----------
+        segments : Segments
+            Of one trip.
+        component : {"joint", "drive", "climate"}
+            Which component; "joint" is the sum of both.
+
+        Returns
+        -------
+        PowerPrior
+            With mean 0.
+        """
         parts = {
             "drive": (self.drive, segments.moved_w, segments.drive_noise_w),
             "climate": (self.climate, segments.hvac_w, np.ones(len(segments))),
@@ -109,11 +139,33 @@ class ResidualProcess:
         return PowerPrior.from_components(segments.time_s, chosen)
 
     def sd_wh(self, segments: Segments) -> float:
-        """Standard deviation of the trip's energy [Wh]."""
+        """Compute the standard deviation of the trip's energy.
+
+        Parameters
+        ----------
+        segments : Segments
+            Of one trip.
+
+        Returns
+        -------
+        float
+            Standard deviation [Wh] of the sum of both components.
+        """
         return float(np.sqrt(self.prior(segments).variance_wh2(segments.hours)[-1]))
 
     def limited(self, climate_w: FloatArray) -> FloatArray:
-        """Climate residual within the limit [W]."""
+        """Limit the residual of climate control to `climate_limit_w`.
+
+        Parameters
+        ----------
+        climate_w : ndarray
+            Measured minus expected power [W].
+
+        Returns
+        -------
+        ndarray
+            Residual within the limit [W], shape of `climate_w`.
+        """
         return np.clip(climate_w, -self.climate_limit_w, self.climate_limit_w)
 
 
@@ -144,10 +196,29 @@ class HeldOutResidual:
 
 
 def fit_process(trips: Sequence[HeldOutResidual]) -> ResidualProcess:
-    """Maximum likelihood of the process over trips that its mean model has not seen.
+    """Fit the process by maximum likelihood to trips that its mean model has not seen.
 
     Where trips log climate control, each component is fitted separately on those trips; else both on the sum.
     Segments are merged in pairs and all trips are solved at once, by exact gradients. O(trips x segments^3) a step.
+
+    Parameters
+    ----------
+    trips : sequence of HeldOutResidual
+        Residual powers of held-out trips, at least one.
+
+    Returns
+    -------
+    ResidualProcess
+        With separate components where a trip logs climate control.
+
+    Examples
+    --------
+    >>> flat = np.full(4, 900.0)
+    >>> segments = Segments(np.arange(4) * 900.0, flat, np.full(4, 4000.0), np.zeros(4))
+    >>> trips = [HeldOutResidual(segments, np.full(4, residual)) for residual in (-80.0, 60.0, 20.0)]
+    >>> process = fit_process(trips)
+    >>> process.split, process.sd_wh(segments) > 0.0
+    (False, True)
     """
     split = [trip for trip in trips if trip.climate_w is not None]
     if not split:

@@ -51,7 +51,17 @@ class ComponentProcess:
 
 
 class ResidualPower(Protocol):
-    """Distribution of a trip's residual power."""
+    """Distribution of a trip's residual power.
+
+    A protocol: `PowerPrior` before departure, and what follows from it after measurements.
+
+    Examples
+    --------
+    >>> power: ResidualPower = PowerPrior(np.array([30.0]), np.full((1, 1), 60.0), (), np.zeros(1))
+    >>> mean, sd = power.energy_wh(np.array([0.5]))
+    >>> mean.tolist(), sd.tolist()
+    ([0.0], [30.0])
+    """
 
     @property
     def mean_w(self) -> FloatArray:
@@ -59,12 +69,19 @@ class ResidualPower(Protocol):
         ...
 
     def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Mean and standard deviation of the cumulative residual energy at the end of each segment [Wh].
+        """Compute mean and standard deviation of the cumulative residual energy at the end of each segment.
 
         Parameters
         ----------
         hours : ndarray, shape (segments,)
             Part of each segment that counts [h].
+
+        Returns
+        -------
+        mean_wh : ndarray, shape (segments,)
+            Mean [Wh].
+        sd_wh : ndarray, shape (segments,)
+            Standard deviation [Wh].
         """
         ...
 
@@ -84,11 +101,30 @@ class PowerPrior:
     Attributes
     ----------
     time_s : ndarray, shape (segments,)
+        Middle of each segment [s].
     constant_w : ndarray, shape (segments, any)
         What is constant over the trip, by independent sources of unit variance.
     drifts : tuple of Drift
+        What changes over the trip.
     new_w2 : ndarray, shape (segments,)
         Variance of what is new in each segment.
+
+    Examples
+    --------
+    >>> prior = PowerPrior(np.array([30.0, 90.0]), np.full((2, 1), 100.0), (), np.full(2, 400.0))
+    >>> hours = np.full(2, 1.0 / 60.0)
+    >>> prior.variance_wh2(hours).round(3).tolist()
+    [2.889, 11.333]
+    >>> mean, sd = prior.energy_wh(hours)
+    >>> mean.tolist(), (sd**2).round(3).tolist()
+    ([0.0, 0.0], [2.889, 11.333])
+    >>> prior.times(np.eye(2)).tolist()
+    [[10400.0, 10000.0], [10000.0, 10400.0]]
+    >>> after = prior.measured(np.array([0]), np.array([50.0]), np.array([25.0]))
+    >>> after.mean_w.round(1).tolist()
+    [49.9, 48.0]
+    >>> prior.averaged(np.full((1, 2), 0.5), np.array([50.0]), np.array([25.0])).mean_w.round(1).tolist()
+    [49.9, 49.9]
     """
 
     time_s: FloatArray
@@ -100,7 +136,27 @@ class PowerPrior:
     def from_components(
         cls, time_s: FloatArray, parts: list[tuple[ComponentProcess, FloatArray, FloatArray]]
     ) -> PowerPrior:
-        """The sum of independent components, each with the power that it moves and the scale of what is new [W]."""
+        """Sum independent components.
+
+        Parameters
+        ----------
+        time_s : ndarray, shape (segments,)
+            Middle of each segment [s].
+        parts : list of tuple
+            For each component its process, the power that it moves [W], shape (segments,), and the scale of what is new in
+            each segment [W], shape (segments,).
+
+        Returns
+        -------
+        PowerPrior
+            Of the sum.
+
+        Examples
+        --------
+        >>> part = ComponentProcess(constant_sd_w=100.0, share_sd=0.0, drift_sd_w=0.0, drift_time_s=600.0, noise=0.0)
+        >>> PowerPrior.from_components(np.array([30.0, 90.0]), [(part, np.zeros(2), np.zeros(2))]).constant_w.tolist()
+        [[100.0], [100.0]]
+        """
         n = len(time_s)
         constant = float(np.sqrt(sum(part.constant_sd_w**2 for part, _, _ in parts)))
         columns = [np.full(n, constant)] if constant > 0.0 else []
@@ -122,11 +178,35 @@ class PowerPrior:
         return np.zeros(len(self.time_s))
 
     def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """As of `ResidualPower`. O(segments)."""
+        """Compute mean and standard deviation of the cumulative residual energy at the end of each segment. O(segments).
+
+        Parameters
+        ----------
+        hours : ndarray, shape (segments,)
+            Part of each segment that counts [h].
+
+        Returns
+        -------
+        mean_wh : ndarray, shape (segments,)
+            0 before departure.
+        sd_wh : ndarray, shape (segments,)
+            Standard deviation [Wh].
+        """
         return self.mean_w, np.sqrt(self.variance_wh2(hours))
 
     def variance_wh2(self, hours: FloatArray) -> FloatArray:
-        """Variance of the cumulative energy at the end of each segment [Wh²]. O(segments)."""
+        """Compute the variance of the cumulative energy at the end of each segment. O(segments).
+
+        Parameters
+        ----------
+        hours : ndarray, shape (segments,)
+            Part of each segment that counts [h].
+
+        Returns
+        -------
+        ndarray, shape (segments,)
+            Variance [Wh²].
+        """
         constant = np.cumsum(hours[:, None] * self.constant_w, axis=0)
         found = np.sum(constant**2, axis=1) + np.cumsum(hours**2 * self.new_w2)
         for drift in self.drifts:
@@ -134,7 +214,18 @@ class PowerPrior:
         return np.asarray(found)
 
     def times(self, columns: FloatArray) -> FloatArray:
-        """Covariance times each column, shape (segments, columns). O(segments x columns)."""
+        """Multiply the covariance of the segments with each column. O(segments x columns).
+
+        Parameters
+        ----------
+        columns : ndarray, shape (segments, columns)
+            Factors.
+
+        Returns
+        -------
+        ndarray, shape (segments, columns)
+            Covariance [W²] times `columns`.
+        """
         found = self.constant_w @ (self.constant_w.T @ columns) + self.new_w2[:, None] * columns
         for drift in self.drifts:
             inner = drift.size_w[:, None] * columns
@@ -145,28 +236,40 @@ class PowerPrior:
         return np.asarray(found)
 
     def measured(self, seen: IntArray, power_w: FloatArray, variance_w2: FloatArray) -> MeasuredPower:
-        """The distribution after the power of some segments was measured. O(segments).
+        """Condition the distribution on the measured power of some segments. O(segments).
 
         Parameters
         ----------
         seen : ndarray, shape (measured,)
             Their numbers, ascending, at least one.
         power_w : ndarray, shape (measured,)
+            Measured residual power.
         variance_w2 : ndarray, shape (measured,)
             Of the error of each measurement.
+
+        Returns
+        -------
+        MeasuredPower
+            The distribution after the measurements.
         """
         return MeasuredPower.from_segments(self, seen, power_w, variance_w2)
 
     def averaged(self, weights: FloatArray, power_w: FloatArray, variance_w2: FloatArray) -> AveragedPower:
-        """The distribution after means over segments were measured. O(segments x readings²).
+        """Condition the distribution on measured means over segments. O(segments x readings²).
 
         Parameters
         ----------
         weights : ndarray, shape (readings, segments)
             Each reading is ``weights @ residual power`` plus an independent error.
         power_w : ndarray, shape (readings,)
+            Measured means of residual power.
         variance_w2 : ndarray, shape (readings,)
             Of the error of each reading.
+
+        Returns
+        -------
+        AveragedPower
+            The distribution after the readings.
         """
         return AveragedPower.from_readings(self, weights, power_w, variance_w2)
 

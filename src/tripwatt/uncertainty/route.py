@@ -53,6 +53,9 @@ class RouteUncertainty:
     >>> route = RouteUncertainty(np.array([250.0, 1000.0]), np.array([0.0004, 0.0016]), 20)
     >>> round(route.share(250.0), 6), round(route.share(625.0) ** 2, 6), route.share(0.0), round(route.share(9e9), 6)
     (0.02, 0.001, 0.0, 0.04)
+    >>> learned = RouteUncertainty.from_differences(np.full((8, 3), 0.02))
+    >>> learned.trips, round(learned.share(250.0), 6)
+    (8, 0.02)
     """
 
     length_m: FloatArray
@@ -61,7 +64,18 @@ class RouteUncertainty:
 
     @classmethod
     def from_differences(cls, differences: FloatArray) -> RouteUncertainty | None:
-        """From relative differences, shape (trips, `LENGTHS_M`), NaN where there is none; None with too few trips."""
+        """Learn the variance from relative differences of energies.
+
+        Parameters
+        ----------
+        differences : ndarray, shape (trips, len(LENGTHS_M))
+            From `LinkedTrips.differences` [1], NaN where there is none.
+
+        Returns
+        -------
+        RouteUncertainty or None
+            None with too few trips.
+        """
         known = differences[np.isfinite(differences).all(axis=1)]
         if len(known) < LEAST_TRIPS:
             return None
@@ -72,6 +86,16 @@ class RouteUncertainty:
         """Standard deviation over the energy for links of a length.
 
         The variance is linear in between and from 0 m; beyond the longest length it stays.
+
+        Parameters
+        ----------
+        link_m : float
+            Length of the links [m].
+
+        Returns
+        -------
+        float
+            Fraction of the trip's energy [1].
         """
         length, variance = np.concatenate(([0.0], self.length_m)), np.concatenate(([0.0], self.variance))
         return float(np.sqrt(np.interp(link_m, length, variance)))
@@ -85,16 +109,40 @@ class LinkedTrips:
     ----------
     tables : tuple of tuple of SegmentTable
         For each trip its segments on links of every length of `LENGTHS_M`, or nothing where it was not cut.
+
+    Examples
+    --------
+    >>> from tripwatt.hybrid import power_corrector, segment_trips
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> trips, car = synthetic_fleet(4).trips, load_vehicle(VEHICLE)
+    >>> linked, driven = linked_trips(trips, car), segment_trips(trips, car)
+    >>> len(linked.tables[0]) == len(LENGTHS_M), len(linked.take([0, 0]).tables)
+    (True, 2)
+    >>> corrector = power_corrector("linear").fit(driven.take([0, 1, 2]))
+    >>> linked.differences(corrector, driven, np.array([3])).shape
+    (1, 3)
     """
 
     tables: tuple[tuple[SegmentTable, ...], ...]
 
     def take(self, members: Sequence[int] | IntArray) -> LinkedTrips:
-        """Those of some of the trips."""
+        """Take some of the trips.
+
+        Parameters
+        ----------
+        members : sequence of int
+            Their places.
+
+        Returns
+        -------
+        LinkedTrips
+            In the order of `members`.
+        """
         return LinkedTrips(tuple(self.tables[int(i)] for i in members))
 
     def differences(self, corrector: PowerCorrector, driven: SegmentTable, members: IntArray) -> FloatArray:
-        """(energy on links - energy on the driven trace) / the latter, by a corrector that was fitted on neither.
+        """Predict trips on links and on their driven trace, by a corrector that was fitted on neither, and compare.
 
         Parameters
         ----------
@@ -108,7 +156,12 @@ class LinkedTrips:
         Returns
         -------
         ndarray, shape (members, lengths)
-            NaN for trips that were not cut.
+            (energy on links - energy on the driven trace) / energy on the driven trace [1]; NaN for trips that were not cut.
+
+        Examples
+        --------
+        >>> linked.differences(corrector, driven, np.arange(3)).shape  # doctest: +SKIP
+        (3, 3)
         """
         found = np.full((len(members), len(LENGTHS_M)), np.nan)
         cut = [k for k, i in enumerate(members) if self.tables[int(i)]]
@@ -128,6 +181,25 @@ def linked_trips(trips: Sequence[Trip], vehicle: Vehicle) -> LinkedTrips:
     """Cut trips into links and let a driver drive these. O(samples) for each length.
 
     Of more than `MOST_TRIPS` trips, so many are cut, evenly chosen. Trips that do not move are not.
+
+    Parameters
+    ----------
+    trips : sequence of Trip
+        Trips that a model is fitted to.
+    vehicle : Vehicle
+        The car that is simulated on the links.
+
+    Returns
+    -------
+    LinkedTrips
+        One entry for each trip, empty where it was not cut.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> len(linked_trips(synthetic_fleet(1).trips, load_vehicle(VEHICLE)).tables)
+    1
     """
     chosen = {int(i) for i in np.linspace(0, len(trips) - 1, min(len(trips), MOST_TRIPS)).round()}
     return LinkedTrips(tuple(_on_links(t, vehicle) if i in chosen else () for i, t in enumerate(trips)))

@@ -74,6 +74,7 @@ class TotalScale:
     values : ndarray, shape (4,)
         ``a`` [Wh], ``b`` [W], ``c`` and ``d`` [1].
     course : TimeCourse
+        How the errors of power add up over time.
     least_share : float
         0 where trips of many lengths were seen.
 
@@ -90,7 +91,18 @@ class TotalScale:
     least_share: float = 0.0
 
     def sd_wh(self, segments: Segments) -> float:
-        """Standard deviation of the trip's energy [Wh]."""
+        """Compute the standard deviation of the trip's energy.
+
+        Parameters
+        ----------
+        segments : Segments
+            Of one trip.
+
+        Returns
+        -------
+        float
+            Standard deviation [Wh].
+        """
         sizes = _sizes(segments, self.course)
         parts = self.values * sizes
         growing = max(float(np.hypot(parts[1], parts[2])), self.least_share * float(sizes[2]))
@@ -100,7 +112,30 @@ class TotalScale:
     def from_errors(
         cls, trips: Sequence[Segments], errors_wh: FloatArray, course: TimeCourse | None = None
     ) -> TotalScale:
-        """Maximum a posteriori of t-distributed errors, with log-normal priors around usual values. O(trips) a step."""
+        """Estimate the parts: maximum a posteriori of t-distributed errors, with log-normal priors around usual values. O(trips) a step.
+
+        Parameters
+        ----------
+        trips : sequence of Segments
+            One for each held-out trip.
+        errors_wh : ndarray, shape (trips,)
+            Measured minus predicted energy of each trip [Wh].
+        course : TimeCourse, optional
+            How the errors of power add up over time; without drift by default.
+
+        Returns
+        -------
+        TotalScale
+            With `least_share` 0.
+
+        Examples
+        --------
+        >>> flat = np.full(4, 900.0)
+        >>> trip = Segments(np.arange(4) * 900.0, flat, np.full(4, 4000.0), np.zeros(4))
+        >>> small = TotalScale.from_errors([trip] * 9, np.full(9, 20.0)).sd_wh(trip)
+        >>> small < TotalScale.from_errors([trip] * 9, np.full(9, 200.0)).sd_wh(trip)
+        True
+        """
         from scipy.optimize import minimize
 
         course = course or TimeCourse()

@@ -47,15 +47,18 @@ class UpdateShrinkage:
     Attributes
     ----------
     climate, drive, joint : ndarray, shape (len(FRACTIONS),)
+        Share of each component at the fractions `FRACTIONS` of a trip.
     split_sd_factor, joint_sd_factor : ndarray, shape (len(FRACTIONS),)
         Factor of the standard deviation of the rest, with separate and with joint components.
     off : ndarray, shape (len(FRACTIONS),)
+        Share of the expected power of climate control.
 
     Examples
     --------
     >>> half, same = np.array([0.0, 0.0, 0.5, 0.5, 1.0, 1.0]), np.ones(6)
-    >>> UpdateShrinkage(half, half, half, same, same).at("drive", 0.3125)
-    0.25
+    >>> shrinkage = UpdateShrinkage(half, half, half, same, same)
+    >>> shrinkage.at("drive", 0.3125), shrinkage.sd_factor(split=True, fraction=0.5)
+    (0.25, 1.0)
     """
 
     climate: FloatArray
@@ -69,7 +72,32 @@ class UpdateShrinkage:
     def from_trips(
         cls, process: ResidualProcess, trips: Sequence[HeldOutResidual], scale_wh: FloatArray
     ) -> UpdateShrinkage:
-        """Learn from held-out trips; `scale_wh` is the standard deviation of each total. O(segments of all trips)."""
+        """Learn the shares from held-out trips. O(segments of all trips).
+
+        Parameters
+        ----------
+        process : ResidualProcess
+            Of the residual power.
+        trips : sequence of HeldOutResidual
+            Trips that the corrector was not fitted on.
+        scale_wh : ndarray, shape (trips,)
+            Standard deviation of each trip's energy before departure [Wh].
+
+        Returns
+        -------
+        UpdateShrinkage
+            At the fractions `FRACTIONS`.
+
+        Examples
+        --------
+        >>> from tripwatt.uncertainty import Segments, fit_process
+        >>> from tripwatt.uncertainty.process import HeldOutResidual
+        >>> segments = Segments(np.arange(12) * 60.0, np.full(12, 60.0), np.full(12, 4000.0), np.zeros(12))
+        >>> trips = [HeldOutResidual(segments, np.full(12, power)) for power in (-80.0, 60.0, 20.0, -30.0, 90.0)]
+        >>> learned = UpdateShrinkage.from_trips(fit_process(trips), trips, np.full(5, 15.0))
+        >>> 0.0 <= learned.at("joint", 0.25) <= learned.at("joint", 0.75) <= 1.0
+        True
+        """
         shares = np.zeros((len(FRACTIONS), len(COMPONENTS)))
         sd_factors = np.ones((len(FRACTIONS), 2))
         split = np.array([process.split and trip.climate_w is not None for trip in trips])
@@ -104,19 +132,72 @@ class UpdateShrinkage:
         return cls(climate_share, drive_share, joint_share, split_sd, joint_sd, off_share)
 
     def at(self, component: str, fraction: float) -> float:
-        """Share of a component at a measured fraction of the trip."""
+        """Share of a component at a measured fraction of the trip.
+
+        Parameters
+        ----------
+        component : {"climate", "drive", "joint", "off"}
+            Which share.
+        fraction : float
+            Part of the trip that was measured, 0 to 1.
+
+        Returns
+        -------
+        float
+            0 to 1; 0 before departure.
+        """
         values: FloatArray = getattr(self, component)
         return float(np.interp(fraction, (0.0, *FRACTIONS), np.concatenate(([0.0], values))))
 
     def sd_factor(self, split: bool, fraction: float) -> float:
-        """Factor of the standard deviation of the rest at a measured fraction of the trip."""
+        """Factor of the standard deviation of the rest at a measured fraction of the trip.
+
+        Parameters
+        ----------
+        split : bool
+            Whether climate control was measured separately.
+        fraction : float
+            Part of the trip that was measured, 0 to 1.
+
+        Returns
+        -------
+        float
+            1 before departure.
+        """
         values = self.split_sd_factor if split else self.joint_sd_factor
         return float(np.interp(fraction, (0.0, *FRACTIONS), np.concatenate(([1.0], values))))
 
     def applied(
         self, component: str, posterior: ResidualPower, ahead: BoolArray, fraction: float
     ) -> ResidualPower:
-        """The posterior with the mean of every segment of which a part is still to come taken by the share."""
+        """Shrink the mean of every segment of which a part is still to come.
+
+        Parameters
+        ----------
+        component : {"climate", "drive", "joint", "off"}
+            Whose share is applied.
+        posterior : ResidualPower
+            The residual power after what was measured.
+        ahead : ndarray of bool, shape (segments,)
+            Whether a part of the segment is still to come.
+        fraction : float
+            Part of the trip that was measured, 0 to 1.
+
+        Returns
+        -------
+        ResidualPower
+            The posterior with other means and the same covariance.
+
+        Examples
+        --------
+        >>> from tripwatt.uncertainty import PowerPrior
+        >>> half, same = np.array([0.0, 0.0, 0.5, 0.5, 1.0, 1.0]), np.ones(6)
+        >>> prior = PowerPrior(np.array([30.0, 90.0]), np.full((2, 1), 100.0), (), np.full(2, 400.0))
+        >>> after = prior.measured(np.array([0]), np.array([50.0]), np.array([25.0]))
+        >>> shrunk = UpdateShrinkage(half, half, half, same, same).applied("joint", after, np.array([False, True]), 0.4)
+        >>> (shrunk.mean_w / after.mean_w).round(3).tolist()
+        [1.0, 0.5]
+        """
         kept = np.where(ahead, self.at(component, fraction), 1.0)
         return ShiftedPower(posterior, posterior.mean_w * kept)
 

@@ -59,8 +59,14 @@ def with_extras(vehicle: Vehicle, extras: Iterable[str]) -> Vehicle:
     Parameters
     ----------
     vehicle : Vehicle
+        The car without the extras.
     extras : iterable of str
         Of `EXTRAS`; one that comes twice counts once.
+
+    Returns
+    -------
+    Vehicle
+        A copy with more drag area, rolling resistance and mass; the car itself for no extras.
 
     Raises
     ------

@@ -44,6 +44,11 @@ JOINT: Final = " AND "
 def render_licences() -> str:
     """Markdown table of the licences and what each means.
 
+    Returns
+    -------
+    str
+        One row per licence, ends with a line break.
+
     Examples
     --------
     >>> print(render_licences().splitlines()[0])

@@ -76,7 +76,26 @@ SCALES: Final = ("soc", "displayed_soc")
 class Entry:
     """One value of a car with its unit, where it comes from, and the licence of that source.
 
-    `estimated` is empty for a stated value. Licences are those of `tripwatt.vehicles.licences`.
+    Attributes
+    ----------
+    value : float, str or tuple of float
+        The value in `unit`.
+    unit : str
+        As the TOML has it; "1" for a number without a unit.
+    source : str
+        Where the value comes from.
+    estimated : str
+        How it was estimated; empty for a stated value.
+    scale : str
+        Scale of the state of charge to which the value belongs, empty where the value depends on none.
+    licence : str
+        Of the source, one of `tripwatt.vehicles.LICENCES`.
+
+    Examples
+    --------
+    >>> entry = load_vehicle("bmw_i3_60ah").entries["body.curb_mass_kg"]
+    >>> entry.unit, entry.estimated
+    ('kg', "the test weight is a class of 125 lb; BMW's own figure is 1195 kg without options (EU) and 2799 lb (US)")
     """
 
     value: Value
@@ -98,10 +117,29 @@ class Vehicle:
     title : str
         Name for people.
     preset : str
+        Preset of the TOML that was read.
+    body : Body
+        Masses.
+    road_load : RoadLoad
+        Resistance on a flat road.
+    tyres : Tyres or None
+        How rolling drag depends on weather and warmth; None in presets without it.
+    drivetrain : Drivetrain
+        Gear, motor and inverter.
+    regeneration : Regeneration
+        How much braking goes through the motor.
+    battery : Battery
+        High-voltage battery.
+    auxiliaries : Auxiliaries
+        Loads that neither drive nor heat.
+    climate : Climate or None
+        Cabin and climate control; None in presets without it.
     entries : mapping of str to Entry
         "section.key" -> value, unit and source, as used.
     anchor : str
         What the values were held against, one of `ANCHORS`.
+    charging : Charging or None
+        Charging power; None where it is not known.
 
     Examples
     --------
@@ -210,7 +248,22 @@ def _unchanged(name: str, preset: str) -> Vehicle:
 
 
 def require_vehicle(name: str) -> None:
-    """Raise `InvalidInput` for a name that is none of `vehicle_names()`, with the cars that are meant perhaps."""
+    """Raise `InvalidInput` for a name that is none of `vehicle_names()`, with the cars that are meant perhaps.
+
+    Parameters
+    ----------
+    name : str
+        Name of a bundled car.
+
+    Raises
+    ------
+    InvalidInput
+        When the name is none of `vehicle_names()`; with the cars that may be meant.
+
+    Examples
+    --------
+    >>> require_vehicle("bmw_i3_60ah")
+    """
     if name in vehicle_names():
         return
     near = find_vehicles(name) or difflib.get_close_matches(name, vehicle_names(), n=3)
@@ -238,13 +291,18 @@ def vehicle_titles() -> Mapping[str, str]:
 
 
 def find_vehicles(words: str) -> tuple[str, ...]:
-    """Names of the cars whose title or name has every one of some words, the shortest titles first. O(cars).
+    """Find the cars whose title or name has every one of some words. O(cars).
 
     Parameters
     ----------
     words : str
         Words in any order; a year finds the cars that were made in it. Signs and case do not count: "model3 2022" finds the
         Model 3 of 2022. A word of one or two letters has to be a whole word of the title.
+
+    Returns
+    -------
+    tuple of str
+        Names of cars, those with the shortest titles first; empty for no words.
 
     Examples
     --------
@@ -325,7 +383,39 @@ def vehicle_from_document(
     preset: str = "default",
     overrides: Mapping[str, float | str] = types.MappingProxyType({}),
 ) -> Vehicle:
-    """Build a `Vehicle` from a parsed TOML document. Arguments and errors as in `load_vehicle`."""
+    """Build a `Vehicle` from a parsed TOML document. Arguments and errors as in `load_vehicle`.
+
+    Parameters
+    ----------
+    document : mapping
+        A parsed TOML document.
+    name : str
+        Name of the car.
+    where : str
+        Name of the document in messages.
+    preset : str
+        Name of a preset of the document.
+    overrides : mapping of str to (float or str)
+        Values that replace those of the document, by key or short name.
+
+    Returns
+    -------
+    Vehicle
+        With every part, its values checked.
+
+    Raises
+    ------
+    InvalidInput
+        With everything that is missing, unknown or out of bounds.
+
+    Examples
+    --------
+    >>> import tomllib
+    >>> from tripwatt.vehicles import render_vehicle
+    >>> text = render_vehicle(load_vehicle("vw_id3"))
+    >>> vehicle_from_document(tomllib.loads(text), "my_car", "my_car.toml").name
+    'my_car'
+    """
     faults: list[Fault] = []
     document = inherit(document, where, faults)
     tables = _preset_tables(document, preset, where, faults)

@@ -33,6 +33,16 @@ ALIASES: Final[Mapping[str, str]] = types.MappingProxyType(
 def parse_overrides(texts: Iterable[str]) -> dict[str, float | str]:
     """`["mass=1300"]` as overrides for `load_vehicle`, with short names spelled out.
 
+    Parameters
+    ----------
+    texts : iterable of str
+        Each `key=value`, the key a short name of `ALIASES` or `section.key`.
+
+    Returns
+    -------
+    dict of str to (float or str)
+        Full key to value, in SI units as in the TOML; text where it is no number.
+
     Raises
     ------
     InvalidInput

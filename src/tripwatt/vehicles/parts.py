@@ -35,7 +35,24 @@ def choice(allowed: tuple[str, ...], meaning: str, **default: Any) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """Masses of the car."""
+    """Masses of the car.
+
+    Attributes
+    ----------
+    curb_mass_kg : float
+        Mass of the car ready to drive, nobody inside [kg].
+    driver_mass_kg : float
+        Driver and what is always aboard [kg].
+    rotating_mass_factor : float
+        Inertia with the rotating parts, over inertia without them [1].
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> body = load_vehicle("bmw_i3_60ah").body
+    >>> body.test_mass_kg == body.curb_mass_kg + body.driver_mass_kg
+    True
+    """
 
     curb_mass_kg: float = quantity("kg", 100.0, 60_000.0, "mass of the car ready to drive, nobody inside")
     driver_mass_kg: float = quantity("kg", 0.0, 500.0, "driver and what is always aboard")
@@ -55,6 +72,34 @@ class RoadLoad:
 
     The coast-down force A + B v + C v² was measured at one mass and one air density. A and B are taken as rolling
     and driveline drag, in proportion to the weight; C as air drag, in proportion to the air density.
+
+    Attributes
+    ----------
+    method : {"coastdown", "coefficients"}
+        Which of the two descriptions is used.
+    coastdown_a_n : float or None
+        Constant term A [N].
+    coastdown_b_n_s_m : float or None
+        Linear term B [N s/m].
+    coastdown_c_n_s2_m2 : float or None
+        Quadratic term C [N s2/m2].
+    coastdown_mass_kg : float or None
+        Mass during the coast-down [kg].
+    coastdown_air_density_kg_m3 : float or None
+        Air density of the coast-down [kg/m3].
+    drag_coefficient : float or None
+        Air drag coefficient c_d [1].
+    frontal_area_m2 : float or None
+        Frontal area [m2].
+    rolling_resistance_coefficient : float or None
+        Rolling resistance over weight [1].
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> load = load_vehicle("bmw_i3_60ah").road_load
+    >>> load.method, round(load.drag_area_m2, 1)
+    ('coastdown', 0.4)
     """
 
     method: str = choice(("coastdown", "coefficients"), "which of the two descriptions is used", default="")
@@ -102,6 +147,25 @@ class Tyres:
     """How rolling and driveline drag depend on the weather and on how long the car has been driven.
 
     The road load was measured warm and at one air temperature; see `tripwatt.physics.road_load.rolling_factor`.
+
+    Attributes
+    ----------
+    reference_temperature_degc : float
+        Air temperature to which the road load belongs [°C].
+    temperature_coefficient_per_k : float
+        Relative rise of warm rolling drag for each kelvin of colder air [1/K].
+    cold_excess : float
+        Relative rise of rolling drag right after a long stop [1].
+    warm_up_time_s : float
+        Time constant of warming up and cooling down [s].
+    warm_up_speed_m_s : float
+        Constant speed at which the car warms up fully [m/s].
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> load_vehicle("bmw_i3_60ah").tyres.reference_temperature_degc
+    20.0
     """
 
     reference_temperature_degc: float = quantity(
@@ -120,6 +184,51 @@ class Drivetrain:
     """Wheel, gearbox, permanent-magnet motor and inverter.
 
     The loss map of motor and inverter is a sum of physical terms, see `tripwatt.physics.drivetrain.motor_loss`.
+
+    Attributes
+    ----------
+    wheel_radius_m : float
+        Effective rolling radius [m].
+    gear_ratio : float
+        Motor speed over wheel speed [1].
+    gearbox_efficiency : float
+        Of gearbox and differential, under load [1].
+    motor_max_torque_nm : float
+        Peak torque at the motor shaft [Nm].
+    motor_max_power_w : float
+        Peak power at the motor shaft [W].
+    motor_max_speed_rad_s : float
+        Highest motor speed [rad/s].
+    torque_constant_nm_a : float
+        Torque per ampere of phase current amplitude [Nm/A].
+    phase_resistance_ohm : float
+        Stator resistance of one phase, warm [ohm].
+    field_weakening_speed_rad_s : float
+        Motor speed above which the back-EMF needs field weakening [rad/s].
+    characteristic_current_a : float
+        Magnet flux over d-axis inductance, amplitude [A].
+    iron_loss_linear : float
+        Iron loss, part linear in speed [W s/(rad Nm^x)].
+    iron_loss_quadratic : float
+        Iron loss, part quadratic in speed [W s2/(rad2 Nm^x)].
+    iron_loss_torque_exponent : float
+        Exponent x of the torque in the iron loss [1].
+    inverter_fixed_loss_w : float
+        Inverter loss whenever it switches [W].
+    inverter_voltage_drop_v : float
+        Inverter loss per ampere of phase current amplitude [V].
+    inverter_resistance_ohm : float
+        Inverter loss per squared phase current [ohm].
+    motor_loss_factor : float
+        Loss of motor and inverter over that of the map [1].
+    flux_loss_w_s2_rad2 : float
+        Iron loss under load beyond the map, over the square of speed [W s2/rad2].
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> 0.0 < load_vehicle("bmw_i3_60ah").drivetrain.gearbox_efficiency < 1.0
+    True
     """
 
     wheel_radius_m: float = quantity("m", 0.1, 1.0, "effective rolling radius")
@@ -154,7 +263,36 @@ class Drivetrain:
 
 @dataclass(frozen=True, slots=True)
 class Regeneration:
-    """How much braking goes through the motor. What does not goes to the friction brakes."""
+    """How much braking goes through the motor. What does not goes to the friction brakes.
+
+    Attributes
+    ----------
+    fraction : float
+        Share of the braking power at the wheel that the motor takes [1].
+    max_torque_nm : float
+        Largest braking torque at the motor shaft [Nm].
+    max_power_w : float
+        Largest braking power at the wheel [W].
+    zero_speed_m_s : float
+        At and below this speed the motor does not brake [m/s].
+    full_speed_m_s : float
+        From this speed on the motor takes its whole share [m/s].
+    full_soc : float
+        Battery takes everything up to this state of charge [1].
+    zero_soc : float
+        Battery takes nothing from this state of charge on [1].
+    zero_temperature_degc : float
+        Battery this cold takes nothing [°C].
+    full_temperature_degc : float
+        Battery this warm takes everything [°C].
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> braking = load_vehicle("bmw_i3_60ah").regeneration
+    >>> braking.zero_speed_m_s < braking.full_speed_m_s
+    True
+    """
 
     fraction: float = quantity("1", 0.0, 1.0, "share of the braking power at the wheel that the motor takes")
     max_torque_nm: float = quantity("Nm", 0.0, 20_000.0, "largest braking torque at the motor shaft")
@@ -169,7 +307,47 @@ class Regeneration:
 
 @dataclass(frozen=True, slots=True)
 class Battery:
-    """High-voltage battery: cells in series (parallel cells count as one larger cell)."""
+    """High-voltage battery: cells in series (parallel cells count as one larger cell).
+
+    Attributes
+    ----------
+    capacity_ah : float
+        Charge between soc 0 and soc 1 [Ah].
+    cells_in_series : float
+        Number of cells in series [1].
+    ocv_soc : tuple of float
+        State of charge of the open-circuit voltages [1].
+    ocv_v : tuple of float
+        Open-circuit voltage of one cell over ocv_soc [V].
+    resistance_soc : tuple of float
+        State of charge of the resistances [1].
+    resistance_ohm : tuple of float
+        Resistance of one cell at the reference temperature [ohm].
+    resistance_temperature_degc : float
+        Reference temperature of resistance_ohm [°C].
+    resistance_activation_energy_j_mol : float
+        Arrhenius activation energy of the resistance [J/mol].
+    min_cell_voltage_v : float
+        Terminal voltage of one cell is held above this [V].
+    max_cell_voltage_v : float
+        Terminal voltage of one cell belongs below this [V].
+    heat_capacity_j_k : float
+        Of the whole pack [J/K].
+    heat_loss_w_k : float
+        From the pack to the outside air [W/K].
+    displayed_zero_soc : float
+        State of charge at which the driver sees 0 [1].
+    displayed_full_soc : float
+        State of charge at which the driver sees 1 [1].
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> battery = load_vehicle("bmw_i3_60ah").battery
+    >>> soc = battery.soc_from_displayed(0.5)
+    >>> round(battery.displayed_from_soc(soc), 3)
+    0.5
+    """
 
     capacity_ah: float = quantity("Ah", 1.0, 2_000.0, "charge between soc 0 and soc 1", scaled=True)
     cells_in_series: float = quantity("1", 1.0, 1_000.0, "number of cells in series")
@@ -193,24 +371,67 @@ class Battery:
     displayed_full_soc: float = quantity("1", 0.5, 1.0, "soc at which the driver sees 1")
 
     def soc_from_displayed(self, displayed_soc: Number) -> Number:
-        """State of charge of the battery management for what the driver sees."""
+        """Convert what the driver sees to the state of charge of the battery management.
+
+        Parameters
+        ----------
+        displayed_soc : float or ndarray
+            Displayed state of charge, 0 to 1.
+
+        Returns
+        -------
+        float or ndarray
+            State of charge of the battery management, shape of `displayed_soc`.
+        """
         return self.displayed_zero_soc + displayed_soc * (self.displayed_full_soc - self.displayed_zero_soc)
 
     def displayed_from_soc(self, soc: Number) -> Number:
-        """What the driver sees, for a state of charge of the battery management; not clipped."""
+        """Convert the state of charge of the battery management to what the driver sees.
+
+        Parameters
+        ----------
+        soc : float or ndarray
+            State of charge of the battery management, 0 to 1.
+
+        Returns
+        -------
+        float or ndarray
+            Displayed state of charge, shape of `soc`; not clipped.
+        """
         return (soc - self.displayed_zero_soc) / (self.displayed_full_soc - self.displayed_zero_soc)
 
 
 @dataclass(frozen=True, slots=True)
 class Auxiliaries:
-    """Loads on the battery that neither drive nor heat."""
+    """Loads on the battery that neither drive nor heat.
+
+    Attributes
+    ----------
+    base_load_w : float
+        Computers, lights, pumps, display [W].
+
+    Examples
+    --------
+    >>> Auxiliaries(base_load_w=300.0).base_load_w
+    300.0
+    """
 
     base_load_w: float = quantity("W", 0.0, 20_000.0, "computers, lights, pumps, display")
 
 
 @dataclass(frozen=True, slots=True)
 class Charging:
-    """What the car takes from a charging station."""
+    """What the car takes from a charging station.
+
+    Attributes
+    ----------
+    displayed_soc : tuple of float
+        Displayed state of charge of the powers [1].
+    power_w : tuple of float
+        Largest power with direct current over displayed_soc [W].
+    alternating_power_w : float
+        Largest power of the on-board charger [W].
+    """
 
     displayed_soc: tuple[float, ...] = quantity("1", 0.0, 1.0, "displayed state of charge of the powers")
     power_w: tuple[float, ...] = quantity(
@@ -221,7 +442,67 @@ class Charging:
 
 @dataclass(frozen=True, slots=True)
 class Climate:
-    """Cabin, heater, air conditioner and their control, see `tripwatt.physics.cabin`."""
+    """Cabin, heater, air conditioner and their control, see `tripwatt.physics.cabin`.
+
+    Attributes
+    ----------
+    air_heat_capacity_j_k : float
+        Cabin air and what follows it at once [J/K].
+    interior_heat_capacity_j_k : float
+        Seats, trim and glass [J/K].
+    interior_exchange_w_k : float
+        Between cabin air and interior [W/K].
+    shell_w_k : float
+        Through the shell to the outside air at standstill [W/K].
+    shell_per_speed_w_s_k_m : float
+        More of it for each m/s [W s/(K m)].
+    fresh_air_low_w_k : float
+        Heat flow of the outside air, blower low [W/K].
+    fresh_air_high_w_k : float
+        Heat flow of the outside air, blower high [W/K].
+    solar_aperture_m2 : float
+        Solar heat in the cabin over horizontal irradiance [m2].
+    solar_share_to_air : float
+        Part of the solar heat that warms the air at once [1].
+    occupant_heat_w : float
+        Heat of the people inside [W].
+    heater_max_heat_w : float
+        Largest heat of heater and heat pump together [W].
+    heater_efficiency : float
+        Heat in the cabin over electric power, resistive heater [1].
+    heat_pump_max_heat_w : float
+        Largest heat of the heat pump at 7 degC outside, 0 for none [W].
+    heat_pump_cop_at_0_degc : float
+        Heat over electric power at 0 degC outside [1].
+    heat_pump_cop_per_k : float
+        Rise of it for each kelvin of warmer air [1/K].
+    cooler_max_heat_w : float
+        Largest sensible heat the air conditioner removes [W].
+    cooler_cop : float
+        Sensible heat removed over electric power [1].
+    blower_low_power_w : float
+        Blower, fans and pumps of the climate control, low [W].
+    blower_high_power_w : float
+        The same at full demand [W].
+    control_time_s : float
+        Time constant of the approach to the set-point [s].
+    setpoint_degc : float
+        Set-point when the driver's is unknown [°C].
+    defrost_power_w : float
+        Heated windows and seats after a cold start [W].
+    defrost_time_s : float
+        How long they are on [s].
+    defrost_below_degc : float
+        Outside air below which they are used [°C].
+    sensor_minimum_degc : float
+        A cabin sensor shows nothing below this [°C].
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> load_vehicle("bmw_i3_60ah").climate.setpoint_degc
+    22.0
+    """
 
     air_heat_capacity_j_k: float = quantity("J/K", 500.0, 1e6, "cabin air and what follows it at once")
     interior_heat_capacity_j_k: float = quantity("J/K", 1e3, 1e7, "seats, trim and glass")

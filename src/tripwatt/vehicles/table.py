@@ -12,9 +12,23 @@ from tripwatt.vehicles.loading import SECTIONS, Entry, Vehicle, load_vehicle
 def describe_vehicle(
     name_or_path: str | Path, preset: str = "default", overrides: Mapping[str, float | str] | None = None
 ) -> tuple[tuple[str, str, str, str, str], ...]:
-    """Rows (key, value, unit, source, licence) of all values of a car, in the order of the parts.
+    """List all values of a car, in the order of the parts.
 
     Arguments and errors as in `load_vehicle`.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        Name of a bundled car, or the path of a TOML file.
+    preset : str
+        Name of a preset of that file.
+    overrides : mapping of str to (float or str), optional
+        Values that replace those of the car, by key or short name.
+
+    Returns
+    -------
+    tuple of tuple of str
+        Rows (key, value, unit, source, licence).
 
     Examples
     --------
@@ -38,6 +52,16 @@ def describe_vehicle(
 
 def render_parameters(vehicle: Vehicle) -> str:
     """Markdown tables of all values of a car, one for each part, with unit and source.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        A car with its entries.
+
+    Returns
+    -------
+    str
+        Ends with a line break; a part that the car lacks has no table.
 
     Examples
     --------

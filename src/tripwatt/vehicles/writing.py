@@ -13,6 +13,12 @@ def render_vehicle(vehicle: Vehicle) -> str:
     Parameters
     ----------
     vehicle : Vehicle
+        A car with its entries.
+
+    Returns
+    -------
+    str
+        TOML with the source and the licence of every value.
 
     Examples
     --------

@@ -30,14 +30,24 @@ def import_vehicle(path: str | Path, row: str | None = None) -> str:
     Parameters
     ----------
     path : str or Path
+        The vehicle file.
     row : str, optional
         For a CSV table with many vehicles: the scenario name or number of one. For an XML with many vehicle types:
         the id of one.
+
+    Returns
+    -------
+    str
+        Text of a TOML that `load_vehicle` reads.
 
     Raises
     ------
     InvalidInput
         With everything that the file lacks or that cannot be used.
+
+    Examples
+    --------
+    >>> print(import_vehicle("2022_Renault_Zoe.yaml"))  # doctest: +SKIP
     """
     file = Path(path)
     readers: dict[str, Callable[[str, str, str | None], Found]] = {
