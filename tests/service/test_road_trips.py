@@ -15,9 +15,10 @@ from tests.support.service_process import Service, serving, wait_for
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
-from tripwatt.live import create_car, issue_token, open_car
+from tripwatt.live import create_car, issue_token, open_car, open_live_car
 from tripwatt.live.live_car import finished_names
 from tripwatt.service import road_trips as module
+from tripwatt.service.live import LiveVehicle
 from tripwatt.service.road_trips import RoadTrips
 from tripwatt.synthetic import synthetic_fleet
 
@@ -62,6 +63,15 @@ def cars(tmp_path: Path) -> Path:
     folder = tmp_path / "cars"
     create_car(folder / "leaf", "nissan_leaf_24")
     return folder
+
+
+def test_a_request_that_names_a_car_or_a_model_keeps_it(cars: Path) -> None:
+    with open_live_car(cars / "leaf") as car, open_live_car(cars / "zoe") as other:
+        vehicle = LiveVehicle(car)
+        assert vehicle.by_own_model({"soc": 0.5, "model": None}) == {"soc": 0.5, "model": "leaf"}
+        for name in ("model", "vehicle", "vehicle_figures"):
+            assert vehicle.by_own_model({name: "x"}) == {name: "x"}
+        assert LiveVehicle(other).by_own_model({"soc": 0.5}) == {"soc": 0.5}, "it has no description"
 
 
 def followed(cars: Path, place: Path) -> Any:
