@@ -535,7 +535,9 @@ def test_a_forecast_that_a_diary_keeps_is_made_without_listeners(served: Served,
 
     asyncio.run(run())
     assert Pool.kinds == ["update"]
-    (made,) = vehicle.car.forecasts
+    departing, made = vehicle.car.forecasts
+    assert (departing.at_s, departing.distance_m) == (0.0, 0.0), "that of the plan, before the car drove off"
+    assert departing.energy_wh != made.energy_wh
     found = served("/v1/live/leaf").json()
     assert made.energy_wh == found["forecast"]["energy_wh"]
     assert [made.low_wh, made.high_wh] == [found["forecast"]["quantiles_wh"][p] for p in ("0.05", "0.95")]
