@@ -136,6 +136,24 @@ def test_scores_by_hand() -> None:
         "20 °C and more": 1,
     }
     assert diary.latest(2)[0].weighted_error == pytest.approx(200 / 2100)
+    dated = table.assign(
+        started_at=["2023-12-31T23:00:00", "2024-02-29T08:00:00", "2024-03-01T08:00:00"],
+        distance_m=[5000.0, 9000.0, 700.0],
+    )
+    winter, spring = Diary(dated).by_season().items()
+    assert winter == (
+        "december_to_february",
+        {
+            "trips": 2,
+            "distance_m": 14_000.0,
+            "energy_wh": 3000.0,
+            "error": pytest.approx(300 / 3000),
+            "coverage": 0.5,
+        },
+    )
+    assert (spring[0], spring[1]["trips"], spring[1]["energy_wh"]) == ("march_to_may", 1, -100.0)
+    undated = Diary(dated.assign(started_at=["", "2024-08-31T23:59:00", "2024-09-01"]))
+    assert list(undated.by_season()) == ["june_to_august", "september_to_november"]
     assert diary.by_cause_wh() == {"air": 810.0, "base_load": 2290.0, "not_forecast": pytest.approx(-200.0)}
     assert sum(diary.by_cause_wh().values()) == pytest.approx(table["energy_wh"].sum())
     nothing = Diary.empty()

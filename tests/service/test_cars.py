@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import time
 import zipfile
 from collections.abc import Iterator
@@ -23,7 +24,10 @@ pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 import tripwatt as tw
 from tripwatt.live import open_car
 from tripwatt.service.car_jobs import CarJobs, uploaded
+from tripwatt.service.car_operations import CarOperations
+from tripwatt.service.pool import WorkerPool
 from tripwatt.service.problems import Problem
+from tripwatt.service.settings import Limits, Settings
 from tripwatt.synthetic import synthetic_fleet
 
 BYTES = {"content-type": "application/octet-stream"}
@@ -163,6 +167,8 @@ def test_every_export_is_read_as_the_drive_that_it_is(service: Service, tmp_path
     assert found["preview"]["drives"] == 1
     assert found["preview"]["energy_wh"] == pytest.approx(energy, abs=step, rel=0.01)
     assert not {entry["column"] for entry in found["mapping"]} & set(found["unused"])
+    has_voltage = "voltage_v" in {entry["ours"] for entry in found["mapping"]}
+    assert set(found["assumed"]) == (set() if has_voltage else {"nominal_voltage_v"})
     service.client.delete(f"/v1/cars/{car}")
 
 
@@ -325,6 +331,35 @@ def test_without_a_folder_there_are_no_cars() -> None:
     with pytest.raises(Problem) as caught:
         jobs.show("any")
     assert caught.value.kind == "no-live"
+
+
+def operations(folder: Path, **limits: int) -> CarOperations:
+    settings = Settings(cars=folder, limits=Limits(**limits))  # type: ignore[arg-type]
+    pool = WorkerPool(settings, lambda event, **more: None)
+
+    async def no_body(*_: Any, **__: Any) -> bytes:
+        raise AssertionError
+
+    return CarOperations.from_settings(
+        settings, pool, lambda: pytest.fail("no car sends"), no_body, pool.log_event
+    )
+
+
+def test_what_waits_to_be_learned_has_a_bound_and_expires(tmp_path: Path) -> None:
+    uploads = tmp_path / "car" / "uploads"
+    own = operations(tmp_path, car_bytes=3000)
+    content = b"time_s,speed_m_s\n" + b"0,1\n" * 200
+    assert own._store(uploads / "first001", "a.csv", content) == {"files": 1, "bytes": len(content)}
+    assert own._store(uploads / "first001", "a.csv", content) == {"files": 2, "bytes": 2 * len(content)}
+    assert own._store(uploads / "second02", "b.csv", content)["files"] == 1
+    with pytest.raises(Problem, match="3000 bytes that are not learned"):
+        own._store(uploads / "third003", "c.csv", content)
+    assert sorted(place.name for place in uploads.iterdir()) == ["first001", "second02"]
+    old = time.time() - 3700.0
+    for place in (uploads / "first001", *(uploads / "first001").rglob("*")):
+        os.utime(place, (old, old))
+    assert own._store(uploads / "third003", "c.csv", content)["files"] == 1
+    assert sorted(place.name for place in uploads.iterdir()) == ["second02", "third003"]
 
 
 def test_an_upload_is_named_by_letters_and_digits(tmp_path: Path) -> None:

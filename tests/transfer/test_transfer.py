@@ -20,10 +20,12 @@ from tripwatt.hybrid.car_corrector import HierarchicalCorrector
 from tripwatt.hybrid.hierarchy import CarTransfer, Evidence, Members, grid, term_scales
 from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
 from tripwatt.hybrid.split import SplitCorrector
+from tripwatt.hybrid.stored import corrector_of_parts, corrector_parts
 from tripwatt.physics import simulate_trip
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.transfer import adapt_model, adaptation, adapting
 from tripwatt.transfer.adapting import weighted_quantiles
+from tripwatt.transfer.zero_shot import zero_shot_model
 from tripwatt.trips import Fleet, Trip, plan_from_trip
 from tripwatt.uncertainty.held_out import process_segments
 from tripwatt.vehicles import Vehicle, load_vehicle
@@ -374,3 +376,18 @@ def test_every_corrector_with_a_process_goes_to_another_car(roads, segments, i3,
     none = HierarchicalCorrector.from_posterior(transfer, transfer.posterior(evidence.take([])), frozenset())
     expected = transfer.predict_draws(evidence, NOBODY, np.arange(len(table))).mean_wh[0]
     assert table.totals_wh(none.predict(table)) == pytest.approx(expected)
+
+
+def test_a_transferred_corrector_comes_back_from_its_parts() -> None:
+    """The shares of climate and drive in their order; a model of version 0.1 has one share for both."""
+    made = zero_shot_model(load_model(), load_vehicle("nissan_leaf_24")).corrector_
+    assert isinstance(made, HierarchicalCorrector)
+    assert made.shares == pytest.approx((0.5, 0.5))
+    about, parts = corrector_parts(replace(made, shares=(0.25, 0.75)), "own")
+    back = corrector_of_parts(about, parts)
+    assert isinstance(back, HierarchicalCorrector)
+    assert back.shares == (0.25, 0.75)
+    one = {name: value for name, value in about.items() if name != "shares"} | {"share": 0.3}
+    older = corrector_of_parts(one, parts)
+    assert isinstance(older, HierarchicalCorrector)
+    assert older.shares == (0.3, 0.3)

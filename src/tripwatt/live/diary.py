@@ -319,7 +319,9 @@ class Diary:
         >>> Diary.empty().by_season()
         {}
         """
-        month = pd.to_datetime(self.table["started_at"].replace("", None), errors="coerce", utc=True).dt.month
+        month = pd.to_datetime(
+            self.table["started_at"].replace("", None), errors="coerce", format="ISO8601", utc=True
+        ).dt.month
         found = {}
         for number, name in enumerate(QUARTERS):
             rows = self.table[(month % 12) // 3 == number]

@@ -106,7 +106,7 @@ function Trips({ of }: { of: OwnCar }) {
   const heads = [words.trip, words.distance, words.forecast, words.picture, words.took, words.error];
   return (
     <section class="scroll" tabIndex={0} aria-label={words.diary}>
-      <table class="diary">
+      <table class="diary with-picture">
         <thead>
           <tr>
             {heads.map((head) => (
