@@ -8,11 +8,13 @@ from __future__ import annotations
 import io
 import sys
 import tempfile
+import time
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
+import httpx
 import pandas as pd
 
 ROOT: Final = Path(__file__).resolve().parent.parent
@@ -20,13 +22,16 @@ IMAGES: Final = ROOT / "docs" / "images"
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.page import MAP_SHOWN, SHOWN, browsing, choose_place, context_of  # noqa: E402
+from tests.live.messages import abrp_messages, measured  # noqa: E402
 from tests.support.service_process import serving  # noqa: E402
 
+from tripwatt.synthetic import example_trip  # noqa: E402
 from tripwatt.synthetic.many import FleetPlan, many_vehicles  # noqa: E402
 
 SETTLE_MS: Final = 700
 MOMENTS: Final = 40
 DRIVES: Final = 24
+ROWS_DRIVEN: Final = 600
 OWN_CAR: Final = "vw_id3"
 LOGGED: Final = {
     "speed_m_s": ("speed [km/h]", 3.6),
@@ -146,6 +151,28 @@ CAR_PICTURES: Final[dict[str, tuple[str, str, bool, Callable[[Any], None]]]] = {
 """Need a service that keeps cars."""
 
 
+def _on_road(page: Any) -> None:
+    """A car on its way, after ten minutes of the example trip."""
+    name = "my-i3"
+    with httpx.Client(base_url=page.url) as client:
+        client.post("/v1/cars", json={"name": name, "vehicle": "bmw_i3_60ah"})
+        token = client.post(f"/v1/cars/{name}/token").json()["token"]
+        drive = measured(example_trip())
+        plan = {"links": [{"length_m": 18_200.0, "speed_m_s": 12.7}], "reserve": 0.2}
+        client.put(f"/v1/live/{name}/plan", json=plan).raise_for_status()
+        for message in list(abrp_messages(drive, time.time() - drive["time_s"].iloc[-1]))[:ROWS_DRIVEN]:
+            client.post("/v1/telemetry", json={"token": token, "tlm": message}).raise_for_status()
+    page.reload()
+    page.get_by_role("button", name="On the road").click()
+    page.get_by_text("Left to drive").wait_for()
+
+
+ROAD_PICTURES: Final[dict[str, tuple[str, str, bool, Callable[[Any], None]]]] = {
+    "page-road-phone-dark": ("phone", "dark", False, _on_road),
+}
+"""Need a service that keeps cars, and none of them sends messages."""
+
+
 def write(pictures: dict[str, tuple[str, str, bool, Callable[[Any], None]]], *options: str) -> None:
     """Write pictures of a service with options."""
     shown = MAP_SHOWN if "--map" in options else SHOWN
@@ -175,6 +202,8 @@ def main() -> None:
         write(PICTURES)
         with tempfile.TemporaryDirectory() as cars:
             write(CAR_PICTURES, "--cars", cars)
+        with tempfile.TemporaryDirectory() as cars:
+            write(ROAD_PICTURES, "--cars", cars)
 
 
 if __name__ == "__main__":

@@ -150,7 +150,7 @@ def test_a_column_is_corrected_and_a_wrong_one_is_explained(opened: Any, tmp_pat
     dialog(page).get_by_text("missing key").wait_for()
     assert dialog(page).get_by_role("button", name="Learn 0 drives").is_disabled()
     send(page, {"name": "photo.png", "mimeType": "image/png", "buffer": b"\x89PNG"})
-    dialog(page).get_by_text("no trips").wait_for()
+    dialog(page).locator(".faults").get_by_text("no trips").wait_for()
 
 
 @pytest.mark.parametrize(

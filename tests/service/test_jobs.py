@@ -228,7 +228,7 @@ def test_a_described_car(jobs: Jobs) -> None:
 
 def test_every_kind_of_job_is_run(jobs: Jobs) -> None:
     kinds = "describe examples forecast map need places plan reach route tile update vehicles view"
-    of_cars = ("car", "car token", "cars", "forget car", "learn", "logs", "new car")
+    of_cars = ("car", "car token", "cars", "forget car", "learn", "learn finished", "logs", "new car")
     assert sorted(JOB_KINDS) == sorted([*kinds.split(), *of_cars])
     assert jobs.run({"kind": "map"}, b"") == jobs.journeys.describe()
 

@@ -438,6 +438,7 @@ def test_without_a_folder_of_cars_the_service_follows_none(monkeypatch: pytest.M
 
     for path, method in (
         ("/v1/telemetry", "POST"),
+        ("/v1/live", "GET"),
         ("/v1/live/leaf", "GET"),
         ("/v1/live/leaf/plan", "PUT"),
         ("/v1/live/leaf/events", "GET"),
@@ -500,6 +501,48 @@ def test_events_come_at_once_after_news_and_as_comments(
         head, data, *rest = part.split(b"\n")
         assert (head, rest) == (b"event: live", [b"", b""])
         assert orjson.loads(data.removeprefix(b"data: "))["messages"]["new"] == new
+
+
+def test_the_stream_of_a_car_that_is_deleted_ends(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    cars = _cars(served)
+    monkeypatch.setattr(cars, "limits", Limits(live_every_s=0.01))
+    vehicle = cars.by_name("leaf")
+
+    async def listen() -> int:
+        found = 0
+        async for _ in cars.events(vehicle):
+            found += 1
+            cars.drop("leaf")
+        return found
+
+    assert asyncio.run(listen()) == 1
+    assert [row["vehicle"] for row in served("/v1/live").json()["vehicles"]] == ["zoe"]
+
+
+def test_a_forecast_that_a_diary_keeps_is_made_without_listeners(served: Served, drive: pd.DataFrame) -> None:
+    cars = _cars(served)
+    served.put({"links": LINKS})
+    for sent in abrp_messages(drive):
+        served.send(sent)
+    vehicle = cars.by_name("leaf")
+    Pool.kinds.clear()
+
+    async def run() -> None:
+        watch = asyncio.ensure_future(cars.watch())
+        while not vehicle.car.forecasts:
+            await asyncio.sleep(0.01)
+        watch.cancel()
+
+    asyncio.run(run())
+    assert Pool.kinds == ["update"]
+    departing, made = vehicle.car.forecasts
+    assert (departing.at_s, departing.distance_m) == (0.0, 0.0), "that of the plan, before the car drove off"
+    assert departing.energy_wh != made.energy_wh
+    found = served("/v1/live/leaf").json()
+    assert made.energy_wh == found["forecast"]["energy_wh"]
+    assert [made.low_wh, made.high_wh] == [found["forecast"]["quantiles_wh"][p] for p in ("0.05", "0.95")]
+    assert Pool.kinds == ["update"], "it was made already"
+    assert not vehicle.car.wants_forecast
 
 
 def test_a_stream_outlives_a_busy_pool(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -596,7 +639,7 @@ def test_the_operations_of_cars_conform_to_the_openapi_document(
         road[0].url,
         6,
         seed=3,
-        only=r"^/v1/(live/\{vehicle\}(/plan)?|need)$",
+        only=r"^/v1/(live(/\{vehicle\}(/plan)?)?|need)$",
         phases="examples,fuzzing",
         timeout_s=400,
     )

@@ -7,6 +7,7 @@ import { startPage, keepSelectionStored } from "./state/catalogue";
 import { keepDriving } from "./state/drive";
 import { keepForecasting } from "./state/forecast";
 import { keepReach } from "./state/journey";
+import { keepOnRoad } from "./state/live-drive";
 import { keepPosition } from "./state/position";
 import { keepPreferences, text } from "./state/preferences";
 import { Announcer } from "./ui/announcer";
@@ -17,6 +18,7 @@ import { Header } from "./ui/header";
 import { MapCard } from "./ui/map-card";
 import { Result } from "./ui/result";
 import { CarDialog } from "./ui/car-dialog";
+import { LiveDrive } from "./ui/live-drive";
 import { OwnCarsDialog } from "./ui/own-cars-dialog";
 import { connectTokenDialog, TokenDialog } from "./ui/token-dialog";
 import { TripPanel } from "./ui/trip-panel";
@@ -65,9 +67,10 @@ function Page() {
       <Foot />
       <Glance />
       <Announcer />
-      <TokenDialog />
       <CarDialog />
       <OwnCarsDialog />
+      <LiveDrive />
+      <TokenDialog />
     </>
   );
 }
@@ -76,6 +79,7 @@ connectTokenDialog();
 keepPreferences();
 keepForecasting();
 keepDriving();
+keepOnRoad();
 keepPosition();
 keepReach();
 keepSelectionStored();

@@ -14,6 +14,8 @@ from tripwatt.cli.printing import console, print_json, print_notes, print_table,
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from tripwatt.live import Learned, OwnCar
+
 car_app = typer.Typer(
     help="Your own car: its trips, the model that they teach, and its diary. Needs the extra tripwatt[fleet].",
     no_args_is_help=True,
@@ -54,6 +56,15 @@ def add_commands(app: typer.Typer) -> None:
             ("tripwatt car add my-leaf drive.csv", "add one trip"),
         ),
     )(add)
+    car_app.command(
+        "learn",
+        epilog=examples(
+            (
+                "tripwatt car learn cars/my-leaf",
+                "learn the trips that `tripwatt live` or the service followed",
+            )
+        ),
+    )(learn)
     car_app.command(
         "show",
         epilog=examples(
@@ -124,14 +135,19 @@ def add(
         fleet = read_logs(tables, dataset or "table", mapping)
     with progress(shown, "trips") as advance:
         done = own.add(fleet, progress=advance)
-    if as_json:
-        print_json({**asdict(done), "car": own.about()})
-        return
-    typer.echo(f"{car}: {done.added} trips added, {done.known} were known, {done.entries} in the diary")
-    print_notes(done.left_out[:MOST_REASONS])
-    if len(done.left_out) > MOST_REASONS:
-        print_notes([f"{len(done.left_out) - MOST_REASONS} more drives are left out (--json lists all)"])
-    _show_learned(own.about())
+    _show_done(car, own, done, as_json)
+
+
+def learn(car: CarArgument, as_json: JsonOption = False) -> None:
+    """Learn the trips that the car finished on the road: each is forecast first, and both go into the diary.
+
+    A service with the folder of the car does this by itself. A trip that was learned already does not count again.
+    """
+    from tripwatt.live import learn_finished, open_car
+
+    with progress(console(), "trips") as advance:
+        done = learn_finished(car, progress=advance)
+    _show_done(car, open_car(car), done, as_json)
 
 
 def show(
@@ -192,6 +208,17 @@ def forget(car: CarArgument, as_json: JsonOption = False) -> None:
 
     forget_car(car)
     print_json({"forgotten": f"{car}"}) if as_json else typer.echo(f"{car}: erased")
+
+
+def _show_done(car: Path, own: OwnCar, done: Learned, as_json: bool) -> None:
+    if as_json:
+        print_json({**asdict(done), "car": own.about()})
+        return
+    typer.echo(f"{car}: {done.added} trips added, {done.known} were known, {done.entries} in the diary")
+    print_notes(done.left_out[:MOST_REASONS])
+    if len(done.left_out) > MOST_REASONS:
+        print_notes([f"{len(done.left_out) - MOST_REASONS} more drives are left out (--json lists all)"])
+    _show_learned(own.about())
 
 
 def _show_learned(about: Mapping[str, Any]) -> None:

@@ -13,7 +13,7 @@ import math
 import re
 import secrets
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,6 +26,7 @@ from tripwatt.files import folder_lock, read_file, read_text_file, write_file
 from tripwatt.forecasting import Forecast
 from tripwatt.live.journal import Journal
 from tripwatt.live.live_trip import LEAST_M, SILENCE_S, LiveTrip, TripFinder
+from tripwatt.live.on_the_way import MadeForecast, OnTheWay, read_forecasts, write_forecasts
 from tripwatt.live.ordering import Arrival, OrderedSamples
 from tripwatt.live.own_car import LIVE
 from tripwatt.live.telemetry import Sample
@@ -37,6 +38,8 @@ JOURNAL: Final = "journal.ndjson"
 PLAN: Final = "plan.json"
 TOKEN: Final = "token.json"
 TRIPS: Final = "trips"
+FORECASTS: Final = "forecasts.json"
+"""Forecasts of the trip that the car is on; of a finished trip, the end of the name of its file."""
 NAMES: Final = re.compile(r"\d{8}T\d{6}Z")
 NAMED: Final = "%Y%m%dT%H%M%SZ"
 """Name of a finished trip: its departure in UTC."""
@@ -130,12 +133,16 @@ class LiveCar:
         self._ended: list[LiveTrip] = []
         self._usual: tuple[float, Log | None] | None = None
         self._erased_s = -math.inf
+        self._shown: tuple[float, float] | None = (
+            None  # time and displayed charge of the latest sample that has one
+        )
         with ExitStack() as stack:
             stack.enter_context(folder_lock(self.folder))
             self._journal = Journal(self.folder / JOURNAL)
             stack.callback(self._journal.close)
             self._ordered = OrderedSamples(self._journal.after_s)
             self.plan = _read_plan(self.folder / PLAN)
+            self._on_the_way = OnTheWay(self.folder / FORECASTS)
             for sample in self._journal.read():
                 if self._ordered.arrival(sample) == "new":
                     self._take(sample)
@@ -215,9 +222,10 @@ class LiveCar:
         before_s = now_s - self.keep_days * SECONDS_PER_DAY
         if before_s == -math.inf:
             return 0
-        old = [path for path in self._finished() if _started(path).timestamp() < before_s]
-        for path in old:
-            path.unlink(missing_ok=True)
+        old = [name for name in finished_names(self.folder.parent) if _started(name).timestamp() < before_s]
+        for name in old:
+            for end in ("csv", FORECASTS):
+                (self.folder / TRIPS / f"{name}.{end}").unlink(missing_ok=True)
         silent = self.received_s is not None and self.received_s < before_s
         if silent and self.trip is None and self._journal.lines:
             self._journal.rewrite([], self._ordered.newest_s)
@@ -226,6 +234,9 @@ class LiveCar:
         return len(old)
 
     def _take(self, sample: Sample) -> None:
+        soc = sample.values.get("displayed_soc")
+        if soc is not None and (self._shown is None or sample.time_s >= self._shown[0]):
+            self._shown = sample.time_s, soc
         self._ordered.insert(sample)
         self._follow(self._ordered.ready())
 
@@ -286,7 +297,10 @@ class LiveCar:
         started = dt.datetime.fromtimestamp(trip.start_s, dt.UTC)
         folder = self.folder / TRIPS
         folder.mkdir(mode=0o700, exist_ok=True)
-        write_file(folder / f"{started:{NAMED}}.csv", lambda made: table.to_csv(made, index=False))
+        made = self._on_the_way.of(trip.start_s)
+        if made:  # before the trip itself: whoever finds it finds its forecasts
+            write_forecasts(folder / f"{started:{NAMED}}.{FORECASTS}", trip.start_s, made)
+        write_file(folder / f"{started:{NAMED}}.csv", lambda part: table.to_csv(part, index=False))
         plan = self.plan
         if plan is not None and (plan.given_s is None or plan.given_s <= trip.moved_s):
             self.set_plan(None)
@@ -335,18 +349,57 @@ class LiveCar:
         Log or None
             None where there is none within `NEAR_S`, or its file was changed.
         """
-        paths = {_started(path).timestamp(): path for path in self._finished()}
+        paths = {_started(name).timestamp(): name for name in finished_names(self.folder.parent)}
         earlier = (other for other in paths if other < start_s)
         found = usual_departure(earlier, start_s)
         try:
-            return None if found is None else _read_trip(paths[found], self.name)
+            return None if found is None else _read_trip(self.folder.parent, paths[found])
         except InvalidInput:  # somebody changed the file
             return None
 
-    def _finished(self) -> list[Path]:
-        """Files of finished trips; those that others put there are left out."""
-        found = (self.folder / TRIPS).glob("*.csv")
-        return sorted(path for path in found if NAMES.fullmatch(path.stem))
+    @property
+    def forecasts(self) -> tuple[MadeForecast, ...]:
+        """Forecasts that were kept of the trip that the car is on."""
+        return () if self.trip is None else self._on_the_way.of(self.trip.start_s)
+
+    @property
+    def wants_forecast(self) -> bool:
+        """Whether a forecast that is made now is kept with the trip."""
+        trip = self.trip
+        return trip is not None and self._on_the_way.is_due(trip.start_s, trip.last_s - trip.start_s)
+
+    def keep_forecast(
+        self, energy_wh: float, low_wh: float, high_wh: float, *, departing: bool = False
+    ) -> bool:
+        """Keep a forecast of the trip that the car is on for its diary, if one is due.
+
+        Parameters
+        ----------
+        energy_wh, low_wh, high_wh : float
+            Energy of the whole trip, and the ends of its 90 % interval.
+        departing : bool
+            Whether it was made before anything was measured.
+
+        Returns
+        -------
+        bool
+            Whether it was kept.
+
+        Raises
+        ------
+        OSError
+            When it cannot be written.
+
+        Examples
+        --------
+        >>> car.keep_forecast(forecast.energy_wh, *forecast.interval(0.9))  # doctest: +SKIP
+        True
+        """
+        trip = self.trip
+        if trip is None or (departing and self.forecasts):
+            return False
+        at_s, distance_m = (0.0, 0.0) if departing else (trip.last_s - trip.start_s, trip.distance_m)
+        return self._on_the_way.add(trip.start_s, MadeForecast(at_s, distance_m, energy_wh, low_wh, high_wh))
 
     def update(self, forecast: Forecast) -> Forecast:
         """Update a forecast of the trip made at its departure by what was measured so far. O(samples of the trip).
@@ -404,6 +457,7 @@ class LiveCar:
             "vehicle": self.name,
             "seconds_since_message": None if self.received_s is None else max(0.0, now_s - self.received_s),
             "messages": dict(self.counts),
+            "soc": None if self._shown is None else self._shown[1],
             "trip": None
             if trip is None
             else {
@@ -445,7 +499,7 @@ class LiveCar:
         tuple of Log
             In the order of their departure, as `OwnCar.add` takes them.
         """
-        return tuple(_read_trip(path, self.name) for path in self._finished())
+        return finished_logs(self.folder.parent)
 
     def accepts(self, token: str) -> bool:
         """Tell whether a token is that of this car.
@@ -591,6 +645,42 @@ def token_digest(folder: Path) -> str | None:
     return f"{found}"
 
 
+def finished_names(folder: Path) -> list[str]:
+    """Names of the trips that a car has finished, in the order of their departure; files that others put there are left out."""
+    found = (folder / LIVE / TRIPS).glob("*.csv")
+    return sorted(path.stem for path in found if NAMES.fullmatch(path.stem))
+
+
+def finished_logs(folder: Path, names: Iterable[str] | None = None) -> tuple[Log, ...]:
+    """Trips that a car has finished, all or those of some names. Another process may follow the car meanwhile.
+
+    Raises
+    ------
+    InvalidInput
+        When one of them cannot be read.
+    """
+    return tuple(_read_trip(folder, name) for name in (finished_names(folder) if names is None else names))
+
+
+def log_name(car: str, name: str) -> str:
+    """Name of the log of a finished trip.
+
+    Examples
+    --------
+    >>> log_name("leaf", "20240501T080000Z")
+    'leaf-20240501T080000Z'
+    """
+    return f"{car}-{name}"
+
+
+def forecasts_of(folder: Path, trip_id: str) -> tuple[MadeForecast, ...]:
+    """Forecasts that were made during a finished trip, by the name of its log; none where none were made."""
+    name = trip_id.removeprefix(log_name(folder.name, ""))
+    if NAMES.fullmatch(name) is None:
+        return ()
+    return read_forecasts(folder / LIVE / TRIPS / f"{name}.{FORECASTS}")
+
+
 def _live_folder(place: Path) -> Path:
     """The folder `live` of a car, made where it is missing."""
     if VALID_NAME.fullmatch(place.name) is None:
@@ -616,14 +706,15 @@ def _read_plan(path: Path) -> LivePlan | None:
         ) from error
 
 
-def _started(path: Path) -> dt.datetime:
-    """Departure of a finished trip, by the name of its file."""
-    return dt.datetime.strptime(path.stem, NAMED).replace(tzinfo=dt.UTC)
+def _started(name: str) -> dt.datetime:
+    """Departure of a finished trip, by its name."""
+    return dt.datetime.strptime(name, NAMED).replace(tzinfo=dt.UTC)
 
 
-def _read_trip(path: Path, car: str) -> Log:
-    local = _started(path).astimezone().replace(tzinfo=None)
-    return Log.from_samples(f"{car}-{path.stem}", read_canonical(path), Context(started_at=local))
+def _read_trip(folder: Path, name: str) -> Log:
+    local = _started(name).astimezone().replace(tzinfo=None)
+    table = read_canonical(folder / LIVE / TRIPS / f"{name}.csv")
+    return Log.from_samples(log_name(folder.name, name), table, Context(started_at=local))
 
 
 def _write_json(path: Path, content: Mapping[str, Any]) -> None:

@@ -219,6 +219,7 @@ class Api:
             ("/v1/tiles/{zoom}/{column}/{row}", "GET", self.get_tile, openapi.tile()),
             ("/v1/map", "GET", self.get_map, openapi.library(MapResponse, "The map")),
             ("/v1/telemetry", "POST", self.live.telemetry, openapi.telemetry()),
+            ("/v1/live", "GET", self.live.list_live, openapi.live_cars()),
             ("/v1/live/{vehicle}", "GET", self.live.get_live, openapi.live()),
             ("/v1/live/{vehicle}/plan", "PUT", self.live.put_plan, openapi.live_plan()),
             ("/v1/live/{vehicle}/events", "GET", self.live.get_events, openapi.live_events()),

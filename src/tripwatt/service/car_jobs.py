@@ -16,9 +16,19 @@ from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
 from tripwatt.files import write_file
 from tripwatt.forecasting import ForecastModel
-from tripwatt.live import OwnCar, create_car, forget_car, is_car, is_live_car, issue_token, open_car
+from tripwatt.live import (
+    Learned,
+    OwnCar,
+    create_car,
+    forget_car,
+    is_car,
+    is_live_car,
+    issue_token,
+    learn_finished,
+    open_car,
+)
 from tripwatt.live.diary import CAUSE
-from tripwatt.live.live_car import VALID_NAME
+from tripwatt.live.live_car import VALID_NAME, forecasts_of
 from tripwatt.live.own_car import UPLOADS
 from tripwatt.physics.battery import open_circuit_voltage
 from tripwatt.service.car_schemas import LogsRequest, plain
@@ -125,7 +135,9 @@ class CarJobs:
         own = self.car(name)
         diary = own.diary
         about = own.about(diary)
-        rows = [_entry(row) for row in diary.table.tail(SHOWN_TRIPS).iloc[::-1].to_dict("records")]
+        rows = [
+            _entry(row, own.folder) for row in diary.table.tail(SHOWN_TRIPS).iloc[::-1].to_dict("records")
+        ]
         return {
             **_summary(own, about),
             **{
@@ -196,7 +208,11 @@ class CarJobs:
             raise _by_file(error, tables) from error
         done = own.add(fleet, progress=lambda n, total: _write_progress(progress, n, total))
         shutil.rmtree(tables.parent, ignore_errors=True)
-        return {**asdict(done), "left_out": list(done.left_out[:SHOWN_REASONS])}
+        return _learned(done)
+
+    def learn_finished(self, name: str) -> dict[str, Any]:
+        """Learn the trips that a car finished on the road, as `learn`."""
+        return _learned(learn_finished(self.car(name).folder))
 
 
 def uploaded(car: Path, upload: str) -> Path:
@@ -320,8 +336,8 @@ def _shown_mapping(tables: Mapping[str, Any], proposal: Suggestion) -> list[dict
     ]
 
 
-def _entry(row: Mapping[Hashable, Any]) -> dict[str, Any]:
-    """A row of a diary, as `DiaryEntry`."""
+def _entry(row: Mapping[Hashable, Any], car: Path) -> dict[str, Any]:
+    """A row of the diary of a car, as `DiaryEntry`."""
     values = {f"{key}": plain(value) for key, value in row.items()}
     causes = {key for key in values if key.startswith(CAUSE)}
     return {
@@ -331,7 +347,12 @@ def _entry(row: Mapping[Hashable, Any]) -> dict[str, Any]:
             for key in values
             if key in causes and values[key] is not None
         },
+        "on_the_way": [asdict(made) for made in forecasts_of(car, f"{row['trip_id']}")],
     }
+
+
+def _learned(done: Learned) -> dict[str, Any]:
+    return {**asdict(done), "left_out": list(done.left_out[:SHOWN_REASONS])}
 
 
 def _summary(own: OwnCar, about: Mapping[str, Any]) -> dict[str, Any]:

@@ -26,9 +26,10 @@ from tripwatt.service.car_jobs import TABLES, read_progress
 from tripwatt.service.car_schemas import NAME_PATTERN
 from tripwatt.service.live import LiveCars
 from tripwatt.service.openapi import BYTES, JSON
-from tripwatt.service.pool import JobResult, WorkerPool
+from tripwatt.service.pool import JobResult, WorkerLost, WorkerPool
 from tripwatt.service.problems import MEDIA_TYPE, Problem, invalid_input
 from tripwatt.service.receiving import request_id, require_accepts
+from tripwatt.service.road_trips import RoadTrips
 from tripwatt.service.settings import Settings
 from tripwatt.sources.archives import unpack
 
@@ -55,6 +56,7 @@ class Learning:
     Attributes
     ----------
     upload : str
+        Empty for trips that the car finished on the road.
     task : asyncio.Task
     result : JobResult or None
         None while it runs.
@@ -108,10 +110,17 @@ class CarOperations:
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
-        """Stop what is learned when the service stops: what was learned by then is kept."""
+        """Learn what cars finish on the road; stop with the service: what was learned by then is kept."""
+        folder = self.settings.cars
+        watch = (
+            None if folder is None else asyncio.ensure_future(RoadTrips(folder, self.learn_finished).watch())
+        )
         try:
             yield
         finally:
+            if watch is not None:
+                watch.cancel()
+                await asyncio.gather(watch, return_exceptions=True)
             tasks = [found.task for found in self.learning.values() if found.task is not None]
             for task in tasks:
                 task.cancel()
@@ -180,16 +189,36 @@ class CarOperations:
         self._require_idle(car)
         found = Learning(upload)
         self.learning[car] = found
-        found.task = asyncio.ensure_future(self._learn(found, car, body))
+        job = {"kind": "learn", "car": car, "upload": upload}
+        found.task = asyncio.ensure_future(self._learn(found, job, body))
         return await self._job(request, {"kind": "car", "car": car}, shows=True)
 
-    async def _learn(self, found: Learning, car: str, body: bytes) -> None:
-        job = {"kind": "learn", "car": car, "upload": found.upload}
+    async def learn_finished(self, car: str) -> bool:
+        """Let a car learn the trips that it finished on the road, unless it learns already.
+
+        Returns
+        -------
+        bool
+            Whether it did.
+        """
+        before = self.learning.get(car)
+        if before is not None and before.result is None:
+            return False
+        found = self.learning[car] = Learning("")
+        found.task = asyncio.ensure_future(self._learn(found, {"kind": "learn finished", "car": car}, b""))
+        await asyncio.gather(found.task, return_exceptions=True)
+        return found.result is not None and found.result.status == 200
+
+    async def _learn(self, found: Learning, job: Mapping[str, Any], body: bytes) -> None:
         try:
             if not self._started:
                 self._started = True
-                await self.learners.start()
-            found.result = await self.learners.run(job, body, may_queue=True)
+                try:
+                    await self.learners.start()
+                except (OSError, TimeoutError, WorkerLost) as error:
+                    self._started = False
+                    raise Problem("busy", "no worker started", headers={"Retry-After": "30"}) from error
+            found.result = await self.learners.run(dict(job), body, may_queue=True)
         except Problem as problem:
             found.result = JobResult(problem.status, orjson.dumps(problem.document()), 0.0)
 

@@ -137,6 +137,16 @@ class LearnedParameter(ResponseModel):
     sd: float
 
 
+class ForecastOnTheWay(ResponseModel):
+    """A forecast of the whole trip that was made while it was driven."""
+
+    at_s: float = Field(description="since the start of the trip; 0 at departure")
+    distance_m: float = Field(description="driven by then")
+    energy_wh: float
+    low_wh: float = Field(description="lower end of the 90 % interval")
+    high_wh: float
+
+
 class DiaryEntry(ResponseModel):
     """A trip as it was forecast before the car had learned it, and what it took."""
 
@@ -154,6 +164,9 @@ class DiaryEntry(ResponseModel):
     book_low_wh: float
     book_high_wh: float
     by_cause_wh: dict[str, float] = Field(description="the forecast by cause")
+    on_the_way: list[ForecastOnTheWay] = Field(
+        description="of a trip that the service followed with a plan; the first one is that of the departure"
+    )
 
 
 class LearningDocument(ResponseModel):

@@ -450,6 +450,7 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
             "forget car": lambda jobs, job, body: jobs.cars.forget(job["car"]),
             "car token": lambda jobs, job, body: jobs.cars.token(job["car"]),
             "logs": lambda jobs, job, body: jobs.cars.logs(job["car"], job["upload"], logs_request(body)),
+            "learn finished": lambda jobs, job, body: jobs.cars.learn_finished(job["car"]),
             "learn": lambda jobs, job, body: jobs.cars.learn(job["car"], job["upload"], logs_request(body)),
         }
     )

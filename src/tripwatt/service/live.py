@@ -6,6 +6,7 @@ This process keeps the messages; the worker pool forecasts, as for any other req
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 import time
 from collections.abc import AsyncIterator, Callable, Mapping
@@ -21,7 +22,7 @@ from starlette.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.live import LiveCar, Sample, is_live_car, open_live_car
+from tripwatt.live import LiveCar, Sample, is_car, is_live_car, open_live_car
 from tripwatt.live.live_car import digest_of, token_digest
 from tripwatt.live.usual import road_of
 from tripwatt.service.library import fields_of
@@ -40,7 +41,13 @@ KEEP_ALIVE_S: Final = 15.0
 SHOWN: Final = ("0.05", "0.5", "0.95")
 """Probabilities of the quantiles of a live forecast."""
 
+LOW, HIGH = SHOWN[0], SHOWN[-1]
+"""Ends of the 90 % interval."""
+
 DEFAULT_RESERVE: Final = 0.1
+
+CAR_FIELDS: Final = ("model", "vehicle", "vehicle_figures")
+"""Fields of a request that name a car or a model."""
 
 FROM_MESSAGES: Final = ("soc", *TEMPERATURES)
 """Fields of a departure that a car's messages fill in where the plan lacks them."""
@@ -61,6 +68,8 @@ class LiveVehicle:
         Why the last messages are not in it.
     usual : tuple of str and mapping
         Name of the usual trip, and its road as fields of a request.
+    dropped : bool
+        Whether the service follows it no longer.
     """
 
     car: LiveCar
@@ -70,6 +79,7 @@ class LiveVehicle:
     forecast: dict[str, Any] | None = None
     faults: tuple[dict[str, Any], ...] = ()
     usual: tuple[str, Mapping[str, Any]] = ("", MappingProxyType({}))
+    dropped: bool = False
 
     @property
     def plan(self) -> Mapping[str, Any] | None:
@@ -83,6 +93,15 @@ class LiveVehicle:
             road = road_of(trip)
             self.usual = trip.trip_id, {} if road is None else fields_of(road)
         return self.usual[1] or None
+
+    def by_own_model(self, request: Mapping[str, Any]) -> dict[str, Any]:
+        """A request with the model that the car's own trips teach, unless the request names a car or a model."""
+        named = any(request.get(name) is not None for name in CAR_FIELDS)
+        return (
+            dict(request)
+            if named or not is_car(self.car.folder.parent)
+            else {**request, "model": self.car.name}
+        )
 
     @property
     def state(self) -> tuple[Any, ...]:
@@ -148,6 +167,7 @@ class LiveCars:
         found = self.vehicles.pop(name, None)
         if found is not None:
             self._by_digest = {digest: car for digest, car in self._by_digest.items() if car is not found}
+            found.dropped = True
             found.car.close()
 
     def by_name(self, name: str) -> LiveVehicle:
@@ -213,7 +233,7 @@ class LiveCars:
             Of the forecast at departure; the plan is taken when its status is 200.
         """
         plan = {name: value for name, value in request.items() if name != "departure_utc"}
-        result = await self.pool.run({"kind": "forecast"}, orjson.dumps(plan))
+        result = await self.pool.run({"kind": "forecast"}, orjson.dumps(vehicle.by_own_model(plan)))
         if result.status == 200:
             try:
                 vehicle.car.set_plan(plan, request.get("departure_utc"))
@@ -245,7 +265,7 @@ class LiveCars:
         if plan is None:
             vehicle.of, vehicle.forecast, vehicle.faults = state, None, ()
             return
-        request = with_departure(plan, vehicle.car)
+        request = vehicle.by_own_model(with_departure(plan, vehicle.car))
         observed = vehicle.car.observed()
         kind = "forecast" if len(observed) < 2 else "update"
         if kind == "update":
@@ -253,12 +273,25 @@ class LiveCars:
         result = await self.pool.run({"kind": kind}, orjson.dumps(request, option=orjson.OPT_SERIALIZE_NUMPY))
         found = orjson.loads(result.content)
         if result.status == 200:
-            vehicle.forecast, vehicle.faults = shown(found, request.get("reserve", DEFAULT_RESERVE)), ()
+            new = shown(found, request.get("reserve", DEFAULT_RESERVE))
+            self._keep_on_the_way(vehicle, state, new)
+            vehicle.forecast, vehicle.faults = new, ()
         else:
             if vehicle.of[1:] != state[1:]:  # the last forecast is of another trip or plan
                 vehicle.forecast = None
             vehicle.faults = tuple(found.get("faults", [{"what": found["title"], "where": "forecast"}]))
         vehicle.of = state
+
+    def _keep_on_the_way(self, vehicle: LiveVehicle, state: tuple[Any, ...], new: Mapping[str, Any]) -> None:
+        """Keep forecasts for the diary: the one before the trip as that of its departure, and the new one."""
+        car, before = vehicle.car, vehicle.forecast
+        try:
+            # of the same plan, when the car was on no trip
+            if before is not None and vehicle.of[1:3] == (state[1], False):
+                car.keep_forecast(before["energy_wh"], *ends_of(before), departing=True)
+            car.keep_forecast(new["energy_wh"], *ends_of(new))
+        except OSError as error:
+            self._not_stored("forecast", vehicle, error)
 
     async def need(
         self, vehicle: LiveVehicle, probability: float, departure_s: float, known: Mapping[str, float]
@@ -291,7 +324,7 @@ class LiveCars:
             request = fields_of(road)
         soc = car.departure().soc if car.trip is None else None
         job = {"kind": "need", "probability": probability}
-        result = await self.pool.run(job, orjson.dumps({**request, **known}))
+        result = await self.pool.run(job, orjson.dumps(vehicle.by_own_model({**request, **known})))
         if result.status != 200:
             return result
         found = orjson.loads(result.content)
@@ -304,6 +337,15 @@ class LiveCars:
             **found,
             "soc": soc,
             "charge_wh": missing_wh,
+        }
+
+    def list(self) -> dict[str, Any]:
+        """The cars, as `LiveCarsResponse`."""
+        now_s = time.time()
+        rows = [found.car.about(now_s) for _, found in sorted(self.vehicles.items())]
+        names = ("vehicle", "seconds_since_message")
+        return {
+            "vehicles": [{**{n: row[n] for n in names}, "on_trip": row["trip"] is not None} for row in rows]
         }
 
     def listen(self) -> None:
@@ -332,7 +374,7 @@ class LiveCars:
         """
         sent: tuple[Any, ...] | None = None
         idle_s = 0.0
-        while not self._ending.is_set():
+        while not (self._ending.is_set() or vehicle.dropped):
             if sent != vehicle.state:
                 sent, idle_s = vehicle.state, 0.0
                 try:
@@ -358,13 +400,17 @@ class LiveCars:
         self._ending.set()
 
     async def watch(self) -> None:
-        """End the trips of cars that became silent, until this is cancelled."""
+        """End the trips of cars that became silent, and make the forecasts that diaries keep, until this is cancelled."""
         while True:
             for vehicle in self.vehicles.values():
                 try:
                     vehicle.car.end_when_silent(time.time())
                 except OSError as error:
                     self._not_stored("trip", vehicle, error)
+            for vehicle in [*self.vehicles.values()]:
+                if vehicle.car.wants_forecast and not vehicle.dropped:
+                    with contextlib.suppress(Problem):  # the next look comes soon
+                        await self.document(vehicle)
             await asyncio.sleep(SILENCE_CHECK_S)
 
     def close(self) -> None:
@@ -442,4 +488,10 @@ def shown(forecast: Mapping[str, Any], reserve: float) -> dict[str, Any]:
         "reserve": reserve,
         "p_arrive": forecast["p_arrive"][f"{reserve:g}"],
         "measured_until_s": forecast["measured_until_s"],
+        "distance_m": forecast["series"]["distance_m"][-1],
     }
+
+
+def ends_of(forecast: Mapping[str, Any]) -> tuple[float, float]:
+    """The ends of the 90 % interval of a forecast that is shown [Wh]."""
+    return forecast["quantiles_wh"][LOW], forecast["quantiles_wh"][HIGH]

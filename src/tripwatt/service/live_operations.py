@@ -110,6 +110,11 @@ class LiveOperations:
             raise invalid_input(error.faults) from error
         return _json(cars.take(vehicle, sample))
 
+    async def list_live(self, request: Request) -> Response:
+        """List the cars on the road: those with a token."""
+        require_accepts(request, JSON)
+        return _json(self.cars.list())
+
     async def get_live(self, request: Request, vehicle: Name) -> Response:
         """Return the state of a car on the road and the latest forecast of its trip."""
         require_accepts(request, JSON)

@@ -88,6 +88,7 @@ class LiveForecastDocument(ResponseModel):
     measured_until_s: float = Field(
         description="time of the last measurement that counts, since departure [s]"
     )
+    distance_m: float = Field(description="length of the whole trip [m]")
 
 
 class LiveMessages(ResponseModel):
@@ -104,6 +105,7 @@ class LiveResponse(ResponseModel):
     vehicle: str
     seconds_since_message: float | None = Field(description="null before the first message")
     messages: LiveMessages
+    soc: float | None = Field(description="displayed state of charge of the latest message that has one")
     trip: LiveTripDocument | None = Field(description="null while the car is on no trip")
     plan: Literal["given", "usual"] | None = Field(
         description="the plan that was given, or the road of an earlier trip that began at about this time of day"
@@ -113,3 +115,17 @@ class LiveResponse(ResponseModel):
     faults: list[ProblemFault] = Field(
         description="why the last messages are not in the forecast; empty when they are"
     )
+
+
+class LiveCarSummary(ResponseModel):
+    """A car that the service follows."""
+
+    vehicle: str
+    seconds_since_message: float | None = Field(description="null before the first message")
+    on_trip: bool
+
+
+class LiveCarsResponse(ResponseModel):
+    """The cars that the service follows, by name."""
+
+    vehicles: list[LiveCarSummary]

@@ -53,6 +53,7 @@ DOCUMENTED: Final[tuple[type[BaseModel], ...]] = (
     live_schemas.TelemetryResponse,
     live_schemas.LivePlanRequest,
     live_schemas.LiveResponse,
+    live_schemas.LiveCarsResponse,
     live_schemas.NeedResponse,
     car_schemas.NewCarRequest,
     car_schemas.LogsRequest,
@@ -274,6 +275,12 @@ def live() -> dict[str, Any]:
     return _operation(
         "live", "The car", _content(JSON, _reference(live_schemas.LiveResponse)), _LIVE_PROBLEMS
     )
+
+
+def live_cars() -> dict[str, Any]:
+    """Return the description of `GET /v1/live`."""
+    problems = (*COMMON_PROBLEMS, "not-acceptable", "no-live")
+    return _operation("live", "The cars", _content(JSON, _reference(live_schemas.LiveCarsResponse)), problems)
 
 
 def need() -> dict[str, Any]:

@@ -6,6 +6,7 @@ import type {
   ExampleSummary,
   Forecast,
   Journey,
+  LiveCar,
   LogsReading,
   MapInfo,
   MapView,
@@ -15,9 +16,11 @@ import type {
   Place,
   Problem,
   Reach,
+  RoadCar,
   Route,
   Vehicle,
 } from "./types";
+import { EventParser } from "../model/sse";
 
 const TOKEN = "tripwatt.token";
 const MAX_ATTEMPTS = 3;
@@ -68,10 +71,11 @@ function pause(seconds: number): Promise<void> {
   return new Promise((resolve) => setTimeout(resolve, seconds * 1000));
 }
 
-async function requestJson<T>(path: string, init: RequestInit = {}): Promise<T> {
+/** The response to a request that was accepted; a token is asked for where one is needed. */
+async function request(path: string, init: RequestInit): Promise<Response> {
   for (let attempt = 1; ; attempt++) {
     const response = await send(path, init);
-    if (response.ok) return (await response.json()) as T;
+    if (response.ok) return response;
     const busy = response.status === 429 || response.status === 503;
     if (response.status === 401 && attempt < 10) {
       sessionStorage.setItem(TOKEN, await requestToken(attempt > 1));
@@ -81,6 +85,10 @@ async function requestJson<T>(path: string, init: RequestInit = {}): Promise<T> 
       throw new RequestFailed(await problemOf(response));
     }
   }
+}
+
+async function requestJson<T>(path: string, init: RequestInit = {}): Promise<T> {
+  return (await (await request(path, init)).json()) as T;
 }
 
 function post<T>(path: string, body: BodyInit, type: string, signal?: AbortSignal): Promise<T> {
@@ -123,6 +131,28 @@ export const readLogs = (car: string, upload: string, body: string) =>
   post<LogsReading>(`${pathOf(car)}/uploads/${upload}`, body, "application/json");
 export const learnLogs = (car: string, upload: string, body: string) =>
   post<OwnCar>(`${pathOf(car)}/uploads/${upload}/learn`, body, "application/json");
+
+/** Cars that can send messages while they drive. */
+export const listRoadCars = async () => (await requestJson<{ vehicles: RoadCar[] }>("v1/live")).vehicles;
+
+/** Give a car the plan of its trip, or of its next one. */
+export const putPlan = (car: string, body: string) =>
+  requestJson<LiveCar>(`v1/live/${encodeURIComponent(car)}/plan`, {
+    method: "PUT",
+    body,
+    headers: { "content-type": "application/json" },
+  });
+
+/** The events of a car on the road, as they come: the data of each, and nothing for a sign of life. */
+export async function* listenTo(car: string, signal: AbortSignal): AsyncGenerator<string[], void> {
+  const headers = { accept: "text/event-stream" };
+  const { body } = await request(`v1/live/${encodeURIComponent(car)}/events`, { headers, signal });
+  const reader = body?.pipeThrough(new TextDecoderStream()).getReader();
+  const parser = new EventParser();
+  for (let part = await reader?.read(); part && !part.done; part = await reader?.read()) {
+    yield parser.take(part.value);
+  }
+}
 
 export const requestForecast = (body: string, signal?: AbortSignal) =>
   post<Forecast>("v1/forecast", body, "application/json", signal);

@@ -232,6 +232,17 @@ export interface DiaryEntry {
   low_wh: number;
   high_wh: number;
   by_cause_wh: Record<string, number>;
+  /** Forecasts of the whole trip that were made on the way; the first may be that of the departure. */
+  on_the_way: OnTheWay[];
+}
+
+export interface OnTheWay {
+  /** Since the start of the trip. */
+  at_s: number;
+  distance_m: number;
+  energy_wh: number;
+  low_wh: number;
+  high_wh: number;
 }
 
 export interface Season {
@@ -289,5 +300,35 @@ export interface LogsReading {
     findings: { trip: string; from_s: number; to_s: number; what: string; consequence: string }[];
     n_findings: number;
   } | null;
+  faults: Fault[];
+}
+
+/** A car that can send messages. */
+export interface RoadCar {
+  vehicle: string;
+  seconds_since_message: number | null;
+  on_trip: boolean;
+}
+
+/** The forecast of a trip on the road; quantiles at 0.05, 0.5 and 0.95. */
+export interface LiveForecast {
+  energy_wh: number;
+  quantiles_wh: Record<string, number>;
+  soc_arrival: number;
+  soc_quantiles: Record<string, number>;
+  reserve: number;
+  p_arrive: number;
+  /** Length of the whole trip. */
+  distance_m: number;
+}
+
+/** A car on the road. */
+export interface LiveCar {
+  vehicle: string;
+  seconds_since_message: number | null;
+  soc: number | null;
+  trip: { duration_s: number; distance_m: number } | null;
+  plan: "given" | "usual" | null;
+  forecast: LiveForecast | null;
   faults: Fault[];
 }

@@ -334,6 +334,43 @@ export const de: Text = {
     cancel: "Abbrechen",
     use: "Dieses Auto verwenden",
   },
+  live: {
+    title: "Unterwegs",
+    close: "Schließen",
+    night: "Nacht",
+    now: "Ladestand jetzt",
+    left: "Noch zu fahren",
+    driven: "Gefahren",
+    nextTrip: "Ladestand bei Ankunft, nächste Fahrt",
+    onTrip: "auf einer Fahrt",
+    usual: "Auf der Strecke einer früheren Fahrt zu dieser Tageszeit: kein Plan wurde angegeben.",
+    notIn: "Die letzten Meldungen sind nicht in der Vorhersage:",
+    justNow: "Meldung in der letzten Minute",
+    minutesAgo: (minutes) =>
+      count(minutes, { one: "Letzte Meldung vor # Minute", other: "Letzte Meldung vor # Minuten" }),
+    links: {
+      connecting: "Verbindung wird aufgebaut …",
+      open: "Verbunden",
+      lost: "Verbindung verloren, neuer Versuch …",
+      gone: "Nicht verfolgt",
+    },
+    awake: "Der Bildschirm bleibt an",
+    notAwake: "Der Bildschirm kann ausgehen: dieser Browser hält ihn hier nicht an",
+    noCar: "Noch kein Auto sendet Meldungen.",
+    noCarHint:
+      "Öffnen Sie eines Ihrer Autos, erzeugen Sie ein Token und tragen Sie es in der sendenden App ein.",
+    noMessage: "Noch keine Meldung.",
+    noMessageHint: "Die Zahlen erscheinen mit der ersten Meldung des Autos.",
+    noTrip: "Das Auto ist auf keiner Fahrt.",
+    noTripHint: "Die Vorhersage beginnt, wenn es losfährt.",
+    noPlan: "Keine Vorhersage: die Strecke ist unbekannt.",
+    noPlanHint:
+      "Wählen Sie auf der Seite eine Fahrt nach Orten, Links oder Entfernung. Ohne sie gilt die Strecke einer früheren Fahrt zu dieser Tageszeit.",
+    usePlan: (trip) => `Fahrt der Seite fahren: ${trip}`,
+    planFailed: "Der Dienst hat diese Fahrt nicht angenommen.",
+    gone: "Dieses Auto wird nicht verfolgt.",
+    goneHint: "Es wurde gelöscht, oder es hat kein Token.",
+  },
   ownCars: {
     title: "Deine Autos",
     intro:
@@ -421,6 +458,9 @@ export const de: Text = {
     coverage: "In 90 %",
     interval: (middle, low, high) => `${middle} (${low} bis ${high})`,
     outside: "außerhalb",
+    atDeparture: (energy) => `gezeigt bei Abfahrt ${energy}`,
+    halfWay: (energy) => `auf halber Strecke ${energy}`,
+    atLast: (energy) => `zuletzt ${energy}`,
     season: "Jahreszeit",
     seasons: "Nach Jahreszeit",
     quarters: {

@@ -2,6 +2,7 @@ import type { Vehicle } from "../api/types";
 import { type System, unitsOf } from "../model/units";
 import { car, choices, chooseModel, chooseVehicle, DESCRIBED, vehicles } from "../state/car";
 import { faults } from "../state/forecast";
+import { openRoad } from "../state/live-drive";
 import { ownCars, useCar } from "../state/own-cars";
 import { chosenLanguage, language, system, text, type Theme, theme } from "../state/preferences";
 import { type Language, LANGUAGES } from "../text";
@@ -166,6 +167,17 @@ export function Header() {
       </div>
       <CarSelect />
       <div class="tools">
+        {ownCars.value && (
+          <button
+            type="button"
+            class="quiet"
+            aria-label={text.value.live.title}
+            title={text.value.live.title}
+            onClick={() => void openRoad()}
+          >
+            <Icon name="wheel" />
+          </button>
+        )}
         <Choice
           label={text.value.header.units}
           class="small"

@@ -80,6 +80,23 @@ function Spread({ of, most }: { of: DiaryEntry; most: number }) {
   );
 }
 
+/** The forecasts that were shown on the way: at departure, half-way, and the last one. */
+function shownOnTheWay(of: DiaryEntry): string {
+  const { ownCars: words } = text.value;
+  const kwh = (wh: number) => format.value.figure(ENERGY.from(wh), 2);
+  const made = of.on_the_way;
+  const first = made[0]?.at_s === 0 ? made[0] : undefined;
+  const half = made.find((row) => row !== first && row.distance_m >= of.distance_m / 2);
+  const last = made.at(-1);
+  return [
+    first && words.atDeparture(kwh(first.energy_wh)),
+    half && words.halfWay(kwh(half.energy_wh)),
+    last && last !== half && last !== first && words.atLast(kwh(last.energy_wh)),
+  ]
+    .filter((part) => part !== undefined && part !== false)
+    .join(" · ");
+}
+
 function Trips({ of }: { of: OwnCar }) {
   const { ownCars: words } = text.value;
   const { figure, shown, signed } = format.value;
@@ -109,7 +126,10 @@ function Trips({ of }: { of: OwnCar }) {
                 )}
               </th>
               <td>{shown(row.distance_m, units.value.distance)}</td>
-              <td>{words.interval(kwh(row.forecast_wh), kwh(row.low_wh), kwh(row.high_wh))}</td>
+              <td>
+                {words.interval(kwh(row.forecast_wh), kwh(row.low_wh), kwh(row.high_wh))}
+                {row.on_the_way.length > 0 && <span class="note way"> {shownOnTheWay(row)}</span>}
+              </td>
               <td>
                 <Spread of={row} most={most} />
               </td>

@@ -16,6 +16,7 @@ import {
   tokenOf,
   useCar,
 } from "../state/own-cars";
+import { openRoad } from "../state/live-drive";
 import { text } from "../state/preferences";
 import { FaultList } from "./faults";
 import { Icon } from "./icons";
@@ -121,6 +122,17 @@ function Shown({ of }: { of: OwnCar }) {
         >
           {isUsed ? words.used : words.use}
         </button>
+        {of.has_token && (
+          <button
+            type="button"
+            onClick={() => {
+              open.value = false;
+              void openRoad(of.name);
+            }}
+          >
+            {text.value.live.title}
+          </button>
+        )}
         {!asks && (
           <button type="button" disabled={learns.value} onClick={() => setAsks(true)}>
             {words.forget}

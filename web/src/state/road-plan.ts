@@ -1,0 +1,42 @@
+/** The trip of the page as the plan of a car on the road. */
+
+import { batch, computed } from "@preact/signals";
+import { putPlan, RequestFailed } from "../api/client";
+import { atMotorwaySpeed } from "../model/links";
+import { profileFromSamples } from "../model/profile";
+import { linksOfProfile } from "../model/road-links";
+import { conditions } from "./conditions";
+import { chosenRoad, journey } from "./journey";
+import { followed, live, planFailed } from "./live-drive";
+import { trip } from "./trip";
+
+/** The road of the page's trip as fields of a plan, as JSON; null where it has none that a car can follow. */
+const road = computed(() => {
+  const now = trip.value;
+  if (now?.links) {
+    const links = atMotorwaySpeed(now.links, conditions.value.motorwayMS);
+    return `${now.fixedJson},"links":${JSON.stringify(links)}`;
+  }
+  const found = now?.stops ? journey.value?.roads[chosenRoad.value] : undefined;
+  return found ? JSON.stringify(linksOfProfile(profileFromSamples(found.samples))).slice(1, -1) : null;
+});
+
+export const canPlan = computed(() => road.value !== null);
+
+/** Give the followed car the trip of the page as its plan; charge and temperatures are those that the car sends. */
+export async function planFromPage(): Promise<void> {
+  const { reserve, payloadKg, setpointDegc, climate } = conditions.value;
+  const more = { reserve, payload_mass_kg: payloadKg, cabin_setpoint_degc: setpointDegc, climate };
+  const car = followed.value;
+  if (road.value === null || !car) return;
+  planFailed.value = false;
+  try {
+    const found = await putPlan(car, `{${road.value},${JSON.stringify(more).slice(1)}`);
+    batch(() => {
+      if (followed.value === car) live.value = found;
+    });
+  } catch (error) {
+    if (!(error instanceof RequestFailed)) throw error;
+    planFailed.value = true;
+  }
+}
