@@ -27,6 +27,7 @@ from benchmarks import (
     argonne,
     coverage,
     gam,
+    half_known,
     hostile,
     live,
     physics_trips,
@@ -513,6 +514,22 @@ def on_the_road() -> Iterator[Bar]:
             yield at_most(row.text, measure, row.value, row.most)
 
 
+def energy_half_known() -> Iterator[Bar]:
+    """Bars on trips with a state of charge in whole percent, or a power in whole kilowatts, alone."""
+    measure = "python -m benchmarks.half_known"
+    data = tum_folder()
+    if data is None:
+        yield missing("TUM trips with half of what was measured", measure)
+        return
+    for row in half_known.run(data):
+        if row.least > 0.0:
+            yield at_least(row.text, measure, row.value, row.least)
+        elif row.most < float("inf"):
+            yield at_most(row.text, measure, row.value, row.most)
+        else:
+            yield shown(row.text, measure, f"{row.value:.4g}", "")
+
+
 def transfer() -> Iterator[Bar]:
     """Bars on the way of a correction from the i3 to the VED's car 10, with the time that it takes."""
     from tripwatt.evaluation.transfer import evaluate_transfer
@@ -570,6 +587,7 @@ def bars(
     yield from planned_routes(links)
     yield from journeys()
     yield from on_the_road()
+    yield from energy_half_known()
     yield from physics()
     yield from leafs()
     yield from transfer()

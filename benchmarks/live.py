@@ -1,7 +1,8 @@
 """Cars on the road: python -m benchmarks.live [--data FOLDER] [--trips N] [--cars N] [--seconds S].
 
 TUM trips at 1 Hz are sent to a running service, each by a car of its own. Printed are the largest difference of the last
-forecasts to `update` on the same samples, the same after the service was killed in the middle of all trips, the coverage of
+forecasts to `update` on the same samples, the same after the service was killed in the middle of all trips, the same over a broker
+(MQTT) with lost, late and doubled messages and with a broker that is killed, the coverage of
 90 % intervals on the way where a fifth of the messages each is lost, late or doubled (models that have not seen the trip), and
 the lag of many cars that send every 2 s.
 """
@@ -24,6 +25,7 @@ from typing import Any
 import httpx
 import numpy as np
 import pandas as pd
+from tests.live.brokers import MOSQUITTO, Sent, replay
 from tests.live.messages import NOON_S, abrp_messages, measured, over_a_bad_connection, samples_of
 from tests.support.service_process import Service, serving
 
@@ -72,10 +74,13 @@ class Drive:
         lists = {n: [None if v != v else v for v in values.tolist()] for n, values in columns.items()}
         return {"samples": lists, "departure_utc": NOON_S}
 
+    def at_departure(self) -> Forecast:
+        """The forecast of the library at the departure."""
+        return tw.forecast(plan_from_samples(pd.DataFrame(self.plan["samples"], dtype=np.float64)))
+
     def updated(self) -> Forecast:
-        """The forecast of the library, updated with all that was sent."""
-        plan = plan_from_samples(pd.DataFrame(self.plan["samples"], dtype=np.float64))
-        return tw.forecast(plan).update(self.table)
+        """The same, updated with all that was sent."""
+        return self.at_departure().update(self.table)
 
 
 async def each(work: Sequence[Any]) -> list[Any]:
@@ -138,6 +143,23 @@ def replayed(drives: Sequence[Drive], *, killed: bool) -> list[float]:
         with serving(folder, *more) as service:
             send(service, tokens, drives, 0.49, 1.0)  # what was sent last is sent again
             return differences(service, drives)
+
+
+def over_mqtt(drives: Sequence[Drive]) -> Iterator[Row]:
+    """Send all drives over a broker, with lost, late and doubled messages, and again with a broker that is killed in the middle."""
+    if MOSQUITTO is None:
+        print("no mosquitto: trips over MQTT are not measured", file=sys.stderr)
+        return
+    sent = [Sent.from_table(d.trip.trip_id, d.table, len(d.table)) for d in drives]
+    forecasts = {d.trip.trip_id: d.at_departure() for d in drives}
+    for killed, text in ((False, "over MQTT"), (True, "over MQTT, broker killed")):
+        with tempfile.TemporaryDirectory() as place:
+            found = replay(Path(place), sent, forecasts, killed=killed)
+        worst = max(one.difference_wh for one in found)
+        yield Row(f"{text}: difference to update, largest of {len(found)} trips [Wh]", worst, 0.0, 1e-6)
+        for name in ("missing", "twice"):
+            number = sum(getattr(one, name) for one in found)
+            yield Row(f"{text}: samples {name} in finished trips", float(number), 0.0, 0.0)
 
 
 def covered(trips: Sequence[Trip], drives: Sequence[Drive]) -> tuple[float, float, int]:
@@ -250,6 +272,7 @@ def run(data: Path, most: int, cars: int, seconds: float) -> Iterator[Row]:
     for killed, text in ((False, "difference to update"), (True, "difference after kill -9")):
         found = replayed(drives[:most], killed=killed)
         yield Row(f"{text}, largest of {len(found)} trips [Wh]", max(found), 0.0, 1e-6)
+    yield from over_mqtt(drives[:most])
     bad, sound, number = covered(known, drives)
     yield Row(f"coverage of 90 % with lost, late and doubled messages, {number} forecasts", bad, 0.85, 1.0)
     yield Row(f"coverage of 90 % with all messages, {number} forecasts", sound, 0.85, 1.0)

@@ -12,7 +12,7 @@ from tripwatt.auditing.consistency import (
     _stray_soc,
     blank_soc_faults,
     charge_balance,
-    soc_energy_findings,
+    energy_error_findings,
     soc_findings,
     soc_resolution,
     unit_findings,
@@ -298,7 +298,7 @@ def test_power_is_voltage_times_current(monkeypatch):
 def test_an_energy_is_inaccurate_from_a_quarter_and_useless_from_half(error_wh, consequence):
     samples = pd.DataFrame({"time_s": [0.0, 9.0], "speed_m_s": 1.0})
     trip = Recorded("t", samples, observed_energy_wh=1000.0, observed_energy_std_wh=error_wh)
-    found = list(soc_energy_findings(trip))
+    found = list(energy_error_findings(trip))
     assert [f.consequence for f in found] == ([consequence] if consequence else [])
     words = {"noted": "Wh: inaccurate", "set aside": "Wh: too inaccurate to use"}
     assert all(f.what.endswith(words[f.consequence]) for f in found)
@@ -306,5 +306,5 @@ def test_an_energy_is_inaccurate_from_a_quarter_and_useless_from_half(error_wh, 
 
 def test_an_energy_without_an_error_is_measured():
     samples = pd.DataFrame({"time_s": [0.0, 9.0], "speed_m_s": 1.0})
-    assert list(soc_energy_findings(Recorded("t", samples, observed_energy_wh=1000.0))) == []
-    assert list(soc_energy_findings(Recorded("t", samples, observed_energy_std_wh=100.0))) == []
+    assert list(energy_error_findings(Recorded("t", samples, observed_energy_wh=1000.0))) == []
+    assert list(energy_error_findings(Recorded("t", samples, observed_energy_std_wh=100.0))) == []

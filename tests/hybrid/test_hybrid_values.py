@@ -111,6 +111,9 @@ class TestSegmentTable:
 class Log:
     """A measured trip."""
 
+    observed_energy_std_wh = None
+    observed_energy_own_std_wh = observed_energy_common_std = 0.0
+
     def __init__(self, step_s, **columns) -> None:
         self.step_s, self.trip_id = step_s, "log"
         self.samples = pd.DataFrame(columns)

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import json
-import shutil
-import socket
 import subprocess
 import sys
-from collections.abc import Awaitable, Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import pytest
+from tests.live.brokers import MOSQUITTO, Sent, broker, replay
 from tests.live.messages import NOON_S, abrp_messages, measured, samples_of
 
 pytest.importorskip("aiomqtt", reason="the extra tripwatt[live] is not installed")
@@ -31,7 +29,6 @@ from tripwatt.routes import links_of_trip, plan_from_links
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import plan_from_samples
 
-MOSQUITTO = shutil.which("mosquitto") or shutil.which("/usr/sbin/mosquitto")
 needs_broker = pytest.mark.skipif(
     MOSQUITTO is None, reason="no mosquitto: install it from the distribution's packages"
 )
@@ -43,32 +40,6 @@ METRICS = {
     "elevation_m": ("v/p/altitude", 1.0),
     "ambient_temperature_degc": ("v/e/temp", 1.0),
 }
-
-
-@contextmanager
-def broker(folder: Path, port: int = 0) -> Iterator[tuple[Broker, subprocess.Popen[bytes]]]:
-    """A broker on loopback that holds what it cannot deliver yet."""
-    if not port:
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
-    config = folder / "mosquitto.conf"
-    config.write_text(
-        f"listener {port} 127.0.0.1\nallow_anonymous true\nmax_queued_messages 0\npersistence false\nsys_interval 1\n"
-    )
-    assert MOSQUITTO is not None
-    process = subprocess.Popen([MOSQUITTO, "-c", f"{config}"], stderr=subprocess.DEVNULL)
-    try:
-        for _ in range(200):
-            with socket.socket() as probe:
-                if probe.connect_ex(("127.0.0.1", port)) == 0:
-                    break
-            assert process.poll() is None
-            subprocess.run(["sleep", "0.05"], check=True)
-        yield Broker("127.0.0.1", port), process
-    finally:
-        process.kill()
-        process.wait()
 
 
 @pytest.fixture(scope="module")
@@ -338,3 +309,17 @@ def test_a_password_is_that_of_the_url_or_the_given_one_and_is_not_shown() -> No
     with pytest.raises(InvalidInput) as caught:
         Broker.from_url("http://me:secret@h")
     assert "secret" not in str(caught.value)
+
+
+@needs_broker
+@pytest.mark.parametrize("killed", [False, True])
+def test_trips_with_lost_late_and_doubled_messages_end_whole(tmp_path: Path, killed: bool) -> None:
+    drives, forecasts = [], {}
+    for seed in range(3):
+        table = measured(example_trip(seed)).iloc[: 300 + 50 * seed]
+        drives.append(Sent.from_table(f"car{seed}", table, seed))
+        forecasts[f"car{seed}"] = tw.forecast(plan_from_samples(example_trip(seed)))
+        assert len(drives[-1].messages) > len(drives[-1].table())
+    for found in replay(tmp_path, drives, forecasts, killed=killed):
+        assert found.difference_wh < 1e-6
+        assert (found.missing, found.twice) == (0, 0)

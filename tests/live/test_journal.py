@@ -94,3 +94,19 @@ def test_a_full_disk_leaves_the_file_as_it_was(path: Path, monkeypatch: pytest.M
 def test_a_folder_is_no_journal(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match="cannot open the journal"):
         Journal(tmp_path)
+
+
+@pytest.mark.parametrize("damaged", ["1" + "0" * 400, "[" * 3000, '"x"', "null", "{}"])
+def test_an_endless_number_or_nesting_costs_only_its_line(path: Path, damaged: str) -> None:
+    lines = [line_of(sample) for sample in SAMPLES]
+    for bad in (f'{{"time_s":{damaged}}}', f'{{"time_s":{T0},"speed_m_s":{damaged}}}'):
+        path.write_bytes(lines[0] + bad.encode() + b"\n" + lines[1])
+        assert list(Journal(path).read()) == SAMPLES[:2]
+
+
+@pytest.mark.parametrize("after_s", ["1" + "0" * 400, "1e400", "1e18", "-5", "[" * 3000])
+def test_a_damaged_first_line_makes_no_sample_late(path: Path, after_s: str) -> None:
+    path.write_bytes(f'{{"after_s":{after_s}}}\n'.encode() + line_of(SAMPLES[0]))
+    journal = Journal(path)
+    assert journal.after_s == -math.inf
+    assert list(journal.read()) == SAMPLES[:1]

@@ -9,9 +9,11 @@ from __future__ import annotations
 import io
 import json
 import math
+import shutil
 import tempfile
 import time
 import traceback
+import urllib.parse
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,6 +30,9 @@ from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel, load_model
 from tripwatt.forecasting.plausible import battery_wh
 from tripwatt.forecasting.storage import model_folder
+from tripwatt.live import Sample, TopicJoiner, open_live_car, sample_from_abrp
+from tripwatt.live.journal import line_of
+from tripwatt.live.live_car import token_digest
 from tripwatt.routes import parse_route
 from tripwatt.service.jobs import Jobs
 from tripwatt.service.schemas import NotJson
@@ -188,6 +193,119 @@ def _uploads(kind: str) -> Callable[[], Sequence[bytes]]:
     return lambda: [body for place, body in seeds()[kind] if place.startswith("/v1/routes")]
 
 
+LIVE_S: Final = 1_700_000_000.0
+MESSAGE: Final = {
+    "utc": LIVE_S,
+    "speed": 72,
+    "power": "11.1",
+    "soc": 65,
+    "ext_temp": 4.5,
+    "lat": 48.1,
+    "lon": 11.5,
+}
+METRICS: Final = (
+    ("ovms", b"ovms/me/leaf/metric/v/p/speed\n72.5"),
+    ("ovms", b"ovms/me/leaf/metric/m/time/utc\n1700000003"),
+    ("ovms", b"ovms/me/leaf/metric/v/c/charging\nno"),
+    ("teslamate", b"teslamate/cars/1/power\n-7"),
+    ("teslamate", b"teslamate/cars/1/shift_state\nP"),
+    ("abrp", b"car/abrp\n" + orjson.dumps(MESSAGE)),
+)
+ROOTS: Final = {"ovms": "ovms/me/leaf/metric", "teslamate": "teslamate/cars/1", "abrp": "car/abrp"}
+
+
+def _telemetry_bodies() -> list[bytes]:
+    form = urllib.parse.urlencode({"token": "abc", "tlm": json.dumps(MESSAGE)}).encode()
+    return [orjson.dumps({"token": "abc", "tlm": MESSAGE}), form, orjson.dumps(MESSAGE)]
+
+
+def _telemetry(content: bytes, folder: Path) -> None:
+    """As the service takes a body of either kind; what it accepts is on disk, once."""
+    from tripwatt.service.live_operations import FORM, JSON, message_of, telemetry_of
+    from tripwatt.service.problems import Problem
+
+    for kind in (JSON, FORM):
+        try:
+            sample = sample_from_abrp(telemetry_of(message_of(content, kind)))
+        except (Problem, InvalidInput):
+            continue
+        _kept_once(folder / "by-body", sample)
+
+
+def _mqtt(content: bytes, folder: Path) -> None:
+    """As a message of each source: its first line is the topic."""
+    topic, _, payload = content.partition(b"\n")
+    for name, root in ROOTS.items():
+        joiner = TopicJoiner(name, root)
+        for k, (source, example) in enumerate(METRICS):
+            if source == name:
+                joiner.take(*_message(example), LIVE_S + k)
+        for k in range(3):
+            found = joiner.take(
+                topic.decode("utf-8", "replace"), payload, LIVE_S + 100.0 + k, retained=k == 2
+            )
+            for sample in (found, joiner.flush()):
+                if sample is not None:
+                    _kept_once(folder / "by-topic", sample)
+
+
+def _message(example: bytes) -> tuple[str, bytes]:
+    topic, _, payload = example.partition(b"\n")
+    return topic.decode(), payload
+
+
+def _kept_once(place: Path, sample: Sample) -> None:
+    """A sample that a car took is there after it was opened again, and counts once."""
+    with open_live_car(place) as car:
+        taken = car.add(sample, now_s=sample.time_s) == "new"
+    with open_live_car(place) as car:
+        again = car.add(sample, now_s=sample.time_s)
+    assert not (taken and again == "new"), f"an acknowledged sample is lost: {sample}"
+
+
+def _live_folder(folder: Path) -> Path:
+    place = folder / "leaf"
+    shutil.rmtree(place, ignore_errors=True)
+    (place / "live" / "trips").mkdir(parents=True)
+    return place
+
+
+def _journal_lines() -> list[bytes]:
+    drive = [Sample(LIVE_S + k, {"speed_m_s": 15.0, "displayed_soc": 0.6}) for k in range(60)]
+    lines = b"".join(line_of(sample) for sample in drive)
+    return [
+        lines,
+        b'{"after_s":1699999999.0}\n' + lines,
+        lines + line_of(Sample(LIVE_S + 61.0, charging=True)),
+    ]
+
+
+def _journal(content: bytes, folder: Path) -> None:
+    """A car with this journal opens; what it takes then is there after it was opened again."""
+    place = _live_folder(folder)
+    (place / "live" / "journal.ndjson").write_bytes(content)
+    with open_live_car(place) as car:
+        whole = {sample.time_s for sample in car._journal.read()}
+        newest = max(whole, default=LIVE_S)
+    with open_live_car(place) as car:
+        assert {sample.time_s for sample in car._journal.read()} == whole, "what was recovered is lost"
+    _kept_once(place, Sample(min(newest + 7.0, LIVE_S + 1e6), {"speed_m_s": 3.0}))
+
+
+def _live_file(name: str) -> Read:
+    """A file of a car's folder: a finished trip, a plan or a token that somebody changed."""
+
+    def read(content: bytes, folder: Path) -> None:
+        place = _live_folder(folder)
+        (place / "live" / name).write_bytes(content)
+        with open_live_car(place) as car:
+            token_digest(place)
+            car.usual_trip_at(LIVE_S + 86_400.0)
+            car.logs()
+
+    return read
+
+
 OBSERVED: Final = b"time_s,voltage_v,current_a,soc\n0,360,3,0.8\n1,361,9,0.8\n2,355,40,0.79\n40,358,20,0.78\n"
 
 TARGETS: Final[Mapping[str, Target]] = MappingProxyType(
@@ -210,6 +328,17 @@ TARGETS: Final[Mapping[str, Target]] = MappingProxyType(
         "forecast request": Target(_requests("/v1/forecast"), _job("forecast")),
         "update request": Target(_requests("/v1/forecast/update"), _job("update")),
         "uploads": Target(_requests("/v1/routes"), _job("route")),
+        "message of a car": Target(_telemetry_bodies, _telemetry),
+        "topic and payload of a car": Target(lambda: [example for _, example in METRICS], _mqtt),
+        "journal of a car": Target(_journal_lines, _journal),
+        "finished trip of a car": Target(
+            lambda: [_trip().to_csv(index=False).encode()], _live_file("trips/20231114T221320Z.csv")
+        ),
+        "plan of a car": Target(
+            lambda: [b'{"given_s": 1700000000.0, "departure_s": null, "request": {"links": []}}'],
+            _live_file("plan.json"),
+        ),
+        "token of a car": Target(lambda: [b'{"sha256": "00ff"}'], _live_file("token.json")),
     }
 )
 """Kinds of input by name. Model files have `forged_models`, heads and connections `service_attacks.ATTACKS`."""

@@ -47,11 +47,48 @@ def run(text):
     write_model(out, {"about": text}, {"a.npz": {"x": np.arange(20_000.0)}, "b.json": {"about": text}})
 """
 
+LIVE: Final = """
+import json, os
+import pandas as pd
+from tripwatt.live import Sample, open_live_car
+T0 = 1_700_000_000.0
+def samples(text):
+    shift = 0.0 if text == "old" else 3600.0
+    for k in range(90):
+        moves = 5 <= k < 50
+        yield Sample(T0 + shift + k, {"speed_m_s": 15.0 if moves else 0.0}, charging=k >= 55)
+def kept():
+    found = []
+    for path in (out / "live" / "trips").glob("*.csv"):
+        table = pd.read_csv(path)
+        start = pd.to_datetime(path.stem, format="%Y%m%dT%H%M%SZ").timestamp()
+        found += [round(start + t) for t in table["time_s"]]
+    with open_live_car(out) as car:
+        found += [round(s.time_s) for s in car._journal.read()]
+    return found
+if out.exists():
+    place = out / "acknowledged"
+    with open_live_car(out):
+        pass  # whatever was left undone is done
+    found = kept()
+    acknowledged = [int(t) for t in place.read_text().split()] if place.exists() else []
+    assert set(acknowledged) <= set(found), "an acknowledged sample is lost"
+    assert len(found) == len(set(found)), "a sample counts twice"
+def run(text):
+    with open_live_car(out) as car:
+        for sample in samples(text):
+            car.add(sample)
+            if sample.values["speed_m_s"]:
+                with (out / "acknowledged").open("a") as stream:
+                    stream.write(f"{sample.time_s:.0f}" + chr(10))
+"""
+
 WRITERS: Final[Mapping[str, str]] = MappingProxyType(
     {
         "one file (example-trip, mapping, export, vehicles --import, forecast --plot)": FILE,
         "a folder of results (evaluate, transfer)": FOLDER,
         "a model (fit)": MODEL,
+        "samples and trips of a car on the road (live, serve)": LIVE,
     }
 )
 """Kind of output, with the commands that write it -> a program that checks `out` and defines `run`."""

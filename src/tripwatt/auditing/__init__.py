@@ -23,7 +23,6 @@ from tripwatt.trips import (
     Fleet,
     Recorded,
     Trip,
-    observed_energy,
     require_unique_ids,
     structure_faults,
     value_faults,
@@ -256,10 +255,10 @@ def _judge_leg(leg: Recorded) -> tuple[Recorded, list[Finding]]:
     for blank in (signals.blank_stuck_heater, consistency.blank_soc_faults, ranges.blank_fahrenheit):
         samples, found = blank(samples, name)
         findings += found
-    mended = replace(leg, samples=samples, observed_energy_wh=observed_energy(samples))
+    mended = leg.with_samples(samples)
     findings += consistency.unit_findings(mended)
     findings += consistency.offset_findings(mended)
-    findings += consistency.soc_energy_findings(mended)
+    findings += consistency.energy_error_findings(mended)
     if mended.distance_m < SHORTEST_LEG_M or mended.duration_s < SHORTEST_LEG_S:
         what = (
             f"{mended.distance_m:.0f} m in {mended.duration_s:.0f} s: "

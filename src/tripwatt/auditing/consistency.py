@@ -306,15 +306,16 @@ def offset_findings(trip: Recorded) -> Iterator[Finding]:
         yield whole(samples, trip.trip_id, what, "set aside")
 
 
-def soc_energy_findings(trip: Recorded) -> Iterator[Finding]:
-    """An energy from the state of charge that its own standard error drowns, as on short trips with whole percents."""
+def energy_error_findings(trip: Recorded) -> Iterator[Finding]:
+    """An energy that its own standard error drowns, as on short trips with a charge in whole percent or a power in whole kW."""
     error, energy = trip.observed_energy_std_wh, trip.observed_energy_wh
     if error is None or energy is None:
         return
     useless = not error < USELESS_SHARE * energy
     if useless or error > COARSE_SHARE * energy:
-        what = (
-            f"energy from the state of charge is {energy:.0f} Wh with a standard error of {error:.0f} Wh: "
-            + ("too inaccurate to use" if useless else "inaccurate")
+        measured = has(trip.samples, "voltage_v") and has(trip.samples, "current_a")
+        source = "a coarse or seldom power" if measured else "the state of charge"
+        what = f"energy from {source} is {energy:.0f} Wh with a standard error of {error:.0f} Wh: " + (
+            "too inaccurate to use" if useless else "inaccurate"
         )
         yield whole(trip.samples, trip.trip_id, what, "set aside" if useless else "noted")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -103,6 +104,17 @@ def live(
             show_default=False,
         ),
     ] = "",
+    keep_days: Annotated[
+        float | None,
+        typer.Option(
+            "--keep-days",
+            min=0.01,
+            max=36_500.0,
+            metavar="DAYS",
+            help="Erase what the car sent after so many days. Default: keep it until the car is forgotten.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Follow a car over MQTT until you interrupt the command: keep its trips, and forecast the one that it is on.
@@ -126,7 +138,7 @@ def live(
         lambda: _require_topic(publish, discovery),
         lambda: got.update(forecaster=_forecaster(plan, model or own, vehicle, reserve)),
     )
-    with open_live_car(car) as opened:
+    with open_live_car(car, keep_days=math.inf if keep_days is None else keep_days) as opened:
         follower = Follower(
             opened, got["joiner"], _printer(as_json), got["forecaster"], every, publish, discovery, _note
         )

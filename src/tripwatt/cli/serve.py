@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 from typing import Annotated
@@ -65,6 +66,17 @@ def serve(
             show_default=False,
         ),
     ] = None,
+    keep_days: Annotated[
+        float | None,
+        typer.Option(
+            "--keep-days",
+            min=0.01,
+            max=36_500.0,
+            metavar="DAYS",
+            help="Erase what cars sent on the road after so many days. Default: keep it until the car is forgotten.",
+            show_default=False,
+        ),
+    ] = None,
     limit: Annotated[
         list[str] | None,
         typer.Option(
@@ -100,7 +112,17 @@ def serve(
     )
     token = os.environ.get(TOKEN_VARIABLE, "")
     atlas = AtlasSettings(map_, places_url, weather, "" if stations is None else str(stations))
-    settings = Settings(folders, host, port, workers, token, limits[-1], atlas, cars)
+    settings = Settings(
+        folders,
+        host,
+        port,
+        workers,
+        token,
+        limits[-1],
+        atlas,
+        cars,
+        math.inf if keep_days is None else keep_days,
+    )
     if map_:
         open_atlas(atlas)
     require_safe(settings)

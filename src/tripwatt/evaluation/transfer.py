@@ -323,7 +323,7 @@ def _transfer(source: _Source, vehicle: Vehicle, mode: str) -> CarTransfer:
 def _evidence(transfer: CarTransfer, car: _Car, source: _Source) -> Evidence:
     """Of all trips of a car; what a draw may learn from is chosen by `_forecasts`."""
     segments = car.prepared.segments
-    return transfer.evidence(segments, car.physical_w, source.donor.variances_wh2(segments, car.trips))
+    return transfer.evidence(segments, car.physical_w, source.donor.variances_wh2(segments))
 
 
 def _forecasts(

@@ -239,7 +239,13 @@ class ForecastModel:
         charge = None if table.charge is None else ChargeScale.from_readings(table.charge, observed)
         self.uncertainty_ = UncertaintyModel.from_held_out(held_out, route, charge)
         errors = np.array([trip.error_wh for trip in held_out])
-        scores = errors / scale_wh(self.uncertainty_.scale, held_out)
+        measured = table.energy_errors
+        scores = errors / np.hypot(scale_wh(self.uncertainty_.scale, held_out), measured.own_wh)
+        if measured.common.any():
+            moved = table.totals_wh(table.features["moved_w"].to_numpy())
+            share = float(np.sqrt(np.mean(measured.common**2)))
+            wider = self.uncertainty_.scale.with_share(share, float(observed.sum() / moved.sum()))
+            self.uncertainty_ = replace(self.uncertainty_, scale=wider)
         self.held_out_ = tuple(
             HeldOut(name, float(o), float(o - e), float(s))
             for name, o, e, s in zip(table.trip_ids, observed, errors, scores, strict=True)

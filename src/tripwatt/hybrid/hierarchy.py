@@ -4,12 +4,12 @@ The corrector is a Gaussian process, linear in weights `w` of known features. It
 `m` and covariance `C`; its prior variances, estimated by marginal likelihood, are `V`. For another car
 
     w' = rho_s w + own,   own ~ N(0, tau^2 (1 - rho_s^2) V),   theta ~ N(0, kappa^2 W),
-    residual energy of trip i = x_i' w' + s_i' theta + error_i,   error_i ~ N(0, lambda * n_i).
+    residual energy of trip i = x_i' w' + s_i' theta + error_i,   error_i ~ N(0, lambda * n_i + m_i).
 
 `rho_s` is the share of the correction of stage `s` that cars have in common: climate control is used alike in cars whose road loads
 differ, so the stages of a corrector that keeps them apart have shares of their own. `theta` is the relative error of a few physical parameters
 with published widths `W` (`tripwatt.hybrid.parameters`), `tau` and `kappa` how much cars differ in the one and the other,
-and `n_i` the variance of a trip as estimated from the first car's held-out trips. One car carries no information about
+`n_i` the variance of a trip as estimated from the first car's held-out trips, and `m_i` that of the measurement of its energy. One car carries no information about
 how much cars differ, so `rho_s`, `tau`, `kappa` and `lambda` have flat priors on a grid and are integrated by their marginal likelihood on the second car's trips (empirical
 Bayes without a choice: Gelman et al., Bayesian Data Analysis, section 5.4; Rasmussen and Williams 2006, section 5.2).
 Without a trip half of the correction is taken. The absolute error is convex in the share, so half of a correction is
@@ -228,6 +228,8 @@ class Evidence:
         Variance of a trip that the first car's held-out trips let expect.
     residual_wh : ndarray, shape (trips,)
         Observed minus simulated; NaN where nothing was measured.
+    measured_wh2 : ndarray or None, shape (trips,)
+        Variance of the measurement of each trip's energy; None where all are exact.
     """
 
     world: FloatArray
@@ -236,11 +238,30 @@ class Evidence:
     physical: FloatArray
     noise_wh2: FloatArray
     residual_wh: FloatArray
+    measured_wh2: FloatArray | None = None
+
+    @property
+    def measured(self) -> FloatArray:
+        """Variance of the measurement of each trip's energy [Wh²], shape (trips,)."""
+        return np.zeros(len(self.noise_wh2)) if self.measured_wh2 is None else self.measured_wh2
+
+    def error_wh2(self, scale: float) -> FloatArray:
+        """Variance of each trip's measured energy [Wh²] where the errors of the model have this scale, shape (trips,)."""
+        return np.asarray(scale * self.noise_wh2 + self.measured)
 
     def take(self, members: Sequence[int] | IntArray) -> Evidence:
         """Some of the trips."""
         index = np.asarray(members, dtype=np.int64)
-        return Evidence(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
+        parts = (
+            self.world,
+            self.own,
+            self.lost,
+            self.physical,
+            self.noise_wh2,
+            self.residual_wh,
+            self.measured,
+        )
+        return Evidence(*(part[index] for part in parts))
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,7 +304,8 @@ class CarTransfer:
         if table.observed_w is not None:
             residual = table.totals_wh(table.residual_w)
         world, own, lost, physical = (_totals(table, segment) for segment in (*rows, physical_w))
-        return Evidence(world, own, lost, physical, noise_wh2, residual)
+        measured = table.energy_errors.own_wh**2
+        return Evidence(world, own, lost, physical, noise_wh2, residual, measured)
 
     def rows(self, table: SegmentTable) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Features of segments [W]: in common, own, lost; each of shape (rows, features)."""
@@ -325,17 +347,17 @@ class CarTransfer:
 
         The grid is weighted by the others as well: p(y_others) = p(y) / p(y_i | y_others). O(options x trips^3).
         """
-        y, noise = evidence.residual_wh, evidence.noise_wh2
+        y, noise, measured = evidence.residual_wh, evidence.noise_wh2, evidence.measured
         logs, means, variances = [], [], []
         for option, mean, kernel in self._kernels(evidence, self.options):
-            covariance = kernel + np.diag(option.noise * noise)
+            covariance = kernel + np.diag(option.noise * noise + measured)
             inverse = np.linalg.inv(covariance)
             variance = 1.0 / np.diag(inverse)
             error = (inverse @ (y - mean)) * variance
             own = -0.5 * error**2 / variance - 0.5 * np.log(variance)
             logs.append(_log_likelihood(y - mean, covariance) - own)
             means.append(y - error)
-            variances.append(np.maximum(variance - option.noise * noise, 0.0))
+            variances.append(np.maximum(variance - option.noise * noise - measured, 0.0))
         weight = np.exp(np.array(logs) - np.max(logs, axis=0))
         weight /= weight.sum(axis=0)
         centre = (weight * np.array(means)).sum(axis=0)
@@ -355,7 +377,7 @@ class CarTransfer:
         """
         prior = self.options
         everything = [
-            _given_draws(mean, kernel, option.noise * evidence.noise_wh2, evidence.residual_wh, draws, score)
+            _given_draws(mean, kernel, evidence.error_wh2(option.noise), evidence.residual_wh, draws, score)
             for option, mean, kernel in self._kernels(evidence, prior)
         ]
         log_weight = np.array([e[2] for e in everything])
@@ -364,6 +386,7 @@ class CarTransfer:
         means, variances = np.array([e[0] for e in everything]), np.array([e[1] for e in everything])
         mean = np.einsum("od,ods->ds", weight, means)
         noise = np.array([o.noise for o in prior])[:, None, None] * evidence.noise_wh2[score]
+        noise = noise + evidence.measured[score]
         second = np.einsum("od,ods->ds", weight, variances + noise + means**2)
         share = weight.T @ np.array([o.share for o in prior])
         return DrawsForecast(mean, np.sqrt(np.maximum(second - mean**2, 0.0)), share)
@@ -394,7 +417,7 @@ class CarTransfer:
         logs = np.zeros(len(prior))
         if len(y):
             for i, (option, mean, kernel) in enumerate(self._kernels(evidence, prior)):
-                logs[i] = _log_likelihood(y - mean, kernel + np.diag(option.noise * evidence.noise_wh2))
+                logs[i] = _log_likelihood(y - mean, kernel + np.diag(evidence.error_wh2(option.noise)))
         weights = np.exp(logs - logs.max())
         return np.asarray(weights / weights.sum())
 
@@ -415,7 +438,7 @@ class CarTransfer:
         diagonal = np.concatenate([np.zeros(n), own, share**2 * before, option.book**2 * self._widths()])
         cross = diagonal[:, None] * features.T
         cross[:n] += (share**2)[:, None] * self._common_cross(evidence)
-        total = features @ cross + np.diag(option.noise * evidence.noise_wh2)
+        total = features @ cross + np.diag(evidence.error_wh2(option.noise))
         factor = np.linalg.inv(np.linalg.cholesky(total)).T  # inverse of the total is factor @ factor.T
         gain = cross @ factor
         return mean + gain @ (factor.T @ (evidence.residual_wh - features @ mean)), gain, diagonal

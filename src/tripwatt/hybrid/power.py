@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final, Protocol, Self
 
 import numpy as np
@@ -195,7 +196,8 @@ class GPCorrector(_Joint):
 
     The weights are learned from the trips' totals, because rows of a trip are far from independent. The course along
     the trip is learned from the rows: the remaining residual less the trip's mean is regressed on the same features,
-    also less their trip's mean. It moves energy along the trip and does not change the total.
+    also less their trip's mean. It moves energy along the trip and does not change the total. A total counts by the
+    standard deviation of its measurement; a trip whose energy was not measured along the way has no course.
     """
 
     def __init__(
@@ -218,10 +220,15 @@ class GPCorrector(_Joint):
         self._set_terms(
             tuple(term for term in self.terms if known.issuperset(term.columns)), self.share_column
         )
-        self.model.fit(table.features, table.residual_w, table.groups, table.hours)
+        errors = table.energy_errors
+        self.model.fit(table.features, table.residual_w, table.groups, table.hours, errors.own_wh)
         features, prior = self.model.features(table.features)
         left = table.residual_w - self.model.predict(table.features)
         within = less_trip_mean(np.column_stack([features, left]), table)
+        within = within[errors.along[table.groups]]
+        if not len(within):
+            self.shape = np.zeros(features.shape[1])
+            return self
         X, r = within[:, :-1], within[:, -1]
         gram = X.T @ X + np.diag(np.mean(r**2) / (_SHAPE_SHARE * prior))
         self.shape = np.linalg.solve(gram, X.T @ r)
@@ -321,8 +328,18 @@ class EnsembleCorrector(_Joint):
         self.members = tuple(members)
 
     def fit(self, table: SegmentTable) -> Self:
-        """Fit each member."""
-        for member in self.members:
+        """Fit each member.
+
+        The others weigh every row alike and know no errors: of a trip that was not measured along the way they learn what the
+        first learned of it.
+        """
+        first, *others = self.members
+        first.fit(table)
+        total_only = ~table.energy_errors.along[table.groups]
+        if total_only.any():
+            learned = table.simulated_w + first.predict(table)
+            table = replace(table, observed_w=np.where(total_only, learned, table.observed_power_w))
+        for member in others:
             member.fit(table)
         return self
 

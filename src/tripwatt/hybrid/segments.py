@@ -12,6 +12,7 @@ import pandas as pd
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.hybrid.climate_log import logged_climate
+from tripwatt.hybrid.energy_errors import EnergyErrors
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.physics.simulate import CAUSES
 from tripwatt.trips import TEMPERATURES, Plan, Trip, plan_from_trip, resample, table_of
@@ -48,6 +49,8 @@ class SegmentTable:
     charge : ndarray or None, shape (trips, 4)
         Readings of the state of charge: the battery management's at departure and arrival, the displayed one at both;
         NaN where it was not logged. None for plans.
+    errors : EnergyErrors or None
+        How well the measured energies are known; None for plans, and where all count as exact.
 
     Examples
     --------
@@ -68,6 +71,7 @@ class SegmentTable:
     observed_w: FloatArray | None = None
     observed_hvac_w: FloatArray | None = None
     charge: FloatArray | None = None
+    errors: EnergyErrors | None = None
 
     def __len__(self) -> int:
         return len(self.trip_ids)
@@ -98,6 +102,14 @@ class SegmentTable:
             return np.full(len(self.hours), np.nan)
         return np.asarray(self.observed_hvac_w - self.features["hvac_w"].to_numpy())
 
+    @property
+    def energy_errors(self) -> EnergyErrors:
+        """`errors`, those of exact energies where there are none."""
+        if self.errors is not None:
+            return self.errors
+        zero = np.zeros(len(self))
+        return EnergyErrors(zero, zero, np.ones(len(self), dtype=bool))
+
     def take(self, members: Sequence[int] | IntArray) -> SegmentTable:
         """Take some of the trips. O(their rows).
 
@@ -122,6 +134,7 @@ class SegmentTable:
             observed_w=None if self.observed_w is None else self.observed_w[rows],
             observed_hvac_w=None if self.observed_hvac_w is None else self.observed_hvac_w[rows],
             charge=None if self.charge is None else self.charge[index],
+            errors=None if self.errors is None else self.errors.take(index),
         )
 
     def totals_wh(self, power_w: FloatArray) -> FloatArray:
@@ -172,6 +185,9 @@ class SegmentTable:
             charge=None
             if any(t.charge is None for t in tables)
             else np.concatenate([t.charge for t in tables if t.charge is not None]),
+            errors=None
+            if all(t.errors is None for t in tables)
+            else EnergyErrors.join([t.energy_errors for t in tables]),
         )
 
 
@@ -187,7 +203,8 @@ def segment_table(
     simulation : Simulation
         Of the plan.
     measured : Trip, optional
-        The raw trip; its cumulative energy is read at the ends of the segments.
+        The raw trip; its cumulative energy is read at the ends of the segments. Of an energy from the state of charge only the
+        total counts: its residual is the same in every segment.
     segment_s : float
         Length of a segment [s]; the last one takes what is left and is up to twice as long.
 
@@ -233,15 +250,21 @@ def segment_table(
         "soc": _known(departure.bms_soc),
         "winter": {"winter": 1.0, "summer": 0.0}.get(departure.season or "", np.nan),
     }
+    simulated = np.asarray(features["simulated_w"])
+    observed = None if measured is None else _measured_power(measured, segment, plan, seconds)
+    errors = None if measured is None else EnergyErrors.from_trip(measured)
+    if observed is not None and errors is not None and not errors.along[0]:
+        observed = simulated + float(seconds @ (observed - simulated)) / float(seconds.sum())
     return SegmentTable(
         trip_ids=(plan.trip_id,),
         offsets=np.array([0, n]),
         features=table_of({name: np.broadcast_to(values, n) for name, values in features.items()}),
         hours=seconds / SECONDS_PER_HOUR,
-        simulated_w=np.asarray(features["simulated_w"]),
-        observed_w=None if measured is None else _measured_power(measured, segment, plan, seconds),
+        simulated_w=simulated,
+        observed_w=observed,
         observed_hvac_w=None if measured is None else _measured_climate(measured, seconds),
         charge=None if measured is None else _charge_readings(measured),
+        errors=errors,
     )
 
 

@@ -106,7 +106,10 @@ class SplitCorrector:
             self.joint.fit(table)
             return self
         own = replace(
-            table, simulated_w=table.features["hvac_w"].to_numpy(), observed_w=table.observed_hvac_w
+            table,
+            simulated_w=table.features["hvac_w"].to_numpy(),
+            observed_w=table.observed_hvac_w,
+            errors=None,
         )
         self.climate.fit(own.take(np.flatnonzero(logged)))
         residual = table.climate_residual_w

@@ -110,7 +110,12 @@ class AdditiveGP:
         self.inducing = inducing
 
     def fit(
-        self, X: pd.DataFrame, y: npt.ArrayLike, groups: npt.ArrayLike, weight: npt.ArrayLike | None = None
+        self,
+        X: pd.DataFrame,
+        y: npt.ArrayLike,
+        groups: npt.ArrayLike,
+        weight: npt.ArrayLike | None = None,
+        total_sd: npt.ArrayLike | None = None,
     ) -> Self:
         """Learn from the groups' totals. O(groups^3 + rows x features).
 
@@ -122,6 +127,8 @@ class AdditiveGP:
         groups : array_like, shape (rows,)
         weight : array_like, shape (rows,), optional
             Weight of each row in its group's total, e.g. its duration; 1 by default.
+        total_sd : array_like, shape (groups,), optional
+            Known standard deviation of the measurement of each group's total, in the order of their first rows; 0 by default.
 
         Raises
         ------
@@ -144,6 +151,7 @@ class AdditiveGP:
                 codes, np.abs(self._fill_missing(_columns(X)[self.share_column], self.share_column)) * w
             )
             effects.append(np.asarray(shares, dtype=np.float64))
+        self._measured2 = np.zeros(len(labels)) if total_sd is None else np.square(np.asarray(total_sd))
         self._fit_totals(totals, target, np.array(effects))
         return self
 
@@ -357,7 +365,7 @@ class AdditiveGP:
         def cost(logs: FloatArray) -> tuple[float, FloatArray]:
             v = np.exp(logs)
             K = np.tensordot(v, every, 1)
-            K[np.diag_indices_from(K)] += jitter
+            K[np.diag_indices_from(K)] += jitter + self._measured2
             inverse = np.linalg.inv(K)
             alpha = inverse @ target
             value = 0.5 * target @ alpha + np.log(np.diag(cholesky(K))).sum()
@@ -374,7 +382,7 @@ class AdditiveGP:
         n = len(self.terms)
         K = np.tensordot(self.variances_[:n], kernels, 1)
         own = self.variances_[n:] @ effects**2
-        K[np.diag_indices_from(K)] += own * scale + _JITTER * own.mean()
+        K[np.diag_indices_from(K)] += own * scale + _JITTER * own.mean() + self._measured2
         return np.asarray(K)
 
     def _latent_scale(

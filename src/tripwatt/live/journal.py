@@ -16,7 +16,7 @@ from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.files import write_file
-from tripwatt.live.telemetry import Sample
+from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S, Sample
 
 MOST_LINE_BYTES: Final = 4096
 """Longest line; a sample with all columns has less than 1 kB."""
@@ -47,7 +47,7 @@ def sample_of(line: bytes) -> Sample | None:
         charging, parked = (bool(found.pop(name, False)) for name in FLAGS)
         time_s = float(found.pop("time_s"))
         return Sample(time_s, {name: float(value) for name, value in found.items()}, charging, parked)
-    except (ValueError, TypeError, KeyError, AttributeError, InvalidInput):
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError, InvalidInput):
         return None
 
 
@@ -162,9 +162,10 @@ class Journal:
 def _after_s(line: bytes) -> float:
     """The time of the first line of a rewritten file; minus infinity of any other line."""
     try:
-        return float(json.loads(line)["after_s"])
-    except (ValueError, TypeError, KeyError):
+        after_s = float(json.loads(line)["after_s"])
+    except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
         return -math.inf
+    return after_s if FIRST_TIME_S <= after_s <= LAST_TIME_S else -math.inf
 
 
 def _whole_bytes(descriptor: int) -> int:

@@ -50,6 +50,9 @@ FUTURE_S: Final = 120.0
 LEAST_ROWS: Final = 3
 """Fewest samples of a table that can be read again."""
 
+SECONDS_PER_DAY: Final = 86_400.0
+ERASE_EVERY_S: Final = 3600.0
+
 SLACK_LINES: Final = 1000
 """Lines that the journal of a standing car may hold beyond those that count."""
 
@@ -90,6 +93,8 @@ class LiveCar:
     ----------
     folder : Path
         Of the car. Its name is that of the car.
+    keep_days : float, optional
+        Days that finished trips, and samples of a car that is silent, stay on disk; for ever by default.
 
     Attributes
     ----------
@@ -119,16 +124,17 @@ class LiveCar:
     (0.51, 0.56)
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, keep_days: float = math.inf) -> None:
         self.folder = folder / LIVE
+        self.keep_days = keep_days
         self.name = folder.name
         self.counts = {"new": 0, "doubled": 0, "late": 0}
         self._finder = TripFinder()
         self._ended: list[LiveTrip] = []
         self._usual: tuple[float, Log | None] | None = None
-        self._shown: tuple[float, float] | None = (
-            None  # time and displayed charge of the latest sample that has one
-        )
+        # time and displayed charge of the latest sample that has one
+        self._shown: tuple[float, float] | None = None
+        self._erased_s = -math.inf
         with ExitStack() as stack:
             stack.enter_context(folder_lock(self.folder))
             self._journal = Journal(self.folder / JOURNAL)
@@ -142,6 +148,7 @@ class LiveCar:
             self.received_s = self._journal.written_s if self._journal.lines else None
             self._listening_s = time.time() if self._journal.lines else -math.inf
             self._finish()
+            self.erase_old(time.time())
             self._open = stack.pop_all()
 
     @property
@@ -189,6 +196,42 @@ class LiveCar:
         self._finish()
         return arrival
 
+    def erase_old(self, now_s: float) -> int:
+        """Erase what is older than `keep_days`: finished trips by their departure, and the samples of a car that sends no more.
+
+        A trip that the car is on stays. O(finished trips).
+
+        Parameters
+        ----------
+        now_s : float
+            The time by our clock [s since 1970].
+
+        Returns
+        -------
+        int
+            Trips that were erased.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder, open_live_car(f"{folder}/leaf", keep_days=90.0) as car:
+        ...     car.erase_old(1.8e9)
+        0
+        """
+        before_s = now_s - self.keep_days * SECONDS_PER_DAY
+        if before_s == -math.inf:
+            return 0
+        old = [name for name in finished_names(self.folder.parent) if _started(name).timestamp() < before_s]
+        for name in old:
+            for end in (FORECASTS, "csv"):
+                (self.folder / TRIPS / f"{name}.{end}").unlink(missing_ok=True)
+        silent = self.received_s is not None and self.received_s < before_s
+        if silent and self.trip is None and self._journal.lines:
+            self._journal.rewrite([], self._ordered.newest_s)
+        if old:
+            self._usual = None
+        return len(old)
+
     def _take(self, sample: Sample) -> None:
         soc = sample.values.get("displayed_soc")
         if soc is not None and (self._shown is None or sample.time_s >= self._shown[0]):
@@ -215,6 +258,9 @@ class LiveCar:
         bool
             Whether a trip has ended.
         """
+        if now_s - self._erased_s > ERASE_EVERY_S:
+            self._erased_s = now_s
+            self.erase_old(now_s)
         if self.received_s is None or now_s - max(self.received_s, self._listening_s) < SILENCE_S:
             return False
         self._follow(self._ordered.rest())
@@ -484,13 +530,15 @@ class LiveCar:
         return f"<LiveCar {self.name}: {'on no trip' if trip is None else f'{trip.distance_m / 1000.0:.1f} km driven'}>"
 
 
-def open_live_car(folder: Path | str) -> LiveCar:
+def open_live_car(folder: Path | str, *, keep_days: float = math.inf) -> LiveCar:
     """Open a car that sends samples: a new folder, or one that may be a car of `create_car` beside.
 
     Parameters
     ----------
     folder : Path or str
         Of the car, whose name is that of the folder.
+    keep_days : float, optional
+        Days that finished trips stay on disk; older ones are erased now and every hour. For ever by default.
 
     Returns
     -------
@@ -513,7 +561,7 @@ def open_live_car(folder: Path | str) -> LiveCar:
     """
     place = Path(folder).absolute()
     _live_folder(place)
-    return LiveCar(place)
+    return LiveCar(place, keep_days)
 
 
 def is_live_car(folder: Path | str) -> bool:
@@ -589,7 +637,7 @@ def token_digest(folder: Path) -> str | None:
         return None
     try:
         found = json.loads(read_text_file(path, MOST_TOKEN_BYTES))["sha256"]
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InvalidInput(
             Fault("damaged file", f"{path}", f"{error}"[:200], "the digest of a token")
         ) from error
@@ -651,7 +699,7 @@ def _read_plan(path: Path) -> LivePlan | None:
     try:
         found = json.loads(read_file(path, MOST_PLAN_BYTES))
         return LivePlan(dict(found["request"]), found["departure_s"], found["given_s"])
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InvalidInput(
             Fault("damaged file", f"{path}", f"{error}"[:200], "a plan", "remove it")
         ) from error

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import time
 from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass, field
@@ -120,6 +121,8 @@ class LiveCars:
     limits : Limits
     log : callable
         Called with one record of the log as keywords.
+    keep_days : float, optional
+        As of `open_live_car`.
 
     Raises
     ------
@@ -127,8 +130,15 @@ class LiveCars:
         When there is no such folder, or a car with a token cannot be opened.
     """
 
-    def __init__(self, folder: Path, pool: WorkerPool, limits: Limits, log: Callable[..., None]) -> None:
-        self.pool, self.limits, self.log = pool, limits, log
+    def __init__(
+        self,
+        folder: Path,
+        pool: WorkerPool,
+        limits: Limits,
+        log: Callable[..., None],
+        keep_days: float = math.inf,
+    ) -> None:
+        self.pool, self.limits, self.log, self.keep_days = pool, limits, log, keep_days
         self.vehicles: dict[str, LiveVehicle] = {}
         self._by_digest: dict[str, LiveVehicle] = {}
         self.listeners = 0
@@ -147,7 +157,7 @@ class LiveCars:
         InvalidInput
             When the car cannot be opened.
         """
-        found = self.vehicles.get(place.name) or LiveVehicle(open_live_car(place))
+        found = self.vehicles.get(place.name) or LiveVehicle(open_live_car(place, keep_days=self.keep_days))
         self.vehicles[place.name] = found
         self._by_digest = {digest: car for digest, car in self._by_digest.items() if car is not found}
         self._by_digest[token_digest(place) or ""] = found

@@ -59,7 +59,11 @@ class LiveOperations:
         self, settings: Settings, pool: WorkerPool, read_body: ReadBody, log: Callable[..., None]
     ) -> None:
         self.read_body = read_body
-        self._cars = None if settings.cars is None else LiveCars(settings.cars, pool, settings.limits, log)
+        self._cars = (
+            None
+            if settings.cars is None
+            else LiveCars(settings.cars, pool, settings.limits, log, settings.keep_days)
+        )
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -104,6 +105,8 @@ class Settings:
         Roads, places, weather and charging stations; without a map there are no journeys.
     cars : Path or None
         Folder of cars: their trips, the models that they teach, and what they send on the road; None for none.
+    keep_days : float
+        Days that finished trips of cars on the road stay on disk; without a limit they stay until the car is forgotten.
     """
 
     models: Mapping[str, Path] = field(default_factory=lambda: MappingProxyType({}))
@@ -114,6 +117,7 @@ class Settings:
     limits: Limits = field(default_factory=Limits)
     atlas: AtlasSettings = field(default_factory=AtlasSettings)
     cars: Path | None = None
+    keep_days: float = math.inf
 
     @property
     def hosts(self) -> frozenset[str]:

@@ -32,6 +32,7 @@ from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.files import MOST_TEXT_BYTES, read_text_file
 from tripwatt.trips import COLUMNS, raise_faults
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_HOUR, ZERO_CELSIUS_K
+from tripwatt.vehicles import vehicle_names
 
 POWER: Final = "battery_power_w"
 """Power at the battery's terminals [W], for loggers that give it in place of voltage and current."""
@@ -102,7 +103,7 @@ _TABLES: Final = MappingProxyType(
         "columns": None,
         "current": ("positive",),
         "trip": ("column", "vehicle"),
-        "battery": ("nominal_voltage_v", "usable_capacity_kwh", "usable_capacity_uncertainty"),
+        "battery": ("nominal_voltage_v", "usable_capacity_kwh", "usable_capacity_uncertainty", "vehicle"),
         "file": ("decimal", "hold_s"),
         "long": ("name", "value"),
     }
@@ -151,6 +152,8 @@ class ColumnMapping:
     vehicle_column : str or None
         Column of the vehicle that drove. Trips of different vehicles may then have the same id.
     nominal_voltage_v, usable_capacity_kwh, usable_capacity_uncertainty : float or None
+    battery_vehicle : str or None
+        Car of the library whose open-circuit voltage tells what energy a part of the charge holds.
     decimal : str
         Decimal separator of text files.
     hold_s : float
@@ -171,6 +174,7 @@ class ColumnMapping:
     long_name: str | None = None
     long_value: str | None = None
     vehicle_column: str | None = None
+    battery_vehicle: str | None = None
 
 
 def shipped_mappings() -> tuple[str, ...]:
@@ -287,6 +291,7 @@ def mapping_from_tables(tables: Mapping[str, Any], source: str) -> ColumnMapping
         long.get("name"),
         long.get("value"),
         tables.get("trip", {}).get("vehicle"),
+        battery.get("vehicle"),
     )
 
 
@@ -362,6 +367,11 @@ def _value_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:
             yield Fault(
                 "unknown value", f"{source} [{table}] {key}", excerpt(value), " or ".join(map(repr, allowed))
             )
+    car = _get(tables, "battery", "vehicle")
+    if car is not None and car not in vehicle_names():
+        yield Fault(
+            "unknown vehicle", f"{source} [battery] vehicle", excerpt(car), "a car of `tripwatt vehicles`"
+        )
     for table, key in (("trip", "column"), ("trip", "vehicle"), ("long", "name"), ("long", "value")):
         value = _get(tables, table, key)
         optional = table == "trip" and value is None and isinstance(tables.get(table), dict) and tables[table]

@@ -30,7 +30,9 @@ from tripwatt.sources.mapping import (
     parse_mapping,
 )
 from tripwatt.trips import COLUMNS, Context, Flag, Fleet, Log, raise_faults
+from tripwatt.trips.energy import resolution
 from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
+from tripwatt.vehicles import load_vehicle
 
 WRONG_SHARE: Final = 0.01
 """Up to this share of impossible values are a sensor's dropouts and the audit's affair; more is a wrong unit."""
@@ -45,6 +47,9 @@ _ZONE: Final = re.compile(r"\d(?:Z|z|[+-]\d{2}:?\d{2})$")
 GAP_S: Final = 60.0
 REVERSING_M_S: Final = -10.0
 WH_PER_KWH: Final = 1000.0
+OCV_PARTS: Final = 1000
+WHOLE_PERCENT: Final = 0.01
+"""Step of a state of charge that does not change."""
 SECONDS_PER_DAY: Final = 86_400.0
 
 
@@ -419,6 +424,7 @@ def _trip(
     }
     columns = {"time_s": time, **held}
     energy_std: float | None = None
+    common_std = 0.0
     nominal = mapping.nominal_voltage_v
     if nominal is not None and (POWER in columns or "current_a" in columns):
         voltage = columns.get("voltage_v", np.full(len(time), np.nan))
@@ -429,9 +435,12 @@ def _trip(
         columns["current_a"] = columns["current_a"] * mapping.discharge_sign
     elif mapping.usable_capacity_kwh is not None:
         columns["observed_energy_wh"], energy_std = _energy_from_soc(columns, mapping)
+        common_std = mapping.usable_capacity_uncertainty
     order = [*(c for c in COLUMNS if c in columns), *(c for c in columns if c not in COLUMNS)]
     log = Log.from_samples(name, pd.DataFrame({c: columns[c] for c in order}), context)
-    return replace(log, observed_energy_std_wh=energy_std)
+    if energy_std is None:
+        return log
+    return replace(log, observed_energy_std_wh=energy_std, observed_energy_common_std=common_std)
 
 
 def _held(time: FloatArray, values: FloatArray, hold_s: float) -> FloatArray:
@@ -457,13 +466,29 @@ def _energy_from_soc(columns: Mapping[str, FloatArray], mapping: ColumnMapping) 
     if not known.any():
         return np.full(len(soc), np.nan), math.nan
     filled = np.interp(time, time[known], soc[known])
-    energy = capacity_wh * (filled[0] - filled)
-    steps = np.abs(np.diff(soc[known]))
-    steps = steps[steps > 1e-9]
-    resolution = float(np.median(steps)) if len(steps) else 0.01
-    from_rounding = capacity_wh * resolution / math.sqrt(6.0)
+    energy, slope = _share_of_energy(filled, mapping, displayed="soc" not in columns)
+    energy = capacity_wh * (energy[0] - energy)
+    step = resolution(soc[known]) if np.ptp(soc[known]) > 0.0 else WHOLE_PERCENT
+    from_rounding = capacity_wh * step / math.sqrt(12.0) * math.hypot(slope[0], slope[-1])
     from_capacity = mapping.usable_capacity_uncertainty * float(abs(energy[-1]))
     return energy, math.hypot(from_rounding, from_capacity)
+
+
+def _share_of_energy(
+    soc: FloatArray, mapping: ColumnMapping, *, displayed: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Share of the energy of a full battery in each charge, and its slope: the integral of the car's open-circuit voltage.
+
+    A state of charge counts charge, and a full battery gives each part of it at a higher voltage. Without a car both count alike.
+    """
+    if mapping.battery_vehicle is None:
+        return soc, np.ones(len(soc))
+    battery = load_vehicle(mapping.battery_vehicle).battery
+    low, high = (battery.displayed_zero_soc, battery.displayed_full_soc) if displayed else (0.0, 1.0)
+    parts = np.linspace(0.0, 1.0, OCV_PARTS + 1)
+    voltage = np.interp(low + (high - low) * parts, battery.ocv_soc, battery.ocv_v)
+    held = np.append(0.0, np.cumsum(0.5 * (voltage[1:] + voltage[:-1]))) / OCV_PARTS
+    return np.interp(soc, parts, held / held[-1]), np.interp(soc, parts, voltage / held[-1])
 
 
 def _twice(path: Path, files: Sequence[Path], trips: Sequence[Sequence[Log]]) -> Iterator[Fault]:
@@ -505,8 +530,11 @@ def _fleet_notes(trips: Sequence[Log], mapping: ColumnMapping) -> Iterator[Flag]
         yield Flag("no_energy", "table")
     if {POWER, "current_a"} & columns and mapping.nominal_voltage_v is not None:
         yield Flag("nominal_voltage", "table", mapping.nominal_voltage_v, "V")
-    errors = [t.observed_energy_std_wh for t in trips if t.observed_energy_std_wh is not None]
+    by_charge = [t for t in trips if not t.has("voltage_v", "current_a")]
+    errors = [t.observed_energy_std_wh for t in by_charge if t.observed_energy_std_wh is not None]
     if errors:
-        energies = [abs(t.observed_energy_wh or 0.0) for t in trips]
+        energies = [
+            abs(t.observed_energy_wh or 0.0) for t in by_charge if t.observed_energy_std_wh is not None
+        ]
         share = float(np.median(np.array(errors) / np.maximum(energies, 1e-9)))
         yield Flag("energy_from_soc", f"{mapping.usable_capacity_kwh:g} kWh", share, "1")

@@ -214,9 +214,10 @@ def _energy(drives: Sequence[Recorded]) -> tuple[float | None, float | None, str
     if not known or len(known) < len(drives):
         return None, None, "unknown"
     energy = math.fsum(drive.observed_energy_wh or 0.0 for drive in known)
-    if all(drive.observed_energy_std_wh is None for drive in known):
-        return energy, None, "voltage and current"
-    return energy, math.hypot(*(drive.observed_energy_std_wh or 0.0 for drive in known)), "state of charge"
+    errors = [drive.observed_energy_std_wh for drive in known]
+    std = None if all(e is None for e in errors) else math.hypot(*(e or 0.0 for e in errors))
+    measured = std is None or all({"voltage_v", "current_a"} <= set(drive.samples.columns) for drive in known)
+    return energy, std, "voltage and current" if measured else "state of charge"
 
 
 def findings_text(findings: Sequence[Finding]) -> str:
@@ -234,6 +235,8 @@ def _context_values(log: Recorded) -> dict[str, Any]:
     known = {name: value for name, value in values.items() if value != getattr(empty, name)}
     if log.observed_energy_std_wh is not None:
         known["energy_std_wh"] = log.observed_energy_std_wh
+    if log.observed_energy_common_std:
+        known["energy_common_std"] = log.observed_energy_common_std
     return known
 
 
@@ -270,14 +273,14 @@ def log_from_rows(row: Mapping[str, Any], columns: Mapping[str, FloatArray]) -> 
     names = json.loads(row["columns"])
     samples = table_of({name: columns[name] for name in names})
     known = json.loads(row["context"])
-    std = known.pop("energy_std_wh", None)
+    std, common = known.pop("energy_std_wh", None), known.pop("energy_common_std", 0.0)
     started = row["started_at"]
     context = Context(
         **known,
         driver=row["driver"],
         started_at=None if started is None else dt.datetime.fromisoformat(started),
     )
-    return Log(row["trip_id"], samples, context, observed_energy(samples), None, std)
+    return Log(row["trip_id"], samples, context, observed_energy(samples), None, std, common)
 
 
 def stored_findings(row: Mapping[str, Any]) -> tuple[Finding, ...]:

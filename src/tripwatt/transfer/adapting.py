@@ -116,7 +116,7 @@ def adaptation(
     scales = term_scales(donor.members, base.vehicle, vehicle)
     transfer = CarTransfer(donor.members, scales, parameters, mode)
     evidence = transfer.evidence(
-        table, sensitivities(plans, vehicle, table, parameters), donor.variances_wh2(table, trips)
+        table, sensitivities(plans, vehicle, table, parameters), donor.variances_wh2(table)
     )
     posterior = transfer.posterior(evidence)
     found = posterior.parameters([p.name for p in parameters])
@@ -282,7 +282,7 @@ def _scores(
     scale = posterior.noise_scale
     centre, corrector_variance = transfer.left_out(evidence)
     error = evidence.residual_wh - centre
-    own = error / np.sqrt(scale * evidence.noise_wh2 + corrector_variance)
+    own = error / np.sqrt(evidence.error_wh2(scale) + corrector_variance)
     noise = np.array([option.noise for option in posterior.options])
     spread = np.sqrt(noise / scale)
     usual = base.values / np.sqrt(T_VARIANCE)

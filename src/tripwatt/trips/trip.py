@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Self
@@ -11,7 +12,7 @@ import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.trips.departure import Departure
-from tripwatt.trips.energy import observed_cumulative_energy, observed_energy
+from tripwatt.trips.energy import observed_cumulative_energy, observed_energy, observed_energy_std
 from tripwatt.trips.samples import bin_means
 from tripwatt.trips.schema import raise_faults, structure_faults, validate_samples
 from tripwatt.trips.showing import html_table, journey
@@ -38,8 +39,10 @@ class Recorded(Drive):
         Length of the steps [s] after `resample`, None for raw samples. After `resample`, the samples also hold
         `observed_energy_wh`, the measured cumulative energy at the end of each step.
     observed_energy_std_wh : float or None
-        Standard error of `observed_energy_wh` [Wh] where it was not measured at the terminals but taken from the
-        state of charge; None otherwise.
+        Standard error of `observed_energy_wh` [Wh]: of an energy from the state of charge, or from a power that was logged
+        coarsely or seldom; None where it is negligible.
+    observed_energy_common_std : float
+        The part of it that all energies of the car have in common, such as a capacity that is not well known, over the energy.
 
     Examples
     --------
@@ -51,7 +54,7 @@ class Recorded(Drive):
     >>> round(drive.between(0.0, 60.0).observed_energy_wh)
     180
     >>> sorted(drive.to_dict())
-    ['context', 'distance_m', 'duration_s', 'observed_energy_wh', 'samples', 'trip']
+    ['context', 'distance_m', 'duration_s', 'observed_energy_std_wh', 'observed_energy_wh', 'samples', 'trip']
     >>> len(drive.plot().axes)
     2
     """
@@ -60,6 +63,13 @@ class Recorded(Drive):
     observed_energy_wh: float | None = None
     step_s: float | None = None
     observed_energy_std_wh: float | None = None
+    observed_energy_common_std: float = 0.0
+
+    @property
+    def observed_energy_own_std_wh(self) -> float:
+        """The part of `observed_energy_std_wh` that is independent of other trips [Wh]; 0 where it is negligible."""
+        common = self.observed_energy_common_std * (self.observed_energy_wh or 0.0)
+        return math.sqrt(max((self.observed_energy_std_wh or 0.0) ** 2 - common**2, 0.0))
 
     @property
     def departure(self) -> Departure:
@@ -91,9 +101,34 @@ class Recorded(Drive):
         """
         time = self.samples["time_s"]
         part = self.samples[(time >= from_s) & (time <= to_s)].reset_index(drop=True)
-        return replace(
-            self, trip_id=trip_id or self.trip_id, samples=part, observed_energy_wh=observed_energy(part)
-        )
+        return replace(self, trip_id=trip_id or self.trip_id).with_samples(part)
+
+    def with_samples(self, samples: pd.DataFrame) -> Self:
+        """The same drive with other raw samples: its energy measured anew, with the standard error of a power.
+
+        An energy without voltage and current keeps the standard error that it came with.
+
+        Parameters
+        ----------
+        samples : DataFrame
+            Canonical columns, one row a sample.
+
+        Returns
+        -------
+        Self
+            With the energy of these samples.
+
+        Examples
+        --------
+        >>> import pandas as pd
+        >>> samples = pd.DataFrame({"time_s": [0.0, 3600.0], "speed_m_s": 10.0, "voltage_v": 360.0, "current_a": 2.0})
+        >>> Recorded("A", samples).with_samples(samples).observed_energy_wh
+        720.0
+        """
+        measured = {"voltage_v", "current_a"} <= set(samples.columns)
+        std = observed_energy_std(samples) if measured else self.observed_energy_std_wh
+        energy = observed_energy(samples)
+        return replace(self, samples=samples, observed_energy_wh=energy, observed_energy_std_wh=std)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values: identity, sums, context and the samples by column.
@@ -111,6 +146,7 @@ class Recorded(Drive):
             "duration_s": self.duration_s,
             "distance_m": self.distance_m,
             "observed_energy_wh": self.observed_energy_wh,
+            "observed_energy_std_wh": self.observed_energy_std_wh,
             "context": context,
             "samples": self._columns(),
         }
@@ -198,7 +234,7 @@ class Log(Recorded):
             When a required column is missing, is not numeric, or is too short.
         """
         raise_faults(structure_faults(samples, trip_id))
-        return cls(trip_id, samples, context or Context(), observed_energy(samples))
+        return cls(trip_id, samples, context or Context()).with_samples(samples)
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -218,7 +254,9 @@ class Trip(Recorded):
     step_s : float or None
         Length of the steps [s] after `resample`, None for raw samples.
     observed_energy_std_wh : float or None
-        Standard error of the energy [Wh] where it was taken from the state of charge.
+        Standard error of the energy [Wh]; None where it is negligible.
+    observed_energy_common_std : float
+        The part of it that all energies of the car have in common, over the energy.
 
     Examples
     --------
@@ -261,7 +299,7 @@ class Trip(Recorded):
         360.0
         """
         validate_samples(samples, trip_id)
-        return cls(trip_id, samples, context or Context(), observed_energy(samples))
+        return cls(trip_id, samples, context or Context()).with_samples(samples)
 
     @classmethod
     def from_log(cls, log: Recorded) -> Trip:
@@ -292,6 +330,7 @@ class Trip(Recorded):
             log.observed_energy_wh,
             log.step_s,
             log.observed_energy_std_wh,
+            log.observed_energy_common_std,
         )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tripwatt.arrays import FloatArray
@@ -41,6 +43,12 @@ def held_out_residual(corrector: PowerCorrector, table: SegmentTable) -> HeldOut
     segments = process_segments(table, uncertainty, corrector.outside_factor(table))
     climate = corrector.predict_climate(table)
     left = None if climate is None else table.climate_residual_w - climate
+    residual = HeldOutResidual(
+        segments,
+        table.residual_w - correction,
+        measured_sd_wh=float(table.energy_errors.own_wh[0]),
+        along=bool(table.energy_errors.along[0]),
+    )
     if climate is None or left is None or not np.isfinite(left).all():
-        return HeldOutResidual(segments, table.residual_w - correction)
-    return HeldOutResidual(segments, table.residual_w - correction, left, segments.hvac_w + climate)
+        return residual
+    return replace(residual, climate_w=left, climate_expected_w=segments.hvac_w + climate)

@@ -90,10 +90,13 @@ class UncertaintyModel:
         errors = np.array([trip.error_wh for trip in trips])
         process = fit_process(trips)
         course = TimeCourse.from_process(process)
-        scale = TotalScale.from_errors([trip.segments for trip in trips], errors, course)
+        measured = np.array([trip.measured_sd_wh for trip in trips])
+        scale = TotalScale.from_errors([trip.segments for trip in trips], errors, course, measured)
         sd = scale_wh(scale, trips)
-        scores = ConformalScores.from_errors((errors / sd).tolist())
-        return cls(process, scale, scores, UpdateShrinkage.from_trips(process, trips, sd), route, charge)
+        scores = ConformalScores.from_errors((errors / np.hypot(sd, measured)).tolist())
+        along = [i for i, trip in enumerate(trips) if trip.along]
+        shrinkage = UpdateShrinkage.from_trips(process, [trips[i] for i in along], sd[along])
+        return cls(process, scale, scores, shrinkage, route, charge)
 
 
 def scale_wh(scale: TotalScale, trips: Sequence[HeldOutResidual]) -> FloatArray:

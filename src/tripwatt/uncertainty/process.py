@@ -182,12 +182,18 @@ class HeldOutResidual:
         Its part of climate control; None where the corrector is joint or climate control was not logged throughout.
     climate_expected_w : ndarray or None, shape (segments,)
         Predicted power of climate control, where `climate_w` is known.
+    measured_sd_wh : float
+        Standard deviation of the measurement of the trip's energy [Wh].
+    along : bool
+        Whether the energy was measured along the trip, and not for the whole trip only.
     """
 
     segments: Segments
     residual_w: FloatArray
     climate_w: FloatArray | None = None
     climate_expected_w: FloatArray | None = None
+    measured_sd_wh: float = 0.0
+    along: bool = True
 
     @property
     def error_wh(self) -> float:
@@ -200,6 +206,7 @@ def fit_process(trips: Sequence[HeldOutResidual]) -> ResidualProcess:
 
     Where trips log climate control, each component is fitted separately on those trips; else both on the sum.
     Segments are merged in pairs and all trips are solved at once, by exact gradients. O(trips x segments^3) a step.
+    Where no trip was measured along the way, the process is that of usual values.
 
     Parameters
     ----------
@@ -220,6 +227,10 @@ def fit_process(trips: Sequence[HeldOutResidual]) -> ResidualProcess:
     >>> process.split, process.sd_wh(segments) > 0.0
     (False, True)
     """
+    trips = [trip for trip in trips if trip.along]
+    if not trips:
+        drive, climate = (ComponentProcess(*_STARTS[name]) for name in ("drive", "climate"))
+        return ResidualProcess(drive, climate, float("inf"), split=False)
     split = [trip for trip in trips if trip.climate_w is not None]
     if not split:
         drive, climate = _fitted(ResidualBatch.from_trips(trips, "joint"), ("drive", "climate"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -108,9 +108,37 @@ class TotalScale:
         growing = max(float(np.hypot(parts[1], parts[2])), self.least_share * float(sizes[2]))
         return float(np.linalg.norm([parts[0], growing, parts[3], segments.outside_sd_wh]))
 
+    def with_share(self, share: float, energy_over_moved: float) -> TotalScale:
+        """Add a share of every energy, such as by a capacity that is not well known; that of the energy moved carries it.
+
+        Parameters
+        ----------
+        share : float
+            Relative standard deviation of every energy.
+        energy_over_moved : float
+            Energy of the trips over the energy moved at their wheels.
+
+        Returns
+        -------
+        TotalScale
+            As wide or wider.
+
+        Examples
+        --------
+        >>> float(TotalScale(np.array([30.0, 40.0, 0.03, 1.0])).with_share(0.02, 2.0).values[2])
+        0.05
+        """
+        values = self.values.copy()
+        values[2] = np.hypot(values[2], share * energy_over_moved)
+        return replace(self, values=values)
+
     @classmethod
     def from_errors(
-        cls, trips: Sequence[Segments], errors_wh: FloatArray, course: TimeCourse | None = None
+        cls,
+        trips: Sequence[Segments],
+        errors_wh: FloatArray,
+        course: TimeCourse | None = None,
+        measured_sd_wh: FloatArray | float = 0.0,
     ) -> TotalScale:
         """Estimate the parts: maximum a posteriori of t-distributed errors, with log-normal priors around usual values. O(trips) a step.
 
@@ -122,6 +150,8 @@ class TotalScale:
             Measured minus predicted energy of each trip [Wh].
         course : TimeCourse, optional
             How the errors of power add up over time; without drift by default.
+        measured_sd_wh : ndarray or float
+            Standard deviation of the measurement of each trip's energy [Wh]; the variance of an error has both parts.
 
         Returns
         -------
@@ -140,7 +170,7 @@ class TotalScale:
 
         course = course or TimeCourse()
         sizes = np.array([_sizes(segments, course) for segments in trips]) * _START
-        outside = np.array([segments.outside_sd_wh for segments in trips])
+        outside = np.hypot([segments.outside_sd_wh for segments in trips], measured_sd_wh)
 
         def cost(logs: FloatArray) -> tuple[float, FloatArray]:
             parts = sizes**2 * np.exp(2.0 * logs)

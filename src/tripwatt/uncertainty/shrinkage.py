@@ -79,7 +79,7 @@ class UpdateShrinkage:
         process : ResidualProcess
             Of the residual power.
         trips : sequence of HeldOutResidual
-            Trips that the corrector was not fitted on.
+            Trips that the corrector was not fitted on; without one nothing is known of updates, and all shares are 0.
         scale_wh : ndarray, shape (trips,)
             Standard deviation of each trip's energy before departure [Wh].
 
@@ -100,6 +100,9 @@ class UpdateShrinkage:
         """
         shares = np.zeros((len(FRACTIONS), len(COMPONENTS)))
         sd_factors = np.ones((len(FRACTIONS), 2))
+        if not trips:
+            none = shares[:, 0]
+            return cls(none, none, none, sd_factors[:, 0], sd_factors[:, 1], none)
         split = np.array([process.split and trip.climate_w is not None for trip in trips])
         own = np.array([process.sd_wh(trip.segments) for trip in trips])
         before = _point(np.array([trip.error_wh for trip in trips]) / scale_wh)
