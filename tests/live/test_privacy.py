@@ -10,6 +10,7 @@ import pytest
 from tests.live.messages import NOON_S, abrp_messages, measured
 
 from tripwatt.live import create_car, forget_car, issue_token, open_live_car, sample_from_abrp
+from tripwatt.live.live_car import finished_names
 from tripwatt.live.live_trip import SILENCE_S
 from tripwatt.synthetic import example_trip
 
@@ -68,7 +69,7 @@ def test_trips_are_erased_after_the_days_that_were_asked_for(tmp_path: Path) -> 
     with open_live_car(folder) as car:
         car.keep_days = 7.0
         assert car.erase_old(NOON_S + 10.0 * DAY_S) == 1
-        left = [path.stem for path in car._finished()]
+        left = finished_names(folder)
         assert left == [
             f"{dt.datetime.fromtimestamp(NOON_S, dt.UTC) + dt.timedelta(days=d):%Y%m%d}T{s}"
             for d, s in zip((5, 9), [p[9:] for p in left], strict=True)

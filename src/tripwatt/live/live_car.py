@@ -132,10 +132,9 @@ class LiveCar:
         self._finder = TripFinder()
         self._ended: list[LiveTrip] = []
         self._usual: tuple[float, Log | None] | None = None
+        # time and displayed charge of the latest sample that has one
+        self._shown: tuple[float, float] | None = None
         self._erased_s = -math.inf
-        self._shown: tuple[float, float] | None = (
-            None  # time and displayed charge of the latest sample that has one
-        )
         with ExitStack() as stack:
             stack.enter_context(folder_lock(self.folder))
             self._journal = Journal(self.folder / JOURNAL)
@@ -224,7 +223,7 @@ class LiveCar:
             return 0
         old = [name for name in finished_names(self.folder.parent) if _started(name).timestamp() < before_s]
         for name in old:
-            for end in ("csv", FORECASTS):
+            for end in (FORECASTS, "csv"):
                 (self.folder / TRIPS / f"{name}.{end}").unlink(missing_ok=True)
         silent = self.received_s is not None and self.received_s < before_s
         if silent and self.trip is None and self._journal.lines:
