@@ -29,9 +29,10 @@ go to standard error. With `--json`, standard output is one JSON document.
 | exit code | meaning |
 |---:|---|
 | 0 | success |
-| 1 | success with warnings: the data set has missing trips, or the proposed mapping is incomplete |
+| 1 | success with warnings: trips of the data set are missing, the proposed mapping is incomplete, a trip of a batch has no forecast |
 | 2 | invalid input: one message lists all faults, and no file is written |
 | 130 | interrupted from the keyboard |
+| 143 | terminated |
 
 **Output is never partial.** `tripwatt evaluate` writes into `OUT.unfinished` (into `OUT/.unfinished` if OUT exists). At
 the end it renames this folder to OUT. If OUT contains older results, the command moves them away first, beginning with

@@ -10,7 +10,7 @@ import pytest
 from tripwatt.errors import InvalidInput
 from tripwatt.evaluation import Execution, choose_models, evaluate, find_protocol, write_results
 from tripwatt.evaluation.paper_protocol import PRESETS
-from tripwatt.evaluation.results import FOLD_COLUMNS
+from tripwatt.evaluation.results import FOLD_COLUMNS, EvaluationRun
 from tripwatt.evaluation.table_models import TableTask
 from tripwatt.hybrid.trip_table import build_table
 from tripwatt.paper import HybridModel
@@ -54,6 +54,12 @@ def chosen(name):
         return model
 
     return dataclasses.replace(spec, make=make)
+
+
+def test_a_run_is_shown_in_a_line():
+    about = {"protocol": "paper", "models": {"a": "A", "b": "B"}, "trips_read": ["x"] * 900}
+    run = EvaluationRun(about, pd.DataFrame(), {"x": pd.DataFrame({"v": range(99)})}, pd.DataFrame())
+    assert repr(run) == "<EvaluationRun protocol paper, 2 models, 900 trips read>"
 
 
 @pytest.mark.parametrize("name", [spec.name for spec in PAPER.models])

@@ -87,8 +87,24 @@ def test_a_vehicle_is_forecast(fleet, registry, tmp_path):
     done = run(
         "batch", registry.folder, tmp_path / "in.parquet", "--out", tmp_path / "o.parquet", "--quantile", 0.2
     )
-    assert "1 trips" in done
-    assert np.isfinite(pq.read_table(tmp_path / "o.parquet")["energy_wh_q20"].to_numpy()).all()
+    found = pq.read_table(tmp_path / "o.parquet")
+    assert np.isfinite(found["energy_wh_q20"].to_numpy()).all()
+    assert f"1 trips, {found['energy_wh'][0].as_py() / 1000.0:.1f} kWh in all\n" in done
+
+
+def test_a_batch_counts_trips_that_cannot_be_forecast(registry, tmp_path):
+    rows = [
+        {"trip": trip, "vehicle_id": vehicle, "length_m": 3000.0, "speed_m_s": 15.0, "soc": 0.8}
+        for trip, vehicle in (("a", "V00001"), ("b", "V00002"), ("c", "nobody"))
+    ]
+    pq.write_table(pa.Table.from_pylist(rows), tmp_path / "in.parquet")
+    asked = ("batch", registry.folder, tmp_path / "in.parquet", "--out", tmp_path / "o.parquet")
+    assert "3 trips, " in (shown := run(*asked, code=1))
+    assert "; 1 cannot be forecast, see the column error" in shown
+    energy_wh = pq.read_table(tmp_path / "o.parquet")["energy_wh"].to_pylist()
+    counted = json.loads(run(*asked, "--json", code=1))
+    assert (counted["trips"], counted["failed"]) == (3, 1)
+    assert counted["energy_wh"] == pytest.approx(sum(e for e in energy_wh if e is not None), rel=1e-12)
 
 
 def test_evaluate_writes_the_page(fleet, tmp_path):

@@ -265,6 +265,11 @@ def test_a_batch_is_the_forecasts_of_its_trips(fleet, tmp_path):
     )
     assert out["c"]["energy_wh"] > 0.0
     assert out["f"]["error"] is None
+    usual = "ambient_temperature_degc, cabin_temperature_degc, cabin_setpoint_degc, battery_temperature_degc"
+    assert out["f"]["assumed"] == f"{usual}, soc"
+    assert out["a"]["assumed"] == usual.partition(", ")[2]
+    assert out["d"]["assumed"] is None
+    assert "such as 'V00000'" in out["d"]["error"]
     assert "unknown vehicle" in out["d"]["error"]
     assert "ambient_temperature_degc" in out["e"]["error"]
     assert out["e"]["energy_wh"] is None
@@ -275,7 +280,7 @@ def test_a_batch_that_cannot_be_read_is_one_error(fleet, tmp_path):
     with pytest.raises(InvalidInput) as error:
         forecast_batch(tmp_path, tmp_path / "in.parquet", tmp_path / "o", InProcess())
     assert [f.allowed for f in error.value.faults] == ["a column 'vehicle_id'", "a column 'length_m'"]
-    with pytest.raises(InvalidInput, match="unreadable Parquet file"):
+    with pytest.raises(InvalidInput, match=r"unreadable Parquet file.*to_parquet"):
         forecast_batch(tmp_path, tmp_path / "none", tmp_path / "o", InProcess())
     for bad in (0.0, 1.0):
         with pytest.raises(InvalidInput, match="quantiles"):

@@ -153,6 +153,9 @@ def test_damaged_sheet_is_refused(tmp_path, tum_bytes):
 def test_folders_that_are_none(tmp_path, tum_bytes):
     assert faults_of(tmp_path / "nowhere")[0].what == "no such folder"
     assert faults_of(tmp_path)[0].what == "no trips"
+    assert "mapping suggest" not in faults_of(tmp_path)[0].fix
+    (tmp_path / "own.csv").write_text("t,v\n0,1\n")
+    assert f"`tripwatt mapping suggest {tmp_path}`" in faults_of(tmp_path)[0].fix
     (tmp_path / "below").mkdir()
     (tmp_path / "below" / "TripA01.csv").write_bytes(tum_bytes())
     assert str(tmp_path / "below") in faults_of(tmp_path)[0].fix

@@ -338,7 +338,13 @@ def batch(
     cluster: ClusterOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Forecast many planned trips with the version in use, Parquet in and Parquet out."""
+    """Forecast many planned trips with the version in use, Parquet in and Parquet out.
+
+    The exit code is 1 if a trip cannot be forecast; the column error of FILE has the reason.
+    """
+    import pyarrow.compute as pc
+    import pyarrow.parquet as pq
+
     from tripwatt.fleet.batch import QUANTILES, forecast_batch
 
     target = _registry(registry)
@@ -347,7 +353,16 @@ def batch(
         count = forecast_batch(
             folder, trips, out, executor, workers, quantiles=quantile or QUANTILES, reserve=reserve
         )
-    print_json({"out": str(out), "trips": count}) if as_json else typer.echo(f"{out}: {count} trips")
+    found = pq.read_table(out, columns=["energy_wh", "error"])
+    failed = count - int(found["error"].null_count)
+    total_wh = float(pc.sum(found["energy_wh"]).as_py() or 0.0)
+    if as_json:
+        print_json({"out": str(out), "trips": count, "failed": failed, "energy_wh": total_wh})
+    else:
+        without = f"; {failed} cannot be forecast, see the column error" if failed else ""
+        typer.echo(f"{out}: {count} trips, {total_wh / 1000.0:.1f} kWh in all{without}")
+    if failed:
+        raise typer.Exit(1)
 
 
 def evaluate(

@@ -42,7 +42,7 @@ SYNTHETIC: Final = "synthetic"
 VERSIONED: Final = ("tripwatt", "numpy", "scipy", "pandas", "scikit-learn", "lightgbm")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class EvaluationRun:
     """Everything that the report shows.
 
@@ -83,6 +83,10 @@ class EvaluationRun:
     importances: pd.DataFrame | None = None
     gamm: GammInsight | None = None
     forecast: ForecastInsight | None = None
+
+    def __repr__(self) -> str:
+        protocol, models, read = (self.results[key] for key in ("protocol", "models", "trips_read"))
+        return f"<EvaluationRun protocol {protocol}, {len(models)} models, {len(read)} trips read>"
 
 
 def about_run(protocol: str, prepared: Prepared, specs: Sequence[ModelSpec], seed: int) -> dict[str, Any]:

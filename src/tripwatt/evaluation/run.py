@@ -87,7 +87,7 @@ def evaluate(
 
     Returns
     -------
-    Results
+    EvaluationRun
         Scores of every model, paired comparisons, the audit and the notes of the run.
 
     Raises
@@ -98,7 +98,9 @@ def evaluate(
     Examples
     --------
     >>> import tripwatt as tw
-    >>> results = tw.evaluate(tw.read_logs("data/tum"), "forecast", models=["hybrid"])  # doctest: +SKIP
+    >>> from tripwatt.evaluation import Execution
+    >>> tw.evaluate(tw.synthetic_fleet(6), models=["constant", "physics"], execution=Execution(n_jobs=1))
+    <EvaluationRun protocol paper, 2 models, 6 trips read>
     """
     chosen = find_protocol(protocol) if isinstance(protocol, str) else protocol
     specs = choose_models(chosen, models)

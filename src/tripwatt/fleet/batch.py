@@ -27,6 +27,10 @@ from tripwatt.trips import LINK_COLUMNS, Departure, raise_faults
 
 QUANTILES: Final = (0.05, 0.5, 0.95)
 TRIPS_AT_ONCE: Final = 200
+WRITE_IT: Final = "pandas writes one: pandas.read_csv('links.csv').to_parquet('links.parquet')"
+ASSUMED: Final = frozenset({"usual_value_assumed", "soc_assumed"})
+"""Codes of flags about a value of the departure that was not given."""
+
 NAMES: Final = ("trip", "vehicle_id", "car_model", "driver")
 KNOWN: Final = (
     "soc",
@@ -76,7 +80,8 @@ def forecast_batch(
     Returns
     -------
     int
-        Trips. One that cannot be forecast has the reason in `error` and no numbers.
+        Trips. One that cannot be forecast has the reason in `error` and no numbers. `assumed` names what was not known at
+        departure, for which the usual value counts.
 
     Raises
     ------
@@ -95,7 +100,7 @@ def forecast_batch(
     except (OSError, pa.ArrowException) as error:
         got = (str(error).splitlines() or [type(error).__name__])[0][:160]
         raise InvalidInput(
-            Fault("unreadable Parquet file", f"{source}", got, "a Parquet file of links")
+            Fault("unreadable Parquet file", f"{source}", got, "a Parquet file of links", WRITE_IT)
         ) from error
     with file:
         names = set(file.schema_arrow.names)
@@ -131,6 +136,7 @@ def schema_of(quantiles: Sequence[float]) -> pa.Schema:
         [
             *(pa.field(name, pa.string()) for name in ("vehicle_id", "trip")),
             *(pa.field(name, pa.float64()) for name in numbers),
+            pa.field("assumed", pa.string()),
             pa.field("error", pa.string()),
         ]
     )
@@ -211,5 +217,6 @@ def _row(model: FleetModel, links: Sequence[Mapping[str, Any]], part: BatchPart)
         **{_name(q): forecast.quantile(q) for q in part.quantiles},
         "soc_arrival": forecast.soc_arrival,
         "p_arrive": forecast.p_arrive(part.reserve),
+        "assumed": ", ".join(dict.fromkeys(f.subject for f in forecast.flags if f.code in ASSUMED)) or None,
         "error": None,
     }

@@ -137,7 +137,8 @@ class FleetModel:
         known = self.vehicles().get(vehicle_id or "")
         if known is None and car_model is None:
             got, fix = repr(vehicle_id), "give the car model of a new vehicle"
-            raise InvalidInput(Fault("unknown vehicle", "vehicle_id", got, "a vehicle with trips", fix))
+            allowed = f"a vehicle with trips, such as {next(iter(self.vehicles()), '')!r}"
+            raise InvalidInput(Fault("unknown vehicle", "vehicle_id", got, allowed, fix))
         if known is not None and car_model not in (None, known):
             raise InvalidInput(Fault("another car model", "car_model", f"{car_model}", known))
         name = known or car_model or ""

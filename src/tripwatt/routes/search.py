@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -16,6 +17,11 @@ from tripwatt.routes.web import WebClient
 KEY: Final = "TRIPWATT_PLACES_KEY"
 LONGEST_TEXT: Final = 200
 MOST_FOUND: Final = 50
+LONGEST_NAME: Final = 60
+"""Characters of a name in a message, and of what is compared with it."""
+
+SAME_LETTERS: Final = 3
+"""Letters at the beginning of an unknown name that are taken as right when a similar name is looked for."""
 
 
 class PlaceSearch(Protocol):
@@ -162,5 +168,17 @@ def find_place(text: str, search: PlaceSearch | None, where: str) -> Place:
     found = search.search(text, limit=1)
     if not found:
         got, allowed = text[:60], "a place, street or house of the map, or latitude and longitude"
-        raise InvalidInput(Fault("unknown place", where, got, allowed))
+        raise InvalidInput(Fault("unknown place", where, got, allowed, _did_you_mean(text, search)))
     return found[0]
+
+
+def _did_you_mean(text: str, search: PlaceSearch) -> str:
+    """The place whose name is most similar, among those that begin with the same letters; one more search."""
+    typed = " ".join(text.split())[:LONGEST_NAME]
+    try:
+        found = search.search(typed[:SAME_LETTERS])
+    except RemoteError:
+        return ""
+    named = {place.name.partition(",")[0].casefold(): place.name for place in reversed(found)}
+    near = difflib.get_close_matches(typed.casefold(), [*named], n=1)
+    return f"did you mean {named[near[0]][:LONGEST_NAME]!r}?" if near else ""

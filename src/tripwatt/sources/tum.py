@@ -203,7 +203,13 @@ def trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:
     if not files:
         below = sorted({p.parent for p in folder.glob("*/[Tt]rip[ABab]*.csv")})
         got = f"{len(csv_files)} CSV files, none named like a trip"
-        faults.append(Fault("no trips", f"{folder}", got, allowed, f"give {below[0]}" if below else get_it))
+        if below:
+            get_it = f"give {below[0]}"
+        elif csv_files:
+            get_it += (
+                f"; for tables of your own, `tripwatt mapping suggest {folder}` writes what --mapping needs"
+            )
+        faults.append(Fault("no trips", f"{folder}", got, allowed, get_it))
     raise_faults(faults)
     others = len(csv_files) - len(files)
     return files, ([Flag("files_not_read", "CSV files", float(others), "1")] if others else [])
