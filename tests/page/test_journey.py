@@ -174,7 +174,33 @@ def test_coordinates_are_places_and_escape_closes_the_suggestions(page: Any) -> 
     page.locator("[role=option]").first.wait_for()
     page.keyboard.press("Escape")
     assert page.locator("[role=option]").count() == 0
+    page.get_by_label("To", exact=True).first.fill("")
     assert page.get_by_role("button", name="Plan", exact=True).is_disabled()
+
+
+def test_names_that_were_typed_whole_need_no_suggestion_to_be_taken(page: Any) -> None:
+    button = page.get_by_role("button", name="Plan", exact=True)
+    page.get_by_label("From", exact=True).first.fill("Westend")
+    assert button.is_disabled()
+    page.get_by_label("To", exact=True).first.fill("ostheim")
+    answer = whole_answer(page, button.click).json()
+    assert [stop["name"] for stop in answer["stops"]] == ["Westend", "Ostheim"]
+    assert page.get_by_label("To", exact=True).first.input_value() == "Ostheim"
+    assert page.locator("[role=option]").count() == 0
+
+
+def test_a_name_that_no_place_has_is_said_and_nothing_is_planned(page: Any) -> None:
+    plan(page)
+    to = page.get_by_label("To", exact=True).first
+    to.fill("Qqxz")
+    page.get_by_text("No place is called “Qqxz”.").wait_for()
+    assert to.get_attribute("aria-invalid") == "true"
+    page.locator(".journey-answer.old").wait_for()
+    page.get_by_role("button", name="Plan", exact=True).click()
+    page.get_by_text("No place is called “Qqxz”.").wait_for()
+    assert page.locator(".journey-answer.old").count() == 1
+    to.fill("Ostheim")
+    page.get_by_text("No place is called").wait_for(state="detached")
 
 
 def test_axe_finds_nothing_serious_in_a_journey(page: Any) -> None:

@@ -120,7 +120,11 @@ const GROUPS: Group[] = [
       serious: true,
     }),
   },
-  plain("no_elevation", (text) => ({ text: text.noElevation, effect: text.noElevationEffect })),
+  plain("no_elevation", (text) => ({
+    text: text.noElevation,
+    effect: text.noElevationEffect,
+    serious: true,
+  })),
   plain("free_flow_times", (text) => ({ text: text.freeFlowTimes })),
   plain("travel_time_error_unknown", (text) => ({
     text: text.timeErrorUnknown,

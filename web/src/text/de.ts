@@ -99,6 +99,7 @@ export const de: Text = {
   journey: {
     from: "Von",
     to: "Nach",
+    unknown: (words) => `Kein Ort heißt „${words}“.`,
     hint: "Ort, Straße oder Haus",
     hintCoordinates: "Breite, Länge",
     plan: "Planen",

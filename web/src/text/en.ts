@@ -98,6 +98,7 @@ export const en = {
     from: "From",
     to: "To",
     hint: "Place, street or house",
+    unknown: (words: string) => `No place is called “${words}”.`,
     hintCoordinates: "Latitude, longitude",
     plan: "Plan",
     leaveWith: (soc: string) => `Leave with ${soc} to arrive with the reserve in 19 of 20 trips.`,

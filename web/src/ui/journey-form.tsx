@@ -1,10 +1,21 @@
+import { batch, signal } from "@preact/signals";
 import { useId, useRef, useState } from "preact/hooks";
 import { findPlaces } from "../api/client";
 import type { Place } from "../api/types";
 import { readCoordinates } from "../model/road";
 import { chooseJourney } from "../state/catalogue";
 import { reportProblem } from "../state/forecast";
-import { type End, ends, journey, map, nextEnd, placeAt, setEnd, wantsFit } from "../state/journey";
+import {
+  answersAreOld,
+  type End,
+  ends,
+  journey,
+  map,
+  nextEnd,
+  placeAt,
+  setEnd,
+  wantsFit,
+} from "../state/journey";
 import { text } from "../state/preferences";
 
 const PAUSE_MS = 120;
@@ -18,11 +29,47 @@ async function placesFor(words: string, signal: AbortSignal): Promise<Place[]> {
   return words.trim() && map.value?.places ? findPlaces(words, signal) : [];
 }
 
+const ENDS: End[] = ["from", "to"];
+/** What is written in the fields, and what of it no place is called. */
+const typed = signal<Record<End, string>>({ from: "", to: "" });
+const unknown = signal<Record<End, string>>({ from: "", to: "" });
+
+function write(end: End, words: string): void {
+  typed.value = { ...typed.value, [end]: words };
+  unknown.value = { ...unknown.value, [end]: "" };
+}
+
+/** Take the best place for what is written where none was taken. */
+async function resolve(end: End): Promise<void> {
+  const words = typed.value[end].trim();
+  if (ends.value[end] || !words) return;
+  const [best] = await placesFor(words, new AbortController().signal);
+  if (!best) {
+    unknown.value = { ...unknown.value, [end]: words };
+    return;
+  }
+  batch(() => {
+    write(end, best.name);
+    setEnd(end, best);
+  });
+}
+
+async function plan(): Promise<void> {
+  try {
+    await Promise.all(ENDS.map(resolve));
+  } catch (error) {
+    return reportProblem(error);
+  }
+  if (!ends.value.from || !ends.value.to) return;
+  wantsFit.value = true;
+  journey.value = null;
+  chooseJourney();
+}
+
 /** A field that suggests places while one types: arrow keys move, Enter takes, Escape closes. */
 function PlaceField({ label, end }: { label: string; end: End }) {
   const id = useId();
   const chosen = ends.value[end];
-  const [typed, setTyped] = useState("");
   const [found, setFound] = useState<Place[]>([]);
   const [active, setActive] = useState(0);
   const pending = useRef<{ timer: number; request: AbortController } | null>(null);
@@ -30,21 +77,31 @@ function PlaceField({ label, end }: { label: string; end: End }) {
   const { journey: words } = text.value;
 
   const take = (place: Place) => {
-    setTyped(place.name);
+    write(end, place.name);
     setFound([]);
     setEnd(end, place);
   };
-  const type = (now: string) => {
-    setTyped(now);
-    if (ends.value[end]) setEnd(end, null);
-    nextEnd.value = end;
+  /** Ask no more: what arrives late would open the list of a field that was left. */
+  const forget = () => {
     pending.current?.request.abort();
     window.clearTimeout(pending.current?.timer);
+  };
+  const type = (now: string) => {
+    write(end, now);
+    if (ends.value[end]) {
+      setEnd(end, null);
+      answersAreOld.value = journey.value !== null;
+    }
+    nextEnd.value = end;
+    forget();
     const request = new AbortController();
     const ask = async () => {
       try {
-        setFound(await placesFor(now, request.signal));
+        const places = await placesFor(now, request.signal);
+        if (request.signal.aborted) return;
+        setFound(places);
         setActive(0);
+        if (places.length === 0) unknown.value = { ...unknown.value, [end]: now.trim() };
       } catch (error) {
         reportProblem(error);
       }
@@ -73,15 +130,22 @@ function PlaceField({ label, end }: { label: string; end: End }) {
         aria-controls={`${id}-list`}
         aria-autocomplete="list"
         aria-activedescendant={open ? `${id}-${active}` : undefined}
-        value={chosen?.name ?? typed}
+        aria-invalid={unknown.value[end] !== ""}
+        value={chosen?.name ?? typed.value[end]}
         placeholder={map.value?.places ? words.hint : words.hintCoordinates}
         onInput={(event) => type(event.currentTarget.value)}
         onKeyDown={press}
         onFocus={() => {
           nextEnd.value = end;
         }}
-        onBlur={() => setFound([])}
+        onBlur={() => {
+          forget();
+          setFound([]);
+        }}
       />
+      <p class="faults" role="status">
+        {unknown.value[end] && words.unknown(unknown.value[end])}
+      </p>
       <ul id={`${id}-list`} role="listbox" aria-label={label} hidden={!open}>
         {found.map((place, k) => (
           <li
@@ -104,21 +168,19 @@ function PlaceField({ label, end }: { label: string; end: End }) {
 
 /** From and To; a service without a map has none. */
 export function JourneyForm() {
-  const { from, to } = ends.value;
   const { journey: words } = text.value;
+  const isEmpty = ENDS.some((end) => !ends.value[end] && !typed.value[end].trim());
   return (
     <form
       class="journey"
       onSubmit={(event) => {
         event.preventDefault();
-        wantsFit.value = true;
-        journey.value = null;
-        chooseJourney();
+        void plan();
       }}
     >
       <PlaceField label={words.from} end="from" />
       <PlaceField label={words.to} end="to" />
-      <button type="submit" class="primary" disabled={!from || !to}>
+      <button type="submit" class="primary" disabled={isEmpty}>
         {words.plan}
       </button>
     </form>
