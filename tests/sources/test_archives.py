@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import io
+import random
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -96,6 +97,34 @@ def test_what_holds_no_table_is_refused(tmp_path: Path, name: str, content: byte
     with pytest.raises(InvalidInput, match=what):
         unpack(name, tmp_path, content=content)
     assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize("name", ["a.zip", "a.xlsx"])
+def test_a_damaged_file_is_one_clear_error_and_leaves_nothing(tmp_path: Path, name: str) -> None:
+    sheet = [["t", "v"], *([k, 10.0 * k] for k in range(30))]
+    whole = zipped({"a.csv": CSV, "b.xlsx": workbook(s=sheet)}) if name == "a.zip" else workbook(s=sheet)
+    draw, refused = random.Random(5), 0
+    for number in range(250):
+        damaged = bytearray(whole)
+        for _ in range(draw.choice((1, 2, 5, 20))):
+            at, kind = draw.randrange(len(damaged)), draw.random()
+            if kind < 0.6:
+                damaged[at] = draw.randrange(256)
+            elif kind < 0.8:
+                del damaged[at : at + draw.randrange(1, 40)]
+            else:
+                damaged[at:at] = draw.randbytes(draw.randrange(1, 20))
+        folder = tmp_path / f"{number}"
+        folder.mkdir()
+        made, faults = None, ()
+        try:
+            made = unpack(name, folder, content=bytes(damaged))
+        except InvalidInput as error:
+            faults = error.faults
+        assert len(faults) == (made is None)
+        assert names(folder) == sorted(file.name for file in made or ())
+        refused += made is None
+    assert refused > 200
 
 
 def test_files_of_an_archive_are_counted_and_its_content_is_bounded(

@@ -6,10 +6,12 @@ import csv
 import datetime as dt
 import io
 import itertools
+import lzma
 import re
 import tempfile
 import warnings
 import zipfile
+import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
@@ -33,6 +35,9 @@ MOST_LEADING_ROWS: Final = 50
 """Rows above the header of a sheet."""
 
 LONGEST_STEM: Final = 80
+
+DAMAGED: Final = (zipfile.BadZipFile, zlib.error, lzma.LZMAError)
+"""What reading a damaged archive raises beside errors of files and values."""
 
 
 def is_packed(path: Path | str) -> bool:
@@ -80,14 +85,14 @@ def unpack(path: Path | str, folder: Path, *, content: bytes | None = None) -> l
     place = Path(path)
     data = read_file(place) if content is None else content
     kind = place.suffix.lower()
-    if kind == ARCHIVE:
-        found = list(_from_archive(place, data, folder))
-    elif kind == WORKBOOK:
-        found = list(_from_workbook(place, data, folder))
-    elif kind in SUFFIXES:
-        found = [_written(folder, place.name, data)]
-    else:
-        found = []
+    found: list[Path] = []
+    try:
+        for made in _tables(kind, place, data, folder):
+            found.append(made)  # noqa: PERF402 - one by one: those before an error are known
+    except BaseException:  # a damaged archive leaves nothing
+        for made in found:
+            made.unlink(missing_ok=True)
+        raise
     if not found:
         allowed = f"a file {', '.join((*SUFFIXES, WORKBOOK))}, or an archive {ARCHIVE} of them"
         raise InvalidInput(Fault("no trips", f"{place}", f"no table in {place.name}", allowed))
@@ -121,6 +126,15 @@ def unpacked(path: Path | str) -> Iterator[Path]:
             if file.is_file() and (is_packed(file) or file.suffix.lower() in SUFFIXES):
                 unpack(file, Path(folder))
         yield Path(folder)
+
+
+def _tables(kind: str, place: Path, data: bytes, folder: Path) -> Iterator[Path]:
+    if kind == ARCHIVE:
+        yield from _from_archive(place, data, folder)
+    elif kind == WORKBOOK:
+        yield from _from_workbook(place, data, folder)
+    elif kind in SUFFIXES:
+        yield _written(folder, place.name, data)
 
 
 def safe_name(name: str, suffix: str) -> str:
@@ -173,7 +187,7 @@ def _from_archive(place: Path, data: bytes, folder: Path) -> Iterator[Path]:
                 yield from _from_workbook(Path(entry.filename), member, folder)
             else:
                 yield _written(folder, entry.filename, member)
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError, ValueError) as error:
+    except (*DAMAGED, NotImplementedError, RuntimeError, EOFError, OSError, ValueError) as error:
         if isinstance(error, InvalidInput):
             raise
         got = f"{error}"[:160]
