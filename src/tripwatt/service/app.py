@@ -34,7 +34,7 @@ from tripwatt.service.metrics import Metrics
 from tripwatt.service.middleware import ServiceMiddleware
 from tripwatt.service.openapi import JSON, NDJSON, TILE
 from tripwatt.service.pool import WorkerPool
-from tripwatt.service.problems import MEDIA_TYPE, Problem, invalid_input
+from tripwatt.service.problems import Problem, invalid_input, refusal
 from tripwatt.service.receiving import Arrivals, request_id, require_accepts
 from tripwatt.service.settings import Settings
 
@@ -444,8 +444,7 @@ class Api:
         self.metrics.job_seconds.labels(job["kind"]).observe(result.seconds)
         if result.status == 200:
             return Response(result.content, media_type=media_type)
-        document = {**orjson.loads(result.content), "instance": request_id(request)}
-        return Response(orjson.dumps(document), result.status, media_type=MEDIA_TYPE)
+        return refusal(result.status, result.content, request_id(request))
 
     async def _document(self, kind: str, **parameters: str) -> bytes:
         """The document of a job without a body."""

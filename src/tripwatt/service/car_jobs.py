@@ -128,7 +128,7 @@ class CarJobs:
         """Return the cars, as `CarsResponse`."""
         if self.folder is None:
             return {"cars": None}
-        return {"cars": [_summary(self.car(name), self.car(name).about()) for name in self.names()]}
+        return {"cars": [_summary(own, own.about()) for own in map(self.car, self.names())]}
 
     def show(self, name: str) -> dict[str, Any]:
         """Return a car and its diary, as `CarResponse` without `learning`."""

@@ -27,7 +27,7 @@ from tripwatt.service.car_schemas import NAME_PATTERN
 from tripwatt.service.live import LiveCars
 from tripwatt.service.openapi import BYTES, JSON
 from tripwatt.service.pool import JobResult, WorkerLost, WorkerPool
-from tripwatt.service.problems import MEDIA_TYPE, Problem, invalid_input
+from tripwatt.service.problems import Problem, invalid_input, refusal
 from tripwatt.service.receiving import request_id, require_accepts
 from tripwatt.service.road_trips import RoadTrips
 from tripwatt.service.settings import Settings
@@ -180,7 +180,7 @@ class CarOperations:
         body = await self.read_body(request, (JSON,))
         checked = await self.pool.run({"kind": "logs", "car": car, "upload": upload}, body)
         if checked.status != 200:
-            return _refused(checked, request)
+            return refusal(checked.status, checked.content, request_id(request))
         faults = orjson.loads(checked.content)["faults"]
         if faults:
             raise invalid_input(
@@ -267,7 +267,7 @@ class CarOperations:
         )  # before: what is done by then is shown
         result = await self.pool.run(job, body)
         if result.status != 200:
-            return _refused(result, request)
+            return refusal(result.status, result.content, request_id(request))
         if not shows:
             return Response(result.content, media_type=JSON)
         shown = {**orjson.loads(result.content), "learning": learning}
@@ -301,8 +301,3 @@ def _expire(uploads: Path, before_s: float) -> None:
         with contextlib.suppress(OSError):
             if max(file.stat().st_mtime for file in (place, *place.rglob("*"))) < before_s:
                 shutil.rmtree(place, ignore_errors=True)
-
-
-def _refused(result: JobResult, request: Request) -> Response:
-    document = {**orjson.loads(result.content), "instance": request_id(request)}
-    return Response(orjson.dumps(document), result.status, media_type=MEDIA_TYPE)

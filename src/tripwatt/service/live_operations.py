@@ -22,8 +22,8 @@ from tripwatt.live.live_car import VALID_NAME
 from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S
 from tripwatt.service.live import EventResponse, LiveCars
 from tripwatt.service.openapi import EVENTS, FORM, JSON
-from tripwatt.service.pool import JobResult, WorkerPool
-from tripwatt.service.problems import MEDIA_TYPE, Problem, invalid_input
+from tripwatt.service.pool import WorkerPool
+from tripwatt.service.problems import Problem, invalid_input, refusal
 from tripwatt.service.receiving import media_type, request_id, require_accepts
 from tripwatt.service.settings import Settings
 
@@ -128,7 +128,7 @@ class LiveOperations:
         result = await self.cars.set_plan(found, plan)
         if result.status == 200:
             return _json(await self.cars.document(found))
-        return _refused(result, request)
+        return refusal(result.status, result.content, request_id(request))
 
     async def get_need(
         self,
@@ -155,7 +155,11 @@ class LiveOperations:
             time.time() if departure_utc is None else departure_utc,
             {name: value for name, value in given.items() if value is not None},
         )
-        return _json(found) if isinstance(found, dict) else _refused(found, request)
+        return (
+            _json(found)
+            if isinstance(found, dict)
+            else refusal(found.status, found.content, request_id(request))
+        )
 
     async def get_events(self, request: Request, vehicle: Name) -> Response:
         """Stream the state of a car on the road and the forecasts of its trip as server-sent events."""
@@ -235,12 +239,6 @@ def _require_departure(plan: Mapping[str, Any]) -> None:
     if not (is_number and FIRST_TIME_S <= given <= LAST_TIME_S):
         allowed = f"{FIRST_TIME_S:g} to {LAST_TIME_S:g} s since 1970"
         raise invalid_input([Fault("value out of range", "departure_utc", excerpt(given), allowed)])
-
-
-def _refused(result: JobResult, request: Request) -> Response:
-    """The response with the problem document of a job."""
-    document = {**orjson.loads(result.content), "instance": request_id(request)}
-    return Response(orjson.dumps(document), result.status, media_type=MEDIA_TYPE)
 
 
 def _json(document: Mapping[str, Any]) -> Response:
