@@ -6,8 +6,11 @@ climate control less what the car draws at standstill; the loss of motor and inv
 two; base load at standstill and while coasting; heater and air conditioner; voltage at rest. TUM logs have all of
 them, VED logs have no torque and no voltage at rest worth the name.
 
-Prints the tables as Markdown; with ``--docs``, writes docs/stages.md and its figures. Needs TRIPWATT_DATA. Costs one simulation of
-each trip, and arrays.
+The i3 stands there twice: with its published values, and with values that are identified from the same signals on the other half
+of the trips (`tripwatt.hybrid.identification`), so that no value has seen the seconds that it is held against.
+
+Prints the tables as Markdown; with ``--docs``, writes docs/stages.md and its figures; with ``--identify``, prints the values from
+every second trip. Needs TRIPWATT_DATA. Costs one simulation of each trip and car, and arrays.
 """
 
 from __future__ import annotations
@@ -24,6 +27,7 @@ import pandas as pd
 
 from tripwatt.auditing import audit
 from tripwatt.auditing.signals import blank_stuck_heater
+from tripwatt.hybrid import identify, stage_record
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.sources import read_logs
 from tripwatt.trips import Trip, resample
@@ -37,10 +41,11 @@ HEAD: Final = """# Each stage of the simulation against its own signal
 
 `python -m benchmarks.stages --docs` writes this page from the logs of the BMW i3 (TUM) and of two Nissan Leafs (VED). The
 sum of a trip can be right although its parts are wrong, so each part stands beside the signal that measures it: means
-over seconds, with the default car and nothing fitted. Warm trips have outside air of 15 °C and more. The standing car
+over seconds, with the default car and nothing fitted; for the BMW i3 also with values that are identified from these signals on
+the other half of the trips ([how](decisions/physics-07-identification.md)). Warm trips have outside air of 15 °C and more. The standing car
 is the median power at standstill less that of climate control. Torque and power of a log are not of exactly the same
 moment, so the loss while braking is indicative. VED logs change speed and current at different moments: their bins of
-speed are blurred.
+speed are blurred. Blower, rear window and seats are no part of heater and air conditioner in any log, and none here.
 
 """
 WARM_DEGC: Final = 15.0
@@ -96,11 +101,12 @@ def seconds_of(vehicle: Vehicle, trip: Trip) -> pd.DataFrame:
             "shaft": torque * speed * drivetrain.gear_ratio / drivetrain.wheel_radius_m,
             "shaft_simulated": shaft_power_w(vehicle, run),
             "less_climate": power - heater - cooler,
-            "drive_simulated": run.motor_power_w,
+            "drive_simulated": run.motor_power_w
+            + (run.power_by_cause_w["base_load"] - vehicle.auxiliaries.base_load_w),
             "heater": heater,
             "cooler": cooler,
             "climate": heater + cooler,
-            "climate_simulated": run.hvac_power_w,
+            "climate_simulated": run.hvac_power_w - run.fan_power_w,
             "battery": power,
             "battery_simulated": run.battery_power_w,
             "current_a": signal("current_a"),
@@ -112,9 +118,15 @@ def seconds_of(vehicle: Vehicle, trip: Trip) -> pd.DataFrame:
     ).iloc[1:]
 
 
-def read_seconds(vehicle: Vehicle, trips: Sequence[Trip]) -> pd.DataFrame:
-    """Rows of `seconds_of` of all trips, with the drive power: less what that season's standing car draws."""
-    rows = pd.concat([seconds_of(vehicle, trip) for trip in trips], ignore_index=True)
+def read_seconds(cars: Sequence[Vehicle], trips: Sequence[Trip]) -> pd.DataFrame:
+    """Rows of `seconds_of` of all trips, each with its car, and the drive power: less what that season's standing car draws."""
+    rows = pd.concat(
+        [
+            seconds_of(car, trip).assign(base_w=car.auxiliaries.base_load_w)
+            for car, trip in zip(cars, trips, strict=True)
+        ],
+        ignore_index=True,
+    )
     standing = rows[_standing(rows)].groupby("season")["less_climate"].median()
     return rows.assign(drive=rows["less_climate"] - rows["season"].map(standing))
 
@@ -149,7 +161,14 @@ def loss_by_torque(rows: pd.DataFrame) -> pd.DataFrame:
     return _compared(known.groupby([torque, speed], observed=True), "loss")
 
 
-def base_loads(rows: pd.DataFrame, vehicle: Vehicle) -> pd.DataFrame:
+def identified_cars(vehicle: Vehicle, trips: Sequence[Trip]) -> list[Vehicle]:
+    """For each trip the car as the signals of the other half of the trips show its stages: of the odd for the even ones."""
+    records = [stage_record(trip, vehicle) for trip in trips]
+    halves = [identify(records[other::2], vehicle).applied(vehicle) for other in (1, 0)]
+    return [halves[number % 2] for number in range(len(trips))]
+
+
+def base_loads(rows: pd.DataFrame, moving_load_w: float) -> pd.DataFrame:
     """Median power without climate control [W] at standstill and while the car coasts, beside the car's base load."""
     coasting = (rows["speed_m_s"] > COASTING_M_S) & (rows["torque_nm"].abs() < COASTING_NM)
     found = []
@@ -159,9 +178,11 @@ def base_loads(rows: pd.DataFrame, vehicle: Vehicle) -> pd.DataFrame:
             for season, part in chosen.groupby("season"):
                 middle = part["less_climate"].median()
                 climate = "off" if off else "any"
-                found.append((name, season, climate, middle, vehicle.auxiliaries.base_load_w, len(part)))
+                simulated = part["base_w"].mean() + (moving_load_w if name == "coasting" else 0.0)
+                found.append((name, season, climate, middle, simulated, simulated / middle - 1.0, len(part)))
     return pd.DataFrame(
-        found, columns=["state", "season", "climate control", "measured", "simulated", "seconds"]
+        found,
+        columns=["state", "season", "climate control", "measured", "simulated", "difference", "seconds"],
     )
 
 
@@ -229,7 +250,7 @@ def tables_of(vehicle: Vehicle, rows: pd.DataFrame) -> Iterator[tuple[str, pd.Da
     yield "Drive power: battery less climate control less the standing car [W]", by_speed(rows, "drive")
     if rows["torque_nm"].notna().any():
         yield "Loss of motor and inverter at steady torque [W]", loss_by_torque(rows)
-    yield "Base load [W]", base_loads(rows, vehicle)
+    yield "Base load [W]", base_loads(rows, vehicle.auxiliaries.moving_load_w)
     yield "Heater and air conditioner [W]", climate_power(rows)
     if rows["torque_nm"].notna().any():
         yield "Voltage at rest [V]", resting_voltage(rows)
@@ -290,20 +311,35 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--docs", action="store_true", help="write docs/stages.md and its figures")
+    parser.add_argument(
+        "--identify", action="store_true", help="print the values from every second trip of the i3"
+    )
     chosen = parser.parse_args()
     data = Path(os.environ.get("TRIPWATT_DATA", "../shared/data"))
+    i3, leaf = load_vehicle("bmw_i3_60ah"), load_vehicle("nissan_leaf_24")
+    tum = read_logs(data / "tum").reference_trips()
+    if chosen.identify:
+        print(identify([stage_record(trip, i3) for trip in tum[::2]], i3))
+        return
+    ved = audit(read_logs(data / "ved", dataset="ved")).trips
     parts = []
-    for title, name, trips in (
-        ("BMW i3, TUM logs", "bmw_i3_60ah", read_logs(data / "tum").reference_trips()),
-        ("Nissan Leaf, VED logs", "nissan_leaf_24", audit(read_logs(data / "ved", dataset="ved")).trips),
+    for title, place, vehicle, cars, trips in (
+        ("BMW i3, TUM logs", "bmw_i3_60ah", i3, [i3] * len(tum), tum),
+        (
+            "BMW i3, TUM logs, identified on the other half",
+            "bmw_i3_60ah-identified",
+            i3,
+            identified_cars(i3, tum),
+            tum,
+        ),
+        ("Nissan Leaf, VED logs", "nissan_leaf_24", leaf, [leaf] * len(ved), ved),
     ):
-        vehicle = load_vehicle(name)
-        rows = read_seconds(vehicle, trips)
+        rows = read_seconds(cars, trips)
         parts.append(f"## {title}")
         parts += [f"### {head}\n\n{markdown(table)}" for head, table in tables_of(vehicle, rows)]
-        parts.append(f"![Measured and simulated power over speed: {title}](images/stages-{name}.png)")
+        parts.append(f"![Measured and simulated power over speed: {title}](images/stages-{place}.png)")
         if chosen.docs:
-            figure(rows, DOCS / "images" / f"stages-{name}.png")
+            figure(rows, DOCS / "images" / f"stages-{place}.png")
     text = "\n\n".join(parts) + "\n"
     print(text)
     if chosen.docs:

@@ -16,7 +16,8 @@ from typing import Final
 import numpy as np
 
 from tripwatt.auditing import audit
-from tripwatt.physics import simulate_trip
+from tripwatt.physics import simulate, simulate_trip
+from tripwatt.physics.simulate import conditions_at_departure
 from tripwatt.sources import read_logs
 from tripwatt.trips import Trip, resample
 from tripwatt.units import WH_PER_J
@@ -24,7 +25,9 @@ from tripwatt.vehicles import Vehicle, load_vehicle
 
 SHORTEST_M: Final = 2000.0
 CAR: Final = "nissan_leaf_24"
-ERROR_BAR, BIAS_BAR = 0.20, 0.08
+ERROR_BAR, BIAS_BAR = 0.13, 0.04
+CLASS_BIAS_BAR, CLASS_TRIPS = 0.08, 20
+"""With the logged climate power put in, for each class of outside air with so many trips."""
 BARS_ON: Final = ("car 10", "both cars")
 EDGES_DEGC: Final = (-40.0, -5.0, 0.0, 5.0, 10.0, 18.0, 26.0, 50.0)
 
@@ -34,7 +37,8 @@ MARKS: Final = ("<!-- tables: python -m benchmarks.ved_trips --write -->", "<!--
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """One trip: energies [Wh], and the electric energy of heating and cooling as simulated and as the car logged it."""
+    """One trip: energies [Wh] measured, simulated, and simulated with the logged power of heater and air conditioner; and the
+    energy of these two as simulated and as the car logged it."""
 
     trip: str
     distance_m: float
@@ -42,6 +46,7 @@ class Outcome:
     ambient_degc: float
     observed_wh: float
     simulated_wh: float
+    given_climate_wh: float
     simulated_climate_wh: float
     logged_climate_wh: float
 
@@ -77,6 +82,14 @@ def outcomes(trips: Sequence[Trip], vehicle: Vehicle) -> list[Outcome]:
         ambient = trip.departure.ambient_temperature_degc
         time = trip.array("time_s")
         logged = np.nan_to_num(trip.array("heating_power_w")) + np.nan_to_num(trip.array("aircon_power_w"))
+        given = simulate(
+            vehicle,
+            time,
+            trip.array("speed_m_s"),
+            elevation_m=trip.array("elevation_m") if "elevation_m" in trip else None,
+            hvac_power_w=logged + run.fan_power_w,
+            conditions=conditions_at_departure(vehicle, trip.departure),
+        )
         results.append(
             Outcome(
                 log.trip_id,
@@ -85,7 +98,9 @@ def outcomes(trips: Sequence[Trip], vehicle: Vehicle) -> list[Outcome]:
                 float("nan") if ambient is None else ambient,
                 log.observed_energy_wh,
                 run.simulated_energy_wh,
-                float(run.energy_by_cause_wh["hvac"][-1]),
+                given.simulated_energy_wh,
+                float(run.energy_by_cause_wh["hvac"][-1])
+                - float(np.trapezoid(run.fan_power_w, time)) * WH_PER_J,
                 float(np.trapezoid(logged, time)) * WH_PER_J,
             )
         )
@@ -110,11 +125,23 @@ def scores(results: Sequence[Outcome]) -> list[Score]:
     return [score(name, group) for name, group in groups.items() if group]
 
 
+def given_bias(results: Sequence[Outcome]) -> float:
+    """Relative error of the sum of some trips with the logged climate power put in."""
+    return sum(r.given_climate_wh for r in results) / sum(r.observed_wh for r in results) - 1.0
+
+
+def classes(results: Sequence[Outcome]) -> list[list[Outcome]]:
+    """The trips of each class of outside air that has any."""
+    found = [[r for r in results if low < r.ambient_degc <= high] for low, high in pairwise(EDGES_DEGC)]
+    return [group for group in found if group]
+
+
 def by_weather(results: Sequence[Outcome]) -> list[str]:
     """Rows of a markdown table: what the cars used and what heating and cooling took, by outside air."""
     lines = [
-        "| outside air °C | trips | measured Wh/km | simulated Wh/km | error | heating and cooling logged W | simulated W |",
-        "|---|---:|---:|---:|---:|---:|---:|",
+        "| outside air °C | trips | measured Wh/km | simulated Wh/km | error | with the logged climate power | "
+        "heating and cooling logged W | simulated W |",
+        "|---|---:|---:|---:|---:|---:|---:|---:|",
     ]
     for low, high in pairwise(EDGES_DEGC):
         group = [r for r in results if low < r.ambient_degc <= high]
@@ -127,6 +154,7 @@ def by_weather(results: Sequence[Outcome]) -> list[str]:
         label = f"above {low:g}" if high == EDGES_DEGC[-1] else label
         lines.append(
             f"| {label} | {len(group)} | {observed / km:.0f} | {simulated / km:.0f} | {simulated / observed - 1:+.1%} "
+            f"| {given_bias(group):+.1%} "
             f"| {sum(r.logged_climate_wh for r in group) / hours:.0f} "
             f"| {sum(r.simulated_climate_wh for r in group) / hours:.0f} |"
         )
@@ -149,6 +177,7 @@ def report() -> tuple[str, bool]:
         for row in scores(results):
             lines.append(f"| {name} | {row.name} | {row.n_trips} | {row.error:.1%} | {row.bias:+.1%} |")
             met &= row.met or row.name not in BARS_ON
+    met &= all(abs(given_bias(g)) <= CLASS_BIAS_BAR for g in classes(results) if len(g) >= CLASS_TRIPS)
     return "\n".join([*lines, "", *by_weather(results)]), met
 
 
@@ -158,7 +187,10 @@ def main() -> None:
     arguments = parser.parse_args()
     text, met = report()
     print(text)
-    print(f"\nbars (error <= {ERROR_BAR:.0%}, bias within {BIAS_BAR:.0%}): {'met' if met else 'MISSED'}")
+    print(
+        f"\nbars (error <= {ERROR_BAR:.0%}, bias within {BIAS_BAR:.0%}, with the logged climate power within "
+        f"{CLASS_BIAS_BAR:.0%} in each class of {CLASS_TRIPS} trips): {'met' if met else 'MISSED'}"
+    )
     if arguments.write:
         head, _, rest = PAGE.read_text(encoding="utf-8").partition(MARKS[0])
         _, _, tail = rest.partition(MARKS[1])

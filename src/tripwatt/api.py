@@ -11,6 +11,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel
 from tripwatt.forecasting.storage import load_model
+from tripwatt.hybrid import identify_trips
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.routes import (
     is_route,
@@ -177,6 +178,7 @@ def fit(
     *,
     corrector: str = DEFAULT_CORRECTOR,
     seed: int = 0,
+    identified: bool = True,
     progress: Callable[[int, int], None] | None = None,
 ) -> ForecastModel:
     """Fit a forecasting model on the trips of one car.
@@ -191,6 +193,9 @@ def fit(
         One of `tripwatt.hybrid.POWER_CORRECTORS`.
     seed : int
         The same seed gives the same model.
+    identified : bool
+        Whether values of the car are identified first from the signals of its stages that the trips have: motor torque, heater
+        and air conditioner, power of the standing car, voltage at rest. Otherwise the published values stay.
     progress : callable, optional
         Called with (finished fits, all fits).
 
@@ -210,8 +215,10 @@ def fit(
     >>> fit(synthetic_fleet(9), "bmw_i3_60ah", corrector="linear")
     <ForecastModel BMW i3 60 Ah, linear corrector, 9 trips>
     """
-    model = ForecastModel(_car(vehicle), corrector, seed)
-    return model.fit(_sound(trips), progress=progress)
+    car, sound = _car(vehicle), _sound(trips)
+    if identified:
+        car = identify_trips(sound, car).applied(car)
+    return ForecastModel(car, corrector, seed).fit(sound, progress=progress)
 
 
 def adapt(

@@ -27,6 +27,7 @@ from tripwatt.evaluation.forecast_scores import (
 )
 from tripwatt.evaluation.protocol import CarChoice
 from tripwatt.forecasting import ForecastModel
+from tripwatt.physics import simulate_trip
 from tripwatt.report import render_report
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Trip, plan_from_trip
@@ -261,21 +262,61 @@ def test_results_hold_the_contract(whole, tmp_path):
     np.testing.assert_allclose(run.forecast.causes.sum(axis=1), forecasts["energy_wh"])
 
 
-def test_held_out_trips_do_not_move_their_own_forecast(prepared, car):
-    """Nothing of an outer fold is in its centre, its width or its bounds; everything of the others is."""
-    folds = np.arange(len(prepared))
+def forecast_of(data: ForecastData, held_out: int) -> np.ndarray:
+    """Centre, width and bounds of one trip while it is held out."""
     (spec,) = choose_models(QUICK, ("hybrid",))
+    folds, logs = np.arange(len(data)), {held_out: data.logs[held_out]}
+    (found,) = ForecastTask(0, spec, data, folds, held_out, 0, logs).run()
+    return np.concatenate([found.predicted_wh, *(found.extra[k].ravel() for k in ("sd", "low", "high"))])
+
+
+def test_held_out_trips_do_not_move_their_own_forecast(prepared):
+    """Nothing of an outer fold is in its centre, its width or its bounds; everything of the others is."""
 
     def run(held_out, observed_w):
         segments = dataclasses.replace(prepared.segments, observed_w=observed_w)
-        plans, logs = {held_out: prepared.plans[held_out]}, {held_out: prepared.logs[held_out]}
-        (found,) = ForecastTask(0, spec, car, segments, folds, held_out, 0, plans, logs).run()
-        return np.concatenate([found.predicted_wh, *(found.extra[k].ravel() for k in ("sd", "low", "high"))])
+        return forecast_of(dataclasses.replace(prepared, segments=segments), held_out)
 
     own = prepared.segments.observed_power_w
     louder = np.where(prepared.segments.groups == 4, 1.7 * own + 300.0, own)
     np.testing.assert_array_equal(run(4, own), run(4, louder))
     assert not np.array_equal(run(5, own), run(5, louder))
+
+
+def with_signals(trip: Trip, car, torque_nm: float, heater_w: float, standing_w: float) -> Trip:
+    """A trip with what the log of a car's stages has: torque, heater, air conditioner, and power at standstill."""
+    run = simulate_trip(car, trip)
+    speed = np.maximum(trip.array("speed_m_s"), 0.1)
+    ratio = car.drivetrain.wheel_radius_m / car.drivetrain.gear_ratio
+    standing = trip.array("speed_m_s") < 0.1
+    samples = trip.samples.assign(
+        motor_torque_nm=run.wheel_power_w / speed * ratio + torque_nm,
+        heating_power_w=np.where(standing, 0.0, heater_w),
+        aircon_power_w=0.0,
+        current_a=np.where(standing, standing_w / trip.array("voltage_v"), trip.array("current_a")),
+    )
+    return dataclasses.replace(trip, samples=samples)
+
+
+@pytest.mark.parametrize("signal", ["torque_nm", "heater_w", "standing_w"])
+def test_signals_of_a_held_out_trip_do_not_move_its_forecast(fleet, car, signal):
+    """Stages are identified inside the fold: torque, heater and standing power of the held-out trip change nothing."""
+    usual = {"torque_nm": 2.0, "heater_w": 600.0, "standing_w": 400.0}
+    loud = {**usual, signal: 5.0 * usual[signal]}
+
+    def prepared_with(trip_number):
+        trips = [
+            with_signals(trip, car, **(loud if i == trip_number else usual))
+            for i, trip in enumerate(fleet.trips)
+        ]
+        measured = prepared_of_usual  # energies stay those of the usual trips
+        stages = ForecastData.from_trips(trips, car).stages
+        return dataclasses.replace(measured, stages=stages)
+
+    prepared_of_usual = ForecastData.from_trips([with_signals(t, car, **usual) for t in fleet.trips], car)
+    before = forecast_of(prepared_of_usual, 4)
+    np.testing.assert_array_equal(before, forecast_of(prepared_with(4), 4))
+    assert not np.array_equal(before, forecast_of(prepared_with(5), 4))
 
 
 def test_the_report_shows_other_kinds_of_trips_and_the_arrival(whole, monkeypatch):

@@ -140,7 +140,7 @@ def data(*rows: int) -> ForecastData:
     plans = tuple(f"plan {i}" for i in range(len(rows)))
     logs = tuple(f"log {i}" for i in range(len(rows)))
     return ForecastData(
-        "car", Trips(own.trip_ids), own, own.features.rename(columns={"row": "seen"}), plans, logs
+        "car", Trips(own.trip_ids), own, own.features.rename(columns={"row": "seen"}), plans, logs, logs
     )
 
 
@@ -446,17 +446,20 @@ class TestForecastTask:
         monkeypatch.setattr(
             forecast_models, "_arrivals", lambda model, plans, logs: {"shown": np.zeros(len(plans))}
         )
+        monkeypatch.setattr(
+            ForecastData, "identified", lambda own, train: (f"car of {train.tolist()}", own.segments)
+        )
         own = dataclasses.replace(data(1, 1, 1), logs=(driven_log(),) * 3)
         hold_out = SimpleNamespace(data=own, folds=np.array([5, 6, 5]), fold_numbers=frozenset({5, 6}))
         spec = ForecastSpec("f", "", "split")
         assert spec.folds(hold_out) == {5, 6}
         tasks = list(spec.tasks(3, hold_out, [5, 6], 9))
-        assert [sorted(t.plans) for t in tasks] == [[0, 2], [1]]
+        assert [sorted(t.logs) for t in tasks] == [[0, 2], [1]]
         assert [t.members for t in tasks] == [(5,), (6,)]
         assert tasks[0].rank == 1
         assert isinstance(tasks[0], ForecastTask)
         (result,) = tasks[0].run()
-        assert seen == {"vehicle": "car", "corrector": "split", "seed": 9, "trained": ("t1",)}
+        assert seen == {"vehicle": "car of [1]", "corrector": "split", "seed": 9, "trained": ("t1",)}
         assert result.predicted_wh.tolist() == [106.0, 106.0]
         assert (result.evaluation, result.model, result.fold) == (3, "f", 5)
         assert result.extra["pit"].tolist() == [0.22, 0.22]

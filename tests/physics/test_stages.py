@@ -67,8 +67,15 @@ def test_bins_compare_means():
 
 
 def test_base_load_is_that_of_standing_and_of_coasting_seconds():
-    table = base_loads(ROWS, CAR).set_index(["state", "season", "climate control"])["measured"]
-    assert table.to_dict() == {
+    table = base_loads(ROWS.assign(base_w=320.0), 380.0).set_index(["state", "season", "climate control"])
+    assert table["simulated"].to_dict() == {
+        ("standing", "warm", "any"): 320.0,
+        ("standing", "warm", "off"): 320.0,
+        ("coasting", "cold", "any"): 700.0,
+        ("coasting", "cold", "off"): 700.0,
+    }
+    assert table["difference"].tolist() == pytest.approx([-0.2, -0.2, 0.0, 0.0])
+    assert table["measured"].to_dict() == {
         ("standing", "warm", "any"): 400.0,
         ("standing", "warm", "off"): 400.0,
         ("coasting", "cold", "any"): 700.0,

@@ -189,6 +189,7 @@ def driven_wh_per_km(vehicle: Vehicle, trace: tuple[FloatArray, FloatArray], tes
         time,
         speed,
         conditions=DriveConditions(
+            on_dynamometer=True,
             ambient_temperature_degc=CELL_TEMPERATURE_DEGC,
             payload_mass_kg=test_mass_kg - vehicle.body.test_mass_kg,
             initial_soc=INITIAL_SOC,

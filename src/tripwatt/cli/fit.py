@@ -68,6 +68,14 @@ def fit(
             metavar="NAME", help="Statistical model: linear, gp, boosting, forest, ensemble or split."
         ),
     ] = "split",
+    identify: Annotated[
+        bool,
+        typer.Option(
+            "--identify/--published",
+            help="Identify values of the car from the signals of its stages where the log has them (motor torque, heater and air "
+            "conditioner, power of the standing car, voltage at rest), or keep the published values.",
+        ),
+    ] = True,
     calibrate: Annotated[
         bool,
         typer.Option(
@@ -136,6 +144,7 @@ def fit(
                 cars[0],
                 corrector=corrector,
                 seed=seed,
+                identified=identify,
                 calibrated=calibrate,
                 progress=advance,
             )

@@ -14,7 +14,14 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.hybrid import SegmentTable, segment_trips
+from tripwatt.hybrid import (
+    SegmentTable,
+    StageRecord,
+    identify,
+    resimulated,
+    segment_trips,
+    stage_record,
+)
 from tripwatt.hybrid.climate_log import TOLD_BY
 from tripwatt.hybrid.segments import SEGMENT_S
 from tripwatt.hybrid.trip_table import TripTable, build_table
@@ -60,6 +67,8 @@ class ForecastData:
     plans : tuple of Plan
     logs : tuple of DataFrame
         From `measured_log`.
+    stages : tuple of StageRecord
+        What the signals of each trip show of the car's stages.
     """
 
     vehicle: Vehicle
@@ -68,6 +77,7 @@ class ForecastData:
     data_features: pd.DataFrame
     plans: tuple[Plan, ...]
     logs: tuple[pd.DataFrame, ...]
+    stages: tuple[StageRecord, ...]
 
     @classmethod
     def from_trips(cls, trips: Sequence[Trip], vehicle: Vehicle) -> ForecastData:
@@ -77,7 +87,8 @@ class ForecastData:
         plans = tuple(map(plan_from_trip, trips))
         segments = segment_trips(trips, vehicle)
         logs = tuple(measured_log(trip) for trip in trips)
-        return cls(vehicle, table, segments, _data_features(segments, plans), plans, logs)
+        stages = tuple(stage_record(trip, vehicle) for trip in trips)
+        return cls(vehicle, table, segments, _data_features(segments, plans), plans, logs, stages)
 
     def __len__(self) -> int:
         return len(self.plans)
@@ -92,11 +103,22 @@ class ForecastData:
             self.data_features[rows].reset_index(drop=True),
             tuple(self.plans[i] for i in members),
             tuple(self.logs[i] for i in members),
+            tuple(self.stages[i] for i in members),
         )
+
+    def identified(self, train: IntArray) -> tuple[Vehicle, SegmentTable]:
+        """The car as the signals of some trips show its stages, and the segments of all trips with it.
+
+        O(samples). The table is the same where the signals show nothing.
+        """
+        vehicle = identify([self.stages[i] for i in train], self.vehicle).applied(self.vehicle)
+        if vehicle is self.vehicle:
+            return vehicle, self.segments
+        return vehicle, resimulated(self.segments, self.plans, vehicle)
 
     def slim(self) -> ForecastData:
         """Segments and data features alone: cheap to send to a process."""
-        return replace(self, table=self.table.take([]), plans=(), logs=())
+        return replace(self, table=self.table.take([]), plans=(), logs=(), stages=())
 
 
 def at_departure_only(trip: Trip) -> Trip:

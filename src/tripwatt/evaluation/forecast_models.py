@@ -29,11 +29,10 @@ from tripwatt.evaluation.forecast_scores import (
 from tripwatt.evaluation.hold_outs import LEAVE_ONE_TRIP_OUT, TRAINING_ONLY, HoldOut
 from tripwatt.evaluation.protocol import FoldResult
 from tripwatt.forecasting import Forecast, ForecastModel
-from tripwatt.hybrid import SegmentTable, power_corrector
+from tripwatt.hybrid import power_corrector
 from tripwatt.hybrid.climate_log import TOLD_BY
 from tripwatt.hybrid.power import LearnerCorrector
 from tripwatt.trips import Plan
-from tripwatt.vehicles import Vehicle
 
 FOLDS_PER_TASK: Final = 12
 CURVE_SIZES: Final = (5, 10, 20, 40)
@@ -178,8 +177,70 @@ class PowerTask:
 
 
 @dataclass(frozen=True, slots=True)
+class IdentifiedModel:
+    """Physics whose stages are identified on the training trips of each fold, alone or with a corrector of power.
+
+    Attributes
+    ----------
+    name, title : str
+    corrector : str or None
+        One of `tripwatt.hybrid.POWER_CORRECTORS`; None for the physics alone.
+    simulation : str
+    """
+
+    name: str
+    title: str
+    corrector: str | None
+    simulation: str | None = "physics"
+
+    def folds(self, hold_out: HoldOut) -> frozenset[int]:
+        """All of them."""
+        return hold_out.fold_numbers
+
+    def tasks(
+        self, index: int, hold_out: HoldOut, folds: Sequence[int], seed: int
+    ) -> Iterator[IdentifiedTask]:
+        """One task for a few folds."""
+        data: ForecastData = replace(hold_out.data, logs=())
+        for start in range(0, len(folds), FOLDS_PER_TASK):
+            yield IdentifiedTask(
+                index, self, data, hold_out.folds, tuple(folds[start : start + FOLDS_PER_TASK]), seed
+            )
+
+
+@dataclass(frozen=True)
+class IdentifiedTask:
+    """Some folds of an identified model."""
+
+    evaluation: int
+    spec: IdentifiedModel
+    data: ForecastData
+    folds: IntArray
+    members: tuple[int, ...]
+    seed: int
+    rank: int = 2
+
+    def run(self) -> list[FoldResult]:
+        """Energies of the trips of each fold."""
+        return [self._run_fold(fold) for fold in self.members]
+
+    def _run_fold(self, fold: int) -> FoldResult:
+        train, test = np.flatnonzero(self.folds != fold), np.flatnonzero(self.folds == fold)
+        began = time.perf_counter()
+        _, segments = self.data.identified(train)
+        found = segments.take(test)
+        power = found.simulated_w
+        if self.spec.corrector is not None:
+            power = power + power_corrector(self.spec.corrector, self.seed).fit(segments.take(train)).predict(
+                found
+            )
+        spent = time.perf_counter() - began
+        return FoldResult(self.evaluation, self.spec.name, fold, found.totals_wh(power), spent, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
 class ForecastSpec:
-    """The forecast itself: its centre, its intervals and its updates.
+    """The forecast itself: its centre, its intervals and its updates, on a car that is identified in the fold.
 
     Attributes
     ----------
@@ -199,21 +260,13 @@ class ForecastSpec:
         return hold_out.fold_numbers
 
     def tasks(self, index: int, hold_out: HoldOut, folds: Sequence[int], seed: int) -> Iterator[ForecastTask]:
-        """One task for each fold, with plans and logs of its held-out trips alone."""
+        """One task for each fold, with the logs of its held-out trips alone."""
         data: ForecastData = hold_out.data
+        slim = replace(data, table=data.table.take([]), logs=())
         for fold in folds:
             own = np.flatnonzero(hold_out.folds == fold).tolist()
-            yield ForecastTask(
-                index,
-                self,
-                data.vehicle,
-                data.segments,
-                hold_out.folds,
-                fold,
-                seed,
-                plans={i: data.plans[i] for i in own},
-                logs={i: data.logs[i] for i in own},
-            )
+            logs = {i: data.logs[i] for i in own}
+            yield ForecastTask(index, self, slim, hold_out.folds, fold, seed, logs)
 
 
 @dataclass(frozen=True)
@@ -222,12 +275,10 @@ class ForecastTask:
 
     evaluation: int
     spec: ForecastSpec
-    vehicle: Vehicle
-    segments: SegmentTable
+    data: ForecastData
     folds: IntArray
     fold: int
     seed: int
-    plans: Mapping[int, Plan]
     logs: Mapping[int, pd.DataFrame]
     rank: int = 1
 
@@ -237,13 +288,14 @@ class ForecastTask:
         return (self.fold,)
 
     def run(self) -> list[FoldResult]:
-        """Fit model and uncertainty without the fold; forecast and update its trips."""
-        test = np.flatnonzero(self.folds == self.fold)
-        model = ForecastModel(self.vehicle, self.spec.corrector, self.seed)
+        """Identify the car, fit model and uncertainty without the fold; forecast and update its trips."""
+        train, test = np.flatnonzero(self.folds != self.fold), np.flatnonzero(self.folds == self.fold)
         began = time.perf_counter()
-        model.fit_segments(self.segments.take(np.flatnonzero(self.folds != self.fold)))
+        vehicle, segments = self.data.identified(train)
+        model = ForecastModel(vehicle, self.spec.corrector, self.seed)
+        model.fit_segments(segments.take(train))
         fitted = time.perf_counter()
-        plans = [self.plans[int(i)] for i in test]
+        plans = [self.data.plans[int(i)] for i in test]
         forecasts = [model.forecast(plan) for plan in plans]
         energies = np.array([f.energy_wh for f in forecasts])
         each_ms = 1000.0 * (time.perf_counter() - fitted) / len(test)

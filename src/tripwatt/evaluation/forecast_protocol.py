@@ -16,7 +16,7 @@ from tripwatt.arrays import BoolArray, IntArray
 from tripwatt.auditing import Audit, audit
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.evaluation.forecast_data import ForecastData
-from tripwatt.evaluation.forecast_models import ForecastSpec, LearningCurve, PowerModel
+from tripwatt.evaluation.forecast_models import ForecastSpec, IdentifiedModel, LearningCurve, PowerModel
 from tripwatt.evaluation.forecast_results import (
     about_trips,
     add_crps_of_points,
@@ -52,6 +52,8 @@ SPLIT: Final = 2.0 / 3.0
 MIN_SCORED: Final = 3
 """Fewest trips of a regime that is scored."""
 CURVE: Final = "learning-curve"
+PHYSICS_IDENTIFIED: Final = "physics-identified"
+PUBLISHED_ONLY: Final = "hybrid-published"
 
 _TITLES: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -112,8 +114,14 @@ class ForecastProtocol:
                 for name, title in _TITLES.items()
                 if name != corrector
             ),
+            IdentifiedModel(
+                PHYSICS_IDENTIFIED, "physics, stages identified from their signals in each fold", None
+            ),
+            PowerModel(PUBLISHED_ONLY, f"{_TITLES[corrector]}, with published values only", corrector),
             ForecastSpec(
-                FORECAST, f"the forecast: {self.centre.title}, with intervals and updates", corrector
+                FORECAST,
+                f"the forecast: {_TITLES[corrector]}, on physics identified in each fold, with intervals and updates",
+                corrector,
             ),
         )
 

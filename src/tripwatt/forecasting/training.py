@@ -13,7 +13,7 @@ import numpy as np
 from tripwatt.auditing import audit
 from tripwatt.forecasting.donor import MASKABLE, DonorModel, unknown_inputs, without_inputs
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel, HeldOut
-from tripwatt.hybrid import TRANSFERABLE, segment_trips
+from tripwatt.hybrid import TRANSFERABLE, identify_trips, segment_trips
 from tripwatt.hybrid.calibrate import calibrate
 from tripwatt.trips import COLUMNS, Fleet, Trip
 from tripwatt.trips.messages import message
@@ -28,6 +28,7 @@ def train_model(
     *,
     corrector: str = DEFAULT_CORRECTOR,
     seed: int = 0,
+    identified: bool = True,
     calibrated: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[ForecastModel, dict[str, Any], dict[str, Any]]:
@@ -39,6 +40,9 @@ def train_model(
     vehicle : Vehicle
     corrector : str
     seed : int
+    identified : bool
+        Whether values of the car are identified from the signals of its stages first (`hybrid.identification`), where the
+        log has them: motor torque, heater and air conditioner, standing power, voltage at rest.
     calibrated : bool
         Whether a few uncertain values of the car are calibrated on the trips first (`hybrid.calibrate`).
     progress : callable, optional
@@ -48,7 +52,7 @@ def train_model(
     -------
     model : ForecastModel
     provenance : dict
-        Data set with citation and digest, trips, audit findings, calibrated values (relative change and its standard
+        Data set with citation and digest, trips, audit findings, identified values, calibrated values (relative change and its standard
         deviation), versions.
     evaluation : dict
         Errors on training trips while each was held out of the fit.
@@ -67,20 +71,27 @@ def train_model(
     ('synthetic', 9)
     """
     found = audit(fleet)
-    found_values = calibrate(found.trips, vehicle) if calibrated else None
-    car = vehicle if found_values is None else found_values.applied(vehicle)
+    stages = identify_trips(found.trips, vehicle) if identified else None
+    car = vehicle if stages is None else stages.applied(vehicle)
+    found_values = calibrate(found.trips, car) if calibrated else None
+    car = car if found_values is None else found_values.applied(car)
     model = ForecastModel(car, corrector, seed).fit(found.trips, progress=progress)
     model.donor_ = train_donor(found.trips, model)
     provenance = {
         "data": {
             "name": fleet.name,
             "citation": fleet.citation,
-            "notes": [*map(message, fleet.notes), *([] if found_values is None else [str(found_values)])],
+            "notes": [
+                *map(message, fleet.notes),
+                *([] if stages is None or not stages.values else [str(stages)]),
+                *([] if found_values is None else [str(found_values)]),
+            ],
             "logs": len(fleet),
             "sha256": data_digest(found.trips),
         },
         "trips_used": list(model.trip_ids_),
         "audit": [str(finding) for finding in found.findings],
+        "identified": None if stages is None else dict(stages.values),
         "calibration": None
         if found_values is None
         else {name: [change, found_values.sd[name]] for name, change in found_values.changes.items()},
@@ -141,7 +152,7 @@ def held_out_figures(trips: Sequence[HeldOut]) -> dict[str, Any]:
     error = np.array([trip.predicted_wh for trip in trips]) - observed
     return {
         "protocol": "training trips, each while its fold (at most 10) was held out of the fit; "
-        "settings, and calibrated values of the car where there are any, come from all of them",
+        "settings, and identified and calibrated values of the car where there are any, come from all of them",
         "given": "given the driven speed trace",
         "trips": len(trips),
         "mape": float(np.mean(np.abs(error) / np.abs(observed))),

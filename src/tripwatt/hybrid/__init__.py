@@ -6,8 +6,9 @@ what is known before departure. In both ``residual = observed - simulated`` and 
 
 from tripwatt.hybrid.baselines import EnergyRegression, PhysicsOnly
 from tripwatt.hybrid.correctors import POWER_CORRECTORS, STORABLE, TRANSFERABLE, power_corrector
+from tripwatt.hybrid.identification import Identified, StageRecord, identify, identify_trips, stage_record
 from tripwatt.hybrid.power import PowerCorrector
-from tripwatt.hybrid.segments import SEGMENT_S, SegmentTable, segment_table, segment_trips
+from tripwatt.hybrid.segments import SEGMENT_S, SegmentTable, resimulated, segment_table, segment_trips
 from tripwatt.hybrid.trip_table import COVARIATES, EnergyModel, TripTable, build_table
 
 __all__ = [
@@ -18,12 +19,18 @@ __all__ = [
     "TRANSFERABLE",
     "EnergyModel",
     "EnergyRegression",
+    "Identified",
     "PhysicsOnly",
     "PowerCorrector",
     "SegmentTable",
+    "StageRecord",
     "TripTable",
     "build_table",
+    "identify",
+    "identify_trips",
     "power_corrector",
+    "resimulated",
     "segment_table",
     "segment_trips",
+    "stage_record",
 ]

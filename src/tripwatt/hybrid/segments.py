@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -309,6 +309,45 @@ def segment_trips(trips: Sequence[Trip], vehicle: Vehicle) -> SegmentTable:
             for plan, trip in zip(plans, trips, strict=True)
         ]
     )
+
+
+def resimulated(table: SegmentTable, plans: Sequence[Plan], vehicle: Vehicle) -> SegmentTable:
+    """The same trips simulated with another car, beside the same measurements. O(samples).
+
+    Parameters
+    ----------
+    table : SegmentTable
+        Segments of the trips.
+    plans : sequence of Plan
+        Of the same trips, in their order.
+    vehicle : Vehicle
+        The car that is simulated.
+
+    Returns
+    -------
+    SegmentTable
+        With the features of the new simulation.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car, trips = load_vehicle(VEHICLE), synthetic_fleet(2).trips
+    >>> table = segment_trips(trips, car)
+    >>> again = resimulated(table, [plan_from_trip(trip) for trip in trips], car)
+    >>> bool((again.simulated_w == table.simulated_w).all())
+    True
+    """
+    new = SegmentTable.join([segment_table(plan, simulate_trip(vehicle, plan)) for plan in plans])
+    observed, rows = table.observed_w, table.groups
+    if observed is not None:
+        # Of an energy from the state of charge only the total counts, and its residual is spread evenly.
+        change = (table.totals_wh(new.simulated_w - table.simulated_w) / table.totals_wh(np.ones(len(rows))))[
+            rows
+        ]
+        even = new.simulated_w + (observed - table.simulated_w) - change
+        observed = np.where(table.energy_errors.along[rows], observed, even)
+    return replace(table, features=new.features, simulated_w=new.simulated_w, observed_w=observed)
 
 
 def _known(value: float | None) -> float:

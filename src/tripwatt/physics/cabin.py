@@ -102,11 +102,13 @@ class CabinStart:
 class CabinRun:
     """Electric power of the climate control [W] and air temperature [°C], shape (samples,).
 
-    `power_w` is the mean over the interval that ends at the sample, `temperature_degc` the value at the sample.
+    `power_w` is the mean over the interval that ends at the sample, `temperature_degc` the value at the sample. `fan_power_w` is
+    the part of the power that blower, rear window and seats take, which no log counts as heater or air conditioner.
     """
 
     power_w: FloatArray
     temperature_degc: FloatArray
+    fan_power_w: FloatArray
 
 
 def condition_cabin(
@@ -137,20 +139,28 @@ def condition_cabin(
     step_s = time_s[1:] - time_s[:-1]
     np.cumsum(0.5 * (speed_m_s[1:] + speed_m_s[:-1]) * step_s, out=distance[1:])
     speed = np.diff(np.interp(edges, time_s, distance)) / CONTROL_STEP_S
-    power, air = _control_steps(climate, speed.tolist(), ambient_temperature_degc, start)
-    energy_j = np.zeros(n_steps + 1)
-    np.cumsum(np.asarray(power) * CONTROL_STEP_S, out=energy_j[1:])
-    cumulative = np.interp(time_s, edges, energy_j)
-    result = np.empty_like(time_s)
-    result[0] = power[0]
-    result[1:] = (cumulative[1:] - cumulative[:-1]) / step_s
-    return CabinRun(np.maximum(result, 0.0), np.interp(time_s, edges, air))
+    heat, fans, air = _control_steps(climate, speed.tolist(), ambient_temperature_degc, start)
+
+    def means(power: list[float]) -> FloatArray:
+        energy_j = np.zeros(n_steps + 1)
+        np.cumsum(np.asarray(power) * CONTROL_STEP_S, out=energy_j[1:])
+        cumulative = np.interp(time_s, edges, energy_j)
+        result = np.empty_like(time_s)
+        result[0] = power[0]
+        result[1:] = (cumulative[1:] - cumulative[:-1]) / step_s
+        return np.maximum(result, 0.0)
+
+    fan_power = means(fans)
+    return CabinRun(means(heat) + fan_power, np.interp(time_s, edges, air), fan_power)
 
 
 def _control_steps(
     climate: Climate, speeds: list[float], ambient: float, start: CabinStart
-) -> tuple[list[float], list[float]]:
-    """Electric power of each control step and air temperature at its edges; plain floats, for speed."""
+) -> tuple[list[float], list[float], list[float]]:
+    """Electric power of heater and compressor, and of the fans, in each control step, and air temperature at its edges.
+
+    Plain floats, for speed.
+    """
     dt = CONTROL_STEP_S
     air_rate = climate.air_heat_capacity_j_k / dt
     interior_rate = climate.interior_heat_capacity_j_k / dt
@@ -173,6 +183,7 @@ def _control_steps(
     air = interior = start.temperature_degc
     fan = 0.0
     powers: list[float] = []
+    fans: list[float] = []
     temperatures = [air]
     for speed in speeds:
         fresh = low_fresh + fan * fan_range
@@ -194,12 +205,13 @@ def _control_steps(
             fan = min(1.0, -heat / full_cooling)
         air = (given + heat) / total
         interior = (interior_rate * interior + exchange * air + to_interior) / (interior_rate + exchange)
-        powers.append(power + low_blower + fan * blower_range)
+        powers.append(power)
+        fans.append(low_blower + fan * blower_range)
         temperatures.append(air)
     if ambient < climate.defrost_below_degc and start.mode != "cool":
-        for number in range(min(len(powers), math.ceil(climate.defrost_time_s / dt))):
-            powers[number] += (1.0 - start.warmth) * climate.defrost_power_w
-    return powers, temperatures
+        for number in range(min(len(fans), math.ceil(climate.defrost_time_s / dt))):
+            fans[number] += (1.0 - start.warmth) * climate.defrost_power_w
+    return powers, fans, temperatures
 
 
 def heat_pump_heat(ambient_temperature_degc: float, climate: Climate) -> float:

@@ -47,6 +47,8 @@ class DriveConditions:
         Air density [kg/m³] in place of the atmosphere's, as on a dynamometer.
     rain_mm_h : float
         Rain on the road.
+    on_dynamometer : bool
+        Whether the wheels turn on a drum: without `Auxiliaries.moving_load_w`.
 
     Raises
     ------
@@ -74,6 +76,7 @@ class DriveConditions:
     initial_warmth: float = 0.0
     air_density_kg_m3: float | None = None
     rain_mm_h: float = 0.0
+    on_dynamometer: bool = False
 
     def __post_init__(self) -> None:
         raise_faults(climate_faults(self.climate))

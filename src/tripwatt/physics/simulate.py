@@ -75,8 +75,9 @@ class Simulation:
         Electric power of motor and inverter.
     regen_power_w : ndarray
         Electric power that motor and inverter give back.
-    friction_brake_power_w, auxiliary_power_w, hvac_power_w : ndarray
-        Power of the friction brakes, of all auxiliaries, and of climate control as part of these.
+    friction_brake_power_w, auxiliary_power_w, hvac_power_w, fan_power_w : ndarray
+        Power of the friction brakes, of all auxiliaries, of climate control as part of these, and of its blower, rear window
+        and seats as part of that.
     battery_power_w : ndarray
         Power at the battery terminals, on which the energy is counted.
     battery_current_a, terminal_voltage_v, battery_temperature_degc, soc : ndarray
@@ -113,6 +114,7 @@ class Simulation:
     friction_brake_power_w: FloatArray
     auxiliary_power_w: FloatArray
     hvac_power_w: FloatArray
+    fan_power_w: FloatArray
     battery_power_w: FloatArray
     battery_current_a: FloatArray
     terminal_voltage_v: FloatArray
@@ -234,9 +236,10 @@ def simulate(
         start = conditions.cabin_start(vehicle)
         cabin = condition_cabin(vehicle.climate, time, speed, conditions.ambient_temperature_degc, start)
     trace = _Trace.from_samples(time, speed, slope, wind)
-    power = np.broadcast_to(hvac, time.shape) if cabin is None else cabin.power_w
-    temperature = np.full_like(time, np.nan) if cabin is None else cabin.temperature_degc
-    return _chain(vehicle, trace, conditions, density, CabinRun(power, temperature))
+    if cabin is None:
+        power = np.broadcast_to(hvac, time.shape)
+        cabin = CabinRun(power, np.full_like(time, np.nan), np.zeros_like(time))
+    return _chain(vehicle, trace, conditions, density, cabin)
 
 
 def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
@@ -373,7 +376,8 @@ def _chain(
     """Road load, drivetrain, auxiliaries and battery, one after the other."""
     forces = _forces(vehicle, trace, conditions, density)
     wheel_power = (forces.aero + forces.rolling + forces.climb + forces.inertia) * trace.mean_speed_m_s
-    auxiliary = cabin.power_w + vehicle.auxiliaries.base_load_w
+    base_load = _base_load(vehicle, trace, conditions)
+    auxiliary = cabin.power_w + base_load
     drive, battery = _drive_and_battery(vehicle, trace, wheel_power, auxiliary, conditions)
     shortfall = drive.shortfall_power_w + (drive.motor_power_w + auxiliary - battery.power_w)
     by_cause = {
@@ -384,7 +388,7 @@ def _chain(
         "friction_brakes": drive.friction_brake_power_w,
         "drivetrain": drive.motor_power_w
         - (wheel_power + drive.friction_brake_power_w - drive.shortfall_power_w),
-        "base_load": np.full_like(trace.step_s, vehicle.auxiliaries.base_load_w),
+        "base_load": base_load,
         "hvac": cabin.power_w,
         "shortfall": -shortfall,
     }
@@ -401,6 +405,7 @@ def _chain(
         friction_brake_power_w=drive.friction_brake_power_w,
         auxiliary_power_w=auxiliary,
         hvac_power_w=cabin.power_w,
+        fan_power_w=cabin.fan_power_w,
         battery_power_w=battery.power_w,
         battery_current_a=battery.current_a,
         terminal_voltage_v=battery.terminal_voltage_v,
@@ -431,6 +436,13 @@ def _forces(vehicle: Vehicle, trace: _Trace, conditions: DriveConditions, densit
         # Mean speed times change of speed is the change of v²/2: kinetic energy adds up exactly over a trip.
         inertia=inertia_force(trace.acceleration_m_s2, mass, vehicle.body.rotating_mass_factor),
     )
+
+
+def _base_load(vehicle: Vehicle, trace: _Trace, conditions: DriveConditions) -> FloatArray:
+    """Power of what neither drives nor heats [W], shape (samples,): more of it while the car moves on a road."""
+    loads = vehicle.auxiliaries
+    moving = 0.0 if conditions.on_dynamometer else loads.moving_load_w
+    return np.where(trace.mean_speed_m_s > 0.0, loads.base_load_w + moving, loads.base_load_w)
 
 
 def _drive_and_battery(

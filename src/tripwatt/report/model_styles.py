@@ -80,6 +80,13 @@ MODELS: Final[Mapping[str, ModelStyle]] = MappingProxyType(
             "simulation with the values of public sources",
             preset="default preset",
         ),
+        "physics-identified": ModelStyle(
+            "Physics (identified)",
+            "#7d5a14",
+            "physics",
+            "stages identified from torque, heater, standing power and voltage of the other trips",
+            preset="default preset, identified",
+        ),
         "physics4": ModelStyle(
             "Physics + 4 coefficients",
             "#9a6a4f",
@@ -117,11 +124,18 @@ MODELS: Final[Mapping[str, ModelStyle]] = MappingProxyType(
         "power-forest": _power("forest", "#4a9a6a", " + forest on its power"),
         "power-gamm": _power("GAMM", "#8f7fd0", " + GAMM on its power"),
         "power-ensemble": _power("ensemble", "#3b8f9f", " + mean of two correctors"),
+        "hybrid-published": ModelStyle(
+            "Hybrid, published values only",
+            "#5aa5ad",
+            "hybrid",
+            "default physics + learned correction of its power",
+            "physics",
+        ),
         "hybrid": ModelStyle(
             "Hybrid forecast",
             "#0f8797",
             "hybrid",
-            "default physics + learned correction of its power",
+            "identified physics + learned correction of its power",
             "physics",
             without_physics="boosting-only",
             rivals=("physics4", "linear6"),

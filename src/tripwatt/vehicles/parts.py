@@ -408,7 +408,9 @@ class Auxiliaries:
     Attributes
     ----------
     base_load_w : float
-        Computers, lights, pumps, display [W].
+        Computers, pumps, display, at standstill and on a dynamometer [W].
+    moving_load_w : float
+        What comes on top while the car moves on a road: lights, steering, brakes, fans [W].
 
     Examples
     --------
@@ -416,7 +418,16 @@ class Auxiliaries:
     300.0
     """
 
-    base_load_w: float = quantity("W", 0.0, 20_000.0, "computers, lights, pumps, display")
+    base_load_w: float = quantity(
+        "W", 0.0, 20_000.0, "computers, display, pumps, at standstill and on a dynamometer"
+    )
+    moving_load_w: float = quantity(
+        "W",
+        0.0,
+        20_000.0,
+        "more of it while the car moves on a road: lights, steering, brakes, fans",
+        default=0.0,
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,498 @@
+"""Values of a car from the signals of its own stages, never from the energy of trips or the power of driving.
+
+A log with the torque of the motor, the power of heater and air conditioner, the power of the standing car or the voltage at rest shows
+what each stage does, while the energy of a trip shows their sum alone. What such a signal tells is put in the place of the published value, in so far
+as the trips outweigh it: each value has a prior around the published one.
+
+=====================  ==========================================================  =======================================
+signal                 model                                                       values
+=====================  ==========================================================  =======================================
+motor torque, speed    work at the wheels less inertia and climb = rolling + air   rolling resistance, its rise in the cold,
+                                                                                   drag area
+standing, climate off  power = base load                                           base load
+heater, compressor     the cabin of `tripwatt.physics.cabin`                       interior heat capacity
+voltage at rest        open-circuit voltage = curve + smooth change                open-circuit voltage
+=====================  ==========================================================  =======================================
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import FloatArray
+from tripwatt.auditing.signals import blank_stuck_heater
+from tripwatt.physics import simulate_trip
+from tripwatt.physics.battery import internal_resistance, open_circuit_voltage
+from tripwatt.physics.cabin import CabinStart, condition_cabin
+from tripwatt.physics.road_load import rolling_factor
+from tripwatt.physics.simulate import conditions_at_departure
+from tripwatt.trips import Trip, resample
+from tripwatt.units import GRAVITY_M_S2
+from tripwatt.vehicles import Climate, Vehicle
+from tripwatt.vehicles.loading import Entry
+
+SEGMENT_S: Final = 30.0
+"""Stretches over which work is summed, so that torque and speed need not belong to the same moment."""
+FRICTION_SHARE: Final = 0.9
+"""Beyond this share of the largest regenerative torque the friction brakes may take part: such a stretch says nothing of the road."""
+FORCE_WIDTH: Final = 0.15
+"""Prior standard deviation of the road load at each of `FORCE_SPEEDS_M_S`: the classes of the EU tyre label and the two published
+coast-downs of the BMW i3 (Argonne 2014, EPA 2016) lie about so far apart."""
+FORCE_SPEEDS_M_S: Final = (10.0, 20.0, 30.0)
+COLD_WIDTH: Final = 1.0
+"""Prior standard deviation of the rise of rolling resistance in the cold, over the published one. That is for tyres alone: gear oil,
+winter tyres and wet roads are not in it."""
+COLD_DEGC: Final = 5.0
+WARM_DEGC: Final = 15.0
+"""The rise in the cold needs `LEAST_TRIPS` colder and as many warmer trips than these: one season alone does not show it."""
+INTERIOR_WIDTH: Final = 0.7
+"""Prior standard deviation of the logarithm of the interior heat capacity: a factor of two of the mass that takes part."""
+MINUTE_SD_W: Final = 600.0
+"""Scatter of the climate power of one minute about the model's: settings of the driver, seats, sun."""
+MINUTES_WORTH: Final = 4.0
+"""Minutes of a trip scatter together; a trip counts as so many of them."""
+BASE_WIDTH: Final = 0.4
+"""Prior standard deviation of the base load, as in `tripwatt.hybrid.parameters`."""
+LEAST_SD: Final = 0.1
+"""Least scatter of the standing power between trips, as a share of the base load."""
+CURVE_WIDTH_V: Final = 0.05
+"""Prior standard deviation of a cell's open-circuit voltage [V]: curves of cathodes of one family differ by about this."""
+CURVE_BEND_V: Final = 0.01
+"""Prior standard deviation of the second difference of its change over steps of 0.1 [V]."""
+REST_SD_V: Final = 0.02
+"""Voltage of a cell at rest about its open-circuit voltage, before it has settled [V]."""
+REST_BINS: Final = 20
+RESTING_A: Final = 3.0
+RESTING_S: Final = 10.0
+STANDING_M_S: Final = 0.1
+CLIMATE_OFF_W: Final = 50.0
+LEAST_STANDING_S: Final = 10.0
+LEAST_TRIPS: Final = 3
+"""Fewest trips with a signal before it changes anything."""
+
+HEATER: Final = ("heating_power_w", "aircon_power_w")
+_PASSES: Final = 3
+"""Solutions of the road's regression; its error settles in two."""
+REFERENCE_AIR_KG_M3: Final = 1.2
+STEEPEST_PER_K: Final = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class StageRecord:
+    """What the stages of one trip showed: all that `identify` needs of it, small.
+
+    Attributes
+    ----------
+    ambient_temperature_degc : float
+    road : ndarray, shape (stretches, 4)
+        Work of a rolling resistance of 1 N, the same for each kelvin below the reference temperature, work of a drag area of 1 m2, and
+        measured work at the wheels without inertia and climb [J]; each over the root of the distance [m].
+    standing_w : float
+        Median power of the standing car with climate control off [W]; NaN where it never stood so.
+    climate : ClimateRecord or None
+        Where the log has heater and air conditioner.
+    rest : ndarray, shape (bins, 2)
+        State of charge, and open-circuit voltage of a cell less that of the published curve [V], by bins of charge.
+    """
+
+    ambient_temperature_degc: float
+    road: FloatArray
+    standing_w: float
+    climate: ClimateRecord | None
+    rest: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class ClimateRecord:
+    """Logged power of heater and air conditioner by minutes [W], and what the cabin model needs to follow it."""
+
+    time_s: FloatArray
+    speed_m_s: FloatArray
+    ambient_temperature_degc: float
+    start: CabinStart
+    minute: FloatArray
+    power_w: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """Values of a car from signals of its stages.
+
+    Attributes
+    ----------
+    values : mapping of str to (float or tuple of float)
+        By key of the car's entries, e.g. ``"auxiliaries.base_load_w"``.
+    trips : mapping of str to int
+        Number of trips behind each key.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle(VEHICLE)
+    >>> nothing = identify([stage_record(trip, car) for trip in synthetic_fleet(2).trips], car)
+    >>> nothing.applied(car) is car
+    True
+    """
+
+    values: Mapping[str, float | tuple[float, ...]]
+    trips: Mapping[str, int]
+
+    def applied(self, vehicle: Vehicle) -> Vehicle:
+        """The car with these values; the same object where there are none."""
+        if not self.values:
+            return vehicle
+        entries = dict(vehicle.entries)
+        parts: dict[str, Any] = {}
+        for key, value in self.values.items():
+            section, _, name = key.partition(".")
+            part = parts.get(section, getattr(vehicle, section))
+            before = getattr(part, name)
+            parts[section] = replace(part, **{name: value})
+            if key in entries:
+                old: Entry = entries[key]
+                published = f"{before:g}" if isinstance(before, float) else "another curve"
+                entries[key] = replace(
+                    old,
+                    value=value,
+                    source=f"identified on {self.trips[key]} trips; published {published}: {old.source}",
+                )
+        return replace(vehicle, entries=MappingProxyType(entries), **parts)
+
+    def __str__(self) -> str:
+        """One line for people."""
+        known = [f"{key} {value:.4g}" for key, value in self.values.items() if isinstance(value, float)]
+        curves = [key for key, value in self.values.items() if not isinstance(value, float)]
+        return f"identified from signals: {', '.join([*known, *curves])}"
+
+
+def stage_record(trip: Trip, vehicle: Vehicle) -> StageRecord:
+    """Collect what the signals of a trip say of its stages. O(samples).
+
+    Parameters
+    ----------
+    trip : Trip
+        Raw, with the signals that its log has.
+    vehicle : Vehicle
+        The car with its published values.
+
+    Returns
+    -------
+    StageRecord
+        Empty where signals are missing.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> stage_record(synthetic_fleet(1).trips[0], load_vehicle(VEHICLE)).road.shape
+    (0, 4)
+    """
+    trip = resample(trip)
+    samples = blank_stuck_heater(trip.samples, "")[0]
+    climate = None
+    if all(name in samples and samples[name].notna().all() for name in HEATER):
+        climate = sum(np.maximum(samples[name].to_numpy(dtype=np.float64), 0.0) for name in HEATER)
+    return StageRecord(
+        conditions_at_departure(vehicle, trip.departure).ambient_temperature_degc,
+        _road_rows(trip, vehicle),
+        _standing_power(samples, climate),
+        None if climate is None else _climate_record(trip, vehicle, np.asarray(climate)),
+        _rest_rows(samples, vehicle),
+    )
+
+
+def identify(records: Sequence[StageRecord], vehicle: Vehicle) -> Identified:
+    """Most probable values of a car, given the stages of its trips. O(stretches + minutes x passes).
+
+    Parameters
+    ----------
+    records : sequence of StageRecord
+        Of the trips to learn from, recorded with `vehicle`.
+    vehicle : Vehicle
+        The car with its published values, around which every prior lies.
+
+    Returns
+    -------
+    Identified
+        Without the values whose signal fewer than `LEAST_TRIPS` trips have.
+
+    Notes
+    -----
+    The road is a linear regression with the published force at three speeds as prior observations; stretches of a trip have wind,
+    load and tyres in common, so their number is divided by the design effect of the residuals (Kish, Survey Sampling, 1965).
+    The cabin is a robust fit of one logarithm to the power by minutes, the curve a ridge regression on its second difference.
+    """
+    values: dict[str, float | tuple[float, ...]] = {}
+    trips: dict[str, int] = {}
+    for found, number in (
+        _road_values([r for r in records if len(r.road)], vehicle),
+        _base_value([r.standing_w for r in records if np.isfinite(r.standing_w)], vehicle),
+        _climate_values([r.climate for r in records if r.climate is not None], vehicle),
+        _curve_value([r.rest for r in records if len(r.rest)], vehicle),
+    ):
+        values |= found
+        trips |= dict.fromkeys(found, number)
+    return Identified(MappingProxyType(values), MappingProxyType(trips))
+
+
+def identify_trips(trips: Sequence[Trip], vehicle: Vehicle) -> Identified:
+    """Most probable values of a car, given the signals of its trips. O(samples).
+
+    Parameters
+    ----------
+    trips : sequence of Trip
+        Raw, with the signals that their log has.
+    vehicle : Vehicle
+        The car with its published values.
+
+    Returns
+    -------
+    Identified
+        As `identify`.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> dict(identify_trips(synthetic_fleet(2).trips, load_vehicle(VEHICLE)).values)
+    {}
+    """
+    return identify([stage_record(trip, vehicle) for trip in trips], vehicle)
+
+
+_Found = tuple[dict[str, Any], int]
+
+
+def _over_intervals(values: FloatArray) -> FloatArray:
+    return np.concatenate((values[:1], 0.5 * (values[1:] + values[:-1])))
+
+
+def _column(samples: pd.DataFrame, name: str) -> FloatArray | None:
+    """Values of a signal; None where it is missing or has gaps."""
+    if name not in samples:
+        return None
+    values = samples[name].to_numpy(dtype=np.float64)
+    return values if np.isfinite(values).all() else None
+
+
+def _road_rows(trip: Trip, vehicle: Vehicle) -> FloatArray:
+    """Rows of the regression of the road load; none without torque."""
+    torque = _column(trip.samples, "motor_torque_nm")
+    if torque is None or len(torque) < SEGMENT_S:
+        return np.empty((0, 4))
+    drivetrain, torque = vehicle.drivetrain, _over_intervals(torque)
+    run = simulate_trip(vehicle, trip)
+    step, speed = np.diff(run.time_s, prepend=run.time_s[0]), _over_intervals(trip.array("speed_m_s"))
+    efficiency = np.where(torque > 0.0, drivetrain.gearbox_efficiency, 1.0 / drivetrain.gearbox_efficiency)
+    force = torque * efficiency * (drivetrain.gear_ratio / drivetrain.wheel_radius_m)
+    metres = speed * step
+    conditions = conditions_at_departure(vehicle, trip.departure)
+    factor, colder_k, tyres = np.ones_like(speed), 0.0, vehicle.tyres
+    if tyres is not None:
+        factor = rolling_factor(
+            speed, step, tyres.reference_temperature_degc, tyres, conditions.initial_warmth
+        )
+        colder_k = tyres.reference_temperature_degc - conditions.ambient_temperature_degc
+    density = run.aero_drag_force_n / np.maximum(0.5 * vehicle.road_load.drag_area_m2 * speed * speed, 1e-9)
+    mass = vehicle.body.test_mass_kg
+    load = (mass + conditions.payload_mass_kg) / mass
+    columns = np.column_stack(
+        (
+            metres * factor * load,
+            metres * factor * load * colder_k,
+            0.5 * density * speed * speed * metres,
+            metres * (force - run.inertia_force_n - run.grade_force_n),
+        )
+    )
+    stretch = ((run.time_s - run.time_s[0]) / SEGMENT_S).astype(np.int64)
+    number = int(stretch[-1]) + 1
+    sums = np.column_stack([np.bincount(stretch, column, number) for column in columns.T])
+    way = np.bincount(stretch, metres, number)
+    hardest = np.full(number, np.inf)
+    np.minimum.at(hardest, stretch, torque)
+    slowest = np.full(number, np.inf)
+    np.minimum.at(slowest, stretch, np.where(step > 0.0, speed, np.inf))
+    rules = vehicle.regeneration
+    kept = (slowest > rules.full_speed_m_s) & (hardest > -FRICTION_SHARE * rules.max_torque_nm)
+    return np.asarray(sums[kept] / np.sqrt(way[kept])[:, None])
+
+
+def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Found:
+    """Rolling resistance, its rise in the cold, and drag area."""
+    from scipy.optimize import lsq_linear  # scipy is slow to import
+
+    if len(records) < LEAST_TRIPS:
+        return {}, 0
+    load, tyres = vehicle.road_load, vehicle.tyres
+    everything = np.concatenate([r.road for r in records])
+    weight = vehicle.body.test_mass_kg * GRAVITY_M_S2
+    constant, linear = load.rolling_coefficients
+    density = load.coastdown_air_density_kg_m3 or REFERENCE_AIR_KG_M3
+    speeds = np.array(FORCE_SPEEDS_M_S)
+    squares = 0.5 * density * speeds**2
+    published = weight * (constant + linear * speeds) + squares * load.drag_area_m2
+    usual = weight * (constant + linear * float(speeds.mean()))
+    rise = 0.0 if tyres is None else tyres.temperature_coefficient_per_k
+    ambient = np.array([r.ambient_temperature_degc for r in records])
+    seasons = min(int((ambient < COLD_DEGC).sum()), int((ambient > WARM_DEGC).sum())) >= LEAST_TRIPS
+    free = seasons and rise > 0.0
+    # unknowns: rolling resistance [N], its rise for each kelvin [N/K], drag area [m2]
+    prior = (
+        np.column_stack((np.ones(len(speeds)), np.zeros(len(speeds)), squares))
+        / (FORCE_WIDTH * published)[:, None]
+    )
+    target = np.full(len(speeds), 1.0 / FORCE_WIDTH)
+    if free:
+        prior = np.vstack((prior, [0.0, 1.0 / (COLD_WIDTH * rise * usual), 0.0]))
+        target = np.append(target, 1.0 / COLD_WIDTH)
+    else:  # the published rise is kept as a share of the rolling resistance
+        everything = everything @ np.array([[1, 0, 0, 0], [rise, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    scale = float(np.std(everything[:, 3]))
+    bounds = (0.0, np.array([np.inf, np.inf if free else 1e-12, np.inf]))
+    ends = np.cumsum([len(r.road) for r in records])[:-1]
+    for _ in range(_PASSES):
+        X, y = np.vstack([everything[:, :3] / scale, prior]), np.append(everything[:, 3] / scale, target)
+        values = lsq_linear(X, y, bounds=bounds).x
+        error = everything[:, 3] - everything[:, :3] @ values
+        variance = float(np.mean(error**2))
+        together = float(np.mean([len(e) * np.mean(e) ** 2 for e in np.split(error, ends)])) / variance
+        scale = float(np.sqrt(variance * max(together, 1.0)))
+    rolling, colder, drag_area = (float(v) for v in values)
+    found: dict[str, Any] = {}
+    if free and rolling > 0.0:
+        found["tyres.temperature_coefficient_per_k"] = min(colder / rolling, STEEPEST_PER_K)
+    if load.method == "coastdown":
+        assert load.coastdown_mass_kg is not None
+        found["road_load.coastdown_a_n"] = rolling * load.coastdown_mass_kg / vehicle.body.test_mass_kg
+        found["road_load.coastdown_b_n_s_m"] = 0.0
+        found["road_load.coastdown_c_n_s2_m2"] = 0.5 * density * drag_area
+    else:
+        assert load.frontal_area_m2 is not None
+        found["road_load.rolling_resistance_coefficient"] = rolling / weight
+        found["road_load.drag_coefficient"] = drag_area / load.frontal_area_m2
+    return found, len(records)
+
+
+def _standing_power(samples: pd.DataFrame, climate: FloatArray | None) -> float:
+    """Median power of the standing car while climate control is off [W]; NaN without such seconds."""
+    voltage, current = (_column(samples, name) for name in ("voltage_v", "current_a"))
+    speed = _column(samples, "speed_m_s")
+    if climate is None or voltage is None or current is None or speed is None:
+        return float("nan")
+    still = (speed < STANDING_M_S) & (climate < CLIMATE_OFF_W)
+    return float(np.median((voltage * current)[still])) if still.sum() >= LEAST_STANDING_S else float("nan")
+
+
+def _base_value(standing: Sequence[float], vehicle: Vehicle) -> _Found:
+    """Base load of the standing car."""
+    published = vehicle.auxiliaries.base_load_w
+    if len(standing) < LEAST_TRIPS:
+        return {}, 0
+    sd = max(float(np.std(standing, ddof=1)), LEAST_SD * published, 1.0)
+    own, book = len(standing) / sd**2, 1.0 / max(BASE_WIDTH * published, 1.0) ** 2
+    value = (own * float(np.mean(standing)) + book * published) / (own + book)
+    return {"auxiliaries.base_load_w": value}, len(standing)
+
+
+def _climate_record(trip: Trip, vehicle: Vehicle, climate: FloatArray) -> ClimateRecord | None:
+    if vehicle.climate is None or len(trip) < 120:
+        return None
+    time = trip.array("time_s")
+    conditions = conditions_at_departure(vehicle, trip.departure)
+    minute = ((time - time[0]) / 60.0).astype(np.int64)
+    count = np.bincount(minute)
+    return ClimateRecord(
+        time,
+        trip.array("speed_m_s"),
+        conditions.ambient_temperature_degc,
+        conditions.cabin_start(vehicle),
+        minute,
+        np.bincount(minute, climate) / count,
+    )
+
+
+def _climate_values(records: Sequence[ClimateRecord], vehicle: Vehicle) -> _Found:
+    """Interior heat capacity of the cabin."""
+    from scipy.optimize import minimize_scalar  # scipy is slow to import
+
+    published = vehicle.climate
+    if len(records) < LEAST_TRIPS or published is None:
+        return {}, 0
+    weights = [MINUTES_WORTH / len(r.power_w) for r in records]
+
+    def with_interior(log: float) -> Climate:
+        return replace(
+            published, interior_heat_capacity_j_k=published.interior_heat_capacity_j_k * math.exp(log)
+        )
+
+    def cost(log: float) -> float:
+        climate, total = with_interior(log), 0.5 * (log / INTERIOR_WIDTH) ** 2
+        for record, weight in zip(records, weights, strict=True):
+            error = (_by_minute(climate, record) - record.power_w) / MINUTE_SD_W
+            total += weight * float(
+                np.sum(np.sqrt(1.0 + error * error) - 1.0)
+            )  # the sun and the driver have tails
+        return total
+
+    found = minimize_scalar(cost, bounds=(-3.0 * INTERIOR_WIDTH, 3.0 * INTERIOR_WIDTH), method="bounded")
+    value = with_interior(float(found.x)).interior_heat_capacity_j_k
+    return {"climate.interior_heat_capacity_j_k": value}, len(records)
+
+
+def _by_minute(climate: Climate, record: ClimateRecord) -> FloatArray:
+    """Simulated power of heater and compressor [W], shape (minutes,)."""
+    run = condition_cabin(
+        climate, record.time_s, record.speed_m_s, record.ambient_temperature_degc, record.start
+    )
+    minute = np.asarray(record.minute, dtype=np.int64)
+    return np.asarray(np.bincount(minute, run.power_w - run.fan_power_w) / np.bincount(minute))
+
+
+def _rest_rows(samples: pd.DataFrame, vehicle: Vehicle) -> FloatArray:
+    """Open-circuit voltage of a cell about the published curve at rest, by bins of charge."""
+    names = ("voltage_v", "current_a", "soc")
+    voltage, current, soc = (_column(samples, name) for name in names)
+    if voltage is None or current is None or soc is None:
+        return np.empty((0, 2))
+    calm = pd.Series(np.abs(current) < RESTING_A, dtype=float).rolling(int(RESTING_S)).min().to_numpy() == 1.0
+    if not calm.any():
+        return np.empty((0, 2))
+    voltage, current, soc = voltage[calm], current[calm], np.clip(soc[calm], 0.0, 1.0)
+    battery = vehicle.battery
+    warm = np.full_like(soc, battery.resistance_temperature_degc)
+    above = voltage + current * internal_resistance(soc, warm, battery) - open_circuit_voltage(soc, battery)
+    place = np.minimum((soc * REST_BINS).astype(np.int64), REST_BINS - 1)
+    count = np.bincount(place, minlength=REST_BINS)
+    seen = count > 0
+    means = (np.bincount(place, v, REST_BINS)[seen] / count[seen] for v in (soc, above))
+    charge, change = means
+    return np.column_stack((charge, change / battery.cells_in_series))
+
+
+def _curve_value(rows: Sequence[FloatArray], vehicle: Vehicle) -> _Found:
+    """Open-circuit voltage of a cell: the published curve and a smooth change."""
+    if len(rows) < LEAST_TRIPS:
+        return {}, 0
+    battery = vehicle.battery
+    knots = np.linspace(0.0, 1.0, 11)
+    everything = np.concatenate(rows)
+    place = np.minimum(everything[:, 0] * 10.0, 10.0 - 1e-9)
+    left = place.astype(np.int64)
+    hats = np.zeros((len(everything), len(knots)))
+    hats[np.arange(len(place)), left] = 1.0 - (place - left)
+    hats[np.arange(len(place)), left + 1] = place - left
+    bends = np.diff(np.eye(len(knots)), n=2, axis=0)
+    X = np.vstack([hats / REST_SD_V, np.eye(len(knots)) / CURVE_WIDTH_V, bends / CURVE_BEND_V])
+    y = np.concatenate([everything[:, 1] / REST_SD_V, np.zeros(len(knots) + len(bends))])
+    change = np.linalg.lstsq(X, y, rcond=None)[0]
+    soc = np.asarray(battery.ocv_soc)
+    curve = np.maximum.accumulate(np.asarray(battery.ocv_v) + np.interp(soc, knots, change))
+    return {"battery.ocv_v": tuple(curve.tolist())}, len(rows)

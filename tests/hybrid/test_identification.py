@@ -1,0 +1,167 @@
+"""Values of a car are found in the signals of its stages, and stay published where the signals are silent."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tripwatt.hybrid import identify, identify_trips, resimulated, segment_trips, stage_record
+from tripwatt.hybrid.identification import LEAST_TRIPS
+from tripwatt.hybrid.parameters import changed
+from tripwatt.physics import simulate_trip
+from tripwatt.synthetic import synthetic_fleet
+from tripwatt.trips import Trip, plan_from_trip
+from tripwatt.vehicles import load_vehicle
+
+BOOK = load_vehicle("bmw_i3_60ah")
+ONE_PEDAL = replace(
+    BOOK,
+    regeneration=replace(BOOK.regeneration, fraction=1.0),
+    road_load=replace(BOOK.road_load, coastdown_a_n=210.0, coastdown_b_n_s_m=0.0, coastdown_c_n_s2_m2=0.31),
+)
+"""Another road load, and a driver who leaves the brake pedal alone: what friction brakes take is in no signal."""
+FLEET = synthetic_fleet(24, seed=5).trips
+
+
+def as_logged(trip: Trip, truth) -> Trip:
+    """The log of a drive with another car: torque at the shaft, heater and compressor, voltage, current and charge."""
+    run = simulate_trip(truth, trip)
+    speed, drivetrain = trip.array("speed_m_s"), truth.drivetrain
+    mean = np.concatenate((speed[:1], 0.5 * (speed[1:] + speed[:-1])))
+    braked = np.maximum(-run.wheel_power_w, 0.0) - run.friction_brake_power_w
+    eta = drivetrain.gearbox_efficiency
+    shaft = np.maximum(run.wheel_power_w, 0.0) / eta - braked * eta
+    turning = mean * drivetrain.gear_ratio / drivetrain.wheel_radius_m
+    torque = np.where(turning > 0.0, shaft / np.maximum(turning, 1e-9), 0.0)
+    samples = trip.samples.assign(
+        motor_torque_nm=_at_samples(torque),
+        heating_power_w=run.hvac_power_w - run.fan_power_w,
+        aircon_power_w=0.0,
+        voltage_v=run.terminal_voltage_v,
+        current_a=run.battery_current_a,
+        soc=run.soc,
+    )
+    return replace(trip, samples=samples)
+
+
+def _at_samples(means: np.ndarray) -> np.ndarray:
+    """Values at samples whose means over intervals are about these."""
+    return np.concatenate((0.5 * (means[:-1] + means[1:]), means[-1:]))
+
+
+def force_n(car, speed_m_s: float) -> float:
+    constant, linear = car.road_load.rolling_coefficients
+    rolling = car.body.test_mass_kg * 9.80665 * (constant + linear * speed_m_s)
+    return float(rolling + 0.6 * car.road_load.drag_area_m2 * speed_m_s**2)
+
+
+def test_road_load_is_found_from_torque():
+    found = identify_trips([as_logged(trip, ONE_PEDAL) for trip in FLEET], BOOK).applied(BOOK)
+    for speed in (8.0, 12.0, 24.0):
+        assert force_n(found, speed) == pytest.approx(force_n(ONE_PEDAL, speed), rel=0.03)
+    assert force_n(BOOK, 8.0) < 0.85 * force_n(ONE_PEDAL, 8.0)
+    assert "identified on 24 trips; published 104.98" in found.entries["road_load.coastdown_a_n"].source
+
+
+def test_a_car_with_coefficients_keeps_its_form():
+    book = load_vehicle("nissan_leaf_24")
+    one_pedal = replace(book, regeneration=replace(book.regeneration, fraction=1.0))
+    truth = changed(one_pedal, {"rolling": 0.3, "air": 0.15})
+    found = identify_trips([as_logged(trip, truth) for trip in FLEET], book).applied(book)
+    assert found.road_load.method == book.road_load.method
+    assert force_n(found, 18.0) == pytest.approx(force_n(truth, 18.0), rel=0.04)
+
+
+def test_the_rise_in_the_cold_needs_both_seasons():
+    tyres = BOOK.tyres
+    truth = replace(ONE_PEDAL, tyres=replace(tyres, temperature_coefficient_per_k=0.02))
+    trips = [as_logged(trip, truth) for trip in synthetic_fleet(60, seed=5).trips]
+    records = [stage_record(trip, BOOK) for trip in trips]
+    warm = [r for r in records if r.ambient_temperature_degc > 8.0]
+    assert len(warm) < len(records) - LEAST_TRIPS
+    key = "tyres.temperature_coefficient_per_k"
+    assert identify(records, BOOK).values[key] == pytest.approx(0.02, abs=0.003)
+    assert key not in identify(warm, BOOK).values
+
+
+def test_interior_heat_capacity_is_found_from_the_heater():
+    interior = 0.3 * BOOK.climate.interior_heat_capacity_j_k
+    truth = replace(BOOK, climate=replace(BOOK.climate, interior_heat_capacity_j_k=interior))
+    found = identify_trips([as_logged(trip, truth) for trip in FLEET], BOOK)
+    assert found.values["climate.interior_heat_capacity_j_k"] == pytest.approx(interior, rel=0.2)
+
+
+def test_base_load_is_that_of_the_standing_car_with_climate_off():
+    trips = []
+    for number, trip in enumerate(FLEET):
+        time = np.arange(200.0)
+        samples = trip.samples.iloc[[0] * 200].reset_index(drop=True)
+        power = np.where(time < 100.0, 430.0 + number % 3, 3000.0)
+        samples = samples.assign(
+            time_s=time,
+            speed_m_s=np.where(time < 100.0, 0.0, 10.0),
+            voltage_v=400.0,
+            current_a=power / 400.0,
+            heating_power_w=0.0,
+            aircon_power_w=0.0,
+        )
+        trips.append(replace(trip, samples=samples))
+    records = [stage_record(trip, BOOK) for trip in trips]
+    assert records[1].standing_w == pytest.approx(431.0)
+    # 24 trips with the least scatter of 30 W beside a prior of 300 +- 120 W
+    own, book = 24 / 30.0**2, 1 / 120.0**2
+    value = (own * 431.0 + book * 300.0) / (own + book)
+    assert identify(records, BOOK).values["auxiliaries.base_load_w"] == pytest.approx(value)
+
+
+def test_open_circuit_voltage_is_found_at_rest():
+    shift = 0.1
+    curve = tuple(v + shift for v in BOOK.battery.ocv_v)
+    truth = replace(BOOK, battery=replace(BOOK.battery, ocv_v=curve))
+    trips = []
+    for number, trip in enumerate(FLEET):
+        soc = 0.5 + 0.015 * number
+        voltage = 96 * float(np.interp(soc, truth.battery.ocv_soc, truth.battery.ocv_v))
+        samples = trip.samples.iloc[[0] * 40].reset_index(drop=True)
+        samples = samples.assign(
+            time_s=np.arange(40.0), speed_m_s=0.0, voltage_v=voltage, current_a=0.0, soc=soc
+        )
+        trips.append(replace(trip, samples=samples))
+    found = identify_trips(trips, BOOK).applied(BOOK)
+    seen = np.array([0.55, 0.7, 0.8])
+    assert np.interp(seen, found.battery.ocv_soc, found.battery.ocv_v) == pytest.approx(
+        np.interp(seen, truth.battery.ocv_soc, truth.battery.ocv_v), abs=0.01
+    )
+    assert (np.diff(found.battery.ocv_v) >= 0.0).all()
+
+
+def test_trips_without_signals_change_nothing():
+    silent = [replace(t, samples=t.samples[["time_s", "speed_m_s", "elevation_m"]]) for t in FLEET]
+    found = identify_trips(silent, BOOK)
+    assert not found.values
+    assert found.applied(BOOK) is BOOK
+    few = identify_trips([as_logged(trip, BOOK) for trip in FLEET[: LEAST_TRIPS - 1]], BOOK)
+    assert not few.values
+
+
+def test_trips_simulated_again_are_those_of_the_other_car():
+    other = changed(BOOK, {"rolling": 0.3})
+    plans = [plan_from_trip(trip) for trip in FLEET]
+    again, fresh = resimulated(segment_trips(FLEET, BOOK), plans, other), segment_trips(FLEET, other)
+    np.testing.assert_array_equal(again.simulated_w, fresh.simulated_w)
+    np.testing.assert_array_equal(again.observed_power_w, fresh.observed_power_w)
+    assert again.features.equals(fresh.features)
+
+
+def test_an_energy_from_the_charge_is_spread_evenly_again():
+    known = []
+    for trip in FLEET[:4]:
+        energy = np.linspace(0.0, trip.observed_energy_wh, len(trip))
+        samples = trip.samples.drop(columns=["voltage_v", "current_a"]).assign(observed_energy_wh=energy)
+        known.append(replace(trip, samples=samples, observed_energy_std_wh=50.0))
+    other = changed(BOOK, {"rolling": 0.3})
+    plans = [plan_from_trip(trip) for trip in known]
+    table, fresh = segment_trips(known, BOOK), segment_trips(known, other)
+    assert not table.energy_errors.along.any()
+    again = resimulated(table, plans, other)
+    assert again.observed_power_w == pytest.approx(fresh.observed_power_w)
