@@ -91,6 +91,7 @@ class StageRecord:
     Attributes
     ----------
     ambient_temperature_degc : float
+        Outside air at departure [°C].
     road : ndarray, shape (stretches, 4)
         Work of a rolling resistance of 1 N, the same for each kelvin below the reference temperature, work of a drag area of 1 m2, and
         measured work at the wheels without inertia and climb [J]; each over the root of the distance [m].
@@ -100,6 +101,13 @@ class StageRecord:
         Where the log has heater and air conditioner.
     rest : ndarray, shape (bins, 2)
         State of charge, and open-circuit voltage of a cell less that of the published curve [V], by bins of charge.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> stage_record(synthetic_fleet(1).trips[0], load_vehicle(VEHICLE)).climate is None
+    False
     """
 
     ambient_temperature_degc: float
@@ -146,7 +154,25 @@ class Identified:
     trips: Mapping[str, int]
 
     def applied(self, vehicle: Vehicle) -> Vehicle:
-        """The car with these values; the same object where there are none."""
+        """Put the values in the place of the published ones.
+
+        Parameters
+        ----------
+        vehicle : Vehicle
+            The car that they were identified for.
+
+        Returns
+        -------
+        Vehicle
+            With the trips and the published value in the source of each entry; the same object where there are no values.
+
+        Examples
+        --------
+        >>> from tripwatt.vehicles import load_vehicle
+        >>> found = Identified({"auxiliaries.base_load_w": 380.0}, {"auxiliaries.base_load_w": 9})
+        >>> found.applied(load_vehicle("bmw_i3_60ah")).auxiliaries.base_load_w
+        380.0
+        """
         if not self.values:
             return vehicle
         entries = dict(vehicle.entries)
@@ -229,6 +255,12 @@ def identify(records: Sequence[StageRecord], vehicle: Vehicle) -> Identified:
     The road is a linear regression with the published force at three speeds as prior observations; stretches of a trip have wind,
     load and tyres in common, so their number is divided by the design effect of the residuals (Kish, Survey Sampling, 1965).
     The cabin is a robust fit of one logarithm to the power by minutes, the curve a ridge regression on its second difference.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> dict(identify([], load_vehicle("bmw_i3_60ah")).values)
+    {}
     """
     values: dict[str, float | tuple[float, ...]] = {}
     trips: dict[str, int] = {}

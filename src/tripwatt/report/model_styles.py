@@ -85,7 +85,6 @@ MODELS: Final[Mapping[str, ModelStyle]] = MappingProxyType(
             "#7d5a14",
             "physics",
             "stages identified from torque, heater, standing power and voltage of the other trips",
-            preset="default preset, identified",
         ),
         "physics4": ModelStyle(
             "Physics + 4 coefficients",

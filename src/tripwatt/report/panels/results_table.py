@@ -151,7 +151,7 @@ def results_table(view: View, evaluation: Record) -> Table:
     models: Mapping[str, Record] = evaluation.get("models") or {}
     names = ordered(map(str, models))
     paper = view.published if evaluation.get("scheme") == "leave_one_trip_out" else {}
-    presets = [m.name for m in view.protocol.models if model_style(m.name).kind == "physics"]
+    presets = [m.name for m in view.protocol.models if model_style(m.name).preset]
     columns = (
         "Model",
         "Mean error [%]",
