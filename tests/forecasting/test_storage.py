@@ -158,7 +158,21 @@ def test_model_of_the_package_is_small_sound_and_attributed() -> None:
 
 def test_car_of_the_package_model_is_the_library_s() -> None:
     """When this fails the library's car has changed: make the model anew with docs/fit_default_model.py."""
-    assert load_model().vehicle == load_vehicle("bmw_i3_60ah")
+    car, own = load_model().vehicle, load_vehicle("bmw_i3_60ah")
+    identified = load_metadata()["provenance"]["identified"]
+    assert {key.partition(".")[0] for key in identified} == {
+        "road_load",
+        "tyres",
+        "auxiliaries",
+        "climate",
+        "battery",
+    }
+    for key, entry in car.entries.items():
+        if key in identified:
+            assert entry.source.startswith("identified on "), key
+            assert own.entries[key].source in entry.source, key
+        else:
+            assert entry == own.entries[key], key
 
 
 def test_forecasting_imports_no_learner() -> None:

@@ -388,7 +388,7 @@ def test_a_departure_without_climate_control_has_no_energy_for_it():
     assert climate_wh > 300.0
     # the battery is as cold in both, so little else changes
     assert auto.energy_wh - off.energy_wh == pytest.approx(climate_wh, rel=0.05)
-    assert off.by_cause_wh["hvac"] == pytest.approx(0.0, abs=0.1)  # a second of the base load, at the end
+    assert off.by_cause_wh["hvac"] == pytest.approx(0.0, abs=0.2)  # a second of the base load, at the end
     assert (off.drive.climate_w == 0.0).all()
     heat = model.forecast(plan, dataclasses.replace(known, climate="heat"))
     assert heat.energy_wh == pytest.approx(auto.energy_wh, rel=1e-12)

@@ -34,7 +34,7 @@ from tripwatt.report.view import View
 from tripwatt.report.words import compared
 
 MakeRun = Callable[..., SimpleNamespace]
-MODELS = [name for name in STYLES if name != "hybrid" and not name.startswith("power-")]
+MODELS = [name for name in STYLES if not name.startswith(("hybrid", "power-", "physics-identified"))]
 
 
 @pytest.fixture(scope="module")

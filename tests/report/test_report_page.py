@@ -24,7 +24,7 @@ from tripwatt.report.panels import PANELS, build_sections, figure_keys
 from tripwatt.report.view import View
 
 MakeRun = Callable[..., SimpleNamespace]
-MODELS = [name for name in STYLES if name != "hybrid" and not name.startswith("power-")]
+MODELS = [name for name in STYLES if not name.startswith(("hybrid", "power-", "physics-identified"))]
 FIGURE_KEYS = [key for key in figure_keys(PROTOCOLS["paper"]) if key != "trips-needed"]
 """The run that is made up here has no learning curve of the paper's studies."""
 VOID = {"meta", "link", "br", "hr", "img", "input", "col", "source", "wbr"}

@@ -395,7 +395,7 @@ class Forecast:
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
         >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> found.series()["energy_wh"].iloc[-1] == found.energy_wh
+        >>> abs(found.series()["energy_wh"].iloc[-1] / found.energy_wh - 1.0) < 1e-9
         np.True_
         """
         return pd.DataFrame(self._series())

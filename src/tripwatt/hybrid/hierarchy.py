@@ -45,7 +45,7 @@ STAGE_SHARES: Final = (0.0, 0.5, 1.0)
 OWN_SCALES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
 """At 1 both cars are alike before any trip: each correction is drawn from the same prior. More would say that the book
 values of the second car are worse than those of the first."""
-BOOK_SCALES: Final = (0.0, 1.0)
+BOOK_SCALES: Final = (0.5, 1.0, 1.5)
 NOISE_SCALES: Final = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Variance of a trip's error over that of the first car's: before any trip, half is as likely as double."""
 MODES: Final = ("effects", "parameters", "both")

@@ -80,12 +80,6 @@ MODELS: Final[Mapping[str, ModelStyle]] = MappingProxyType(
             "simulation with the values of public sources",
             preset="default preset",
         ),
-        "physics-identified": ModelStyle(
-            "Physics (identified)",
-            "#7d5a14",
-            "physics",
-            "stages identified from torque, heater, standing power and voltage of the other trips",
-        ),
         "physics4": ModelStyle(
             "Physics + 4 coefficients",
             "#9a6a4f",
@@ -117,6 +111,12 @@ MODELS: Final[Mapping[str, ModelStyle]] = MappingProxyType(
         "gamm": ModelStyle(
             "Hybrid GAMM", "#7d6bc6", "hybrid", "paper preset + GAMM with Student's t errors", "physics-paper"
         ),
+        "physics-identified": ModelStyle(
+            "Physics (identified)",
+            "#946c1e",
+            "physics",
+            "stages identified from torque, heater, standing power and voltage of the other trips",
+        ),
         "power-linear": _power("linear", "#b8860b", ", each cause scaled"),
         "power-kriging": _power("Gaussian process", "#5b7fbf", " + process on its power"),
         "power-boosting": _power("boosting", "#2f8fd0", " + boosting on its power"),
@@ -125,7 +125,7 @@ MODELS: Final[Mapping[str, ModelStyle]] = MappingProxyType(
         "power-ensemble": _power("ensemble", "#3b8f9f", " + mean of two correctors"),
         "hybrid-published": ModelStyle(
             "Hybrid, published values only",
-            "#5aa5ad",
+            "#3d8a93",
             "hybrid",
             "default physics + learned correction of its power",
             "physics",

@@ -33,7 +33,7 @@ class HiddenCar:
     """How the true car differs from its data sheet."""
 
     drag_share: float = 0.04
-    extra_load_w: float = 130.0
+    extra_load_w: float = 40.0
     resistance_share: float = 0.15
     capacity_share: float = -0.04
 
@@ -42,7 +42,7 @@ class HiddenCar:
 class HiddenCabin:
     """The true cabin: one heat capacity, losses that grow with speed, a slow heater and an air conditioner."""
 
-    heat_capacity_j_k: float = 110e3
+    heat_capacity_j_k: float = 40e3
     loss_w_k: float = 60.0
     loss_per_speed_w_s_k_m: float = 1.3
     gain_w_k: float = 350.0

@@ -16,6 +16,9 @@ TAIL_DF: Final = 4.0
 """Degrees of freedom of the errors' t distribution, as Lange, Little and Taylor (1989) advise for few data."""
 _START: Final = np.array([100.0, 200.0, 0.03, 1.0])
 _LOG_SD: Final = 2.0
+_BOUNDS: Final = ((-6.0, 6.0), (-6.0, 6.0), (-6.0, 6.0), (-6.0, 0.0))
+"""Of the logarithms. The corrector's own uncertainty counts at most in full, as it does for a car without trips: more of it would stand in
+for errors that grow with the trip, and leave the models of other cars without these."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +184,7 @@ class TotalScale:
             gradient = (slope / variance) @ (2.0 * parts) + logs / _LOG_SD**2
             return float(value.sum() + 0.5 * np.sum((logs / _LOG_SD) ** 2)), gradient
 
-        found = minimize(cost, np.zeros(4), jac=True, method="L-BFGS-B", bounds=[(-6.0, 6.0)] * 4).x
+        found = minimize(cost, np.zeros(4), jac=True, method="L-BFGS-B", bounds=_BOUNDS).x
         return cls(_START * np.exp(found), course)
 
 
