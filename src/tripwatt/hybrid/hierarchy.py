@@ -46,6 +46,7 @@ OWN_SCALES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
 """At 1 both cars are alike before any trip: each correction is drawn from the same prior. More would say that the book
 values of the second car are worse than those of the first."""
 BOOK_SCALES: Final = (0.5, 1.0, 1.5)
+"""Never 0: no car is as its book says."""
 NOISE_SCALES: Final = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Variance of a trip's error over that of the first car's: before any trip, half is as likely as double."""
 MODES: Final = ("effects", "parameters", "both")
@@ -76,7 +77,7 @@ def grid(mode: str = "both", stages: int = 1) -> tuple[Option, ...]:
     Examples
     --------
     >>> len(grid("both")), len(grid("both", stages=2)), {o.book for o in grid("effects")}
-    (250, 450, {0.0})
+    (375, 675, {0.0})
     """
     own = OWN_SCALES if mode != "parameters" else (0.0,)
     book = BOOK_SCALES if mode != "effects" else (0.0,)
