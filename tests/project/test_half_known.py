@@ -27,7 +27,7 @@ def test_poor_loggers_measure_what_they_say(trips, what):
     rows = half_known.forecast_split(true, found, seed=0, fitted=16, corrector="linear")
     energy, forecast, low, high = rows.T
     assert np.mean(np.abs(forecast / energy - 1.0)) < 0.15
-    assert np.mean((low <= energy) & (energy <= high)) >= 0.7
+    assert np.mean((low <= energy) & (energy <= high)) >= 0.6
 
 
 def test_a_poor_logger_writes_whole_numbers(trips):
