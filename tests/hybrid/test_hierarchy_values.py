@@ -262,7 +262,9 @@ class TestTransfer:
     @pytest.mark.parametrize("mode", ["both", "effects", "parameters"])
     def test_posterior(self, mode: str) -> None:
         trips = evidence()
-        trips = dataclasses.replace(trips, residual_wh=3.0 * trips.residual_wh)  # so that some options do not count
+        trips = dataclasses.replace(
+            trips, residual_wh=3.0 * trips.residual_wh
+        )  # so that some options do not count
         found = CarTransfer(members(), SCALES, PARTS, mode).posterior(trips)
         weights, options = dense(trips, [0, 1, 2, 3], mode)
         assert found.weights == pytest.approx(weights, **EXACT)
