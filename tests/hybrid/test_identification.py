@@ -165,3 +165,13 @@ def test_an_energy_from_the_charge_is_spread_evenly_again():
     assert not table.energy_errors.along.any()
     again = resimulated(table, plans, other)
     assert again.observed_power_w == pytest.approx(fresh.observed_power_w)
+
+
+def test_dead_and_misnamed_signals_leave_the_published_values():
+    logged = [as_logged(trip, BOOK) for trip in FLEET]
+    dead = [replace(t, samples=t.samples.assign(motor_torque_nm=0.0)) for t in logged]
+    double = [replace(t, samples=t.samples.assign(voltage_v=2.0 * t.array("voltage_v"))) for t in logged]
+    for trips, section in ((dead, "road_load"), (double, "battery")):
+        keys = identify_trips(trips, BOOK).values
+        assert not any(key.startswith(section) for key in keys)
+    assert any(key.startswith("road_load") for key in identify_trips(logged, ONE_PEDAL).values)

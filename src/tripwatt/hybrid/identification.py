@@ -74,6 +74,8 @@ RESTING_S: Final = 10.0
 STANDING_M_S: Final = 0.1
 CLIMATE_OFF_W: Final = 50.0
 LEAST_STANDING_S: Final = 10.0
+FARTHEST: Final = 3.0
+"""Prior standard deviations beyond which a value tells of a dead or misnamed signal, and not of the car: the published one stays."""
 LEAST_TRIPS: Final = 3
 """Fewest trips with a signal before it changes anything."""
 
@@ -399,6 +401,8 @@ def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Found:
         scale = float(np.sqrt(variance * max(together, 1.0)))
     rolling, colder, drag_area = (float(v) for v in values)
     found: dict[str, Any] = {}
+    if np.abs((rolling + squares * drag_area) / published - 1.0).max() > FARTHEST * FORCE_WIDTH:
+        return {}, 0
     if free and rolling > 0.0:
         found["tyres.temperature_coefficient_per_k"] = min(colder / rolling, STEEPEST_PER_K)
     if load.method == "coastdown":
@@ -431,6 +435,8 @@ def _base_value(standing: Sequence[float], vehicle: Vehicle) -> _Found:
     sd = max(float(np.std(standing, ddof=1)), LEAST_SD * published, 1.0)
     own, book = len(standing) / sd**2, 1.0 / max(BASE_WIDTH * published, 1.0) ** 2
     value = (own * float(np.mean(standing)) + book * published) / (own + book)
+    if value <= 0.0 or abs(value - published) > FARTHEST * BASE_WIDTH * published:
+        return {}, 0
     return {"auxiliaries.base_load_w": value}, len(standing)
 
 
@@ -525,6 +531,8 @@ def _curve_value(rows: Sequence[FloatArray], vehicle: Vehicle) -> _Found:
     X = np.vstack([hats / REST_SD_V, np.eye(len(knots)) / CURVE_WIDTH_V, bends / CURVE_BEND_V])
     y = np.concatenate([everything[:, 1] / REST_SD_V, np.zeros(len(knots) + len(bends))])
     change = np.linalg.lstsq(X, y, rcond=None)[0]
+    if np.abs(change).max() > FARTHEST * CURVE_WIDTH_V:
+        return {}, 0
     soc = np.asarray(battery.ocv_soc)
     curve = np.maximum.accumulate(np.asarray(battery.ocv_v) + np.interp(soc, knots, change))
     return {"battery.ocv_v": tuple(curve.tolist())}, len(rows)
