@@ -5,7 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tripwatt.hybrid import identify, identify_trips, resimulated, segment_trips, stage_record
+from tripwatt.hybrid import (
+    StageRecord,
+    identify,
+    identify_trips,
+    resimulated,
+    segment_trips,
+    stage_record,
+)
 from tripwatt.hybrid.identification import LEAST_TRIPS
 from tripwatt.hybrid.parameters import changed
 from tripwatt.physics import simulate_trip
@@ -175,3 +182,102 @@ def test_dead_and_misnamed_signals_leave_the_published_values():
         keys = identify_trips(trips, BOOK).values
         assert not any(key.startswith(section) for key in keys)
     assert any(key.startswith("road_load") for key in identify_trips(logged, ONE_PEDAL).values)
+
+
+def still(trip: Trip, seconds: int = 40, **signals) -> Trip:
+    """A car that does not move, with signals of a value or of one a second."""
+    samples = trip.samples.iloc[[0] * seconds].reset_index(drop=True)
+    return replace(trip, samples=samples.assign(time_s=np.arange(float(seconds)), speed_m_s=0.0, **signals))
+
+
+def test_a_stretch_says_of_the_cold_what_it_says_of_the_road_times_kelvins():
+    trip = as_logged(FLEET[0], ONE_PEDAL)
+    record = stage_record(trip, BOOK)
+    colder = BOOK.tyres.reference_temperature_degc - record.ambient_temperature_degc
+    assert record.road[:, 1] == pytest.approx(colder * record.road[:, 0])
+    assert colder != 0.0
+
+
+def test_hard_braking_takes_a_stretch_out():
+    trip = as_logged(FLEET[0], ONE_PEDAL)
+    rows = stage_record(trip, BOOK).road
+    torque, speed = trip.array("motor_torque_nm").copy(), trip.array("speed_m_s")
+    fast = int(np.argmax(speed))
+    torque[fast] = torque[fast + 1] = -200.0
+    braked = replace(trip, samples=trip.samples.assign(motor_torque_nm=torque))
+    assert len(stage_record(braked, BOOK).road) == len(rows) - 1
+
+
+def road_of(work_n: float, error_n: np.ndarray, ambient_degc: float) -> StageRecord:
+    """Stretches of 400 m at 10 and 25 m/s with a force, an error of each, and kelvins below 20 °C."""
+    speed = np.tile([10.0, 25.0], len(error_n) // 2)
+    colder = 20.0 - ambient_degc
+    work = work_n * (1.0 + 0.1 * max(colder, 0.0)) + 0.6 * 0.6 * speed**2 + error_n
+    columns = (np.ones_like(speed), np.full_like(speed, colder), 0.6 * speed**2, work)
+    return StageRecord(ambient_degc, np.column_stack(columns) * 20.0, np.nan, None, np.empty((0, 2)))
+
+
+def test_errors_that_stretches_of_a_trip_have_in_common_count_less():
+    """The same errors of +- 2 kN, of mean 0: one of each trip, or both signs at each speed of every trip."""
+    size = 2000.0
+    common = [road_of(150.0, np.full(40, sign * size), 20.0) for sign in (1.0, -1.0) * 6]
+    apart = [road_of(150.0, size * np.tile([1.0, 1.0, -1.0, -1.0], 10), 20.0) for _ in range(12)]
+    sure, unsure = (identify(records, BOOK).applied(BOOK) for records in (apart, common))
+    truth = replace(
+        BOOK,
+        road_load=replace(
+            BOOK.road_load,
+            coastdown_a_n=150.0 * 1443.33 / BOOK.body.test_mass_kg,
+            coastdown_b_n_s_m=0.0,
+            coastdown_c_n_s2_m2=0.5 * 1.167 * 0.6,
+        ),
+    )
+    true = force_n(truth, 10.0)
+    assert abs(force_n(sure, 10.0) - true) < abs(force_n(unsure, 10.0) - true)
+
+
+def test_the_rise_in_the_cold_is_bounded():
+    records = [road_of(150.0, np.zeros(40), degc) for degc in (0.0, 1.0, 2.0, 20.0, 21.0, 22.0)]
+    assert identify(records, BOOK).values["tyres.temperature_coefficient_per_k"] == 0.05
+
+
+def test_a_standing_car_counts_with_climate_control_off_alone():
+    time = np.arange(60.0)
+    heated = still(
+        FLEET[0],
+        60,
+        voltage_v=400.0,
+        current_a=np.where(time < 40.0, 5.0, 1.0),
+        heating_power_w=np.where(time < 40.0, 1600.0, 0.0),
+        aircon_power_w=0.0,
+    )
+    assert stage_record(heated, BOOK).standing_w == pytest.approx(400.0)
+
+
+def test_a_standing_car_that_gains_charge_shows_no_base_load():
+    off = {"voltage_v": 400.0, "heating_power_w": 0.0, "aircon_power_w": 0.0}
+    records = [stage_record(still(trip, current_a=-0.05, **off), BOOK) for trip in FLEET]
+    assert records[0].standing_w == pytest.approx(-20.0)
+    assert "auxiliaries.base_load_w" not in identify(records, BOOK).values
+
+
+def test_a_small_current_drops_the_voltage_and_a_large_one_is_no_rest():
+    battery = BOOK.battery
+    resistance = 96 * float(np.interp(0.6, battery.resistance_soc, battery.resistance_ohm))
+    open_v = 96 * float(np.interp(0.6, battery.ocv_soc, battery.ocv_v))
+    rest = stage_record(
+        still(FLEET[0], voltage_v=open_v - 2.0 * resistance, current_a=2.0, soc=0.6), BOOK
+    ).rest
+    assert rest == pytest.approx(np.array([[0.6, 0.0]]), abs=1e-9)
+    assert not len(stage_record(still(FLEET[0], voltage_v=open_v, current_a=20.0, soc=0.6), BOOK).rest)
+
+
+def test_the_open_circuit_voltage_never_falls_with_the_charge():
+    flat = tuple(3.3 + 0.001 * i for i in range(len(BOOK.battery.ocv_soc)))
+    car = replace(BOOK, battery=replace(BOOK.battery, ocv_v=flat))
+    trips = [
+        still(trip, voltage_v=96 * (3.35 - 0.1 * soc), current_a=0.0, soc=soc)
+        for trip, soc in zip(FLEET, np.linspace(0.2, 0.9, len(FLEET)), strict=True)
+    ]
+    curve = identify_trips(trips, car).values["battery.ocv_v"]
+    assert (np.diff(curve) >= 0.0).all()
