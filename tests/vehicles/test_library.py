@@ -433,6 +433,7 @@ def test_broken_files_end_in_a_message_never_in_another_error(
 
 
 def test_bases_are_files_and_names_are_cars() -> None:
-    shared = {"passenger_car", "nmc_cells", "lmo_cells", "lfp_cells", "permanent_magnet_motor"}
+    shared = {"passenger_car", "nmc_cells", "lmo_cells", "lfp_cells"}
+    shared |= {"permanent_magnet_motor", "induction_motor", "externally_excited_motor"}
     assert {*shared, *file_names()} == set(bundled_bases())
     assert all(a < b for a, b in itertools.pairwise(bundled_bases()))

@@ -3,7 +3,7 @@
 `extends = ["passenger_car", ...]` takes the entries of files in `data/shared` or of bundled cars; later names and the
 car's own entries replace earlier ones. `[scaled]` computes entries from a reference car by similarity:
 
-- `motor_losses = "CAR"`: the loss map of motor and inverter at the same shares of torque and speed,
+- `motor_losses = "CAR"`: the type of motor and its losses with inverter at the same shares of torque and speed,
 - `cell_resistance = "CAR"`: resistance of one cell at the same product of resistance and capacity.
 
 Every entry taken over keeps its source and licence, and names the file that it came from.
@@ -176,9 +176,11 @@ def _scaled_motor(car: Mapping[str, Any], reference: Mapping[str, Any], name: st
         "inverter_fixed_loss_w": power,
         "inverter_voltage_drop_v": 1.0,
         "inverter_resistance_ohm": 1.0 / power,
+        "field_loss_w": power,
     }
     how = f"motor and inverter of {name} at {torque:.3g} times its torque and {speed:.3g} times its speed"
-    return {key: _scale_entry(losses[key], factor, how) for key, factor in factors.items()}
+    scaled = {key: _scale_entry(losses[key], factor, how) for key, factor in factors.items() if key in losses}
+    return scaled | ({"machine": losses["machine"]} if "machine" in losses else {})
 
 
 def _scaled_resistance(car: Mapping[str, Any], reference: Mapping[str, Any], name: str) -> dict[str, Any]:

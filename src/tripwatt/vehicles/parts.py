@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from tripwatt.arrays import FloatArray
 from tripwatt.units import GRAVITY_M_S2
@@ -179,9 +179,13 @@ class Tyres:
     warm_up_speed_m_s: float = quantity("m/s", 1.0, 60.0, "constant speed at which the car warms up fully")
 
 
+MACHINES: Final = ("permanent_magnet", "induction", "externally_excited")
+"""Types of traction machine: their flux is given by magnets, or chosen by the control with a current of stator or rotor."""
+
+
 @dataclass(frozen=True, slots=True)
 class Drivetrain:
-    """Wheel, gearbox, permanent-magnet motor and inverter.
+    """Wheel, gearbox, motor and inverter.
 
     The loss map of motor and inverter is a sum of physical terms, see `tripwatt.physics.drivetrain.motor_loss`.
 
@@ -202,7 +206,7 @@ class Drivetrain:
     torque_constant_nm_a : float
         Torque per ampere of phase current amplitude [Nm/A].
     phase_resistance_ohm : float
-        Stator resistance of one phase, warm [ohm].
+        Stator resistance of one phase, warm; with that of the rotor of an induction machine [ohm].
     field_weakening_speed_rad_s : float
         Motor speed above which the back-EMF needs field weakening [rad/s].
     characteristic_current_a : float
@@ -223,6 +227,10 @@ class Drivetrain:
         Loss of motor and inverter over that of the map [1].
     flux_loss_w_s2_rad2 : float
         Iron loss under load beyond the map, over the square of speed [W s2/rad2].
+    machine : {"permanent_magnet", "induction", "externally_excited"}
+        Type of the machine. Where there are two motors, that of the one that drives at light load.
+    field_loss_w : float
+        Loss of the current that makes the full flux [W]; 0 for magnets.
 
     Examples
     --------
@@ -258,6 +266,10 @@ class Drivetrain:
     )
     flux_loss_w_s2_rad2: float = quantity(
         "W s2/rad2", 0.0, 1.0, "iron loss under load beyond the map, over the square of speed", default=0.0
+    )
+    machine: str = choice(MACHINES, "type of the machine", default="permanent_magnet")
+    field_loss_w: float = quantity(
+        "W", 0.0, 50_000.0, "loss of the current that makes the full flux", default=0.0
     )
 
 

@@ -64,6 +64,11 @@ CHEMISTRIES: Final = MappingProxyType(
 )
 """Cathodes: layered oxides (NMC, NCA), and iron phosphate. Nominal voltages are general figures of their cells."""
 
+MACHINES: Final = MappingProxyType(
+    {"psm": "permanent_magnet_motor", "asm": "induction_motor", "eesm": "externally_excited_motor"}
+)
+"""Shared file of each type of motor, by its word in the table."""
+
 DISPLAY: Final = (0.03, 0.97)
 """State of charge at which the driver sees 0 and 1, as cars with 94 to 96 % of the gross energy usable."""
 
@@ -85,6 +90,8 @@ class Figures:
     heat_pump : bool
     chemistry : str
         Of `CHEMISTRIES`.
+    machine : str
+        Of `MACHINES`.
     coastdown : Coastdown, optional
     coastdown_cell : Cell, optional
         Its citation.
@@ -98,6 +105,7 @@ class Figures:
     pack_voltage: Mapping[str, Any]
     heat_pump: bool
     chemistry: str = "nmc"
+    machine: str = "psm"
     coastdown: Coastdown | None = None
     coastdown_source: Mapping[str, Any] | None = None
 
@@ -126,6 +134,7 @@ def figures_of_row(row: Row) -> Figures:
         pack_voltage=first("pack_voltage"),
         heat_pump=row["heat_pump"][0].value == "1",
         chemistry=row["chemistry"][0].value if "chemistry" in row else "nmc",
+        machine=row["machine"][0].value if "machine" in row else "psm",
         coastdown=run,
         coastdown_source=None if run is None else _sourced(0.0, row["coastdown_a"][0]),
     )
@@ -151,7 +160,7 @@ def similar_document(car: Figures, classes: ClassValues) -> dict[str, Any]:
     document = {
         "name": car.title,
         "extends": ["passenger_car", CHEMISTRIES[car.chemistry].shared],
-        "scaled": {"motor_losses": "permanent_magnet_motor", "cell_resistance": "bmw_i3_94ah"},
+        "scaled": {"motor_losses": MACHINES[car.machine], "cell_resistance": "bmw_i3_94ah"},
         "body": {"curb_mass_kg": {**car.curb_mass, "unit": "kg"}},
         "road_load": _road_load(car, classes),
         "drivetrain": {
