@@ -13,7 +13,7 @@ from tripwatt.hybrid import (
     segment_trips,
     stage_record,
 )
-from tripwatt.hybrid.identification import LEAST_TRIPS
+from tripwatt.hybrid.identification import LEAST_TRIPS, _fade_values
 from tripwatt.hybrid.parameters import changed
 from tripwatt.physics import simulate_trip
 from tripwatt.synthetic import synthetic_fleet
@@ -98,6 +98,90 @@ def test_interior_heat_capacity_is_found_from_the_heater():
     assert found.values["climate.interior_heat_capacity_j_k"] == pytest.approx(interior, rel=0.2)
 
 
+def test_the_fade_of_recovery_is_found_from_torque():
+    rules = replace(ONE_PEDAL.regeneration, zero_speed_m_s=0.0, full_speed_m_s=1.0)
+    truth = replace(ONE_PEDAL, regeneration=rules)
+    found = (
+        identify_trips([as_logged(trip, truth) for trip in FLEET], ONE_PEDAL).applied(ONE_PEDAL).regeneration
+    )
+    assert found.full_speed_m_s < 2.0 < BOOK.regeneration.full_speed_m_s
+    assert found.zero_speed_m_s < 0.3 < BOOK.regeneration.zero_speed_m_s
+    same = identify_trips([as_logged(trip, ONE_PEDAL) for trip in FLEET], ONE_PEDAL).applied(ONE_PEDAL)
+    assert same.regeneration.full_speed_m_s == pytest.approx(2.5, abs=0.6)
+
+
+def test_the_published_fade_counts_as_five_trips():
+    """At 1 m/s and a full share from 2 m/s on, published 0.5 to 2.5 m/s; 10 J in every bin of a trip."""
+    speed = (np.arange(20) + 0.5) * 0.25
+    own, book = np.clip(speed - 1.0, 0.0, 1.0), np.clip((speed - 0.5) / 2.0, 0.0, 1.0)
+    trips = [np.column_stack((np.full(20, 10.0), 10.0 * own))] * 5
+    found, number = _fade_values(trips, BOOK)
+    fade = np.clip(
+        (speed - found["regeneration.zero_speed_m_s"])
+        / (found["regeneration.full_speed_m_s"] - found["regeneration.zero_speed_m_s"]),
+        0.0,
+        1.0,
+    )
+    assert number == 5
+    assert np.abs(fade - 0.5 * (own + book)).max() < 0.06
+    many, _ = _fade_values(trips * 200, BOOK)
+    assert many == pytest.approx(
+        {"regeneration.zero_speed_m_s": 1.0, "regeneration.full_speed_m_s": 2.0}, abs=0.05
+    )
+    assert _fade_values(trips[:2], BOOK) == ({}, 0)
+
+
+@pytest.mark.parametrize("share", [0.3, 1.3])
+def test_a_torque_of_another_car_leaves_the_fade(share):
+    trips = [np.column_stack((np.full(20, 10.0), np.full(20, 10.0 * share)))] * 5
+    assert _fade_values(trips, BOOK) == ({}, 0)
+
+
+def test_braking_power_is_summed_by_low_speed():
+    """4 m/s to a standstill at 1 m/s2: half of the way above 2 m/s, three quarters of the work."""
+    time = np.arange(60.0)
+    speed = np.clip(44.0 - time, 0.0, 4.0)
+    samples = FLEET[0].samples.iloc[[0] * 60].reset_index(drop=True)
+    samples = samples.assign(time_s=time, speed_m_s=speed, elevation_m=500.0, motor_torque_nm=0.0)
+    rows = stage_record(replace(FLEET[0], samples=samples), ONE_PEDAL).braking
+    eta, mass = BOOK.drivetrain.gearbox_efficiency, BOOK.body.test_mass_kg
+    inertia = 0.5 * mass * BOOK.body.rotating_mass_factor * 4.0**2
+    drag = 8.0 * force_n(ONE_PEDAL, 2.0)
+    assert rows[:, 0].sum() == pytest.approx(eta * (inertia - drag), rel=0.05)
+    assert np.flatnonzero(rows[:, 0]).tolist() == [
+        2,
+        6,
+        10,
+        14,
+    ]  # means over seconds: 0.5, 1.5, 2.5 and 3.5 m/s
+    assert (rows[:, 1] == 0.0).all()
+
+
+def cooled(trip: Trip, truth) -> Trip:
+    """A log whose climate control is the compressor's alone."""
+    logged = as_logged(trip, truth)
+    power = logged.samples["heating_power_w"]
+    return replace(logged, samples=logged.samples.assign(aircon_power_w=power, heating_power_w=0.0))
+
+
+def test_what_the_compressor_takes_is_found_in_warm_air():
+    air = dict.fromkeys(("ambient_temperature_degc", "cabin_temperature_degc"), 32.0)
+    hot = [replace(trip, samples=trip.samples.assign(**air)) for trip in FLEET]
+    assert {trip.departure.ambient_temperature_degc for trip in hot} == {32.0}
+    truth = replace(BOOK, climate=replace(BOOK.climate, cooler_cop=1.4))
+    values = identify_trips([cooled(trip, truth) for trip in hot], BOOK).values
+    assert BOOK.climate.cooler_cop == 2.2
+    assert values["climate.cooler_cop"] == pytest.approx(1.4, abs=0.2)
+    running = [
+        np.quantile(p[p > 50.0], 0.25) for p in (cooled(t, truth).array("aircon_power_w") for t in hot)
+    ]
+    own, book = len(running) / np.var(running, ddof=1), 1.0 / 300.0**2
+    least = own * np.median(running) / (own + book)
+    assert values["climate.compressor_idle_w"] == pytest.approx(least, rel=1e-6)
+    cold = identify_trips([as_logged(trip, BOOK) for trip in FLEET], BOOK).values
+    assert "climate.cooler_cop" not in cold
+
+
 def test_base_load_is_that_of_the_standing_car_with_climate_off():
     trips = []
     for number, trip in enumerate(FLEET):
@@ -180,6 +264,7 @@ def test_dead_and_misnamed_signals_leave_the_published_values():
     double = [replace(t, samples=t.samples.assign(voltage_v=2.0 * t.array("voltage_v"))) for t in logged]
     for trips, section in ((dead, "road_load"), (double, "battery")):
         keys = identify_trips(trips, BOOK).values
+        assert not any(key.startswith((section, "regeneration")) for key in keys if trips is dead)
         assert not any(key.startswith(section) for key in keys)
     assert any(key.startswith("road_load") for key in identify_trips(logged, ONE_PEDAL).values)
 
@@ -214,7 +299,8 @@ def road_of(work_n: float, error_n: np.ndarray, ambient_degc: float) -> StageRec
     colder = 20.0 - ambient_degc
     work = work_n * (1.0 + 0.1 * max(colder, 0.0)) + 0.6 * 0.6 * speed**2 + error_n
     columns = (np.ones_like(speed), np.full_like(speed, colder), 0.6 * speed**2, work)
-    return StageRecord(ambient_degc, np.column_stack(columns) * 20.0, np.nan, None, np.empty((0, 2)))
+    nothing = np.empty((0, 2))
+    return StageRecord(ambient_degc, np.column_stack(columns) * 20.0, nothing, np.nan, None, nothing)
 
 
 def test_errors_that_stretches_of_a_trip_have_in_common_count_less():

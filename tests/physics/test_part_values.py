@@ -1,5 +1,6 @@
 """Each part of a car of round numbers, against arithmetic that is written out here."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -413,6 +414,19 @@ class TestCabin:
         assert run.power_w == pytest.approx([powers[0], *powers], rel=1e-12)
         assert run.temperature_degc == pytest.approx(temperatures, rel=1e-12)
         assert powers[3] < powers[1]
+
+    @pytest.mark.parametrize(("idle_w", "expected_w"), [(0.0, 0.0), (600.0, 600.0), (60.0, 0.0)])
+    def test_a_running_compressor_takes_its_least_power(self, idle_w: float, expected_w: float) -> None:
+        """30 °C outside and 22.2 °C inside: some 200 W of cooling at 2.5 are less than 600 W, and more than 60 W."""
+        room = dataclasses.replace(ROOM, compressor_idle_w=idle_w)
+        time = np.arange(0.0, 11.0, 10.0)
+        run = condition_cabin(room, time, np.zeros(2), 30.0, CabinStart(22.0, 22.0, 0.0))
+        wanted = wanted_heat(22.0, 22.0, 30.0, 50.0, sun=0.0)
+        assert wanted == pytest.approx(-500.0)
+        fans = 50.0 + 500.0 / 3_000.0 * 200.0
+        assert run.power_w[1] == pytest.approx(max(expected_w, 500.0 / 2.5) + fans, rel=1e-12)
+        cool = condition_cabin(room, time, np.zeros(2), 20.0, CabinStart(22.0, 22.0, 0.0))
+        assert cool.power_w[1] < 60.0  # air from outside cools alone
 
     def test_a_heat_that_the_pump_gives_alone(self) -> None:
         """At 12 °C 115 % of 2 kW and a COP of 4.2; no defrosting."""

@@ -53,6 +53,20 @@ def car(capacity_ah: float = 1e3, **battery: object) -> Vehicle:
 OFF = DriveConditions(climate="off", payload_mass_kg=400.0, air_density_kg_m3=1.2)
 
 
+@pytest.mark.parametrize(
+    ("speed", "expected"), [(0.0, 300.0), (0.7, 300.0 + 0.5 * 380.0), (1.4, 680.0), (20.0, 680.0)]
+)
+def test_a_moving_car_draws_more_from_walking_pace_on(speed: float, expected: float) -> None:
+    vehicle = dataclasses.replace(car(), auxiliaries=Auxiliaries(300.0, moving_load_w=380.0))
+    time = np.arange(5.0)
+    run = simulate(vehicle, time, np.full(5, speed), conditions=OFF)
+    assert run.power_by_cause_w["base_load"][1:] == pytest.approx([expected] * 4, **EXACT)
+    drum = dataclasses.replace(OFF, on_dynamometer=True)
+    assert (
+        simulate(vehicle, time, np.full(5, speed), conditions=drum).power_by_cause_w["base_load"][1] == 300.0
+    )
+
+
 class TestChain:
     """10 to 20 m/s in 10 s, then 20 s at 20 m/s; grades of 0, 2 and 4 %, so 1 and 3 % in the middle."""
 

@@ -9,8 +9,10 @@ signal                 model                                                    
 =====================  ==========================================================  =======================================
 motor torque, speed    work at the wheels less inertia and climb = rolling + air   rolling resistance, its rise in the cold,
                                                                                    drag area
+motor torque, braking  shaft = braking power that fades towards standstill          speeds of the recovery's fade
 standing, climate off  power = base load                                           base load
-heater, compressor     the cabin of `tripwatt.physics.cabin`                       interior heat capacity
+heater, compressor     the cabin of `tripwatt.physics.cabin`                       interior heat capacity; in warm air what
+                                                                                   the compressor takes for the cooling
 voltage at rest        open-circuit voltage = curve + smooth change                open-circuit voltage
 =====================  ==========================================================  =======================================
 """
@@ -28,7 +30,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.auditing.signals import blank_stuck_heater
-from tripwatt.physics import simulate_trip
+from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.physics.battery import internal_resistance, open_circuit_voltage
 from tripwatt.physics.cabin import CabinStart, condition_cabin
 from tripwatt.physics.road_load import rolling_factor
@@ -49,11 +51,31 @@ FORCE_SPEEDS_M_S: Final = (10.0, 20.0, 30.0)
 COLD_WIDTH: Final = 1.0
 """Prior standard deviation of the rise of rolling resistance in the cold, over the published one. That is for tyres alone: gear oil,
 winter tyres and wet roads are not in it."""
+LOW_BIN_M_S: Final = 0.25
+LOW_BINS: Final = 20
+"""Bins of speed over which braking power is summed: up to 5 m/s, beyond every published end of the fade."""
+BRAKING_M_S2: Final = 0.3
+"""Deceleration from which braking is not the road's alone."""
+FADE_STEP_M_S: Final = 0.1
+FADE_TRIPS: Final = 5.0
+"""The published fade counts as much as so many trips: how late the friction brakes take over is known for few cars."""
+LEAST_RECOVERED: Final = 0.4
+MOST_RECOVERED: Final = 1.2
+"""Shares of the braking power above the published end of the fade that a torque of this car shows; another belongs to no motor."""
 COLD_DEGC: Final = 5.0
 WARM_DEGC: Final = 15.0
 """The rise in the cold needs `LEAST_TRIPS` colder and as many warmer trips than these: one season alone does not show it."""
 INTERIOR_WIDTH: Final = 0.7
 """Prior standard deviation of the logarithm of the interior heat capacity: a factor of two of the mass that takes part."""
+COOLER_WIDTH: Final = 0.4
+"""Prior standard deviation of the logarithm of sensible cooling over electric power: published figures of 2.5 to 3.5 in total, of which drying
+the air, hot surfaces and the cooling of the battery take what no set-point tells."""
+IDLE_QUANTILE: Final = 0.25
+"""Quantile of the power of a running compressor that stands for its least power."""
+RUNNING_W: Final = 50.0
+LEAST_RUNNING_S: Final = 60.0
+IDLE_WIDTH_W: Final = 300.0
+"""Prior standard deviation of the least power: hardly any, because no source has one."""
 MINUTE_SD_W: Final = 600.0
 """Scatter of the climate power of one minute about the model's: settings of the driver, seats, sun."""
 MINUTES_WORTH: Final = 4.0
@@ -97,6 +119,8 @@ class StageRecord:
     road : ndarray, shape (stretches, 4)
         Work of a rolling resistance of 1 N, the same for each kelvin below the reference temperature, work of a drag area of 1 m2, and
         measured work at the wheels without inertia and climb [J]; each over the root of the distance [m].
+    braking : ndarray, shape (bins, 2)
+        Braking power that the motor could take at its whole share, and that it took, by bins of low speed [J]; no bins without torque.
     standing_w : float
         Median power of the standing car with climate control off [W]; NaN where it never stood so.
     climate : ClimateRecord or None
@@ -114,6 +138,7 @@ class StageRecord:
 
     ambient_temperature_degc: float
     road: FloatArray
+    braking: FloatArray
     standing_w: float
     climate: ClimateRecord | None
     rest: FloatArray
@@ -129,6 +154,7 @@ class ClimateRecord:
     start: CabinStart
     minute: FloatArray
     power_w: FloatArray
+    least_w: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,14 +251,19 @@ def stage_record(trip: Trip, vehicle: Vehicle) -> StageRecord:
     """
     trip = resample(trip)
     samples = blank_stuck_heater(trip.samples, "")[0]
-    climate = None
+    climate = compressor = None
     if all(name in samples and samples[name].notna().all() for name in HEATER):
-        climate = sum(np.maximum(samples[name].to_numpy(dtype=np.float64), 0.0) for name in HEATER)
+        heater, compressor = (np.maximum(samples[name].to_numpy(dtype=np.float64), 0.0) for name in HEATER)
+        climate = heater + compressor
+    road, braking = _torque_rows(trip, vehicle)
     return StageRecord(
         conditions_at_departure(vehicle, trip.departure).ambient_temperature_degc,
-        _road_rows(trip, vehicle),
+        road,
+        braking,
         _standing_power(samples, climate),
-        None if climate is None else _climate_record(trip, vehicle, np.asarray(climate)),
+        None
+        if climate is None or compressor is None
+        else _climate_record(trip, vehicle, climate, compressor),
         _rest_rows(samples, vehicle),
     )
 
@@ -268,6 +299,7 @@ def identify(records: Sequence[StageRecord], vehicle: Vehicle) -> Identified:
     trips: dict[str, int] = {}
     for found, number in (
         _road_values([r for r in records if len(r.road)], vehicle),
+        _fade_values([r.braking for r in records if r.braking.any()], vehicle),
         _base_value([r.standing_w for r in records if np.isfinite(r.standing_w)], vehicle),
         _climate_values([r.climate for r in records if r.climate is not None], vehicle),
         _curve_value([r.rest for r in records if len(r.rest)], vehicle),
@@ -317,11 +349,11 @@ def _column(samples: pd.DataFrame, name: str) -> FloatArray | None:
     return values if np.isfinite(values).all() else None
 
 
-def _road_rows(trip: Trip, vehicle: Vehicle) -> FloatArray:
-    """Rows of the regression of the road load; none without torque."""
+def _torque_rows(trip: Trip, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
+    """Rows of the regression of the road load, and braking power by low speed; none without torque."""
     torque = _column(trip.samples, "motor_torque_nm")
     if torque is None or len(torque) < SEGMENT_S:
-        return np.empty((0, 4))
+        return np.empty((0, 4)), np.empty((0, 2))
     drivetrain, torque = vehicle.drivetrain, _over_intervals(torque)
     run = simulate_trip(vehicle, trip)
     step, speed = np.diff(run.time_s, prepend=run.time_s[0]), _over_intervals(trip.array("speed_m_s"))
@@ -356,7 +388,57 @@ def _road_rows(trip: Trip, vehicle: Vehicle) -> FloatArray:
     np.minimum.at(slowest, stretch, np.where(step > 0.0, speed, np.inf))
     rules = vehicle.regeneration
     kept = (slowest > rules.full_speed_m_s) & (hardest > -FRICTION_SHARE * rules.max_torque_nm)
-    return np.asarray(sums[kept] / np.sqrt(way[kept])[:, None])
+    braking = _braking_rows(vehicle, run, speed, step, torque)
+    return np.asarray(sums[kept] / np.sqrt(way[kept])[:, None]), braking
+
+
+def _braking_rows(
+    vehicle: Vehicle, run: Simulation, speed: FloatArray, step: FloatArray, torque: FloatArray
+) -> FloatArray:
+    """Braking power that the motor could take, and that it took, by bins of low speed [J], shape (bins, 2)."""
+    drivetrain, rules = vehicle.drivetrain, vehicle.regeneration
+    turning = drivetrain.gear_ratio / drivetrain.wheel_radius_m
+    possible = -run.wheel_power_w * drivetrain.gearbox_efficiency * rules.fraction
+    slowing = -np.diff(speed, prepend=speed[:1]) > BRAKING_M_S2 * step
+    bins = (speed / LOW_BIN_M_S).astype(np.int64)
+    soft = possible < FRICTION_SHARE * rules.max_torque_nm * turning * speed
+    low = slowing & soft & (possible > 0.0) & (bins < LOW_BINS) & (step > 0.0)
+    return np.column_stack(
+        [
+            np.bincount(bins[low], (power * step)[low], LOW_BINS)
+            for power in (possible, -torque * turning * speed)
+        ]
+    )
+
+
+def _fade_values(records: Sequence[FloatArray], vehicle: Vehicle) -> _Found:
+    """Speeds between which recovery fades: a search over both ends, with the published fade as so many trips."""
+    if len(records) < LEAST_TRIPS:
+        return {}, 0
+    rules = vehicle.regeneration
+    possible, taken = np.sum(records, axis=0).T
+    middle = (np.arange(LOW_BINS) + 0.5) * LOW_BIN_M_S
+    high = middle > rules.full_speed_m_s
+    if not LEAST_RECOVERED * possible[high].sum() < taken[high].sum() < MOST_RECOVERED * possible[high].sum():
+        return {}, 0
+
+    def fade(zero: FloatArray, full: FloatArray) -> FloatArray:
+        return np.clip((middle - zero[:, None]) / (full - zero)[:, None], 0.0, 1.0)
+
+    published = fade(np.array([rules.zero_speed_m_s]), np.array([rules.full_speed_m_s]))[0]
+    weight = possible * (1.0 + FADE_TRIPS / len(records))
+    target = np.divide(
+        taken + possible * published * (FADE_TRIPS / len(records)),
+        weight,
+        out=published.copy(),
+        where=weight > 0.0,
+    )
+    steps = np.arange(0.0, LOW_BINS * LOW_BIN_M_S, FADE_STEP_M_S)
+    zero, full = (ends.ravel() for ends in np.meshgrid(steps, steps))
+    zero, full = zero[full > zero], full[full > zero]
+    best = int(np.argmin(((fade(zero, full) - target) ** 2) @ weight))
+    found = {"regeneration.zero_speed_m_s": zero[best], "regeneration.full_speed_m_s": full[best]}
+    return {key: float(value) for key, value in found.items()}, len(records)
 
 
 def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Found:
@@ -440,13 +522,16 @@ def _base_value(standing: Sequence[float], vehicle: Vehicle) -> _Found:
     return {"auxiliaries.base_load_w": value}, len(standing)
 
 
-def _climate_record(trip: Trip, vehicle: Vehicle, climate: FloatArray) -> ClimateRecord | None:
+def _climate_record(
+    trip: Trip, vehicle: Vehicle, climate: FloatArray, compressor: FloatArray
+) -> ClimateRecord | None:
     if vehicle.climate is None or len(trip) < 120:
         return None
     time = trip.array("time_s")
     conditions = conditions_at_departure(vehicle, trip.departure)
     minute = ((time - time[0]) / 60.0).astype(np.int64)
     count = np.bincount(minute)
+    running = compressor[compressor > RUNNING_W]
     return ClimateRecord(
         time,
         trip.array("speed_m_s"),
@@ -454,35 +539,53 @@ def _climate_record(trip: Trip, vehicle: Vehicle, climate: FloatArray) -> Climat
         conditions.cabin_start(vehicle),
         minute,
         np.bincount(minute, climate) / count,
+        float(np.quantile(running, IDLE_QUANTILE)) if len(running) > LEAST_RUNNING_S else float("nan"),
     )
 
 
 def _climate_values(records: Sequence[ClimateRecord], vehicle: Vehicle) -> _Found:
-    """Interior heat capacity of the cabin."""
+    """Interior heat capacity of the cabin, and in warm air the compressor's least power and power for the cooling."""
+    climate = vehicle.climate
+    if len(records) < LEAST_TRIPS or climate is None:
+        return {}, 0
+    names = ["interior_heat_capacity_j_k"]
+    climate = _scaled_climate(climate, names[0], INTERIOR_WIDTH, records)
+    warm = [r for r in records if r.ambient_temperature_degc > WARM_DEGC]
+    running = [r.least_w for r in warm if np.isfinite(r.least_w)]
+    if len(running) >= LEAST_TRIPS:
+        own = len(running) / max(float(np.var(running, ddof=1)), 1.0)
+        book = IDLE_WIDTH_W**-2
+        least = (own * float(np.median(running)) + book * climate.compressor_idle_w) / (own + book)
+        climate = replace(climate, compressor_idle_w=least)
+        climate = _scaled_climate(climate, "cooler_cop", COOLER_WIDTH, warm)
+        names += ["compressor_idle_w", "cooler_cop"]
+    return {f"climate.{name}": getattr(climate, name) for name in names}, len(records)
+
+
+def _scaled_climate(climate: Climate, name: str, width: float, records: Sequence[ClimateRecord]) -> Climate:
+    """The climate control with one value times the factor that follows the logged power by minutes best.
+
+    As it is where the best factor is `FARTHEST` widths away: such a log is not of this signal.
+    """
     from scipy.optimize import minimize_scalar  # scipy is slow to import
 
-    published = vehicle.climate
-    if len(records) < LEAST_TRIPS or published is None:
-        return {}, 0
     weights = [MINUTES_WORTH / len(r.power_w) for r in records]
 
-    def with_interior(log: float) -> Climate:
-        return replace(
-            published, interior_heat_capacity_j_k=published.interior_heat_capacity_j_k * math.exp(log)
-        )
+    def at(log: float) -> Climate:
+        return replace(climate, **{name: getattr(climate, name) * math.exp(log)})
 
     def cost(log: float) -> float:
-        climate, total = with_interior(log), 0.5 * (log / INTERIOR_WIDTH) ** 2
+        changed, total = at(log), 0.5 * (log / width) ** 2
         for record, weight in zip(records, weights, strict=True):
-            error = (_by_minute(climate, record) - record.power_w) / MINUTE_SD_W
+            error = (_by_minute(changed, record) - record.power_w) / MINUTE_SD_W
             total += weight * float(
                 np.sum(np.sqrt(1.0 + error * error) - 1.0)
             )  # the sun and the driver have tails
         return total
 
-    found = minimize_scalar(cost, bounds=(-3.0 * INTERIOR_WIDTH, 3.0 * INTERIOR_WIDTH), method="bounded")
-    value = with_interior(float(found.x)).interior_heat_capacity_j_k
-    return {"climate.interior_heat_capacity_j_k": value}, len(records)
+    farthest = FARTHEST * width
+    best = float(minimize_scalar(cost, bounds=(-farthest, farthest), method="bounded").x)
+    return at(best) if abs(best) < 0.98 * farthest else climate
 
 
 def _by_minute(climate: Climate, record: ClimateRecord) -> FloatArray:

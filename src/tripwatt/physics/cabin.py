@@ -141,9 +141,9 @@ def condition_cabin(
     speed = np.diff(np.interp(edges, time_s, distance)) / CONTROL_STEP_S
     heat, fans, air = _control_steps(climate, speed.tolist(), ambient_temperature_degc, start)
 
-    def means(power: list[float]) -> FloatArray:
+    def means(power: FloatArray) -> FloatArray:
         energy_j = np.zeros(n_steps + 1)
-        np.cumsum(np.asarray(power) * CONTROL_STEP_S, out=energy_j[1:])
+        np.cumsum(power * CONTROL_STEP_S, out=energy_j[1:])
         cumulative = np.interp(time_s, edges, energy_j)
         result = np.empty_like(time_s)
         result[0] = power[0]
@@ -156,10 +156,10 @@ def condition_cabin(
 
 def _control_steps(
     climate: Climate, speeds: list[float], ambient: float, start: CabinStart
-) -> tuple[list[float], list[float], list[float]]:
+) -> tuple[FloatArray, FloatArray, list[float]]:
     """Electric power of heater and compressor, and of the fans, in each control step, and air temperature at its edges.
 
-    Plain floats, for speed.
+    The loop has plain floats and no calls, for speed.
     """
     dt = CONTROL_STEP_S
     air_rate = climate.air_heat_capacity_j_k / dt
@@ -177,13 +177,14 @@ def _control_steps(
     full_heat, full_cooling = climate.heater_max_heat_w, climate.cooler_max_heat_w
     most_pumped, pump_cop = heat_pump_heat(ambient, climate), heat_pump_cop(ambient, climate)
     resistive, cooler_cop = climate.heater_efficiency, climate.cooler_cop
+    idle = climate.compressor_idle_w
     shell, per_speed = climate.shell_w_k, climate.shell_per_speed_w_s_k_m
     low_fresh, high_fresh = climate.fresh_air_low_w_k, climate.fresh_air_high_w_k
-    low_blower = climate.blower_low_power_w
+    interior_sum = interior_rate + exchange
     air = interior = start.temperature_degc
     fan = 0.0
     powers: list[float] = []
-    fans: list[float] = []
+    shares: list[float] = []
     temperatures = [air]
     for speed in speeds:
         fresh = low_fresh + fan * fan_range
@@ -198,20 +199,23 @@ def _control_steps(
             fan = heat / full_heat
         else:
             free = (high_fresh - fresh) * (air - ambient) if air > ambient else 0.0
-            free = min(free, -wanted)
-            cooling = min(-wanted - free, most_cooling)
+            free = free if free < -wanted else -wanted
+            cooling = -wanted - free
+            cooling = cooling if cooling < most_cooling else most_cooling
             heat = -cooling - free
             power = cooling / cooler_cop
-            fan = min(1.0, -heat / full_cooling)
+            power = power if power > idle or cooling <= 0.0 else idle
+            fan = -heat / full_cooling
+            fan = fan if fan < 1.0 else 1.0
         air = (given + heat) / total
-        interior = (interior_rate * interior + exchange * air + to_interior) / (interior_rate + exchange)
+        interior = (interior_rate * interior + exchange * air + to_interior) / interior_sum
         powers.append(power)
-        fans.append(low_blower + fan * blower_range)
+        shares.append(fan)
         temperatures.append(air)
+    fans = climate.blower_low_power_w + blower_range * np.array(shares)
     if ambient < climate.defrost_below_degc and start.mode != "cool":
-        for number in range(min(len(fans), math.ceil(climate.defrost_time_s / dt))):
-            fans[number] += (1.0 - start.warmth) * climate.defrost_power_w
-    return powers, fans, temperatures
+        fans[: math.ceil(climate.defrost_time_s / dt)] += (1.0 - start.warmth) * climate.defrost_power_w
+    return np.array(powers), fans, temperatures
 
 
 def heat_pump_heat(ambient_temperature_degc: float, climate: Climate) -> float:

@@ -53,6 +53,9 @@ ACCEPTANCE_TOLERANCE: Final = 1e-3
 
 MOST_ACCEPTANCE_PASSES: Final = 6
 
+MOVING_M_S: Final = 1.4
+"""Walking pace, 5 km/h: from here on a car draws all of its `moving_load_w`."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Simulation:
@@ -439,10 +442,13 @@ def _forces(vehicle: Vehicle, trace: _Trace, conditions: DriveConditions, densit
 
 
 def _base_load(vehicle: Vehicle, trace: _Trace, conditions: DriveConditions) -> FloatArray:
-    """Power of what neither drives nor heats [W], shape (samples,): more of it while the car moves on a road."""
+    """Power of what neither drives nor heats [W], shape (samples,): more of it while the car moves on a road.
+
+    It rises up to `MOVING_M_S`, so that the noise of a standing car's speed adds next to nothing.
+    """
     loads = vehicle.auxiliaries
     moving = 0.0 if conditions.on_dynamometer else loads.moving_load_w
-    return np.where(trace.mean_speed_m_s > 0.0, loads.base_load_w + moving, loads.base_load_w)
+    return np.asarray(loads.base_load_w + moving * np.minimum(trace.mean_speed_m_s * (1.0 / MOVING_M_S), 1.0))
 
 
 def _drive_and_battery(

@@ -519,6 +519,8 @@ class Climate:
         Outside air below which they are used [°C].
     sensor_minimum_degc : float
         A cabin sensor shows nothing below this [°C].
+    compressor_idle_w : float
+        Least power of the compressor while it cools [W].
 
     Examples
     --------
@@ -560,3 +562,6 @@ class Climate:
     defrost_time_s: float = quantity("s", 0.0, 7_200.0, "how long they are on")
     defrost_below_degc: float = quantity("degC", -40.0, 20.0, "outside air below which they are used")
     sensor_minimum_degc: float = quantity("degC", -60.0, 30.0, "a cabin sensor shows nothing below this")
+    compressor_idle_w: float = quantity(
+        "W", 0.0, 2_000.0, "least power of the compressor while it cools", default=0.0
+    )
