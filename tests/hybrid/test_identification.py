@@ -178,6 +178,9 @@ def test_what_the_compressor_takes_is_found_in_warm_air():
     own, book = len(running) / np.var(running, ddof=1), 1.0 / 300.0**2
     least = own * np.median(running) / (own + book)
     assert values["climate.compressor_idle_w"] == pytest.approx(least, rel=1e-6)
+    entry = identify_trips([cooled(trip, truth) for trip in hot], BOOK).applied(BOOK).entries
+    assert entry["climate.compressor_idle_w"].unit == "W"
+    assert entry["climate.compressor_idle_w"].source == "identified on 24 trips; published 0: no source"
     cold = identify_trips([as_logged(trip, BOOK) for trip in FLEET], BOOK).values
     assert "climate.cooler_cop" not in cold
 

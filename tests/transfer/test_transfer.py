@@ -378,9 +378,20 @@ def test_every_corrector_with_a_process_goes_to_another_car(roads, segments, i3,
     assert table.totals_wh(none.predict(table)) == pytest.approx(expected)
 
 
+def test_a_car_without_trips_starts_from_the_donor() -> None:
+    """The donor has one process for the whole residual, the model itself one for climate and one for the drive."""
+    base, car = load_model(), load_vehicle("nissan_leaf_24")
+    assert base.donor_ is not None
+    from_donor, from_model = (zero_shot_model(b, car).corrector_ for b in (base, replace(base, donor_=None)))
+    assert isinstance(from_donor, HierarchicalCorrector)
+    assert isinstance(from_model, HierarchicalCorrector)
+    assert (len(from_donor.shares), len(from_model.shares)) == (1, 2)
+
+
 def test_a_transferred_corrector_comes_back_from_its_parts() -> None:
     """The shares of climate and drive in their order; a model of version 0.1 has one share for both."""
-    made = zero_shot_model(load_model(), load_vehicle("nissan_leaf_24")).corrector_
+    base = replace(load_model(), donor_=None)
+    made = zero_shot_model(base, load_vehicle("nissan_leaf_24")).corrector_
     assert isinstance(made, HierarchicalCorrector)
     assert made.shares == pytest.approx((0.5, 0.5))
     about, parts = corrector_parts(replace(made, shares=(0.25, 0.75)), "own")

@@ -28,7 +28,7 @@ from tripwatt.evaluation.transfer_scores import (
 from tripwatt.forecasting.donor import DonorModel, unknown_inputs, without_inputs
 from tripwatt.forecasting.model import MIN_TRIPS
 from tripwatt.forecasting.training import donor_model, versions
-from tripwatt.hybrid import power_corrector
+from tripwatt.hybrid import identify_trips, power_corrector
 from tripwatt.hybrid.hierarchy import MODES, CarTransfer, DrawsForecast, Evidence, term_scales
 from tripwatt.hybrid.parameters import PARAMETERS, sensitivities
 from tripwatt.hybrid.power import LearnerCorrector
@@ -226,6 +226,7 @@ def _require(
 
 
 def _source(trips: Sequence[Trip], masked: Sequence[str], vehicle: Vehicle, seed: int) -> _Source:
+    vehicle = identify_trips(trips, vehicle).applied(vehicle)
     trips = [without_inputs(trip, masked) for trip in trips]
     return _Source(
         ForecastData.from_trips(trips, vehicle), donor_model(trips, vehicle, (), seed=seed), vehicle

@@ -2,8 +2,7 @@
 
 A correction that was learned with a known cabin and battery temperature belongs to a car that was simulated from them.
 Without these signals the car is simulated from assumed temperatures, and its residual is another one. The trips of the
-first car are therefore simulated and learned once more with these inputs masked, and with the published values of the car: those that were
-identified from its signals (`tripwatt.hybrid.identification`) are unknown of the other car too.
+first car are therefore simulated and learned once more with these inputs masked. A departure of a car without trips lacks them as well.
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ def train_model(
     found_values = calibrate(found.trips, car) if calibrated else None
     car = car if found_values is None else found_values.applied(car)
     model = ForecastModel(car, corrector, seed).fit(found.trips, progress=progress)
-    model.donor_ = train_donor(found.trips, model, vehicle)
+    model.donor_ = train_donor(found.trips, model)
     provenance = {
         "data": {
             "name": fleet.name,
@@ -101,9 +101,7 @@ def train_model(
     return model, provenance, held_out_figures(model.held_out_)
 
 
-def train_donor(
-    trips: Sequence[Trip], model: ForecastModel, vehicle: Vehicle | None = None
-) -> DonorModel | None:
+def train_donor(trips: Sequence[Trip], model: ForecastModel) -> DonorModel | None:
     """The donor model of a fitted model; None where the trips have no input to mask or its corrector cannot donate.
 
     Parameters
@@ -111,13 +109,11 @@ def train_donor(
     trips : sequence of Trip
         The training trips of the model.
     model : ForecastModel
-    vehicle : Vehicle, optional
-        The car with its published values, as the cars that the donor is for are simulated; that of the model by default.
     """
     masked = tuple(name for name in MASKABLE if name not in unknown_inputs(trips))
     if not masked or model.corrector not in TRANSFERABLE:
         return None
-    return donor_model(trips, vehicle or model.vehicle, masked, seed=model.seed)
+    return donor_model(trips, model.vehicle, masked, seed=model.seed)
 
 
 def donor_model(

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -210,14 +210,16 @@ class Identified:
             part = parts.get(section, getattr(vehicle, section))
             before = getattr(part, name)
             parts[section] = replace(part, **{name: value})
-            if key in entries:
-                old: Entry = entries[key]
-                published = f"{before:g}" if isinstance(before, float) else "another curve"
-                entries[key] = replace(
-                    old,
-                    value=value,
-                    source=f"identified on {self.trips[key]} trips; published {published}: {old.source}",
-                )
+            old = entries.get(key)
+            if old is None:  # a value that no source has
+                unit = next(f.metadata["unit"] for f in fields(part) if f.name == name)
+                old = Entry(value, unit, "no source", licence="estimate")
+            published = f"{before:g}" if isinstance(before, float) else "another curve"
+            entries[key] = replace(
+                old,
+                value=value,
+                source=f"identified on {self.trips[key]} trips; published {published}: {old.source}",
+            )
         return replace(vehicle, entries=MappingProxyType(entries), **parts)
 
     def __str__(self) -> str:
