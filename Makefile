@@ -53,7 +53,7 @@ check: .venv-check/.ready  ## the whole gate, with the versions of constraints/c
 
 check-latest: .venv-tools/.ready  ## the gate with the newest release of everything
 	$(PYTHON) -m venv --clear .venv-latest
-	$(UV) pip install --quiet --python .venv-latest/bin/python --upgrade --refresh -e ".[dev]"
+	$(UV) pip install --quiet --python .venv-latest/bin/python --upgrade --refresh -e ".[dev,interop]"
 	.venv-latest/bin/ruff format --check .
 	.venv-latest/bin/ruff check .
 	.venv-latest/bin/mypy
@@ -62,12 +62,12 @@ check-latest: .venv-tools/.ready  ## the gate with the newest release of everyth
 
 lowest: .venv-tools/.ready  ## the tests without a browser, with the lowest declared release of each dependency
 	$(UV) venv --quiet --clear --python 3.11 .venv-lowest
-	$(UV) pip install --quiet --python .venv-lowest/bin/python --resolution lowest-direct -e ".[dev]"
+	$(UV) pip install --quiet --python .venv-lowest/bin/python --resolution lowest-direct -e ".[dev,interop]"
 	.venv-lowest/bin/python -m pytest -n $(WORKERS) --dist loadscope --ignore=tests/page
 
 constraints: .venv-tools/.ready  ## the newest release of everything into constraints, with hashes: for the gate, for the container
 	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
-		--no-header --no-annotate --extra dev pyproject.toml constraints/build.in --output-file constraints/check.txt
+		--no-header --no-annotate --extra dev --extra interop pyproject.toml constraints/build.in --output-file constraints/check.txt
 	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 		--no-header --no-annotate --extra service pyproject.toml constraints/build.in \
 		--constraint constraints/check.txt --output-file constraints/service.txt

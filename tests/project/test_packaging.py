@@ -79,6 +79,7 @@ def test_every_direct_dependency_of_the_gate_is_pinned_with_a_hash() -> None:
     wanted = [
         *PROJECT["project"]["dependencies"],
         *extras["dev"],
+        *extras["interop"],
         *extras["service"],
         "hatchling",
         "editables",
@@ -102,7 +103,7 @@ def test_constraints_hold_the_lower_bounds() -> None:
         pins.setdefault(name, []).append(tuple(int(n) for n in version.split(".") if n))
     checked = 0
     extras = PROJECT["project"]["optional-dependencies"]
-    for line in [*PROJECT["project"]["dependencies"], *extras["dev"], *extras["service"]]:
+    for line in [*PROJECT["project"]["dependencies"], *extras["dev"], *extras["interop"], *extras["service"]]:
         if bound := re.match(r"([a-z0-9-]+)>=([0-9.]+)", line):
             least = tuple(int(n) for n in bound[2].split("."))
             assert all(pin >= least for pin in pins[bound[1]]), line
