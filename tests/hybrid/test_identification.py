@@ -155,6 +155,8 @@ def test_braking_power_is_summed_by_low_speed():
         14,
     ]  # means over seconds: 0.5, 1.5, 2.5 and 3.5 m/s
     assert (rows[:, 1] == 0.0).all()
+    uphill = samples.assign(elevation_m=500.0 + np.cumsum(speed) * 0.15)
+    assert not stage_record(replace(FLEET[0], samples=uphill), ONE_PEDAL).braking.any()  # the hill brakes
 
 
 def cooled(trip: Trip, truth) -> Trip:
@@ -165,9 +167,9 @@ def cooled(trip: Trip, truth) -> Trip:
 
 
 def test_what_the_compressor_takes_is_found_in_warm_air():
-    air = dict.fromkeys(("ambient_temperature_degc", "cabin_temperature_degc"), 32.0)
+    air = dict.fromkeys(("ambient_temperature_degc", "cabin_temperature_degc"), 26.0)
     hot = [replace(trip, samples=trip.samples.assign(**air)) for trip in FLEET]
-    assert {trip.departure.ambient_temperature_degc for trip in hot} == {32.0}
+    assert {trip.departure.ambient_temperature_degc for trip in hot} == {26.0}
     truth = replace(BOOK, climate=replace(BOOK.climate, cooler_cop=1.4))
     values = identify_trips([cooled(trip, truth) for trip in hot], BOOK).values
     assert BOOK.climate.cooler_cop == 2.2
@@ -178,6 +180,16 @@ def test_what_the_compressor_takes_is_found_in_warm_air():
     own, book = len(running) / np.var(running, ddof=1), 1.0 / 300.0**2
     least = own * np.median(running) / (own + book)
     assert values["climate.compressor_idle_w"] == pytest.approx(least, rel=1e-6)
+    logs = [cooled(trip, truth) for trip in hot]
+    pumped = [t.samples.assign(aircon_power_w=2000.0, ambient_temperature_degc=0.0) for t in logs]
+    both = identify_trips([*logs, *(replace(t, samples=s) for t, s in zip(logs, pumped, strict=True))], BOOK)
+    assert both.values["climate.compressor_idle_w"] == pytest.approx(least, rel=1e-6)  # in the cold it heats
+    tenfold = [
+        replace(t, samples=t.samples.assign(aircon_power_w=10.0 * t.array("aircon_power_w"))) for t in logs
+    ]
+    wrong = identify_trips(tenfold, BOOK).values
+    assert wrong["climate.cooler_cop"] == BOOK.climate.cooler_cop
+    assert wrong["climate.compressor_idle_w"] == BOOK.climate.compressor_idle_w
     entry = identify_trips([cooled(trip, truth) for trip in hot], BOOK).applied(BOOK).entries
     assert entry["climate.compressor_idle_w"].unit == "W"
     assert entry["climate.compressor_idle_w"].source == "identified on 24 trips; published 0: no source"

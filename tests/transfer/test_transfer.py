@@ -10,12 +10,12 @@ import pandas as pd
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.evaluation.transfer import evaluate_transfer
+from tripwatt.evaluation.transfer import _source, evaluate_transfer
 from tripwatt.evaluation.transfer_scores import paired_energy_error, resamples, scored
 from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model
 from tripwatt.forecasting.donor import DonorModel, unknown_inputs, without_inputs
 from tripwatt.forecasting.training import donor_model, train_model
-from tripwatt.hybrid import SegmentTable, power_corrector, segment_table, segment_trips
+from tripwatt.hybrid import SegmentTable, identify_trips, power_corrector, segment_table, segment_trips
 from tripwatt.hybrid.car_corrector import HierarchicalCorrector
 from tripwatt.hybrid.hierarchy import CarTransfer, Evidence, Members, grid, term_scales
 from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
@@ -402,3 +402,10 @@ def test_a_transferred_corrector_comes_back_from_its_parts() -> None:
     older = corrector_of_parts(one, parts)
     assert isinstance(older, HierarchicalCorrector)
     assert older.shares == (0.3, 0.3)
+
+
+def test_the_source_of_an_evaluation_has_its_identified_car() -> None:
+    trips, car = synthetic_fleet(10).trips, load_vehicle("bmw_i3_60ah")
+    found = identify_trips(trips, car).applied(car)
+    assert found.climate != car.climate
+    assert _source(trips, (), car, 0).vehicle == found

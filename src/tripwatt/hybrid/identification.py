@@ -558,7 +558,8 @@ def _climate_values(records: Sequence[ClimateRecord], vehicle: Vehicle) -> _Foun
         own = len(running) / max(float(np.var(running, ddof=1)), 1.0)
         book = IDLE_WIDTH_W**-2
         least = (own * float(np.median(running)) + book * climate.compressor_idle_w) / (own + book)
-        climate = replace(climate, compressor_idle_w=least)
+        if abs(least - climate.compressor_idle_w) <= FARTHEST * IDLE_WIDTH_W:
+            climate = replace(climate, compressor_idle_w=least)
         climate = _scaled_climate(climate, "cooler_cop", COOLER_WIDTH, warm)
         names += ["compressor_idle_w", "cooler_cop"]
     return {f"climate.{name}": getattr(climate, name) for name in names}, len(records)
