@@ -1,0 +1,168 @@
+"""Cars on the cold dynamometer of the EPA: `python -m benchmarks.cold_rows [--write]`.
+
+The test car list has 35 usable rows of the FTP at 20 degF (-6.7 degC, 40 CFR 1066 subpart H: car and battery soaked in the cold, heater
+on). Whether their energy is that at the wall or at the battery is not stated, so each row stands beside the same car's row of the UDDS at
+23 degC: the ratio of both is free of that. How warm the cabin is kept is not stated either, so the city schedule is simulated with
+climate control off and at 22 degC, with the coast-down and weight of the row and, of everything else, the car of the library that is
+nearest. Nothing is fitted to these rows.
+`--write` renews the table of docs/library.md. Needs the lists of `TRIPWATT_CATALOGUE`.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.anchors import DOCUMENT
+from benchmarks.car_table import CATALOGUE
+from tripwatt.certification.consumption import driven_wh_per_km
+from tripwatt.certification.schedules import schedule
+from tripwatt.physics import DriveConditions, simulate
+from tripwatt.units import KG_PER_LB, N_PER_LBF
+from tripwatt.vehicles import Vehicle, load_vehicle
+from tripwatt.vehicles.catalogue import M_S_PER_MPH
+
+MARKS: Final = ("<!-- cold: python -m benchmarks.cold_rows --write -->", "<!-- end of the cold rows -->")
+COLD: Final = "Charge Depleting 20 Degree F FTP"
+CITY: Final = "Charge Depleting UDDS"
+COLD_DEGC: Final = -6.7
+LEAST_KWH: Final = 10.0
+"""Energy of 100 miles below which a row of this list is a fault: miles per gallon equivalent, or a slipped decimal."""
+SETPOINT_DEGC: Final = 22.0
+NEAREST: Final = MappingProxyType(
+    {
+        "Model 3": "tesla_model_3_2022_lr_awd",
+        "Model Y": "tesla_model_y_2022_lr_awd",
+        "Model S": "tesla_model_s_2021_lr",
+        "Model X": "tesla_model_x_2021_lr",
+        "VF 8": "vw_id4_awd_pro",
+        "Ocean": "vw_id4_awd_pro",
+    }
+)
+"""Beginning of a model in the list, and the car of the library with its body and motors."""
+
+
+@dataclass(frozen=True, slots=True)
+class ColdRow:
+    """A car in the cold: measured energy [kWh/100 mi] there and in the UDDS, and both simulated at the battery [Wh/km]."""
+
+    title: str
+    cold_kwh: float
+    city_kwh: float
+    off_wh_km: float
+    heated_wh_km: float
+    city_wh_km: float
+
+    @property
+    def measured(self) -> float:
+        """Cold over warm."""
+        return self.cold_kwh / self.city_kwh
+
+    @property
+    def off(self) -> float:
+        """Cold over warm, simulated without climate control."""
+        return self.off_wh_km / self.city_wh_km
+
+    @property
+    def heated(self) -> float:
+        """Cold over warm, simulated with a cabin of 22 °C."""
+        return self.heated_wh_km / self.city_wh_km
+
+
+def car_of(row: pd.Series) -> Vehicle:
+    """The nearest car of the library with the coast-down and weight of a row."""
+    car = load_vehicle(next(name for start, name in NEAREST.items() if str(row["model"]).startswith(start)))
+    mass = float(row["test_weight_lb"]) * KG_PER_LB
+    load = replace(
+        car.road_load,
+        coastdown_a_n=float(row["a_lbf"]) * N_PER_LBF,
+        coastdown_b_n_s_m=float(row["b_lbf_mph"]) * N_PER_LBF / M_S_PER_MPH,
+        coastdown_c_n_s2_m2=float(row["c_lbf_mph2"]) * N_PER_LBF / M_S_PER_MPH**2,
+        coastdown_mass_kg=mass,
+    )
+    return replace(car, road_load=load, body=replace(car.body, curb_mass_kg=mass - car.body.driver_mass_kg))
+
+
+def in_the_cold(car: Vehicle, climate: str) -> float:
+    """Energy of the city schedule at -6.7 degC at the battery [Wh/km], after the start: the battery is driven empty, for hours."""
+    time, speed = schedule("udds")
+    conditions = DriveConditions(
+        on_dynamometer=True,
+        ambient_temperature_degc=COLD_DEGC,
+        initial_battery_temperature_degc=0.0,
+        initial_cabin_temperature_degc=SETPOINT_DEGC,
+        cabin_setpoint_degc=SETPOINT_DEGC,
+        solar_irradiance_w_m2=0.0,
+        initial_warmth=1.0,
+        climate=climate,
+        air_density_kg_m3=car.road_load.coastdown_air_density_kg_m3,
+    )
+    run = simulate(car, time, speed, conditions=conditions)
+    return float(run.simulated_energy_wh / (np.trapezoid(speed, time) / 1000.0))
+
+
+def compute() -> list[ColdRow]:
+    """The usable rows of the list, each with the UDDS of the same car and year."""
+    table = pd.read_csv(CATALOGUE / "epa_ev.csv")
+    warm = table[(table["cycle"] == CITY) & (table["kwh_per_100mi"] > LEAST_KWH)]
+    found = []
+    for _, row in table[(table["cycle"] == COLD) & (table["kwh_per_100mi"] > LEAST_KWH)].iterrows():
+        same = warm[(warm["model"] == row["model"]) & (warm["model_year"] == row["model_year"])]
+        if same.empty:
+            continue
+        car = car_of(row)
+        city = driven_wh_per_km(car, schedule("udds"), car.body.test_mass_kg)
+        title = f"{row['make']} {row['model']} {row['model_year']}"
+        off, heated = (in_the_cold(car, climate) for climate in ("off", "auto"))
+        found.append(
+            ColdRow(
+                title, float(row["kwh_per_100mi"]), float(same["kwh_per_100mi"].mean()), off, heated, city
+            )
+        )
+    return found
+
+
+def render(rows: list[ColdRow]) -> str:
+    """Markdown: each row, and the mean over all."""
+    lines = [
+        "| car | 20 °F FTP | UDDS | cold over warm, measured | simulated, climate off | simulated, cabin of 22 °C |",
+        "|---|---:|---:|---:|---:|---:|",
+    ]
+    lines += [
+        f"| {row.title} | {row.cold_kwh:.1f} | {row.city_kwh:.1f} | {row.measured:.2f} | {row.off:.2f} | {row.heated:.2f} |"
+        for row in rows
+    ]
+    means = [np.mean([getattr(row, name) for row in rows]) for name in ("measured", "off", "heated")]
+    inside = sum(row.off <= row.measured <= row.heated for row in rows)
+    lines += [
+        "",
+        f"{len(rows)} rows, kWh/100 mi. Mean rise in the cold: measured {means[0]:.2f}, simulated {means[1]:.2f} without and {means[2]:.2f} "
+        f"with climate control; {inside} measured rows lie between both.",
+    ]
+    return "\n".join(lines)
+
+
+def with_table(text: str, table: str) -> str:
+    """The page with the table between its marks replaced."""
+    head, _, rest = text.partition(MARKS[0])
+    tail = rest.partition(MARKS[1])[2]
+    return f"{head}{MARKS[0]}\n\n{table}\n\n{MARKS[1]}{tail}"
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--write", action="store_true", help="renew the table of docs/library.md")
+    table = render(compute())
+    print(table)
+    if parser.parse_args().write:
+        DOCUMENT.write_text(with_table(DOCUMENT.read_text("utf-8"), table), "utf-8")
+
+
+if __name__ == "__main__":
+    main()
