@@ -1,4 +1,4 @@
-"""Winter tyres, a roof box and a trailer."""
+"""Winter tyres, a roof box, a trailer and headlights."""
 
 import pytest
 
@@ -30,6 +30,10 @@ def test_extras_change_what_they_say(name: str) -> None:
     assert every.body.curb_mass_kg == car.body.curb_mass_kg + 520.0
     assert every.road_load.drag_area_m2 == pytest.approx(car.road_load.drag_area_m2 + 0.72)
     assert every.road_load.rolling_coefficients[0] == pytest.approx(1.1 * constant)
+    assert every.auxiliaries == car.auxiliaries
+    lit = with_extras(car, ["headlights"])
+    assert lit.auxiliaries.base_load_w == car.auxiliaries.base_load_w + 100.0
+    assert (lit.body, lit.road_load) == (car.body, car.road_load)
     assert with_extras(car, ()) is car
 
 
@@ -47,11 +51,13 @@ def test_forecasts_and_simulations_take_the_extras() -> None:
     plan = tw.read_route([{"length_m": 30_000.0, "speed_m_s": 27.0}])
     energies = [
         tw.simulate(plan, "vw_id3", Departure(soc=0.8, extras=extras)).simulated_energy_wh
-        for extras in (None, ("winter_tyres",), ("roof_box",), ("trailer",))
+        for extras in (None, ("headlights",), ("winter_tyres",), ("roof_box",), ("trailer",))
     ]
     assert energies == sorted(energies)
     # at 27 m/s the box takes 0.5 x 1.2 x 0.12 x 27² N over 30 km, some 440 Wh at the wheel
-    assert 1.0 < (energies[2] - energies[0]) / 440.0 < 1.6
+    assert 1.0 < (energies[3] - energies[0]) / 440.0 < 1.6
+    # 100 W for 30 km at 27 m/s
+    assert energies[1] - energies[0] == pytest.approx(100.0 * 30_000.0 / 27.0 / 3600.0, rel=0.05)
     own, boxed = (
         tw.forecast(plan, Departure(soc=0.8, extras=extras)).energy_wh for extras in (None, ("roof_box",))
     )

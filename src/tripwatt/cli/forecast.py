@@ -128,7 +128,7 @@ def forecast(
         typer.Option(
             "--extra",
             metavar="NAME",
-            help="What is fitted to the car: winter_tyres, roof_box or trailer. You can repeat the option.",
+            help="What is fitted to the car or switched on: winter_tyres, roof_box, trailer or headlights. You can repeat the option.",
             show_default=False,
         ),
     ] = None,

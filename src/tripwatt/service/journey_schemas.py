@@ -64,8 +64,8 @@ class _Departs(BaseModel):
     climate: Literal["auto", "off", "heat", "cool"] | None = Field(
         None, description="what climate control may do; heat: no cooling, cool: no heating"
     )
-    extras: list[Literal["winter_tyres", "roof_box", "trailer"]] | None = Field(
-        None, max_length=3, description="what is fitted to the car"
+    extras: list[Literal["winter_tyres", "roof_box", "trailer", "headlights"]] | None = Field(
+        None, max_length=4, description="what is fitted to the car or switched on"
     )
     depart: Annotated[AwareDatetime | None, Field(strict=False)] = Field(
         None, description="departure, with its time zone; default: now. It counts for the weather."

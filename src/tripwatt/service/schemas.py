@@ -205,8 +205,8 @@ class ForecastRequest(BaseModel):
     climate: Literal["auto", "off", "heat", "cool"] | None = Field(
         None, description="what climate control may do; heat: no cooling, cool: no heating"
     )
-    extras: list[Literal["winter_tyres", "roof_box", "trailer"]] | None = Field(
-        None, max_length=3, description="what is fitted to the car"
+    extras: list[Literal["winter_tyres", "roof_box", "trailer", "headlights"]] | None = Field(
+        None, max_length=4, description="what is fitted to the car or switched on"
     )
     reserve: float = _field(QUANTITIES, "reserve", 0.1)
 

@@ -44,8 +44,8 @@ FIRST_S: Final = 60.0
 CLIMATE_MODES: Final = ("auto", "off", "heat", "cool")
 """What the driver allows climate control: all, nothing, no compressor for cooling, or no heater."""
 
-EXTRAS: Final = ("winter_tyres", "roof_box", "trailer")
-"""What can be fitted to the car for a trip."""
+EXTRAS: Final = ("winter_tyres", "roof_box", "trailer", "headlights")
+"""What can be fitted to the car or switched on for a trip."""
 
 ASKED: Final = ("soc", *TEMPERATURES, "payload_mass_kg", "climate", "extras")
 """Fields that a person gives: options of the command line, fields of a request."""

@@ -1,4 +1,4 @@
-"""What is fitted to a car for a while: winter tyres, a roof box, a trailer."""
+"""What is fitted to a car for a while, or switched on: winter tyres, a roof box, a trailer, headlights."""
 
 from __future__ import annotations
 
@@ -22,12 +22,15 @@ class Extra:
         Factor of the rolling resistance.
     drag_area_m2, mass_kg : float
         What it adds.
+    load_w : float
+        Power that it takes.
     source : str
     """
 
     rolling: float = 1.0
     drag_area_m2: float = 0.0
     mass_kg: float = 0.0
+    load_w: float = 0.0
     source: str = ""
 
 
@@ -48,6 +51,11 @@ EFFECTS: Final[Mapping[str, Extra]] = MappingProxyType(
             mass_kg=500.0,
             source="a laden single-axle trailer of 500 kg with a flat tarpaulin, partly in the wake of the car; more load counts as payload",
         ),
+        "headlights": Extra(
+            load_w=100.0,
+            source="two dipped beams of 35 W (light-emitting diodes) to 55 W (H7, UN Regulation 37) and six lamps of 5 W for position and "
+            "number plate, less the daytime lights",
+        ),
     }
 )
 """Effect of each extra. Estimates of the tripwatt authors from the figures that are named."""
@@ -66,7 +74,7 @@ def with_extras(vehicle: Vehicle, extras: Iterable[str]) -> Vehicle:
     Returns
     -------
     Vehicle
-        A copy with more drag area, rolling resistance and mass; the car itself for no extras.
+        A copy with more drag area, rolling resistance, mass and base load; the car itself for no extras.
 
     Raises
     ------
@@ -83,11 +91,12 @@ def with_extras(vehicle: Vehicle, extras: Iterable[str]) -> Vehicle:
     chosen = [EFFECTS[name] for name in EXTRAS if name in set(extras)]
     if not chosen:
         return vehicle
-    rolling, area, mass = 1.0, 0.0, 0.0
+    rolling, area, mass, power = 1.0, 0.0, 0.0, 0.0
     for extra in chosen:
         rolling *= extra.rolling
         area += extra.drag_area_m2
         mass += extra.mass_kg
+        power += extra.load_w
     load, changes = vehicle.road_load, dict[str, Any]()
     for name in ("coastdown_a_n", "coastdown_b_n_s_m", "rolling_resistance_coefficient"):
         value = getattr(load, name)
@@ -99,4 +108,5 @@ def with_extras(vehicle: Vehicle, extras: Iterable[str]) -> Vehicle:
     if load.drag_coefficient is not None and load.frontal_area_m2 is not None:
         changes["drag_coefficient"] = load.drag_coefficient + area / load.frontal_area_m2
     body = replace(vehicle.body, curb_mass_kg=vehicle.body.curb_mass_kg + mass)
-    return replace(vehicle, body=body, road_load=replace(load, **changes))
+    loads = replace(vehicle.auxiliaries, base_load_w=vehicle.auxiliaries.base_load_w + power)
+    return replace(vehicle, body=body, auxiliaries=loads, road_load=replace(load, **changes))
