@@ -131,6 +131,15 @@ def test_the_published_fade_counts_as_five_trips():
     assert _fade_values(trips[:2], BOOK) == ({}, 0)
 
 
+def test_speeds_without_braking_keep_the_published_fade():
+    speed = (np.arange(20) + 0.5) * 0.25
+    possible = np.where(speed > 2.0, 10.0, 0.0)
+    found, _ = _fade_values([np.column_stack((possible, possible))] * 500, BOOK)
+    zero, full = found["regeneration.zero_speed_m_s"], found["regeneration.full_speed_m_s"]
+    assert np.clip((1.0 - zero) / (full - zero), 0.0, 1.0) == pytest.approx(0.25, abs=0.1)
+    assert full < 2.3
+
+
 @pytest.mark.parametrize("share", [0.3, 1.3])
 def test_a_torque_of_another_car_leaves_the_fade(share):
     trips = [np.column_stack((np.full(20, 10.0), np.full(20, 10.0 * share)))] * 5

@@ -57,6 +57,8 @@ LOW_BINS: Final = 20
 BRAKING_M_S2: Final = 0.3
 """Deceleration from which braking is not the road's alone."""
 FADE_STEP_M_S: Final = 0.1
+UNSEEN: Final = 1e-3
+"""Weight of a bin without braking over that of the bin with most."""
 FADE_TRIPS: Final = 5.0
 """The published fade counts as much as so many trips: how late the friction brakes take over is known for few cars."""
 LEAST_RECOVERED: Final = 0.4
@@ -428,13 +430,11 @@ def _fade_values(records: Sequence[FloatArray], vehicle: Vehicle) -> _Found:
         return np.clip((middle - zero[:, None]) / (full - zero)[:, None], 0.0, 1.0)
 
     published = fade(np.array([rules.zero_speed_m_s]), np.array([rules.full_speed_m_s]))[0]
-    weight = possible * (1.0 + FADE_TRIPS / len(records))
-    target = np.divide(
-        taken + possible * published * (FADE_TRIPS / len(records)),
-        weight,
-        out=published.copy(),
-        where=weight > 0.0,
-    )
+    prior = FADE_TRIPS / len(records)
+    seen = possible > 0.0
+    target = published.copy()
+    target[seen] = (taken[seen] / possible[seen] + prior * published[seen]) / (1.0 + prior)
+    weight = np.maximum(possible, UNSEEN * possible.max())  # speeds without braking keep the published fade
     steps = np.arange(0.0, LOW_BINS * LOW_BIN_M_S, FADE_STEP_M_S)
     zero, full = (ends.ravel() for ends in np.meshgrid(steps, steps))
     zero, full = zero[full > zero], full[full > zero]
