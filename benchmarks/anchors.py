@@ -220,9 +220,9 @@ def render(outcomes: Sequence[Outcome]) -> str:
     return "\n".join(lines)
 
 
-def with_table(text: str, table: str) -> str:
+def with_table(text: str, table: str, marks: tuple[str, str] = MARKS) -> str:
     """The page with the table between its marks replaced."""
-    start, end = MARKS
+    start, end = marks
     head, _, rest = text.partition(start)
     _, _, tail = rest.partition(end)
     return f"{head}{start}\n\n{table}\n\n{end}{tail}"

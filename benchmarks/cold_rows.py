@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from benchmarks.anchors import DOCUMENT
+from benchmarks.anchors import DOCUMENT, with_table
 from benchmarks.car_table import CATALOGUE
 from tripwatt.certification.consumption import driven_wh_per_km
 from tripwatt.certification.schedules import schedule
@@ -147,13 +147,6 @@ def render(rows: list[ColdRow]) -> str:
     return "\n".join(lines)
 
 
-def with_table(text: str, table: str) -> str:
-    """The page with the table between its marks replaced."""
-    head, _, rest = text.partition(MARKS[0])
-    tail = rest.partition(MARKS[1])[2]
-    return f"{head}{MARKS[0]}\n\n{table}\n\n{MARKS[1]}{tail}"
-
-
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -161,7 +154,7 @@ def main() -> None:
     table = render(compute())
     print(table)
     if parser.parse_args().write:
-        DOCUMENT.write_text(with_table(DOCUMENT.read_text("utf-8"), table), "utf-8")
+        DOCUMENT.write_text(with_table(DOCUMENT.read_text("utf-8"), table, MARKS), "utf-8")
 
 
 if __name__ == "__main__":

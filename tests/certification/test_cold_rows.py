@@ -15,7 +15,7 @@ needs_list = pytest.mark.skipif(
 def test_the_table_goes_between_its_marks() -> None:
     start, end = cold_rows.MARKS
     page = f"before {start} old {end} after"
-    assert cold_rows.with_table(page, "new") == f"before {start}\n\nnew\n\n{end} after"
+    assert cold_rows.with_table(page, "new", cold_rows.MARKS) == f"before {start}\n\nnew\n\n{end} after"
 
 
 def test_ratios_by_hand() -> None:

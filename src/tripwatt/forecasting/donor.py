@@ -2,7 +2,7 @@
 
 A correction that was learned with a known cabin and battery temperature belongs to a car that was simulated from them.
 Without these signals the car is simulated from assumed temperatures, and its residual is another one. The trips of the
-first car are therefore simulated and learned once more with these inputs masked. A departure of a car without trips lacks them as well.
+first car are therefore simulated and learned once more with these inputs masked. Most departures of a car without trips lack them as well.
 """
 
 from __future__ import annotations

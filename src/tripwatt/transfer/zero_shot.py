@@ -54,7 +54,7 @@ def zero_shot_model(base: ForecastModel, vehicle: Vehicle) -> ForecastModel:
     True
     """
     _, own = base.fitted_parts("base")
-    donor = base.donor_ or base.as_donor()  # without the cabin, of which no departure of such a car knows
+    donor = base.donor_ or base.as_donor()  # without the cabin, which few of its departures know
     parameters, vehicle = parameters_of(vehicle), on_road(vehicle)
     transfer = CarTransfer(donor.members, term_scales(donor.members, base.vehicle, vehicle), parameters)
     features, nothing = np.empty((0, len(transfer.scales))), np.empty(0)
