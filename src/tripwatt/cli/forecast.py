@@ -11,6 +11,7 @@ import typer
 
 from tripwatt.cli.options import (
     JsonOption,
+    TerrainOption,
     examples,
     gather,
     model_of,
@@ -132,6 +133,7 @@ def forecast(
             show_default=False,
         ),
     ] = None,
+    terrain: TerrainOption = None,
     battery_temperature: Annotated[
         float | None,
         typer.Option(
@@ -222,6 +224,7 @@ def forecast(
                     payload_mass_kg=payload,
                     climate=climate,
                     extras=tuple(extra) if extra else None,
+                    terrain=terrain,
                 )
             ),
         )
@@ -280,6 +283,17 @@ def _where_empty(found: Forecast) -> list[tuple[str, str]]:
     return [("battery empty", f"after {expected:.0f} km ({early:.0f} km to {until})")]
 
 
+def _unknown_climb(found: Forecast, reserve: float) -> list[tuple[str, str]]:
+    """Rows for a road of unknown heights: what climb takes, and the climb with which the reserve is lost."""
+    per_metre, climb = found.soc_per_climb_m, found.climb_to(reserve)
+    if per_metre is None:
+        return []
+    rows = [("each 100 m of unknown climb", f"{1e4 * per_metre:.1f} points")]
+    if climb is not None:
+        rows.append((f"climb that leaves {100.0 * reserve:g} %", f"{climb:.0f} m"))
+    return rows
+
+
 def _show_forecast(found: Forecast, reserve: float) -> None:
     from tripwatt.cli.sentences import chance, forecast_in_words
     from tripwatt.forecasting.plots import CAUSE_NAMES
@@ -296,6 +310,7 @@ def _show_forecast(found: Forecast, reserve: float) -> None:
         *_where_empty(found),
         ("probability to arrive", chance(found.p_arrive())),
         (f"probability to arrive with {100.0 * reserve:g} % or more", chance(found.p_arrive(reserve))),
+        *_unknown_climb(found, reserve),
     ]
     typer.echo(f"{forecast_in_words(found, found.plan.trip_id)}\n")
     print_table(f"Forecast {when}, given {found.given}", ("forecast", ""), rows, numbers=("",))

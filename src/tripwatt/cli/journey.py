@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tripwatt.cli.options import JsonOption, examples, gather, options_named
+from tripwatt.cli.options import JsonOption, TerrainOption, examples, gather, options_named
 from tripwatt.cli.printing import print_json, print_notes, print_table
 from tripwatt.errors import Fault, InvalidInput
 
@@ -148,6 +148,7 @@ def plan(
             metavar="MODE", help="What climate control may do: auto, off, heat or cool.", show_default=False
         ),
     ] = None,
+    terrain: TerrainOption = None,
     places_url: PlacesOption = "",
     weather: WeatherOption = "",
     stations: StationsOption = None,
@@ -169,7 +170,11 @@ def plan(
             lambda: got.update(weather=_weather_by_hand(wind, rain, ambient)),
             lambda: got.update(
                 departure=Departure(
-                    soc=soc, ambient_temperature_degc=ambient, payload_mass_kg=payload, climate=climate
+                    soc=soc,
+                    ambient_temperature_degc=ambient,
+                    payload_mass_kg=payload,
+                    climate=climate,
+                    terrain=terrain,
                 )
             ),
             lambda: got.update(options=JourneyOptions(reserve, alternatives, round_trip)),
@@ -193,6 +198,7 @@ def reach(
     reserve: Annotated[
         float, typer.Option(min=0.0, max=1.0, metavar="0..1", help="State of charge to keep.")
     ] = 0.0,
+    terrain: TerrainOption = None,
     vehicle: CarOption = None,
     model: ModelOption = None,
     places_url: PlacesOption = "",
@@ -208,7 +214,7 @@ def reach(
     with options_named():
         atlas = open_atlas(AtlasSettings(map_, places_url))
         own, flags = on_vehicle(load_model(model), vehicle)
-        departure = Departure(soc=soc, ambient_temperature_degc=ambient)
+        departure = Departure(soc=soc, ambient_temperature_degc=ambient, terrain=terrain)
         place = find_place(start, atlas.places, "FROM")
         found = find_reach(Drive(own, departure, None, flags), place, atlas, reserve=reserve)
     if as_json:

@@ -76,7 +76,7 @@ def journey_in_words(journey: Journey) -> list[str]:
     """What a driver asks of a journey, a sentence each: arrival, charge to leave with, speed, charging stop."""
     forecast, reserve = journey.forecast, _percent(journey.reserve)
     title = " to ".join(place.title for place in journey.stops)
-    sentences = [forecast_in_words(forecast, title)]
+    sentences = [forecast_in_words(forecast, title), *unknown_climb_in_words(forecast, journey.reserve)]
     if journey.soc_needed is None:
         sentences.append(f"A full battery does not suffice to arrive with {reserve} % in 19 of 20 trips.")
     else:
@@ -95,6 +95,17 @@ def journey_in_words(journey: Journey) -> list[str]:
             f"{chance(stop.p_station)}, and then to arrive with {reserve} % {chance(stop.p_arrive)}."
         )
     return sentences
+
+
+def unknown_climb_in_words(forecast: Forecast, reserve: float) -> list[str]:
+    """What the heights that nobody knows may change; nothing where they are known or no such climb changes the arrival."""
+    per_metre, climb = forecast.soc_per_climb_m, forecast.climb_to(reserve)
+    if per_metre is None or climb is None:
+        return []
+    return [
+        f"This is not certain: the heights of the road are unknown. Each 100 m of climb takes {1e4 * per_metre:.1f} points; "
+        f"with {climb:,.0f} m of climb you arrive with {_percent(reserve)} %."
+    ]
 
 
 def held_out_in_words(trip: Mapping[str, Any], subject: str) -> str:

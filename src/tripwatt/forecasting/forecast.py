@@ -16,6 +16,7 @@ from tripwatt.forecasting.measured import Measured, checked_samples, read_measur
 from tripwatt.forecasting.plausible import implausible_faults
 from tripwatt.forecasting.update import updated_power
 from tripwatt.parallel import one_blas_thread
+from tripwatt.routes.links import FLAT_ROAD
 from tripwatt.trips import Flag, Plan, raise_faults
 from tripwatt.trips.messages import flag_to_dict, message
 from tripwatt.trips.showing import html_table
@@ -26,6 +27,7 @@ from tripwatt.uncertainty import (
     UncertaintyModel,
 )
 from tripwatt.uncertainty.charge import FULL
+from tripwatt.uncertainty.climb import ClimbingEnergy, UnknownClimb
 from tripwatt.uncertainty.free_flow import FreeFlowUncertainty
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
@@ -36,6 +38,8 @@ if TYPE_CHECKING:
 QUANTILES: Final = (0.025, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.975)
 ARRIVAL_LEVELS: Final = (0.0, 0.05, 0.1, 0.2)
 BAND: Final = 0.9
+LOW: Final = 0.5 - 0.5 * BAND
+HIGH: Final = 0.5 + 0.5 * BAND
 STRAIGHT: Final = 0.75
 """Part of the way from the expected to the least energy over which a distance below counts as it is."""
 DRIVEN: Final = "the driven speed trace"
@@ -64,6 +68,8 @@ class Forecast:
         Standard deviation of the trip's energy by what is unknown of the state at departure [Wh].
     route_sd_wh : float
         Standard deviation that a planned route adds to the trip's energy [Wh]; 0 for a driven trace.
+    climbing : ClimbingEnergy or None
+        What its climb takes, on a road of unknown heights.
     flags : tuple of Flag
         What was assumed, and what limits the forecast.
     measured : Measured
@@ -86,6 +92,7 @@ class Forecast:
     rest_sd_factor: float = 1.0
     state_sd_wh: float = 0.0
     route_sd_wh: float = 0.0
+    climbing: ClimbingEnergy | None = None
     flags: tuple[Flag, ...] = ()
     measured: Measured = NOT_MEASURED
 
@@ -126,9 +133,11 @@ class Forecast:
 
     @cached_property
     def segment_energy_wh(self) -> FloatArray:
-        """Energy of each segment [Wh]: what was measured, and the mean power over the rest of it."""
-        ahead = self.power_w * self.open_hours
-        return ahead if self.measured.energy_wh is None else np.asarray(self.measured.energy_wh + ahead)
+        """Energy of each segment [Wh]: what was measured, and the mean power and the unknown climb over the rest of it."""
+        energy = self.power_w * self.open_hours
+        if self.measured.energy_wh is not None:
+            energy = self.measured.energy_wh + energy
+        return np.asarray(energy if self._climb is None else energy + np.diff(self._climb_median_wh))
 
     @cached_property
     def energy_wh(self) -> float:
@@ -137,8 +146,9 @@ class Forecast:
 
     @cached_property
     def sd_wh(self) -> float:
-        """Standard deviation of the energy of the whole trip [Wh]."""
-        return float(self._cumulative_sd_wh[-1])
+        """Standard deviation of the energy of the whole trip [Wh]; of an unknown climb that of its core, without the far tails."""
+        own = float(self._cumulative_sd_wh[-1])
+        return own if self._climb is None else float(np.hypot(own, self._climb.core_sd_wh[-1]))
 
     def quantile(self, p: float) -> float:
         """Quantile of the energy of the whole trip [Wh]; above the least that the drive can take.
@@ -161,7 +171,7 @@ class Forecast:
         >>> found.quantile(0.5) == found.energy_wh
         True
         """
-        half = self.uncertainty.scores.factor(abs(2.0 * p - 1.0)) * self.sd_wh
+        half = abs(float(self._more_wh(p, self._cumulative_sd_wh)[-1]))
         if p >= 0.5:
             return self.energy_wh + half
         return float(possible_energy(self.energy_wh, half, float(self._least_wh[-1])))
@@ -184,8 +194,9 @@ class Forecast:
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
         >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> found.interval(0.9) == (found.quantile(0.05), found.quantile(0.95))
-        True
+        >>> low, high = found.interval(0.9)
+        >>> round(low, 3) == round(found.quantile(0.05), 3), round(high, 3) == round(found.quantile(0.95), 3)
+        (True, True)
         """
         return self.quantile(0.5 - 0.5 * level), self.quantile(0.5 + 0.5 * level)
 
@@ -213,7 +224,7 @@ class Forecast:
         if self.sd_wh <= 0.0:
             return float(self.energy_wh <= energy_wh)
         below = distance_below(self.energy_wh, energy_wh, float(self._least_wh[-1]))
-        return self.uncertainty.scores.probability(-below / self.sd_wh)
+        return self._probability_of_less(-below, float(self._cumulative_sd_wh[-1]))
 
     @cached_property
     def charge(self) -> ChargeScale:
@@ -247,9 +258,7 @@ class Forecast:
         >>> found.soc_quantile(0.05) < found.soc_arrival < found.soc_quantile(0.95) < 0.8
         True
         """
-        centre, sd = (values[-1] for values in self._charge_band)
-        half = self.uncertainty.scores.factor(abs(2.0 * p - 1.0)) * sd
-        return float(np.clip(centre + np.sign(p - 0.5) * half, 0.0, 1.0))
+        return float(np.clip(self._charge_at(p)[-1], 0.0, 1.0))
 
     def soc_interval(self, level: float) -> tuple[float, float]:
         """Central interval of the displayed state of charge at the end of the trip, 0 to 1.
@@ -269,8 +278,9 @@ class Forecast:
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
         >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> found.soc_interval(0.9) == (found.soc_quantile(0.05), found.soc_quantile(0.95))
-        True
+        >>> low, high = found.soc_interval(0.9)
+        >>> round(low, 6) == round(found.soc_quantile(0.05), 6), round(high, 6) == round(found.soc_quantile(0.95), 6)
+        (True, True)
         """
         return self.soc_quantile(0.5 - 0.5 * level), self.soc_quantile(0.5 + 0.5 * level)
 
@@ -300,7 +310,8 @@ class Forecast:
         centre, sd = (float(values[-1]) for values in self._charge_band)
         if sd <= 0.0:
             return float(centre >= reserve)
-        return self.uncertainty.scores.probability((centre - reserve) / sd)
+        wh = self.charge.wh_per_display
+        return self._probability_of_less((centre - reserve) * wh, sd * wh)
 
     def soc_needed(self, reserve: float = 0.1, probability: float = 0.95) -> float:
         """Displayed state of charge to leave with, to arrive with a reserve with a probability.
@@ -330,9 +341,7 @@ class Forecast:
         True
         """
         _, start, _ = self._charge_start
-        centre, sd = (float(values[-1]) for values in self._charge_band)
-        lower = centre - self.uncertainty.scores.factor(abs(2.0 * probability - 1.0)) * sd
-        return start + reserve - lower
+        return start + reserve - float(self._charge_at(1.0 - probability)[-1])
 
     def soc_along(self, probability: float) -> FloatArray:
         """Displayed charge at the edges of the segments that is exceeded with a probability, 0.5 to 1.
@@ -357,8 +366,7 @@ class Forecast:
         >>> bool((found.soc_along(0.95) <= found.soc_along(0.5)).all())
         True
         """
-        centre, sd = self._charge_band
-        return np.asarray(centre - self.uncertainty.scores.factor(abs(2.0 * probability - 1.0)) * sd)
+        return self._charge_at(1.0 - probability)
 
     @property
     def empty_at_m(self) -> tuple[float | None, float | None, float | None]:
@@ -366,9 +374,8 @@ class Forecast:
 
         None where it does not on this trip.
         """
-        centre, sd = self._charge_band
-        half = self.uncertainty.scores.factor(BAND) * sd
-        early, expected, late = (self._first_empty(line) for line in (centre - half, centre, centre + half))
+        levels = (LOW, 0.5, HIGH)
+        early, expected, late = (self._first_empty(self._charge_at(level)) for level in levels)
         return early, expected, late
 
     def _first_empty(self, charge: FloatArray) -> float | None:
@@ -401,18 +408,16 @@ class Forecast:
         return pd.DataFrame(self._series())
 
     def _series(self) -> dict[str, FloatArray]:
-        energy, factor = self._cumulative_wh, self.uncertainty.scores.factor(BAND)
-        half = factor * np.concatenate(([0.0], self._cumulative_sd_wh))
-        charge, charge_sd = self._charge_band
+        energy, sd = self._cumulative_wh, self._cumulative_sd_wh
         return {
             "time_s": self._ends_s,
             "distance_m": self.drive.distance_m,
             "energy_wh": energy,
-            "energy_low_wh": possible_energy(energy, half, self._least_wh),
-            "energy_high_wh": energy + half,
-            "displayed_soc": np.clip(charge, 0.0, 1.0),
-            "displayed_soc_low": np.clip(charge - factor * charge_sd, 0.0, 1.0),
-            "displayed_soc_high": np.clip(charge + factor * charge_sd, 0.0, 1.0),
+            "energy_low_wh": possible_energy(energy, -self._more_wh(LOW, sd), self._least_wh),
+            "energy_high_wh": energy + self._more_wh(HIGH, sd),
+            "displayed_soc": np.clip(self._charge_at(0.5), 0.0, 1.0),
+            "displayed_soc_low": np.clip(self._charge_at(LOW), 0.0, 1.0),
+            "displayed_soc_high": np.clip(self._charge_at(HIGH), 0.0, 1.0),
         }
 
     @property
@@ -422,7 +427,9 @@ class Forecast:
         parts = {cause: float(energy[-1]) for cause, energy in simulation.energy_by_cause_wh.items()}
         simulated = float(table.simulated_w @ table.hours)
         parts["hvac"] += simulated - sum(parts.values())  # rounding of the segments' ends
-        parts["learned_correction"] = self.energy_wh - simulated
+        unknown_climb = float(self._climb_median_wh[-1])
+        parts["climb"] += unknown_climb
+        parts["learned_correction"] = self.energy_wh - simulated - unknown_climb
         return parts
 
     @property
@@ -431,6 +438,42 @@ class Forecast:
         simulation = self.drive.simulation
         step = np.diff(simulation.time_s, prepend=simulation.time_s[0])
         return float(simulation.battery_loss_w @ step / SECONDS_PER_HOUR)
+
+    def climb_to(self, reserve: float = 0.0) -> float | None:
+        """Net climb of the rest of an unknown road with which the expected charge at arrival falls to a reserve.
+
+        Parameters
+        ----------
+        reserve : float
+            Displayed state of charge to arrive with, 0 to 1.
+
+        Returns
+        -------
+        float or None
+            Climb [m], 0 where the reserve is not reached on a flat road either; None where the heights are known, or where no road of
+            this length and terrain climbs so far.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.5, ambient_temperature_degc=5.0))
+        >>> 800.0 < found.climb_to(0.1) < found.climb_to(0.0) < 2000.0
+        True
+        """
+        if self.climbing is None:
+            return None
+        spare = (float(self._charge_band[0][-1]) - reserve) * self.charge.wh_per_display
+        spare += float(self._climb_median_wh[-1])
+        climb = self.climbing.climb_for(max(spare, 0.0), self._climbs_from_m)
+        return climb if math.isfinite(climb) else None
+
+    @property
+    def soc_per_climb_m(self) -> float | None:
+        """Displayed charge that each metre of climb takes on the rest of an unknown road [1/m]; None where the heights are known."""
+        if self.climbing is None:
+            return None
+        return self.climbing.more_wh(100.0, self._climbs_from_m) / 100.0 / self.charge.wh_per_display
 
     def with_route_error(
         self, route: RouteUncertainty | None, free_flow: FreeFlowUncertainty | None = None
@@ -463,7 +506,7 @@ class Forecast:
         (True, ['route_error_unknown'])
         """
         link_m = self.plan.link_m
-        flags = [*self.flags, *self.plan.flags]
+        flags = [*self.flags, *(flag for flag in self.plan.flags if flag != FLAT_ROAD)]
         if link_m is None:
             return replace(self, flags=tuple(dict.fromkeys(flags)))
         route_sd_wh = 0.0
@@ -584,11 +627,19 @@ class Forecast:
             "wh_per_display": self.charge.wh_per_display,
             "empty_at_m": dict(zip(("early", "expected", "late"), self.empty_at_m, strict=True)),
             "p_arrive": {f"{level:g}": self.p_arrive(level) for level in levels},
+            "climb": None if self.climbing is None else self._climb_to_dict(levels),
             "series": {name: values.tolist() for name, values in self._series().items()},
             "by_cause_wh": self.by_cause_wh,
             "battery_loss_wh": self.battery_loss_wh,
             "measured_until_s": self.measured_until_s,
             "flags": [flag_to_dict(flag) for flag in self.flags],
+        }
+
+    def _climb_to_dict(self, levels: tuple[float, ...]) -> dict[str, Any]:
+        return {
+            "terrain": self.plan.departure.terrain or "unknown",
+            "soc_per_m": self.soc_per_climb_m,
+            "changes_at_m": {f"{level:g}": self.climb_to(level) for level in levels},
         }
 
     @one_blas_thread
@@ -656,9 +707,41 @@ class Forecast:
 
     @cached_property
     def _cumulative_sd_wh(self) -> FloatArray:
-        """Standard deviation of the energy up to the end of each segment [Wh], shape (segments,)."""
+        """Standard deviation of the energy up to each edge of the segments [Wh] apart from an unknown climb, shape (segments + 1,)."""
         own = self.sd_factor * self.rest_sd_factor * self.posterior.energy_wh(self.open_hours)[1]
-        return np.asarray(np.hypot(own, self._remaining_sd_wh))
+        return np.concatenate(([0.0], np.hypot(own, self._remaining_sd_wh)))
+
+    @cached_property
+    def _climb(self) -> UnknownClimb | None:
+        """What the unknown climb of the rest of the way may add; None where the road is known."""
+        return None if self.climbing is None else self.climbing.ahead(self._climbs_from_m)
+
+    @property
+    def _climbs_from_m(self) -> float:
+        """Distance from which on the climb was not measured [m]."""
+        anchor = self.measured.anchor
+        until = self.measured.until_s if self.measured.hours is not None or anchor is None else anchor.time_s
+        return float(np.interp(until, self._ends_s, self.drive.distance_m))
+
+    @cached_property
+    def _climb_median_wh(self) -> FloatArray:
+        """Median of what the unknown climb adds up to each edge [Wh], shape (segments + 1,): hills on the way cost, whatever the net."""
+        if self._climb is None:
+            return np.zeros(len(self._ends_s))
+        return self._climb.quantile(self.uncertainty.scores, 0.5, self._cumulative_sd_wh)
+
+    def _more_wh(self, p: float, sd_wh: FloatArray) -> FloatArray:
+        """Quantile of the energy more than expected up to each edge [Wh]: errors of a standard deviation, and the unknown climb."""
+        if self._climb is None:
+            return np.asarray(np.sign(p - 0.5) * self.uncertainty.scores.factor(abs(2.0 * p - 1.0)) * sd_wh)
+        return self._climb.quantile(self.uncertainty.scores, p, sd_wh) - self._climb_median_wh
+
+    def _probability_of_less(self, more_wh: float, sd_wh: float) -> float:
+        """Probability that the trip takes at most this much more than expected: the inverse of `_more_wh` at its end."""
+        if self._climb is None:
+            return self.uncertainty.scores.probability(more_wh / sd_wh)
+        more_wh += float(self._climb_median_wh[-1])
+        return self._climb.probability_below(self.uncertainty.scores, more_wh, sd_wh)
 
     @property
     def _remaining_sd_wh(self) -> FloatArray:
@@ -674,7 +757,8 @@ class Forecast:
     def _least_wh(self) -> FloatArray:
         """Least energy up to each edge of the segments [Wh], shape (segments + 1,)."""
         ahead, measured = self.drive.least_w * self.open_hours, self.measured.energy_wh
-        return np.concatenate(([0.0], np.cumsum(ahead if measured is None else measured + ahead)))
+        least = np.concatenate(([0.0], np.cumsum(ahead if measured is None else measured + ahead)))
+        return least if self._climb is None else np.asarray(least + self._climb.offsets_wh.min(axis=0))
 
     @property
     def _charge_start(self) -> tuple[float, float, bool]:
@@ -696,9 +780,15 @@ class Forecast:
         """Displayed charge at each edge of the segments and its standard deviation; not held in 0..1."""
         time, start, displayed = self._charge_start
         taken = self._cumulative_wh - self._energy_at(time)
-        energy_sd = np.concatenate(([0.0], self._cumulative_sd_wh)) / self.charge.wh_per_display
+        energy_sd = self._cumulative_sd_wh / self.charge.wh_per_display
         own_sd = np.where((self._ends_s > time) | (not displayed), self.charge.sd(taken, displayed), 0.0)
         return np.asarray(self.charge.left(start, taken, displayed)), np.asarray(np.hypot(energy_sd, own_sd))
+
+    def _charge_at(self, p: float) -> FloatArray:
+        """Quantile of the displayed charge at each edge, shape (segments + 1,); not held in 0..1."""
+        centre, sd = self._charge_band
+        wh = self.charge.wh_per_display
+        return np.asarray(centre - self._more_wh(1.0 - p, sd * wh) / wh)
 
     @property
     def _ends_s(self) -> FloatArray:

@@ -30,7 +30,7 @@ from tripwatt.hybrid import PowerCorrector, SegmentTable, power_corrector, segme
 from tripwatt.hybrid.hierarchy import Members
 from tripwatt.parallel import one_blas_thread
 from tripwatt.physics import simulate_trip
-from tripwatt.routes.links import FLAT_ROAD
+from tripwatt.routes.terrain import net_climbs
 from tripwatt.trips import Departure, Flag, Plan, Trip, plan_from_trip
 from tripwatt.trips.messages import name_of
 from tripwatt.trips.showing import html_table
@@ -358,6 +358,9 @@ class ForecastModel:
             posterior,
             sd_factor=uncertainty.scale.sd_wh(segments) / float(posterior.energy_wh(segments.hours)[1][-1]),
             state_sd_wh=unknown_state_sd_wh(self.vehicle, unfamiliar.unknown, float(segments.hours.sum())),
+            climbing=None
+            if plan.has_road
+            else drive.climbing_energy(net_climbs(plan.departure.terrain or "unknown")),
             flags=(
                 *unfamiliar.flags,
                 *_assumed(drive),
@@ -365,6 +368,11 @@ class ForecastModel:
                 *kept_temperatures(own, departure),
             ),
         )
+        if forecast.soc_per_climb_m is not None:
+            flag = Flag(
+                "unknown_climb", plan.departure.terrain or "unknown", 100.0 * forecast.soc_per_climb_m, "1"
+            )
+            forecast = replace(forecast, flags=(*forecast.flags, flag))
         return forecast.with_route_error(uncertainty.route, uncertainty.free_flow)
 
     def to_dict(self) -> dict[str, Any]:
@@ -443,11 +451,9 @@ class ForecastModel:
 
 
 def _assumed(drive: ExpectedDrive) -> list[Flag]:
-    """Flags of a departure without a state of charge and of a road without elevation."""
+    """Flag of a departure without a state of charge."""
     flags, departure = [], drive.plan.departure
     if departure.bms_soc is None and departure.soc is None:
         start = drive.vehicle.battery.displayed_from_soc(drive.departure_soc)
         flags.append(Flag("soc_assumed", "soc", start, "1"))
-    if not drive.plan.has_road:
-        flags.append(FLAT_ROAD)
     return flags

@@ -67,6 +67,9 @@ class _Departs(BaseModel):
     extras: list[Literal["winter_tyres", "roof_box", "trailer", "headlights"]] | None = Field(
         None, max_length=4, description="what is fitted to the car or switched on"
     )
+    terrain: Literal["unknown", "flat", "hilly", "mountains"] | None = Field(
+        None, description="country of a road whose heights are unknown: how far it may climb"
+    )
     depart: Annotated[AwareDatetime | None, Field(strict=False)] = Field(
         None, description="departure, with its time zone; default: now. It counts for the weather."
     )

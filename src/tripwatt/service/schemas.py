@@ -208,6 +208,9 @@ class ForecastRequest(BaseModel):
     extras: list[Literal["winter_tyres", "roof_box", "trailer", "headlights"]] | None = Field(
         None, max_length=4, description="what is fitted to the car or switched on"
     )
+    terrain: Literal["unknown", "flat", "hilly", "mountains"] | None = Field(
+        None, description="country of a road whose heights are unknown: how far it may climb"
+    )
     reserve: float = _field(QUANTITIES, "reserve", 0.1)
 
 
@@ -254,6 +257,17 @@ class EmptyAt(ResponseModel):
     late: float | None
 
 
+class UnknownClimbDocument(ResponseModel):
+    """What the climb of a road of unknown heights changes."""
+
+    terrain: str = Field(description="country that the interval allows for")
+    soc_per_m: float = Field(description="displayed state of charge that each metre of climb takes [1/m]")
+    changes_at_m: dict[str, float | None] = Field(
+        description="by displayed state of charge: net climb with which the expected arrival falls to it [m]; null where no road of "
+        "this length and country climbs so far"
+    )
+
+
 class ForecastResponse(ResponseModel):
     """The forecast of a trip, as `tripwatt forecast --json` prints it."""
 
@@ -272,6 +286,7 @@ class ForecastResponse(ResponseModel):
     p_arrive: dict[str, float] = Field(
         description="probability to arrive with at least this displayed state of charge"
     )
+    climb: UnknownClimbDocument | None = Field(description="null where the heights of the road are known")
     series: Series
     by_cause_wh: dict[str, float] = Field(description="energy by cause [Wh]; the sum is energy_wh")
     battery_loss_wh: float = Field(description="heat loss inside the battery, not part of energy_wh [Wh]")

@@ -47,7 +47,10 @@ CLIMATE_MODES: Final = ("auto", "off", "heat", "cool")
 EXTRAS: Final = ("winter_tyres", "roof_box", "trailer", "headlights")
 """What can be fitted to the car or switched on for a trip."""
 
-ASKED: Final = ("soc", *TEMPERATURES, "payload_mass_kg", "climate", "extras")
+TERRAINS: Final = ("unknown", "flat", "hilly", "mountains")
+"""What is known of the country where the heights of a road are unknown."""
+
+ASKED: Final = ("soc", *TEMPERATURES, "payload_mass_kg", "climate", "extras", "terrain")
 """Fields that a person gives: options of the command line, fields of a request."""
 
 
@@ -64,6 +67,13 @@ def extras_faults(extras: object) -> list[Fault]:
         return []
     known = isinstance(extras, tuple | list) and all(extra in EXTRAS for extra in extras)
     return [] if known else [Fault("unknown extra", "extras", repr(extras)[:60], ", ".join(EXTRAS))]
+
+
+def terrain_faults(terrain: object) -> list[Fault]:
+    """The fault of a terrain that is none of `TERRAINS`; None is "unknown" and no fault."""
+    if terrain is None or terrain in TERRAINS:
+        return []
+    return [Fault("unknown terrain", "terrain", str(terrain)[:40], f"one of {', '.join(TERRAINS)}")]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -92,6 +102,8 @@ class Departure:
         What the driver allows climate control: "heat" never cools with the compressor, "cool" never heats. None is "auto".
     extras : tuple of str or None
         What is fitted to the car, of `EXTRAS`.
+    terrain : {"unknown", "flat", "hilly", "mountains"} or None
+        Country of a road whose heights are unknown: how far it may climb. None is "unknown"; without effect where heights are known.
 
     Raises
     ------
@@ -117,10 +129,11 @@ class Departure:
     started_at: dt.datetime | None = None
     climate: str | None = None
     extras: tuple[str, ...] | None = None
+    terrain: str | None = None
 
     def __post_init__(self) -> None:
         numbers = {name: getattr(self, name) for name in ("soc", *TEMPERATURES, "payload_mass_kg")}
-        faults = [*scalar_faults(numbers), *climate_faults(self.climate)]
+        faults = [*scalar_faults(numbers), *climate_faults(self.climate), *terrain_faults(self.terrain)]
         raise_faults([*faults, *scalar_faults({"soc": self.bms_soc}), *extras_faults(self.extras)])
         if self.extras is not None:
             object.__setattr__(self, "extras", tuple(self.extras))

@@ -94,6 +94,11 @@ def _state(what: str) -> Callable[[Flag], str]:
     return lambda flag: f"{what} for {period(_number(flag))}"
 
 
+COUNTRIES: Final[Mapping[str, str]] = MappingProxyType(
+    {"flat": "of flat country", "hilly": "of hilly country", "mountains": "in the mountains"}
+)
+"""Terrains as part of a sentence."""
+
 MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
     {
         "outside_training": lambda f: (
@@ -102,7 +107,12 @@ MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
         ),
         "usual_value_assumed": lambda f: f"{name_of(f.subject)} is unknown: {_number(f):.0f} °C is assumed",
         "soc_assumed": lambda f: f"state of charge at departure is unknown: {_number(f):.0%} is assumed",
-        "no_elevation": lambda f: "elevation is unknown: a flat road is assumed",
+        "no_elevation": lambda f: "elevation is unknown",
+        "unknown_climb": lambda f: (
+            "the heights of the road are unknown: the interval has the climb that roads "
+            f"{'of any country' if f.subject == 'unknown' else COUNTRIES.get(f.subject, f.subject)} may have; each 100 m of climb takes "
+            f"{100.0 * _number(f):.1f} points of charge"
+        ),
         "no_trips_of_car": lambda f: (
             f"the model has no trips of this car: the forecast uses its published values and the correction learned "
             f"on a {f.subject}"

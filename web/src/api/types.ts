@@ -47,6 +47,8 @@ export interface Forecast {
   /** Energy of a whole display [Wh]. */
   wh_per_display: number;
   p_arrive: Record<string, number>;
+  /** What the climb of a road of unknown heights changes; null where the heights are known. */
+  climb: UnknownClimb | null;
   series: Series;
   by_cause_wh: Record<string, number>;
   battery_loss_wh: number;
@@ -166,6 +168,17 @@ export interface Charging {
   charging_s: number;
   p_station: number;
   p_arrive: number;
+}
+
+/** Country of a road whose heights are unknown. */
+export type Terrain = "unknown" | "flat" | "hilly" | "mountains";
+
+export interface UnknownClimb {
+  terrain: Terrain;
+  /** Displayed charge that each metre of climb takes. */
+  soc_per_m: number;
+  /** By charge on arrival: climb with which the expected arrival falls to it [m]; null where no such road climbs so far. */
+  changes_at_m: Record<string, number | null>;
 }
 
 export interface Road {

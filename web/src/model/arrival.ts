@@ -40,6 +40,12 @@ export function chanceOf(forecast: Forecast, reserve: number): number | null {
 
 export type Verdict = "good" | "open" | "bad";
 
+/** Climb of an unknown road with which the expected charge on arrival falls to the reserve [m]; null where none does. */
+export function decisiveClimbM({ climb }: Forecast, reserve: number): number | null {
+  const found = Object.entries(climb?.changes_at_m ?? {}).find(([level]) => Math.abs(Number(level) - reserve) < 1e-9);
+  return found ? found[1] : null;
+}
+
 export function verdictOf(chance: number): Verdict {
   if (chance >= 0.95) return "good";
   return chance >= 0.5 ? "open" : "bad";

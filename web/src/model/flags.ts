@@ -1,6 +1,6 @@
 /** Flags of the service as sentences. Flags of one group share a sentence; a flag with an unknown code keeps its message. */
 
-import type { Flag } from "../api/types";
+import type { Flag, Terrain } from "../api/types";
 import type { Text } from "../text";
 import type { Format } from "./format";
 import { PERCENT, type Units } from "./units";
@@ -120,11 +120,20 @@ const GROUPS: Group[] = [
       serious: true,
     }),
   },
-  plain("no_elevation", (text) => ({
-    text: text.noElevation,
-    effect: text.noElevationEffect,
-    serious: true,
-  })),
+  {
+    codes: ["unknown_climb"],
+    toWarning: ([flag], { text, format, units }) =>
+      isMeasured(flag)
+        ? {
+            text: text.flags.unknownClimb(
+              text.flags.countries[flag.subject as Terrain],
+              format.shown(100, units.height),
+              format.shown(flag.value, PERCENT, 1),
+            ),
+            serious: flag.subject !== "flat",
+          }
+        : null,
+  },
   plain("free_flow_times", (text) => ({ text: text.freeFlowTimes })),
   plain("travel_time_error_unknown", (text) => ({
     text: text.timeErrorUnknown,

@@ -144,6 +144,8 @@ export const de: Text = {
     motorway: "Tempo auf der Autobahn",
     changeMotorway: (speed) => `Tempo auf Links ändern, die mit mehr als ${speed} geplant sind`,
     climate: "Klimatisierung",
+    terrain: "Gelände",
+    terrains: { unknown: "Unbekannt", flat: "Flach", hilly: "Hügelig", mountains: "Gebirge" },
     climateModes: { auto: "Automatisch", heat: "Nur heizen", cool: "Nur kühlen", off: "Aus" },
     before: "Vor der Abfahrt",
     parked: (temperature) => `Im Freien geparkt, ${temperature}`,
@@ -220,6 +222,7 @@ export const de: Text = {
       almostImpossible: "Fast ausgeschlossen",
     },
     withReserve: (reserve) => `: Ankunft mit der Reserve von ${reserve} oder mehr`,
+    unlessClimb: (climb) => `nicht ab ${climb} Anstieg`,
     withCharge: ": Ankunft, bevor die Batterie leer ist",
     announced: (word) => `${word}: Ankunft mit der Reserve.`,
     figures: {
@@ -560,8 +563,14 @@ export const de: Text = {
     },
     usualValue: (assumed) => `Nicht angegeben und daher angenommen: ${assumed}.`,
     socAssumed: (soc) => `Der Ladestand bei Abfahrt ist nicht angegeben; angenommen werden ${soc}.`,
-    noElevation: "Die Route hat keine Höhendaten und gilt als eben.",
-    noElevationEffect: "Die Energie für Steigungen ist nicht enthalten.",
+    unknownClimb: (country, climb, points) =>
+      `Die Höhen der Straße sind unbekannt. Der Bereich lässt den Anstieg einer Straße ${country} zu. Je ${climb} Anstieg werden ${points} der Ladung gebraucht.`,
+    countries: {
+      unknown: "in unbekanntem Gelände",
+      flat: "in flachem Gelände",
+      hilly: "in hügeligem Gelände",
+      mountains: "im Gebirge",
+    },
     noTripsOfCar: (car) =>
       `Das Modell wurde ohne Fahrten dieses Fahrzeugs trainiert. Die Vorhersage verwendet veröffentlichte Fahrzeugdaten und Fahrten eines anderen Fahrzeugs: ${car}.`,
     freeFlowTimes:

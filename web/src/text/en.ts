@@ -141,6 +141,8 @@ export const en = {
     motorway: "Motorway speed",
     changeMotorway: (speed: string) => `Change the speed on links planned above ${speed}`,
     climate: "Climate control",
+    terrain: "Country",
+    terrains: { unknown: "Unknown", flat: "Flat", hilly: "Hilly", mountains: "Mountains" },
     climateModes: { auto: "Automatic", heat: "Heating only", cool: "Cooling only", off: "Off" },
     before: "Before departure",
     parked: (temperature: string) => `Parked outside, ${temperature}`,
@@ -217,6 +219,7 @@ export const en = {
     },
     /** Appended to one of the words. */
     withReserve: (reserve: string) => ` to arrive with the reserve of ${reserve} or more`,
+    unlessClimb: (climb: string) => `not with a climb of ${climb} or more`,
     withCharge: " to arrive before the battery is empty",
     announced: (word: string) => `${word} to keep the reserve.`,
     figures: {
@@ -559,8 +562,14 @@ export const en = {
     },
     usualValue: (assumed: string) => `Not given, and assumed: ${assumed}.`,
     socAssumed: (soc: string) => `The battery charge at departure is not given; ${soc} is assumed.`,
-    noElevation: "The route has no elevation data and is taken as flat.",
-    noElevationEffect: "The energy for climbing is not included.",
+    unknownClimb: (country: string, climb: string, points: string) =>
+      `The heights of the road are unknown. The range allows for the climb of a road ${country}. Each ${climb} of climb takes ${points} of charge.`,
+    countries: {
+      unknown: "of which nothing is known",
+      flat: "in flat country",
+      hilly: "in hilly country",
+      mountains: "in the mountains",
+    },
     noTripsOfCar: (car: string) =>
       `The model was trained without trips of this car. The forecast uses published vehicle data and what was learned from trips of a ${car}.`,
     freeFlowTimes:

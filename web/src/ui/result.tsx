@@ -3,7 +3,7 @@ import type { Forecast, Problem } from "../api/types";
 import { BatteryChart } from "../charts/battery";
 import { RoadChart } from "../charts/road";
 import { FAILED, UNREACHABLE } from "../api/client";
-import { chanceOf, emptyAfterM, likelihoodOf, verdictOf } from "../model/arrival";
+import { chanceOf, decisiveClimbM, emptyAfterM, likelihoodOf, verdictOf } from "../model/arrival";
 import { ENERGY, PERCENT } from "../model/units";
 import { loading, retry } from "../state/catalogue";
 import { shownForecast, arrived, canDrive, driving, shownProfile, driveObstacle } from "../state/drive";
@@ -27,14 +27,19 @@ function Chance({ of }: { of: Forecast }) {
   const reserve = requested.value.at.reserve;
   const chance = chanceOf(of, reserve);
   if (chance === null) return null;
-  const { words, withReserve, withCharge } = text.value.chance;
+  const climb = decisiveClimbM(of, reserve);
+  // Not good where a climb that nobody knows would change it.
+  const verdict = climb !== null && verdictOf(chance) === "good" ? "open" : verdictOf(chance);
+  const { words, withReserve, withCharge, unlessClimb } = text.value.chance;
+  const { shown } = format.value;
   return (
-    <p class={`chance chance-${verdictOf(chance)}`}>
-      <Icon name={verdictOf(chance) === "good" ? "check" : "warning"} />
+    <p class={`chance chance-${verdict}`}>
+      <Icon name={verdict === "good" ? "check" : "warning"} />
       <span>
         <strong>{words[likelihoodOf(chance)]}</strong>
-        {reserve > 0 ? withReserve(format.value.shown(reserve, PERCENT)) : withCharge}
+        {reserve > 0 ? withReserve(shown(reserve, PERCENT)) : withCharge}
         <span class="figures"> · {chanceInFigures(chance)}</span>
+        {climb !== null && <span class="figures"> · {unlessClimb(shown(climb, units.value.height, 0))}</span>}
       </span>
     </p>
   );
