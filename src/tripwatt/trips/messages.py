@@ -86,6 +86,12 @@ def _number(flag: Flag) -> float:
     return float(flag.value or 0.0)
 
 
+def _kwh(flag: Flag) -> str:
+    """Energy of a flag [Wh] in kWh: to 0.1, below 1 kWh to 0.01."""
+    value = _number(flag) / 1000.0
+    return f"{value:.1f}" if abs(value) >= 1.0 else f"{value:.2f}"
+
+
 def _limit(what: str) -> Callable[[Flag], str]:
     return lambda flag: f"the car cannot reach the speed of the trace for {period(_number(flag))}: {what}"
 
@@ -133,8 +139,14 @@ MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
         "motor_power_limit": _limit("motor power limit"),
         "motor_speed_limit": _limit("motor speed limit"),
         "battery_voltage_floor": _limit("lowest voltage of the battery"),
-        "battery_empty": _state("the battery is empty"),
-        "battery_over_full": _state("the battery is too full for regenerative braking"),
+        "battery_empty": lambda f: (
+            f"the trip takes {_kwh(f)} kWh more than the battery holds: it is empty before the end"
+            if f.unit == "wh"
+            else f"the battery is empty for {period(_number(f))}"
+        ),
+        "battery_full": lambda f: (
+            f"the battery is too full for {_kwh(f)} kWh of recovered energy: the friction brakes take it"
+        ),
         "battery_over_voltage": _state("the battery voltage is above its limit"),
         "battery_not_settled": lambda f: "the simulated battery state did not converge",
         "elevation_relative": lambda f: "elevation is relative to the departure, which is set to 0 m",
