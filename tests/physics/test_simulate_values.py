@@ -209,21 +209,21 @@ class TestFlags:
         assert run.soc == pytest.approx(0.13 - step * np.arange(5.0), abs=1e-4)
 
     def test_a_full_battery_takes_nothing(self) -> None:
-        """Braking for 16 s on a full battery: the base load is all that the motor recovers, the brakes take the rest."""
-        full = car(1.0)
+        """Braking for 30 s on a full battery: the base load is all that the motor recovers, the brakes take the rest."""
+        full = car(10.0)
         rules = dataclasses.replace(full.regeneration, full_soc=2.0, zero_soc=3.0)
         full = dataclasses.replace(full, regeneration=rules)
         still = dataclasses.replace(OFF, initial_soc=0.9)
-        run = simulate(full, [0.0, 16.0, 17.0], [40.0, 10.0, 10.0], conditions=still)
+        run = simulate(full, [0.0, 30.0, 31.0], [40.0, 10.0, 10.0], conditions=still)
         assert run.battery_power_w[1] == pytest.approx(0.0, abs=1e-9)
         assert run.motor_power_w[1] == pytest.approx(-run.auxiliary_power_w[1])
         assert run.soc[1] == 0.9 > run.soc[2]
-        roomy = simulate(full, [0.0, 16.0, 17.0], [40.0, 10.0, 10.0], conditions=OFF)
-        assert roomy.battery_power_w[1] < -10_000.0
+        roomy = simulate(full, [0.0, 30.0, 31.0], [40.0, 10.0, 10.0], conditions=OFF)
+        assert roomy.battery_power_w[1] < -5_000.0
         kept = run.motor_power_w[1] / roomy.motor_power_w[1]
         losses = [r.power_by_cause_w["drivetrain"][1] for r in (run, roomy)]
         assert losses[0] == pytest.approx(kept * losses[1])
-        lost = (run.battery_power_w[1] - roomy.battery_power_w[1]) * 16.0 / 3600.0
+        lost = (run.battery_power_w[1] - roomy.battery_power_w[1]) * 30.0 / 3600.0
         assert self.codes(run)["battery_full"] == pytest.approx(lost)
         assert sum(run.power_by_cause_w.values()) == pytest.approx(run.battery_power_w, abs=1e-9)
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -12,11 +13,17 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting.expected import ExpectedDrive
-from tripwatt.forecasting.measured import Measured, checked_samples, read_measured, since_departure
+from tripwatt.forecasting.measured import (
+    ChargeReading,
+    Measured,
+    checked_samples,
+    read_measured,
+    since_departure,
+)
 from tripwatt.forecasting.plausible import implausible_faults
 from tripwatt.forecasting.update import updated_power
 from tripwatt.parallel import one_blas_thread
-from tripwatt.trips import Flag, Plan, raise_faults
+from tripwatt.trips import Departure, Flag, Plan, raise_faults
 from tripwatt.trips.messages import flag_to_dict, message
 from tripwatt.trips.showing import html_table
 from tripwatt.uncertainty import (
@@ -36,12 +43,18 @@ if TYPE_CHECKING:
 QUANTILES: Final = (0.025, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.975)
 ARRIVAL_LEVELS: Final = (0.0, 0.05, 0.1, 0.2)
 BAND: Final = 0.9
+ARRIVAL_BAND: Final = (0.95, 0.5, 0.05)
+"""Probabilities of the low end, the middle and the high end of the band."""
 STRAIGHT: Final = 0.75
 """Part of the way from the expected to the least energy over which a distance below counts as it is."""
 DRIVEN: Final = "the driven speed trace"
 PLANNED: Final = "a planned route"
 FREE_FLOW: Final = "a planned route, free flow"
 NOT_MEASURED: Final = Measured(0.0)
+SOC_PRECISION: Final = 1e-6
+"""Of the charge to leave with."""
+OF_CHARGE: Final = frozenset({"soc_assumed", "battery_empty", "battery_full", "battery_over_voltage"})
+"""Flags that depend on the charge at departure."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -68,6 +81,8 @@ class Forecast:
         What was assumed, and what limits the forecast.
     measured : Measured
         What was measured so far.
+    maker : callable or None
+        Forecasts a plan as this one was forecast; None where the forecast was put together by hand.
 
     Examples
     --------
@@ -88,6 +103,7 @@ class Forecast:
     route_sd_wh: float = 0.0
     flags: tuple[Flag, ...] = ()
     measured: Measured = NOT_MEASURED
+    maker: Callable[[Plan], Forecast] | None = None
 
     @property
     def plan(self) -> Plan:
@@ -247,9 +263,7 @@ class Forecast:
         >>> found.soc_quantile(0.05) < found.soc_arrival < found.soc_quantile(0.95) < 0.8
         True
         """
-        centre, sd = (values[-1] for values in self._charge_band)
-        half = self.uncertainty.scores.factor(abs(2.0 * p - 1.0)) * sd
-        return float(np.clip(centre + np.sign(p - 0.5) * half, 0.0, 1.0))
+        return float(np.clip(self.soc_along(1.0 - p)[-1], 0.0, 1.0))
 
     def soc_interval(self, level: float) -> tuple[float, float]:
         """Central interval of the displayed state of charge at the end of the trip, 0 to 1.
@@ -277,7 +291,8 @@ class Forecast:
     def p_arrive(self, reserve: float = 0.0) -> float:
         """Probability to arrive with at least this displayed state of charge, 0 to 1.
 
-        Energy, capacity and the display itself are uncertain.
+        Energy, capacity and the display itself are uncertain. A battery that is empty on the way, such as on a pass,
+        does not arrive, whatever the way down would bring back: the least certain place counts.
 
         Parameters
         ----------
@@ -297,16 +312,51 @@ class Forecast:
         >>> found.p_arrive(0.1) > found.p_arrive(0.7)
         True
         """
-        centre, sd = (float(values[-1]) for values in self._charge_band)
-        if sd <= 0.0:
-            return float(centre >= reserve)
-        return self.uncertainty.scores.probability((centre - reserve) / sd)
+        centre, sd = self._charge_band
+        above = centre - self._least_charge(reserve)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scaled = np.where(sd > 0.0, above / sd, np.where(above >= 0.0, np.inf, -np.inf))
+        worst = float(scaled.min())
+        return self.uncertainty.scores.probability(worst) if math.isfinite(worst) else float(worst > 0.0)
+
+    def leaving_with(self, soc: float) -> Forecast:
+        """Forecast the trip again from another charge.
+
+        The charge changes the voltage, the resistance and what the battery recovers. On the way, what was measured is
+        kept, and the battery is charged to `soc` where its charge was last read.
+
+        Parameters
+        ----------
+        soc : float
+            Displayed state of charge, 0 to 1.
+
+        Returns
+        -------
+        Forecast
+            Of the same trip.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> found.leaving_with(0.6).soc_arrival < found.soc_arrival
+        True
+        """
+        if self.maker is None or self.measured is not NOT_MEASURED:
+            reading = ChargeReading(self._charge_start[0], soc, displayed=True, charged=True)
+            return replace(self, measured=replace(self.measured, anchor=reading))._with_empty()
+        plan = self.plan.with_departure(Departure(soc=soc))
+        again = self.maker(plan)
+        kept = (flag for flag in self.flags if flag.code not in OF_CHARGE)
+        flags = dict.fromkeys((*kept, *again.flags))
+        return replace(again, state_sd_wh=self.state_sd_wh, flags=tuple(flags))
 
     def soc_needed(self, reserve: float = 0.1, probability: float = 0.95) -> float:
         """Displayed state of charge to leave with, to arrive with a reserve with a probability.
 
-        Energy and its uncertainty are those of this forecast, whatever the charge at departure. Above 1 where a full
-        battery does not suffice.
+        The forecast that leaves with it has this probability: ``leaving_with(soc).p_arrive(reserve) == probability``,
+        whatever charge the plan has. Six forecasts in the median.
 
         Parameters
         ----------
@@ -318,7 +368,8 @@ class Forecast:
         Returns
         -------
         float
-            Displayed state of charge, 0 to 1, or above 1.
+            0 to 1. 0 where any charge suffices, such as on a way down. Above 1 where a full battery does not suffice:
+            1 and what a full display lacks.
 
         Examples
         --------
@@ -326,23 +377,42 @@ class Forecast:
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
         >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
         >>> leave = found.soc_needed(reserve=0.2, probability=0.95)
-        >>> 0.2 < leave < 0.8
-        True
+        >>> round(found.leaving_with(leave).p_arrive(0.2), 3)
+        0.95
         """
-        _, start, _ = self._charge_start
-        centre, sd = (float(values[-1]) for values in self._charge_band)
-        lower = centre - self.uncertainty.scores.factor(abs(2.0 * probability - 1.0)) * sd
-        return start + reserve - lower
+
+        @cache
+        def spare(soc: float) -> float:
+            return self.leaving_with(soc)._spare(reserve, probability)
+
+        if spare(1.0) < 0.0:
+            return 1.0 - spare(1.0)
+        if spare(0.0) >= 0.0:
+            return 0.0
+        from scipy.optimize import brentq  # slow to import
+
+        root = float(brentq(spare, 0.0, 1.0, xtol=SOC_PRECISION))
+        return min(root + 2.0 * SOC_PRECISION, 1.0)  # on the side that suffices
+
+    def _spare(self, reserve: float, probability: float) -> float:
+        """Displayed charge beyond what is needed, at the place where it is least, that is exceeded with a probability."""
+        return float((self.soc_along(probability) - self._least_charge(reserve)).min())
+
+    def _least_charge(self, reserve: float) -> FloatArray:
+        """Displayed charge that each edge of the segments has to be passed with: none before the last reading."""
+        least = np.where(self._ends_s > self._charge_start[0], 0.0, -np.inf)
+        least[-1] = reserve
+        return least
 
     def soc_along(self, probability: float) -> FloatArray:
-        """Displayed charge at the edges of the segments that is exceeded with a probability, 0.5 to 1.
+        """Displayed charge at the edges of the segments that is exceeded with a probability.
 
         Not held in 0..1; the positions are those of `series`.
 
         Parameters
         ----------
         probability : float
-            0.5 to 1.
+            0 to 1.
 
         Returns
         -------
@@ -358,7 +428,8 @@ class Forecast:
         True
         """
         centre, sd = self._charge_band
-        return np.asarray(centre - self.uncertainty.scores.factor(abs(2.0 * probability - 1.0)) * sd)
+        half = self.uncertainty.scores.factor(abs(2.0 * probability - 1.0)) * sd
+        return np.asarray(centre - np.sign(probability - 0.5) * half)
 
     @property
     def empty_at_m(self) -> tuple[float | None, float | None, float | None]:
@@ -366,10 +437,19 @@ class Forecast:
 
         None where it does not on this trip.
         """
-        centre, sd = self._charge_band
-        half = self.uncertainty.scores.factor(BAND) * sd
-        early, expected, late = (self._first_empty(line) for line in (centre - half, centre, centre + half))
+        early, expected, late = (self._first_empty(self.soc_along(p)) for p in ARRIVAL_BAND)
         return early, expected, late
+
+    @property
+    def missing_wh(self) -> tuple[float, float, float]:
+        """Energy that the trip takes beyond what the battery holds [Wh]: least, expected and most, of the 90 % band.
+
+        0 where the battery holds enough. On the way it counts where the charge is lowest.
+        """
+        ahead = np.isfinite(self._least_charge(0.0))
+        lowest = (float(self.soc_along(p)[ahead].min()) for p in reversed(ARRIVAL_BAND))
+        least, expected, most = (max(-charge, 0.0) * self.charge.wh_per_display for charge in lowest)
+        return least, expected, most
 
     def _first_empty(self, charge: FloatArray) -> float | None:
         empty = np.flatnonzero(charge <= 0.0)
@@ -432,6 +512,14 @@ class Forecast:
         step = np.diff(simulation.time_s, prepend=simulation.time_s[0])
         return float(simulation.battery_loss_w @ step / SECONDS_PER_HOUR)
 
+    def _with_empty(self) -> Forecast:
+        """The forecast with the flag of a battery that does not hold what the trip takes, where that is expected."""
+        flags = [flag for flag in self.flags if flag.code != "battery_empty"]
+        missing = self.missing_wh[1]
+        if missing > 0.0:
+            flags.append(Flag("battery_empty", "battery", missing, "wh"))
+        return replace(self, flags=tuple(flags))
+
     def with_route_error(
         self, route: RouteUncertainty | None, free_flow: FreeFlowUncertainty | None = None
     ) -> Forecast:
@@ -465,7 +553,7 @@ class Forecast:
         link_m = self.plan.link_m
         flags = [*self.flags, *self.plan.flags]
         if link_m is None:
-            return replace(self, flags=tuple(dict.fromkeys(flags)))
+            return replace(self, flags=tuple(dict.fromkeys(flags)))._with_empty()
         route_sd_wh = 0.0
         if route is None:
             flags.append(Flag("route_error_unknown", "links"))
@@ -478,7 +566,7 @@ class Forecast:
                 flags.append(Flag("travel_time_error_unknown", "road"))
             if link_m > float(route.length_m[-1]):
                 flags.append(Flag("links_too_long", "links", link_m, "m"))
-        return replace(self, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags)))
+        return replace(self, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags)))._with_empty()
 
     @one_blas_thread
     def update(self, observed: pd.DataFrame) -> Forecast:
@@ -549,7 +637,8 @@ class Forecast:
         raise_faults(implausible_faults(observed, self.drive))
         measured, readings = read_measured(samples, self.drive, self.uncertainty.process)
         posterior, factor = updated_power(self.drive, self.uncertainty, samples, measured, readings)
-        return replace(self, posterior=posterior, rest_sd_factor=factor, measured=measured)
+        updated = replace(self, posterior=posterior, rest_sd_factor=factor, measured=measured)
+        return updated._with_empty()
 
     @one_blas_thread
     def to_dict(self, reserve: float | None = None) -> dict[str, Any]:
@@ -583,6 +672,7 @@ class Forecast:
             "soc_quantiles": {f"{p:g}": self.soc_quantile(p) for p in QUANTILES},
             "wh_per_display": self.charge.wh_per_display,
             "empty_at_m": dict(zip(("early", "expected", "late"), self.empty_at_m, strict=True)),
+            "missing_wh": dict(zip(("least", "expected", "most"), self.missing_wh, strict=True)),
             "p_arrive": {f"{level:g}": self.p_arrive(level) for level in levels},
             "series": {name: values.tolist() for name, values in self._series().items()},
             "by_cause_wh": self.by_cause_wh,
@@ -680,7 +770,8 @@ class Forecast:
     def _charge_start(self) -> tuple[float, float, bool]:
         """Time [s] and displayed charge of the last reading or at departure; whether the display itself was read."""
         anchor, departure = self.measured.anchor, self.plan.departure
-        if anchor is not None and anchor.displayed and min(anchor.value, departure.soc or 0.0) >= FULL:
+        read = anchor is not None and anchor.displayed and not anchor.charged
+        if anchor is not None and read and min(anchor.value, departure.soc or 0.0) >= FULL:
             anchor = None  # still full: what it hid at departure is known better than what it hides now
         if anchor is not None:
             shown = anchor.value if anchor.displayed else float(self.charge.displayed(anchor.value))

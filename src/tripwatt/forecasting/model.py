@@ -364,6 +364,7 @@ class ForecastModel:
                 *simulation.flags,
                 *kept_temperatures(own, departure),
             ),
+            maker=self.forecast,
         )
         return forecast.with_route_error(uncertainty.route, uncertainty.free_flow)
 
