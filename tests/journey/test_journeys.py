@@ -112,18 +112,21 @@ def test_the_charge_to_leave_with_arrives_in_19_of_20_trips(model):
     assert more.soc_needed == pytest.approx(found.soc_needed + 0.1, abs=0.01)
 
 
-def test_where_a_full_battery_does_not_suffice_there_is_no_charge_to_leave_with(model):
-    found = journey(model, stops=(A, Place(47.0, 14.0)), answers=False)
-    assert found.soc_needed is None
+def test_where_a_full_battery_does_not_suffice_the_answer_is_above_one(model):
+    far = Place(47.0, 14.0)
+    found = journey(model, stops=(A, far), answers=False)
+    assert found.soc_needed > 1.0
+    assert found.soc_needed == journey(model, replace(COLD, soc=0.3), stops=(A, far), answers=False).soc_needed
     assert not found.arrives
-    assert found.to_dict()["soc_needed"] is None
+    assert found.to_dict()["soc_needed"] == found.soc_needed
+    assert found.to_dict()["leave"].startswith("A full battery does not suffice")
 
 
 def test_the_needed_charge_of_a_forecast_follows_its_quantile(model):
     forecast = journey(model, stops=(A, Place(47.0, 9.2)), answers=False).forecast
-    needed = forecast.soc_needed(0.1, 0.95)
-    assert needed == pytest.approx(0.9 + 0.1 - forecast.soc_quantile(0.05))
-    assert forecast.soc_needed(0.1, 0.5) == pytest.approx(1.0 - forecast.soc_quantile(0.5))
+    for probability in (0.5, 0.95):
+        leaving = forecast.leaving_with(forecast.soc_needed(0.1, probability))
+        assert leaving.soc_quantile(1.0 - probability) == pytest.approx(0.1, abs=1e-5)
     assert forecast.soc_along(0.95)[-1] == pytest.approx(forecast.soc_quantile(0.05))
     assert forecast.soc_along(0.95)[0] == pytest.approx(0.9)
 

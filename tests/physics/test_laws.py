@@ -163,6 +163,44 @@ def test_more_regeneration_never_costs_energy(trace, low, high) -> None:
     assert more.simulated_energy_wh <= less.simulated_energy_wh + 1e-9
 
 
+DESCENDING = st.sampled_from(["bmw_i3_60ah", "vw_id3", "nissan_leaf_24", "tesla_model_3_lr"])
+
+
+@EXAMPLES
+@given(
+    name=DESCENDING,
+    displayed=st.sampled_from([1.0, 0.95, 0.8]),
+    slope=st.floats(0.02, 0.12),
+    speed=st.floats(6.0, 25.0),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_no_descent_raises_the_charge_above_full(name, displayed, slope, speed, seed) -> None:
+    """1,000 m down: what is recovered is in the battery, or was refused and is heat of the friction brakes."""
+    car = load_vehicle(name)
+    window = car.battery
+    rng = np.random.default_rng(seed)
+    n = max(int(1000.0 / (slope * speed)), 10)
+    grade = -slope * rng.uniform(0.5, 1.5, n)
+    trace = {"time_s": np.arange(float(n)), "speed_m_s": speed + rng.normal(0.0, 0.5, n).cumsum().clip(-4, 4)}
+    start = DriveConditions(initial_soc=window.soc_from_displayed(displayed))
+    run = simulate(car, **trace, grade=grade, conditions=start)
+    assert run.soc.max() <= window.displayed_full_soc + 1e-9
+    assert window.displayed_from_soc(run.soc[-1]) <= 1.0 + 1e-9
+    assert (run.friction_brake_power_w >= 0.0).all()
+    causes = sum(parts[-1] for parts in run.energy_by_cause_wh.values())
+    assert causes == pytest.approx(run.simulated_energy_wh, abs=1e-6)
+    # charge and energy tell one story: what left the terminals and the cells left the charge
+    charge = np.diff(run.soc, prepend=start.initial_soc) * window.capacity_ah * 3600.0
+    step = np.diff(run.time_s, prepend=run.time_s[0])
+    assert -charge == pytest.approx(run.battery_current_a * step, abs=1e-6)
+    empty = simulate(car, **trace, grade=grade, conditions=DriveConditions(initial_soc=0.3))
+    lost = run.simulated_energy_wh - empty.simulated_energy_wh
+    assert lost > -1.0
+    assert run.energy_by_cause_wh["friction_brakes"][-1] >= empty.energy_by_cause_wh["friction_brakes"][-1] - 1.0
+    flagged = {flag.code: flag.value for flag in run.flags}
+    assert flagged.get("battery_full", 0.0) == pytest.approx(max(lost, 0.0), abs=60.0)
+
+
 @EXAMPLES
 @given(trace=traces())
 def test_state_of_charge_falls_when_the_battery_gives(trace) -> None:

@@ -36,18 +36,31 @@ def test_battery_passes_agree_with_a_loop_over_samples(i3: Vehicle, soc: float, 
     step[0] = 0.0
     power = rng.normal(5_000.0, 15_000.0 if temperature > 0.0 else 4_000.0, 400)
     run = discharge(battery, power, step, 5.0, soc, temperature)
-    charge, heat_c = soc, temperature
+    charge, heat_c, full = soc, temperature, max(soc, battery.displayed_full_soc)
     for k in range(400):
         ocv = open_circuit_voltage(np.array([charge]), battery)[0]
         ohm = internal_resistance(np.array([charge]), np.array([heat_c]), battery)[0]
         current = (ocv - np.sqrt(ocv**2 - 4.0 * ohm * power[k])) / (2.0 * ohm)
-        charge -= current * step[k] / 3600.0 / battery.capacity_ah
+        hours = step[k] / 3600.0
+        if hours > 0.0:  # charge that finds no room is refused
+            current = max(current, (charge - full) * battery.capacity_ah / hours)
+        charge -= current * hours / battery.capacity_ah
         decay = np.exp(-step[k] * battery.heat_loss_w_k / battery.heat_capacity_j_k)
         heat_c = 5.0 + current**2 * ohm / battery.heat_loss_w_k * (1 - decay) + (heat_c - 5.0) * decay
         assert run.current_a[k] == pytest.approx(current, rel=1e-4, abs=1e-3)
     assert run.converged
     assert run.soc[-1] == pytest.approx(charge, abs=1e-5)
     assert run.temperature_degc[-1] == pytest.approx(heat_c, abs=1e-3)
+
+
+def test_an_empty_battery_gives_what_the_drive_takes(i3: Vehicle) -> None:
+    """Charge below empty is counted; the energy does not fall because the battery has none left."""
+    power, step = np.full(1800, 15_000.0), np.ones(1800)
+    low, high = (discharge(i3.battery, power, step, 20.0, soc, 20.0) for soc in (0.1, 0.8))
+    assert low.soc[-1] < 0.0
+    assert low.power_w == pytest.approx(high.power_w)
+    empty = low.soc < i3.battery.displayed_zero_soc
+    assert np.ptp(low.current_a[empty][1:]) < 0.05 * low.current_a[-1]  # the cells warm a little
 
 
 def test_cold_and_empty_cells_resist_more(i3: Vehicle) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any, Final
 
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
@@ -77,11 +76,7 @@ def journey_in_words(journey: Journey) -> list[str]:
     forecast, reserve = journey.forecast, _percent(journey.reserve)
     title = " to ".join(place.title for place in journey.stops)
     sentences = [forecast_in_words(forecast, title), *unknown_climb_in_words(forecast, journey.reserve)]
-    if journey.soc_needed is None:
-        sentences.append(f"A full battery does not suffice to arrive with {reserve} % in 19 of 20 trips.")
-    else:
-        needed = math.ceil(100.0 * journey.soc_needed - 1e-9)
-        sentences.append(f"Leave with {needed} % to arrive with {reserve} % or more in 19 of 20 trips.")
+    sentences.append(journey.leave)
     advice = journey.speed
     if advice is not None and advice.speed_m_s is not None:
         speed = round(advice.speed_m_s / M_S_PER_KM_H)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -12,12 +13,18 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting.expected import ExpectedDrive
-from tripwatt.forecasting.measured import Measured, checked_samples, read_measured, since_departure
+from tripwatt.forecasting.measured import (
+    ChargeReading,
+    Measured,
+    checked_samples,
+    read_measured,
+    since_departure,
+)
 from tripwatt.forecasting.plausible import implausible_faults
 from tripwatt.forecasting.update import updated_power
 from tripwatt.parallel import one_blas_thread
 from tripwatt.routes.links import FLAT_ROAD
-from tripwatt.trips import Flag, Plan, raise_faults
+from tripwatt.trips import Departure, Flag, Plan, raise_faults
 from tripwatt.trips.messages import flag_to_dict, message
 from tripwatt.trips.showing import html_table
 from tripwatt.uncertainty import (
@@ -38,14 +45,18 @@ if TYPE_CHECKING:
 QUANTILES: Final = (0.025, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.975)
 ARRIVAL_LEVELS: Final = (0.0, 0.05, 0.1, 0.2)
 BAND: Final = 0.9
-LOW: Final = 0.5 - 0.5 * BAND
-HIGH: Final = 0.5 + 0.5 * BAND
+ARRIVAL_BAND: Final = (0.95, 0.5, 0.05)
+"""Probabilities of the low end, the middle and the high end of the band."""
 STRAIGHT: Final = 0.75
 """Part of the way from the expected to the least energy over which a distance below counts as it is."""
 DRIVEN: Final = "the driven speed trace"
 PLANNED: Final = "a planned route"
 FREE_FLOW: Final = "a planned route, free flow"
 NOT_MEASURED: Final = Measured(0.0)
+SOC_PRECISION: Final = 1e-6
+"""Of the charge to leave with."""
+OF_CHARGE: Final = frozenset({"soc_assumed", "battery_empty", "battery_full", "battery_over_voltage"})
+"""Flags that depend on the charge at departure."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,6 +85,8 @@ class Forecast:
         What was assumed, and what limits the forecast.
     measured : Measured
         What was measured so far.
+    maker : callable or None
+        Forecasts a plan as this one was forecast; None where the forecast was put together by hand.
 
     Examples
     --------
@@ -95,6 +108,7 @@ class Forecast:
     climbing: ClimbingEnergy | None = None
     flags: tuple[Flag, ...] = ()
     measured: Measured = NOT_MEASURED
+    maker: Callable[[Plan], Forecast] | None = None
 
     @property
     def plan(self) -> Plan:
@@ -224,7 +238,8 @@ class Forecast:
         if self.sd_wh <= 0.0:
             return float(self.energy_wh <= energy_wh)
         below = distance_below(self.energy_wh, energy_wh, float(self._least_wh[-1]))
-        return self._probability_of_less(-below, float(self._cumulative_sd_wh[-1]))
+        ends = np.full_like(self._cumulative_sd_wh, -below)
+        return float(self._probability_of_less(ends, self._cumulative_sd_wh)[-1])
 
     @cached_property
     def charge(self) -> ChargeScale:
@@ -258,7 +273,7 @@ class Forecast:
         >>> found.soc_quantile(0.05) < found.soc_arrival < found.soc_quantile(0.95) < 0.8
         True
         """
-        return float(np.clip(self._charge_at(p)[-1], 0.0, 1.0))
+        return float(np.clip(self.soc_along(1.0 - p)[-1], 0.0, 1.0))
 
     def soc_interval(self, level: float) -> tuple[float, float]:
         """Central interval of the displayed state of charge at the end of the trip, 0 to 1.
@@ -287,7 +302,8 @@ class Forecast:
     def p_arrive(self, reserve: float = 0.0) -> float:
         """Probability to arrive with at least this displayed state of charge, 0 to 1.
 
-        Energy, capacity and the display itself are uncertain.
+        Energy, capacity and the display itself are uncertain. A battery that is empty on the way, such as on a pass,
+        does not arrive, whatever the way down would bring back: the least certain place counts.
 
         Parameters
         ----------
@@ -307,17 +323,48 @@ class Forecast:
         >>> found.p_arrive(0.1) > found.p_arrive(0.7)
         True
         """
-        centre, sd = (float(values[-1]) for values in self._charge_band)
-        if sd <= 0.0:
-            return float(centre >= reserve)
+        centre, sd = self._charge_band
         wh = self.charge.wh_per_display
-        return self._probability_of_less((centre - reserve) * wh, sd * wh)
+        return float(self._probability_of_less((centre - self._least_charge(reserve)) * wh, sd * wh).min())
+
+    def leaving_with(self, soc: float) -> Forecast:
+        """Forecast the trip again from another charge.
+
+        The charge changes the voltage, the resistance and what the battery recovers. On the way, what was measured is
+        kept, and the battery is charged to `soc` where its charge was last read.
+
+        Parameters
+        ----------
+        soc : float
+            Displayed state of charge, 0 to 1.
+
+        Returns
+        -------
+        Forecast
+            Of the same trip.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> found.leaving_with(0.6).soc_arrival < found.soc_arrival
+        True
+        """
+        if self.maker is None or self.measured is not NOT_MEASURED:
+            reading = ChargeReading(self._charge_start[0], soc, displayed=True, charged=True)
+            return replace(self, measured=replace(self.measured, anchor=reading))._with_empty()
+        plan = self.plan.with_departure(Departure(soc=soc))
+        again = self.maker(plan)
+        kept = (flag for flag in self.flags if flag.code not in OF_CHARGE)
+        flags = dict.fromkeys((*kept, *again.flags))
+        return replace(again, state_sd_wh=self.state_sd_wh, flags=tuple(flags))
 
     def soc_needed(self, reserve: float = 0.1, probability: float = 0.95) -> float:
         """Displayed state of charge to leave with, to arrive with a reserve with a probability.
 
-        Energy and its uncertainty are those of this forecast, whatever the charge at departure. Above 1 where a full
-        battery does not suffice.
+        The forecast that leaves with it has this probability: ``leaving_with(soc).p_arrive(reserve) == probability``,
+        whatever charge the plan has. Six forecasts in the median.
 
         Parameters
         ----------
@@ -329,7 +376,8 @@ class Forecast:
         Returns
         -------
         float
-            Displayed state of charge, 0 to 1, or above 1.
+            0 to 1. 0 where any charge suffices, such as on a way down. Above 1 where a full battery does not suffice:
+            1 and what a full display lacks.
 
         Examples
         --------
@@ -337,21 +385,42 @@ class Forecast:
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
         >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
         >>> leave = found.soc_needed(reserve=0.2, probability=0.95)
-        >>> 0.2 < leave < 0.8
-        True
+        >>> round(found.leaving_with(leave).p_arrive(0.2), 3)
+        0.95
         """
-        _, start, _ = self._charge_start
-        return start + reserve - float(self._charge_at(1.0 - probability)[-1])
+
+        @cache
+        def spare(soc: float) -> float:
+            return self.leaving_with(soc)._spare(reserve, probability)
+
+        if spare(1.0) < 0.0:
+            return 1.0 - spare(1.0)
+        if spare(0.0) >= 0.0:
+            return 0.0
+        from scipy.optimize import brentq  # slow to import
+
+        root = float(brentq(spare, 0.0, 1.0, xtol=SOC_PRECISION))
+        return min(root + 2.0 * SOC_PRECISION, 1.0)  # on the side that suffices
+
+    def _spare(self, reserve: float, probability: float) -> float:
+        """Displayed charge beyond what is needed, at the place where it is least, that is exceeded with a probability."""
+        return float((self.soc_along(probability) - self._least_charge(reserve)).min())
+
+    def _least_charge(self, reserve: float) -> FloatArray:
+        """Displayed charge that each edge of the segments has to be passed with: none before the last reading."""
+        least = np.where(self._ends_s > self._charge_start[0], 0.0, -np.inf)
+        least[-1] = reserve
+        return least
 
     def soc_along(self, probability: float) -> FloatArray:
-        """Displayed charge at the edges of the segments that is exceeded with a probability, 0.5 to 1.
+        """Displayed charge at the edges of the segments that is exceeded with a probability.
 
         Not held in 0..1; the positions are those of `series`.
 
         Parameters
         ----------
         probability : float
-            0.5 to 1.
+            0 to 1.
 
         Returns
         -------
@@ -366,7 +435,9 @@ class Forecast:
         >>> bool((found.soc_along(0.95) <= found.soc_along(0.5)).all())
         True
         """
-        return self._charge_at(1.0 - probability)
+        centre, sd = self._charge_band
+        wh = self.charge.wh_per_display
+        return np.asarray(centre - self._more_wh(probability, sd * wh) / wh)
 
     @property
     def empty_at_m(self) -> tuple[float | None, float | None, float | None]:
@@ -374,9 +445,19 @@ class Forecast:
 
         None where it does not on this trip.
         """
-        levels = (LOW, 0.5, HIGH)
-        early, expected, late = (self._first_empty(self._charge_at(level)) for level in levels)
+        early, expected, late = (self._first_empty(self.soc_along(p)) for p in ARRIVAL_BAND)
         return early, expected, late
+
+    @property
+    def missing_wh(self) -> tuple[float, float, float]:
+        """Energy that the trip takes beyond what the battery holds [Wh]: least, expected and most, of the 90 % band.
+
+        0 where the battery holds enough. On the way it counts where the charge is lowest.
+        """
+        ahead = np.isfinite(self._least_charge(0.0))
+        lowest = (float(self.soc_along(p)[ahead].min()) for p in reversed(ARRIVAL_BAND))
+        least, expected, most = (max(-charge, 0.0) * self.charge.wh_per_display for charge in lowest)
+        return least, expected, most
 
     def _first_empty(self, charge: FloatArray) -> float | None:
         empty = np.flatnonzero(charge <= 0.0)
@@ -413,11 +494,16 @@ class Forecast:
             "time_s": self._ends_s,
             "distance_m": self.drive.distance_m,
             "energy_wh": energy,
-            "energy_low_wh": possible_energy(energy, -self._more_wh(LOW, sd), self._least_wh),
-            "energy_high_wh": energy + self._more_wh(HIGH, sd),
-            "displayed_soc": np.clip(self._charge_at(0.5), 0.0, 1.0),
-            "displayed_soc_low": np.clip(self._charge_at(LOW), 0.0, 1.0),
-            "displayed_soc_high": np.clip(self._charge_at(HIGH), 0.0, 1.0),
+            "energy_low_wh": possible_energy(
+                energy, -self._more_wh(1.0 - ARRIVAL_BAND[0], sd), self._least_wh
+            ),
+            "energy_high_wh": energy + self._more_wh(1.0 - ARRIVAL_BAND[2], sd),
+            **{
+                name: np.clip(self.soc_along(p), 0.0, 1.0)
+                for name, p in zip(
+                    ("displayed_soc_low", "displayed_soc", "displayed_soc_high"), ARRIVAL_BAND, strict=True
+                )
+            },
         }
 
     @property
@@ -438,6 +524,14 @@ class Forecast:
         simulation = self.drive.simulation
         step = np.diff(simulation.time_s, prepend=simulation.time_s[0])
         return float(simulation.battery_loss_w @ step / SECONDS_PER_HOUR)
+
+    def _with_empty(self) -> Forecast:
+        """The forecast with the flag of a battery that does not hold what the trip takes, where that is expected."""
+        flags = [flag for flag in self.flags if flag.code != "battery_empty"]
+        missing = self.missing_wh[1]
+        if missing > 0.0:
+            flags.append(Flag("battery_empty", "battery", missing, "wh"))
+        return replace(self, flags=tuple(flags))
 
     def climb_to(self, reserve: float = 0.0) -> float | None:
         """Net climb of the rest of an unknown road with which the expected charge at arrival falls to a reserve.
@@ -508,7 +602,7 @@ class Forecast:
         link_m = self.plan.link_m
         flags = [*self.flags, *(flag for flag in self.plan.flags if flag != FLAT_ROAD)]
         if link_m is None:
-            return replace(self, flags=tuple(dict.fromkeys(flags)))
+            return replace(self, flags=tuple(dict.fromkeys(flags)))._with_empty()
         route_sd_wh = 0.0
         if route is None:
             flags.append(Flag("route_error_unknown", "links"))
@@ -521,7 +615,7 @@ class Forecast:
                 flags.append(Flag("travel_time_error_unknown", "road"))
             if link_m > float(route.length_m[-1]):
                 flags.append(Flag("links_too_long", "links", link_m, "m"))
-        return replace(self, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags)))
+        return replace(self, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags)))._with_empty()
 
     @one_blas_thread
     def update(self, observed: pd.DataFrame) -> Forecast:
@@ -592,7 +686,8 @@ class Forecast:
         raise_faults(implausible_faults(observed, self.drive))
         measured, readings = read_measured(samples, self.drive, self.uncertainty.process)
         posterior, factor = updated_power(self.drive, self.uncertainty, samples, measured, readings)
-        return replace(self, posterior=posterior, rest_sd_factor=factor, measured=measured)
+        updated = replace(self, posterior=posterior, rest_sd_factor=factor, measured=measured)
+        return updated._with_empty()
 
     @one_blas_thread
     def to_dict(self, reserve: float | None = None) -> dict[str, Any]:
@@ -626,6 +721,7 @@ class Forecast:
             "soc_quantiles": {f"{p:g}": self.soc_quantile(p) for p in QUANTILES},
             "wh_per_display": self.charge.wh_per_display,
             "empty_at_m": dict(zip(("early", "expected", "late"), self.empty_at_m, strict=True)),
+            "missing_wh": dict(zip(("least", "expected", "most"), self.missing_wh, strict=True)),
             "p_arrive": {f"{level:g}": self.p_arrive(level) for level in levels},
             "climb": None if self.climbing is None else self._climb_to_dict(levels),
             "series": {name: values.tolist() for name, values in self._series().items()},
@@ -736,12 +832,14 @@ class Forecast:
             return np.asarray(np.sign(p - 0.5) * self.uncertainty.scores.factor(abs(2.0 * p - 1.0)) * sd_wh)
         return self._climb.quantile(self.uncertainty.scores, p, sd_wh) - self._climb_median_wh
 
-    def _probability_of_less(self, more_wh: float, sd_wh: float) -> float:
-        """Probability that the trip takes at most this much more than expected: the inverse of `_more_wh` at its end."""
-        if self._climb is None:
-            return self.uncertainty.scores.probability(more_wh / sd_wh)
-        more_wh += float(self._climb_median_wh[-1])
-        return self._climb.probability_below(self.uncertainty.scores, more_wh, sd_wh)
+    def _probability_of_less(self, more_wh: FloatArray, sd_wh: FloatArray) -> FloatArray:
+        """Probability at each edge that the trip takes at most this much more than expected: the inverse of `_more_wh`."""
+        scores = self.uncertainty.scores
+        if self._climb is not None:
+            return self._climb.probability_below(scores, more_wh + self._climb_median_wh, sd_wh)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scaled = np.where(sd_wh > 0.0, more_wh / sd_wh, np.where(more_wh >= 0.0, np.inf, -np.inf))
+        return scores.probabilities(scaled)
 
     @property
     def _remaining_sd_wh(self) -> FloatArray:
@@ -764,7 +862,8 @@ class Forecast:
     def _charge_start(self) -> tuple[float, float, bool]:
         """Time [s] and displayed charge of the last reading or at departure; whether the display itself was read."""
         anchor, departure = self.measured.anchor, self.plan.departure
-        if anchor is not None and anchor.displayed and min(anchor.value, departure.soc or 0.0) >= FULL:
+        read = anchor is not None and anchor.displayed and not anchor.charged
+        if anchor is not None and read and min(anchor.value, departure.soc or 0.0) >= FULL:
             anchor = None  # still full: what it hid at departure is known better than what it hides now
         if anchor is not None:
             shown = anchor.value if anchor.displayed else float(self.charge.displayed(anchor.value))
@@ -783,12 +882,6 @@ class Forecast:
         energy_sd = self._cumulative_sd_wh / self.charge.wh_per_display
         own_sd = np.where((self._ends_s > time) | (not displayed), self.charge.sd(taken, displayed), 0.0)
         return np.asarray(self.charge.left(start, taken, displayed)), np.asarray(np.hypot(energy_sd, own_sd))
-
-    def _charge_at(self, p: float) -> FloatArray:
-        """Quantile of the displayed charge at each edge, shape (segments + 1,); not held in 0..1."""
-        centre, sd = self._charge_band
-        wh = self.charge.wh_per_display
-        return np.asarray(centre - self._more_wh(1.0 - p, sd * wh) / wh)
 
     @property
     def _ends_s(self) -> FloatArray:

@@ -38,11 +38,15 @@ DRIVEN_S: Final = "driven_s"
 
 @dataclass(frozen=True, slots=True)
 class ChargeReading:
-    """A state of charge that was read on the way: time [s since departure], value, and whether the display was read."""
+    """A state of charge that was read on the way: time [s since departure], value, and whether the display was read.
+
+    `charged` is whether the battery was charged up to it, so that nothing was taken of it before.
+    """
 
     time_s: float
     value: float
     displayed: bool
+    charged: bool = False
 
 
 @dataclass(frozen=True, eq=False)

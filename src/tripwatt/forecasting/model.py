@@ -367,6 +367,7 @@ class ForecastModel:
                 *simulation.flags,
                 *kept_temperatures(own, departure),
             ),
+            maker=self.forecast,
         )
         if forecast.soc_per_climb_m is not None:
             flag = Flag(

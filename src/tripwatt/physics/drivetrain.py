@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
 from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.vehicles import Drivetrain, Regeneration
+
+TINY: Final = float(np.finfo(np.float64).tiny)
 
 
 def motor_loss(torque_nm: FloatArray, speed_rad_s: FloatArray, drivetrain: Drivetrain) -> FloatArray:
@@ -79,12 +82,14 @@ class Propulsion:
     """What the drivetrain does with the wheel power of a trace. Arrays have shape (samples,).
 
     `motor_power_w` [W] is on the direct-current side, + discharges. `friction_brake_power_w` [W] is braking that
-    becomes heat, `shortfall_power_w` [W] the wheel power that the motor could not give; neither is negative.
+    becomes heat, `shortfall_power_w` [W] the wheel power that the motor could not give, `recovered_wheel_power_w` [W] braking
+    that goes through the motor; none is negative.
     """
 
     motor_power_w: FloatArray
     friction_brake_power_w: FloatArray
     shortfall_power_w: FloatArray
+    recovered_wheel_power_w: FloatArray
     torque_limited: BoolArray
     power_limited: BoolArray
     over_speed: BoolArray
@@ -107,6 +112,38 @@ def regeneration_acceptance(
         regeneration.full_temperature_degc - regeneration.zero_temperature_degc
     )
     return np.asarray(np.maximum(np.minimum(np.minimum(full, cold), 1.0), 0.0), dtype=np.float64)
+
+
+def with_refused(drive: Propulsion, refused_power_w: FloatArray) -> Propulsion:
+    """The drivetrain where a full battery refuses a part of the recovered power. O(samples).
+
+    The friction brakes take over for a part of the interval, in which motor and inverter neither give nor lose power.
+
+    Parameters
+    ----------
+    drive : Propulsion
+        As if the battery took everything.
+    refused_power_w : ndarray, shape (samples,)
+        Power at the terminals that found no room in the battery [W].
+
+    Examples
+    --------
+    >>> power, none = np.array([-8000.0, 5000.0]), np.zeros(2)
+    >>> never = np.zeros(2, dtype=bool)
+    >>> drive = Propulsion(power, none, none, np.array([9000.0, 0.0]), never, never, never)
+    >>> full = with_refused(drive, np.array([6000.0, 0.0]))
+    >>> full.motor_power_w, full.friction_brake_power_w
+    (array([-2000.,  5000.]), array([6750.,    0.]))
+    """
+    if not refused_power_w.any():
+        return drive
+    kept = 1.0 - np.clip(refused_power_w / np.maximum(-drive.motor_power_w, TINY), 0.0, 1.0)
+    return replace(
+        drive,
+        motor_power_w=drive.motor_power_w * kept,
+        recovered_wheel_power_w=drive.recovered_wheel_power_w * kept,
+        friction_brake_power_w=drive.friction_brake_power_w + drive.recovered_wheel_power_w * (1.0 - kept),
+    )
 
 
 def propulsion(
@@ -155,6 +192,7 @@ def propulsion(
         motor_power_w=motor_power,
         friction_brake_power_w=braking - taken,
         shortfall_power_w=short * efficiency,
+        recovered_wheel_power_w=taken,
         torque_limited=by_torque,
         power_limited=limited & ~by_torque,
         over_speed=speed_rad_s > drivetrain.motor_max_speed_rad_s,

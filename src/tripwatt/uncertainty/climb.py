@@ -113,7 +113,7 @@ class UnknownClimb:
     200.0
     >>> two = UnknownClimb(np.array([[0.0, -400.0], [0.0, 400.0]]), np.array([0.5, 0.5]))
     >>> middle = float(two.quantile(scores, 0.5, np.full(2, 100.0))[-1])
-    >>> abs(middle) < 1e-3, round(two.probability_below(scores, 400.0, 100.0), 3)
+    >>> abs(middle) < 1e-3, round(float(two.probability_below(scores, np.full(2, 400.0), np.full(2, 100.0))[-1]), 3)
     (True, 0.749)
     """
 
@@ -162,10 +162,12 @@ class UnknownClimb:
             side = np.where(above, 1.0, -1.0)
         return np.interp(np.arange(n), places, found)
 
-    def probability_below(self, scores: ConformalScores, energy_wh: float, sd_wh: float) -> float:
-        """Probability that climb and error of the whole way stay below an energy [Wh]: the inverse of `quantile`."""
-        ways = (energy_wh - self.offsets_wh[:, -1]) / max(sd_wh, 1e-9)
-        return float(self.weights @ scores.probabilities(ways))
+    def probability_below(
+        self, scores: ConformalScores, energy_wh: FloatArray, sd_wh: FloatArray
+    ) -> FloatArray:
+        """Probability at each place that climb and error stay below an energy [Wh], shape (places,): the inverse of `quantile`."""
+        ways = (energy_wh - self.offsets_wh) / np.maximum(sd_wh, 1e-9)
+        return np.asarray(self.weights @ scores.probabilities(ways))
 
     def _at(self, p: float) -> FloatArray:
         k = int(np.searchsorted(np.cumsum(self.weights), p))
