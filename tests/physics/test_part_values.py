@@ -17,7 +17,8 @@ from tripwatt.physics.battery import (
 )
 from tripwatt.physics.cabin import CabinStart, condition_cabin, heat_pump_cop, heat_pump_heat
 from tripwatt.physics.departure import cabin_at_departure, warmth_from_cabin
-from tripwatt.physics.drivetrain import motor_loss, propulsion, regeneration_acceptance
+from tripwatt.physics.drivetrain import propulsion, regeneration_acceptance
+from tripwatt.vehicles.losses import motor_loss
 from tripwatt.physics.relaxation import Relaxation
 from tripwatt.physics.road_load import (
     GRADE_WEIGHT,
