@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.physics.drivetrain import motor_loss
+from tripwatt.vehicles.losses import motor_loss
 from tripwatt.vehicles import Drivetrain, load_vehicle
 
 MAPS: Final = Path(__file__).with_name("machine_maps.csv")

@@ -10,6 +10,7 @@ Routes: seeded roads in the mountains and in flat country; the energy is drawn f
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -203,7 +204,7 @@ def route_rows(routes: int = ROUTES, model: ForecastModel | None = None) -> Iter
         for _ in range(routes):
             height, speed = road(rng).tolist(), rng.uniform(8.0, 28.0)
             bare = [{"length_m": 100.0, "speed_m_s": speed} for _ in height[1:]]
-            ends = zip(height[:-1], height[1:], strict=True)
+            ends = itertools.pairwise(height)
             links = [
                 link | {"start_elevation_m": low, "end_elevation_m": high}
                 for link, (low, high) in zip(bare, ends, strict=True)

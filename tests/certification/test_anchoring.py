@@ -10,7 +10,7 @@ from tests.support.cars import some_cars
 
 from tripwatt.certification import anchored, certified_figures, scaled
 from tripwatt.certification.anchoring import ROAD_LOAD, errors, keys
-from tripwatt.physics.drivetrain import motor_loss
+from tripwatt.vehicles.losses import motor_loss
 from tripwatt.vehicles import load_vehicle
 from tripwatt.vehicles.anchors import anchors
 

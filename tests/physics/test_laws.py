@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from tripwatt.errors import InvalidInput
 from tripwatt.physics import CAUSES, DriveConditions, simulate, simulate_trip
-from tripwatt.trips import Context, Trip
-from tripwatt.units import WH_PER_J
+from tripwatt.trips import STEEPEST_GRADE, Context, Trip
+from tripwatt.units import GRAVITY_M_S2, WH_PER_J
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 EXAMPLES = settings(max_examples=40, deadline=None)
@@ -196,7 +196,9 @@ def test_no_descent_raises_the_charge_above_full(name, displayed, slope, speed, 
     empty = simulate(car, **trace, grade=grade, conditions=DriveConditions(initial_soc=0.3))
     lost = run.simulated_energy_wh - empty.simulated_energy_wh
     assert lost > -1.0
-    assert run.energy_by_cause_wh["friction_brakes"][-1] >= empty.energy_by_cause_wh["friction_brakes"][-1] - 1.0
+    assert (
+        run.energy_by_cause_wh["friction_brakes"][-1] >= empty.energy_by_cause_wh["friction_brakes"][-1] - 1.0
+    )
     flagged = {flag.code: flag.value for flag in run.flags}
     assert flagged.get("battery_full", 0.0) == pytest.approx(max(lost, 0.0), abs=60.0)
 
@@ -353,3 +355,102 @@ def test_what_is_known_at_departure_does_enter(i3: Vehicle, column: str, value: 
     changed.loc[0, column] = value
     one, other = (simulate_trip(i3, Trip("t", samples, trip.context)) for samples in (trip.samples, changed))
     assert one.terminal_voltage_v.mean() != other.terminal_voltage_v.mean()
+
+
+@st.composite
+def height_logs(draw: st.DrawFn) -> dict[str, np.ndarray]:
+    """Logs of a height with everything that sensors do to it: steps, jumps, spikes, gaps, drift at standstill, noise."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    time = draw(st.sampled_from([0.1, 1.0, 5.0, 30.0])) * np.arange(draw(st.integers(2, 400)))
+    n = len(time)
+    speed = np.abs(rng.normal(draw(st.sampled_from([3.0, 12.0, 35.0])), 4.0, n))
+    if draw(st.booleans()):
+        stop = rng.integers(0, n)
+        speed[stop : stop + rng.integers(1, n + 1)] = 0.0
+    height = 400.0 + draw(st.sampled_from([0.0, 10.0, 200.0])) * np.sin(time / 200.0)
+    for _ in range(draw(st.integers(0, 4))):
+        height[rng.integers(0, n) :] += rng.uniform(-60.0, 60.0)
+    if draw(st.booleans()):
+        height[rng.integers(0, n)] += rng.choice([-44.0, 44.0])
+    height += np.cumsum(draw(st.sampled_from([0.0, 0.3])) * rng.normal(size=n)) * (speed == 0.0)
+    height += draw(st.sampled_from([0.0, 1.0])) * rng.normal(size=n)
+    resolution = draw(st.sampled_from([0.01, 1.0, 30.0]))
+    height = resolution * np.round(height / resolution)
+    height[rng.random(n) < draw(st.sampled_from([0.0, 0.3, 0.95]))] = np.nan
+    return {"time_s": time, "speed_m_s": speed, "elevation_m": height}
+
+
+@settings(max_examples=200, deadline=None)
+@given(height_logs())
+def test_a_log_climbs_from_its_first_to_its_last_height(log) -> None:
+    """Mass times gravity times the difference, but at most what the steepest street climbs on a road of this length."""
+    car = load_vehicle("bmw_i3_60ah")
+    run = simulate(car, **log)
+    known = log["elevation_m"][np.isfinite(log["elevation_m"])]
+    most = STEEPEST_GRADE * np.trapezoid(log["speed_m_s"], log["time_s"])
+    rise = np.clip(known[-1] - known[0], -most, most) if len(known) else 0.0
+    expected = car.body.test_mass_kg * GRAVITY_M_S2 * rise * WH_PER_J
+    assert run.energy_by_cause_wh["climb"][-1] == pytest.approx(expected, rel=1e-6, abs=1e-4)
+    assert np.abs(np.sin(np.arctan(run.grade))).max() <= STEEPEST_GRADE * (1.0 + 1e-9)
+
+
+@EXAMPLES
+@given(st.integers(0, 2**32 - 1), st.sampled_from([1.0, 5.0]))
+def test_noise_of_a_height_climbs_little(seed, step_s) -> None:
+    """Steps of 1 m and errors of 1 m on a level road: less than 2 m up for each km."""
+    rng = np.random.default_rng(seed)
+    time = step_s * np.arange(600.0)
+    speed = np.full(600, 15.0)
+    run = simulate(
+        load_vehicle("bmw_i3_60ah"), time, speed, elevation_m=np.round(400.0 + rng.normal(0.0, 1.0, 600))
+    )
+    up = 15.0 * step_s * np.sin(np.arctan(run.grade[1:]))
+    assert np.maximum(up, 0.0).sum() < 2.0 * 15.0 * time[-1] / 1000.0
+
+
+def test_heights_in_steps_climb_as_the_road_does() -> None:
+    """300 m on 10 km, logged in steps of 10 and 60 m."""
+    car = load_vehicle("bmw_i3_60ah")
+    time, speed = np.arange(667.0), np.full(667, 15.0)
+    road = 300.0 * time / time[-1]
+    smooth = simulate(car, time, speed, elevation_m=road)
+    for size in (10.0, 60.0):
+        stepped = simulate(car, time, speed, elevation_m=size * np.round(road / size))
+        assert stepped.energy_by_cause_wh["climb"][-1] == pytest.approx(
+            smooth.energy_by_cause_wh["climb"][-1], rel=1e-9
+        )
+        assert stepped.simulated_energy_wh == pytest.approx(smooth.simulated_energy_wh, rel=0.03)
+
+
+def test_a_steeper_street_costs_at_least_its_height() -> None:
+    """1.9 km up at 20, 30 and 37 %, as heights and as grades."""
+    car = load_vehicle("bmw_i3_60ah")
+    time = np.arange(0.0, 381.0)
+    speed = np.full(381, 5.0)
+    energy = []
+    for grade in (0.0, 0.2, 0.3, 0.37):
+        run = simulate(car, time, speed, elevation_m=grade * 5.0 * time)
+        same = simulate(car, time, speed, grade=np.full(381, np.tan(np.arcsin(grade))))
+        # thinner air at the mean height is the difference
+        assert run.simulated_energy_wh == pytest.approx(same.simulated_energy_wh, rel=2e-3)
+        energy.append(run.simulated_energy_wh)
+    potential = car.body.test_mass_kg * GRAVITY_M_S2 * 1900.0 * np.array([0.0, 0.2, 0.3, 0.37]) * WH_PER_J
+    assert (np.diff(energy) >= np.diff(potential)).all()
+    assert (np.diff(energy) <= 1.6 * np.diff(potential)).all()
+
+
+def test_trips_of_a_twizy_keep_their_climb(data_dir) -> None:
+    """Heights in steps and jumps of up to 44 m: every trip ends where its log ends, also the five that rise by 45 m or more."""
+    folder = data_dir / "twizy"
+    if not folder.is_dir():
+        pytest.skip(f"no trips at {folder}")
+    car = load_vehicle("bmw_i3_60ah")
+    rises = []
+    for path in sorted(folder.glob("*.csv")):
+        log = pd.read_csv(path)  # one row a second
+        height, speed = log["ALT"].to_numpy(), log["Speed"].to_numpy() / 3.6
+        run = simulate(car, np.arange(float(len(log))), speed, elevation_m=height)
+        unit = car.body.test_mass_kg * GRAVITY_M_S2 * WH_PER_J
+        assert run.energy_by_cause_wh["climb"][-1] / unit == pytest.approx(height[-1] - height[0], abs=0.01)
+        rises.append(height[-1] - height[0])
+    assert sum(45.0 <= rise <= 76.5 for rise in rises) >= 5

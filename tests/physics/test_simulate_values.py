@@ -10,7 +10,8 @@ import pytest
 from tripwatt.errors import InvalidInput
 from tripwatt.physics import DriveConditions, simulate, simulate_trip
 from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC
-from tripwatt.physics.drivetrain import motor_loss, propulsion
+from tripwatt.physics.drivetrain import propulsion
+from tripwatt.vehicles.losses import motor_loss
 from tripwatt.physics.simulate import conditions_at_departure
 from tripwatt.trips import Departure, Plan
 from tripwatt.vehicles import Vehicle, load_vehicle

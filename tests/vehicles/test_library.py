@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.physics.drivetrain import motor_loss
+from tripwatt.vehicles.losses import motor_loss
 from tripwatt.physics.road_load import aero_drag_force, rolling_resistance_force
 from tripwatt.vehicles import (
     ALIASES,

@@ -185,7 +185,7 @@ class Forecast:
         >>> found.quantile(0.5) == found.energy_wh
         True
         """
-        half = abs(float(self._more_wh(p, self._cumulative_sd_wh)[-1]))
+        half = abs(self._more_at_end_wh(p, float(self._cumulative_sd_wh[-1])))
         if p >= 0.5:
             return self.energy_wh + half
         return float(possible_energy(self.energy_wh, half, float(self._least_wh[-1])))
@@ -250,7 +250,7 @@ class Forecast:
     @property
     def soc_arrival(self) -> float:
         """Displayed state of charge at the end of the trip, 0 to 1; 0 when the battery does not last."""
-        return float(np.clip(self._charge_band[0][-1], 0.0, 1.0))
+        return float(np.clip(self._arrival_band[1][-1], 0.0, 1.0))
 
     def soc_quantile(self, p: float) -> float:
         """Quantile of the displayed state of charge at the end of the trip, 0 to 1.
@@ -273,7 +273,9 @@ class Forecast:
         >>> found.soc_quantile(0.05) < found.soc_arrival < found.soc_quantile(0.95) < 0.8
         True
         """
-        return float(np.clip(self.soc_along(1.0 - p)[-1], 0.0, 1.0))
+        centre, sd = (float(values[-1]) for values in self._charge_band)
+        wh = self.charge.wh_per_display
+        return float(np.clip(centre - self._more_at_end_wh(1.0 - p, sd * wh) / wh, 0.0, 1.0))
 
     def soc_interval(self, level: float) -> tuple[float, float]:
         """Central interval of the displayed state of charge at the end of the trip, 0 to 1.
@@ -445,7 +447,7 @@ class Forecast:
 
         None where it does not on this trip.
         """
-        early, expected, late = (self._first_empty(self.soc_along(p)) for p in ARRIVAL_BAND)
+        early, expected, late = (self._first_empty(charge) for charge in self._arrival_band)
         return early, expected, late
 
     @property
@@ -455,7 +457,7 @@ class Forecast:
         0 where the battery holds enough. On the way it counts where the charge is lowest.
         """
         ahead = np.isfinite(self._least_charge(0.0))
-        lowest = (float(self.soc_along(p)[ahead].min()) for p in reversed(ARRIVAL_BAND))
+        lowest = (float(charge[ahead].min()) for charge in reversed(self._arrival_band))
         least, expected, most = (max(-charge, 0.0) * self.charge.wh_per_display for charge in lowest)
         return least, expected, most
 
@@ -490,6 +492,7 @@ class Forecast:
 
     def _series(self) -> dict[str, FloatArray]:
         energy, sd = self._cumulative_wh, self._cumulative_sd_wh
+        low, middle, high = (np.clip(charge, 0.0, 1.0) for charge in self._arrival_band)
         return {
             "time_s": self._ends_s,
             "distance_m": self.drive.distance_m,
@@ -498,12 +501,9 @@ class Forecast:
                 energy, -self._more_wh(1.0 - ARRIVAL_BAND[0], sd), self._least_wh
             ),
             "energy_high_wh": energy + self._more_wh(1.0 - ARRIVAL_BAND[2], sd),
-            **{
-                name: np.clip(self.soc_along(p), 0.0, 1.0)
-                for name, p in zip(
-                    ("displayed_soc_low", "displayed_soc", "displayed_soc_high"), ARRIVAL_BAND, strict=True
-                )
-            },
+            "displayed_soc": middle,
+            "displayed_soc_low": low,
+            "displayed_soc_high": high,
         }
 
     @property
@@ -513,9 +513,11 @@ class Forecast:
         parts = {cause: float(energy[-1]) for cause, energy in simulation.energy_by_cause_wh.items()}
         simulated = float(table.simulated_w @ table.hours)
         parts["hvac"] += simulated - sum(parts.values())  # rounding of the segments' ends
-        unknown_climb = float(self._climb_median_wh[-1])
-        parts["climb"] += unknown_climb
-        parts["learned_correction"] = self.energy_wh - simulated - unknown_climb
+        parts["learned_correction"] = self.energy_wh - simulated
+        if self._climb is not None:
+            expected = float(self._climb_median_wh[-1])
+            parts["climb"] += expected
+            parts["learned_correction"] -= expected
         return parts
 
     @property
@@ -832,6 +834,13 @@ class Forecast:
             return np.asarray(np.sign(p - 0.5) * self.uncertainty.scores.factor(abs(2.0 * p - 1.0)) * sd_wh)
         return self._climb.quantile(self.uncertainty.scores, p, sd_wh) - self._climb_median_wh
 
+    def _more_at_end_wh(self, p: float, sd_wh: float) -> float:
+        """Of `_more_wh` that of the whole trip, for which the places on the way need no solution."""
+        if self._climb is None:
+            return float(self._more_wh(p, np.array([sd_wh]))[-1])
+        end = self._climb.at_end().quantile(self.uncertainty.scores, p, np.array([sd_wh]))
+        return float(end[-1] - self._climb_median_wh[-1])
+
     def _probability_of_less(self, more_wh: FloatArray, sd_wh: FloatArray) -> FloatArray:
         """Probability at each edge that the trip takes at most this much more than expected: the inverse of `_more_wh`."""
         scores = self.uncertainty.scores
@@ -882,6 +891,11 @@ class Forecast:
         energy_sd = self._cumulative_sd_wh / self.charge.wh_per_display
         own_sd = np.where((self._ends_s > time) | (not displayed), self.charge.sd(taken, displayed), 0.0)
         return np.asarray(self.charge.left(start, taken, displayed)), np.asarray(np.hypot(energy_sd, own_sd))
+
+    @cached_property
+    def _arrival_band(self) -> tuple[FloatArray, ...]:
+        """Displayed charge along the way: low end, middle and high end of the 90 % band, each of shape (segments + 1,)."""
+        return tuple(self.soc_along(p) for p in ARRIVAL_BAND)
 
     @property
     def _ends_s(self) -> FloatArray:

@@ -19,6 +19,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.donor import DonorModel
 from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.forecasting.forecast import Forecast
+from tripwatt.forecasting.plausible import impossible_faults
 from tripwatt.forecasting.ranges import (
     Range,
     compare,
@@ -31,7 +32,7 @@ from tripwatt.hybrid.hierarchy import Members
 from tripwatt.parallel import one_blas_thread
 from tripwatt.physics import simulate_trip
 from tripwatt.routes.terrain import net_climbs
-from tripwatt.trips import Departure, Flag, Plan, Trip, plan_from_trip
+from tripwatt.trips import Departure, Flag, Plan, Trip, plan_from_trip, raise_faults
 from tripwatt.trips.messages import name_of
 from tripwatt.trips.showing import html_table
 from tripwatt.uncertainty import (
@@ -327,7 +328,7 @@ class ForecastModel:
         Raises
         ------
         InvalidInput
-            When the model is not fitted, or the plan cannot be simulated.
+            When the model is not fitted, the plan cannot be simulated, or the forecast breaks a law of physics.
 
         Examples
         --------
@@ -374,7 +375,9 @@ class ForecastModel:
                 "unknown_climb", plan.departure.terrain or "unknown", 100.0 * forecast.soc_per_climb_m, "1"
             )
             forecast = replace(forecast, flags=(*forecast.flags, flag))
-        return forecast.with_route_error(uncertainty.route, uncertainty.free_flow)
+        forecast = forecast.with_route_error(uncertainty.route, uncertainty.free_flow)
+        raise_faults(impossible_faults(forecast.energy_wh, drive))
+        return forecast
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values: the car, the corrector, and what training saw.

@@ -1,4 +1,4 @@
-"""Measurements on the way that no battery and no trip can have: they are refused, not forecast from."""
+"""Measurements and forecasts that no battery and no trip can have: they are refused."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault
 from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.forecasting.measured import MOST_STRETCH, measured_energy
-from tripwatt.physics.battery import open_circuit_voltage
-from tripwatt.units import SECONDS_PER_HOUR
+from tripwatt.physics.battery import internal_resistance, largest_power, open_circuit_voltage
+from tripwatt.units import GRAVITY_M_S2, SECONDS_PER_HOUR
+from tripwatt.vehicles.relations import LEAST_PEAK_EFFICIENCY
 
 CAPACITY_MARGIN: Final = 1.15
 """Largest energy on the way over what the battery of the car holds: a new battery may hold more than its data sheet."""
@@ -27,7 +28,11 @@ UNKNOWN_DESCENT_M: Final = 500.0
 LATE_S: Final = 60.0
 """Time [s] after the end of a driven speed trace up to which samples may belong to it."""
 
-GRAVITY_M_S2: Final = 9.81
+MASS_MARGIN: Final = 0.5
+"""Share by which a correction that was learned may change the energy of climb and speed: a load, or a wrong mass."""
+
+ROUNDING_WH: Final = 1.0
+"""Error of the sums of a long trip."""
 
 
 def implausible_faults(samples: pd.DataFrame, drive: ExpectedDrive) -> Iterator[Fault]:
@@ -61,6 +66,49 @@ def implausible_faults(samples: pd.DataFrame, drive: ExpectedDrive) -> Iterator[
         yield Fault("measured after the trip", f"{where}, time_s", f"{last:g} s", allowed, fix)
     yield from _energy_faults(samples, drive, where)
     yield from _charge_faults(samples, drive, where)
+
+
+def impossible_faults(energy_wh: float, drive: ExpectedDrive) -> Iterator[Fault]:
+    """The reason why a forecast energy breaks a law of physics; nothing for one that a car can take. O(samples).
+
+    Parameters
+    ----------
+    energy_wh : float
+        Of the whole trip at the battery [Wh].
+    drive : ExpectedDrive
+
+    Notes
+    -----
+    Losses and loads take energy. So a drive takes at least what its climb and its change of speed gain, less what a tail
+    wind gives; where the car lacks power for it, it gains less, but it gives no more than it ends lower or slower. It takes at most
+    what battery and motor give at their limits all the time.
+    """
+    cause = {name: float(energy[-1]) for name, energy in drive.simulation.energy_by_cause_wh.items()}
+    gain = cause["climb"] + cause["acceleration"]
+    least = gain - MASS_MARGIN * abs(gain) + min(cause["air"], 0.0)
+    if cause["shortfall"] < 0.0:
+        least = min(least, 0.0)
+    hours = drive.plan.duration_s / SECONDS_PER_HOUR
+    motor_w = drive.vehicle.drivetrain.motor_max_power_w / LEAST_PEAK_EFFICIENCY
+    loads_wh = cause["base_load"] + cause["hvac"]
+    most = min(_battery_most_w(drive) * hours, motor_w * hours + loads_wh)
+    if least - ROUNDING_WH <= energy_wh <= most + ROUNDING_WH:
+        return
+    where = f"{drive.vehicle.name}, {drive.plan.trip_id}"
+    allowed = f"{least / 1000.0:.3g} to {most / 1000.0:.3g} kWh on this trip"
+    fix = "check the values of the car and the speeds of the trip"
+    if cause["shortfall"] < 0.0:
+        fix += f": the car lacks {-cause['shortfall'] / 1000.0:.3g} kWh to follow them"
+    yield Fault("energy that physics forbids", where, f"{energy_wh / 1000.0:.3g} kWh", allowed, fix)
+
+
+def _battery_most_w(drive: ExpectedDrive) -> float:
+    """Largest power of the battery on the way [W]: full, and as warm as it gets."""
+    battery, warmest = drive.vehicle.battery, drive.simulation.battery_temperature_degc.max()
+    soc = np.asarray(battery.resistance_soc)
+    resistance = internal_resistance(soc, np.full_like(soc, warmest), battery).min()
+    floor = battery.min_cell_voltage_v * battery.cells_in_series
+    return float(largest_power(open_circuit_voltage(np.ones(1), battery), resistance, floor)[0])
 
 
 def battery_wh(drive: ExpectedDrive) -> float:

@@ -161,7 +161,7 @@ MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
         ),
         "battery_over_voltage": _state("the battery voltage is above its limit"),
         "battery_not_settled": lambda f: "the simulated battery state did not converge",
-        "elevation_relative": lambda f: "elevation is relative to the departure, which is set to 0 m",
+        "elevation_relative": lambda f: "elevation is relative: the lowest place of the road is set to 0 m",
         "times_ignored": lambda f: "times are ignored: the first or the last point has no time",
         "elevation_interpolated": lambda f: "elevation is interpolated at points without elevation",
         "times_interpolated": lambda f: "times are interpolated at points without time",

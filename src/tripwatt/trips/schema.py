@@ -105,6 +105,10 @@ DEPARTURE_BOUNDS: Final[Mapping[str, Column]] = MappingProxyType(
 """Narrower bounds of what a person gives for a departure: the highest air temperature on record is 56.7 °C (WMO, Furnace
 Creek 1913), while the sensor of a parked car may show more."""
 
+STEEPEST_GRADE: Final = 0.4
+"""Rise over length that no street exceeds: Baldwin Street in Dunedin, the steepest of Guinness World Records, has 0.35 over
+10 m, Canton Avenue in Pittsburgh 0.37 by its sign."""
+
 LINK_COLUMNS: Final[Mapping[str, Column]] = MappingProxyType(
     {
         "length_m": Column("m", 0.01, 1e7, "length; shorter pieces are rounding"),
@@ -115,7 +119,7 @@ LINK_COLUMNS: Final[Mapping[str, Column]] = MappingProxyType(
         "stop_s": Column("s", 0.0, 48 * 3600.0, "standstill at the end of the link, part of its travel time"),
         "moving_speed_m_s": Column("m/s", 0.0, 70.0, "speed while the car moves freely"),
         "speed_limit_m_s": Column("m/s", 0.0, 70.0, "highest speed that is allowed"),
-        "grade": Column("1", -0.4, 0.4, "rise over length"),
+        "grade": Column("1", -STEEPEST_GRADE, STEEPEST_GRADE, "rise over length"),
         "start_elevation_m": Column("m", -500.0, 9000.0, "height above sea level at the start"),
         "end_elevation_m": Column("m", -500.0, 9000.0, "height above sea level at the end"),
     }

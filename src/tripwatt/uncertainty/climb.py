@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -120,10 +121,14 @@ class UnknownClimb:
     offsets_wh: FloatArray
     weights: FloatArray
 
-    @property
+    @cached_property
     def core_sd_wh(self) -> FloatArray:
         """Half the width of the central 68 % at each place [Wh], shape (places,)."""
         return 0.5 * (self._at(0.84) - self._at(0.16))
+
+    def at_end(self) -> UnknownClimb:
+        """Of the whole way alone."""
+        return UnknownClimb(self.offsets_wh[:, -1:], self.weights)
 
     def quantile(self, scores: ConformalScores, p: float, sd_wh: FloatArray) -> FloatArray:
         """Quantile of climb and error together at each place [Wh], shape (places,). O(scenarios x `PLACES`).

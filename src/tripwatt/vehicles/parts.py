@@ -187,7 +187,7 @@ MACHINES: Final = ("permanent_magnet", "induction", "externally_excited")
 class Drivetrain:
     """Wheel, gearbox, motor and inverter.
 
-    The loss map of motor and inverter is a sum of physical terms, see `tripwatt.physics.drivetrain.motor_loss`.
+    The loss map of motor and inverter is a sum of physical terms, see `tripwatt.vehicles.losses.motor_loss`.
 
     Attributes
     ----------

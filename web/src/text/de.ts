@@ -602,7 +602,7 @@ export const de: Text = {
     notSettled: "Die Simulation der Batterie ist nicht konvergiert.",
     notSettledEffect: "Die Vorhersage kann ungenau sein.",
     elevationInterpolated: "Einigen Punkten fehlt die Höhe; sie wird interpoliert.",
-    elevationRelative: "Die Höhe ist relativ zum Startpunkt, für den 0 m angenommen werden.",
+    elevationRelative: "Die Höhe ist relativ: Für den tiefsten Punkt der Strecke werden 0 m angenommen.",
     timesIgnored: "Dem ersten oder letzten Punkt fehlt die Zeit; alle Zeiten werden ignoriert.",
     gapBridged: "In der Aufzeichnung fehlen Stücke; die Geschwindigkeit ist dort interpoliert.",
     timesInterpolated: "Einigen Punkten fehlt die Zeit; sie wird interpoliert.",

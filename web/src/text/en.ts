@@ -602,7 +602,7 @@ export const en = {
     notSettled: "The battery simulation did not converge.",
     notSettledEffect: "The forecast may be inaccurate.",
     elevationInterpolated: "Some points have no elevation; their elevation is interpolated.",
-    elevationRelative: "The elevation is relative to the departure, which is taken as 0 m.",
+    elevationRelative: "The elevation is relative: the lowest place of the road is taken as 0 m.",
     timesIgnored: "The first or the last point has no time; all times are ignored.",
     gapBridged: "Parts of the recording are missing; the speed is interpolated there.",
     timesInterpolated: "Some points have no time; their time is interpolated.",
