@@ -24,7 +24,7 @@ from tripwatt.forecasting.plausible import implausible_faults
 from tripwatt.forecasting.update import updated_power
 from tripwatt.parallel import one_blas_thread
 from tripwatt.trips import Departure, Flag, Plan, raise_faults
-from tripwatt.trips.messages import flag_to_dict, message
+from tripwatt.trips.messages import flag_to_dict, leave_in_words, message
 from tripwatt.trips.showing import html_table
 from tripwatt.uncertainty import (
     ChargeScale,
@@ -641,13 +641,15 @@ class Forecast:
         return updated._with_empty()
 
     @one_blas_thread
-    def to_dict(self, reserve: float | None = None) -> dict[str, Any]:
+    def to_dict(self, reserve: float | None = None, probability: float | None = None) -> dict[str, Any]:
         """Plain values, as the command line and the service give them.
 
         Parameters
         ----------
         reserve : float, optional
             Displayed state of charge to arrive with: one more entry of `p_arrive`.
+        probability : float, optional
+            0.5 to 1: also the charge to leave with, to arrive with the reserve (0 without one) with this probability.
 
         Returns
         -------
@@ -674,11 +676,21 @@ class Forecast:
             "empty_at_m": dict(zip(("early", "expected", "late"), self.empty_at_m, strict=True)),
             "missing_wh": dict(zip(("least", "expected", "most"), self.missing_wh, strict=True)),
             "p_arrive": {f"{level:g}": self.p_arrive(level) for level in levels},
+            "leave_with": None if probability is None else self._leave_with(reserve or 0.0, probability),
             "series": {name: values.tolist() for name, values in self._series().items()},
             "by_cause_wh": self.by_cause_wh,
             "battery_loss_wh": self.battery_loss_wh,
             "measured_until_s": self.measured_until_s,
             "flags": [flag_to_dict(flag) for flag in self.flags],
+        }
+
+    def _leave_with(self, reserve: float, probability: float) -> dict[str, Any]:
+        needed = self.soc_needed(reserve, probability)
+        return {
+            "soc_needed": needed,
+            "reserve": reserve,
+            "probability": probability,
+            "message": leave_in_words(needed, reserve, probability),
         }
 
     @one_blas_thread
@@ -732,7 +744,7 @@ class Forecast:
         rows = [
             ("energy", f"{self.energy_wh / 1000.0:.2f} kWh"),
             (f"{BAND:.0%} interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
-            ("state of charge at arrival", f"{self.soc_arrival:.0%}"),
+            ("state of charge at arrival", "{:.0%} ({:.0%} to {:.0%})".format(self.soc_arrival, *self.soc_interval(BAND))),
             ("probability to arrive", f"{self.p_arrive():.1%}"),
             ("given", self.given),
             *(("note", message(flag)) for flag in self.flags),
