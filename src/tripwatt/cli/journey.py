@@ -322,10 +322,19 @@ def _show(found: Journey) -> None:
                 period(forecast.plan.duration_s),
                 f"{forecast.energy_wh / 1000.0:.2f} kWh",
                 f"{100.0 * forecast.soc_arrival:.0f} % ({100.0 * low:.0f} to {100.0 * high:.0f} %)",
+                chance(forecast.p_arrive()),
                 chance(forecast.p_arrive(found.reserve)),
             )
         )
-    columns = ("road", "length", "time", "energy", "arrival with", f"{100.0 * found.reserve:g} % or more")
+    columns = (
+        "road",
+        "length",
+        "time",
+        "energy",
+        "arrival with",
+        "arrives",
+        f"{100.0 * found.reserve:g} % or more",
+    )
     print_table(f"Roads, given {found.forecast.given}", columns, rows, numbers=columns[1:4])
     costs = [(name, f"{wh / 1000.0:+.2f} kWh") for name, wh in found.costs_wh.items() if abs(wh) >= 1.0]
     if costs:

@@ -187,6 +187,7 @@ def sentence(document: dict[str, Any]) -> str:
         parts += [
             f"{found['energy_wh'] / 1000.0:.2f} kWh in all",
             f"arrival with {found['soc_arrival']:.0%} ({low:.0%} to {high:.0%})",
-            f"{found['p_arrive']:.1%} to arrive with {found['reserve']:.0%}",
+            f"{found['p_arrive_at_all']:.1%} to arrive",
+            f"{found['p_arrive']:.1%} with {found['reserve']:.0%}",
         ]
     return ", ".join([*parts, *(fault["what"] for fault in document["faults"])])

@@ -59,16 +59,26 @@ def _arrival(forecast: Forecast) -> str:
     end, low, high = (
         float(along[name].iloc[-1]) for name in ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
     )
-    if end <= 0.0:
-        return (
-            f"Leaving with {_percent(start)} % the battery does not last for the trip; "
-            f"the probability to arrive is {_percent(forecast.p_arrive())} %."
+    arrives = f"The probability to arrive is {chance(forecast.p_arrive())}."
+    if forecast.missing_wh[1] > 0.0:
+        least, missing, most = forecast.missing_wh
+        text = (
+            f"Leaving with {_percent(start)} % the battery is empty {where_empty(forecast)}: the trip takes {_kwh(missing)} kWh "
+            f"({_kwh(least)} to {_kwh(most)} kWh) more than it holds. {arrives}"
         )
-    band = f"{_percent(low)} to {_percent(high)} %"
-    text = f"Leaving with {_percent(start)} % you arrive with {_percent(end)} % ({band})."
-    if low <= 0.0:
-        text += f" The probability to arrive is {_percent(forecast.p_arrive())} %."
-    return text
+        return f"{text} At best you arrive with {_percent(high)} %." if _percent(high) != "0" else text
+    text = f"Leaving with {_percent(start)} % you arrive with {_percent(end)} % ({_percent(low)} to {_percent(high)} %)."
+    return f"{text} {arrives}" if low <= 0.0 else text
+
+
+def where_empty(forecast: Forecast) -> str:
+    """Where a battery that is expected to run empty does so, with the ends of the 90 % band."""
+    early, expected, late = (None if m is None else f"{m / 1000.0:.0f}" for m in forecast.empty_at_m)
+    return (
+        f"after {expected} km ({early} to {late} km)"
+        if late
+        else f"after {expected} km ({early} km or later)"
+    )
 
 
 def journey_in_words(journey: Journey) -> list[str]:

@@ -25,7 +25,7 @@ from tripwatt.forecasting.update import updated_power
 from tripwatt.parallel import one_blas_thread
 from tripwatt.routes.links import FLAT_ROAD
 from tripwatt.trips import Departure, Flag, Plan, raise_faults
-from tripwatt.trips.messages import flag_to_dict, message
+from tripwatt.trips.messages import flag_to_dict, leave_in_words, message
 from tripwatt.trips.showing import html_table
 from tripwatt.uncertainty import (
     ChargeScale,
@@ -692,13 +692,15 @@ class Forecast:
         return updated._with_empty()
 
     @one_blas_thread
-    def to_dict(self, reserve: float | None = None) -> dict[str, Any]:
+    def to_dict(self, reserve: float | None = None, probability: float | None = None) -> dict[str, Any]:
         """Plain values, as the command line and the service give them.
 
         Parameters
         ----------
         reserve : float, optional
             Displayed state of charge to arrive with: one more entry of `p_arrive`.
+        probability : float, optional
+            0.5 to 1: also the charge to leave with, to arrive with the reserve (0 without one) with this probability.
 
         Returns
         -------
@@ -726,6 +728,7 @@ class Forecast:
             "missing_wh": dict(zip(("least", "expected", "most"), self.missing_wh, strict=True)),
             "p_arrive": {f"{level:g}": self.p_arrive(level) for level in levels},
             "climb": None if self.climbing is None else self._climb_to_dict(levels),
+            "leave_with": None if probability is None else self._leave_with(reserve or 0.0, probability),
             "series": {name: values.tolist() for name, values in self._series().items()},
             "by_cause_wh": self.by_cause_wh,
             "battery_loss_wh": self.battery_loss_wh,
@@ -738,6 +741,15 @@ class Forecast:
             "terrain": self.plan.departure.terrain or "unknown",
             "soc_per_m": self.soc_per_climb_m,
             "changes_at_m": {f"{level:g}": self.climb_to(level) for level in levels},
+        }
+
+    def _leave_with(self, reserve: float, probability: float) -> dict[str, Any]:
+        needed = self.soc_needed(reserve, probability)
+        return {
+            "soc_needed": needed,
+            "reserve": reserve,
+            "probability": probability,
+            "message": leave_in_words(needed, reserve, probability),
         }
 
     @one_blas_thread
@@ -791,7 +803,10 @@ class Forecast:
         rows = [
             ("energy", f"{self.energy_wh / 1000.0:.2f} kWh"),
             (f"{BAND:.0%} interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
-            ("state of charge at arrival", f"{self.soc_arrival:.0%}"),
+            (
+                "state of charge at arrival",
+                "{:.0%} ({:.0%} to {:.0%})".format(self.soc_arrival, *self.soc_interval(BAND)),
+            ),
             ("probability to arrive", f"{self.p_arrive():.1%}"),
             ("given", self.given),
             *(("note", message(flag)) for flag in self.flags),

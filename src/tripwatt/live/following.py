@@ -211,6 +211,7 @@ class LiveForecaster:
             "soc_quantiles": {f"{p:g}": forecast.soc_quantile(p) for p in QUANTILES},
             "reserve": self.reserve,
             "p_arrive": forecast.p_arrive(self.reserve),
+            "p_arrive_at_all": forecast.p_arrive(),
             "measured_until_s": forecast.measured_until_s,
         }
 

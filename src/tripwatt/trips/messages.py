@@ -221,6 +221,9 @@ MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
 )
 """Code of a flag -> its sentence."""
 
+SERIOUS: Final = frozenset({"battery_empty"})
+"""Flags of trips that cannot end as planned."""
+
 
 def message(flag: Flag) -> str:
     """The sentence of a flag; one of an unknown code is named with its fields.

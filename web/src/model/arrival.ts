@@ -76,6 +76,11 @@ export function hundredthsOf(chance: number): { side: "above" | "below" | "near"
   return { side: "near", count: Math.round(chance * 100) };
 }
 
+/** Probability to arrive before the battery is empty. */
+export function chanceAtAll(forecast: Forecast): number {
+  return forecast.p_arrive["0"] as number;
+}
+
 /** Distance at which the battery is empty by the median forecast [m]; null when it is not. */
 export function emptyAfterM(forecast: Forecast): number | null {
   return forecast.empty_at_m.expected;

@@ -3,7 +3,7 @@
 import type { Flag, Terrain } from "../api/types";
 import type { Text } from "../text";
 import type { Format } from "./format";
-import { PERCENT, type Units } from "./units";
+import { ENERGY, PERCENT, type Units } from "./units";
 
 /** Distances from the training range, in standard deviations. */
 const CLEARLY_OUTSIDE_SD = 1;
@@ -162,8 +162,15 @@ const GROUPS: Group[] = [
       );
     },
   },
+  byValue("battery_empty", (missingWh, { text, format }) => ({
+    text: text.flags.batteryEmpty(format.shown(missingWh, ENERGY)),
+    serious: true,
+  })),
+  byValue("battery_full", (lostWh, { text, format }) => ({
+    text: text.flags.batteryFull(format.shown(lostWh, ENERGY)),
+  })),
   {
-    codes: ["battery_empty", "battery_over_full", "battery_over_voltage"],
+    codes: ["battery_over_voltage"],
     toWarning: (flags, wording) => {
       const parts = durationTexts(flags, wording, wording.text.flags.states);
       return parts && { text: parts.join(" ") };

@@ -104,7 +104,9 @@ export const de: Text = {
     hintCoordinates: "Breite, Länge",
     plan: "Planen",
     leaveWith: (soc) => `Mit ${soc} abfahren, um bei 19 von 20 Fahrten mit der Reserve anzukommen.`,
-    notEnough: "Eine volle Batterie reicht nicht, um bei 19 von 20 Fahrten mit der Reserve anzukommen.",
+    notEnough: (missing) =>
+      `Eine volle Batterie reicht nicht, um bei 19 von 20 Fahrten mit der Reserve anzukommen; ${missing} davon fehlen.`,
+    anyCharge: "Jede Ladung reicht, um bei 19 von 20 Fahrten mit der Reserve anzukommen.",
     atMost: (speed) => `Auf Autobahnen höchstens ${speed} fahren, um mit der Reserve anzukommen.`,
     station: "der Ladestation",
     charge: (station, time, arrival, leave) =>
@@ -171,6 +173,10 @@ export const de: Text = {
     range: (low, high) => `${low} bis ${high}`,
     inTrips: (band) => `${band} bei 9 von 10 Fahrten`,
     emptyAfter: (distance) => `Leer nach etwa ${distance}`,
+    emptyBetween: (from, to) => ` (${from} bis ${to})`,
+    missing: (energy, range) => `${energy} (${range}) mehr, als die Batterie enthält`,
+    atBest: (soc) => `bestenfalls ${soc} bei Ankunft`,
+    announcedEmpty: (distance) => `Vorhersage: Die Batterie ist nach etwa ${distance} leer.`,
     energy: "Energie",
     consumption: "Verbrauch",
     distance: "Strecke",
@@ -224,6 +230,7 @@ export const de: Text = {
     withReserve: (reserve) => `: Ankunft mit der Reserve von ${reserve} oder mehr`,
     unlessClimb: (climb) => `nicht ab ${climb} Anstieg`,
     withCharge: ": Ankunft, bevor die Batterie leer ist",
+    atAll: (figures) => `Überhaupt ankommen: ${figures}`,
     announced: (word) => `${word}: Ankunft mit der Reserve.`,
     figures: {
       above: (hundredths) => `mehr als ${hundredths} von 100`,
@@ -595,10 +602,12 @@ export const de: Text = {
       battery_voltage_floor: (time) => `${time} an der unteren Spannungsgrenze der Batterie`,
     },
     states: {
-      battery_empty: (time) => `Die Batterie ist für ${time} der Fahrt leer.`,
-      battery_over_full: (time) => `Die Batterie ist für ${time} zu voll für die Rekuperation.`,
       battery_over_voltage: (time) => `Die Batteriespannung ist für ${time} zu hoch für die Rekuperation.`,
     },
+    batteryEmpty: (missing) =>
+      `Die Fahrt braucht ${missing} mehr, als die Batterie enthält. Die Batterie ist vor dem Ziel leer.`,
+    batteryFull: (lost) =>
+      `Die Batterie ist zu voll für ${lost} aus der Rekuperation. Die Reibungsbremsen nehmen sie auf.`,
     notSettled: "Die Simulation der Batterie ist nicht konvergiert.",
     notSettledEffect: "Die Vorhersage kann ungenau sein.",
     elevationInterpolated: "Einigen Punkten fehlt die Höhe; sie wird interpoliert.",

@@ -102,7 +102,9 @@ export const en = {
     hintCoordinates: "Latitude, longitude",
     plan: "Plan",
     leaveWith: (soc: string) => `Leave with ${soc} to arrive with the reserve in 19 of 20 trips.`,
-    notEnough: "A full battery does not suffice to arrive with the reserve in 19 of 20 trips.",
+    notEnough: (missing: string) =>
+      `A full battery does not suffice to arrive with the reserve in 19 of 20 trips; ${missing} of it are missing.`,
+    anyCharge: "Any charge suffices to arrive with the reserve in 19 of 20 trips.",
     atMost: (speed: string) => `Drive at most ${speed} on motorways to arrive with the reserve.`,
     station: "the charging station",
     charge: (station: string, time: string, arrival: string, leave: string) =>
@@ -168,6 +170,10 @@ export const en = {
     range: (low: string, high: string) => `${low} to ${high}`,
     inTrips: (band: string) => `${band} in 9 of 10 trips`,
     emptyAfter: (distance: string) => `Empty after about ${distance}`,
+    emptyBetween: (from: string, to: string) => ` (${from} to ${to})`,
+    missing: (energy: string, range: string) => `${energy} (${range}) more than the battery holds`,
+    atBest: (soc: string) => `at best ${soc} on arrival`,
+    announcedEmpty: (distance: string) => `Forecast: the battery is empty after about ${distance}.`,
     energy: "Energy",
     consumption: "Consumption",
     distance: "Distance",
@@ -221,6 +227,7 @@ export const en = {
     withReserve: (reserve: string) => ` to arrive with the reserve of ${reserve} or more`,
     unlessClimb: (climb: string) => `not with a climb of ${climb} or more`,
     withCharge: " to arrive before the battery is empty",
+    atAll: (figures: string) => `To arrive at all: ${figures}`,
     announced: (word: string) => `${word} to keep the reserve.`,
     figures: {
       above: (hundredths: number) => `more than ${hundredths} in 100`,
@@ -594,11 +601,13 @@ export const en = {
       battery_voltage_floor: (time: string) => `lowest battery voltage for ${time}`,
     },
     states: {
-      battery_empty: (time: string) => `The battery is empty for ${time} of the trip.`,
-      battery_over_full: (time: string) => `The battery is too full for regenerative braking for ${time}.`,
       battery_over_voltage: (time: string) =>
         `The battery voltage is too high for regenerative braking for ${time}.`,
     },
+    batteryEmpty: (missing: string) =>
+      `The trip takes ${missing} more than the battery holds. The battery is empty before the end.`,
+    batteryFull: (lost: string) =>
+      `The battery is too full for ${lost} of recovered energy. The friction brakes take it.`,
     notSettled: "The battery simulation did not converge.",
     notSettledEffect: "The forecast may be inaccurate.",
     elevationInterpolated: "Some points have no elevation; their elevation is interpolated.",

@@ -8,7 +8,7 @@ import {
   GARAGE_DEGC,
   resetTo,
 } from "../state/conditions";
-import { faults, forecast, mode, other } from "../state/forecast";
+import { departure, faults, mode, other } from "../state/forecast";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { Slider } from "./slider";
@@ -52,7 +52,7 @@ const TERRAINS: Terrain[] = ["unknown", "flat", "hilly", "mountains"];
 /** What is known of the country; only where the heights of the road are not. */
 function TerrainSelect() {
   const { conditions: words } = text.value;
-  if (!forecast.value?.climb) return null;
+  if (!departure.value?.climb) return null;
   return (
     <label class="field">
       <span>{words.terrain}</span>
