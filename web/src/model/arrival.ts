@@ -42,7 +42,9 @@ export type Verdict = "good" | "open" | "bad";
 
 /** Climb of an unknown road with which the expected charge on arrival falls to the reserve [m]; null where none does. */
 export function decisiveClimbM({ climb }: Forecast, reserve: number): number | null {
-  const found = Object.entries(climb?.changes_at_m ?? {}).find(([level]) => Math.abs(Number(level) - reserve) < 1e-9);
+  const found = Object.entries(climb?.changes_at_m ?? {}).find(
+    ([level]) => Math.abs(Number(level) - reserve) < 1e-9,
+  );
   return found ? found[1] : null;
 }
 
