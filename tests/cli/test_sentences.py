@@ -31,7 +31,12 @@ def made(soc: tuple[float, float, float, float], energy_wh: float = 2120.0, **mo
         }
     )
     plan = SimpleNamespace(departure=Departure(ambient_temperature_degc=-0.3))
-    given = {"measured_until_s": 0.0, "p_arrive": lambda: 0.42, "plan": plan, "missing_wh": (0.0, 0.0, 0.0)} | more
+    given = {
+        "measured_until_s": 0.0,
+        "p_arrive": lambda: 0.42,
+        "plan": plan,
+        "missing_wh": (0.0, 0.0, 0.0),
+    } | more
     return SimpleNamespace(
         energy_wh=energy_wh,
         interval=lambda level: (energy_wh - 300.0, energy_wh + 400.0) if level == 0.9 else None,

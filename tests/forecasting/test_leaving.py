@@ -46,7 +46,9 @@ def test_the_charge_to_leave_with_rises_with_probability_reserve_and_distance(mo
     assert by_probability == sorted(by_probability)
     by_reserve = [trip.soc_needed(r) for r in (0.0, 0.05, 0.1, 0.2, 0.3)]
     assert by_reserve == sorted(by_reserve)
-    roads = [tw.read_route([{"length_m": metres, "speed_m_s": 20.0}]) for metres in (5e3, 2e4, 6e4, 1.5e5, 4e5)]
+    roads = [
+        tw.read_route([{"length_m": metres, "speed_m_s": 20.0}]) for metres in (5e3, 2e4, 6e4, 1.5e5, 4e5)
+    ]
     by_distance = [model.forecast(road).soc_needed() for road in roads]
     assert by_distance == sorted(by_distance)
     assert by_distance[-1] > 1.0

@@ -116,7 +116,9 @@ def test_where_a_full_battery_does_not_suffice_the_answer_is_above_one(model):
     far = Place(47.0, 14.0)
     found = journey(model, stops=(A, far), answers=False)
     assert found.soc_needed > 1.0
-    assert found.soc_needed == journey(model, replace(COLD, soc=0.3), stops=(A, far), answers=False).soc_needed
+    assert (
+        found.soc_needed == journey(model, replace(COLD, soc=0.3), stops=(A, far), answers=False).soc_needed
+    )
     assert not found.arrives
     assert found.to_dict()["soc_needed"] == found.soc_needed
     assert found.to_dict()["leave"].startswith("A full battery does not suffice")

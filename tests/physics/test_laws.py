@@ -196,7 +196,9 @@ def test_no_descent_raises_the_charge_above_full(name, displayed, slope, speed, 
     empty = simulate(car, **trace, grade=grade, conditions=DriveConditions(initial_soc=0.3))
     lost = run.simulated_energy_wh - empty.simulated_energy_wh
     assert lost > -1.0
-    assert run.energy_by_cause_wh["friction_brakes"][-1] >= empty.energy_by_cause_wh["friction_brakes"][-1] - 1.0
+    assert (
+        run.energy_by_cause_wh["friction_brakes"][-1] >= empty.energy_by_cause_wh["friction_brakes"][-1] - 1.0
+    )
     flagged = {flag.code: flag.value for flag in run.flags}
     assert flagged.get("battery_full", 0.0) == pytest.approx(max(lost, 0.0), abs=60.0)
 

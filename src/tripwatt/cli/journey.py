@@ -320,7 +320,15 @@ def _show(found: Journey) -> None:
                 chance(forecast.p_arrive(found.reserve)),
             )
         )
-    columns = ("road", "length", "time", "energy", "arrival with", "arrives", f"{100.0 * found.reserve:g} % or more")
+    columns = (
+        "road",
+        "length",
+        "time",
+        "energy",
+        "arrival with",
+        "arrives",
+        f"{100.0 * found.reserve:g} % or more",
+    )
     print_table(f"Roads, given {found.forecast.given}", columns, rows, numbers=columns[1:4])
     costs = [(name, f"{wh / 1000.0:+.2f} kWh") for name, wh in found.costs_wh.items() if abs(wh) >= 1.0]
     if costs:

@@ -744,7 +744,10 @@ class Forecast:
         rows = [
             ("energy", f"{self.energy_wh / 1000.0:.2f} kWh"),
             (f"{BAND:.0%} interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
-            ("state of charge at arrival", "{:.0%} ({:.0%} to {:.0%})".format(self.soc_arrival, *self.soc_interval(BAND))),
+            (
+                "state of charge at arrival",
+                "{:.0%} ({:.0%} to {:.0%})".format(self.soc_arrival, *self.soc_interval(BAND)),
+            ),
             ("probability to arrive", f"{self.p_arrive():.1%}"),
             ("given", self.given),
             *(("note", message(flag)) for flag in self.flags),

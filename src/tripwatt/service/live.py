@@ -328,7 +328,9 @@ class LiveCars:
         if result.status != 200:
             return result
         found = orjson.loads(result.content)
-        missing_wh = None if soc is None else max(0.0, min(found["soc_needed"], 1.0) - soc) * found["wh_per_display"]
+        missing_wh = (
+            None if soc is None else max(0.0, min(found["soc_needed"], 1.0) - soc) * found["wh_per_display"]
+        )
         return {
             "vehicle": car.name,
             "plan": "given" if usual is None else "usual",

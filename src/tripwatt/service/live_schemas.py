@@ -64,7 +64,9 @@ class NeedResponse(ResponseModel):
     soc: float | None = Field(
         description="displayed state of charge of the last messages; null where unknown or on a trip"
     )
-    charge_wh: float | None = Field(description="energy that is missing in the battery, up to a full one [Wh]")
+    charge_wh: float | None = Field(
+        description="energy that is missing in the battery, up to a full one [Wh]"
+    )
 
 
 class LiveTripDocument(ResponseModel):
