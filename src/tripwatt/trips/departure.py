@@ -92,6 +92,8 @@ class Departure:
         What the driver allows climate control: "heat" never cools with the compressor, "cool" never heats. None is "auto".
     extras : tuple of str or None
         What is fitted to the car, of `EXTRAS`.
+    cabin_logged : bool or None
+        Whether the cabin's temperature is a reading of the car's sensor, which shows nothing below the lower end of its range.
 
     Raises
     ------
@@ -117,6 +119,7 @@ class Departure:
     started_at: dt.datetime | None = None
     climate: str | None = None
     extras: tuple[str, ...] | None = None
+    cabin_logged: bool | None = None
 
     def __post_init__(self) -> None:
         numbers = {name: getattr(self, name) for name in ("soc", *TEMPERATURES, "payload_mass_kg")}
@@ -178,12 +181,14 @@ class Departure:
             weather=context.weather,
             follows_trip=context.follows_trip,
             started_at=context.started_at,
+            cabin_logged=True if "cabin_temperature_degc" in first else None,
         )
 
     def merge(self, other: Departure | None) -> Departure:
         """The departure with the known fields of another in place of its own.
 
-        A state of charge that a driver gives takes the place of the battery management's reading.
+        A state of charge that a driver gives takes the place of the battery management's reading, a cabin temperature that of
+        the sensor's.
 
         Parameters
         ----------
@@ -207,6 +212,8 @@ class Departure:
             known["started_at"] = other.started_at
         if other.soc is not None and other.bms_soc is None:
             known["bms_soc"] = None
+        if other.cabin_temperature_degc is not None:
+            known["cabin_logged"] = other.cabin_logged
         return replace(self, **known)
 
     def to_dict(self) -> dict[str, Any]:
