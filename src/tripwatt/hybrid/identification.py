@@ -467,7 +467,9 @@ def _published_road(vehicle: Vehicle) -> _PublishedRoad:
     constant, linear = load.rolling_coefficients
     density = load.coastdown_air_density_kg_m3 or REFERENCE_AIR_KG_M3
     squares = 0.5 * density * speeds**2
-    force = vehicle.body.test_mass_kg * GRAVITY_M_S2 * (constant + linear * speeds) + squares * load.drag_area_m2
+    force = (
+        vehicle.body.test_mass_kg * GRAVITY_M_S2 * (constant + linear * speeds) + squares * load.drag_area_m2
+    )
     areas = [load.drag_area_m2]
     if load.method == "coastdown" and load.drag_coefficient is not None and load.frontal_area_m2 is not None:
         areas.append(load.drag_coefficient * load.frontal_area_m2)
@@ -520,8 +522,8 @@ def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Found:
         found["road_load.coastdown_c_n_s2_m2"] = 0.5 * load.coastdown_air_density_kg_m3 * drag_area
     else:
         assert load.frontal_area_m2 is not None
-        found["road_load.rolling_resistance_coefficient"] = (
-            rolling / (vehicle.body.test_mass_kg * GRAVITY_M_S2)
+        found["road_load.rolling_resistance_coefficient"] = rolling / (
+            vehicle.body.test_mass_kg * GRAVITY_M_S2
         )
         found["road_load.drag_coefficient"] = drag_area / load.frontal_area_m2
     return found, len(records)
