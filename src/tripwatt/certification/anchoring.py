@@ -4,7 +4,7 @@ The simulation of a car with published values misses its certified consumption. 
 wheel and battery, and one of three losses is changed: that of the map of motor and inverter ("motor"), an eddy-current loss of the
 flux beside the map ("iron", in proportion to the square of speed), or that of the gear ("gear", in proportion to the power through
 it). Each closes the mean over the rows;
-the one is taken that leaves the smallest error of a single row. Where that leaves a row off by more than `ROW_TOLERANCE`, city and
+the one is taken that is most probable, by the rows and by what it does to the loss on a motorway. Where that leaves a row off by more than `ROW_TOLERANCE`, city and
 highway ask for two losses: that of the map and an eddy-current loss ("motor and iron"), which differ most in how they grow with speed.
 Of a car without a measured coast-down, all is changed that its class leaves open ("road load"), after the losses that cars have
 in common: rolling, air drag and gear, each in the proportion in which it is most probably the cause (`OPEN`).
@@ -21,7 +21,14 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.certification.consumption import CertifiedFigure, relative_error
+from tripwatt.certification.consumption import (
+    SCHEDULE_DENSITY_DEGC,
+    CertifiedFigure,
+    driven_wh_per_km,
+    relative_error,
+)
+from tripwatt.physics.road_load import air_density
+from tripwatt.units import GRAVITY_M_S2, WH_PER_J
 from tripwatt.vehicles import Vehicle
 from tripwatt.vehicles.anchors import Anchor
 
@@ -31,6 +38,13 @@ TOLERANCE: Final = 1e-4
 IRON_LOSS_W: Final = 200.0
 IRON_SPEED_M_S: Final = 20.0
 """Speed of the car at which a factor of 2 stands for `IRON_LOSS_W` of iron loss."""
+
+REPEAT_SD: Final = 0.02
+"""Scatter of certified consumption over tests of the same car and road load, as in `vehicles.spreads`."""
+
+MOTORWAY_M_S: Final = 36.0
+LOSS_SD: Final = 0.45
+"""Standard deviation of the logarithm of a car's loss between wheel and battery about its class's (`vehicles.spreads`)."""
 
 ROW_TOLERANCE: Final = 0.04
 """Error of a row that one loss may leave: twice the scatter of certified consumption over tests of the same car."""
@@ -211,7 +225,7 @@ def anchored(
     figures : sequence of CertifiedFigure
         At least one. Those marked as outliers are left out, unless all are.
     losses : sequence of str
-        Of `LOSSES` and `ROAD_LOAD`; the one that leaves the smallest error of a single figure is taken.
+        Of `LOSSES` and `ROAD_LOAD`; the most probable one is taken, by its figures and its loss on a motorway.
 
     Returns
     -------
@@ -235,19 +249,45 @@ def anchored(
         factor = _closing(mean_error, *BOUNDS[loss])
         car = scaled(vehicle, loss, factor)
         found.append(Anchored(car, loss, factor, before, errors(car, sound)))
-    best = min(found, key=_misses)
-    if len(losses) > 1 and np.abs(best.after).max() > ROW_TOLERANCE:
-        best = min(best, _with_two(vehicle, sound, before), key=_misses)
+    if len(losses) == 1:
+        return found[0]
+    cost = partial(_improbable, published=_motorway_loss_wh_per_km(vehicle))
+    best = min(found, key=cost)
+    if np.abs(best.after).max() > ROW_TOLERANCE:
+        best = min(best, _with_two(vehicle, sound, before, cost), key=cost)
     return best
 
 
-def _misses(found: Anchored) -> tuple[float, float]:
-    """How far the mean and the farthest figure are off."""
-    return round(abs(float(found.after.mean())), 3), float(np.abs(found.after).max())
+def _improbable(found: Anchored, published: float) -> tuple[float, float]:
+    """Whether the mean stays open, and how improbable rows and motorway are: squares of standard deviations.
+
+    Losses that meet city and highway alike differ most on a motorway, where no row is: a map with field weakening that is scaled far up
+    would take a third of the energy there.
+    """
+    rows = float(np.sum((found.after / REPEAT_SD) ** 2))
+    motorway = np.log(_motorway_loss_wh_per_km(found.vehicle) / published) / LOSS_SD
+    return round(abs(float(found.after.mean())), 3), rows + float(motorway) ** 2
 
 
-def _with_two(vehicle: Vehicle, figures: Sequence[CertifiedFigure], before: FloatArray) -> Anchored:
-    """The factor of the map with which an eddy-current loss that closes the mean leaves the smallest error of a figure."""
+def _motorway_loss_wh_per_km(vehicle: Vehicle) -> float:
+    """What the drivetrain loses at `MOTORWAY_M_S`."""
+    trace = np.arange(2.0), np.full(2, MOTORWAY_M_S)
+    load, mass = vehicle.road_load, vehicle.body.test_mass_kg
+    constant, linear = load.rolling_coefficients
+    density = load.coastdown_air_density_kg_m3 or air_density(SCHEDULE_DENSITY_DEGC)
+    force = mass * GRAVITY_M_S2 * (constant + linear * MOTORWAY_M_S)
+    force += 0.5 * density * load.drag_area_m2 * MOTORWAY_M_S**2
+    base_load = vehicle.auxiliaries.base_load_w / MOTORWAY_M_S
+    return driven_wh_per_km(vehicle, trace, mass) - (force + base_load) * 1000.0 * WH_PER_J
+
+
+def _with_two(
+    vehicle: Vehicle,
+    figures: Sequence[CertifiedFigure],
+    before: FloatArray,
+    cost: Callable[[Anchored], tuple[float, float]],
+) -> Anchored:
+    """The most probable factor of the map, with an eddy-current loss that closes the mean."""
     from scipy.optimize import minimize_scalar  # slow to import
 
     def closed(motor: float) -> Anchored:
@@ -258,7 +298,10 @@ def _with_two(vehicle: Vehicle, figures: Sequence[CertifiedFigure], before: Floa
 
     bounds = (LEAST_MOTOR, BOUNDS["motor"][1])
     found = minimize_scalar(
-        lambda m: sum(_misses(closed(m))), bounds=bounds, method="bounded", options={"xatol": 1e-3}
+        lambda m: 1e6 * cost(closed(m))[0] + cost(closed(m))[1],
+        bounds=bounds,
+        method="bounded",
+        options={"xatol": 1e-3},
     )
     return closed(float(found.x))
 

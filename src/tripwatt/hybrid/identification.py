@@ -516,7 +516,8 @@ def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Found:
     if free and rolling > 0.0:
         found["tyres.temperature_coefficient_per_k"] = min(colder / rolling, STEEPEST_PER_K)
     if load.method == "coastdown":
-        assert load.coastdown_mass_kg is not None and load.coastdown_air_density_kg_m3 is not None
+        assert load.coastdown_mass_kg is not None
+        assert load.coastdown_air_density_kg_m3 is not None
         found["road_load.coastdown_a_n"] = rolling * load.coastdown_mass_kg / vehicle.body.test_mass_kg
         found["road_load.coastdown_b_n_s_m"] = 0.0
         found["road_load.coastdown_c_n_s2_m2"] = 0.5 * load.coastdown_air_density_kg_m3 * drag_area
