@@ -1,5 +1,8 @@
 """What must hold for every car on every trace."""
 
+import dataclasses
+from collections.abc import Callable
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -8,7 +11,8 @@ from hypothesis import strategies as st
 
 from tripwatt.errors import InvalidInput
 from tripwatt.physics import CAUSES, DriveConditions, simulate, simulate_trip
-from tripwatt.trips import STEEPEST_GRADE, Context, Trip
+from tripwatt.physics.road_load import rolling_factor
+from tripwatt.trips import STEEPEST_GRADE, Context, Departure, Plan, Trip, plan_from_samples
 from tripwatt.units import GRAVITY_M_S2, WH_PER_J
 from tripwatt.vehicles import Vehicle, load_vehicle
 
@@ -454,3 +458,152 @@ def test_trips_of_a_twizy_keep_their_climb(data_dir) -> None:
         assert run.energy_by_cause_wh["climb"][-1] / unit == pytest.approx(height[-1] - height[0], abs=0.01)
         rises.append(height[-1] - height[0])
     assert sum(45.0 <= rise <= 76.5 for rise in rises) >= 5
+
+
+def city(seconds: int = 600) -> Plan:
+    """A drive of some minutes in a city and out of it."""
+    time = np.arange(seconds + 1.0)
+    speed = np.clip(10.0 + 8.0 * np.sin(time / 60.0) + 6.0 * np.sin(time / 23.0), 0.0, 30.0)
+    return plan_from_samples(pd.DataFrame({"time_s": time, "speed_m_s": speed}))
+
+
+def energy_wh(car: Vehicle, plan: Plan, departure: Departure) -> float:
+    return simulate_trip(car, dataclasses.replace(plan, departure=departure)).simulated_energy_wh
+
+
+CITY = city()
+CARS = ("bmw_i3_60ah", "nissan_leaf_40", "vw_id3", "tesla_model_3_lr")
+"""With resistive heating and with a heat pump, with a sensor's lower end and without."""
+
+
+@EXAMPLES
+@given(
+    st.sampled_from(CARS),
+    st.floats(-20.0, 14.0),
+    st.floats(18.0, 26.0),
+    st.lists(st.floats(0.0, 1.0), min_size=2, max_size=2),
+)
+def test_a_warmer_cabin_never_takes_more_in_the_cold(name, ambient, setpoint, shares) -> None:
+    car = load_vehicle(name)
+    low, high = (ambient - 5.0 + share * (setpoint + 5.0 - ambient) for share in sorted(shares))
+    colder, warmer = (
+        energy_wh(
+            car,
+            CITY,
+            Departure(
+                soc=0.7,
+                ambient_temperature_degc=ambient,
+                cabin_setpoint_degc=setpoint,
+                cabin_temperature_degc=cabin,
+            ),
+        )
+        for cabin in (low, high)
+    )
+    assert warmer <= colder + 0.5  # watt-hours; the control works in steps of 10 s
+
+
+def largest_jump(energy: Callable[[float], float], low: float, high: float) -> tuple[float, float]:
+    """Change of the energy that is left where it is steepest when the step shrinks to nothing [Wh], and where."""
+    at = np.linspace(low, high, 61)
+    found = [energy(float(x)) for x in at]
+    changes = np.abs(np.diff(found))
+    i = int(np.argmax(np.abs(changes - np.median(changes))))
+    left, right, before, after = float(at[i]), float(at[i + 1]), found[i], found[i + 1]
+    for _ in range(14):
+        middle = 0.5 * (left + right)
+        value = energy(middle)
+        if abs(value - before) > abs(after - value):
+            right, after = middle, value
+        else:
+            left, before = middle, value
+    return abs(after - before), left
+
+
+SCANNED = {
+    "ambient_temperature_degc": (-30.0, 50.0),
+    "cabin_setpoint_degc": (14.0, 30.0),
+    "cabin_temperature_degc": (-20.0, 60.0),
+    "battery_temperature_degc": (-30.0, 50.0),
+    "payload_mass_kg": (0.0, 500.0),
+    "soc": (0.05, 1.0),
+}
+
+
+@pytest.mark.parametrize("name", CARS)
+@pytest.mark.parametrize("ambient", [-5.0, 9.0, 24.0])
+def test_no_field_of_a_departure_makes_the_energy_jump(name: str, ambient: float) -> None:
+    car, known = load_vehicle(name), {"soc": 0.6, "ambient_temperature_degc": ambient}
+    for field, bounds in SCANNED.items():
+        for cabin in ({}, {"cabin_temperature_degc": 19.0}):
+            jump, at = largest_jump(
+                lambda x, field=field, cabin=cabin: energy_wh(
+                    car, CITY, Departure(**{**known, **cabin, field: x})
+                ),
+                *bounds,
+            )
+            assert jump < 0.5, f"{field} at {at:.3f}: {jump:.1f} Wh"
+
+
+def test_a_sensor_at_its_end_hides_the_cabin_of_a_log_alone() -> None:
+    """The i3's sensor shows 10 °C in any colder cabin; 10 °C that a person gives are 10 °C."""
+    car = load_vehicle("bmw_i3_60ah")
+    planned = Departure(soc=0.7, ambient_temperature_degc=-5.0, cabin_temperature_degc=10.0)
+    cold = dataclasses.replace(planned, cabin_temperature_degc=-5.0)
+    logged = dataclasses.replace(planned, cabin_logged=True)
+    assert energy_wh(car, CITY, logged) == energy_wh(car, CITY, cold)
+    assert energy_wh(car, CITY, planned) < energy_wh(car, CITY, cold) - 50.0
+    samples = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 1.0], "cabin_temperature_degc": 10.0})
+    assert Trip.from_samples("log", samples).departure.cabin_logged
+    given = plan_from_samples(samples, departure=Departure(cabin_temperature_degc=10.0)).departure
+    assert given.cabin_logged is None
+
+
+def identified_like(car: Vehicle) -> Vehicle:
+    """A car whose trips show a rise in the cold of twice the published one."""
+    assert car.tyres is not None
+    return dataclasses.replace(car, tyres=dataclasses.replace(car.tyres, temperature_coefficient_per_k=0.02))
+
+
+@pytest.mark.parametrize("name", CARS)
+def test_heat_does_not_make_a_car_thrifty(name: str) -> None:
+    """With the air conditioner on, 40 °C take no less than 25 °C up to 90 km/h, and about as much at 130 in air of one density."""
+    car = identified_like(load_vehicle(name))
+    time = np.arange(1801.0)
+    for speed, most_gain in ((8.0, 0.0), (14.0, 0.0), (20.0, 0.0), (25.0, 0.0), (36.0, 0.02)):
+        density = 1.15 if most_gain else None
+        mild, hot = (
+            simulate(
+                car,
+                time,
+                np.full_like(time, speed),
+                conditions=DriveConditions(
+                    ambient_temperature_degc=ambient, initial_warmth=1.0, air_density_kg_m3=density
+                ),
+            ).simulated_energy_wh
+            for ambient in (25.0, 40.0)
+        )
+        assert hot >= (1.0 - most_gain) * mild, speed
+
+
+@EXAMPLES
+@given(
+    st.sampled_from(CARS),
+    st.floats(0.0, 0.03),
+    st.floats(-40.0, 57.0),
+    st.floats(-40.0, 57.0),
+    st.floats(0.0, 1.0),
+)
+def test_rolling_falls_with_the_air_and_stays_in_bounds(name, slope, one, other, warmth) -> None:
+    tyres = load_vehicle(name).tyres
+    assert tyres is not None
+    tyres = dataclasses.replace(tyres, temperature_coefficient_per_k=slope)
+    cold, hot = sorted((one, other))
+    speed, step = np.full(50, 20.0), np.full(50, 10.0)
+    factors = [rolling_factor(speed, step, degc, tyres, warmth) for degc in (cold, hot)]
+    assert (factors[0] >= factors[1]).all()
+    for factor in factors:
+        assert (factor >= 0.5).all()
+        assert (factor <= (1.0 + 60.0 * 0.03) * (1.0 + tyres.cold_excess)).all()
+    assert tyres.weather_factor(tyres.reference_temperature_degc) == 1.0
+    # a slope that is steeper than the published one acts in the cold alone
+    assert tyres.weather_factor(40.0) >= 1.0 - 0.0086 * 20.0 - 1e-12

@@ -262,8 +262,9 @@ class TestRoadLoad:
         cold = rolling_factor(speed, step, 10.0, tyres, 0.2)
         assert cold == pytest.approx([1.1 * 1.32, 1.1 * 1.26, 1.1], rel=1e-9)
         assert rolling_factor(speed, step, 10.0, tyres)[0] == pytest.approx(1.1 * 1.4, **EXACT)
-        hot = rolling_factor(speed, step, 75.0, tyres, 0.2)
-        assert hot == pytest.approx([0.45 * 1.32, 0.45 * 1.26, 0.5], rel=1e-9)
+        hot = rolling_factor(speed, step, 75.0, tyres, 0.2)  # 0.86 % for each kelvin above the reference
+        assert hot == pytest.approx([0.527 * 1.32, 0.527 * 1.26, 0.527], rel=1e-9)
+        assert rolling_factor(speed, step, 85.0, tyres)[2] == 0.5
 
 
 def weight(distance: np.ndarray) -> np.ndarray:
@@ -446,6 +447,9 @@ class TestCabin:
         assert wanted == pytest.approx(-500.0)
         fans = 50.0 + 500.0 / 3_000.0 * 200.0
         assert run.power_w[1] == pytest.approx(max(expected_w, 500.0 / 2.5) + fans, rel=1e-12)
+        little = condition_cabin(room, time, np.zeros(2), 22.5, CabinStart(22.0, 22.0, 0.0))
+        assert wanted_heat(22.0, 22.0, 22.5, 50.0, sun=0.0) == pytest.approx(-125.0)
+        assert little.power_w[1] == pytest.approx(max(idle_w, 125.0 / 2.5) + 50.0 + 125.0 / 3_000.0 * 200.0)
         cool = condition_cabin(room, time, np.zeros(2), 20.2, CabinStart(22.0, 21.9, 0.0))
         assert 50.0 < cool.power_w[1] < 55.0  # 67.5 W of 90 W that air from outside cools alone
 
@@ -491,8 +495,14 @@ class TestCabin:
         )
 
     def test_defrosting_below_its_temperature(self) -> None:
-        powers = [self.run(at, CabinStart(20.0, 22.0), 40.0).power_w for at in (3.0, 2.999)]
-        assert powers[1] - powers[0] == pytest.approx([400.0, 400.0, 400.0, 400.0, 0.0], abs=1.0)
+        """At 3 °C on half of the cars, at 1 °C on all, at 5 °C on none."""
+        start = CabinStart(20.0, 22.0)
+        off = dataclasses.replace(ROOM, defrost_power_w=0.0)
+        for ambient, share in ((5.0, 0.0), (3.0, 0.5), (1.0, 1.0), (-5.0, 1.0)):
+            time = 100.0 + np.arange(0.0, 41.0, 10.0)
+            without = condition_cabin(off, time, np.full(len(time), 5.0), ambient, start).power_w
+            more = self.run(ambient, start, 40.0).power_w - without
+            assert more == pytest.approx([share * 400.0] * 4 + [0.0], abs=1e-9)
 
     def test_power_is_the_mean_of_an_interval(self) -> None:
         """Samples at 0, 5, 25 and 28 s of steps of 10 s: 5 s of the first, half of it and the next, 3 s of the third."""
@@ -533,21 +543,26 @@ class TestDeparture:
     def test_cabin(self) -> None:
         assert self.car.climate is not None
         assert self.car.climate.sensor_minimum_degc == 10.0
-        assert cabin_at_departure(self.car, 10.1, 3.0) == 10.1
-        assert cabin_at_departure(self.car, 10.0, 3.0) == 3.0
-        assert cabin_at_departure(self.car, 9.0, 15.0) == 9.0
-        assert cabin_at_departure(self.car, None, 3.0) == 3.0
+        for logged in (False, True):
+            assert cabin_at_departure(self.car, 10.1, 3.0, logged=logged) == 10.1
+            assert cabin_at_departure(self.car, None, 3.0, logged=logged) == 3.0
+        assert cabin_at_departure(self.car, 10.0, 3.0, logged=True) == 3.0
+        assert cabin_at_departure(self.car, 9.0, 15.0, logged=True) == 9.0
+        assert cabin_at_departure(self.car, 10.0, 3.0) == 10.0
+        assert cabin_at_departure(self.car, -5.0, 3.0) == -5.0
 
     def test_warmth(self) -> None:
-        """The excess over the air outside, over that at the set-point."""
+        """The excess over the air outside, over that at the set-point or 5 K; from 10 to 14 °C outside it fades."""
         assert warmth_from_cabin(self.car, 17.0, 22.0, 2.0) == pytest.approx(0.75)
         assert warmth_from_cabin(self.car, 30.0, 22.0, 2.0) == 1.0
         assert warmth_from_cabin(self.car, 10.1, 22.0, 11.9) == 0.0
         assert warmth_from_cabin(self.car, 17.0, None, 2.0) == pytest.approx(
             15.0 / (self.car.climate.setpoint_degc - 2.0)
         )
-        assert warmth_from_cabin(self.car, 20.0, 22.0, 12.0) == 0.0
-        assert warmth_from_cabin(self.car, 20.0, 22.0, 11.0) == pytest.approx(9.0 / 11.0)
-        assert warmth_from_cabin(self.car, 10.0, 22.0, -8.0) == 0.0
-        assert warmth_from_cabin(self.car, 20.0, 5.0, 5.0) == 0.0
+        assert warmth_from_cabin(self.car, 20.0, 22.0, 14.0) == 0.0
+        assert warmth_from_cabin(self.car, 20.0, 22.0, 11.0) == pytest.approx(0.75 * 9.0 / 11.0)
+        assert warmth_from_cabin(self.car, 20.0, 22.0, 10.0) == pytest.approx(10.0 / 12.0)
+        assert warmth_from_cabin(self.car, 10.0, 22.0, -8.0, logged=True) == 0.0
+        assert warmth_from_cabin(self.car, 10.0, 22.0, -8.0) == pytest.approx(18.0 / 30.0)
+        assert warmth_from_cabin(self.car, 8.0, 5.0, 5.0) == pytest.approx(3.0 / 5.0)
         assert warmth_from_cabin(self.car, None, 22.0, 2.0) == 0.0

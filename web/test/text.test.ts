@@ -195,7 +195,7 @@ describe("flags", () => {
     assert.deepEqual(
       warnings.map(({ text, isRaw }) => [text, isRaw]),
       [
-        ["Die Route hat keine Höhendaten und gilt als eben.", false],
+        ["Die Höhen der Route sind unbekannt.", false],
         ["message of something_new", true],
         ["message of speed_assumed", true],
       ],

@@ -111,7 +111,8 @@ def rolling_factor(
 ) -> FloatArray:
     """Rolling and driveline drag over that of the warm car at the reference temperature. Shape of `speed_m_s`.
 
-    The factor is (1 + k (T_ref - T)) (1 + e (1 - w)), never below half. The warmth w, `initial_warmth` at departure,
+    The factor is (1 + k (T_ref - T)) (1 + e (1 - w)), never below half; above T_ref the slope k is the published one, if that is
+    smaller (`Tyres.weather_factor`). The warmth w, `initial_warmth` at departure,
     relaxes with the tyres' time constant to the square root of speed over the speed that warms up fully.
 
     Notes
@@ -127,9 +128,7 @@ def rolling_factor(
     """
     settled = np.sqrt(np.minimum(speed_m_s / tyres.warm_up_speed_m_s, 1.0))
     warmth = Relaxation(step_s / tyres.warm_up_time_s).solve(initial_warmth, settled)
-    weather = 1.0 + tyres.temperature_coefficient_per_k * (
-        tyres.reference_temperature_degc - temperature_degc
-    )
+    weather = tyres.weather_factor(temperature_degc)
     return np.asarray(np.maximum(weather * (1.0 + tyres.cold_excess * (1.0 - warmth)), 0.5), dtype=np.float64)
 
 

@@ -328,13 +328,16 @@ def conditions_at_departure(
     if ambient is None:
         ambient = UNKNOWN_AMBIENT_DEGC
     cabin, setpoint = known.cabin_temperature_degc, known.cabin_setpoint_degc
-    warmth = 1.0 if known.follows_trip else warmth_from_cabin(vehicle, cabin, setpoint, ambient)
+    logged = bool(known.cabin_logged)
+    warmth = warmth_from_cabin(vehicle, cabin, setpoint, ambient, logged=logged)
+    if known.follows_trip:
+        warmth = 1.0
     return DriveConditions(
         ambient_temperature_degc=ambient,
         initial_soc=0.8 if soc is None else soc,
         initial_battery_temperature_degc=known.battery_temperature_degc,
         payload_mass_kg=known.payload_mass_kg or 0.0,
-        initial_cabin_temperature_degc=cabin_at_departure(vehicle, cabin, ambient),
+        initial_cabin_temperature_degc=cabin_at_departure(vehicle, cabin, ambient, logged=logged),
         cabin_setpoint_degc=setpoint,
         solar_irradiance_w_m2=irradiance(known.weather, known.season),
         initial_warmth=warmth,

@@ -104,6 +104,8 @@ class Departure:
         What is fitted to the car, of `EXTRAS`.
     terrain : {"unknown", "flat", "hilly", "mountains"} or None
         Country of a road whose heights are unknown: how far it may climb. None is "unknown"; without effect where heights are known.
+    cabin_logged : bool or None
+        Whether the cabin's temperature is a reading of the car's sensor, which shows nothing below the lower end of its range.
 
     Raises
     ------
@@ -130,6 +132,7 @@ class Departure:
     climate: str | None = None
     extras: tuple[str, ...] | None = None
     terrain: str | None = None
+    cabin_logged: bool | None = None
 
     def __post_init__(self) -> None:
         numbers = {name: getattr(self, name) for name in ("soc", *TEMPERATURES, "payload_mass_kg")}
@@ -191,12 +194,14 @@ class Departure:
             weather=context.weather,
             follows_trip=context.follows_trip,
             started_at=context.started_at,
+            cabin_logged=True if "cabin_temperature_degc" in first else None,
         )
 
     def merge(self, other: Departure | None) -> Departure:
         """The departure with the known fields of another in place of its own.
 
-        A state of charge that a driver gives takes the place of the battery management's reading.
+        A state of charge that a driver gives takes the place of the battery management's reading, a cabin temperature that of
+        the sensor's.
 
         Parameters
         ----------
@@ -220,6 +225,8 @@ class Departure:
             known["started_at"] = other.started_at
         if other.soc is not None and other.bms_soc is None:
             known["bms_soc"] = None
+        if other.cabin_temperature_degc is not None:
+            known["cabin_logged"] = other.cabin_logged
         return replace(self, **known)
 
     def to_dict(self) -> dict[str, Any]:

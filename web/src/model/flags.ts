@@ -120,13 +120,14 @@ const GROUPS: Group[] = [
       serious: true,
     }),
   },
+  plain("no_elevation", (text) => ({ text: text.noElevation })),
   {
     codes: ["unknown_climb"],
     toWarning: ([flag], { text, format, units }) =>
       isMeasured(flag)
         ? {
             text: text.flags.unknownClimb(
-              text.flags.countries[flag.subject as Terrain],
+              text.flags.countries[flag.subject as Terrain] ?? text.flags.countries.unknown,
               format.shown(100, units.height),
               format.shown(flag.value, PERCENT, 1),
             ),

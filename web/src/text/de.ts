@@ -570,6 +570,7 @@ export const de: Text = {
     },
     usualValue: (assumed) => `Nicht angegeben und daher angenommen: ${assumed}.`,
     socAssumed: (soc) => `Der Ladestand bei Abfahrt ist nicht angegeben; angenommen werden ${soc}.`,
+    noElevation: "Die Höhen der Route sind unbekannt.",
     unknownClimb: (country, climb, points) =>
       `Die Höhen der Straße sind unbekannt. Der Bereich lässt den Anstieg einer Straße ${country} zu. Je ${climb} Anstieg werden ${points} der Ladung gebraucht.`,
     countries: {

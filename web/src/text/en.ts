@@ -569,6 +569,7 @@ export const en = {
     },
     usualValue: (assumed: string) => `Not given, and assumed: ${assumed}.`,
     socAssumed: (soc: string) => `The battery charge at departure is not given; ${soc} is assumed.`,
+    noElevation: "The heights of the route are unknown.",
     unknownClimb: (country: string, climb: string, points: string) =>
       `The heights of the road are unknown. The range allows for the climb of a road ${country}. Each ${climb} of climb takes ${points} of charge.`,
     countries: {
