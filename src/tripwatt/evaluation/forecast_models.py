@@ -293,7 +293,8 @@ class ForecastTask:
         began = time.perf_counter()
         vehicle, segments = self.data.identified(train)
         model = ForecastModel(vehicle, self.spec.corrector, self.seed)
-        model.fit_segments(segments.take(train))
+        training = self.data.take_stages(train)
+        model.fit_segments(segments.take(train), again=lambda kept: training.identified(kept)[1])
         fitted = time.perf_counter()
         plans = [self.data.plans[int(i)] for i in test]
         forecasts = [model.forecast(plan) for plan in plans]
