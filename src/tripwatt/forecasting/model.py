@@ -21,7 +21,6 @@ from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.inner import INNER_FOLDS, Again, inner_fits
 from tripwatt.forecasting.ranges import (
-    Range,
     compare,
     kept_temperatures,
     training_ranges,
@@ -35,6 +34,7 @@ from tripwatt.hybrid import (
     segment_table,
     segment_trips,
 )
+from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.hierarchy import Members
 from tripwatt.parallel import one_blas_thread
 from tripwatt.physics import simulate_trip

@@ -8,9 +8,8 @@ back as variance. The duration of a trip is no such covariate, since the correct
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -18,6 +17,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
+from tripwatt.errors import Fault, InvalidInput
 from tripwatt.trips import TEMPERATURES
 
 FADING: Final = (*TEMPERATURES, "speed_m_s", "trip_speed_m_s")
@@ -45,12 +45,12 @@ class Range:
         return np.asarray(np.where(np.isfinite(values), distance, 0.0))
 
     @classmethod
-    def of(cls, values: npt.ArrayLike) -> Range | None:
+    def from_values(cls, values: npt.ArrayLike) -> Range | None:
         """Range of the known values; None where there are none.
 
         Examples
         --------
-        >>> Range.of([3.0, np.nan, 3.0]), Range.of([np.nan])
+        >>> Range.from_values([3.0, np.nan, 3.0]), Range.from_values([np.nan])
         (Range(low=3.0, high=3.0, sd=1.0), None)
         """
         values = np.asarray(values, dtype=np.float64)
@@ -70,15 +70,15 @@ class Familiarity:
 
     Examples
     --------
-    >>> seen = Familiarity.learned(pd.DataFrame({"ambient_temperature_degc": [10.0, 20.0]}), FADING)
+    >>> seen = Familiarity.from_features(pd.DataFrame({"ambient_temperature_degc": [10.0, 20.0]}), FADING)
     >>> seen.share(pd.DataFrame({"ambient_temperature_degc": [15.0, 25.0, 95.0]})).round(3).tolist()
     [1.0, 0.607, 0.0]
     """
 
-    ranges: Mapping[str, Range] = field(default_factory=lambda: MappingProxyType({}))
+    ranges: Mapping[str, Range] = field(default_factory=dict)
 
     @classmethod
-    def learned(cls, features: pd.DataFrame, columns: Iterable[str]) -> Familiarity:
+    def from_features(cls, features: pd.DataFrame, columns: Iterable[str]) -> Familiarity:
         """Ranges of those of the columns that are in `FADING`.
 
         Parameters
@@ -89,8 +89,38 @@ class Familiarity:
             What the correction depends on.
         """
         wanted = set(columns)
-        found = {name: Range.of(features[name]) for name in FADING if name in wanted and name in features}
-        return cls(MappingProxyType({name: seen for name, seen in found.items() if seen is not None}))
+        found = {
+            name: Range.from_values(features[name]) for name in FADING if name in wanted and name in features
+        }
+        return cls({name: seen for name, seen in found.items() if seen is not None})
+
+    def to_dict(self) -> dict[str, list[float]]:
+        """Lower bound, upper bound and standard deviation of each covariate, as a stored model keeps them."""
+        return {name: [seen.low, seen.high, seen.sd] for name, seen in self.ranges.items()}
+
+    @classmethod
+    def from_dict(cls, stored: Mapping[str, Sequence[float]]) -> Familiarity:
+        """Reverse of `to_dict`.
+
+        Raises
+        ------
+        InvalidInput
+            When a range is not finite, or its standard deviation not positive.
+        """
+        ranges = {name: Range(*(float(value) for value in values)) for name, values in stored.items()}
+        faults = [
+            Fault(
+                "no range",
+                f"familiar, {name}",
+                f"{seen.low:g} to {seen.high:g}, sd {seen.sd:g}",
+                "finite, sd above 0",
+            )
+            for name, seen in ranges.items()
+            if not (np.isfinite([seen.low, seen.high, seen.sd]).all() and seen.sd > 0.0)
+        ]
+        if faults:
+            raise InvalidInput(faults)
+        return cls(ranges)
 
     def distances(self, features: pd.DataFrame) -> dict[str, FloatArray]:
         """Distance of each row outside of each range, in standard deviations: covariate -> shape (rows,)."""

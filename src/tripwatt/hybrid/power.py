@@ -222,7 +222,7 @@ class GPCorrector(_Joint):
         self._set_terms(
             tuple(term for term in self.terms if known.issuperset(term.columns)), self.share_column
         )
-        self.familiarity = Familiarity.learned(table.features, fading_columns(self.terms))
+        self.familiarity = Familiarity.from_features(table.features, fading_columns(self.terms))
         errors = table.energy_errors
         self.model.fit(table.features, table.residual_w, table.groups, table.hours, errors.own_wh)
         features, prior = self.model.features(table.features)
@@ -308,7 +308,7 @@ class LearnerCorrector(_OneByOne):
 
     def fit(self, table: SegmentTable) -> Self:
         """Learn from segment rows, the trip as the cluster."""
-        self.familiarity = Familiarity.learned(table.features, self.features)
+        self.familiarity = Familiarity.from_features(table.features, self.features)
         self.model.fit(self.columns(table), table.residual_w, groups=table.groups)
         return self
 
@@ -431,7 +431,7 @@ class GammCorrector(_OneByOne):
         from tripwatt.gam import GAMM
 
         self.medians_ = table.features.median()
-        self.familiarity = Familiarity.learned(table.features, FADING)
+        self.familiarity = Familiarity.from_features(table.features, FADING)
         self.model = GAMM(self.FORMULA).fit(self._frame(table, trips=True), table.residual_w)
         return self
 
