@@ -164,12 +164,8 @@ LINES: Final = tuple(KernelTerm((f"{cause}_w",), "line", 0.1) for cause in LINE_
 
 SETTLED_S: Final = 3600.0
 """Time after which cabin and driveline have settled: the cabin's time constant is 24 minutes (102 kJ/K of air and interior
-over 70 W/K), so a twelfth of the difference is left. The battery then follows weather and load, not the time."""
-
-
-def settled(features: pd.DataFrame) -> pd.DataFrame:
-    """Features with the time since departure held at `SETTLED_S`: a longer drive is no other kind of drive."""
-    return features.assign(time_s=np.minimum(features["time_s"].to_numpy(dtype=np.float64), SETTLED_S))
+over 70 W/K), so a twelfth of the difference is left. The battery then follows weather and load, not the time: a longer drive is
+no other kind of drive."""
 
 
 class _Joint:
