@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
 from tests.hybrid.test_identification import as_logged
+
 from tripwatt.forecasting import ForecastModel
 from tripwatt.forecasting.inner import INNER_FOLDS, inner_fits, inner_folds
 from tripwatt.forecasting.training import CarOfTrips
