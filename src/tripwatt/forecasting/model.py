@@ -19,15 +19,23 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.donor import DonorModel
 from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.forecasting.forecast import Forecast
+from tripwatt.forecasting.inner import INNER_FOLDS, Again, inner_fits
 from tripwatt.forecasting.plausible import impossible_faults
 from tripwatt.forecasting.ranges import (
-    Range,
     compare,
     kept_temperatures,
     training_ranges,
     unknown_state_sd_wh,
 )
-from tripwatt.hybrid import PowerCorrector, SegmentTable, power_corrector, segment_table, segment_trips
+from tripwatt.hybrid import (
+    PowerCorrector,
+    SegmentTable,
+    power_corrector,
+    resimulated,
+    segment_table,
+    segment_trips,
+)
+from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.hierarchy import Members
 from tripwatt.parallel import one_blas_thread
 from tripwatt.physics import simulate_trip
@@ -52,7 +60,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DEFAULT_CORRECTOR: Final = "split"
-INNER_FOLDS: Final = 10
 MIN_TRIPS: Final = 8
 
 
@@ -118,7 +125,11 @@ class ForecastModel:
     """The model for cars whose logs lack signals that this one's have; None where there is none."""
 
     def fit(
-        self, trips: Sequence[Trip], *, progress: Callable[[int, int], None] | None = None
+        self,
+        trips: Sequence[Trip],
+        *,
+        car_of: Callable[[IntArray], Vehicle] | None = None,
+        progress: Callable[[int, int], None] | None = None,
     ) -> ForecastModel:
         """Learn from raw trips with measured energy. See `fit_segments`.
 
@@ -126,6 +137,9 @@ class ForecastModel:
         ----------
         trips : sequence of Trip
             With measured energy; at least `MIN_TRIPS`.
+        car_of : callable, optional
+            Numbers of some trips -> the car as those show it, where values of the model's car come from the trips. Each inner
+            fold asks for it without its own trips.
         progress : callable, optional
             Called with (finished fits, all fits).
 
@@ -148,10 +162,12 @@ class ForecastModel:
         <ForecastModel BMW i3 60 Ah, linear corrector, 9 trips>
         """
         table = segment_trips(trips, self.vehicle)
+        again = None if car_of is None else self.again(trips, table, car_of)
         return self.fit_segments(
             table,
             routes=linked_trips(trips, self.vehicle),
             free_flow=FreeFlowTrips.from_trips(trips, self.vehicle),
+            again=again,
             progress=progress,
         )
 
@@ -162,9 +178,10 @@ class ForecastModel:
         *,
         routes: LinkedTrips | None = None,
         free_flow: FreeFlowTrips | None = None,
+        again: Again | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> ForecastModel:
-        """Learn corrector, process and scores. One fit of the corrector, and one more for each inner fold.
+        """Learn corrector, process and scores. One fit of the corrector, one for each inner fold, and a few for its settings.
 
         Parameters
         ----------
@@ -174,6 +191,9 @@ class ForecastModel:
             The same trips on links, for the uncertainty of planned routes.
         free_flow : FreeFlowTrips, optional
             The same trips on free-flow links, for the uncertainty of travel times.
+        again : callable, optional
+            Numbers of some trips -> all of them, simulated with the car as those show it. Without it the inner folds have the
+            car of the table.
         progress : callable, optional
             Called with (finished fits, all fits).
 
@@ -204,22 +224,20 @@ class ForecastModel:
         self.corrector_ = power_corrector(self.corrector, self.seed).fit(table)
         self.trip_ids_ = table.trip_ids
         self.ranges_ = training_ranges(table)
-        folds = self._inner_folds(len(table))
         held_out: dict[int, HeldOutResidual] = {}
         link_errors: list[FloatArray] = []
         time_errors = np.full(len(table), np.nan)
-        n_folds = int(folds.max()) + 1
-        for fold in range(n_folds):
+        n_folds = min(INNER_FOLDS, len(table))
+        for fold, inner in enumerate(inner_fits(self.corrector, self.seed, self.corrector_, table, again)):
             if progress is not None:
                 progress(fold + 1, n_folds + 1)
-            inner = self.corrector_.clone_tuned().fit(table.take(np.flatnonzero(folds != fold)))
+            # links and driven trace are compared with one car, that of the model
             if routes is not None:
-                link_errors.append(routes.differences(inner, table, np.flatnonzero(folds == fold)))
+                link_errors.append(routes.differences(inner.corrector, table, inner.members))
             if free_flow is not None:
-                members = np.flatnonzero(folds == fold)
-                time_errors[members] = free_flow.differences(inner, table, members)
-            for i in np.flatnonzero(folds == fold):
-                held_out[int(i)] = held_out_residual(inner, table.take([int(i)]))
+                time_errors[inner.members] = free_flow.differences(inner.corrector, table, inner.members)
+            for i in inner.members:
+                held_out[int(i)] = held_out_residual(inner.corrector, inner.table.take([int(i)]))
         route = RouteUncertainty.from_differences(np.concatenate(link_errors)) if link_errors else None
         self._estimate_uncertainty(table, [held_out[i] for i in range(len(table))], route)
         if free_flow is not None and self.uncertainty_ is not None:
@@ -228,10 +246,17 @@ class ForecastModel:
             progress(n_folds + 1, n_folds + 1)
         return self
 
-    def _inner_folds(self, trips: int) -> IntArray:
-        """Fold of each trip, shape (trips,)."""
-        order = np.random.default_rng(self.seed).permutation(trips)
-        return np.asarray(order % min(INNER_FOLDS, trips), dtype=np.int64)
+    def again(
+        self, trips: Sequence[Trip], table: SegmentTable, car_of: Callable[[IntArray], Vehicle]
+    ) -> Again:
+        """The trips, simulated with the car as a part of them shows it."""
+        plans = [plan_from_trip(trip) for trip in trips]
+
+        def again(members: IntArray) -> SegmentTable:
+            car = car_of(members)
+            return table if car is self.vehicle else resimulated(table, plans, car)
+
+        return again
 
     def _estimate_uncertainty(
         self, table: SegmentTable, held_out: Sequence[HeldOutResidual], route: RouteUncertainty | None

@@ -19,7 +19,7 @@ import pandas as pd
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.donor import DonorModel
 from tripwatt.forecasting.model import ForecastModel
-from tripwatt.forecasting.ranges import Range
+from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.segments import SEGMENT_S
 from tripwatt.hybrid.stored import (
     Stored,

@@ -69,7 +69,8 @@ MOST_RECOVERED: Final = 1.2
 """Shares of the braking power above the published end of the fade that a torque of this car shows; another belongs to no motor."""
 COLD_DEGC: Final = 5.0
 WARM_DEGC: Final = 15.0
-"""The rise in the cold needs `LEAST_TRIPS` colder and as many warmer trips than these: one season alone does not show it."""
+"""The rise in the cold needs `LEAST_TRIPS` colder trips than the first: warm ones do not show it. Where all trips are cold the priors
+share an excess between the rise and the rolling resistance at the reference temperature."""
 INTERIOR_WIDTH: Final = 0.7
 """Prior standard deviation of the logarithm of the interior heat capacity: a factor of two of the mass that takes part."""
 COOLER_WIDTH: Final = 0.4
@@ -490,8 +491,7 @@ def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Found:
     book = _published_road(vehicle)
     rise = 0.0 if tyres is None else tyres.temperature_coefficient_per_k
     ambient = np.array([r.ambient_temperature_degc for r in records])
-    seasons = min(int((ambient < COLD_DEGC).sum()), int((ambient > WARM_DEGC).sum())) >= LEAST_TRIPS
-    free = seasons and rise > 0.0
+    free = int((ambient < COLD_DEGC).sum()) >= LEAST_TRIPS and rise > 0.0
     # unknowns: rolling resistance [N], its rise for each kelvin [N/K], drag area [m2], each with a prior of its own
     means = np.array([book.rolling_n, rise * book.rolling_n, book.drag_area_m2])
     widths = np.array([ROLLING_WIDTH * means[0], COLD_WIDTH * means[1], book.drag_width * means[2]])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
+from tripwatt.report.intervals import NOTE, OFF, energy_rows, intervals_table
 from tripwatt.report.tables import DASH, Table, markdown, number, span
 
 NAMES: Final[Mapping[str, str]] = {
@@ -25,6 +26,8 @@ def render_links(results: Mapping[str, Any]) -> str:
     """
     known = results["known"]
     rows = tuple(_row(NAMES.get(name, name), row) for name, row in known.items())
+    trips = int(results["n_trips"])
+    intervals = [r for name, row in known.items() for r in energy_rows(NAMES.get(name, name), row, trips)]
     columns = (
         "Known of the speed",
         "Mean error [%]",
@@ -40,6 +43,8 @@ def render_links(results: Mapping[str, Any]) -> str:
     return "\n\n".join(
         (
             markdown(Table(caption, columns, rows)),
+            markdown(intervals_table(f"Intervals: {caption[0].lower()}{caption[1:]}", intervals)),
+            f"\\{OFF} differs significantly from the level. {NOTE}",
             "A link is known by its length, its mean speed with every standstill, and the elevation at its ends; where "
             "the car stops is not known. Whatever widens the interval was learned on the other trips.",
         )

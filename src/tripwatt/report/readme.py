@@ -14,6 +14,7 @@ from typing import Any, Final
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.evaluation import DEFAULT_PROTOCOL
 from tripwatt.report.html import write_whole
+from tripwatt.report.intervals import NOTE, OFF
 from tripwatt.report.panels.results_table import (
     on_lowest,
     on_paper,
@@ -22,7 +23,7 @@ from tripwatt.report.panels.results_table import (
     sets_table,
     without_days,
 )
-from tripwatt.report.panels.uncertainty import on_coverage
+from tripwatt.report.panels.uncertainty import coverage_by_set, on_coverage
 from tripwatt.report.panels.updates import on_updates, updates_table
 from tripwatt.report.paper_page import render_paper_page
 from tripwatt.report.planned import render_links
@@ -83,7 +84,11 @@ def render_forecast(results: Mapping[str, Any]) -> str:
     view = View(results)
     parts = [" ".join(forecast_sentences(view)), markdown(results_table(view, view.main))]
     if "coverage" in view.focus:
-        parts.append(markdown(updates_table(view)))
+        parts += [
+            markdown(updates_table(view)),
+            markdown(coverage_by_set(view)),
+            f"\\{OFF} differs significantly from the level. {NOTE}",
+        ]
     return "\n\n".join([*parts, markdown(sets_table(view)), _origin(results)])
 
 

@@ -13,10 +13,11 @@ from tripwatt.auditing import audit
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.donor import DonorModel, unknown_inputs
 from tripwatt.forecasting.model import ForecastModel, HeldOut
-from tripwatt.forecasting.ranges import NEVER_KNOWN, Range, training_ranges
+from tripwatt.forecasting.ranges import NEVER_KNOWN, training_ranges
 from tripwatt.forecasting.training import data_digest, held_out_figures, versions
 from tripwatt.hybrid import SegmentTable, segment_trips
 from tripwatt.hybrid.car_corrector import HierarchicalCorrector
+from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.hierarchy import CarTransfer, Evidence, Posterior, require_mode, term_scales
 from tripwatt.hybrid.parameters import changed, on_road, parameters_of, sensitivities
 from tripwatt.parallel import one_blas_thread

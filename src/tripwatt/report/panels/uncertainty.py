@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
+from tripwatt.evaluation.forecast_scores import UPDATE_LEVEL
+from tripwatt.report.intervals import NOTE, charge_rows, energy_rows, intervals_table
 from tripwatt.report.model_styles import model_style
 from tripwatt.report.panel import Content, panel
 from tripwatt.report.style import (
@@ -109,14 +111,20 @@ def regimes(view: View) -> Content:
     found = [e for e in view.evaluations if "coverage" in (e.get("models") or {}).get(name, {})]
     if len(found) < 2:
         return Content("No other kind of trips was scored.")
-    low = [e for e in found if e["models"][name]["coverage_ci95"]["0.9"][1] < 0.9]
+    off = [
+        f"{100.0 * float(key):g} % in {named_evaluation(e)}"
+        for e in found
+        for key, (low, high) in e["models"][name]["coverage_ci95"].items()
+        if not low <= float(key) <= high
+    ]
     said = (
-        f"The 90 % interval holds significantly too few trips of: {listed([named_evaluation(e) for e in low])}."
-        if low
-        else "In no row does the 90 % interval hold significantly too few trips."
+        f"The share of trips in the interval differs significantly from its level at: {listed(off)}."
+        if off
+        else "In no row does the share of trips in an interval differ significantly from its level."
     )
     return Content(
-        f"{said} Nothing in the model is chosen by the kind of trip.", tables=(regimes_table(view, found),)
+        f"{said} Nothing in the model is chosen by the kind of trip. {NOTE}",
+        tables=(regimes_table(view, found), coverage_by_set(view)),
     )
 
 
@@ -128,21 +136,23 @@ def regimes_table(view: View, evaluations: Sequence[Record]) -> Table:
             named_evaluation(evaluation),
             number(score["mape"], 100, 1),
             number(score["bias"], 100, 1),
-            number(score["coverage"]["0.9"], 100, 0),
-            span(score["coverage_ci95"]["0.9"]),
-            number(score["interval_width_wh"]["0.9"], 1e-3),
         )
         for evaluation, score in zip(evaluations, scores, strict=True)
     )
-    columns = (
-        "Scored",
-        "Mean error [%]",
-        "Bias [%]",
-        "Inside 90 % [%]",
-        "Clopper-Pearson 95 %",
-        "Its width [kWh]",
-    )
+    columns = ("Scored", "Mean error [%]", "Bias [%]")
     return Table(view.captioned(f"Held-out trips by kind, {view.given}"), columns, rows)
+
+
+def coverage_by_set(view: View) -> Table:
+    """Coverage, width and the width that was needed, of energy and charge, for every set of held-out trips."""
+    rows: list[tuple[str, ...]] = []
+    for evaluation in view.evaluations:
+        score = (evaluation.get("models") or {}).get(view.protocol.focus, {})
+        if "coverage" in score:
+            name = named_evaluation(evaluation)
+            rows += energy_rows(name, score, int(evaluation["n_trips"]))
+            rows += charge_rows(name, score.get("arrival") or {}, UPDATE_LEVEL)
+    return intervals_table(view.captioned(f"Intervals of held-out trips by kind, {view.given}"), rows)
 
 
 PIT_BINS: Final = 10
