@@ -46,6 +46,7 @@ class Difference:
     other : float, str, tuple of float or None
         Of the other car.
     unit : str
+        Of both; empty for a part as a whole.
 
     Examples
     --------
