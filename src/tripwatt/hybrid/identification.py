@@ -227,6 +227,7 @@ class Identified:
                 old,
                 value=value,
                 source=f"identified on {self.trips[key]} trips; published {published}: {old.source}",
+                published=before if old.published is None else old.published,
             )
         return replace(vehicle, entries=MappingProxyType(entries), **parts)
 

@@ -178,7 +178,10 @@ def changed(vehicle: Vehicle, changes: Mapping[str, float], *, source: str = "")
                 changed_by = source or f"book value times {factor:.3f}"
                 old: Entry = entries[key]
                 entries[key] = replace(
-                    old, value=value * factor, source=f"{changed_by}; book value {value:g}: {old.source}"
+                    old,
+                    value=value * factor,
+                    source=f"{changed_by}; book value {value:g}: {old.source}",
+                    published=value if old.published is None else old.published,
                 )
     return replace(vehicle, entries=MappingProxyType(entries))
 

@@ -51,7 +51,7 @@ from tripwatt.service.schemas import (
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import canonical_of_text
 from tripwatt.synthetic import example_trip
-from tripwatt.transfer.zero_shot import on_vehicle
+from tripwatt.transfer.zero_shot import on_vehicle, other_car
 from tripwatt.trips import (
     ASKED,
     Departure,
@@ -255,12 +255,9 @@ class Jobs:
         if vehicle is not None and figures is not None:
             got = "both"
             raise InvalidInput(Fault("no single car", "vehicle, vehicle_figures", got, "one of the two"))
-        if figures is None and vehicle in (None, model.vehicle.name):
-            return lambda: (model, ())
         known = None if figures is None else _figures(figures)
-        if known is None:
-            assert vehicle is not None
-            require_vehicle(vehicle)
+        if known is None and other_car(model, vehicle) is None:
+            return lambda: (model, ())
         key = (f"{label}", vehicle or "" if known is None else known.model_dump_json())
         kept = self.transferred.get(key)
         if kept is not None:

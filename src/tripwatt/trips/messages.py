@@ -102,6 +102,14 @@ def _state(what: str) -> Callable[[Flag], str]:
     return lambda flag: f"{what} for {period(_number(flag))}"
 
 
+def _changed(flag: Flag) -> str:
+    if isinstance(flag.value, float):
+        return f"{flag.value:.0f} more values of the car are changed"
+    known, _, value = str(flag.value).partition(" -> ")
+    unit = "" if flag.unit in ("", "1") else f" {flag.unit.replace('degc', '°C')}"
+    return f"{flag.subject} is {value}{unit} in place of {known}{unit}"
+
+
 COUNTRIES: Final[Mapping[str, str]] = MappingProxyType(
     {"flat": "of flat country", "hilly": "of hilly country", "mountains": "in the mountains"}
 )
@@ -124,6 +132,11 @@ MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
         "no_trips_of_car": lambda f: (
             f"the model has no trips of this car: the forecast uses its published values and the correction learned "
             f"on a {f.subject}"
+        ),
+        "changed_car": lambda f: (
+            _changed(f)
+            + ": the trips of the model were of the unchanged car, so that its correction counts as that of another car and the "
+            "interval is wider"
         ),
         "route_error_unknown": lambda f: (
             "the error of planned routes was not measured for this model: the interval is too narrow"

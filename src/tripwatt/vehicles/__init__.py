@@ -1,5 +1,6 @@
 """Cars as frozen dataclasses, one TOML per car: value, unit and source for every entry."""
 
+from tripwatt.vehicles.comparing import Difference, differences, with_differences
 from tripwatt.vehicles.extras import with_extras
 from tripwatt.vehicles.importing import import_vehicle
 from tripwatt.vehicles.licences import LICENCES, render_licences
@@ -36,6 +37,7 @@ __all__ = [
     "Battery",
     "Body",
     "Climate",
+    "Difference",
     "Drivetrain",
     "Entry",
     "Regeneration",
@@ -43,6 +45,7 @@ __all__ = [
     "Tyres",
     "Vehicle",
     "describe_vehicle",
+    "differences",
     "find_vehicles",
     "import_vehicle",
     "load_vehicle",
@@ -54,5 +57,6 @@ __all__ = [
     "vehicle_from_document",
     "vehicle_names",
     "vehicle_titles",
+    "with_differences",
     "with_extras",
 ]

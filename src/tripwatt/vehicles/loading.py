@@ -90,6 +90,8 @@ class Entry:
         Scale of the state of charge to which the value belongs, empty where the value depends on none.
     licence : str
         Of the source, one of `tripwatt.vehicles.LICENCES`.
+    published : float, str, tuple of float or None
+        The car's value before trips changed it; None where `value` is the published one.
 
     Examples
     --------
@@ -104,6 +106,7 @@ class Entry:
     estimated: str = ""
     scale: str = ""
     licence: str = "not-stated"
+    published: Value | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -120,6 +120,17 @@ const GROUPS: Group[] = [
       serious: true,
     }),
   },
+  {
+    codes: ["changed_car"],
+    toWarning: (flags, { text, format }) => {
+      const changes = flags.map(({ subject, value, unit }) => {
+        if (typeof value === "number") return text.flags.moreChanges(value);
+        const [known = "", changed = ""] = String(value).split(" -> ");
+        return text.flags.change(subject, changed, known, unit === "1" ? "" : unit);
+      });
+      return { text: text.flags.changedCar(format.list(changes)), effect: text.flags.wider, serious: true };
+    },
+  },
   plain("no_elevation", (text) => ({ text: text.noElevation })),
   {
     codes: ["unknown_climb"],

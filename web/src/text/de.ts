@@ -581,6 +581,11 @@ export const de: Text = {
     },
     noTripsOfCar: (car) =>
       `Das Modell wurde ohne Fahrten dieses Fahrzeugs trainiert. Die Vorhersage verwendet veröffentlichte Fahrzeugdaten und Fahrten eines anderen Fahrzeugs: ${car}.`,
+    changedCar: (changes) =>
+      `Die Fahrten des Modells waren von einem Fahrzeug mit anderen Werten: ${changes}.`,
+    change: (key, value, known, unit) =>
+      `${key} ${value}${unit && ` ${unit}`} statt ${known}${unit && ` ${unit}`}`,
+    moreChanges: (count) => `${count} weitere`,
     freeFlowTimes:
       "Die Fahrzeiten gelten für eine leere Straße; der übliche Zeitverlust ist nach den Fahrten des Modells ergänzt.",
     timeErrorUnknown: "Das Modell kennt den Fehler der Fahrzeiten nicht.",

@@ -580,6 +580,10 @@ export const en = {
     },
     noTripsOfCar: (car: string) =>
       `The model was trained without trips of this car. The forecast uses published vehicle data and what was learned from trips of a ${car}.`,
+    changedCar: (changes: string) => `The trips of the model were of a car with other values: ${changes}.`,
+    change: (key: string, value: string, known: string, unit: string) =>
+      `${key} ${value}${unit && ` ${unit}`} in place of ${known}${unit && ` ${unit}`}`,
+    moreChanges: (count: number) => `${count} more`,
     freeFlowTimes:
       "The travel times are those of an empty road; the usual loss of time is added from the trips of the model.",
     timeErrorUnknown: "The model has no estimate of the error of travel times.",
