@@ -33,9 +33,11 @@ def test_readme_and_page_show_the_published_results(protocol: str, model: str, t
     publish = script("publish_results").publish
     source = DOCS / "results" / f"{protocol}.json"
     copy = publish(source, tmp_path / "results", readme, page)
-    require_as_published(readme, page, "make readme")
+    require_as_published(readme, page, "make results")
     paper = tmp_path / "paper.md"
-    assert paper.read_text(encoding="utf-8") == (DOCS / "paper.md").read_text(encoding="utf-8"), "make readme"
+    assert paper.read_text(encoding="utf-8") == (DOCS / "paper.md").read_text(encoding="utf-8"), (
+        "make results"
+    )
     published = source.read_text(encoding="utf-8")
     assert copy.read_text(encoding="utf-8") == published
     changed = json.loads(published)
