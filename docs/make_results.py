@@ -148,6 +148,7 @@ PAGES: Final = (
     "docs/write_transfer.py",
     "docs/write_parameters.py",
     "docs/write_cli.py",
+    "docs/write_figures.py",
     "docs/render_pages.py --write",
     "tests/vectors/write.py",
 )
