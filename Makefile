@@ -13,7 +13,7 @@ export MYPY_NUM_WORKERS ?= $(WORKERS)
 PIP_INSTALL = -m pip install --quiet --disable-pip-version-check
 UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 
-.PHONY: run check check-latest lowest constraints image sbom docs bench peers bars bars-fleet readme page browser clean
+.PHONY: run check check-latest lowest constraints image sbom docs bench peers bars bars-fleet results page browser clean
 
 .venv/.ready: pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -108,8 +108,8 @@ bars: .venv-bench/.ready  ## the long measurements against the project's own bar
 bars-fleet: .venv-bench/.ready  ## the long measurements of a fleet: store, cluster, truth, peers
 	.venv-bench/bin/python -m benchmarks.fleet
 
-readme: .venv/.ready  ## the tables of the README and of docs/results.md from OUT/results.json, which is copied to docs/results
-	.venv/bin/python docs/publish_results.py $(OUT)
+results: .venv-check/.ready  ## what is published and stale, anew, then all pages; needs the data, see CONTRIBUTING
+	.venv-check/bin/python docs/make_results.py
 
 clean:
 	rm -rf .venv .venv-check .venv-bench .venv-latest .venv-lowest .venv-tools site out out.unfinished bench.json

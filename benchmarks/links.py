@@ -76,7 +76,7 @@ def true_speed(route: LinkRoute, trip: Trip) -> Trip:
 def styled(style: LinkStyle | None = None, seed: int | None = None) -> Driver:
     def drive(route: LinkRoute, trip: Trip) -> Trip:
         rng = None if seed is None else np.random.default_rng(seed)
-        return plan_from_links(route, trip.departure, style=style, rng=rng)
+        return plan_from_links(route, style=style, rng=rng).with_departure(trip.departure)
 
     return drive
 

@@ -195,7 +195,7 @@ def main() -> None:
         head, _, rest = PAGE.read_text(encoding="utf-8").partition(MARKS[0])
         _, _, tail = rest.partition(MARKS[1])
         PAGE.write_text(f"{head}{MARKS[0]}\n\n{text}\n\n{MARKS[1]}{tail}", encoding="utf-8")
-    raise SystemExit(0 if met else 1)
+    raise SystemExit(0 if met or arguments.write else 1)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Publish an evaluation: ``python docs/publish_results.py [OUT]``, or ``make readme``.
+"""Publish an evaluation: ``python docs/publish_results.py [OUT]``, a step of ``make results``.
 
 Renews docs/paper.md from the protocol `paper`. Copies OUT/results.json (scores and findings, no trip data) to docs/results/, as `paper.json` or `forecast.json` by its
 protocol, renews the tables of docs/results.md from it and, from the protocol `forecast`, the short table of the README. OUT

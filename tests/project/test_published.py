@@ -22,6 +22,9 @@ def script(name: str) -> ModuleType:
     return module
 
 
+write_figures = script("write_figures")
+
+
 @pytest.fixture(scope="module")
 def write_cli() -> ModuleType:
     return script("write_cli")
@@ -33,9 +36,11 @@ def test_readme_and_page_show_the_published_results(protocol: str, model: str, t
     publish = script("publish_results").publish
     source = DOCS / "results" / f"{protocol}.json"
     copy = publish(source, tmp_path / "results", readme, page)
-    require_as_published(readme, page, "make readme")
+    require_as_published(readme, page, "make results")
     paper = tmp_path / "paper.md"
-    assert paper.read_text(encoding="utf-8") == (DOCS / "paper.md").read_text(encoding="utf-8"), "make readme"
+    assert paper.read_text(encoding="utf-8") == (DOCS / "paper.md").read_text(encoding="utf-8"), (
+        "make results"
+    )
     published = source.read_text(encoding="utf-8")
     assert copy.read_text(encoding="utf-8") == published
     changed = json.loads(published)
@@ -54,14 +59,96 @@ def test_the_readme_has_one_short_table_of_the_forecast() -> None:
     rows = [line.split("|")[1:-1] for line in shown.splitlines() if line.startswith("|")]
     results = json.loads((DOCS / "results" / "forecast.json").read_text(encoding="utf-8"))
     scores = results["evaluations"][0]["models"]
-    assert len(rows) == 2 + 5
+    assert len(rows) == 2 + 6
     assert {len(cells) for cells in rows} == {4}
     assert rows[2][0].strip() == "Constant Wh/km"
     best = [cell.strip() for cell in rows[-1]]
     assert best[0] == "**Hybrid forecast**"
     assert best[1] == f"{100 * scores['hybrid']['mape']:.1f}"
     assert best[3] == f"{100 * scores['hybrid']['coverage']['0.9']:.0f}"
+    assert [cell.strip() for cell in rows[-2]][:2] == [
+        "Hybrid, published values only",
+        f"{100 * scores['hybrid-published']['mape']:.1f}",
+    ]
     assert not any(name in shown for name in scores if name not in ("hybrid", "physics"))
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/results.md", "docs/method.md"])
+def test_both_paired_tests_stand_where_the_parts_are_compared(page: str) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    for other in ("physics-identified", "boosting-only"):
+        pair = write_figures.value(f"forecast/paired[a={other};b=hybrid]")
+        bounds = [f"{abs(100 * end):.1f}" for end in pair["ci95"]]
+        assert f"{abs(100 * pair['diff']):.1f}" in text
+        assert all(bound in text for bound in bounds)
+
+
+def test_prose_shows_the_published_figures() -> None:
+    for page in write_figures.pages():
+        text = page.read_text(encoding="utf-8")
+        assert text.count("<!-- fig: ") == text.count("<!-- /fig -->"), page
+        assert text.count("<!-- fig: ") == len(write_figures.FIGURE.findall(text)), page
+        assert write_figures.filled(text) == text, f"{page}: run docs/write_figures.py"
+
+
+def test_a_figure_follows_its_file(tmp_path: Path) -> None:
+    rows = [{"scheme": "one", "trips": "all, of summer", "diff": -0.0123, "ci95": [-0.02, 0.01]}]
+    (tmp_path / "run.json").write_text(json.dumps({"rows": rows, "by": {"0.9": 0.876}}), encoding="utf-8")
+    chosen = "run/rows[scheme=one;trips=all, of summer]"
+    page = f"a <!-- fig: {chosen}/diff | minus points -->0<!-- /fig --> b <!-- fig: {chosen}/ci95 | minus span -->?<!-- /fig -->"
+    shown = write_figures.filled(page, tmp_path)
+    assert "-->1.2<!-- /fig --> b" in shown
+    assert "-->−1.0 to 2.0<!-- /fig -->" in shown
+    assert write_figures.filled(shown, tmp_path) == shown
+    assert write_figures.value("run/by/0.9", tmp_path) == 0.876
+    assert write_figures.value("run/rows/0/diff", tmp_path) == -0.0123
+    with pytest.raises(KeyError, match="scheme=two"):
+        write_figures.value("run/rows[scheme=two]/diff", tmp_path)
+
+
+MEASURED = re.compile(
+    r"(?<![\w.])[−+-]?\d+(?:[.,]\d+)?\s?(?:%|(?:percentage )?points\b|k?Wh\b)"
+    r"(?!\s(?:band|interval|percentile|bootstrap|level))"
+)
+ACCURACY = re.compile(
+    r"\b(err(?:s|or|ors|ed)?|MAPE|APE|RMSE|cover(?:s|age)?|contains?|inside|within|bias|held|holds|accura\w+|"
+    r"width|wide|narrower|better|worse)\b"
+)
+GENERATED = re.compile(r"<!-- (?!fig:|/fig)[^>]*?-->.*?<!-- (?!fig:|/fig)[^>]*?-->", re.S)
+CODE = re.compile(r"^```.*?^```", re.S | re.M)
+SETTINGS = (
+    "whole percents and 50 kWh",
+    "standard error below 2 %",
+    "from the median of the logs",
+    "within 6 points of the forecast charge",
+    "that are reached with 95 %",
+    "a second source agrees within 5 %",
+    "intervals of 50, 80, 90 and 95 %",
+    "An interval of 90 %",
+    "a coverage of 90 %",
+)
+"""Sentences with a bound or a level of the method, which no run gives."""
+
+
+def typed_figures(text: str) -> list[str]:
+    """Sentences with an accuracy figure that no command wrote."""
+    for written in (CODE, GENERATED, write_figures.FIGURE):
+        text = written.sub("", text)
+    sentences = (" ".join(part.split()) for part in re.split(r"(?<=[.:;])\s+|\n\n|\n[-|*] ", text))
+    found = (part for part in sentences if MEASURED.search(part) and ACCURACY.search(part))
+    return [part for part in found if not any(setting in part for setting in SETTINGS)]
+
+
+def test_no_accuracy_figure_is_typed() -> None:
+    found = {page.name: typed_figures(page.read_text(encoding="utf-8")) for page in write_figures.pages()}
+    assert not {page: rows for page, rows in found.items() if rows}
+
+
+def test_a_typed_accuracy_figure_is_seen() -> None:
+    assert typed_figures("Text. The forecast errs by 6.2 % on these trips. The 90 % interval is wide.")
+    assert typed_figures("its error is 0.45 points higher")
+    assert not typed_figures("The 90 % interval is wide. The car takes 15 kWh.")
+    assert not typed_figures("It errs by <!-- fig: a/b | % -->6.2<!-- /fig --> %.")
 
 
 def pages(folder: Path) -> tuple[Path, Path]:

@@ -31,6 +31,10 @@ class ModelStyle:
         The same learner without the simulation.
     rivals : tuple of str
         Models of few coefficients with which the sentences compare it.
+    own_physics : str or None
+        Its own simulation, with everything that a fold identifies.
+    published : str or None
+        The same model with published values of the car alone.
     preset : str
         Short name of a simulation.
     """
@@ -42,6 +46,8 @@ class ModelStyle:
     stands_on: str | None = None
     without_physics: str | None = None
     rivals: tuple[str, ...] = ()
+    own_physics: str | None = None
+    published: str | None = None
     preset: str = ""
 
 
@@ -138,6 +144,8 @@ MODELS: Final[Mapping[str, ModelStyle]] = MappingProxyType(
             "physics",
             without_physics="boosting-only",
             rivals=("physics4", "linear6"),
+            own_physics="physics-identified",
+            published="hybrid-published",
         ),
     }
 )

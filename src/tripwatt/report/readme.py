@@ -18,6 +18,7 @@ from tripwatt.report.intervals import NOTE, OFF
 from tripwatt.report.panels.results_table import (
     on_lowest,
     on_paper,
+    on_parts,
     on_table,
     results_table,
     sets_table,
@@ -48,9 +49,15 @@ def render_short(results: Mapping[str, Any]) -> str:
     parts = [_SYNTHETIC] if view.synthetic else []
     parts.append(markdown(short_table(view)))
     given = ", ".join(
-        filter(None, ["The best model of each kind, on trips that it was not fitted on", view.given])
+        filter(
+            None,
+            [
+                "The best model of each kind and the forecast, on trips that they were not fitted on",
+                view.given,
+            ],
+        )
     )
-    return "\n\n".join([*parts, f"{given}."])
+    return "\n\n".join([*parts, " ".join(filter(None, [f"{given}.", on_parts(view)]))])
 
 
 def render_paper(results: Mapping[str, Any]) -> str:

@@ -24,12 +24,12 @@ _KINDS: Final = ("constant", "baseline", "physics", "data", "hybrid")
 
 
 def short_list(view: View) -> list[str]:
-    """The models that a short table shows: the constant, and the best model of each kind.
+    """The models that a short table shows: the constant, the best model of each kind, the forecast with published values.
 
     Each kind is a question that the best hybrid has to answer with a lower error: is more needed than one consumption per
     distance (the constant), than a few coefficients (the best other baseline), than the simulation (the best physics
-    alone), than learning (the best model without physics)? Best is the lowest mean error in the main evaluation; the
-    model of lowest error of all is always among them. In table order, the best hybrid last.
+    alone), than learning (the best model without physics)? Best is the lowest mean error in the main evaluation. The
+    forecast stands last, after itself with published values of the car alone, where the run has that.
     """
     names = view.models
     if len(names) <= SHORT_ROWS:
@@ -41,7 +41,9 @@ def short_list(view: View) -> list[str]:
     best = {kind: min(of_kind, key=lambda m: _error(models[m])) for kind, of_kind in kinds.items()}
     if view.best is not None:
         best[model_style(view.best).kind] = view.best
-    return [best[kind] for kind in _KINDS if kind in best]
+    shown = [best[kind] for kind in _KINDS if kind in best]
+    published = model_style(shown[-1]).published
+    return [*shown[:-1], published, shown[-1]] if published in models else shown
 
 
 def _error(score: Record) -> float:

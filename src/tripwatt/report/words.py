@@ -57,7 +57,9 @@ def interval(score: Record) -> str:
     return "" if low is None or high is None else f" (95 % interval {100 * low:.1f} to {100 * high:.1f} %)"
 
 
-def compared(pairs: Sequence[Record], model: str, others: Sequence[str]) -> str:
+def compared(
+    pairs: Sequence[Record], model: str, others: Sequence[str], subject: str = "Its mean error"
+) -> str:
     """How the mean error of a model compares with that of others, from paired differences; empty without any.
 
     Examples
@@ -72,7 +74,7 @@ def compared(pairs: Sequence[Record], model: str, others: Sequence[str]) -> str:
         for pair in pairs
         if {pair["a"], pair["b"]} == {model, other}
     ]
-    return f"Its mean error {listed(parts)}." if parts else ""
+    return f"{subject} {listed(parts)}." if parts else ""
 
 
 def is_significant(pair: Record) -> bool:

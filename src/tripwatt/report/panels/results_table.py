@@ -88,7 +88,15 @@ def on_focus(view: View) -> str:
         below = [f"{label(m)} ({percent(view.scores[m]['mape'])})" for m in lower]
         text += f" Models with a lower mean error: {listed(below)}."
     beside = compared(view.paired_of(view.main), focus, model_style(focus).rivals)
-    return f"{text} {beside}" if beside else text
+    return " ".join(filter(None, [text, beside, on_parts(view)]))
+
+
+def on_parts(view: View) -> str:
+    """The protocol's focus against each of its two parts alone: its own physics, and learning without physics."""
+    focus = view.protocol.focus or ""
+    style = model_style(focus)
+    parts = [name for name in (style.own_physics, style.without_physics) if name is not None]
+    return compared(view.paired_of(view.main), focus, parts, f"The mean error of the {label(focus).lower()}")
 
 
 def on_paper(view: View) -> str:

@@ -1,0 +1,327 @@
+"""Make what is published anew: ``make results``, or ``python docs/make_results.py [NAME ...] [--check] [--pages]``.
+
+`RESULTS` lists every file and every generated part of a page that rests on a run: its command, what it writes, its data. Each has a
+stamp in docs/results/stamps.json: the probe of the code that it was made with (`benchmarks/probe.py`), its command, the digests of
+its data and of what it wrote. What is current by its stamp is kept, so an interrupted run goes on where it stopped. At the end
+every page is written anew. `--check` lists what is stale, and why, and runs nothing; `--pages` writes the pages alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+ROOT: Final = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+from benchmarks import probe  # noqa: E402
+
+PROBE: Final = ROOT / "docs" / "results" / "probe.json"
+STAMPS: Final = ROOT / "docs" / "results" / "stamps.json"
+WORK: Final = ROOT / "out" / "results"
+RENEW: Final = "run `make results`, which makes what is stale anew"
+TABLES: Final = "src/tripwatt/vehicles/data/table"
+MODEL: Final = "src/tripwatt/models/bmw_i3_tum"
+
+Probe = Mapping[str, Sequence[Sequence[float]]]
+
+
+class Result(NamedTuple):
+    """One published result.
+
+    `files` are paths from the root, or `PAGE#MARK` for the part of a page between ``<!-- MARK...`` and the next comment. `minutes`
+    are those of an idle machine of two cores.
+    """
+
+    name: str
+    commands: tuple[str, ...]
+    files: tuple[str, ...]
+    data: tuple[str, ...]
+    minutes: float
+
+
+def evaluation(protocol: str, minutes: float, *more: str) -> Result:
+    """A protocol on the reference trips."""
+    out = f"{{work}}/{protocol}"
+    return Result(
+        protocol,
+        (
+            f"-m tripwatt evaluate {{data}}/tum --protocol {protocol} --resume --out {out}",
+            f"docs/publish_results.py {out}",
+        ),
+        (f"docs/results/{protocol}.json", *more),
+        ("tum",),
+        minutes,
+    )
+
+
+def transfer(source: str, target: str, minutes: float) -> Result:
+    """A model of one car on another."""
+    way = f"{source}-{target}"
+    return Result(
+        f"transfer-{way}",
+        (
+            f"-m tripwatt transfer --from {{data}}/{source} --to {{data}}/{target} --out {{work}}/transfer-{way}",
+            f"docs/write_transfer.py {{work}}/transfer-{way}",
+        ),
+        (f"docs/results/transfer-{way}.json", f"docs/images/transfer-{way}.png"),
+        ("tum", "ved"),
+        minutes,
+    )
+
+
+CARS: Final = ("bmw_i3_60ah", "bmw_i3_60ah-identified", "nissan_leaf_24")
+RESULTS: Final = (
+    Result(
+        "anchors",
+        ("-m benchmarks.anchors --write",),
+        (f"{TABLES}/anchors.csv", "docs/library.md#anchors"),
+        ("catalogue",),
+        3,
+    ),
+    Result("cold-rows", ("-m benchmarks.cold_rows --write",), ("docs/library.md#cold",), ("catalogue",), 1),
+    Result(
+        "argonne",
+        ("-m benchmarks.argonne --write docs/argonne.md",),
+        ("docs/argonne.md#argonne begin",),
+        ("argonne", "cycles"),
+        1,
+    ),
+    Result(
+        "stages",
+        ("-m benchmarks.stages --docs",),
+        ("docs/stages.md", *(f"docs/images/stages-{car}.png" for car in CARS)),
+        ("tum", "ved"),
+        2,
+    ),
+    Result("ved", ("-m benchmarks.ved_trips --write",), ("docs/ved.md#tables",), ("ved",), 1),
+    evaluation("forecast", 6),
+    Result(
+        "model",
+        ("docs/fit_default_model.py {data}/tum docs/results/forecast.json",),
+        (MODEL,),
+        ("tum", "docs/results/forecast.json"),
+        1,
+    ),
+    evaluation("paper", 10),
+    Result(
+        "links",
+        ("-m benchmarks.planned --json {work}/links.json", "docs/publish_results.py {work}/links.json"),
+        ("docs/results/links.json",),
+        ("tum",),
+        6,
+    ),
+    Result(
+        "routes",
+        ("-m benchmarks.links --write docs/routes.md",),
+        ("docs/routes.md#links begin",),
+        ("tum",),
+        3,
+    ),
+    Result("variants", ("-m benchmarks.variants --write",), ("docs/evaluation.md#variants",), ("tum",), 10),
+    transfer("tum", "ved", 8),
+    transfer("ved", "tum", 6),
+    Result(
+        "transfer-covariates",
+        ("-m benchmarks.transfer_covariates {data}",),
+        ("docs/results/transfer-covariates.json",),
+        ("tum", "ved"),
+        1,
+    ),
+)
+"""In this order: what changes the cars comes first, and the model of the package before what starts from it."""
+
+PAGES: Final = (
+    "docs/publish_results.py docs/results/forecast.json",
+    "docs/publish_results.py docs/results/paper.json",
+    "docs/publish_results.py docs/results/links.json",
+    "docs/write_transfer.py",
+    "docs/write_parameters.py",
+    "docs/write_cli.py",
+    "docs/write_figures.py",
+    "docs/render_pages.py --write",
+    "tests/vectors/write.py",
+)
+"""Writers of the pages and of what else follows from the published files."""
+
+
+def folders() -> dict[str, Path]:
+    """Where data are: by environment variables, or beside the project."""
+    data = Path(os.environ.get("TRIPWATT_DATA", ROOT / "../shared/data"))
+    reference = Path(os.environ.get("TRIPWATT_REFERENCE", ROOT / "../shared/reference"))
+    catalogue = Path(os.environ.get("TRIPWATT_CATALOGUE", reference / "ev_catalogue"))
+    sets = {name: data / name for name in ("tum", "ved", "twizy", "cycles")}
+    return {**sets, "data": data, "catalogue": catalogue, "argonne": reference / "anl_d3_i3.csv"}
+
+
+def source(name: str) -> Path:
+    """A set of data, or a file of the project."""
+    return folders().get(name, ROOT / name)
+
+
+def digest(path: Path) -> str:
+    """Of a file, or of all files of a folder and their names."""
+    found = hashlib.sha256()
+    for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
+        if file.is_file() and "__pycache__" not in file.parts:
+            found.update(file.relative_to(path).as_posix().encode() + b"\0" + file.read_bytes())
+    return found.hexdigest()[:16]
+
+
+def written(place: str) -> str:
+    """Digest of a file, or of the part of a page; a name for nothing where it is missing."""
+    name, _, mark = place.partition("#")
+    path = ROOT / name
+    if not path.exists():
+        return "missing"
+    if not mark:
+        return digest(path)
+    part = re.search(rf"<!-- {re.escape(mark)}.*?-->(.*?)<!-- ", path.read_text(encoding="utf-8"), re.S)
+    return hashlib.sha256(part[1].encode()).hexdigest()[:16] if part else "missing"
+
+
+def stamp(result: Result, probe_digest: str) -> dict[str, Any]:
+    """What a result rests on, and what it wrote."""
+    return {
+        "probe": probe_digest,
+        "settings": list(result.commands),
+        "data": {name: digest(source(name)) for name in result.data},
+        "files": {place: written(place) for place in result.files},
+    }
+
+
+def stale(result: Result, stamps: Mapping[str, Any], now: Probe, at: Probe) -> Iterator[str]:
+    """Why a result is not current; nothing when it is. Data that are not at hand are not looked at."""
+    made = stamps.get(result.name)
+    if made is None:
+        yield "it has no stamp"
+        return
+    changes = list(probe.differences(at, now))  # type: ignore[arg-type]
+    if made["probe"] != probe.digest(at):  # type: ignore[arg-type]
+        yield "it was made with another probe than docs/results/probe.json"
+    elif changes:
+        yield f"the code computes something else: {'; '.join(changes[:3])}"
+    if made["settings"] != list(result.commands):
+        yield "its command has changed"
+    for name in result.data:
+        if source(name).exists() and made["data"].get(name) != digest(source(name)):
+            yield f"its data have changed: {name}"
+    for place in result.files:
+        if made["files"].get(place) != written(place):
+            yield f"{place} is not what its command wrote"
+
+
+def read(file: Path) -> Any:
+    """A JSON file; an empty document where there is none."""
+    return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+
+
+def write_probe(found: Probe) -> None:
+    """Keep a probe, a line for each drive."""
+    parts = (
+        f" {json.dumps(name)}: [\n" + ",\n".join(f"  {json.dumps(row)}" for row in rows) + "\n ]"
+        for name, rows in found.items()
+    )
+    PROBE.write_text("{\n" + ",\n".join(parts) + "\n}\n", encoding="utf-8")
+
+
+def computed() -> dict[str, Any]:
+    """The probe of the files as they are now, which a command may have changed since this process read them."""
+    command = [sys.executable, "-m", "benchmarks.probe"]
+    done = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, env=environment())
+    return dict(json.loads(done.stdout))
+
+
+def settled(now: dict[str, Any]) -> dict[str, Any]:
+    """The kept probe where that of the code differs by no more than noise, which else replaces it."""
+    kept = read(PROBE)
+    if any(probe.differences(kept, now)):
+        write_probe(now)
+        return now
+    return dict(kept)
+
+
+def run(command: str) -> None:
+    """One command of Python in the project's folder."""
+    filled = command.format(data=folders()["data"], work=WORK)
+    print(f"  python {filled}", flush=True)  # noqa: T201 - a script says what it does
+    subprocess.run([sys.executable, *filled.split()], cwd=ROOT, check=True, env=environment())
+
+
+def environment() -> dict[str, str]:
+    """With the folders of the data, and the project's own packages first."""
+    path = os.pathsep.join(filter(None, (str(ROOT / "src"), str(ROOT), os.environ.get("PYTHONPATH", ""))))
+    found = folders()
+    return {
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+        **os.environ,
+        "PYTHONPATH": path,
+        "TRIPWATT_DATA": str(found["data"]),
+        "TRIPWATT_REFERENCE": str(found["argonne"].parent),
+        "TRIPWATT_CATALOGUE": str(found["catalogue"]),
+    }
+
+
+def make(result: Result, now: dict[str, Any]) -> dict[str, Any]:
+    """Run one result and stamp it; gives the probe after it. A code that changed meanwhile gives no stamp."""
+    WORK.mkdir(parents=True, exist_ok=True)
+    for command in result.commands:
+        run(command)
+    after = computed()
+    if any(probe.differences(now, after)) and not any(TABLES in place for place in result.files):
+        raise SystemExit(f"{result.name}: the code changed while it ran; run it again")
+    stamps = read(STAMPS) | {result.name: stamp(result, probe.digest(settled(after)))}
+    STAMPS.write_text(json.dumps(stamps, indent=1) + "\n", encoding="utf-8")
+    return after
+
+
+def write_pages() -> None:
+    """Every page from the published files; the pictures where there is a browser."""
+    for command in PAGES:
+        run(command)
+    if any(map(shutil.which, ("chromium-headless-shell", "chromium"))):
+        run("docs/write_page_images.py")
+
+
+def main() -> int:
+    """Make what is stale; 1 when `--check` finds something."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("names", nargs="*", help="these alone, also where they are current")
+    parser.add_argument("--check", action="store_true", help="list what is stale and run nothing")
+    parser.add_argument("--pages", action="store_true", help="write the pages alone")
+    given = parser.parse_args()
+    unknown = set(given.names) - {result.name for result in RESULTS}
+    if unknown:
+        parser.error(
+            f"no result is called {', '.join(sorted(unknown))}; {', '.join(r.name for r in RESULTS)}"
+        )
+    chosen = [r for r in RESULTS if r.name in given.names or not given.names]
+    found, now = False, {} if given.pages else computed()
+    for k, result in enumerate(() if given.pages else chosen):
+        reasons = list(stale(result, read(STAMPS), now, read(PROBE)))
+        reasons = reasons or (["asked for"] if given.names else [])
+        found |= bool(reasons)
+        about = f"{'; '.join(reasons)}; {result.minutes:g} min" if reasons else "current"
+        print(  # noqa: T201 - a script says what it does
+            f"{time.strftime('%H:%M')} {k + 1} of {len(chosen)} {result.name}: {about}", flush=True
+        )
+        if reasons and not given.check:
+            now = make(result, now)
+    if not given.check:
+        write_pages()
+    return int(found and given.check)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
