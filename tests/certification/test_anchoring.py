@@ -10,9 +10,9 @@ from tests.support.cars import some_cars
 
 from tripwatt.certification import anchored, certified_figures, scaled
 from tripwatt.certification.anchoring import ROAD_LOAD, errors, keys
-from tripwatt.vehicles.losses import motor_loss
 from tripwatt.vehicles import load_vehicle
 from tripwatt.vehicles.anchors import anchors
+from tripwatt.vehicles.losses import motor_loss
 
 CARS = [name for name in some_cars(8) if name in anchors()]
 

@@ -18,7 +18,6 @@ from tripwatt.physics.battery import (
 from tripwatt.physics.cabin import CabinStart, condition_cabin, heat_pump_cop, heat_pump_heat
 from tripwatt.physics.departure import cabin_at_departure, warmth_from_cabin
 from tripwatt.physics.drivetrain import propulsion, regeneration_acceptance
-from tripwatt.vehicles.losses import motor_loss
 from tripwatt.physics.relaxation import Relaxation
 from tripwatt.physics.road_load import (
     GRADE_WEIGHT,
@@ -31,6 +30,7 @@ from tripwatt.physics.road_load import (
     rolling_resistance_force,
 )
 from tripwatt.vehicles import load_vehicle
+from tripwatt.vehicles.losses import motor_loss
 from tripwatt.vehicles.parts import Battery, Climate, Drivetrain, Regeneration, Tyres
 
 EXACT = {"rel": 1e-12, "abs": 1e-12}

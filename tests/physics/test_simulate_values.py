@@ -11,10 +11,10 @@ from tripwatt.errors import InvalidInput
 from tripwatt.physics import DriveConditions, simulate, simulate_trip
 from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC
 from tripwatt.physics.drivetrain import propulsion
-from tripwatt.vehicles.losses import motor_loss
 from tripwatt.physics.simulate import conditions_at_departure
 from tripwatt.trips import Departure, Plan
 from tripwatt.vehicles import Vehicle, load_vehicle
+from tripwatt.vehicles.losses import motor_loss
 from tripwatt.vehicles.parts import Auxiliaries, Body, RoadLoad
 
 EXACT = {"rel": 1e-9, "abs": 1e-9}
