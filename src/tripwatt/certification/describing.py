@@ -70,6 +70,15 @@ LIMITS: Final = MappingProxyType(
 )
 """Smallest and largest value of each figure."""
 
+FOLLOWING: Final = MappingProxyType(
+    {
+        "mass_kg": ("body.curb_mass_kg", "road_load."),
+        "usable_battery_kwh": ("battery.",),
+        "motor_power_kw": ("drivetrain.",),
+    }
+)
+"""Entries of a described car that follow from each figure."""
+
 
 def describe_car(
     *,
@@ -156,9 +165,19 @@ def described(
     figures = _figures(given, filled, kind, body, heat_pump, title or _title(given, kind, procedure))
     document = similar_document(figures, class_values(without))
     name = f"described_{zlib.crc32(repr((filled, given, kind, heat_pump, procedure)).encode()):08x}"
-    car = vehicle_from_document(with_anchor(document, anchors()[CLASS]), name, name)
+    try:
+        car = vehicle_from_document(with_anchor(document, anchors()[CLASS]), name, name)
+    except InvalidInput as error:
+        raise InvalidInput([_in_figures(fault) for fault in error.faults]) from error
     consumption = given["consumption_kwh_per_100km"]
     return car if consumption is None else _meeting(car, document, 10.0 * consumption, procedure)
+
+
+def _in_figures(fault: Fault) -> Fault:
+    """A fault between entries of the described car, with the figures that the entries follow from."""
+    figures = [figure for figure, entries in FOLLOWING.items() if any(e in fault.where for e in entries)]
+    fix = "check the figures; one that is not given is that of a usual car with this body"
+    return replace(fault, where=" and ".join(figures), fix=fix) if figures else fault
 
 
 def _checked(given: Mapping[str, float | None], body: str | None, heat_pump: object, procedure: str) -> str:

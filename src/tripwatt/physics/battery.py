@@ -19,7 +19,9 @@ SOC_TOLERANCE: Final = 5e-5
 """Two passes that agree to this state of charge have converged; each pass cuts the error by about 50."""
 
 MOST_PASSES: Final = 60
-TINY: Final = float(np.finfo(np.float64).tiny)
+
+LEAST_RESISTANCE_OHM: Final = 1e-12
+"""A battery without resistance has a power without limit; this keeps the number finite."""
 
 
 def open_circuit_voltage(soc: FloatArray, battery: Battery) -> FloatArray:
@@ -97,7 +99,9 @@ def largest_power(ocv_v: FloatArray, resistance_ohm: FloatArray, floor_v: float)
     (array([900.]), array([2500.]))
     """
     voltage = np.minimum(np.maximum(0.5 * ocv_v, floor_v), ocv_v)
-    return np.asarray(voltage * (ocv_v - voltage) / np.maximum(resistance_ohm, TINY), dtype=np.float64)
+    return np.asarray(
+        voltage * (ocv_v - voltage) / np.maximum(resistance_ohm, LEAST_RESISTANCE_OHM), dtype=np.float64
+    )
 
 
 def shift(initial: float, values: FloatArray) -> FloatArray:

@@ -29,14 +29,20 @@ from tripwatt.vehicles.parts import Battery, Body, Charging, Climate, Drivetrain
 LEAST_POWER_W_KG: Final = 5.0
 """Least motor power over mass: 5 kW/t are required of trucks with trailers (Directive 97/27/EC, annex I, 7.10)."""
 
-LEAST_FORCE_OF_WEIGHT: Final = 0.12
-"""Least force at the wheels over weight: starting on a grade of 12 % is required (Regulation (EU) 1230/2012, annex I, part A, 5)."""
+LEAST_FORCE_OF_WEIGHT: Final = 0.05
+"""Least force at the wheels over weight: a car that cannot start on 5 % can use no ordinary road. Trucks with trailers start on
+12 % (Regulation (EU) 1230/2012, annex I, part A, 5); the torque of a described car is that of a class and may be too low."""
 
 TOP_SPEEDS_M_S: Final = (45.0 * M_S_PER_KM_H, 150.0)
 """Speed at the highest motor speed: 45 km/h of a light quadricycle (Regulation (EU) 168/2013) to above the fastest cars."""
 
 MOST_DRAG_AREA_M2: Final = 12.0
 """Twice the 5 to 6 m² of tractors with semi-trailers (Regulation (EU) 2017/2400)."""
+
+MOST_ROLLING: Final = 0.1
+"""Rolling and driveline drag over weight at `ROLLING_AT_M_S`, as for a coefficient of rolling resistance: that of loose sand."""
+
+ROLLING_AT_M_S: Final = 25.0
 
 COAST_DOWN_MASSES: Final = (0.25, 4.0)
 """Mass of the coast-down over that of the car. It is made with the car; the rest is load."""
@@ -201,6 +207,10 @@ def _resistance_faults(load: RoadLoad, drivetrain: Drivetrain, body: Body, where
         got = f"a drag area of {load.drag_area_m2:.3g} m²"
         yield _impossible(where, air, got, f"at most {MOST_DRAG_AREA_M2:g} m²")
     constant, linear = load.rolling_coefficients
+    at_speed = constant + linear * ROLLING_AT_M_S
+    if at_speed > MOST_ROLLING:
+        got = f"a rolling resistance of {at_speed:.3g} of the weight"
+        yield _impossible(where, rolling, got, f"at most {MOST_ROLLING:g}")
     top = min(top_speed(drivetrain), TOP_SPEEDS_M_S[1])
     if constant + linear * top < 0.0:
         got = f"rolling resistance below 0 from {-constant / linear / M_S_PER_KM_H:.0f} km/h on"
