@@ -19,6 +19,7 @@ SOC_TOLERANCE: Final = 5e-5
 """Two passes that agree to this state of charge have converged; each pass cuts the error by about 50."""
 
 MOST_PASSES: Final = 60
+TINY: Final = float(np.finfo(np.float64).tiny)
 
 LEAST_RESISTANCE_OHM: Final = 1e-12
 """A battery without resistance has a power without limit; this keeps the number finite."""
