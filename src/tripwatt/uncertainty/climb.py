@@ -165,7 +165,7 @@ class UnknownClimb:
             under = np.where(above, np.where(side > 0.0, 0.5 * under, under), miss)
             over = np.where(above, miss, np.where(side < 0.0, 0.5 * over, over))
             side = np.where(above, 1.0, -1.0)
-        return np.interp(np.arange(n), places, found)
+        return np.asarray(np.interp(np.arange(n), places, found), dtype=np.float64)
 
     def probability_below(
         self, scores: ConformalScores, energy_wh: FloatArray, sd_wh: FloatArray
@@ -176,4 +176,4 @@ class UnknownClimb:
 
     def _at(self, p: float) -> FloatArray:
         k = int(np.searchsorted(np.cumsum(self.weights), p))
-        return np.sort(self.offsets_wh, axis=0)[k]
+        return np.asarray(np.sort(self.offsets_wh, axis=0)[k])
