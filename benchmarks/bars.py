@@ -366,6 +366,7 @@ LEAVE_WITH: Mapping[str, tuple[Made, ...]] = {
 HOSTILE: Mapping[str, tuple[Made, ...]] = {
     hostile.MUTANTS_NUMBER: (value_at_least(50_000.0),),
     hostile.MUTANTS_WRONG: (value_at_most(0.0),),
+    hostile.CARS_WRONG: (value_at_most(0.0),),
     hostile.MEMORY: (value_at_most(1.5),),
     hostile.MEDIAN: (value_at_most(250.0),),
     hostile.P99: (value_at_most(500.0),),

@@ -11,6 +11,13 @@ from tripwatt.vehicles.loading import SECTIONS
 KEPT = ("bmw_i3_60ah", "nissan_leaf_24", "vw_id3")
 """The car of the bundled model, one with another chemistry, and one whose road load was fitted."""
 
+LEVEL_ROAD = (
+    {"length_m": 3000.0, "speed_m_s": 8.0, "grade": 0.0},
+    {"length_m": 20_000.0, "speed_m_s": 25.0, "grade": 0.0},
+    {"length_m": 10_000.0, "speed_m_s": 15.0, "grade": 0.0},
+)
+"""33 km."""
+
 
 def some_cars(count: int = 8, seed: int = 15) -> list[str]:
     """`KEPT` and a sample of the rest; the whole library where TRIPWATT_EVERY_CAR is set."""

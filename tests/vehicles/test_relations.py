@@ -4,7 +4,7 @@ import contextlib
 import dataclasses
 
 import pytest
-from tests.support.cars import extreme_cars
+from tests.support.cars import LEVEL_ROAD, extreme_cars
 
 import tripwatt as tw
 from tripwatt.certification import describe_car
@@ -16,11 +16,6 @@ from tripwatt.vehicles.loading import SECTIONS
 from tripwatt.vehicles.relations import relation_faults, table_faults
 
 TOGETHER = "no car has these values together"
-LEVEL = [
-    {"length_m": 3000.0, "speed_m_s": 8.0, "grade": 0.0},
-    {"length_m": 20_000.0, "speed_m_s": 25.0, "grade": 0.0},
-    {"length_m": 10_000.0, "speed_m_s": 15.0, "grade": 0.0},
-]
 
 
 def test_no_car_of_the_library_is_refused() -> None:
@@ -169,7 +164,7 @@ def test_figures_of_a_described_car_that_contradict_each_other_are_named() -> No
 
 def test_no_car_that_is_accepted_takes_what_physics_forbids() -> None:
     """33 km of level road with extreme values: never below 0, never above what a truck and trailer takes."""
-    model, plan = tw.load_model(), tw.read_route(LEVEL)
+    model, plan = tw.load_model(), tw.read_route(LEVEL_ROAD)
     departure = Departure(soc=0.9, ambient_temperature_degc=5.0)
     accepted = 0
     for name, values in extreme_cars(150, seed=7):

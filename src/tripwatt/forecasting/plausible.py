@@ -95,7 +95,7 @@ def impossible_faults(energy_wh: float, drive: ExpectedDrive) -> Iterator[Fault]
     if least - ROUNDING_WH <= energy_wh <= most + ROUNDING_WH:
         return
     where = f"{drive.vehicle.name}, {drive.plan.trip_id}"
-    allowed = f"{least / 1000.0:.3g} to {most / 1000.0:.3g} kWh on this trip"
+    allowed = f"{round(least / 1000.0, 2) + 0.0:g} to {most / 1000.0:.3g} kWh on this trip"
     fix = "check the values of the car and the speeds of the trip"
     if cause["shortfall"] < 0.0:
         fix += f": the car lacks {-cause['shortfall'] / 1000.0:.3g} kWh to follow them"
