@@ -164,8 +164,9 @@ def body(name: str) -> str:
 
 def model_of(title: str) -> str:
     """Maker and model, the same for cars that differ in battery, drive or year."""
-    words = re.sub(r"\(.*?\)|e-Golf", lambda m: "" if m[0].startswith("(") else "e-Golf", title).split()
-    return " ".join(words[:3] if words[1] in ("Model", "Mustang") else words[:2]).rstrip("s")
+    words = re.sub(r"\(.*?\)", "", title).replace("i3s", "i3").split()
+    long = words[1] in ("Model", "Mustang", "Electrified") or re.fullmatch(r"\d", words[2])
+    return " ".join(words[:3] if long or words[2] in ("SUV", "Electric", "GT") else words[:2])
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,18 +247,23 @@ def rows(names: Sequence[str] | None = None) -> list[CarRow]:
     return sorted(found, key=lambda row: (row.title, row.name))
 
 
-def beside_siblings(table: Sequence[CarRow]) -> dict[str, float]:
-    """Consumption at 110 km/h and 20 °C over the median of the same model's cars, less one; without cars that are alone."""
-    at = POINTS.index((110.0, 20.0))
+MIDDLE: Final = POINTS.index((110.0, 20.0))
+"""Point at which cars of one model are compared."""
+
+
+def beside_siblings(table: Sequence[CarRow]) -> dict[str, dict[str, float]]:
+    """Each part at `MIDDLE` less that of the middle car of the model, over its consumption; without cars that are alone."""
     models: dict[str, list[CarRow]] = {}
     for row in table:
         models.setdefault(model_of(row.title), []).append(row)
-    return {
-        row.name: row.found[at].wh_per_km / median(r.found[at].wh_per_km for r in group) - 1.0
-        for group in models.values()
-        if len(group) > 1
-        for row in group
-    }
+    found = {}
+    for group in models.values():
+        points = sorted((row.found[MIDDLE] for row in group), key=lambda point: point.wh_per_km)
+        middle = points[len(points) // 2]
+        for row in group if len(group) > 1 else ():
+            parts = row.found[MIDDLE].parts
+            found[row.name] = {p: (parts[p] - middle.parts[p]) / middle.wh_per_km for p in PARTS}
+    return found
 
 
 def render(table: Sequence[CarRow]) -> str:
@@ -270,7 +276,7 @@ def render(table: Sequence[CarRow]) -> str:
     ]
     for row in table:
         low, high = min(row.apart), max(row.apart)
-        beside = f"{100 * siblings[row.name]:+.0f} %" if row.name in siblings else "–"
+        beside = f"{100 * sum(siblings[row.name].values()):+.0f} %" if row.name in siblings else "–"
         points = " | ".join(f"{point.wh_per_km:.0f}" for point in row.found)
         lines.append(
             f"| {row.title} | `{row.name}` | {points} | {100 * low:+.0f} to {100 * high:+.0f} % | {beside} |"
@@ -290,7 +296,27 @@ def render(table: Sequence[CarRow]) -> str:
         speed, ambient = POINTS[row.farthest]
         where, by = f"{speed:.0f} km/h, {ambient:.0f} °C", f"{100 * row.apart[row.farthest]:+.0f} %"
         lines.append(f"| {row.title} | `{row.name}` | {where} | {by} | {'; '.join(row.causes())} |")
+    lines += ["", "| car | name | beside siblings | parts | masses, drag areas |", "|---|---|---:|---|---|"]
+    for row in table:
+        parts = siblings.get(row.name, {})
+        by = sum(parts.values())
+        if abs(by) > APART:
+            shown = ", ".join(f"{p} {100 * v:+.0f} %" for p, v in parts.items() if abs(v) > WORTH)
+            lines.append(
+                f"| {row.title} | `{row.name}` | {100 * by:+.0f} % | {shown} | {_of_model(row, table)} |"
+            )
     return "\n".join(lines)
+
+
+def _of_model(row: CarRow, table: Sequence[CarRow]) -> str:
+    """Mass and drag area of a car, and the ranges of its model."""
+    group = [load_vehicle(r.name) for r in table if model_of(r.title) == model_of(row.title)]
+    car = load_vehicle(row.name)
+    masses, areas = [c.body.test_mass_kg for c in group], [c.road_load.drag_area_m2 for c in group]
+    return (
+        f"{car.body.test_mass_kg:.0f} of {min(masses):.0f} to {max(masses):.0f} kg, "
+        f"{car.road_load.drag_area_m2:.2f} of {min(areas):.2f} to {max(areas):.2f} m²"
+    )
 
 
 def main() -> None:
