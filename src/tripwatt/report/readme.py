@@ -24,7 +24,7 @@ from tripwatt.report.panels.results_table import (
     sets_table,
     without_days,
 )
-from tripwatt.report.panels.uncertainty import coverage_by_set, on_coverage
+from tripwatt.report.panels.uncertainty import coverage_by_set, on_coverage, on_sets
 from tripwatt.report.panels.updates import on_updates, updates_table
 from tripwatt.report.paper_page import render_paper_page
 from tripwatt.report.planned import render_links
@@ -188,6 +188,28 @@ def update_results_page(results: Mapping[str, Any], page_path: Path) -> None:
     name = str(results.get("protocol"))
     key = name if name in PAGE else DEFAULT_PROTOCOL
     _between(page_path, key, PAGE[key](results))
+
+
+def update_coverage(results: Mapping[str, Any], page_path: Path) -> None:
+    """Replace what stands between the markers `coverage` of a page by what the intervals of the forecast held.
+
+    Parameters
+    ----------
+    results : mapping
+        The contract of `results.json`, protocol `forecast`.
+    page_path : Path
+        A file that holds the markers `coverage`, once each and in this order.
+
+    Raises
+    ------
+    InvalidInput
+        When the markers are not there.
+
+    Examples
+    --------
+    >>> update_coverage(json.loads(Path("out/results.json").read_text()), Path("docs/uncertainty.md"))  # doctest: +SKIP
+    """
+    _between(page_path, "coverage", on_sets(View(results)))
 
 
 def update_paper_page(

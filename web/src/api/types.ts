@@ -243,6 +243,10 @@ export interface Score {
   bias: number | null;
   coverage: number | null;
   width: number | null;
+  /** Trips within their 90 % interval. */
+  inside: number;
+  /** Width with which the intervals would have held exactly 90 % of these trips. */
+  needed_width: number | null;
 }
 
 export interface DiaryEntry {

@@ -457,8 +457,9 @@ export const de: Text = {
         other: "Breite ihrer 90-%-Intervalle, Anteil der Energie",
       }),
     diary: "Tagebuch",
-    score: (error, coverage, trips) =>
-      `Jede Fahrt wurde vorhergesagt, bevor sie gelernt wurde: Fehler ${error}, ${coverage} von ${count(trips, { one: "# Fahrt", other: "# Fahrten" })} im 90-%-Intervall.`,
+    widthNeeded: "nötig für 90 % davon",
+    score: (error, inside, trips, width, needed) =>
+      `Jede Fahrt wurde vorhergesagt, bevor sie gelernt wurde: Fehler ${error}, ${inside} von ${count(trips, { one: "# Fahrt", other: "# Fahrten" })} im 90-%-Intervall. Das Intervall war ${width} der Energie breit; ${needed} hätten 90 % der Fahrten enthalten (Klammern im Bild).`,
     trip: "Fahrt",
     trips: "Fahrten",
     distance: "Strecke",

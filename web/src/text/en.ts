@@ -456,8 +456,9 @@ export const en = {
         other: "Width of their 90 % intervals, share of the energy",
       }),
     diary: "Diary",
-    score: (error: string, coverage: string, trips: number) =>
-      `Each trip was forecast before it was learned: error ${error}, ${coverage} of ${count(trips, { one: "# trip", other: "# trips" })} inside the 90 % interval.`,
+    widthNeeded: "needed for 90 % of them",
+    score: (error: string, inside: number, trips: number, width: string, needed: string) =>
+      `Each trip was forecast before it was learned: error ${error}, ${inside} of ${count(trips, { one: "# trip", other: "# trips" })} inside the 90 % interval. The interval was ${width} of the energy wide; ${needed} would have held 90 % of the trips (brackets in the picture).`,
     trip: "Trip",
     trips: "Trips",
     distance: "Distance",

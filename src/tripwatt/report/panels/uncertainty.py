@@ -111,21 +111,37 @@ def regimes(view: View) -> Content:
     found = [e for e in view.evaluations if "coverage" in (e.get("models") or {}).get(name, {})]
     if len(found) < 2:
         return Content("No other kind of trips was scored.")
-    off = [
-        f"{100.0 * float(key):g} % in {named_evaluation(e)}"
-        for e in found
-        for key, (low, high) in e["models"][name]["coverage_ci95"].items()
-        if not low <= float(key) <= high
-    ]
-    said = (
-        f"The share of trips in the interval differs significantly from its level at: {listed(off)}."
-        if off
-        else "In no row does the share of trips in an interval differ significantly from its level."
-    )
     return Content(
-        f"{said} Nothing in the model is chosen by the kind of trip. {NOTE}",
+        f"{on_sets(view)} Nothing in the model is chosen by the kind of trip. {NOTE}",
         tables=(regimes_table(view, found), coverage_by_set(view)),
     )
+
+
+def on_sets(view: View) -> str:
+    """What the intervals of 50 and 90 % hold over all sets of held-out trips, and where a share is off its level."""
+    focus = view.protocol.focus
+    scored = [
+        (e, e["models"][focus])
+        for e in view.evaluations
+        if "coverage" in (e.get("models") or {}).get(focus, {})
+    ]
+    shares = {key: [score["coverage"][key] for _, score in scored] for key in ("0.5", "0.9")}
+    spans = [
+        f"{100.0 * float(key):g} % interval holds {100.0 * min(found):.0f} to {100.0 * max(found):.0f} %"
+        for key, found in shares.items()
+    ]
+    off = [
+        f"{100.0 * float(key):g} % in {named_evaluation(evaluation)}"
+        for evaluation, score in scored
+        for key, (low, high) in score["coverage_ci95"].items()
+        if not low <= float(key) <= high
+    ]
+    verdict = (
+        f"It differs significantly from its level at: {listed(off)} (Clopper-Pearson, 95 %)."
+        if off
+        else "No share differs significantly from its level (Clopper-Pearson, 95 %)."
+    )
+    return f"Over {len(scored)} sets of held-out trips the {' and the '.join(spans)} of the trips. {verdict}"
 
 
 def regimes_table(view: View, evaluations: Sequence[Record]) -> Table:
