@@ -353,14 +353,7 @@ class Forecast:
         >>> found.leaving_with(0.6).soc_arrival < found.soc_arrival
         True
         """
-        if self.maker is None or self.measured is not NOT_MEASURED:
-            reading = ChargeReading(self._charge_start[0], soc, displayed=True, charged=True)
-            return replace(self, measured=replace(self.measured, anchor=reading))._with_empty()
-        plan = self.plan.with_departure(Departure(soc=soc))
-        again = self.maker(plan)
-        kept = (flag for flag in self.flags if flag.code not in OF_CHARGE)
-        flags = dict.fromkeys((*kept, *again.flags))
-        return replace(again, state_sd_wh=self.state_sd_wh, flags=tuple(flags))
+        return forecast_again(self, soc, self._charge_start[0])
 
     def soc_needed(self, reserve: float = 0.1, probability: float = 0.95) -> float:
         """Displayed state of charge to leave with, to arrive with a reserve with a probability.
@@ -390,19 +383,7 @@ class Forecast:
         >>> round(found.leaving_with(leave).p_arrive(0.2), 3)
         0.95
         """
-
-        @cache
-        def spare(soc: float) -> float:
-            return self.leaving_with(soc)._spare(reserve, probability)
-
-        if spare(1.0) < 0.0:
-            return 1.0 - spare(1.0)
-        if spare(0.0) >= 0.0:
-            return 0.0
-        from scipy.optimize import brentq  # slow to import
-
-        root = float(brentq(spare, 0.0, 1.0, xtol=SOC_PRECISION))
-        return min(root + 2.0 * SOC_PRECISION, 1.0)  # on the side that suffices
+        return charge_with_spare(lambda soc: self.leaving_with(soc)._spare(reserve, probability))
 
     def _spare(self, reserve: float, probability: float) -> float:
         """Displayed charge beyond what is needed, at the place where it is least, that is exceeded with a probability."""
@@ -447,7 +428,7 @@ class Forecast:
 
         None where it does not on this trip.
         """
-        early, expected, late = (self._first_empty(charge) for charge in self._arrival_band)
+        early, expected, late = (first_empty(charge, self.drive.distance_m) for charge in self._arrival_band)
         return early, expected, late
 
     @property
@@ -460,16 +441,6 @@ class Forecast:
         lowest = (float(charge[ahead].min()) for charge in reversed(self._arrival_band))
         least, expected, most = (max(-charge, 0.0) * self.charge.wh_per_display for charge in lowest)
         return least, expected, most
-
-    def _first_empty(self, charge: FloatArray) -> float | None:
-        empty = np.flatnonzero(charge <= 0.0)
-        if not len(empty):
-            return None
-        k, distance = int(empty[0]), self.drive.distance_m
-        if k == 0:
-            return 0.0
-        share = charge[k - 1] / (charge[k - 1] - charge[k])
-        return float(distance[k - 1] + share * (distance[k] - distance[k - 1]))
 
     def series(self) -> pd.DataFrame:
         """Along the route, a row at the end of each segment and one at the start.
@@ -526,14 +497,6 @@ class Forecast:
         simulation = self.drive.simulation
         step = np.diff(simulation.time_s, prepend=simulation.time_s[0])
         return float(simulation.battery_loss_w @ step / SECONDS_PER_HOUR)
-
-    def _with_empty(self) -> Forecast:
-        """The forecast with the flag of a battery that does not hold what the trip takes, where that is expected."""
-        flags = [flag for flag in self.flags if flag.code != "battery_empty"]
-        missing = self.missing_wh[1]
-        if missing > 0.0:
-            flags.append(Flag("battery_empty", "battery", missing, "wh"))
-        return replace(self, flags=tuple(flags))
 
     def climb_to(self, reserve: float = 0.0) -> float | None:
         """Net climb of the rest of an unknown road with which the expected charge at arrival falls to a reserve.
@@ -604,7 +567,7 @@ class Forecast:
         link_m = self.plan.link_m
         flags = [*self.flags, *(flag for flag in self.plan.flags if flag != FLAT_ROAD)]
         if link_m is None:
-            return replace(self, flags=tuple(dict.fromkeys(flags)))._with_empty()
+            return with_empty_flag(replace(self, flags=tuple(dict.fromkeys(flags))))
         route_sd_wh = 0.0
         if route is None:
             flags.append(Flag("route_error_unknown", "links"))
@@ -617,7 +580,8 @@ class Forecast:
                 flags.append(Flag("travel_time_error_unknown", "road"))
             if link_m > float(route.length_m[-1]):
                 flags.append(Flag("links_too_long", "links", link_m, "m"))
-        return replace(self, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags)))._with_empty()
+        found = replace(self, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags)))
+        return with_empty_flag(found)
 
     @one_blas_thread
     def update(self, observed: pd.DataFrame) -> Forecast:
@@ -689,7 +653,7 @@ class Forecast:
         measured, readings = read_measured(samples, self.drive, self.uncertainty.process)
         posterior, factor = updated_power(self.drive, self.uncertainty, samples, measured, readings)
         updated = replace(self, posterior=posterior, rest_sd_factor=factor, measured=measured)
-        return updated._with_empty()
+        return with_empty_flag(updated)
 
     @one_blas_thread
     def to_dict(self, reserve: float | None = None, probability: float | None = None) -> dict[str, Any]:
@@ -727,29 +691,13 @@ class Forecast:
             "empty_at_m": dict(zip(("early", "expected", "late"), self.empty_at_m, strict=True)),
             "missing_wh": dict(zip(("least", "expected", "most"), self.missing_wh, strict=True)),
             "p_arrive": {f"{level:g}": self.p_arrive(level) for level in levels},
-            "climb": None if self.climbing is None else self._climb_to_dict(levels),
-            "leave_with": None if probability is None else self._leave_with(reserve or 0.0, probability),
+            "climb": None if self.climbing is None else climb_document(self, levels),
+            "leave_with": None if probability is None else leave_document(self, reserve or 0.0, probability),
             "series": {name: values.tolist() for name, values in self._series().items()},
             "by_cause_wh": self.by_cause_wh,
             "battery_loss_wh": self.battery_loss_wh,
             "measured_until_s": self.measured_until_s,
             "flags": [flag_to_dict(flag) for flag in self.flags],
-        }
-
-    def _climb_to_dict(self, levels: tuple[float, ...]) -> dict[str, Any]:
-        return {
-            "terrain": self.plan.departure.terrain or "unknown",
-            "soc_per_m": self.soc_per_climb_m,
-            "changes_at_m": {f"{level:g}": self.climb_to(level) for level in levels},
-        }
-
-    def _leave_with(self, reserve: float, probability: float) -> dict[str, Any]:
-        needed = self.soc_needed(reserve, probability)
-        return {
-            "soc_needed": needed,
-            "reserve": reserve,
-            "probability": probability,
-            "message": leave_in_words(needed, reserve, probability),
         }
 
     @one_blas_thread
@@ -799,19 +747,7 @@ class Forecast:
         )
 
     def _repr_html_(self) -> str:
-        low, high = self.interval(BAND)
-        rows = [
-            ("energy", f"{self.energy_wh / 1000.0:.2f} kWh"),
-            (f"{BAND:.0%} interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
-            (
-                "state of charge at arrival",
-                "{:.0%} ({:.0%} to {:.0%})".format(self.soc_arrival, *self.soc_interval(BAND)),
-            ),
-            ("probability to arrive", f"{self.p_arrive():.1%}"),
-            ("given", self.given),
-            *(("note", message(flag)) for flag in self.flags),
-        ]
-        return html_table(f"Forecast {self.plan.trip_id}", rows)
+        return html_table(f"Forecast {self.plan.trip_id}", table_rows(self))
 
     @cached_property
     def _cumulative_wh(self) -> FloatArray:
@@ -918,6 +854,94 @@ class Forecast:
 
     def _energy_at(self, time_s: float) -> float:
         return float(np.interp(time_s, self._ends_s, self._cumulative_wh))
+
+
+def forecast_again(found: Forecast, soc: float, read_s: float) -> Forecast:
+    """A forecast from another charge; on the way, from that charge at the time of the last reading [s]."""
+    if found.maker is None or found.measured is not NOT_MEASURED:
+        charged = ChargeReading(read_s, soc, displayed=True, charged=True)
+        return with_empty_flag(replace(found, measured=replace(found.measured, anchor=charged)))
+    again = found.maker(found.plan.with_departure(Departure(soc=soc)))
+    kept = (flag for flag in found.flags if flag.code not in OF_CHARGE)
+    flags = tuple(dict.fromkeys((*kept, *again.flags)))
+    return replace(again, state_sd_wh=found.state_sd_wh, flags=flags)
+
+
+def with_empty_flag(found: Forecast) -> Forecast:
+    """The forecast with the flag of a battery that does not hold what the trip takes, where that is expected."""
+    flags = [flag for flag in found.flags if flag.code != "battery_empty"]
+    missing = found.missing_wh[1]
+    if missing > 0.0:
+        flags.append(Flag("battery_empty", "battery", missing, "wh"))
+    return replace(found, flags=tuple(flags))
+
+
+def charge_with_spare(spare: Callable[[float], float]) -> float:
+    """The charge, 0 to 1, with which nothing is spare; 0 where every charge has some, above 1 where a full one lacks.
+
+    Examples
+    --------
+    >>> round(charge_with_spare(lambda soc: soc**2 - 0.25), 5)
+    0.5
+    >>> charge_with_spare(lambda soc: soc + 0.1), charge_with_spare(lambda soc: soc - 1.5)
+    (0.0, 1.5)
+    """
+    spare = cache(spare)
+    if spare(1.0) < 0.0:
+        return 1.0 - spare(1.0)
+    if spare(0.0) >= 0.0:
+        return 0.0
+    from scipy.optimize import brentq  # slow to import
+
+    root = float(brentq(spare, 0.0, 1.0, xtol=SOC_PRECISION))
+    return min(root + 2.0 * SOC_PRECISION, 1.0)  # on the side that suffices
+
+
+def climb_document(forecast: Forecast, levels: tuple[float, ...]) -> dict[str, Any]:
+    """What the climb of a road of unknown heights changes, as plain values."""
+    return {
+        "terrain": forecast.plan.departure.terrain or "unknown",
+        "soc_per_m": forecast.soc_per_climb_m,
+        "changes_at_m": {f"{level:g}": forecast.climb_to(level) for level in levels},
+    }
+
+
+def leave_document(found: Forecast, reserve: float, probability: float) -> dict[str, Any]:
+    """The charge to leave with as plain values, with its sentence."""
+    needed = found.soc_needed(reserve, probability)
+    sentence = leave_in_words(needed, reserve, probability)
+    return {"soc_needed": needed, "reserve": reserve, "probability": probability, "message": sentence}
+
+
+def table_rows(found: Forecast) -> list[tuple[str, str]]:
+    """What a notebook shows of a forecast: names and values."""
+    (low, high), (least, most) = found.interval(BAND), found.soc_interval(BAND)
+    return [
+        ("energy", f"{found.energy_wh / 1000.0:.2f} kWh"),
+        (f"{BAND:.0%} interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
+        ("state of charge at arrival", f"{found.soc_arrival:.0%} ({least:.0%} to {most:.0%})"),
+        ("probability to arrive", f"{found.p_arrive():.1%}"),
+        ("given", found.given),
+        *(("note", message(flag)) for flag in found.flags),
+    ]
+
+
+def first_empty(charge: FloatArray, distance_m: FloatArray) -> float | None:
+    """Distance at which a charge at each edge of the segments reaches 0 [m]; None where it does not.
+
+    Examples
+    --------
+    >>> first_empty(np.array([0.1, 0.05, -0.05]), np.array([0.0, 1000.0, 2000.0]))
+    1500.0
+    """
+    empty = np.flatnonzero(charge <= 0.0)
+    if not len(empty):
+        return None
+    k = int(empty[0])
+    if k == 0:
+        return 0.0
+    share = charge[k - 1] / (charge[k - 1] - charge[k])
+    return float(distance_m[k - 1] + share * (distance_m[k] - distance_m[k - 1]))
 
 
 def possible_energy(centre_wh: Any, half_wh: Any, least_wh: Any) -> Any:
