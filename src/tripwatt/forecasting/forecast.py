@@ -18,6 +18,7 @@ from tripwatt.forecasting.update import updated_power
 from tripwatt.parallel import one_blas_thread
 from tripwatt.trips import Flag, Plan, raise_faults
 from tripwatt.trips.messages import flag_to_dict, message
+from tripwatt.trips.schema import require_fraction, require_number
 from tripwatt.trips.showing import html_table
 from tripwatt.uncertainty import (
     ChargeScale,
@@ -153,6 +154,11 @@ class Forecast:
         float
             Energy [Wh] that the trip stays below with this probability.
 
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -161,6 +167,7 @@ class Forecast:
         >>> found.quantile(0.5) == found.energy_wh
         True
         """
+        p = require_fraction("p", p)
         half = self.uncertainty.scores.factor(abs(2.0 * p - 1.0)) * self.sd_wh
         if p >= 0.5:
             return self.energy_wh + half
@@ -179,6 +186,11 @@ class Forecast:
         tuple of float
             Lower and upper bound [Wh].
 
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -187,6 +199,7 @@ class Forecast:
         >>> found.interval(0.9) == (found.quantile(0.05), found.quantile(0.95))
         True
         """
+        level = require_fraction("level", level)
         return self.quantile(0.5 - 0.5 * level), self.quantile(0.5 + 0.5 * level)
 
     def probability_below(self, energy_wh: float) -> float:
@@ -202,6 +215,11 @@ class Forecast:
         float
             0 to 1.
 
+        Raises
+        ------
+        InvalidInput
+            For an energy that is no finite number.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -210,6 +228,7 @@ class Forecast:
         >>> round(found.probability_below(found.quantile(0.75)), 6)
         0.75
         """
+        energy_wh = require_number("energy_wh", energy_wh)
         if self.sd_wh <= 0.0:
             return float(self.energy_wh <= energy_wh)
         below = distance_below(self.energy_wh, energy_wh, float(self._least_wh[-1]))
@@ -239,6 +258,11 @@ class Forecast:
         float
             State of charge that the display at arrival stays below with this probability.
 
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -247,6 +271,7 @@ class Forecast:
         >>> found.soc_quantile(0.05) < found.soc_arrival < found.soc_quantile(0.95) < 0.8
         True
         """
+        p = require_fraction("p", p)
         centre, sd = (values[-1] for values in self._charge_band)
         half = self.uncertainty.scores.factor(abs(2.0 * p - 1.0)) * sd
         return float(np.clip(centre + np.sign(p - 0.5) * half, 0.0, 1.0))
@@ -264,6 +289,11 @@ class Forecast:
         tuple of float
             Lower and upper bound, 0 to 1.
 
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -272,6 +302,7 @@ class Forecast:
         >>> found.soc_interval(0.9) == (found.soc_quantile(0.05), found.soc_quantile(0.95))
         True
         """
+        level = require_fraction("level", level)
         return self.soc_quantile(0.5 - 0.5 * level), self.soc_quantile(0.5 + 0.5 * level)
 
     def p_arrive(self, reserve: float = 0.0) -> float:
@@ -289,6 +320,11 @@ class Forecast:
         float
             0 to 1.
 
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -297,10 +333,39 @@ class Forecast:
         >>> found.p_arrive(0.1) > found.p_arrive(0.7)
         True
         """
+        return self.p_above(require_fraction("reserve", reserve))
+
+    def p_above(self, displayed_soc: float) -> float:
+        """Probability that the charge at arrival, not held in 0..1, is at least a value, which may lie outside of 0..1 as well.
+
+        Parameters
+        ----------
+        displayed_soc : float
+            Displayed state of charge.
+
+        Returns
+        -------
+        float
+            0 to 1.
+
+        Raises
+        ------
+        InvalidInput
+            For a value that is no finite number.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.1, ambient_temperature_degc=5.0))
+        >>> found.p_above(-0.05) > found.p_above(0.0)
+        True
+        """
+        displayed_soc = require_number("displayed_soc", displayed_soc)
         centre, sd = (float(values[-1]) for values in self._charge_band)
         if sd <= 0.0:
-            return float(centre >= reserve)
-        return self.uncertainty.scores.probability((centre - reserve) / sd)
+            return float(centre >= displayed_soc)
+        return self.uncertainty.scores.probability((centre - displayed_soc) / sd)
 
     def soc_needed(self, reserve: float = 0.1, probability: float = 0.95) -> float:
         """Displayed state of charge to leave with, to arrive with a reserve with a probability.
@@ -320,6 +385,11 @@ class Forecast:
         float
             Displayed state of charge, 0 to 1, or above 1.
 
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -329,6 +399,10 @@ class Forecast:
         >>> 0.2 < leave < 0.8
         True
         """
+        reserve, probability = (
+            require_fraction("reserve", reserve),
+            require_fraction("probability", probability, 0.5),
+        )
         _, start, _ = self._charge_start
         centre, sd = (float(values[-1]) for values in self._charge_band)
         lower = centre - self.uncertainty.scores.factor(abs(2.0 * probability - 1.0)) * sd
@@ -349,6 +423,11 @@ class Forecast:
         ndarray, shape (segments + 1,)
             Displayed state of charge.
 
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -357,6 +436,7 @@ class Forecast:
         >>> bool((found.soc_along(0.95) <= found.soc_along(0.5)).all())
         True
         """
+        probability = require_fraction("probability", probability, 0.5)
         centre, sd = self._charge_band
         return np.asarray(centre - self.uncertainty.scores.factor(abs(2.0 * probability - 1.0)) * sd)
 
@@ -573,7 +653,8 @@ class Forecast:
         >>> found.to_dict()["energy_wh"] == found.energy_wh
         True
         """
-        levels = ARRIVAL_LEVELS if reserve is None else (*ARRIVAL_LEVELS, reserve)
+        own = () if reserve is None else (require_fraction("reserve", reserve),)
+        levels = (*ARRIVAL_LEVELS, *own)
         return {
             "trip": self.plan.trip_id,
             "given": self.given,
