@@ -252,9 +252,9 @@ def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
 
 
 def _require_options(reserve: float, plot: Path | None) -> None:
-    faults = []
-    if not 0.0 <= reserve <= 1.0:
-        faults.append(Fault("value out of range", "--reserve", f"{reserve:g}", "0 to 1"))
+    from tripwatt.trips.schema import QUANTITIES, number_faults
+
+    faults = list(number_faults("--reserve", reserve, QUANTITIES["reserve"]))
     if plot is not None and plot.suffix.lower() not in PLOT_SUFFIXES:
         faults.append(Fault("unknown image format", "--plot", str(plot), ", ".join(PLOT_SUFFIXES)))
     if plot is not None and not plot.absolute().parent.is_dir():

@@ -88,6 +88,7 @@ OPTION_OF: Final = {
     "terrain": "--terrain",
     "speed_m_s": "--speed",
     "vehicle": "--vehicle",
+    "reserve": "--reserve",
 }
 """Field of a departure, or argument of the library -> the option that gives it."""
 CARS: Final[Mapping[str, str]] = MappingProxyType(

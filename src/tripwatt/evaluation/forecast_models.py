@@ -425,7 +425,7 @@ def _arrivals(
             alone = replace(plan, departure=replace(departure, **{other: None}))
             found = model.forecast(alone)
             rows.append([found.soc_arrival, *found.soc_interval(UPDATE_LEVEL)])
-            chances.append([found.p_arrive(found.soc_arrival + offset) for offset in RESERVE_OFFSETS])
+            chances.append([found.p_above(found.soc_arrival + offset) for offset in RESERVE_OFFSETS])
     n = len(plans)
     return {
         "shown": np.array(observed),

@@ -26,6 +26,7 @@ from tripwatt.parallel import one_blas_thread
 from tripwatt.routes.links import FLAT_ROAD
 from tripwatt.trips import Departure, Flag, Plan, raise_faults
 from tripwatt.trips.messages import flag_to_dict, leave_in_words, message
+from tripwatt.trips.schema import require_fraction, require_number
 from tripwatt.trips.showing import html_table
 from tripwatt.uncertainty import (
     ChargeScale,
@@ -177,6 +178,11 @@ class Forecast:
         float
             Energy [Wh] that the trip stays below with this probability.
 
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -185,6 +191,7 @@ class Forecast:
         >>> found.quantile(0.5) == found.energy_wh
         True
         """
+        p = require_fraction("p", p)
         half = abs(self._more_at_end_wh(p, float(self._cumulative_sd_wh[-1])))
         if p >= 0.5:
             return self.energy_wh + half
@@ -203,6 +210,11 @@ class Forecast:
         tuple of float
             Lower and upper bound [Wh].
 
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -212,6 +224,7 @@ class Forecast:
         >>> round(low, 3) == round(found.quantile(0.05), 3), round(high, 3) == round(found.quantile(0.95), 3)
         (True, True)
         """
+        level = require_fraction("level", level)
         return self.quantile(0.5 - 0.5 * level), self.quantile(0.5 + 0.5 * level)
 
     def probability_below(self, energy_wh: float) -> float:
@@ -227,6 +240,11 @@ class Forecast:
         float
             0 to 1.
 
+        Raises
+        ------
+        InvalidInput
+            For an energy that is no finite number.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -235,6 +253,7 @@ class Forecast:
         >>> round(found.probability_below(found.quantile(0.75)), 6)
         0.75
         """
+        energy_wh = require_number("energy_wh", energy_wh)
         if self.sd_wh <= 0.0:
             return float(self.energy_wh <= energy_wh)
         below = distance_below(self.energy_wh, energy_wh, float(self._least_wh[-1]))
@@ -265,6 +284,11 @@ class Forecast:
         float
             State of charge that the display at arrival stays below with this probability.
 
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -273,6 +297,7 @@ class Forecast:
         >>> found.soc_quantile(0.05) < found.soc_arrival < found.soc_quantile(0.95) < 0.8
         True
         """
+        p = require_fraction("p", p)
         centre, sd = (float(values[-1]) for values in self._charge_band)
         wh = self.charge.wh_per_display
         return float(np.clip(centre - self._more_at_end_wh(1.0 - p, sd * wh) / wh, 0.0, 1.0))
@@ -290,6 +315,11 @@ class Forecast:
         tuple of float
             Lower and upper bound, 0 to 1.
 
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -299,6 +329,7 @@ class Forecast:
         >>> round(low, 6) == round(found.soc_quantile(0.05), 6), round(high, 6) == round(found.soc_quantile(0.95), 6)
         (True, True)
         """
+        level = require_fraction("level", level)
         return self.soc_quantile(0.5 - 0.5 * level), self.soc_quantile(0.5 + 0.5 * level)
 
     def p_arrive(self, reserve: float = 0.0) -> float:
@@ -317,6 +348,11 @@ class Forecast:
         float
             0 to 1.
 
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -325,9 +361,41 @@ class Forecast:
         >>> found.p_arrive(0.1) > found.p_arrive(0.7)
         True
         """
+        reserve = require_fraction("reserve", reserve)
         centre, sd = self._charge_band
         wh = self.charge.wh_per_display
         return float(self._probability_of_less((centre - self._least_charge(reserve)) * wh, sd * wh).min())
+
+    def p_above(self, displayed_soc: float) -> float:
+        """Probability that the charge at arrival, not held in 0..1, is at least a value, which may lie outside of 0..1 as well.
+
+        Parameters
+        ----------
+        displayed_soc : float
+            Displayed state of charge.
+
+        Returns
+        -------
+        float
+            0 to 1.
+
+        Raises
+        ------
+        InvalidInput
+            For a value that is no finite number.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.1, ambient_temperature_degc=5.0))
+        >>> found.p_above(-0.05) > found.p_above(0.0)
+        True
+        """
+        displayed_soc = require_number("displayed_soc", displayed_soc)
+        centre, sd = self._charge_band
+        wh = self.charge.wh_per_display
+        return float(self._probability_of_less((centre - displayed_soc) * wh, sd * wh)[-1])
 
     def leaving_with(self, soc: float) -> Forecast:
         """Forecast the trip again from another charge.
@@ -374,6 +442,11 @@ class Forecast:
             0 to 1. 0 where any charge suffices, such as on a way down. Above 1 where a full battery does not suffice:
             1 and what a full display lacks.
 
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -383,6 +456,8 @@ class Forecast:
         >>> round(found.leaving_with(leave).p_arrive(0.2), 3)
         0.95
         """
+        reserve = require_fraction("reserve", reserve)
+        probability = require_fraction("probability", probability, 0.5)
         return charge_with_spare(lambda soc: self.leaving_with(soc)._spare(reserve, probability))
 
     def _spare(self, reserve: float, probability: float) -> float:
@@ -410,6 +485,11 @@ class Forecast:
         ndarray, shape (segments + 1,)
             Displayed state of charge.
 
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -418,6 +498,7 @@ class Forecast:
         >>> bool((found.soc_along(0.95) <= found.soc_along(0.5)).all())
         True
         """
+        probability = require_fraction("probability", probability)
         centre, sd = self._charge_band
         wh = self.charge.wh_per_display
         return np.asarray(centre - self._more_wh(probability, sd * wh) / wh)
@@ -679,7 +760,8 @@ class Forecast:
         >>> found.to_dict()["energy_wh"] == found.energy_wh
         True
         """
-        levels = ARRIVAL_LEVELS if reserve is None else (*ARRIVAL_LEVELS, reserve)
+        own = () if reserve is None else (require_fraction("reserve", reserve),)
+        levels = (*ARRIVAL_LEVELS, *own)
         return {
             "trip": self.plan.trip_id,
             "given": self.given,

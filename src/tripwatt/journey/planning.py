@@ -23,7 +23,7 @@ from tripwatt.routes.weather import Weather
 from tripwatt.transfer.zero_shot import on_vehicle
 from tripwatt.trips import Departure, Flag, raise_faults
 from tripwatt.trips.messages import flag_to_dict, leave_in_words
-from tripwatt.trips.schema import scalar_faults
+from tripwatt.trips.schema import Column, number_faults, scalar_faults
 from tripwatt.trips.showing import html_table
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 from tripwatt.vehicles import Vehicle
@@ -35,6 +35,7 @@ CERTAIN: Final = 0.95
 """Probability of "19 of 20 trips"."""
 
 MOST_STOPS: Final = 20
+MOST_ALTERNATIVES: Final = 3
 MOTORWAY_SPEEDS_KM_H: Final = (130.0, 120.0, 110.0, 100.0, 90.0, 80.0)
 CHEAPER_KM_H: Final = 100.0
 """The cost of speed is that over this speed on motorways."""
@@ -76,8 +77,9 @@ class JourneyOptions:
 
     def __post_init__(self) -> None:
         faults = list(scalar_faults({"reserve": self.reserve}))
-        if not 0 <= self.alternatives <= 3:
-            faults.append(Fault("value out of range", "alternatives", f"{self.alternatives}", "0 to 3"))
+        faults += number_faults(
+            "alternatives", self.alternatives, Column("", 0, MOST_ALTERNATIVES, ""), whole=True
+        )
         raise_faults(faults)
 
 

@@ -20,6 +20,7 @@ from tripwatt.live.topics import TopicJoiner
 from tripwatt.live.usual import road_of
 from tripwatt.routes import plan_from_links
 from tripwatt.trips import Plan
+from tripwatt.trips.schema import require_fraction
 
 if TYPE_CHECKING:
     import aiomqtt
@@ -141,6 +142,9 @@ class LiveForecaster:
     reserve: float = 0.1
     _made: tuple[Any, Forecast] | None = None
     _usual: Plan | None = None
+
+    def __post_init__(self) -> None:
+        require_fraction("reserve", self.reserve)
 
     def at_departure(self, car: LiveCar) -> Forecast | None:
         """Make the forecast at the departure, again only when more is known of it.

@@ -21,6 +21,8 @@ from tripwatt.transfer.adapting import T_VARIANCE, TRANSFERRED, adapted_scale, w
 from tripwatt.trips import Flag
 from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.vehicles import Vehicle, differences, load_vehicle, vehicle_names, with_differences
+from tripwatt.vehicles.catalogue import beyond_classes, mass_range_kg
+from tripwatt.vehicles.spreads import CLASS_ANCHORS
 
 
 @one_blas_thread
@@ -145,12 +147,20 @@ def other_car(model: ForecastModel, vehicle: Vehicle | str | None) -> OtherCar |
     if not found:
         return None
     if vehicle.name != own.name:
-        return OtherCar(vehicle, (Flag("no_trips_of_car", own.title),))
+        return OtherCar(vehicle, (Flag("no_trips_of_car", own.title), *_beyond_flags(vehicle)))
     flags = [Flag("changed_car", d.key, d.change, d.unit) for d in found[:MOST_NAMED]]
     if len(found) > MOST_NAMED:
         flags.append(Flag("changed_car", "others", float(len(found) - MOST_NAMED), "1"))
     # the correction was learned with the model's values as they are, which need not be carried from a test to the road
     return OtherCar(replace(with_differences(own, found, vehicle), anchor="road"), tuple(flags))
+
+
+def _beyond_flags(vehicle: Vehicle) -> tuple[Flag, ...]:
+    """That values of a class are extrapolated to a car that is lighter or heavier than every car of the library."""
+    mass = vehicle.body.curb_mass_kg
+    if vehicle.anchor not in CLASS_ANCHORS or not beyond_classes(mass):
+        return ()
+    return (Flag("outside_classes", "lighter" if mass < mass_range_kg()[0] else "heavier", mass, "kg"),)
 
 
 def on_vehicle(model: ForecastModel, vehicle: Vehicle | str | None) -> tuple[ForecastModel, tuple[Flag, ...]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import difflib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Final
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.errors import Fault
+from tripwatt.errors import Fault, excerpt
 from tripwatt.trips.context import Context
 from tripwatt.trips.drive import Drive
 from tripwatt.trips.schema import COLUMNS, DEPARTURE_BOUNDS, raise_faults, scalar_faults
@@ -44,6 +45,9 @@ FIRST_S: Final = 60.0
 CLIMATE_MODES: Final = ("auto", "off", "heat", "cool")
 """What the driver allows climate control: all, nothing, no compressor for cooling, or no heater."""
 
+SEASONS: Final = ("summer", "winter")
+"""Seasons of a drive."""
+
 EXTRAS: Final = ("winter_tyres", "roof_box", "trailer", "headlights")
 """What can be fitted to the car or switched on for a trip."""
 
@@ -56,24 +60,41 @@ ASKED: Final = ("soc", *TEMPERATURES, "payload_mass_kg", "climate", "extras", "t
 
 def climate_faults(mode: object) -> list[Fault]:
     """The fault of a climate mode that is none of `CLIMATE_MODES`; None is unknown and no fault."""
-    if mode is None or mode in CLIMATE_MODES:
+    return choice_faults("climate", mode, CLIMATE_MODES, "unknown mode")
+
+
+def choice_faults(
+    name: str, value: object, choices: tuple[str, ...], what: str = "unknown choice"
+) -> list[Fault]:
+    """The fault of a value that is none of some words; None is unknown and no fault."""
+    if value is None or (isinstance(value, str) and value in choices):
         return []
-    return [Fault("unknown mode", "climate", str(mode)[:40], f"one of {', '.join(CLIMATE_MODES)}")]
+    near = difflib.get_close_matches(value[:40], choices, n=1) if isinstance(value, str) else []
+    fix = f"did you mean {near[0]!r}?" if near else ""
+    return [Fault(what, name, excerpt(value, 42), f"one of {', '.join(choices)}", fix)]
+
+
+def type_faults(departure: Departure) -> list[Fault]:
+    """The faults of the fields of a departure that are neither numbers nor words of a list."""
+    kinds: dict[str, tuple[tuple[type, ...], str]] = {
+        "weather": ((str,), "a text"),
+        "follows_trip": ((bool, np.bool_), "True or False"),
+        "started_at": ((dt.datetime,), "a datetime, for example datetime.datetime(2024, 1, 5, 8, 30)"),
+    }
+    given = {name: getattr(departure, name) for name in kinds}
+    return [
+        Fault("wrong type", name, excerpt(value), kinds[name][1])
+        for name, value in given.items()
+        if value is not None and (not isinstance(value, kinds[name][0]) or value is pd.NaT)
+    ]
 
 
 def extras_faults(extras: object) -> list[Fault]:
     """The fault of extras that are none of `EXTRAS`; None is nothing fitted and no fault."""
     if extras is None:
         return []
-    known = isinstance(extras, tuple | list) and all(extra in EXTRAS for extra in extras)
+    known = isinstance(extras, tuple | list) and all(isinstance(e, str) and e in EXTRAS for e in extras)
     return [] if known else [Fault("unknown extra", "extras", repr(extras)[:60], ", ".join(EXTRAS))]
-
-
-def terrain_faults(terrain: object) -> list[Fault]:
-    """The fault of a terrain that is none of `TERRAINS`; None is "unknown" and no fault."""
-    if terrain is None or terrain in TERRAINS:
-        return []
-    return [Fault("unknown terrain", "terrain", str(terrain)[:40], f"one of {', '.join(TERRAINS)}")]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -110,7 +131,7 @@ class Departure:
     Raises
     ------
     InvalidInput
-        With every value out of its bounds.
+        With every value of another type, out of its bounds, or of no known choice.
 
     Examples
     --------
@@ -136,8 +157,10 @@ class Departure:
 
     def __post_init__(self) -> None:
         numbers = {name: getattr(self, name) for name in ("soc", *TEMPERATURES, "payload_mass_kg")}
-        faults = [*scalar_faults(numbers), *climate_faults(self.climate), *terrain_faults(self.terrain)]
-        raise_faults([*faults, *scalar_faults({"soc": self.bms_soc}), *extras_faults(self.extras)])
+        faults = [*scalar_faults(numbers), *climate_faults(self.climate)]
+        faults += [*scalar_faults({"soc": self.bms_soc}), *choice_faults("season", self.season, SEASONS)]
+        faults += choice_faults("terrain", self.terrain, TERRAINS)
+        raise_faults([*faults, *type_faults(self), *extras_faults(self.extras)])
         if self.extras is not None:
             object.__setattr__(self, "extras", tuple(self.extras))
 

@@ -138,6 +138,10 @@ MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
             + ": the trips of the model were of the unchanged car, so that its correction counts as that of another car and the "
             "interval is wider"
         ),
+        "outside_classes": lambda f: (
+            f"no car of the library is as {'light' if f.subject == 'lighter' else 'heavy'} as {_number(f):.0f} kg: road load, drivetrain and "
+            "climate control are extrapolated from its classes and the interval is wider"
+        ),
         "route_error_unknown": lambda f: (
             "the error of planned routes was not measured for this model: the interval is too narrow"
         ),

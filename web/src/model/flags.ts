@@ -131,6 +131,13 @@ const GROUPS: Group[] = [
       return { text: text.flags.changedCar(format.list(changes)), effect: text.flags.wider, serious: true };
     },
   },
+  byValue("outside_classes", (mass, { text, format }, subject) => ({
+    text: (subject === "lighter" ? text.flags.lighterThanAll : text.flags.heavierThanAll)(
+      format.figure(mass, 0),
+    ),
+    effect: text.flags.outsideClasses,
+    serious: true,
+  })),
   plain("no_elevation", (text) => ({ text: text.noElevation })),
   {
     codes: ["unknown_climb"],

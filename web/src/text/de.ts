@@ -587,6 +587,10 @@ export const de: Text = {
     change: (key, value, known, unit) =>
       `${key} ${value}${unit && ` ${unit}`} statt ${known}${unit && ` ${unit}`}`,
     moreChanges: (count) => `${count} weitere`,
+    lighterThanAll: (mass) => `Kein Fahrzeug der Bibliothek ist so leicht wie ${mass} kg.`,
+    heavierThanAll: (mass) => `Kein Fahrzeug der Bibliothek ist so schwer wie ${mass} kg.`,
+    outsideClasses:
+      "Der Rest des Fahrzeugs ist aus der nächsten Klasse hochgerechnet; das Intervall ist breiter.",
     freeFlowTimes:
       "Die Fahrzeiten gelten für eine leere Straße; der übliche Zeitverlust ist nach den Fahrten des Modells ergänzt.",
     timeErrorUnknown: "Das Modell kennt den Fehler der Fahrzeiten nicht.",

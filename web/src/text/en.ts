@@ -585,6 +585,9 @@ export const en = {
     change: (key: string, value: string, known: string, unit: string) =>
       `${key} ${value}${unit && ` ${unit}`} in place of ${known}${unit && ` ${unit}`}`,
     moreChanges: (count: number) => `${count} more`,
+    lighterThanAll: (mass: string) => `No car of the library is as light as ${mass} kg.`,
+    heavierThanAll: (mass: string) => `No car of the library is as heavy as ${mass} kg.`,
+    outsideClasses: "The rest of the car is extrapolated from the nearest class; the interval is wider.",
     freeFlowTimes:
       "The travel times are those of an empty road; the usual loss of time is added from the trips of the model.",
     timeErrorUnknown: "The model has no estimate of the error of travel times.",
