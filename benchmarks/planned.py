@@ -2,8 +2,8 @@
 
 Run: ``python -m benchmarks.planned --json links.json`` and publish with ``python docs/publish_results.py links.json``.
 Needs TRIPWATT_DATA. The 58 TUM reference trips; one fit of the default forecaster for each left-out trip, its doubt of
-planned routes learned inside the fold; the same fitted model forecasts the driven trace, the links of 250 m and those of
-1 km, before departure and again after half of the time. A link's speed is its length over its time, standstill included;
+planned routes learned inside the fold; the same fitted model forecasts the driven trace, which is the best case, the links of 250 m and those of
+1 km, all made from the held-out drive, and again after half of the time. A link's speed is its length over its time, standstill included;
 elevation is known at the links' ends; stops are not given. Everything else that a forecast knows at departure is the
 first sample of the trip.
 """
@@ -38,7 +38,8 @@ LINKS_M: Mapping[str, float | None] = {"driven trace": None, "250 m": 250.0, "10
 """What is known of the speed -> length of the links."""
 
 FREE_FLOW = "free flow"
-"""Links with the speed of an empty road by the proxy, and the travel times that the other trips let expect."""
+"""Links with the speed of an empty road by the proxy, the 90th percentile of the held-out drive's own moving speed, and the travel
+times that the other trips let expect."""
 
 SEED = 0
 PACKAGES = ("numpy", "scipy", "pandas", "scikit-learn", "lightgbm")

@@ -4,7 +4,7 @@
 
 DATA holds `tum` and `ved`. A process is learned on one car and corrects the other's physics, by half and in full;
 scored on the second half in time of the other car's trips of 2 km and more, as `tripwatt transfer` does. Nothing of the
-other car is learned.
+other car is learned, and no value of a car comes from the other's logs.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from tripwatt.hybrid.hierarchy import Members, term_scales
 from tripwatt.hybrid.power import LINES, GPCorrector
 from tripwatt.sources import read_logs
 from tripwatt.trips import Trip
-from tripwatt.vehicles import Vehicle, load_vehicle
+from tripwatt.vehicles import Vehicle, load_vehicle, without_data
 
 PARTS = GPCorrector().terms
 SMOOTH = tuple(term for term in PARTS if term.kind == "smooth")
@@ -118,7 +118,10 @@ def main() -> None:
     car_10 = [t for t in ved if t.context.car == "10"]
     i3, leaf = load_vehicle("bmw_i3_60ah"), load_vehicle("nissan_leaf_24")
     tum.sort(key=lambda trip: str(trip.context.started_at))
-    found = [direction(tum, car_10, (i3, leaf)), direction(ved, tum, (leaf, i3))]
+    found = [
+        direction(tum, car_10, (i3, leaf)),
+        direction(ved, tum, (without_data(leaf, "tum"), without_data(i3, "tum"))),
+    ]
     for way in found:
         print(f"{way['from']} -> {way['to']}, physics {100 * way['physics'][0]:.1f} %")
         for row in way["variants"]:

@@ -138,6 +138,20 @@ RESULTS: Final = (
         ("tum", "ved"),
         1,
     ),
+    Result(
+        "few-trips",
+        ("-m benchmarks.few_trips --cars 40 --write docs/synthetic.md",),
+        ("docs/synthetic.md#few trips begin",),
+        ("tum", "catalogue", MODEL),
+        10,
+    ),
+    Result(
+        "long-trips",
+        ("-m benchmarks.long_trips --cars 40 --write docs/synthetic.md",),
+        ("docs/synthetic.md#long trips begin",),
+        ("catalogue", MODEL),
+        8,
+    ),
 )
 """In this order: what changes the cars comes first, and the model of the package before what starts from it."""
 

@@ -51,6 +51,8 @@ def _between(page: str, key: str, text: str) -> str:
 
 def _told(results: Mapping[str, Any]) -> Iterable[str]:
     car = results["cars"][0]
+    if left_out := results.get("without_target"):
+        yield f"Without values from the logs of `{results['to']['dataset']}`: {', '.join(f'`{key}`' for key in left_out)}."
     yield f"{said_of_models(car)} {said_of_curve(car)}"
     yield _bars(car["bars"])
     yield markdown(models_table(results, car))

@@ -175,6 +175,10 @@ def test_the_page_shows_the_published_figures_of_planned_routes(tmp_path: Path) 
     assert copy.read_text(encoding="utf-8") == published.read_text(encoding="utf-8")
     changed = json.loads(published.read_text(encoding="utf-8"))
     assert (changed["synthetic"], changed["n_trips"]) == (False, 58)
+    shown = page.read_text(encoding="utf-8").partition("<!-- links:begin -->")[2]
+    assert "free flow by a proxy from the held-out drive |" in shown
+    assert "the driven speed trace itself: the best case |" in shown
+    assert "90th percentile of the moving speed of this drive" in shown
     changed["known"]["250 m"]["mape"] = 0.666
     (tmp_path / "results.json").write_text(json.dumps(changed), encoding="utf-8")
     publish(tmp_path, tmp_path / "results", readme, page)

@@ -28,7 +28,7 @@ from tripwatt.transfer.adapting import weighted_quantiles
 from tripwatt.transfer.zero_shot import zero_shot_model
 from tripwatt.trips import Fleet, Trip, plan_from_trip
 from tripwatt.uncertainty.held_out import process_segments
-from tripwatt.vehicles import Vehicle, load_vehicle
+from tripwatt.vehicles import Vehicle, load_vehicle, names_data
 
 TRUTH = {"mass": 0.08, "base_load": 0.6}
 """What the second car's book has wrong."""
@@ -235,6 +235,32 @@ def test_the_second_half_is_not_looked_at(first_car, second_car) -> None:
     assert [row["k"] for row in car["curves"]["both"]] == [0, 2, half]
     assert results["hidden"] == []  # the first car's log lacks the same signals
     assert set(car["models"]) >= {"physics", "zero-shot", "data-only", "own-kriging", f"adapted-{half}"}
+
+
+def otherwise_logged(car: Vehicle, dataset: str) -> Vehicle:
+    """The car with other values wherever the data set's logs gave one."""
+    keys = [key for key, entry in car.entries.items() if names_data(entry, dataset)]
+    parts = {}
+    for key in keys:
+        section, _, name = key.partition(".")
+        part = parts.get(section, getattr(car, section))
+        parts[section] = replace(part, **{name: 0.8 * getattr(part, name) + 0.05})
+    return replace(car, **parts)
+
+
+@pytest.mark.parametrize(("dataset", "same"), [("tum", True), ("leaf", False)])
+def test_values_of_the_targets_logs_take_no_part(first_car, second_car, i3, leaf, dataset, same) -> None:
+    first, second = (replace(fleet, logs=fleet.logs[:8]) for fleet in (first_car, second_car))
+    target = replace(second, name=dataset)
+    cars = [(i3, leaf), (otherwise_logged(i3, "tum"), otherwise_logged(leaf, "tum"))]
+    assert cars[0][1] != cars[1][1]
+    runs = [
+        evaluate_transfer(first, target, vehicles=pair, trips=(0, 2), draws=1, min_distance_m=0.0)
+        for pair in cars
+    ]
+    one, other = (run.trips["predicted_energy_wh"].to_list() for run in runs)
+    assert (one == other) == same
+    assert bool(runs[0].results["without_target"]) == same
 
 
 @pytest.mark.parametrize(

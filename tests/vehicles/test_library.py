@@ -21,9 +21,11 @@ from tripwatt.vehicles import (
     describe_vehicle,
     import_vehicle,
     load_vehicle,
+    names_data,
     parse_overrides,
     vehicle_from_document,
     vehicle_names,
+    without_data,
 )
 from tripwatt.vehicles.inheriting import bundled_bases, inherit
 from tripwatt.vehicles.loading import SECTIONS, file_names
@@ -437,3 +439,20 @@ def test_bases_are_files_and_names_are_cars() -> None:
     shared |= {"permanent_magnet_motor", "induction_motor", "externally_excited_motor"}
     assert {*shared, *file_names()} == set(bundled_bases())
     assert all(a < b for a, b in itertools.pairwise(bundled_bases()))
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_every_value_of_a_data_sets_logs_has_another_without_it(name: str) -> None:
+    car = load_vehicle(name)
+    logged = {key for key, entry in car.entries.items() if names_data(entry, "tum")}
+    assert "auxiliaries.moving_load_w" in logged
+    bare = without_data(car, "tum")
+    assert not any(names_data(entry, "tum") for entry in bare.entries.values())
+    differ = {key for key, entry in bare.entries.items() if entry.value != car.entries[key].value}
+    assert differ == logged
+    for key in logged:
+        section, _, field = key.partition(".")
+        assert getattr(getattr(bare, section), field) == bare.entries[key].value
+        assert bare.entries[key].unit == car.entries[key].unit
+    assert without_data(bare, "tum") is bare
+    assert without_data(car, "ved") is car

@@ -34,7 +34,7 @@ from tripwatt.hybrid.parameters import PARAMETERS, sensitivities
 from tripwatt.hybrid.power import LearnerCorrector
 from tripwatt.trips import Fleet, Trip
 from tripwatt.trips.messages import message
-from tripwatt.vehicles import Vehicle, load_vehicle
+from tripwatt.vehicles import Vehicle, load_vehicle, names_data, without_data
 
 TRIPS: Final = (0, 1, 2, 5, 10, 20, 50)
 DRAWS: Final = 200
@@ -110,6 +110,8 @@ def evaluate_transfer(
 ) -> TransferRun:
     """Train on one car, forecast another with none and with k of its own trips, and score it beside other models.
 
+    Values of both cars that come from the target's logs are replaced by those that the library has without them.
+
     Parameters
     ----------
     source, target : Fleet
@@ -133,7 +135,8 @@ def evaluate_transfer(
         When an argument cannot be used or too few trips are left.
     """
     _check(trips, draws, min_distance_m)
-    cars = [v if isinstance(v, Vehicle) else load_vehicle(v) for v in vehicles]
+    given = [v if isinstance(v, Vehicle) else load_vehicle(v) for v in vehicles]
+    cars = [without_data(car, target.name) for car in given]
     learned = list(source.reference_trips() or audit(source).trips)
     found = audit(target)
     by_car, notes = _by_car(found.trips, min_distance_m)
@@ -153,6 +156,9 @@ def evaluate_transfer(
         "kind": "transfer",
         "from": _about(source, cars[0], len(learned)),
         "to": _about(target, cars[1], sum(len(t) for t in by_car.values())),
+        "without_target": sorted(
+            {k for car in given for k, e in car.entries.items() if names_data(e, target.name)}
+        ),
         "hidden": [name for name in masked if name not in unknown_inputs(learned)],
         "given": "given the driven speed trace",
         "min_distance_m": min_distance_m,

@@ -9,10 +9,10 @@ from tripwatt.report.intervals import NOTE, OFF, energy_rows, intervals_table
 from tripwatt.report.tables import DASH, Table, markdown, number, span
 
 NAMES: Final[Mapping[str, str]] = {
-    "driven trace": "the driven speed trace",
+    "driven trace": "the driven speed trace itself: the best case",
     "250 m": "a planned route, links of 250 m",
     "1000 m": "a planned route, links of 1 km",
-    "free flow": "a planned route, free flow",
+    "free flow": "a planned route, free flow by a proxy from the held-out drive",
 }
 
 
@@ -39,14 +39,17 @@ def render_links(results: Mapping[str, Any]) -> str:
         "90 % interval holds [% of trips]",
         "Its width [% of energy]",
     )
-    caption = f"The forecast before departure, leave one trip out, {results['n_trips']} reference trips"
+    caption = f"The forecast by what is known of the speed, leave one trip out, {results['n_trips']} reference trips"
     return "\n\n".join(
         (
             markdown(Table(caption, columns, rows)),
             markdown(intervals_table(f"Intervals: {caption[0].lower()}{caption[1:]}", intervals)),
             f"\\{OFF} differs significantly from the level. {NOTE}",
-            "A link is known by its length, its mean speed with every standstill, and the elevation at its ends; where "
-            "the car stops is not known. Whatever widens the interval was learned on the other trips.",
+            "No row is a forecast before departure: each takes something from the drive that it forecasts. The driven trace "
+            "is not known before; its row is the best case for the others. A link is known by its length, its mean speed on this "
+            "drive with every standstill, and the elevation at its ends; where the car stops is not known. Free flow takes "
+            "the speed of each link from the 90th percentile of the moving speed of this drive, rounded up to a usual limit, "
+            "so it has seen a jam; a router's speeds have not. Whatever widens the interval was learned on the other trips.",
         )
     )
 

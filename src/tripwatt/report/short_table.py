@@ -43,7 +43,9 @@ def short_list(view: View) -> list[str]:
         best[model_style(view.best).kind] = view.best
     shown = [best[kind] for kind in _KINDS if kind in best]
     published = model_style(shown[-1]).published
-    return [*shown[:-1], published, shown[-1]] if published in models else shown
+    if published is None or published not in models:
+        return shown
+    return [*shown[:-1], published, shown[-1]]
 
 
 def _error(score: Record) -> float:

@@ -27,6 +27,7 @@ from tripwatt.vehicles.parts import (
     Tyres,
 )
 from tripwatt.vehicles.table import describe_vehicle, render_parameters
+from tripwatt.vehicles.without import names_data, without_data
 from tripwatt.vehicles.writing import render_vehicle
 
 __all__ = [
@@ -49,6 +50,7 @@ __all__ = [
     "find_vehicles",
     "import_vehicle",
     "load_vehicle",
+    "names_data",
     "parse_overrides",
     "render_licences",
     "render_parameters",
@@ -59,4 +61,5 @@ __all__ = [
     "vehicle_titles",
     "with_differences",
     "with_extras",
+    "without_data",
 ]

@@ -1,0 +1,165 @@
+"""Synthetic cars for measurements of coverage: how far a true car is from its published values, by where that comes from.
+
+Intervals contain spreads of these values (`PARAMETERS`). Cars that are drawn from the same spreads show that the arithmetic is
+right, and nothing of cars on a road. The other worlds are not known to the intervals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.car_table import CATALOGUE
+from tripwatt.hybrid.parameters import PARAMETERS
+from tripwatt.units import M_S_PER_KM_H
+
+World = Callable[[np.random.Generator], dict[str, float]]
+
+FARTHEST: Final = 2.5
+"""No value is more than so many times larger or smaller than the published one."""
+FREEDOM: Final = 3.0
+SLOW_M_S: Final = 20.0 * M_S_PER_KM_H
+NEWTON_PER_LBF: Final = 4.4482216
+M_S_PER_MPH: Final = 0.44704
+UNMEASURED: Final = {"base_load": 0.5, "drivetrain": 0.3, "hvac": 0.4}
+"""Largest relative change, evenly distributed, of what no coast-down shows."""
+DRAWS: Final = 2000
+LEVELS: Final = (0.5, 0.8, 0.9)
+
+
+def relative(logarithm: float) -> float:
+    """A relative change of at most `FARTHEST` times, so that no value changes its sign."""
+    return float(np.expm1(np.clip(logarithm, -np.log(FARTHEST), np.log(FARTHEST))))
+
+
+def spread(scale: float = 1.0, shift: float = 0.0, heavy: bool = False) -> World:
+    """Log-normal changes by the published spreads, as they are or deliberately not."""
+
+    def draw(rng: np.random.Generator) -> dict[str, float]:
+        number = len(PARAMETERS)
+        normal = (
+            rng.standard_t(FREEDOM, number) / np.sqrt(FREEDOM / (FREEDOM - 2.0))
+            if heavy
+            else rng.standard_normal(number)
+        )
+        pairs = zip(PARAMETERS, normal, strict=True)
+        return {p.name: relative(scale * p.width * (z + shift)) for p, z in pairs}
+
+    return draw
+
+
+@cache
+def _siblings() -> pd.DataFrame:
+    """Logarithms of mass, force at 20 km/h for that mass, and air drag of EPA's coast-downs, over the first one of the same model."""
+    rows = pd.read_csv(CATALOGUE / "epa_ev.csv")
+    force = NEWTON_PER_LBF * rows[["a_lbf", "b_lbf_mph", "c_lbf_mph2"]].to_numpy(dtype=np.float64)
+    mph = SLOW_M_S / M_S_PER_MPH
+    slow = force @ np.array([1.0, mph, mph * mph])
+    table = pd.DataFrame(
+        {
+            "model": rows["make"] + " " + rows["model"],
+            "mass": rows["test_weight_lb"],
+            "rolling": slow / rows["test_weight_lb"],
+            "air": force[:, 2],
+        }
+    )
+    table = table[(table[["mass", "rolling", "air"]] > 0.0).all(axis=1)].drop_duplicates()
+    values = np.log(table[["mass", "rolling", "air"]])
+    values = values - values.groupby(table["model"]).transform("first")
+    return values[(values != 0.0).any(axis=1)].reset_index(drop=True)
+
+
+def sibling(rng: np.random.Generator) -> dict[str, float]:
+    """Another coast-down of the same model, and even changes of what it does not show."""
+    row = _siblings().iloc[int(rng.integers(len(_siblings())))]
+    measured = {name: relative(float(row[name])) for name in ("mass", "rolling", "air")}
+    return measured | {name: float(rng.uniform(-most, most)) for name, most in UNMEASURED.items()}
+
+
+WORLDS: Final[Mapping[str, tuple[str, World]]] = {
+    "published": ("the published spreads, which the intervals contain: no test of them", spread()),
+    "siblings": (
+        "coast-downs of another year, wheel or trim of the same model (EPA, MY2019 to 2025); the rest evenly distributed",
+        sibling,
+    ),
+    "narrow": ("half of the published spreads", spread(0.5)),
+    "wide": ("one and a half times the published spreads", spread(1.5)),
+    "heavy": ("Student's t with 3 degrees of freedom, of the published spreads", spread(heavy=True)),
+    "shifted": (
+        "every car takes more: each value one standard deviation higher, with half of the scatter",
+        spread(0.5, shift=2.0),
+    ),
+}
+"""Name -> what it is, and how a car is drawn."""
+
+
+def coverage_interval(inside: np.ndarray, trips: Sequence[int], seed: int = 0) -> tuple[float, float]:
+    """95 % interval of a coverage by a bootstrap over cars, because trips of a car err together."""
+    owner = np.repeat(np.arange(len(trips)), trips)
+    hits, number = np.bincount(owner, inside, len(trips)), np.asarray(trips, dtype=np.float64)
+    drawn = np.random.default_rng(seed).integers(len(trips), size=(DRAWS, len(trips)))
+    low, high = np.quantile(hits[drawn].sum(axis=1) / number[drawn].sum(axis=1), (0.025, 0.975))
+    return float(low), float(high)
+
+
+@dataclass(frozen=True)
+class Row:
+    """Forecasts of one set of trips in one world: errors relative to the energy, and intervals."""
+
+    world: str
+    known: str
+    cars: int
+    trips: int
+    error: float
+    bias: float
+    inside: tuple[float, ...]
+    interval: tuple[float, float]
+    width: float
+
+    @classmethod
+    def of(cls, world: str, known: str, cars: Sequence[np.ndarray]) -> Row:
+        """Of what `long_trips.scored` gives for each car."""
+        rows = np.concatenate(cars)
+        inside = rows[:, 1 : 1 + len(LEVELS)]
+        return cls(
+            world,
+            known,
+            len(cars),
+            len(rows),
+            float(np.abs(rows[:, 0]).mean()),
+            float(rows[:, 0].mean()),
+            tuple(map(float, inside.mean(axis=0))),
+            coverage_interval(inside[:, -1], [len(car) for car in cars]),
+            float(rows[:, 1 + len(LEVELS)].mean()),
+        )
+
+    @property
+    def line(self) -> str:
+        """As a row of the table."""
+        shares = " | ".join(f"{100 * share:.0f}" for share in self.inside)
+        low, high = self.interval
+        return (
+            f"| {self.world} | {self.known} | {self.cars} | {self.trips} | {100 * self.error:.1f} | {100 * self.bias:+.1f} "
+            f"| {shares} | {100 * low:.0f} to {100 * high:.0f} | {100 * self.width:.0f} |"
+        )
+
+
+HEAD: Final = (
+    "| world | known of the car | cars | trips | mean error [%] | bias [%] | inside 50 % [%] | inside 80 % [%] | inside 90 % [%] "
+    "| 95 % interval of it | width of 90 % [% of energy] |\n|---|---|---:|---:|---:|---:|---:|---:|---:|---|---:|"
+)
+
+
+def write(page: Path, name: str, rows: Sequence[Row]) -> None:
+    """Put a table between the marks of a page."""
+    text = page.read_text(encoding="utf-8")
+    begin, end = f"<!-- {name} begin -->", f"<!-- {name} end -->"
+    head, _, rest = text.partition(begin)
+    table = "\n".join([HEAD, *(row.line for row in rows)])
+    page.write_text(f"{head}{begin}\n\n{table}\n\n{end}{rest.partition(end)[2]}", encoding="utf-8")

@@ -1,0 +1,60 @@
+"""Worlds of synthetic cars: bounded, different, and published with an interval over cars."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks import worlds
+from benchmarks.car_table import CATALOGUE
+
+from tripwatt.hybrid.parameters import PARAMETERS
+
+NAMES = {p.name for p in PARAMETERS}
+
+
+def drawn(name: str, number: int = 400) -> np.ndarray:
+    if name == "siblings" and not (CATALOGUE / "epa_ev.csv").is_file():
+        pytest.skip("the lists of cars are not at hand: set TRIPWATT_CATALOGUE")
+    draw = worlds.WORLDS[name][1]
+    cars = [draw(np.random.default_rng(seed)) for seed in range(number)]
+    assert all(set(car) == NAMES for car in cars)
+    return np.log1p([[car[p.name] for p in PARAMETERS] for car in cars])
+
+
+@pytest.mark.parametrize("name", list(worlds.WORLDS))
+def test_no_value_of_a_world_changes_its_sign_or_is_far_off(name: str) -> None:
+    found = drawn(name)
+    assert np.all(np.abs(found) <= np.log(worlds.FARTHEST) + 1e-12)
+    assert np.array_equal(found, drawn(name))
+
+
+def test_worlds_are_as_wide_as_they_are_called() -> None:
+    width = np.array([p.width for p in PARAMETERS])
+    scale = {name: np.std(drawn(name), axis=0) / width for name in ("published", "narrow", "wide")}
+    assert scale["published"] == pytest.approx(np.ones(len(width)), rel=0.12)
+    assert scale["narrow"] == pytest.approx(0.5 * scale["published"], rel=1e-9)
+    assert np.all(scale["wide"] > 1.3 * scale["published"])
+    assert np.mean(drawn("shifted"), axis=0) == pytest.approx(width, rel=0.12)
+    tails = [np.mean(np.abs(drawn(name) / width) > 3.0) for name in ("published", "heavy")]
+    assert tails[1] > 2.0 * tails[0]
+
+
+def test_a_coverage_over_cars_is_less_sure_than_over_trips() -> None:
+    together = np.repeat([1.0, 1.0, 1.0, 0.0], 25)
+    low, high = worlds.coverage_interval(together, [25] * 4)
+    one_by_one = worlds.coverage_interval(together, [1] * 100)
+    assert low < one_by_one[0] < 0.75 < one_by_one[1] < high
+    assert worlds.coverage_interval(np.ones(6), [1, 2, 3]) == (1.0, 1.0)
+
+
+def test_a_table_replaces_the_one_before(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("a\n<!-- few trips begin -->\nold\n<!-- few trips end -->\nb\n", "utf-8")
+    car = np.array([[0.1, 0, 1, 1, 0.4], [-0.3, 0, 0, 1, 0.2]])
+    row = worlds.Row.of("wide", "published values", [car, car[:1]])
+    worlds.write(page, "few trips", [row])
+    text = page.read_text("utf-8")
+    assert "old" not in text
+    assert text.startswith("a\n")
+    assert text.endswith("\nb\n")
+    assert "| wide | published values | 2 | 3 | 16.7 | -3.3 | 0 | 67 | 100 | 100 to 100 | 33 |" in text
