@@ -246,16 +246,12 @@ def _limit_faults(drivetrain: Drivetrain, body: Body, where: str) -> Iterator[Fa
         got = f"{top / M_S_PER_KM_H:.3g} km/h at the highest motor speed"
         yield _impossible(where, ("drivetrain.motor_max_speed_rad_s", *wheel), got, allowed)
     if power > torque * drivetrain.motor_max_speed_rad_s:
-        fields = (
-            "drivetrain.motor_max_power_w",
-            "drivetrain.motor_max_torque_nm",
-            "drivetrain.motor_max_speed_rad_s",
-        )
+        limits = tuple(f"drivetrain.motor_max_{name}" for name in ("power_w", "torque_nm", "speed_rad_s"))
         most = torque * drivetrain.motor_max_speed_rad_s
         got = (
             f"{power / 1000.0:.3g} kW from {torque:g} Nm at up to {drivetrain.motor_max_speed_rad_s:g} rad/s"
         )
-        yield _impossible(where, fields, got, f"at most torque times speed, {most / 1000.0:.3g} kW")
+        yield _impossible(where, limits, got, f"at most torque times speed, {most / 1000.0:.3g} kW")
 
 
 def _load_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]:
@@ -399,9 +395,9 @@ _LOSSES: Final = MappingProxyType(
 def _loss_fields(shaft_w: float, speed_rad_s: float, drivetrain: Drivetrain) -> tuple[str, ...]:
     """Entries without which the loss would be at least a fifth smaller."""
     whole = _loss(shaft_w, speed_rad_s, drivetrain)
-    found = [
-        name
-        for name, value in _LOSSES.items()
-        if _loss(shaft_w, speed_rad_s, replace(drivetrain, **{name: value})) < 0.8 * whole
-    ]
+    found = []
+    for name, value in _LOSSES.items():
+        changed: dict[str, Any] = {name: value}
+        if _loss(shaft_w, speed_rad_s, replace(drivetrain, **changed)) < 0.8 * whole:
+            found.append(name)
     return tuple(f"drivetrain.{name}" for name in found) or ("drivetrain.motor_loss_factor",)
