@@ -13,7 +13,13 @@ from tripwatt.hybrid import (
     segment_trips,
     stage_record,
 )
-from tripwatt.hybrid.identification import LEAST_TRIPS, _fade_values
+from tripwatt.hybrid.identification import (
+    DRAG_WIDTH,
+    LEAST_TRIPS,
+    ROLLING_WIDTH,
+    _fade_values,
+    _published_road,
+)
 from tripwatt.hybrid.parameters import changed
 from tripwatt.physics import simulate_trip
 from tripwatt.synthetic import synthetic_fleet
@@ -391,3 +397,64 @@ def test_the_open_circuit_voltage_never_falls_with_the_charge():
     ]
     curve = identify_trips(trips, car).values["battery.ocv_v"]
     assert (np.diff(curve) >= 0.0).all()
+
+
+def at_speed(speed_m_s: float, force_n: float, trips: int = 12) -> list[StageRecord]:
+    """Trips at one speed in air of 20 °C: the force is known, its split into rolling and drag is not."""
+    error = np.tile([20.0, -20.0], 20)
+    columns = (np.ones(40), np.zeros(40), np.full(40, 0.6 * speed_m_s**2), force_n + error)
+    nothing = np.empty((0, 2))
+    return [
+        StageRecord(20.0, np.column_stack(columns) * 20.0, nothing, np.nan, None, nothing)
+        for _ in range(trips)
+    ]
+
+
+@pytest.mark.parametrize("name", ["bmw_i3_60ah", "hyundai_kona_64", "nissan_leaf_24", "vw_id4_pro"])
+def test_the_published_force_is_divided_and_kept(name):
+    car = load_vehicle(name)
+    road = _published_road(car)
+    weight = car.body.test_mass_kg * 9.80665
+    density = car.road_load.coastdown_air_density_kg_m3 or 1.2
+    for speed in (10.0, 20.0, 30.0):
+        constant, linear = car.road_load.rolling_coefficients
+        published = (
+            weight * (constant + linear * speed) + 0.5 * density * car.road_load.drag_area_m2 * speed**2
+        )
+        divided = road.rolling_n + 0.5 * density * road.drag_area_m2 * speed**2
+        assert divided == pytest.approx(published, rel=0.12)
+    assert 0.004 < road.rolling_n / weight < 0.016
+    assert DRAG_WIDTH <= road.drag_width < 0.25
+
+
+@pytest.mark.parametrize("share", [0.85, 1.0, 1.15])
+@pytest.mark.parametrize("speed", [8.0, 15.0, 30.0])
+def test_one_speed_shows_a_force_and_leaves_each_value_plausible(speed, share):
+    """The force of the trips is met; each value stays within two of its own widths, the less sure one moves more."""
+    road = _published_road(BOOK)
+    force = share * (road.rolling_n + 0.6 * road.drag_area_m2 * speed**2)
+    found = identify(at_speed(speed, force), BOOK).applied(BOOK)
+    rolling = found.road_load.rolling_coefficients[0] * BOOK.body.test_mass_kg * 9.80665
+    area = found.road_load.drag_area_m2
+    assert rolling + 0.6 * area * speed**2 == pytest.approx(force, rel=0.02)
+    assert abs(rolling / road.rolling_n - 1.0) < 2.0 * ROLLING_WIDTH
+    assert abs(area / road.drag_area_m2 - 1.0) < 2.0 * road.drag_width
+
+
+def test_warm_trips_show_no_rise_in_the_cold():
+    warm, cold = (
+        stage_record(
+            replace(
+                as_logged(FLEET[0], BOOK),
+                samples=as_logged(FLEET[0], BOOK).samples.assign(
+                    ambient_temperature_degc=degc, cabin_temperature_degc=degc
+                ),
+            ),
+            BOOK,
+        )
+        for degc in (35.0, 5.0)
+    )
+    assert not warm.road[:, 1].any()
+    assert cold.road[:, 1] == pytest.approx(15.0 * cold.road[:, 0])
+    # the published fall is in the work of 1 N of rolling resistance at 20 °C
+    assert warm.road[:, 0] == pytest.approx((1.0 - 0.0086 * 15.0) * cold.road[:, 0])
