@@ -14,6 +14,7 @@ from tripwatt.hybrid import (
     stage_record,
 )
 from tripwatt.hybrid.identification import (
+    COLD_DEGC,
     DRAG_WIDTH,
     LEAST_TRIPS,
     ROLLING_WIDTH,
@@ -85,7 +86,7 @@ def test_a_car_with_coefficients_keeps_its_form():
     assert force_n(found, 18.0) == pytest.approx(force_n(truth, 18.0), rel=0.04)
 
 
-def test_the_rise_in_the_cold_needs_both_seasons():
+def test_the_rise_in_the_cold_needs_cold_trips():
     tyres = BOOK.tyres
     truth = replace(ONE_PEDAL, tyres=replace(tyres, temperature_coefficient_per_k=0.02))
     trips = [as_logged(trip, truth) for trip in synthetic_fleet(60, seed=5).trips]
@@ -95,6 +96,9 @@ def test_the_rise_in_the_cold_needs_both_seasons():
     key = "tyres.temperature_coefficient_per_k"
     assert identify(records, BOOK).values[key] == pytest.approx(0.02, abs=0.003)
     assert key not in identify(warm, BOOK).values
+    cold = [r for r in records if r.ambient_temperature_degc < COLD_DEGC]
+    assert len(cold) >= LEAST_TRIPS
+    assert BOOK.tyres.temperature_coefficient_per_k < identify(cold, BOOK).values[key] < 0.025
 
 
 def test_interior_heat_capacity_is_found_from_the_heater():

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from tripwatt.report.intervals import NOTE, OFF, energy_rows, intervals_table
+from tripwatt.evaluation.forecast_scores import UPDATE_LEVEL
+from tripwatt.report.intervals import NOTE, OFF, charge_rows, energy_rows, intervals_table
 from tripwatt.report.tables import DASH, Table, markdown, number, span
 
 NAMES: Final[Mapping[str, str]] = {
@@ -27,7 +28,11 @@ def render_links(results: Mapping[str, Any]) -> str:
     known = results["known"]
     rows = tuple(_row(NAMES.get(name, name), row) for name, row in known.items())
     trips = int(results["n_trips"])
-    intervals = [r for name, row in known.items() for r in energy_rows(NAMES.get(name, name), row, trips)]
+    intervals: list[tuple[str, ...]] = []
+    for key, row in known.items():
+        name = NAMES.get(key, key)
+        intervals += energy_rows(name, row, trips)
+        intervals += charge_rows(name, row.get("arrival") or {}, UPDATE_LEVEL)
     columns = (
         "Known of the speed",
         "Mean error [%]",
