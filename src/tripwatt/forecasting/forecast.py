@@ -951,11 +951,12 @@ def forecast_again(found: Forecast, soc: float, read_s: float) -> Forecast:
 
 def with_empty_flag(found: Forecast) -> Forecast:
     """The forecast with the flag of a battery that does not hold what the trip takes, where that is expected."""
-    flags = [flag for flag in found.flags if flag.code != "battery_empty"]
+    flags = tuple(flag for flag in found.flags if flag.code != "battery_empty")
     missing = found.missing_wh[1]
     if missing > 0.0:
-        flags.append(Flag("battery_empty", "battery", missing, "wh"))
-    return replace(found, flags=tuple(flags))
+        return replace(found, flags=(*flags, Flag("battery_empty", "battery", missing, "wh")))
+    # as it is where nothing changes, with what was worked out of it
+    return found if len(flags) == len(found.flags) else replace(found, flags=flags)
 
 
 def charge_with_spare(spare: Callable[[float], float]) -> float:

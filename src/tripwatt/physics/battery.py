@@ -130,6 +130,8 @@ def kept_charge(gains: FloatArray, room: float) -> tuple[FloatArray, FloatArray]
     (array([1., 2., 1., 2.]), array([0., 1., 0., 1.]))
     """
     free = gains.cumsum()
+    if float(free.max()) <= room:
+        return free, np.zeros_like(free)
     lost = np.maximum.accumulate(np.maximum(free - room, 0.0))
     return free - lost, np.diff(lost, prepend=0.0)
 
@@ -186,7 +188,8 @@ def discharge(
         allowed = np.minimum(power_w, bound)
         wanted = battery_current(allowed, ocv, resistance)
         gained, refused = kept_charge(-wanted * per_step, room)
-        current = np.where(refused > 0.0, wanted + refused / np.maximum(per_step, TINY), wanted)
+        spills = bool(refused.any())
+        current = wanted + refused / np.maximum(per_step, TINY) if spills else wanted
         new_soc = initial_soc + gained
         heat = current * current * resistance
         if loss > 0.0:
@@ -198,7 +201,7 @@ def discharge(
         if change < SOC_TOLERANCE:
             converged = True
             break
-    power = np.where(refused > 0.0, (ocv - current * resistance) * current, allowed)
+    power = np.where(refused > 0.0, (ocv - current * resistance) * current, allowed) if spills else allowed
     return BatteryRun(
         power_w=power,
         refused_power_w=power - allowed,
