@@ -89,6 +89,13 @@ RESULTS: Final = (
         ("catalogue",),
         3,
     ),
+    Result(
+        "six-numbers",
+        ("-m benchmarks.six_numbers --write",),
+        ("docs/vehicles.md#six numbers begin",),
+        ("catalogue",),
+        1,
+    ),
     Result("cold-rows", ("-m benchmarks.cold_rows --write",), ("docs/library.md#cold",), ("catalogue",), 1),
     Result(
         "argonne",

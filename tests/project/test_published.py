@@ -10,6 +10,8 @@ from types import ModuleType
 import pytest
 from tests.support import ROOT
 
+from tripwatt.vehicles import load_vehicle, names_data
+
 DOCS = ROOT / "docs"
 
 
@@ -82,6 +84,14 @@ def test_both_paired_tests_stand_where_the_parts_are_compared(page: str) -> None
         bounds = [f"{abs(100 * end):.1f}" for end in pair["ci95"]]
         assert f"{abs(100 * pair['diff']):.1f}" in text
         assert all(bound in text for bound in bounds)
+
+
+def test_values_from_the_scored_logs_are_named_beside_their_figures() -> None:
+    page = (DOCS / "results.md").read_text(encoding="utf-8")
+    car = load_vehicle("bmw_i3_60ah")
+    logged = [key for key, entry in car.entries.items() if names_data(entry, "tum")]
+    assert len(logged) >= 5
+    assert all(f"`{key}`" in page for key in logged)
 
 
 def test_prose_shows_the_published_figures() -> None:

@@ -32,7 +32,7 @@ def test_worlds_are_as_wide_as_they_are_called() -> None:
     width = np.array([p.width for p in PARAMETERS])
     scale = {name: np.std(drawn(name), axis=0) / width for name in ("published", "narrow", "wide")}
     assert scale["published"] == pytest.approx(np.ones(len(width)), rel=0.12)
-    assert scale["narrow"] == pytest.approx(0.5 * scale["published"], rel=1e-9)
+    assert scale["narrow"] == pytest.approx(0.5 * scale["published"], rel=0.05)
     assert np.all(scale["wide"] > 1.3 * scale["published"])
     assert np.mean(drawn("shifted"), axis=0) == pytest.approx(width, rel=0.12)
     tails = [np.mean(np.abs(drawn(name) / width) > 3.0) for name in ("published", "heavy")]

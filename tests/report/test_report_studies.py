@@ -91,7 +91,8 @@ def test_options_name_the_lowest_and_the_choice(results: dict) -> None:
     found = content(results, "gamm-errors")
     assert found.tables[0].strong == frozenset({1})
     said = found.sentence.replace("\u00a0", " ")
-    assert "13.0 % becomes 11.0 % (the paper: 11.5 %)" in said
+    assert "With Student's t errors, as in the paper, the mean error is 13.0 % (the paper: 11.5 %)" in said
+    assert "another family than the paper's, so their 11.0 % is no counterpart" in said
     assert "GAMM t in 8 and GAMM AR(1) in 50 folds; mean error 11.2 %" in said
 
 
@@ -123,6 +124,17 @@ def test_a_crossing_at_the_end_of_the_curve_and_none_are_said_so(results: dict) 
         "\u00a0", " "
     )
     assert "crossing" not in {line.get_gid() for line in found.figure.axes[0].lines}
+
+
+def test_a_weak_rival_is_named_where_a_few_coefficients_are_better() -> None:
+    curve = [{"n_trips": n, "draws": 4, "boosting": 0.12, "boosting-only": 0.33} for n in (3, 48)]
+    found = {"crossing": 3.0, "crossing_ci95": [3.0, 3.0], "curve": curve}
+    scores = {"linear4": {"mape": 0.12}, "linear6": {"mape": 0.105}}
+    said = paper_studies.on_trips_needed(found, scores).replace("\u00a0", " ")
+    assert "is weak: Linear (6 coefficients) has 10.5 %" in said
+    scores = {name: {"mape": 0.4} for name in scores}
+    assert "weak" not in paper_studies.on_trips_needed(found, scores)
+    assert "weak" not in paper_studies.on_trips_needed(found)
 
 
 @pytest.mark.parametrize("key", KEYS)

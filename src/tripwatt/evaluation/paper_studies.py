@@ -138,7 +138,7 @@ CORRELATIONS: Final = tuple(
 GAMM_ERRORS: Final = (
     StudyModel(
         "gamm-ar1",
-        "GAMM with AR(1) errors within a trip",
+        "GAMM with normal AR(1) errors within a trip",
         functools.partial(correctors.gamm, errors="ar1"),
         correctors.SIMULATION,
     ),

@@ -198,7 +198,7 @@ def _trips(view: View, transfers: Transfers) -> str:
     )
     table = Table("Mean error [%]", ("Training trips", *map(label, CURVE_MODELS)), rows)
     image = "![Mean error against the number of training trips](images/paper-trips-needed.png)"
-    return "\n\n".join([paper_studies.on_trips_needed(found), image, markdown(table)])
+    return "\n\n".join([paper_studies.on_trips_needed(found, view.scores), image, markdown(table)])
 
 
 def scored_cars(transfers: Transfers) -> list[tuple[str, str, Record, str]]:
@@ -265,8 +265,13 @@ def _needed(view: View) -> str:
     found = (view.results.get("studies") or {}).get("trips_needed") or {}
     if found.get("crossing") is None:
         return "not in this run"
-    most = found["curve"][-1]["n_trips"]
-    return f"{found['crossing']:.1f} trips reach what the data-driven model has with {most}; the paper gives no figure"
+    most = found["curve"][-1]
+    error = most[paper_studies.CURVE_MODELS[1]]
+    weak = ", which is weak," if paper_studies.stronger_baseline(error, view.scores) else ""
+    return (
+        f"{found['crossing']:.1f} trips reach the {percent(error)} that the data-driven model{weak} has with {most['n_trips']}; "
+        "the paper gives no figure"
+    )
 
 
 def _physics(view: View) -> str:
@@ -282,7 +287,8 @@ def _chosen(name: str, base: str) -> Callable[[View], str]:
         ours, paper = _score(view, name).get("mape"), view.published.get(base)
         if ours is None or paper is None:
             return "not in this run"
-        return f"{percent(ours)} when chosen inside the fold, {percent(paper)} in the paper"
+        same = f"{percent(_score(view, base).get('mape'))} with the options of the paper, "
+        return f"{same}{percent(ours)} when chosen inside the fold, {percent(paper)} in the paper"
 
     return said
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from tripwatt.evaluation.paper_studies import CORRELATIONS, CURVE_MODELS, FORMS, GAMM_ERRORS, NEAREST
@@ -154,8 +155,9 @@ def on_gamm_errors(view: View) -> str:
     return (
         "Rows of a trip are dependent, also a minute apart. With errors taken for independent, the ambient temperature, nearly "
         "constant within a trip, serves as a second trip effect, and the surface of temperature and elevation takes up what "
-        "belongs to the trip. AR(1) errors put that into the correlation: "
-        f"{percent(scores['gamm']['mape'])} becomes {percent(scores['gamm-ar1']['mape'])}{beside}."
+        f"belongs to the trip. With Student's t errors, as in the paper, the mean error is {percent(scores['gamm']['mape'])}{beside}. "
+        "Normal errors with AR(1) correlation put the dependence into the correlation; they are another family than the paper's, "
+        f"so their {percent(scores['gamm-ar1']['mape'])} is no counterpart of its figure."
         f"{_on_choice(view, 'gamm-chosen')}"
     )
 
@@ -201,11 +203,17 @@ def trips_needed(view: View) -> Content:
     found = (view.results.get("studies") or {}).get("trips_needed")
     if not found:
         return Content(ABSENT)
-    return Content(on_trips_needed(found), plot_trips_needed(found, note=view.note, synthetic=view.synthetic))
+    return Content(
+        on_trips_needed(found, view.scores),
+        plot_trips_needed(found, note=view.note, synthetic=view.synthetic),
+    )
 
 
-def on_trips_needed(found: Record) -> str:
-    """The number of trips with which the hybrid has the error that the data-driven model has with the most trips."""
+def on_trips_needed(found: Record, scores: Mapping[str, Record] = MappingProxyType({})) -> str:
+    """The number of trips with which the hybrid has the error that the data-driven model has with the most trips.
+
+    `scores` of the main evaluation show how strong the data-driven model is beside a regression of a few coefficients.
+    """
     hybrid, alone = CURVE_MODELS
     most = found["curve"][-1]
     least = found["curve"][0]
@@ -225,7 +233,25 @@ def on_trips_needed(found: Record) -> str:
     return (
         f"{said}. The hybrid has the former error with {found['crossing']:.1f} trips (95 % interval {reach}){floor}: it needs less "
         f"data than the data-driven model, as the paper states without a figure. Means over {most['draws']} random draws of each "
-        "number, scored on all other trips; the interval is a bootstrap over draws and trips."
+        f"number, scored on all other trips; the interval is a bootstrap over draws and trips.{_weakness(most[alone], scores)}"
+    )
+
+
+def stronger_baseline(error: float, scores: Mapping[str, Record]) -> str | None:
+    """The regression of a few coefficients with the lowest error, where that is below `error`."""
+    linear = [name for name in ("linear4", "linear6") if name in scores]
+    best = min(linear, key=lambda name: float(scores[name]["mape"]), default=None)
+    return best if best is not None and float(scores[best]["mape"]) < error else None
+
+
+def _weakness(error: float, scores: Mapping[str, Record]) -> str:
+    """That the data-driven model is a weak rival, where a regression of a few coefficients has a lower error."""
+    best = stronger_baseline(error, scores)
+    if best is None:
+        return ""
+    return (
+        f" The data-driven model of this comparison is weak: {label(best)} has {percent(scores[best]['mape'])}, each trip left out in turn. "
+        "So the crossing says little of a good model without physics."
     )
 
 
