@@ -35,7 +35,7 @@ from tripwatt.uncertainty import (
     UncertaintyModel,
 )
 from tripwatt.uncertainty.charge import FULL
-from tripwatt.uncertainty.climb import ClimbingEnergy, UnknownClimb
+from tripwatt.uncertainty.climb import ClimbingEnergy, Excess, UnknownClimb
 from tripwatt.uncertainty.free_flow import FreeFlowUncertainty
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
@@ -152,7 +152,7 @@ class Forecast:
         energy = self.power_w * self.open_hours
         if self.measured.energy_wh is not None:
             energy = self.measured.energy_wh + energy
-        return np.asarray(energy if self._climb is None else energy + np.diff(self._climb_median_wh))
+        return np.asarray(energy + np.diff(self._excess.expected_wh))
 
     @cached_property
     def energy_wh(self) -> float:
@@ -192,7 +192,7 @@ class Forecast:
         True
         """
         p = require_fraction("p", p)
-        half = abs(self._more_at_end_wh(p, float(self._cumulative_sd_wh[-1])))
+        half = abs(self._excess.quantile_at_end(p, float(self._cumulative_sd_wh[-1])))
         if p >= 0.5:
             return self.energy_wh + half
         return float(possible_energy(self.energy_wh, half, float(self._least_wh[-1])))
@@ -258,7 +258,7 @@ class Forecast:
             return float(self.energy_wh <= energy_wh)
         below = distance_below(self.energy_wh, energy_wh, float(self._least_wh[-1]))
         ends = np.full_like(self._cumulative_sd_wh, -below)
-        return float(self._probability_of_less(ends, self._cumulative_sd_wh)[-1])
+        return float(self._excess.probability_below(ends, self._cumulative_sd_wh)[-1])
 
     @cached_property
     def charge(self) -> ChargeScale:
@@ -300,7 +300,7 @@ class Forecast:
         p = require_fraction("p", p)
         centre, sd = (float(values[-1]) for values in self._charge_band)
         wh = self.charge.wh_per_display
-        return float(np.clip(centre - self._more_at_end_wh(1.0 - p, sd * wh) / wh, 0.0, 1.0))
+        return float(np.clip(centre - self._excess.quantile_at_end(1.0 - p, sd * wh) / wh, 0.0, 1.0))
 
     def soc_interval(self, level: float) -> tuple[float, float]:
         """Central interval of the displayed state of charge at the end of the trip, 0 to 1.
@@ -364,7 +364,9 @@ class Forecast:
         reserve = require_fraction("reserve", reserve)
         centre, sd = self._charge_band
         wh = self.charge.wh_per_display
-        return float(self._probability_of_less((centre - self._least_charge(reserve)) * wh, sd * wh).min())
+        return float(
+            self._excess.probability_below((centre - self._least_charge(reserve)) * wh, sd * wh).min()
+        )
 
     def p_above(self, displayed_soc: float) -> float:
         """Probability that the charge at arrival, not held in 0..1, is at least a value, which may lie outside of 0..1 as well.
@@ -395,7 +397,7 @@ class Forecast:
         displayed_soc = require_number("displayed_soc", displayed_soc)
         centre, sd = self._charge_band
         wh = self.charge.wh_per_display
-        return float(self._probability_of_less((centre - displayed_soc) * wh, sd * wh)[-1])
+        return float(self._excess.probability_below((centre - displayed_soc) * wh, sd * wh)[-1])
 
     def leaving_with(self, soc: float) -> Forecast:
         """Forecast the trip again from another charge.
@@ -501,7 +503,7 @@ class Forecast:
         probability = require_fraction("probability", probability)
         centre, sd = self._charge_band
         wh = self.charge.wh_per_display
-        return np.asarray(centre - self._more_wh(probability, sd * wh) / wh)
+        return np.asarray(centre - self._excess.quantile(probability, sd * wh) / wh)
 
     @property
     def empty_at_m(self) -> tuple[float | None, float | None, float | None]:
@@ -550,9 +552,9 @@ class Forecast:
             "distance_m": self.drive.distance_m,
             "energy_wh": energy,
             "energy_low_wh": possible_energy(
-                energy, -self._more_wh(1.0 - ARRIVAL_BAND[0], sd), self._least_wh
+                energy, -self._excess.quantile(1.0 - ARRIVAL_BAND[0], sd), self._least_wh
             ),
-            "energy_high_wh": energy + self._more_wh(1.0 - ARRIVAL_BAND[2], sd),
+            "energy_high_wh": energy + self._excess.quantile(1.0 - ARRIVAL_BAND[2], sd),
             "displayed_soc": middle,
             "displayed_soc_low": low,
             "displayed_soc_high": high,
@@ -567,7 +569,7 @@ class Forecast:
         parts["hvac"] += simulated - sum(parts.values())  # rounding of the segments' ends
         parts["learned_correction"] = self.energy_wh - simulated
         if self._climb is not None:
-            expected = float(self._climb_median_wh[-1])
+            expected = float(self._excess.expected_wh[-1])
             parts["climb"] += expected
             parts["learned_correction"] -= expected
         return parts
@@ -604,7 +606,7 @@ class Forecast:
         if self.climbing is None:
             return None
         spare = (float(self._charge_band[0][-1]) - reserve) * self.charge.wh_per_display
-        spare += float(self._climb_median_wh[-1])
+        spare += float(self._excess.expected_wh[-1])
         climb = self.climbing.climb_for(max(spare, 0.0), self._climbs_from_m)
         return climb if math.isfinite(climb) else None
 
@@ -855,33 +857,9 @@ class Forecast:
         return float(np.interp(until, self._ends_s, self.drive.distance_m))
 
     @cached_property
-    def _climb_median_wh(self) -> FloatArray:
-        """Median of what the unknown climb adds up to each edge [Wh], shape (segments + 1,): hills on the way cost, whatever the net."""
-        if self._climb is None:
-            return np.zeros(len(self._ends_s))
-        return self._climb.quantile(self.uncertainty.scores, 0.5, self._cumulative_sd_wh)
-
-    def _more_wh(self, p: float, sd_wh: FloatArray) -> FloatArray:
-        """Quantile of the energy more than expected up to each edge [Wh]: errors of a standard deviation, and the unknown climb."""
-        if self._climb is None:
-            return np.asarray(np.sign(p - 0.5) * self.uncertainty.scores.factor(abs(2.0 * p - 1.0)) * sd_wh)
-        return self._climb.quantile(self.uncertainty.scores, p, sd_wh) - self._climb_median_wh
-
-    def _more_at_end_wh(self, p: float, sd_wh: float) -> float:
-        """Of `_more_wh` that of the whole trip, for which the places on the way need no solution."""
-        if self._climb is None:
-            return float(self._more_wh(p, np.array([sd_wh]))[-1])
-        end = self._climb.at_end().quantile(self.uncertainty.scores, p, np.array([sd_wh]))
-        return float(end[-1] - self._climb_median_wh[-1])
-
-    def _probability_of_less(self, more_wh: FloatArray, sd_wh: FloatArray) -> FloatArray:
-        """Probability at each edge that the trip takes at most this much more than expected: the inverse of `_more_wh`."""
-        scores = self.uncertainty.scores
-        if self._climb is not None:
-            return self._climb.probability_below(scores, more_wh + self._climb_median_wh, sd_wh)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            scaled = np.where(sd_wh > 0.0, more_wh / sd_wh, np.where(more_wh >= 0.0, np.inf, -np.inf))
-        return scores.probabilities(scaled)
+    def _excess(self) -> Excess:
+        """Distribution of what the trip takes more than expected up to each edge."""
+        return Excess.from_climb(self.uncertainty.scores, self._climb, self._cumulative_sd_wh)
 
     @property
     def _remaining_sd_wh(self) -> FloatArray:

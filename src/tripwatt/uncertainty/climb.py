@@ -126,10 +126,6 @@ class UnknownClimb:
         """Half the width of the central 68 % at each place [Wh], shape (places,)."""
         return 0.5 * (self._at(0.84) - self._at(0.16))
 
-    def at_end(self) -> UnknownClimb:
-        """Of the whole way alone."""
-        return UnknownClimb(self.offsets_wh[:, -1:], self.weights)
-
     def quantile(self, scores: ConformalScores, p: float, sd_wh: FloatArray) -> FloatArray:
         """Quantile of climb and error together at each place [Wh], shape (places,). O(scenarios x `PLACES`).
 
@@ -177,3 +173,47 @@ class UnknownClimb:
     def _at(self, p: float) -> FloatArray:
         k = int(np.searchsorted(np.cumsum(self.weights), p))
         return np.asarray(np.sort(self.offsets_wh, axis=0)[k])
+
+
+@dataclass(frozen=True, eq=False)
+class Excess:
+    """Distribution of what a trip takes more than expected up to each place: an error of known scale, and an unknown climb.
+
+    Attributes
+    ----------
+    scores : ConformalScores
+        Distribution of the error over its standard deviation.
+    climb : UnknownClimb or None
+        None where the heights of the road are known.
+    expected_wh : ndarray, shape (places,)
+        Median of what the climb adds [Wh]: hills on the way cost, whatever the net climb. It is part of what is expected.
+    """
+
+    scores: ConformalScores
+    climb: UnknownClimb | None
+    expected_wh: FloatArray
+
+    @classmethod
+    def from_climb(cls, scores: ConformalScores, climb: UnknownClimb | None, sd_wh: FloatArray) -> Excess:
+        """Beside an error whose standard deviation is `sd_wh` at each place, shape (places,)."""
+        expected = np.zeros(len(sd_wh)) if climb is None else climb.quantile(scores, 0.5, sd_wh)
+        return cls(scores, climb, expected)
+
+    def quantile(self, p: float, sd_wh: FloatArray) -> FloatArray:
+        """Quantile at each place [Wh], shape (places,)."""
+        if self.climb is None:
+            return np.asarray(np.sign(p - 0.5) * self.scores.factor(abs(2.0 * p - 1.0)) * sd_wh)
+        return self.climb.quantile(self.scores, p, sd_wh) - self.expected_wh
+
+    def quantile_at_end(self, p: float, sd_wh: float) -> float:
+        """Of the whole way alone, which needs no other place."""
+        end = None if self.climb is None else UnknownClimb(self.climb.offsets_wh[:, -1:], self.climb.weights)
+        return float(Excess(self.scores, end, self.expected_wh[-1:]).quantile(p, np.array([sd_wh]))[0])
+
+    def probability_below(self, more_wh: FloatArray, sd_wh: FloatArray) -> FloatArray:
+        """Probability at each place that it is at most an energy [Wh], shape (places,): the inverse of `quantile`."""
+        if self.climb is not None:
+            return self.climb.probability_below(self.scores, more_wh + self.expected_wh, sd_wh)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scaled = np.where(sd_wh > 0.0, more_wh / sd_wh, np.where(more_wh >= 0.0, np.inf, -np.inf))
+        return self.scores.probabilities(scaled)
