@@ -373,7 +373,7 @@ def test_the_scale_of_a_total() -> None:
     assert TotalScale(values).sd_wh(two) == pytest.approx(expected, **EXACT)
     # hours and energy together are 192 Wh; 6 % of 3 kWh are less, 10 % are more
     assert TotalScale(values, least_share=0.06).sd_wh(two) == pytest.approx(expected, **EXACT)
-    more = np.sqrt(100.0**2 + 300.0**2 + 160.0**2 + 70.0**2)
+    more = np.sqrt(100.0**2 + 300.0**2 + 160.0**2 + 70.0**2 / 2.0)
     assert TotalScale(values, least_share=0.1).sd_wh(two) == pytest.approx(more, **EXACT)
     # 7200 s are 20 correlation times: 2 sd² T² (20 - 1 + exp(-20)) over sd²
     course = TimeCourse(0.0, ((300.0, 360.0),))
