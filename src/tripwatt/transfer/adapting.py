@@ -25,7 +25,7 @@ from tripwatt.trips import Fleet, Trip, plan_from_trip
 from tripwatt.trips.messages import message
 from tripwatt.uncertainty import ChargeScale
 from tripwatt.uncertainty.conformal import ConformalScores
-from tripwatt.uncertainty.scale import TAIL_DF, TotalScale
+from tripwatt.uncertainty.scale import T_VARIANCE, TotalScale
 from tripwatt.vehicles import Vehicle
 
 TRANSFERRED: Final = "transferred"
@@ -36,9 +36,6 @@ BASE_TRIPS: Final = 10.0
 
 _LEVELS: Final = 40
 """ConformalScores that an adapted model keeps."""
-
-T_VARIANCE: Final = TAIL_DF / (TAIL_DF - 2.0)
-"""Variance of the t distribution whose scale a `TotalScale` is."""
 
 PROTOCOL: Final = "own trips, each left out of the adaptation"
 

@@ -17,9 +17,10 @@ from tripwatt.hybrid.car_corrector import HierarchicalCorrector
 from tripwatt.hybrid.hierarchy import CarTransfer, Evidence, term_scales
 from tripwatt.hybrid.parameters import on_road, parameters_of
 from tripwatt.parallel import one_blas_thread
-from tripwatt.transfer.adapting import T_VARIANCE, TRANSFERRED, adapted_scale, weighted_quantiles
+from tripwatt.transfer.adapting import TRANSFERRED, adapted_scale, weighted_quantiles
 from tripwatt.trips import Flag
 from tripwatt.uncertainty.conformal import ConformalScores
+from tripwatt.uncertainty.scale import T_VARIANCE
 from tripwatt.vehicles import Vehicle, differences, load_vehicle, vehicle_names, with_differences
 from tripwatt.vehicles.catalogue import beyond_classes, mass_range_kg
 from tripwatt.vehicles.spreads import CLASS_ANCHORS

@@ -69,9 +69,10 @@ class TimeCourse:
 class TotalScale:
     """Standard deviation of a trip's energy: independent parts that grow with the trip.
 
-    ``sd² = a² + (b hours)² + (c moved)² + (d corrector)² + outside²``: an error of every trip, one of every hour (climate
+    ``sd² = a² + (b hours)² + (c moved)² + (d corrector)² + outside² / 2``: an error of every trip, one of every hour (climate
     control, auxiliaries), a share of the energy moved at the wheels, the corrector's own uncertainty of a trip unlike
-    those of its training, and in full what it may have missed outside of their range. The hours count as the errors of
+    those of its training, and in full what it may have missed outside of their range: a standard deviation, of which the scale of the errors'
+    t distribution is the root of a half. The hours count as the errors of
     power add up: those of a drift cancel in part on a long trip. Where the growth with the trip was not seen, the errors
     of hours and of energy together are at least `least_share` of the energy moved: no error grows faster than the trip.
 
