@@ -207,7 +207,6 @@ def reach(
     """Show how far a charge carries in every direction, with 95 % and with 50 %."""
     from tripwatt.forecasting import load_model
     from tripwatt.journey import AtlasSettings, Drive, find_reach, open_atlas
-    from tripwatt.routes.search import find_place
     from tripwatt.transfer.zero_shot import on_vehicle
     from tripwatt.trips import Departure
 
@@ -215,7 +214,7 @@ def reach(
         atlas = open_atlas(AtlasSettings(map_, places_url))
         own, flags = on_vehicle(load_model(model), vehicle)
         departure = Departure(soc=soc, ambient_temperature_degc=ambient, terrain=terrain)
-        place = find_place(start, atlas.places, "FROM")
+        place = atlas.find(start, "FROM")
         found = find_reach(Drive(own, departure, None, flags), place, atlas, reserve=reserve)
     if as_json:
         print_json(found.to_dict())
@@ -308,6 +307,7 @@ def _show(found: Journey) -> None:
     from tripwatt.cli.sentences import chance, journey_in_words
     from tripwatt.trips.messages import period
 
+    typer.echo(f"From {' to '.join(place.described for place in found.stops)}.")
     for sentence in journey_in_words(found):
         typer.echo(sentence)
     typer.echo("")

@@ -18,7 +18,6 @@ from tripwatt.journey.forecasting import Drive, capped, on_motorway
 from tripwatt.journey.stops import ChargingStop, find_stop
 from tripwatt.routes.places import Place
 from tripwatt.routes.routers import Road
-from tripwatt.routes.search import find_place
 from tripwatt.routes.weather import Weather
 from tripwatt.transfer.zero_shot import on_vehicle
 from tripwatt.trips import Departure, Flag, raise_faults
@@ -442,7 +441,7 @@ def find_stops(stops: Sequence[Place | str], atlas: Atlas, *, round_trip: bool =
     faults: list[Fault] = []
     for k, stop in enumerate(stops):
         try:
-            found.append(stop if isinstance(stop, Place) else find_place(stop, atlas.places, f"stops[{k}]"))
+            found.append(atlas.find(stop, f"stops[{k}]"))
         except InvalidInput as error:
             faults += error.faults
     if faults:

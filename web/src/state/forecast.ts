@@ -173,6 +173,15 @@ export function reportProblem(error: unknown): void {
   problem.value = problemFrom(error);
 }
 
+/** Names of the fields From and To in faults. */
+export const STOP_FIELDS = { from: "stops[0]", to: "stops[1]" } as const;
+
+/** Take back the faults of a stop that is being changed. */
+export function forgetStop(index: number): void {
+  const at = `stops[${index}]`;
+  if (problem.value?.faults?.some(({ where }) => where.startsWith(at))) problem.value = null;
+}
+
 /** Faults by field; faults of fields without a control on the page are under "trip". */
 export const faults = computed(() => {
   const byField = new Map<string, Fault[]>();
@@ -184,6 +193,7 @@ export const faults = computed(() => {
 });
 
 const FIELDS = [
+  ...Object.values(STOP_FIELDS),
   "soc",
   "displayed_soc",
   "ambient_temperature_degc",
