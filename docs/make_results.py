@@ -152,6 +152,7 @@ RESULTS: Final = (
         ("tum", "catalogue", MODEL),
         10,
     ),
+    Result("peers", ("make peers",), ("docs/peers.md#peers:begin",), ("tum", "ved"), 4),
     Result(
         "long-trips",
         ("-m benchmarks.long_trips --cars 40 --write docs/synthetic.md",),
@@ -273,10 +274,12 @@ def settled(now: dict[str, Any]) -> dict[str, Any]:
 
 
 def run(command: str) -> None:
-    """One command of Python in the project's folder."""
+    """One command in the project's folder: of Python, or of `make` where it needs an environment of its own."""
     filled = command.format(data=folders()["data"], work=WORK)
-    print(f"  python {filled}", flush=True)  # noqa: T201 - a script says what it does
-    subprocess.run([sys.executable, *filled.split()], cwd=ROOT, check=True, env=environment())
+    print(f"  {filled}", flush=True)  # noqa: T201 - a script says what it does
+    words = filled.split()
+    words = words if words[0] == "make" else [sys.executable, *words]
+    subprocess.run(words, cwd=ROOT, check=True, env=environment())
 
 
 def environment() -> dict[str, str]:

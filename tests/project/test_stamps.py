@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import re
 from pathlib import Path
 from types import ModuleType
 
@@ -11,7 +12,7 @@ from tests.project.test_published import script
 
 from tripwatt.vehicles import load_vehicle
 
-make_results = script("make_results")
+make_results, write_figures = script("make_results"), script("write_figures")
 NAMES = [result.name for result in make_results.RESULTS]
 SIMULATE, CABIN = (importlib.import_module(f"tripwatt.physics.{name}") for name in ("simulate", "cabin"))
 TENTH_OF_A_PERCENT = 1.001
@@ -45,6 +46,33 @@ def test_a_file_of_results_is_in_the_table() -> None:
     listed = {place for result in make_results.RESULTS for place in result.files}
     found = {f"docs/results/{file.name}" for file in make_results.PROBE.parent.glob("*.json")}
     assert found - {"docs/results/probe.json", "docs/results/stamps.json"} <= listed
+
+
+FOLLOWS = {
+    "README.md": {"example:begin", "results:begin"},
+    "docs/results.md": {"paper:begin", "forecast:begin", "links:begin"},
+    "docs/paper.md": {"paper-page:begin"},
+    "docs/transfer.md": {"tum-ved:begin", "ved-tum:begin", "covariates:begin"},
+    "docs/model.md": {"parameters begin"},
+    "docs/vehicles.md": {"licences begin"},
+    "docs/cli.md": {"written by docs/write_cli.py from what `--help` shows; do not edit"},
+    "docs/fleet.md": {"costs: python -m benchmarks.fleet scale --write"},
+}
+"""Parts of pages that follow from stamped files or from the code alone, each with a test of its own; times of a machine."""
+
+
+def test_every_generated_part_of_a_page_has_a_stamp_or_follows_from_one() -> None:
+    listed = {place for result in make_results.RESULTS for place in result.files}
+    for page in write_figures.pages():
+        name = page.relative_to(make_results.ROOT).as_posix()
+        marks = re.findall(r"<!-- (?!fig:|/fig)(.+?) -->", page.read_text("utf-8"))
+        for mark in (mark for mark in marks if not re.search(r"\bend\b", mark)):
+            stamped = any(
+                place.startswith(f"{name}#") and mark.startswith(place.partition("#")[2]) for place in listed
+            )
+            assert stamped or mark in FOLLOWS.get(name, ()) or name in listed, (
+                f"{name}: {mark} is in no table of results"
+            )
 
 
 @pytest.fixture(scope="module")

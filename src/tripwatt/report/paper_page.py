@@ -266,7 +266,7 @@ def _needed(view: View) -> str:
     if found.get("crossing") is None:
         return "not in this run"
     most = found["curve"][-1]
-    error = most[paper_studies.CURVE_MODELS[1]]
+    error = most[CURVE_MODELS[1]]
     weak = ", which is weak," if paper_studies.stronger_baseline(error, view.scores) else ""
     return (
         f"{found['crossing']:.1f} trips reach the {percent(error)} that the data-driven model{weak} has with {most['n_trips']}; "
