@@ -6,16 +6,18 @@ of the corrector. The settings are chosen once for each third of the folds, on t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from tripwatt.arrays import IntArray
-from tripwatt.hybrid import PowerCorrector, SegmentTable
+from tripwatt.hybrid import PowerCorrector, SegmentTable, resimulated
 from tripwatt.hybrid.correctors import TUNED, fresh_corrector
 from tripwatt.hybrid.split import climate_logged
+from tripwatt.trips import Trip, plan_from_trip
+from tripwatt.vehicles import Vehicle
 
 INNER_FOLDS: Final = 10
 SETTINGS_BLOCKS: Final = 3
@@ -23,6 +25,29 @@ SETTINGS_BLOCKS: Final = 3
 
 Again = Callable[[IntArray], SegmentTable]
 """Numbers of some training trips -> all of them, simulated with the car as those show it."""
+
+
+def shown_by(
+    trips: Sequence[Trip], table: SegmentTable, vehicle: Vehicle, car_of: Callable[[IntArray], Vehicle]
+) -> Again:
+    """Trips, simulated with the car as some of them show it.
+
+    Parameters
+    ----------
+    trips : sequence of Trip
+    table : SegmentTable
+        Of the same trips, simulated with `vehicle`.
+    vehicle : Vehicle
+    car_of : callable
+        Numbers of some trips -> the car as those show it.
+    """
+    plans = [plan_from_trip(trip) for trip in trips]
+
+    def again(members: IntArray) -> SegmentTable:
+        car = car_of(members)
+        return table if car is vehicle else resimulated(table, plans, car)
+
+    return again
 
 
 def inner_folds(table: SegmentTable, seed: int) -> IntArray:

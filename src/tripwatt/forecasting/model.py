@@ -19,7 +19,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.donor import DonorModel
 from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.forecasting.forecast import Forecast
-from tripwatt.forecasting.inner import INNER_FOLDS, Again, inner_fits
+from tripwatt.forecasting.inner import INNER_FOLDS, Again, inner_fits, shown_by
 from tripwatt.forecasting.plausible import impossible_faults
 from tripwatt.forecasting.ranges import (
     compare,
@@ -31,7 +31,6 @@ from tripwatt.hybrid import (
     PowerCorrector,
     SegmentTable,
     power_corrector,
-    resimulated,
     segment_table,
     segment_trips,
 )
@@ -162,7 +161,7 @@ class ForecastModel:
         <ForecastModel BMW i3 60 Ah, linear corrector, 9 trips>
         """
         table = segment_trips(trips, self.vehicle)
-        again = None if car_of is None else self.again(trips, table, car_of)
+        again = None if car_of is None else shown_by(trips, table, self.vehicle, car_of)
         return self.fit_segments(
             table,
             routes=linked_trips(trips, self.vehicle),
@@ -245,18 +244,6 @@ class ForecastModel:
         if progress is not None:
             progress(n_folds + 1, n_folds + 1)
         return self
-
-    def again(
-        self, trips: Sequence[Trip], table: SegmentTable, car_of: Callable[[IntArray], Vehicle]
-    ) -> Again:
-        """The trips, simulated with the car as a part of them shows it."""
-        plans = [plan_from_trip(trip) for trip in trips]
-
-        def again(members: IntArray) -> SegmentTable:
-            car = car_of(members)
-            return table if car is self.vehicle else resimulated(table, plans, car)
-
-        return again
 
     def _estimate_uncertainty(
         self, table: SegmentTable, held_out: Sequence[HeldOutResidual], route: RouteUncertainty | None

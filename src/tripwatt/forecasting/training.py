@@ -14,6 +14,7 @@ import numpy as np
 from tripwatt.arrays import IntArray
 from tripwatt.auditing import audit
 from tripwatt.forecasting.donor import MASKABLE, DonorModel, unknown_inputs, without_inputs
+from tripwatt.forecasting.inner import shown_by
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel, HeldOut
 from tripwatt.hybrid import (
     TRANSFERABLE,
@@ -191,7 +192,7 @@ def donor_model(
     masked = [without_inputs(trip, masked_inputs) for trip in trips]
     model = ForecastModel(vehicle, "gp", seed)
     table = segment_trips(masked, vehicle)
-    model.fit_segments(table, again=None if car_of is None else model.again(masked, table, car_of))
+    model.fit_segments(table, again=None if car_of is None else shown_by(masked, table, vehicle, car_of))
     return model.as_donor(masked_inputs)
 
 
