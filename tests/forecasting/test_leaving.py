@@ -1,11 +1,14 @@
 """The charge to leave with, and trips at the ends of the battery: laws that hold for every car and road."""
 
+import itertools
+
 import pandas as pd
 import pytest
 from benchmarks.leave_with import CHARGES, RESERVE, ROADS, WORST, answers, plan_of
 from tests.support.cars import KEPT, some_cars
 
 import tripwatt as tw
+from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
 from tripwatt.transfer.zero_shot import on_vehicle
 from tripwatt.trips import Departure
@@ -123,6 +126,16 @@ def test_on_the_way_the_charge_is_that_of_the_last_reading(model):
     assert seen.leaving_with(now).p_arrive(0.1) == pytest.approx(0.9, abs=1e-3)
     assert seen.leaving_with(now).measured_until_s == seen.measured_until_s
     assert 0.3 < (now - 0.1) / (before.soc_needed(0.1, 0.9) - 0.1) < 0.75
+
+
+def test_a_charge_that_no_display_shows_is_refused(model):
+    before = asked(model)
+    seen = before.update(
+        pd.DataFrame({"time_s": [0.0, 600.0], "speed_m_s": 20.0, "displayed_soc": [0.5, 0.47]})
+    )
+    for trip, soc in itertools.product((before, seen), (-0.1, 1.1, float("nan"))):
+        with pytest.raises(InvalidInput, match="out of range"):
+            trip.leaving_with(soc)
 
 
 def test_a_plan_is_forecast_again_as_it_was_forecast(model):

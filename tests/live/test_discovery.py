@@ -13,6 +13,7 @@ DOCUMENT = {
         "energy_wh": 4321.0,
         "soc_quantiles": {"0.05": 0.2111, "0.5": 0.3, "0.95": 0.3899},
         "p_arrive": 0.98765,
+        "p_arrive_at_all": 0.9987,
     },
 }
 
@@ -33,10 +34,11 @@ def test_templates_give_the_figures_in_the_units_of_the_sensors() -> None:
         "arrival_low": "21.1",
         "arrival_high": "39.0",
         "p_arrive": "98.8",
+        "p_arrive_at_all": "99.9",
         "silence": "1.5",
     }
     units = [message["unit_of_measurement"] for _, message in discovery("leaf", "t", "p")]
-    assert units == ["kWh", "%", "%", "%", "%", "min"]
+    assert units == ["kWh", "%", "%", "%", "%", "%", "min"]
 
 
 def test_without_a_forecast_figures_are_unknown() -> None:
@@ -51,6 +53,6 @@ def test_without_a_forecast_figures_are_unknown() -> None:
 def test_topics_have_the_characters_that_home_assistant_allows(car: str, node: str) -> None:
     found = list(discovery(car, "tripwatt/x", "ha"))
     assert found[0][0] == f"ha/sensor/{node}/energy/config"
-    assert len({message["unique_id"] for _, message in found}) == len(found) == 6
+    assert len({message["unique_id"] for _, message in found}) == len(found) == 7
     assert {message["state_topic"] for _, message in found} == {"tripwatt/x"}
     assert all(message["device"]["identifiers"] == [node] for _, message in found)

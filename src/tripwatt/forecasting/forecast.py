@@ -415,6 +415,11 @@ class Forecast:
         Forecast
             Of the same trip.
 
+        Raises
+        ------
+        InvalidInput
+            With a charge out of 0 to 1.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -918,10 +923,11 @@ class Forecast:
 
 def forecast_again(found: Forecast, soc: float, read_s: float) -> Forecast:
     """A forecast from another charge; on the way, from that charge at the time of the last reading [s]."""
+    departure = Departure(soc=soc)  # checks it
     if found.maker is None or found.measured is not NOT_MEASURED:
         charged = ChargeReading(read_s, soc, displayed=True, charged=True)
         return with_empty_flag(replace(found, measured=replace(found.measured, anchor=charged)))
-    again = found.maker(found.plan.with_departure(Departure(soc=soc)))
+    again = found.maker(found.plan.with_departure(departure))
     kept = (flag for flag in found.flags if flag.code not in OF_CHARGE)
     flags = tuple(dict.fromkeys((*kept, *again.flags)))
     return replace(again, state_sd_wh=found.state_sd_wh, flags=flags)

@@ -40,7 +40,18 @@ SENSORS: Final = (
     Sensor("arrival", "Charge at arrival", f"({CHARGE}['0.5'] * 100) | round(1)", "%", "battery"),
     Sensor("arrival_low", "Charge at arrival, 5 %", f"({CHARGE}['0.05'] * 100) | round(1)", "%", "battery"),
     Sensor("arrival_high", "Charge at arrival, 95 %", f"({CHARGE}['0.95'] * 100) | round(1)", "%", "battery"),
-    Sensor("p_arrive", "Chance to arrive", "(value_json.forecast.p_arrive * 100) | round(1)", "%"),
+    Sensor(
+        "p_arrive",
+        "Chance to arrive with the reserve",
+        "(value_json.forecast.p_arrive * 100) | round(1)",
+        "%",
+    ),
+    Sensor(
+        "p_arrive_at_all",
+        "Chance to arrive at all",
+        "(value_json.forecast.p_arrive_at_all * 100) | round(1)",
+        "%",
+    ),
     Sensor(
         "silence",
         "Time since the last message",

@@ -1,9 +1,9 @@
 import { useEffect, useState } from "preact/hooks";
-import { chanceOf } from "../model/arrival";
+import { chanceOf, emptyAfterM } from "../model/arrival";
 import { PERCENT } from "../model/units";
 import { shownForecast } from "../state/drive";
 import { requested } from "../state/forecast";
-import { format, text } from "../state/preferences";
+import { format, text, units } from "../state/preferences";
 import { bandText, chanceInFigures } from "./wording";
 
 /** On a phone: the result at the bottom of the screen while the chart is out of view. */
@@ -19,11 +19,17 @@ export function Glance() {
   const now = shownForecast.value;
   if (!now || !isHidden) return null;
   const chance = chanceOf(now, requested.value.at.reserve);
+  const emptyM = emptyAfterM(now);
   const { result } = text.value;
+  const { shown } = format.value;
   return (
     <div class="glance" aria-hidden="true">
-      <strong>{format.value.shown(now.soc_arrival, PERCENT)}</strong>
-      <span>{result.glance(bandText(now))}</span>
+      <strong>{shown(emptyM === null ? now.soc_arrival : 0, PERCENT)}</strong>
+      <span>
+        {emptyM === null
+          ? result.glance(bandText(now))
+          : result.emptyAfter(shown(emptyM, units.value.distance, 0))}
+      </span>
       {chance !== null && <span>{result.glanceReserve(chanceInFigures(chance))}</span>}
     </div>
   );
