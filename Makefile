@@ -7,6 +7,8 @@ unexport PYTHONDONTWRITEBYTECODE
 PYTHON ?= python3
 DATA ?=
 OUT ?= out
+# what the commands of the README need: the page, your cars, journeys
+EXTRAS ?= service,fleet,routing
 # processes that run the tests, and that check the types
 WORKERS ?= 2
 export MYPY_NUM_WORKERS ?= $(WORKERS)
@@ -17,7 +19,7 @@ UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 
 .venv/.ready: pyproject.toml
 	$(PYTHON) -m venv .venv
-	.venv/bin/python $(PIP_INSTALL) -e ".[service]"
+	.venv/bin/python $(PIP_INSTALL) -e ".[$(EXTRAS)]"
 	touch $@
 
 # Every file is named with its hash, so there is nothing to choose; what is imported is compiled on its first import.

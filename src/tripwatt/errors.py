@@ -7,8 +7,10 @@ one `InvalidInput`, so that a user mends a file once.
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
+from types import MappingProxyType
 from typing import Any, Final
 
 MOST_FAULTS: Final = 50
@@ -90,6 +92,62 @@ class Fault:
             if value
         ]
         return f"{text}: {'; '.join(parts)}" if parts else text
+
+
+EXTRAS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "service": ("fastapi", "pydantic", "uvicorn", "orjson", "prometheus_client"),
+        "fleet": ("deltalake",),
+        "routing": ("httpx",),
+        "live": ("aiomqtt",),
+    }
+)
+"""Extra of the package -> the modules without which none of its commands works."""
+
+
+def install(*extras: str) -> str:
+    """What installs extras into the environment of a clone, which stays editable.
+
+    Examples
+    --------
+    >>> install("service", "fleet")
+    "run pip install -e '.[service,fleet]' in the clone of tripwatt"
+    """
+    return f"run pip install -e '.[{','.join(extras)}]' in the clone of tripwatt"
+
+
+def extras_faults(needed: Mapping[str, str]) -> list[Fault]:
+    """The faults of extras that are not installed, each with what installs all that is missing.
+
+    Parameters
+    ----------
+    needed : mapping of str to str
+        Extra -> the command or option that needs it.
+
+    Examples
+    --------
+    >>> extras_faults({})
+    []
+    """
+    missing = {extra: [name for name in EXTRAS[extra] if not _is_there(name)] for extra in needed}
+    missing = {extra: modules for extra, modules in missing.items() if modules}
+    return [
+        Fault(
+            "missing package",
+            needed[extra],
+            f"no {', '.join(modules)}",
+            f"the extra {extra}",
+            install(*missing),
+        )
+        for extra, modules in missing.items()
+    ]
+
+
+def _is_there(module: str) -> bool:
+    try:
+        return find_spec(module) is not None
+    except ValueError:  # imported already, by something that is no finder
+        return True
 
 
 def first_faults(faults: Sequence[Fault], where: str, most: int = MOST_FAULTS) -> list[Fault]:

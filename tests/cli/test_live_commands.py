@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from tripwatt.cli import app
 from tripwatt.cli.on_road import sentence
+from tripwatt.cli.serve import make_cars_folder
 from tripwatt.errors import InvalidInput
 from tripwatt.live import open_live_car
 
@@ -31,9 +32,14 @@ def test_a_token_is_printed_once_and_is_that_of_the_car(tmp_path: Path) -> None:
         assert (car.accepts(made["token"]), car.accepts(printed)) == (True, False)
 
 
-def test_a_missing_folder_of_cars_is_not_served(tmp_path: Path) -> None:
-    with pytest.raises(InvalidInput, match=r"no folder of cars.*tripwatt car new"):
-        run("serve", "--cars", tmp_path / "missing", "--port", 0)
+def test_a_new_folder_of_cars_is_made_and_only_there(tmp_path: Path) -> None:
+    make_cars_folder(tmp_path / "cars")
+    make_cars_folder(tmp_path / "cars")
+    assert (tmp_path / "cars").is_dir()
+    for place in (tmp_path / "missing" / "cars", Path(__file__)):
+        with pytest.raises(InvalidInput, match=r"cannot make the folder: --cars"):
+            run("serve", "--cars", place, "--port", 0)
+    assert not (tmp_path / "missing").exists()
 
 
 def test_all_wrong_options_are_named_together(tmp_path: Path) -> None:
@@ -58,7 +64,7 @@ def test_all_wrong_options_are_named_together(tmp_path: Path) -> None:
 
 def test_without_the_extra_the_error_names_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "aiomqtt", None)
-    with pytest.raises(InvalidInput, match=r"tripwatt\[live\]"):
+    with pytest.raises(InvalidInput, match=r"pip install -e '\.\[live\]'"):
         run("live", tmp_path / "leaf", "--mqtt", "mqtt://h", "--source", "ovms", "--topic", "x")
 
 

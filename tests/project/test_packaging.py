@@ -66,7 +66,7 @@ def test_without_the_extra_service_the_rest_works_and_serve_says_what_is_missing
     )
     done = python("-c", script)
     assert done.returncode == 2
-    assert "tripwatt[service]" in done.stderr
+    assert "pip install -e '.[service]'" in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert {car["name"] for car in json.loads(done.stdout)} == set(vehicle_names())
 

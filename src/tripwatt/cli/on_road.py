@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from tripwatt.cli.options import JsonOption, examples, gather, model_of
+from tripwatt.cli.options import JsonOption, examples, gather, model_of, require_extras
 from tripwatt.cli.printing import print_notes
 from tripwatt.errors import Fault, InvalidInput
 
@@ -123,12 +123,7 @@ def live(
     The command requires the extra `tripwatt[live]`. It reads the password of the broker from TRIPWATT_MQTT_PASSWORD. What the
     plan leaves unknown of the departure is what the car's messages show.
     """
-    try:
-        import aiomqtt  # noqa: F401
-    except ImportError as error:
-        raise InvalidInput(
-            Fault("missing package", "tripwatt live", str(error), fix="run pip install 'tripwatt[live]'")
-        ) from error
+    require_extras({"live": "tripwatt live"})
     from tripwatt.live import Broker, Follower, TopicJoiner, is_car, open_live_car
 
     got: dict[str, Any] = {}

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, extras_faults
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import ForecastModel
@@ -101,6 +101,13 @@ BUILT_IN_TRIPS: Final = 24
 
 UNKNOWN_CAR: Final = "bmw_i3_60ah"
 """The car that is assumed for a table without --vehicle; the commands note it."""
+
+
+def require_extras(needed: Mapping[str, str]) -> None:
+    """Raise `InvalidInput` with every extra of a command that is not installed, before anything starts."""
+    faults = extras_faults(needed)
+    if faults:
+        raise InvalidInput(faults)
 
 
 def read_logs(

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from tripwatt.cli.journey import MapOption, PlacesOption, StationsOption, WeatherOption
-from tripwatt.cli.options import examples, gather
+from tripwatt.cli.options import examples, gather, require_extras
 from tripwatt.errors import Fault, InvalidInput
 
 
@@ -92,14 +92,13 @@ def serve(
     The command requires the extra `tripwatt[service]`. It reads the token for other machines from TRIPWATT_TOKEN. It logs
     each request as one line of JSON to standard error.
     """
-    try:
-        import fastapi  # noqa: F401
-        import uvicorn  # noqa: F401
-    except ImportError as error:
-        raise InvalidInput(
-            Fault("missing package", "tripwatt serve", str(error), fix="run pip install 'tripwatt[service]'")
-        ) from error
     from tripwatt.journey import AtlasSettings, open_atlas
+
+    needed = {"service": "tripwatt serve"}
+    if cars is not None:
+        needed["fleet"] = "--cars"
+    atlas = AtlasSettings(map_, places_url, weather, "" if stations is None else str(stations))
+    gather(lambda: require_extras(needed), lambda: open_atlas(atlas) if map_ else None)
     from tripwatt.service.serving import require_safe
     from tripwatt.service.serving import serve as run
     from tripwatt.service.settings import TOKEN_VARIABLE, Limits, Settings, parse_limits
@@ -109,9 +108,9 @@ def serve(
     gather(
         lambda: folders.update(models_of(model or [], models)),
         lambda: limits.append(parse_limits(limit or [])),
+        lambda: make_cars_folder(cars),
     )
     token = os.environ.get(TOKEN_VARIABLE, "")
-    atlas = AtlasSettings(map_, places_url, weather, "" if stations is None else str(stations))
     settings = Settings(
         folders,
         host,
@@ -123,10 +122,27 @@ def serve(
         cars,
         math.inf if keep_days is None else keep_days,
     )
-    if map_:
-        open_atlas(atlas)
     require_safe(settings)
     run(settings, lambda address: typer.echo(f"tripwatt: {address}"))
+
+
+def make_cars_folder(folder: Path | None) -> None:
+    """Make the folder of cars where there is none; the folder around it has to be there.
+
+    Raises
+    ------
+    InvalidInput
+        When it cannot be made.
+    """
+    if folder is None or folder.is_dir():
+        return
+    try:
+        folder.mkdir()
+    except OSError as error:
+        got = error.strerror or f"{error}"
+        raise InvalidInput(
+            Fault("cannot make the folder", f"--cars, {folder}", got, "a folder of cars, or a new one")
+        ) from error
 
 
 def models_of(given: list[Path], folder: Path | None) -> dict[str, Path]:

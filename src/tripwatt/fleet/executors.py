@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, Final, TypeVar
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, install
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -79,8 +79,9 @@ def _dask(cluster: str) -> Iterator[tuple[Executor, int]]:
     try:
         distributed: Any = import_module("distributed")
     except ImportError as error:
-        fix = "pip install 'tripwatt[fleet]'"
-        raise InvalidInput(Fault("package is missing", "distributed", "", "for clusters", fix)) from error
+        raise InvalidInput(
+            Fault("package is missing", "distributed", "", "for clusters", install("fleet"))
+        ) from error
     try:
         client = distributed.Client(cluster, timeout=CLUSTER_WAIT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import urlsplit
 
-from tripwatt.errors import Fault, InvalidInput, RemoteError
+from tripwatt.errors import Fault, InvalidInput, RemoteError, install
 from tripwatt.routes.points import parse_json
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ PASSING: Final = frozenset({429, 502, 503, 504})
 
 _OPENING: Final = threading.Lock()
 
-EXTRA: Final = "run pip install 'tripwatt[routing]'"
+EXTRA: Final = install("routing")
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, install
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -39,8 +39,9 @@ def require_deltalake() -> Any:
     try:
         import deltalake
     except ImportError as error:
-        fix = "pip install 'tripwatt[fleet]'"
-        raise InvalidInput(Fault("package is missing", "deltalake", "", "for trip stores", fix)) from error
+        raise InvalidInput(
+            Fault("package is missing", "deltalake", "", "for trip stores", install("fleet"))
+        ) from error
     return deltalake
 
 

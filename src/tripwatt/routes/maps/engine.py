@@ -15,12 +15,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput, RemoteError
+from tripwatt.errors import Fault, InvalidInput, RemoteError, install
 from tripwatt.routes.routers.valhalla import ValhallaRouter
 
 FOLDER_VARIABLE: Final = "TRIPWATT_VALHALLA"
 INSTALL: Final = (
-    "use Python 3.12 or newer and run pip install 'tripwatt[routing]', set TRIPWATT_VALHALLA to the folder of an "
+    f"use Python 3.12 or newer and {install('routing')}, set TRIPWATT_VALHALLA to the folder of an "
     "unpacked pyvalhalla wheel, or name a server by its URL"
 )
 FARTHEST_M: Final = 5_000_000.0
