@@ -124,9 +124,7 @@ def compute() -> tuple[dict[str, Anchor], list[Outcome]]:
         done = anchored(own, figures[name], (ROAD_LOAD,))
         before = errors(cars[name], figures[name])
         road = done.anchor("certification")
-        found[name] = Anchor(
-            "certification", ROAD_LOAD, MappingProxyType({**entries, **road.entries}), float(before.mean())
-        )
+        found[name] = Anchor("certification", ROAD_LOAD, road.entries, float(before.mean()))
         outcomes[name] = outcome(name, cars[name], done.vehicle, found[name], figures[name])
     return found, [outcomes[name] for name in names if name in outcomes]
 

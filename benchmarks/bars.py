@@ -29,6 +29,7 @@ from benchmarks import (
     gam,
     half_known,
     hostile,
+    leave_with,
     live,
     physics_trips,
     pipeline,
@@ -354,9 +355,18 @@ SERVICE: Mapping[str, tuple[Made, ...]] = {
 }
 """Row of `benchmarks.service` -> its bars."""
 
+LEAVE_WITH: Mapping[str, tuple[Made, ...]] = {
+    leave_with.LARGEST: (value_at_most(leave_with.WORST),),
+    leave_with.UNEXPLAINED: (value_at_most(0.0),),
+    leave_with.DEPENDS: (value_at_most(0.001),),
+    leave_with.HTTP: (value_at_most(leave_with.WORST),),
+}
+"""Row of `benchmarks.leave_with` -> its bars."""
+
 HOSTILE: Mapping[str, tuple[Made, ...]] = {
     hostile.MUTANTS_NUMBER: (value_at_least(50_000.0),),
     hostile.MUTANTS_WRONG: (value_at_most(0.0),),
+    hostile.CARS_WRONG: (value_at_most(0.0),),
     hostile.MEMORY: (value_at_most(1.5),),
     hostile.MEDIAN: (value_at_most(250.0),),
     hostile.P99: (value_at_most(500.0),),
@@ -601,6 +611,7 @@ def bars(
     yield from speed(forecast_speed.run(), FORECAST_SPEED, "python -m benchmarks.forecast")
     yield from speed(service.run(), SERVICE, "python -m benchmarks.service")
     yield from speed(hostile.run(), HOSTILE, "python -m benchmarks.hostile")
+    yield from speed(iter(leave_with.run()), LEAVE_WITH, "python -m benchmarks.leave_with")
     yield from gam_tests()
     yield from certified()
 

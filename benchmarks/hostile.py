@@ -1,7 +1,7 @@
 """Hostile inputs, clients and moments: `python -m benchmarks.hostile [--mutants N] [--models N] [--kills N] [--seconds S]`.
 
 Mutants of every input of `tests.support.hostile_files`, every attack of `tests.support.service_attacks` while another client
-asks, kills of every command that writes, and kills of workers under load.
+asks, cars with extreme values, kills of every command that writes, and kills of workers under load.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Final
 
 import orjson
+from tests.support.cars import LEVEL_ROAD, extreme_cars
 from tests.support.hostile_files import TARGETS, forged_models, fuzz
 from tests.support.service_attacks import ATTACKS, FORECAST, attacking, seen_by_another
 from tests.support.service_process import serving, wait_for
@@ -25,6 +26,7 @@ from benchmarks.measure import Row
 
 MUTANTS: Final = 4600
 MODELS: Final = 500
+CARS: Final = 1550
 KILLS: Final = 200
 SECONDS: Final = 15.0
 
@@ -39,6 +41,7 @@ AFTER: Final = "memory of the service a minute after the attacks over that befor
 WRITES: Final = (
     "kills of commands that write: outputs that are neither old nor new, or a later run that fails"
 )
+CARS_WRONG: Final = "cars with extreme values: energies below 0 or above 100 kWh for 33 km"
 WORKERS: Final = "32 kills of workers in 45 s: status 500, and requests that need more than one retry"
 
 
@@ -54,6 +57,24 @@ def inputs(mutants: int, models: int) -> Iterator[Row]:
     yield Row(MUTANTS_NUMBER, float(sum(one.mutants for one in found.values())), "")
     yield Row(MUTANTS_WRONG, float(sum(len(one.wrong) for one in found.values())), "")
     yield Row(MEMORY, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6, "GB")
+
+
+def cars(number: int, seed: int = 11) -> Iterator[Row]:
+    """Cars with extreme values inside of their bounds, on a level road."""
+    from tripwatt import Departure, InvalidInput, load_model, load_vehicle, read_route
+    from tripwatt.transfer.zero_shot import zero_shot_model
+
+    model, departure = load_model(), Departure(soc=0.9, ambient_temperature_degc=5.0)
+    plan = read_route(LEVEL_ROAD)
+    energies, refused = [], 0
+    for name, values in extreme_cars(number, seed):
+        try:
+            car = load_vehicle(name, overrides=values)
+            energies.append(zero_shot_model(model, car).forecast(plan, departure).energy_wh)
+        except InvalidInput:
+            refused += 1
+    print(f"{number} cars with extreme values: {refused} refused", file=sys.stderr)
+    yield Row(CARS_WRONG, float(sum(not 0.0 < energy < 100_000.0 for energy in energies)), "")
 
 
 def attacks(seconds: float, rest_s: float = 60.0) -> Iterator[Row]:
@@ -114,6 +135,7 @@ def workers(kills: int = 32, seconds: float = 45.0) -> Iterator[Row]:
 def run() -> Iterator[Row]:
     """All rows."""
     yield from inputs(MUTANTS, MODELS)
+    yield from cars(CARS)
     yield from attacks(SECONDS)
     yield from writers(KILLS)
     yield from workers()
@@ -126,10 +148,11 @@ def main() -> None:
     parser.add_argument("--models", type=int, default=MODELS)
     parser.add_argument("--kills", type=int, default=KILLS)
     parser.add_argument("--seconds", type=float, default=SECONDS)
-    parser.add_argument("--only", choices=("inputs", "attacks", "writers", "workers"))
+    parser.add_argument("--only", choices=("inputs", "cars", "attacks", "writers", "workers"))
     given = parser.parse_args()
     parts = {
         "inputs": lambda: inputs(given.mutants, given.models),
+        "cars": lambda: cars(CARS),
         "attacks": lambda: attacks(given.seconds),
         "writers": lambda: writers(given.kills),
         "workers": workers,

@@ -21,8 +21,8 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.physics.drivetrain import motor_loss
 from tripwatt.vehicles import Drivetrain, load_vehicle
+from tripwatt.vehicles.losses import motor_loss
 
 MAPS: Final = Path(__file__).with_name("machine_maps.csv")
 SHARED: Final = Path(__file__).parents[1] / "src" / "tripwatt" / "vehicles" / "data" / "shared"

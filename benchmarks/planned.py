@@ -23,14 +23,14 @@ import pandas as pd
 
 from benchmarks.measure import tum_folder
 from tripwatt.arrays import FloatArray
-from tripwatt.evaluation.forecast_scores import LEVELS, coverage_scores
+from tripwatt.evaluation.forecast_scores import LEVELS, UPDATE_LEVEL, coverage_scores
 from tripwatt.evaluation.metrics import absolute_percentage_error, bootstrap_interval, summarise_errors
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.hybrid import segment_trips
 from tripwatt.routes import plan_on_links
 from tripwatt.sources import read_logs
 from tripwatt.trips import Trip
-from tripwatt.uncertainty import linked_trips
+from tripwatt.uncertainty import Coverage, linked_trips
 from tripwatt.uncertainty.free_flow import FreeFlowTrips
 from tripwatt.vehicles import load_vehicle
 
@@ -113,6 +113,7 @@ def scores(trips: Sequence[Trip], made: Sequence[Forecast], driven: Sequence[For
         "mape_after_half": float(absolute_percentage_error(observed_wh, updated(trips, made)).mean()),
         "energy_differs": float(np.mean(np.abs(energy / base - 1.0))),
         **coverage_scores(observed_wh, bounds[:, :, 0], bounds[:, :, 1], SEED),
+        "arrival": {"soc": charge_scores(trips, made)},
         "relative_width": {
             f"{level:g}": float(np.mean((bounds[:, j, 1] - bounds[:, j, 0]) / energy))
             for j, level in enumerate(LEVELS)
@@ -128,6 +129,26 @@ def scores(trips: Sequence[Trip], made: Sequence[Forecast], driven: Sequence[For
             }
             for f, o in zip(made, observed_wh.tolist(), strict=True)
         ],
+    }
+
+
+def charge_scores(trips: Sequence[Trip], made: Sequence[Forecast]) -> dict[str, Any] | None:
+    """Displayed charge at arrival beside its interval, of the trips that show it; None where none does."""
+    rows = [
+        (float(trip.samples["displayed_soc"].dropna().iloc[-1]), *forecast.soc_interval(UPDATE_LEVEL))
+        for trip, forecast in zip(trips, made, strict=True)
+        if trip.has("displayed_soc") and forecast.plan.departure.soc is not None
+    ]
+    if not rows:
+        return None
+    found = Coverage.from_bounds(*np.array(rows).T, UPDATE_LEVEL)
+    return {
+        "n_trips": found.trips,
+        "coverage": found.share,
+        "coverage_ci95": found.ci95,
+        "inside": found.inside,
+        "interval_width": found.width,
+        "needed_width": found.needed_width,
     }
 
 

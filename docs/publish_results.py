@@ -14,7 +14,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from tripwatt.report import update_paper_page, update_readme, update_results_page
+from tripwatt.report import update_coverage, update_paper_page, update_readme, update_results_page
 from tripwatt.report.paper_page import FIGURES
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -34,13 +34,17 @@ def publish(
     out : Path
         Folder of `tripwatt evaluate`, or a `results.json`.
     results_folder, readme, page : Path
-        Where the copy, the short table and the wide tables go. The page on the paper, `paper.md`, stands beside the latter, and
+        Where the copy, the short table and the wide tables go. What the intervals held is written into `uncertainty.md` and
+        `evaluation.md` beside the latter. The page on the paper, `paper.md`, stands beside the latter, and
         its figures are copied from OUT/figures to the folder `images` beside both.
     """
     source = out / "results.json" if out.is_dir() else out
     results = json.loads(source.read_text(encoding="utf-8"))
     update_results_page(results, page)
     update_readme(results, readme)
+    if results["protocol"] == "forecast":
+        for name in ("uncertainty.md", "evaluation.md"):
+            update_coverage(results, page.with_name(name))
     if results["protocol"] == "paper":
         found = sorted(RESULTS.glob("transfer-*-*.json"))
         transfers = [json.loads(file.read_text(encoding="utf-8")) for file in found]

@@ -14,8 +14,15 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from tripwatt.report.intervals import NOTE, OFF
 from tripwatt.report.tables import Table, number, span
-from tripwatt.report.transfer_panels import curve_table, models_table, said_of_curve, said_of_models
+from tripwatt.report.transfer_panels import (
+    coverage_table,
+    curve_table,
+    models_table,
+    said_of_curve,
+    said_of_models,
+)
 
 ROOT = Path(__file__).resolve().parent
 RESULTS, IMAGES, PAGE = ROOT / "results", ROOT / "images", ROOT / "transfer.md"
@@ -57,6 +64,10 @@ def _told(results: Mapping[str, Any]) -> Iterable[str]:
     yield _bars(car["bars"])
     yield markdown(models_table(results, car))
     yield markdown(curve_table(results, car))
+    covered = coverage_table(results, car)
+    if covered.rows:
+        yield markdown(covered)
+        yield f"\\{OFF} differs significantly from the level. {NOTE}"
 
 
 def _bars(bars: Mapping[str, Any]) -> str:

@@ -11,7 +11,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel
 from tripwatt.forecasting.storage import load_model
-from tripwatt.hybrid import identify_trips
+from tripwatt.forecasting.training import CarOfTrips
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.routes import (
     is_route,
@@ -216,9 +216,11 @@ def fit(
     <ForecastModel BMW i3 60 Ah, linear corrector, 9 trips>
     """
     car, sound = _car(vehicle), _sound(trips)
-    if identified:
-        car = identify_trips(sound, car).applied(car)
-    return ForecastModel(car, corrector, seed).fit(sound, progress=progress)
+    if not identified:
+        return ForecastModel(car, corrector, seed).fit(sound, progress=progress)
+    cars = CarOfTrips.from_trips(sound, car)
+    model = ForecastModel(cars.values()[2], corrector, seed)
+    return model.fit(sound, car_of=cars.car, progress=progress)
 
 
 def adapt(

@@ -9,10 +9,20 @@ from benchmarks.anchors import unanchored
 from tests.support.cars import some_cars
 
 from tripwatt.certification import anchored, certified_figures, scaled
-from tripwatt.certification.anchoring import ROAD_LOAD, errors, keys
-from tripwatt.physics.drivetrain import motor_loss
+from tripwatt.certification.anchoring import (
+    LOSSES,
+    PAIR,
+    ROAD_LOAD,
+    ROW_TOLERANCE,
+    Anchored,
+    _motorway_loss_wh_per_km,
+    errors,
+    keys,
+)
+from tripwatt.certification.consumption import driven_wh_per_km
 from tripwatt.vehicles import load_vehicle
 from tripwatt.vehicles.anchors import anchors
+from tripwatt.vehicles.losses import motor_loss
 
 CARS = [name for name in some_cars(8) if name in anchors()]
 
@@ -38,17 +48,20 @@ def test_each_factor_changes_its_own_entries() -> None:
     iron = scaled(car, "iron", 2.0).drivetrain.flux_loss_w_s2_rad2
     assert iron * (20.0 * 9.665 / 0.35) ** 2 == pytest.approx(200.0)
     assert scaled(car, "iron", 1.0) == car
-    road = scaled(car, ROAD_LOAD, 1.1).road_load
-    assert road.coastdown_a_n == pytest.approx(1.1 * 104.98)
-    assert road.coastdown_b_n_s_m == pytest.approx(1.1 * 6.6)
-    assert road.coastdown_c_n_s2_m2 == pytest.approx(1.1 * 0.2604)
+    # most of a gap belongs to the losses that scatter most: gear before rolling before air
+    more = scaled(car, ROAD_LOAD, 1.5)
+    road = more.road_load
+    assert road.coastdown_a_n == pytest.approx(1.5**0.4 * 104.98)
+    assert road.coastdown_b_n_s_m == pytest.approx(1.5**0.4 * 6.6)
+    assert road.coastdown_c_n_s2_m2 == pytest.approx(1.5**0.2 * 0.2604)
     assert road.coastdown_mass_kg == 1443.33
+    assert more.drivetrain.gearbox_efficiency == pytest.approx(0.99**1.5)
     leaf = load_vehicle("nissan_leaf_24")
     assert leaf.road_load.method == "coefficients"
-    assert scaled(leaf, ROAD_LOAD, 1.1).road_load.drag_area_m2 == pytest.approx(
-        1.1 * leaf.road_load.drag_area_m2
+    assert scaled(leaf, ROAD_LOAD, 1.5).road_load.drag_area_m2 == pytest.approx(
+        1.5**0.2 * leaf.road_load.drag_area_m2
     )
-    assert len(keys(leaf, ROAD_LOAD)) == 2
+    assert len(keys(leaf, ROAD_LOAD)) == 3
 
 
 def test_losses_of_the_map_and_beside_it() -> None:
@@ -63,14 +76,25 @@ def test_losses_of_the_map_and_beside_it() -> None:
     assert (motor_loss(torque, speed, both) - 2.0 * usual).tolist() == pytest.approx([0.0, 500.0, 500.0])
 
 
-def test_the_loss_with_the_smallest_error_of_a_row_closes_the_mean() -> None:
-    car = unanchored("vw_id4_pro")
-    figures = certified_figures("vw_id4_pro", car)
-    each = {loss: anchored(car, figures, (loss,)) for loss in ("gear", "motor", "iron")}
-    closing = {k: a for k, a in each.items() if abs(a.after.mean()) < 1e-3}
-    best = min(closing, key=lambda k: float(np.abs(closing[k].after).max()))
+@pytest.mark.parametrize("name", ["vw_id4_pro", "polestar_2_single"])
+def test_the_most_probable_loss_closes_the_mean(name: str) -> None:
+    """Of losses that meet city and highway alike, the one that changes the motorway least."""
+    car = unanchored(name)
+    figures = certified_figures(name, car)
+    each = {loss: anchored(car, figures, (loss,)) for loss in LOSSES}
+    published = _motorway_loss_wh_per_km(car)
+
+    def cost(found: Anchored) -> float:
+        rows = (found.after / 0.02) ** 2
+        motorway = np.log(_motorway_loss_wh_per_km(found.vehicle) / published) / 0.45
+        return float(rows.sum() + motorway**2) + 1e6 * (abs(found.after.mean()) > 1e-3)
+
     found = anchored(car, figures)
-    assert found.loss == best
+    assert found.loss == min(each, key=lambda loss: cost(each[loss]))
+    # no car's drivetrain takes a third of a motorway's energy because a map is scaled beyond its schedules
+    assert _motorway_loss_wh_per_km(found.vehicle) < 0.3 * driven_wh_per_km(
+        found.vehicle, (np.arange(2.0), np.full(2, 36.0)), car.body.test_mass_kg
+    )
     assert found.before.tolist() == errors(car, figures).tolist()
     assert found.after.tolist() == errors(found.vehicle, figures).tolist()
     entry = found.anchor("road_load")
@@ -78,6 +102,23 @@ def test_the_loss_with_the_smallest_error_of_a_row_closes_the_mean() -> None:
     ((key, (value, _)),) = entry.entries.items()
     section, _, name = key.partition(".")
     assert getattr(getattr(found.vehicle, section), name) == value
+
+
+def test_two_losses_meet_a_city_and_a_highway_that_one_cannot() -> None:
+    """The city too high and the highway too low: the loss that grows with speed rises while the map's falls."""
+    car = unanchored("audi_e_tron_55")
+    figures = certified_figures("audi_e_tron_55", car)
+    single = min(
+        (anchored(car, figures, (loss,)) for loss in LOSSES), key=lambda a: float(np.abs(a.after).max())
+    )
+    assert np.abs(single.after).max() > ROW_TOLERANCE
+    found = anchored(car, figures)
+    assert found.loss == PAIR
+    assert np.abs(found.after).max() < 0.01
+    assert found.vehicle.drivetrain.motor_loss_factor < 1.0
+    assert found.vehicle.drivetrain.flux_loss_w_s2_rad2 > car.drivetrain.flux_loss_w_s2_rad2
+    assert found.anchor("road_load").entries.keys() == set(keys(car, PAIR))
+    assert {unit for _, unit in found.anchor("road_load").entries.values()} == {"1", "W s2/rad2"}
 
 
 def test_marked_rows_do_not_count_and_bounds_hold() -> None:
@@ -90,7 +131,7 @@ def test_marked_rows_do_not_count_and_bounds_hold() -> None:
     done = anchored(car, [far], ("motor",))
     assert done.factor == 2.5
     assert done.after[0] < -0.5
-    assert anchored(car, [dataclasses.replace(city, wh_per_km=1.0)], (ROAD_LOAD,)).factor == 0.6
+    assert anchored(car, [dataclasses.replace(city, wh_per_km=1.0)], (ROAD_LOAD,)).factor == 0.3
     met = dataclasses.replace(city, wh_per_km=city.wh_per_km * (1.0 + errors(car, [city])[0]))
     assert anchored(car, [met], ("gear",)).factor == 1.0
 
@@ -115,7 +156,7 @@ def test_bars_have_figures_and_verdicts() -> None:
 
 
 def test_the_page_shows_every_anchored_car() -> None:
-    page = bench.DOCUMENT.read_text("utf-8")
+    page = bench.DOCUMENT.read_text("utf-8").partition(bench.MARKS[0])[2].partition(bench.MARKS[1])[0]
     for name, anchor in anchors().items():
         if name != "*":
             shown = f"{100 * anchor.before:+.1f} %"

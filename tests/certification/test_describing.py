@@ -9,7 +9,7 @@ from tripwatt.certification import certified_interval, describe_car, driven_wh_p
 from tripwatt.certification.consumption import charging_efficiency, wltp_test_mass
 from tripwatt.errors import InvalidInput
 from tripwatt.vehicles import load_vehicle, render_vehicle
-from tripwatt.vehicles.catalogue import class_values
+from tripwatt.vehicles.catalogue import class_values, mass_range_kg
 
 SIX = {
     "mass_kg": 1830.0,
@@ -151,3 +151,31 @@ def test_a_described_car_is_written_read_and_forecast(tmp_path) -> None:
 
     # measured road load < certification alone < class
     assert width("vw_id4_pro") < width(path and load_vehicle(path)) < width(describe_car())
+
+
+def test_a_car_beyond_the_library_is_titled_flagged_and_widened() -> None:
+    """No class reaches 474 kg: the farther a car is from the library, the wider its interval."""
+    low, high = mass_range_kg()
+    plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+
+    def found(mass_kg: float) -> tuple[str, list[str], float, float]:
+        car = describe_car(mass_kg=mass_kg)
+        forecast = tw.forecast(plan, tw.Departure(soc=0.9, ambient_temperature_degc=20.0), vehicle=car)
+        certified = certified_interval(car)
+        codes = [flag.code for flag in forecast.flags]
+        return car.title, codes, forecast.sd_wh / forecast.energy_wh, certified.high / certified.low
+
+    title, codes, width, certified = found(474.0)
+    assert "extrapolated" in title
+    assert not title.startswith("suv")
+    assert "outside_classes" in codes
+    for mass_kg in (low + 1.0, 0.5 * (low + high), high - 1.0):
+        title, codes, inside, inside_certified = found(mass_kg)
+        assert title.startswith("suv")
+        assert "outside_classes" not in codes
+        assert inside < width
+        assert inside_certified < certified
+    widths = [found(mass)[2] for mass in (low, 0.8 * low, 0.6 * low)]
+    assert widths == sorted(widths)
+    widths = [found(mass)[2] for mass in (high, 1.4 * high, 1.8 * high)]
+    assert widths == sorted(widths)

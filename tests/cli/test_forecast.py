@@ -11,6 +11,8 @@ from tests.support.command import Run
 
 from tripwatt.forecasting.storage import model_folder
 from tripwatt.synthetic import example_trip
+from tripwatt.units import GRAVITY_M_S2
+from tripwatt.vehicles import load_vehicle, render_vehicle
 
 
 @pytest.fixture(scope="session")
@@ -194,3 +196,22 @@ def test_picture_and_example(run: Run, trip: Path, tmp_path: Path) -> None:
     assert "synthetic" in answer.err
     assert run("forecast", tmp_path / "e.csv").code == 0
     assert run("example-trip").out == (tmp_path / "e.csv").read_text()
+
+
+def test_a_changed_copy_of_the_models_car_is_forecast_with_its_own_values(run: Run, tmp_path: Path) -> None:
+    links = tmp_path / "links.json"
+    links.write_text('[{"length_m": 5000, "speed_m_s": 15, "grade": 0.05}]')
+    car = load_vehicle("bmw_i3_60ah")
+    copy = tmp_path / "bmw_i3_60ah.toml"
+    copy.write_text(render_vehicle(car))
+    departure = ("--soc", 0.9, "--ambient", 20)
+    own = json.loads(run("forecast", links, *departure, "--json").out)
+    assert json.loads(run("forecast", links, *departure, "--vehicle", copy, "--json").out) == own
+    known = f"curb_mass_kg = {{ value = {car.body.curb_mass_kg}"
+    copy.write_text(render_vehicle(car).replace(known, "curb_mass_kg = { value = 2500.0"))
+    heavy = json.loads(run("forecast", links, *departure, "--vehicle", copy, "--json").out)
+    lift_wh = (2500.0 - car.body.curb_mass_kg) * GRAVITY_M_S2 * 250.0 / 3600.0
+    assert heavy["energy_wh"] - own["energy_wh"] > lift_wh
+    assert heavy["flags"][0]["code"] == "changed_car"
+    shown = run("forecast", links, *departure, "--vehicle", copy)
+    assert "body.curb_mass_kg is 2500 kg in place of 1281 kg" in " ".join((shown.out + shown.err).split())

@@ -69,7 +69,8 @@ def test_a_plan_has_the_numbers_of_python(
 def test_a_plan_in_words(asked: Callable[..., Any]) -> None:
     printed = asked("plan", "Westend", "Ostheim", "--soc", 0.8, "--ambient", 15)
     assert printed.code == 0
-    first, leave = printed.out.splitlines()[:2]
+    stops, first, leave = printed.out.splitlines()[:3]
+    assert stops == "From Westend (town) to Ostheim (village)."
     assert first.startswith("Westend to Ostheim")
     assert leave.startswith("Leave with ")
     assert leave.endswith(" % to arrive with 10 % or more in 19 of 20 trips.")

@@ -72,11 +72,12 @@ def test_a_car_in_one_line() -> None:
             "soc_arrival": 0.62,
             "soc_quantiles": {"0.05": 0.6, "0.5": 0.62, "0.95": 0.64},
             "p_arrive": 0.998,
+            "p_arrive_at_all": 0.9994,
             "reserve": 0.1,
         },
         "faults": [{"what": "charge rises"}],
     }
     assert sentence(found) == (
-        "leaf: 3.5 km driven, 7 messages, 2.35 kWh in all, arrival with 62% (60% to 64%), 99.8% to arrive with 10%, "
-        "charge rises"
+        "leaf: 3.5 km driven, 7 messages, 2.35 kWh in all, arrival with 62% (60% to 64%), 99.9% to arrive, "
+        "99.8% with 10%, charge rises"
     )

@@ -31,7 +31,12 @@ def made(soc: tuple[float, float, float, float], energy_wh: float = 2120.0, **mo
         }
     )
     plan = SimpleNamespace(departure=Departure(ambient_temperature_degc=-0.3))
-    given = {"measured_until_s": 0.0, "p_arrive": lambda: 0.42, "plan": plan} | more
+    given = {
+        "measured_until_s": 0.0,
+        "p_arrive": lambda: 0.42,
+        "plan": plan,
+        "missing_wh": (0.0, 0.0, 0.0),
+    } | more
     return SimpleNamespace(
         energy_wh=energy_wh,
         interval=lambda level: (energy_wh - 300.0, energy_wh + 400.0) if level == 0.9 else None,
@@ -50,13 +55,17 @@ def test_the_sentence_holds_the_numbers_of_the_forecast() -> None:
 
 def test_a_battery_that_may_not_last_is_told_with_its_probability() -> None:
     perhaps = forecast_in_words(made((0.12, 0.03, 0.0, 0.07)))
-    assert "you arrive with 3 % (0 to 7 %). The probability to arrive is 42 %." in perhaps
-    not_enough = forecast_in_words(made((0.05, 0.0, 0.0, 0.0)))
+    assert "you arrive with 3 % (0 to 7 %). The probability to arrive is 42.0 %." in perhaps
+    empty = {"missing_wh": (0.0, 350.0, 1260.0), "empty_at_m": (7_400.0, 9_600.0, None)}
+    not_enough = forecast_in_words(made((0.05, 0.0, 0.0, 0.02), **empty))
     assert (
-        "Leaving with 5 % the battery does not last for the trip; the probability to arrive is 42 %."
-        in not_enough
-    )
-    assert "you arrive" not in not_enough
+        "Leaving with 5 % the battery is empty after 10 km (7 km or later): the trip takes 0.35 kWh (0.00 to 1.3 kWh) more "
+        "than it holds. The probability to arrive is 42.0 %. At best you arrive with 2 %."
+    ) in not_enough
+    certain = {"missing_wh": (200.0, 350.0, 500.0), "empty_at_m": (7_400.0, 9_600.0, 11_200.0)}
+    never = forecast_in_words(made((0.05, 0.0, 0.0, 0.0), p_arrive=lambda: 1e-5, **certain))
+    assert "is empty after 10 km (7 to 11 km)" in never
+    assert never.endswith("The probability to arrive is under 0.1 %.")
 
 
 def test_short_trips_have_two_digits_and_the_way_behind_is_told() -> None:

@@ -18,7 +18,6 @@ from tripwatt.evaluation.forecast_scores import (
     FRACTIONS,
     LEVELS,
     UPDATES,
-    clopper_pearson,
     coverage_scores,
     crps,
     crps_scores,
@@ -31,6 +30,7 @@ from tripwatt.physics import simulate_trip
 from tripwatt.report import render_report
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import Trip, plan_from_trip
+from tripwatt.uncertainty.coverage import clopper_pearson
 from tripwatt.vehicles import load_vehicle
 
 ROAD = ("time_s", "speed_m_s", "elevation_m")

@@ -176,6 +176,8 @@ class Half:
 
 
 class HalfCorrector:
+    features = ("row", "speed_m_s")
+
     def __init__(self) -> None:
         self.model = Half()
 
@@ -252,6 +254,16 @@ class TestPowerModels:
         assert (first.evaluation, first.model, first.fold, second.fold) == (1, "m", 0, 1)
         assert 0.0 <= first.fit_s < 10.0
         assert 0.0 <= first.predict_ms < 10_000.0
+
+    def test_a_fold_outside_of_the_others_keeps_nothing_of_the_correction(self, learner) -> None:
+        """Trip 1 at 20 m/s lies within the others; these, at 10 and 40 m/s, are ten and more sd away from it."""
+        own = data(2, 1, 1)
+        rows = own.segments.features.assign(speed_m_s=[10.0, 10.0, 20.0, 40.0])
+        own = dataclasses.replace(own, segments=dataclasses.replace(own.segments, features=rows))
+        task = PowerTask(1, PowerModel("m", "", "x"), own, np.array([0, 1, 0]), (0, 1), 0)
+        first, second = task.run()
+        assert first.predicted_wh == pytest.approx([0.5 * 200.0, 0.5 * 100.0], **EXACT)
+        assert second.predicted_wh == pytest.approx([0.5 * (100.0 + 1000.0 + 10.0 + 4.0)], **EXACT)
 
     def test_one_fold_after_the_other_where_a_trip_is_for_training_alone(self, learner) -> None:
         task = PowerTask(1, PowerModel("m", "", "x"), data(2, 1, 1), np.array([0, 1, -1]), (0, 1), 0)
@@ -436,8 +448,9 @@ class TestForecastTask:
             def __init__(self, vehicle, corrector, seed) -> None:
                 seen.update(vehicle=vehicle, corrector=corrector, seed=seed)
 
-            def fit_segments(self, own) -> None:
+            def fit_segments(self, own, *, again) -> None:
                 seen["trained"] = own.trip_ids
+                seen["again"] = again(np.array([0])).trip_ids
 
             def forecast(self, plan):
                 return Told(100.0 + len(plan))
@@ -459,6 +472,7 @@ class TestForecastTask:
         assert tasks[0].rank == 1
         assert isinstance(tasks[0], ForecastTask)
         (result,) = tasks[0].run()
+        assert seen.pop("again") == ("t1",), "the inner folds have no other trips"
         assert seen == {"vehicle": "car of [1]", "corrector": "split", "seed": 9, "trained": ("t1",)}
         assert result.predicted_wh.tolist() == [106.0, 106.0]
         assert (result.evaluation, result.model, result.fold) == (3, "f", 5)

@@ -12,7 +12,6 @@ from tripwatt.evaluation.forecast_scores import (
     RESERVE_OFFSETS,
     UPDATES,
     arrival_scores,
-    clopper_pearson,
     coverage_scores,
     crps,
     crps_scores,
@@ -29,6 +28,7 @@ from tripwatt.evaluation.metrics import (
     summarise_errors,
 )
 from tripwatt.evaluation.protocol import FoldResult
+from tripwatt.uncertainty.coverage import clopper_pearson
 
 EXACT = {"rel": 1e-9, "abs": 1e-12}
 

@@ -88,8 +88,8 @@ def test_each_thing_that_is_unknown_has_its_flag(unknown, flag):
     found = {(f.code, f.subject) for f in forecast.flags}
     assert flag in found - whole
     assert {f.value for f in forecast.flags if f.code == "usual_value_assumed"} <= {ASSUMED_DEGC.get(unknown)}
-    assert ("no_elevation", "road") not in found
+    assert ("unknown_climb", "unknown") not in found
     flat = [{name: value for name, value in link.items() if name != "grade"} for link in LINKS]
-    assert ("no_elevation", "road") in {
+    assert ("unknown_climb", "unknown") in {
         (f.code, f.subject) for f in tw.forecast(tw.read_route(flat), departure=KNOWN).flags
     }

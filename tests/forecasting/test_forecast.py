@@ -65,7 +65,7 @@ def test_quantiles_rise_and_probabilities_fall(model, trip):
     forecast = model.forecast(trip)
     quantiles = [forecast.quantile(p) for p in np.linspace(0.01, 0.99, 33)]
     assert np.all(np.diff(quantiles) > 0)
-    chances = [forecast.p_arrive(soc) for soc in np.linspace(-0.5, 1.0, 40)]
+    chances = [forecast.p_arrive(soc) for soc in np.linspace(0.0, 1.0, 40)]
     assert np.all(np.diff(chances) <= 0)
     assert chances[0] > 0.99
     assert chances[-1] < 0.01

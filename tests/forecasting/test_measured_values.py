@@ -325,7 +325,8 @@ class TestDeparture:
     def test_times_count_from_the_departure(self) -> None:
         assert since_departure(self.readings(60.0, 70.0), self.plan)["time_s"].tolist() == [0.0, 10.0]
         assert since_departure(self.readings(90.0, 95.0), self.plan)["time_s"].tolist() == [30.0, 35.0]
-        assert len(since_departure(self.readings(), self.plan)) == 0
+        with pytest.raises(InvalidInput, match="too few samples"):
+            since_departure(self.readings(), self.plan)
 
     def test_before_and_after(self) -> None:
         with pytest.raises(
@@ -361,4 +362,4 @@ class TestDeparture:
         with pytest.raises(InvalidInput, match="current has the wrong sign"):
             since_departure(log, linked)
         assert len(since_departure(log.drop(columns="speed_m_s"), linked)) == 600
-        assert len(since_departure(self.readings(700.0), linked)) == 1
+        assert len(since_departure(self.readings(700.0, 710.0), linked)) == 2

@@ -1,4 +1,6 @@
-"""Measurements on the way that no battery and no trip can have."""
+"""Measurements and forecasts that no battery and no trip can have."""
+
+import dataclasses
 
 import numpy as np
 import pandas as pd
@@ -6,7 +8,7 @@ import pytest
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
-from tripwatt.forecasting.plausible import battery_wh
+from tripwatt.forecasting.plausible import battery_wh, impossible_faults
 from tripwatt.trips import plan_from_samples
 
 
@@ -93,3 +95,48 @@ def test_no_air_is_hotter_than_on_record() -> None:
     assert plan_from_samples(samples).departure.ambient_temperature_degc is None, "a sensor in the sun"
     cool = plan_from_samples(samples.assign(ambient_temperature_degc=57.0))
     assert cool.departure.ambient_temperature_degc == 57.0
+
+
+def test_a_forecast_keeps_the_energy(planned, downhill) -> None:
+    """A level drive gives nothing back, a descent at most its height, with room for a wrong mass."""
+    assert list(impossible_faults(planned.energy_wh, planned.drive)) == []
+    assert list(impossible_faults(0.0, planned.drive)) == []
+    (below,) = impossible_faults(-50.0, planned.drive)
+    assert below.what == "energy that physics forbids"
+    assert (below.where, below.got) == ("bmw_i3_60ah, route", "-0.05 kWh")
+    assert below.allowed.startswith("0 to ")
+    height = downhill.vehicle.body.test_mass_kg * 9.80665 * 1100.0 / 3600.0
+    assert list(impossible_faults(-1.4 * height, downhill.drive)) == []
+    assert len(list(impossible_faults(-1.6 * height, downhill.drive))) == 1
+
+
+def test_a_forecast_takes_at_most_what_battery_and_motor_give(planned) -> None:
+    """An hour at twice the peak power of the motor, 125 kW, is 250 kWh; this battery gives less than 250 kW."""
+    hour = planned.plan.duration_s / 3600.0
+    battery = planned.vehicle.battery
+    cell = min(battery.resistance_ohm)
+    full, floor = max(battery.ocv_v), battery.min_cell_voltage_v
+    coldest = 96 * floor * (full - floor) / cell * hour
+    assert list(impossible_faults(0.5 * min(coldest, 250e3 * hour), planned.drive)) == []
+    assert len(list(impossible_faults(251e3 * hour + 5e3, planned.drive))) == 1
+
+
+def test_a_car_that_cannot_follow_is_no_forecast_of_the_trip() -> None:
+    """Without power it takes nothing to speed up, but gives back what it brakes: a level road would fill the battery."""
+    model = tw.load_model()
+    car = model.vehicle
+    weak = dataclasses.replace(
+        car,
+        drivetrain=dataclasses.replace(car.drivetrain, motor_max_power_w=300.0),
+        auxiliaries=dataclasses.replace(car.auxiliaries, base_load_w=0.0, moving_load_w=0.0),
+        road_load=dataclasses.replace(
+            car.road_load, coastdown_a_n=0.0, coastdown_b_n_s_m=0.0, coastdown_c_n_s2_m2=0.0
+        ),
+    )
+    speed = np.tile(np.concatenate((np.linspace(0.0, 25.0, 30), np.linspace(25.0, 0.0, 30))), 20)
+    plan = plan_from_samples(pd.DataFrame({"time_s": np.arange(1200.0), "speed_m_s": speed}))
+    departure = tw.Departure(soc=0.5, ambient_temperature_degc=20, climate="off")
+    with pytest.raises(
+        InvalidInput, match=r"energy that physics forbids: .*got -.* the car lacks .* kWh to follow"
+    ):
+        dataclasses.replace(model, vehicle=weak).forecast(plan, departure)

@@ -22,7 +22,9 @@ LEAST_CHANGE = 1e-9
 
 def flat(km: float, speed_km_h: float = 90.0) -> tw.Plan:
     pieces = max(int(km / 5), 1)
-    return tw.read_route([{"length_m": 1000.0 * km / pieces, "speed_m_s": speed_km_h / 3.6}] * pieces)
+    return tw.read_route(
+        [{"length_m": 1000.0 * km / pieces, "speed_m_s": speed_km_h / 3.6, "grade": 0.0}] * pieces
+    )
 
 
 def departing(**known: float) -> Departure:

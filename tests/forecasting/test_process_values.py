@@ -361,16 +361,19 @@ def test_published_charge() -> None:
 
 
 def test_the_scale_of_a_total() -> None:
-    """100 Wh a trip, 60 W over 2 h, 5 % of 3 kWh moved, the corrector's 80 Wh twice, and 70 Wh outside."""
+    """100 Wh a trip, 60 W over 2 h, 5 % of 3 kWh moved, the corrector's 80 Wh twice, and 70 Wh outside.
+
+    These are a standard deviation; the scale of a t distribution with four degrees of freedom is smaller by the root of 2.
+    """
     two = Segments(
         np.array([0.0, 1.0]), np.full(2, 3600.0), np.array([1000.0, 2000.0]), np.zeros(2), 80.0, 70.0
     )
-    expected = np.sqrt(100.0**2 + 120.0**2 + 150.0**2 + 160.0**2 + 70.0**2)
+    expected = np.sqrt(100.0**2 + 120.0**2 + 150.0**2 + 160.0**2 + 70.0**2 / 2.0)
     values = np.array([100.0, 60.0, 0.05, 2.0])
     assert TotalScale(values).sd_wh(two) == pytest.approx(expected, **EXACT)
     # hours and energy together are 192 Wh; 6 % of 3 kWh are less, 10 % are more
     assert TotalScale(values, least_share=0.06).sd_wh(two) == pytest.approx(expected, **EXACT)
-    more = np.sqrt(100.0**2 + 300.0**2 + 160.0**2 + 70.0**2)
+    more = np.sqrt(100.0**2 + 300.0**2 + 160.0**2 + 70.0**2 / 2.0)
     assert TotalScale(values, least_share=0.1).sd_wh(two) == pytest.approx(more, **EXACT)
     # 7200 s are 20 correlation times: 2 sd² T² (20 - 1 + exp(-20)) over sd²
     course = TimeCourse(0.0, ((300.0, 360.0),))

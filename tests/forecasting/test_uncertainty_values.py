@@ -199,7 +199,8 @@ def test_a_full_display_hides_charge():
     assert few.hidden == 0.0  # four trips of the other kind are too few
     assert found.left(1.0, 4000.0) == pytest.approx(0.77)
     assert found.left(FULL_DISPLAY, 4000.0) == pytest.approx(FULL_DISPLAY + 0.02 - 0.25)
-    assert found.left(0.99, 4000.0) == pytest.approx(0.74)
+    assert found.left(0.985, 4000.0) == pytest.approx(0.735)
+    assert found.left(0.99, 4000.0) == pytest.approx(0.75)  # half of the way from 98.5 to 99.5 %
     # what is computed from the battery management's charge hides nothing
     assert found.left(1.0, 4000.0, from_display=False) == pytest.approx(0.75)
 

@@ -11,6 +11,7 @@ from scipy.linalg import block_diag
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid import SegmentTable
 from tripwatt.hybrid.car_corrector import HierarchicalCorrector, _factor
+from tripwatt.hybrid.familiarity import FADING, Familiarity
 from tripwatt.hybrid.hierarchy import (
     OWN_SCALES,
     CarTransfer,
@@ -23,7 +24,7 @@ from tripwatt.hybrid.hierarchy import (
     term_scales,
 )
 from tripwatt.hybrid.parameters import Parameter
-from tripwatt.hybrid.power import SETTLED_S, EnsembleCorrector, GPCorrector, settled
+from tripwatt.hybrid.power import SETTLED_S, EnsembleCorrector, GPCorrector
 from tripwatt.hybrid.split import SplitCorrector
 from tripwatt.learners.gp import KernelTerm
 from tripwatt.vehicles import load_vehicle
@@ -44,8 +45,9 @@ def process(terms, whiteners, weights, factor, variances, ranges, sds, columns, 
         sds_=sds,
         features=lambda features: (features[columns].to_numpy(), np.ones(len(columns))),
     )
+    seen = Familiarity.from_dict({name: [*ranges[name], sds[name]] for name in ranges if name in FADING})
     predict = lambda own: own.features[columns].to_numpy() @ np.array(weights)  # noqa: E731
-    return SimpleNamespace(terms=terms, model=model, shape=np.array(shape), predict=predict)
+    return SimpleNamespace(terms=terms, model=model, shape=np.array(shape), predict=predict, familiarity=seen)
 
 
 def members() -> Members:
@@ -103,9 +105,9 @@ def rows(observed=True) -> SegmentTable:
     )
 
 
-TRUST = np.exp(-0.5 * np.array([0.0, 0.5**2, 1.0 + 2.0**2, 0.4**2 + 2.0**2, 0.0]))
-"""The nearer range of a speed counts: 30 m/s are 1 sd beyond 25 and 0.5 beyond 28, 3 m/s 0.4 and 0.5 below 5. At -10 °C 1 sd;
-the time is held at an hour, 2 sd beyond 1600 s. An unknown temperature is no distance."""
+TRUST = np.exp(-0.5 * np.array([0.0, 0.5**2, 1.0, 0.4**2, 0.0]))
+"""The nearer range of a speed counts: 30 m/s are 1 sd beyond 25 and 0.5 beyond 28, 3 m/s 0.4 and 0.5 below 5. At -10 °C 1 sd.
+A longer time is no other kind of drive, and an unknown temperature no distance."""
 FEATURES = np.array(
     [
         [10.0, 1.0, 0.5, 2.0],
@@ -212,7 +214,7 @@ class TestMembers:
     def test_familiarity(self) -> None:
         assert members().familiarity(rows()) == pytest.approx(TRUST, **EXACT)
         line = KernelTerm(("hvac_w",), "line", 0.1)
-        alone = Members((SimpleNamespace(terms=(line,), model=None),))
+        alone = Members((SimpleNamespace(terms=(line,), model=None, familiarity=Familiarity()),))
         assert alone.familiarity(rows()).tolist() == [1.0] * 5
 
     def test_of_a_corrector(self) -> None:
@@ -398,11 +400,6 @@ def test_two_cars_are_alike_before_any_trip_and_a_longer_drive_is_no_other_kind_
     assert max(option.own for option in options) == 1.0
     assert len(options) == 5 * 5 * 3 * 5
 
-    table = pd.DataFrame({"time_s": [0.0, 3599.0, 3600.0, 3601.0, 90_000.0], "speed_m_s": 20.0})
-    held = settled(table)
-    assert held["time_s"].tolist() == [0.0, 3599.0, 3600.0, 3600.0, 3600.0]
-    assert held["speed_m_s"].tolist() == [20.0] * 5
-    assert table["time_s"].iloc[-1] == 90_000.0, "the table itself stays"
     climate = load_vehicle("bmw_i3_60ah").climate
     capacity_j_k = climate.air_heat_capacity_j_k + climate.interior_heat_capacity_j_k
     left = np.exp(-SETTLED_S * 70.0 / capacity_j_k)

@@ -19,7 +19,6 @@ from tripwatt.hybrid.power import (
     boosting_corrector,
     forest_corrector,
     less_trip_mean,
-    settled,
 )
 from tripwatt.hybrid.segments import LINE_CAUSES, segment_table
 from tripwatt.hybrid.split import (
@@ -560,10 +559,6 @@ class TestCorrectors:
         own = table([2, 1], [1.0, 3.0, 2.0])
         found = less_trip_mean(np.array([[4.0], [8.0], [5.0]]), own)
         assert found[:, 0] == pytest.approx([-3.0, 1.0, 0.0], **EXACT)
-
-    def test_time_is_held_at_an_hour(self) -> None:
-        held = settled(pd.DataFrame({"time_s": [10.0, 3600.0, 3700.0]}))
-        assert held["time_s"].tolist() == [10.0, 3600.0, 3600.0]
 
     def test_a_longer_drive_is_no_further_outside_than_one_of_an_hour(self) -> None:
         rng = np.random.default_rng(4)

@@ -13,7 +13,14 @@ from tripwatt.hybrid import (
     segment_trips,
     stage_record,
 )
-from tripwatt.hybrid.identification import LEAST_TRIPS, _fade_values
+from tripwatt.hybrid.identification import (
+    COLD_DEGC,
+    DRAG_WIDTH,
+    LEAST_TRIPS,
+    ROLLING_WIDTH,
+    _fade_values,
+    _published_road,
+)
 from tripwatt.hybrid.parameters import changed
 from tripwatt.physics import simulate_trip
 from tripwatt.synthetic import synthetic_fleet
@@ -79,7 +86,7 @@ def test_a_car_with_coefficients_keeps_its_form():
     assert force_n(found, 18.0) == pytest.approx(force_n(truth, 18.0), rel=0.04)
 
 
-def test_the_rise_in_the_cold_needs_both_seasons():
+def test_the_rise_in_the_cold_needs_cold_trips():
     tyres = BOOK.tyres
     truth = replace(ONE_PEDAL, tyres=replace(tyres, temperature_coefficient_per_k=0.02))
     trips = [as_logged(trip, truth) for trip in synthetic_fleet(60, seed=5).trips]
@@ -89,6 +96,9 @@ def test_the_rise_in_the_cold_needs_both_seasons():
     key = "tyres.temperature_coefficient_per_k"
     assert identify(records, BOOK).values[key] == pytest.approx(0.02, abs=0.003)
     assert key not in identify(warm, BOOK).values
+    cold = [r for r in records if r.ambient_temperature_degc < COLD_DEGC]
+    assert len(cold) >= LEAST_TRIPS
+    assert BOOK.tyres.temperature_coefficient_per_k < identify(cold, BOOK).values[key] < 0.025
 
 
 def test_interior_heat_capacity_is_found_from_the_heater():
@@ -320,8 +330,8 @@ def test_hard_braking_takes_a_stretch_out():
 def road_of(work_n: float, error_n: np.ndarray, ambient_degc: float) -> StageRecord:
     """Stretches of 400 m at 10 and 25 m/s with a force, an error of each, and kelvins below 20 °C."""
     speed = np.tile([10.0, 25.0], len(error_n) // 2)
-    colder = 20.0 - ambient_degc
-    work = work_n * (1.0 + 0.1 * max(colder, 0.0)) + 0.6 * 0.6 * speed**2 + error_n
+    colder = max(20.0 - ambient_degc, 0.0)
+    work = work_n * (1.0 + 0.1 * colder) + 0.6 * 0.6 * speed**2 + error_n
     columns = (np.ones_like(speed), np.full_like(speed, colder), 0.6 * speed**2, work)
     nothing = np.empty((0, 2))
     return StageRecord(ambient_degc, np.column_stack(columns) * 20.0, nothing, np.nan, None, nothing)
@@ -347,8 +357,8 @@ def test_errors_that_stretches_of_a_trip_have_in_common_count_less():
 
 
 def test_the_rise_in_the_cold_is_bounded():
-    records = [road_of(150.0, np.zeros(40), degc) for degc in (0.0, 1.0, 2.0, 20.0, 21.0, 22.0)]
-    assert identify(records, BOOK).values["tyres.temperature_coefficient_per_k"] == 0.05
+    records = [road_of(150.0, np.zeros(4000), degc) for degc in (0.0, 1.0, 2.0, 20.0, 21.0, 22.0)]
+    assert identify(records, BOOK).values["tyres.temperature_coefficient_per_k"] == 0.03
 
 
 def test_a_standing_car_counts_with_climate_control_off_alone():
@@ -391,3 +401,64 @@ def test_the_open_circuit_voltage_never_falls_with_the_charge():
     ]
     curve = identify_trips(trips, car).values["battery.ocv_v"]
     assert (np.diff(curve) >= 0.0).all()
+
+
+def at_speed(speed_m_s: float, force_n: float, trips: int = 12) -> list[StageRecord]:
+    """Trips at one speed in air of 20 °C: the force is known, its split into rolling and drag is not."""
+    error = np.tile([20.0, -20.0], 20)
+    columns = (np.ones(40), np.zeros(40), np.full(40, 0.6 * speed_m_s**2), force_n + error)
+    nothing = np.empty((0, 2))
+    return [
+        StageRecord(20.0, np.column_stack(columns) * 20.0, nothing, np.nan, None, nothing)
+        for _ in range(trips)
+    ]
+
+
+@pytest.mark.parametrize("name", ["bmw_i3_60ah", "hyundai_kona_64", "nissan_leaf_24", "vw_id4_pro"])
+def test_the_published_force_is_divided_and_kept(name):
+    car = load_vehicle(name)
+    road = _published_road(car)
+    weight = car.body.test_mass_kg * 9.80665
+    density = car.road_load.coastdown_air_density_kg_m3 or 1.2
+    for speed in (10.0, 20.0, 30.0):
+        constant, linear = car.road_load.rolling_coefficients
+        published = (
+            weight * (constant + linear * speed) + 0.5 * density * car.road_load.drag_area_m2 * speed**2
+        )
+        divided = road.rolling_n + 0.5 * density * road.drag_area_m2 * speed**2
+        assert divided == pytest.approx(published, rel=0.12)
+    assert 0.004 < road.rolling_n / weight < 0.016
+    assert DRAG_WIDTH <= road.drag_width < 0.25
+
+
+@pytest.mark.parametrize("share", [0.85, 1.0, 1.15])
+@pytest.mark.parametrize("speed", [8.0, 15.0, 30.0])
+def test_one_speed_shows_a_force_and_leaves_each_value_plausible(speed, share):
+    """The force of the trips is met; each value stays within two of its own widths, the less sure one moves more."""
+    road = _published_road(BOOK)
+    force = share * (road.rolling_n + 0.6 * road.drag_area_m2 * speed**2)
+    found = identify(at_speed(speed, force), BOOK).applied(BOOK)
+    rolling = found.road_load.rolling_coefficients[0] * BOOK.body.test_mass_kg * 9.80665
+    area = found.road_load.drag_area_m2
+    assert rolling + 0.6 * area * speed**2 == pytest.approx(force, rel=0.02)
+    assert abs(rolling / road.rolling_n - 1.0) < 2.0 * ROLLING_WIDTH
+    assert abs(area / road.drag_area_m2 - 1.0) < 2.0 * road.drag_width
+
+
+def test_warm_trips_show_no_rise_in_the_cold():
+    warm, cold = (
+        stage_record(
+            replace(
+                as_logged(FLEET[0], BOOK),
+                samples=as_logged(FLEET[0], BOOK).samples.assign(
+                    ambient_temperature_degc=degc, cabin_temperature_degc=degc
+                ),
+            ),
+            BOOK,
+        )
+        for degc in (35.0, 5.0)
+    )
+    assert not warm.road[:, 1].any()
+    assert cold.road[:, 1] == pytest.approx(15.0 * cold.road[:, 0])
+    # the published fall is in the work of 1 N of rolling resistance at 20 °C
+    assert warm.road[:, 0] == pytest.approx((1.0 - 0.0086 * 15.0) * cold.road[:, 0])

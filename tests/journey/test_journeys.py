@@ -35,8 +35,8 @@ A, B = Place(47.0, 9.0, "A"), Place(47.0, 9.8, "B")
 KM_H = 1.0 / 3.6
 
 
-def straight(start, end, speed_km_h=100.0, kind="primary", factor=1.0):
-    """A road on the straight line between two places."""
+def straight(start, end, speed_km_h=100.0, kind="primary", factor=1.0, level=False):
+    """A road on the straight line between two places, its heights unknown or all alike."""
     length = factor * start.distance_m(end)
     n = max(round(length / 2000.0), 1)
     edges = Edges(
@@ -48,6 +48,10 @@ def straight(start, end, speed_km_h=100.0, kind="primary", factor=1.0):
         np.zeros(n, dtype=bool),
     )
     links, kinds = pooled(edges)
+    if level:
+        links = replace(
+            links, elevation_position_m=np.array([0.0, length]), elevation_m=np.zeros(2), flags=()
+        )
     line = np.linspace(0.0, 1.0, n + 1)
     latitude = start.latitude_deg + line * (end.latitude_deg - start.latitude_deg)
     longitude = start.longitude_deg + line * (end.longitude_deg - start.longitude_deg)
@@ -112,18 +116,23 @@ def test_the_charge_to_leave_with_arrives_in_19_of_20_trips(model):
     assert more.soc_needed == pytest.approx(found.soc_needed + 0.1, abs=0.01)
 
 
-def test_where_a_full_battery_does_not_suffice_there_is_no_charge_to_leave_with(model):
-    found = journey(model, stops=(A, Place(47.0, 14.0)), answers=False)
-    assert found.soc_needed is None
+def test_where_a_full_battery_does_not_suffice_the_answer_is_above_one(model):
+    far = Place(47.0, 14.0)
+    found = journey(model, stops=(A, far), answers=False)
+    assert found.soc_needed > 1.0
+    assert (
+        found.soc_needed == journey(model, replace(COLD, soc=0.3), stops=(A, far), answers=False).soc_needed
+    )
     assert not found.arrives
-    assert found.to_dict()["soc_needed"] is None
+    assert found.to_dict()["soc_needed"] == found.soc_needed
+    assert found.to_dict()["leave"].startswith("A full battery does not suffice")
 
 
 def test_the_needed_charge_of_a_forecast_follows_its_quantile(model):
     forecast = journey(model, stops=(A, Place(47.0, 9.2)), answers=False).forecast
-    needed = forecast.soc_needed(0.1, 0.95)
-    assert needed == pytest.approx(0.9 + 0.1 - forecast.soc_quantile(0.05))
-    assert forecast.soc_needed(0.1, 0.5) == pytest.approx(1.0 - forecast.soc_quantile(0.5))
+    for probability in (0.5, 0.95):
+        leaving = forecast.leaving_with(forecast.soc_needed(0.1, probability))
+        assert leaving.soc_quantile(1.0 - probability) == pytest.approx(0.1, abs=1e-5)
     assert forecast.soc_along(0.95)[-1] == pytest.approx(forecast.soc_quantile(0.05))
     assert forecast.soc_along(0.95)[0] == pytest.approx(0.9)
 
@@ -267,14 +276,16 @@ def test_the_error_of_the_weather_widens_the_interval(model):
             return tuple(Weather(0.0, 3.0, 90.0, hours_ahead=self.hours) for _ in places)
 
     departure = tw.Departure(soc=0.9)
-    by_hand = Drive(model, departure, Weather(0.0, 3.0, 90.0)).forecast(straight(A, B))
-    soon, late = (Drive(model, departure, Source(hours)).forecast(straight(A, B)) for hours in (0.0, 96.0))
+    by_hand = Drive(model, departure, Weather(0.0, 3.0, 90.0)).forecast(straight(A, B, level=True))
+    soon, late = (
+        Drive(model, departure, Source(hours)).forecast(straight(A, B, level=True)) for hours in (0.0, 96.0)
+    )
     assert by_hand.energy_wh == pytest.approx(soon.energy_wh) == pytest.approx(late.energy_wh)
     assert by_hand.sd_wh < soon.sd_wh < late.sd_wh
     # the standard deviation of the wind at the car is half of 1.0 and 2.6 m/s, that of the temperature 1.0 and 2.6 K
     parts = [np.sqrt(found.state_sd_wh**2 - by_hand.state_sd_wh**2) for found in (soon, late)]
     assert parts[1] / parts[0] == pytest.approx(2.6, rel=0.03)
-    known = Drive(model, COLD, Source(0.0)).forecast(straight(A, B))
+    known = Drive(model, COLD, Source(0.0)).forecast(straight(A, B, level=True))
     assert known.state_sd_wh < soon.state_sd_wh  # the driver knows the temperature
 
 

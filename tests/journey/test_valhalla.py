@@ -21,6 +21,7 @@ from tripwatt.journey import Atlas, Drive, JourneyOptions, find_reach, open_atla
 from tripwatt.routes.maps import MapFolder, build_map
 from tripwatt.routes.maps.engine import valhalla_folder
 from tripwatt.routes.places import Place
+from tripwatt.routes.routers import open_server
 
 IN_PROCESS = importlib.util.find_spec("valhalla") is not None
 
@@ -70,6 +71,60 @@ def test_the_map_holds_roads_places_and_elevation(built: MapFolder) -> None:
     south, west, north, east = built.info["bounds_deg"]
     assert 47.0 < south < 47.1 < 47.2 < north < 47.3
     assert 9.4 < west < 9.5 < 9.6 < east < 9.7
+
+
+@pytest.fixture(scope="session")
+def places(built: MapFolder) -> Atlas:
+    """The places and the end of the map; its roads are not asked."""
+    bounds = tuple(built.info["bounds_deg"])
+    return Atlas(
+        open_server("osrm=http://127.0.0.1:9"), built.index, bounds_deg=bounds, folder=built, is_local=True
+    )
+
+
+def test_a_town_outside_of_the_map_is_no_street_inside(places: Atlas) -> None:
+    with pytest.raises(InvalidInput) as caught:
+        places.find("Feldkirch", "stops[1]")
+    (fault,) = caught.value.faults
+    assert (fault.what, fault.where, fault.got) == ("unknown place", "stops[1]", "Feldkirch")
+    assert "'Feldkircherstrasse, Nendeln' (street)" in fault.fix
+    assert "this map covers 47.06 to 47.27° N and 9.48 to 9.63° E around Vaduz" in fault.fix
+
+
+@pytest.mark.parametrize(
+    ("text", "described"),
+    [
+        ("Vaduz", "Vaduz (village)"),
+        ("schaan", "Schaan (village)"),
+        ("Malbun", "Malbun, Triesenberg (hamlet)"),
+        ("Landstrasse Schaan", "Landstrasse, Schaan (street)"),
+    ],
+)
+def test_a_whole_name_is_taken_with_its_kind(places: Atlas, text: str, described: str) -> None:
+    assert places.find(text, "x").described == described
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [("Vadutz", "Vaduz"), ("Schan", "Schaan"), ("Triesenbrg", "Triesenberg"), ("Landstr", "Landstrasse")],
+)
+def test_a_typing_error_is_a_question(places: Atlas, text: str, meant: str) -> None:
+    with pytest.raises(InvalidInput, match=f"did you mean '{meant}"):
+        places.find(text, "x")
+
+
+def test_suggestions_name_no_place_twice(built: MapFolder) -> None:
+    for text in ("Vaduz", "Schaan", "Post", "Landstr", "Bal"):
+        names = [place.name for place in built.index.search(text, limit=20)]
+        assert len(names) == len(set(names))
+
+
+def test_coordinates_outside_of_the_map_are_refused(places: Atlas) -> None:
+    with pytest.raises(InvalidInput, match=r"place outside of the map: stops\[0\].*this map covers"):
+        places.find("47.24, 9.75", "stops[0]")
+    with pytest.raises(InvalidInput, match="place outside of the map"):
+        places.find(Place(40.0, 9.5, "far"), "stops[0]")
+    assert places.find("47.14, 9.52", "stops[0]") == Place(47.14, 9.52)
 
 
 @pytest.mark.parametrize("text", ["Vaduz", "Triesenb", "malbun", "Landstrasse 117 Vaduz"])

@@ -126,6 +126,8 @@ def test_scores_by_hand() -> None:
     assert score.bias == pytest.approx((200 - 100 + 100) / 3100)
     assert score.coverage == pytest.approx(1 / 3), "an interval holds its ends"
     assert score.width == pytest.approx((400 + 250 + 100) / 3100)
+    assert score.inside == 1
+    assert score.needed_width == pytest.approx(2.0 * score.width), "the third trip lies two half widths away"
     book = Score.of(table, "book_")
     assert book.coverage == pytest.approx(2 / 3)
     assert book.bias == pytest.approx((-100 + 100 + 200) / 3100)
@@ -164,6 +166,8 @@ def test_scores_by_hand() -> None:
         "bias": None,
         "coverage": None,
         "width": None,
+        "inside": 0,
+        "needed_width": None,
     }
     assert nothing.by_cause_wh() == {}
     assert f"{nothing!r}" == "<Diary without a trip>"

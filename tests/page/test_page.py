@@ -32,8 +32,13 @@ def mode(page: Any, name: str) -> None:
 
 
 def asked(page: Any, path: str, act: Callable[[], Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The request of the page to `path` after an action, and the response."""
-    with page.expect_response(lambda answer: answer.url.endswith(path) and answer.ok) as found:
+    """The request of the page to `path` after an action, and the response; not the one for the charge to leave with."""
+
+    def is_asked(answer: Any) -> bool:
+        leaves = '"probability"' in (answer.request.post_data or "")
+        return answer.url.endswith(path) and answer.ok and not leaves
+
+    with page.expect_response(is_asked) as found:
         act()
     return found.value.request.post_data_json, found.value.json()
 
@@ -97,6 +102,57 @@ def test_a_colder_trip_takes_more_and_its_probability_is_shown(look: Look) -> No
     assert "47" in said
     assert ("more than 99" in said) or ("fewer than 1" in said) or f"{round(chance * 100)} in 100" in said
     page.wait_for_function("() => document.querySelector('[role=status]').innerText.includes('on arrival')")
+
+
+def answered(page: Any, act: Callable[[], Any], **sent: Any) -> dict[str, Any]:
+    """The forecast of the request that an action leads to; `leaves` is whether it asks for the charge to leave with."""
+    leaves = sent.pop("leaves", False)
+
+    def is_asked(answer: Any) -> bool:
+        asked = answer.request.post_data_json if answer.url.endswith("/v1/forecast") else {}
+        return ("probability" in asked) == leaves and all(
+            asked.get(name) == pytest.approx(value) for name, value in sent.items()
+        )
+
+    with page.expect_response(is_asked) as found:
+        act()
+    return dict(found.value.json())
+
+
+def test_who_leaves_with_what_the_page_shows_arrives_in_19_of_20_trips(look: Look) -> None:
+    """Ten seeded conditions: the charge that is shown suffices, and one percent less does not."""
+    page = look()
+    rng = np.random.default_rng(5)
+    leave = page.locator(".journey-answer:not(.old)")
+    for _ in range(10):
+        ambient, reserve, start = (int(rng.integers(*ends)) for ends in ((-15, 30), (1, 40), (50, 100)))
+        slider(page, "Outside").fill(str(ambient))
+        slider(page, "Reserve to keep").fill(str(reserve))
+        of = {"ambient_temperature_degc": ambient, "reserve": reserve / 100}
+        now = slider(page, "Battery at departure")
+        if now.input_value() == str(start):
+            start += 1
+        answer = answered(page, lambda: now.fill(str(start)), **of, soc=start / 100, leaves=True)  # noqa: B023
+        needed = int(np.ceil(100 * answer["leave_with"]["soc_needed"] - 1e-4))
+        leave.get_by_text(f"Leave with {needed}\u00a0% to arrive").wait_for()
+        for soc, verdict in ((needed, "good"), (needed - 1, "open")):
+            found = answered(page, lambda: now.fill(str(soc)), **of, soc=soc / 100)  # noqa: B023
+            assert (found["p_arrive"][f"{reserve / 100:g}"] >= 0.95) == (verdict == "good")
+            page.locator(f".chance-{verdict}").wait_for()
+        leave.get_by_text(f"Leave with {needed}\u00a0% to arrive").wait_for()  # whatever charge the plan has
+
+
+def test_a_battery_that_is_empty_before_the_end_is_told_with_what_it_lacks(look: Look) -> None:
+    page = look()
+    slider(page, "Outside").fill("-20")
+    answer = answered(page, lambda: slider(page, "Battery at departure").fill("6"), soc=0.06)
+    assert answer["missing_wh"]["expected"] > 0.0
+    page.get_by_text("more than the battery holds").first.wait_for()
+    said = page.locator(".arrival").inner_text()
+    assert "Empty after about" in said
+    assert f"{answer['missing_wh']['expected'] / 1000:.2f}\u00a0kWh" in said
+    assert "To arrive at all:" in page.locator(".chance").inner_text()
+    assert page.get_by_text("The battery is empty before the end").is_visible()
 
 
 def test_causes_add_up(look: Look) -> None:

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tripwatt.arrays import FloatArray
-from tripwatt.physics.drivetrain import motor_loss
 from tripwatt.vehicles import Drivetrain, load_vehicle
+from tripwatt.vehicles.losses import motor_loss
 
 CARS = {"induction": "audi_e_tron_55", "externally_excited": "bmw_ix3", "permanent_magnet": "vw_id4_pro"}
 

@@ -12,7 +12,7 @@ from tripwatt.physics.conditions import DriveConditions
 from tripwatt.physics.relaxation import Relaxation
 from tripwatt.physics.road_load import air_density, grade_from_elevation, rolling_factor
 from tripwatt.physics.simulate import simulate
-from tripwatt.trips import Departure
+from tripwatt.trips import STEEPEST_GRADE, Departure
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 
@@ -36,18 +36,31 @@ def test_battery_passes_agree_with_a_loop_over_samples(i3: Vehicle, soc: float, 
     step[0] = 0.0
     power = rng.normal(5_000.0, 15_000.0 if temperature > 0.0 else 4_000.0, 400)
     run = discharge(battery, power, step, 5.0, soc, temperature)
-    charge, heat_c = soc, temperature
+    charge, heat_c, full = soc, temperature, max(soc, battery.displayed_full_soc)
     for k in range(400):
         ocv = open_circuit_voltage(np.array([charge]), battery)[0]
         ohm = internal_resistance(np.array([charge]), np.array([heat_c]), battery)[0]
         current = (ocv - np.sqrt(ocv**2 - 4.0 * ohm * power[k])) / (2.0 * ohm)
-        charge -= current * step[k] / 3600.0 / battery.capacity_ah
+        hours = step[k] / 3600.0
+        if hours > 0.0:  # charge that finds no room is refused
+            current = max(current, (charge - full) * battery.capacity_ah / hours)
+        charge -= current * hours / battery.capacity_ah
         decay = np.exp(-step[k] * battery.heat_loss_w_k / battery.heat_capacity_j_k)
         heat_c = 5.0 + current**2 * ohm / battery.heat_loss_w_k * (1 - decay) + (heat_c - 5.0) * decay
         assert run.current_a[k] == pytest.approx(current, rel=1e-4, abs=1e-3)
     assert run.converged
     assert run.soc[-1] == pytest.approx(charge, abs=1e-5)
     assert run.temperature_degc[-1] == pytest.approx(heat_c, abs=1e-3)
+
+
+def test_an_empty_battery_gives_what_the_drive_takes(i3: Vehicle) -> None:
+    """Charge below empty is counted; the energy does not fall because the battery has none left."""
+    power, step = np.full(1800, 15_000.0), np.ones(1800)
+    low, high = (discharge(i3.battery, power, step, 20.0, soc, 20.0) for soc in (0.1, 0.8))
+    assert low.soc[-1] < 0.0
+    assert low.power_w == pytest.approx(high.power_w)
+    empty = low.soc < i3.battery.displayed_zero_soc
+    assert np.ptp(low.current_a[empty][1:]) < 0.05 * low.current_a[-1]  # the cells warm a little
 
 
 def test_cold_and_empty_cells_resist_more(i3: Vehicle) -> None:
@@ -60,6 +73,16 @@ def test_cold_and_empty_cells_resist_more(i3: Vehicle) -> None:
 def test_air_density_of_the_standard_atmosphere() -> None:
     assert air_density(15.0) == pytest.approx(1.2250, abs=1e-4)
     assert air_density(8.5, 1000.0) == pytest.approx(1.1117, abs=2e-4)  # ICAO Doc 7488 table at 1000 m
+
+
+STEEPEST = float(np.tan(np.arcsin(STEEPEST_GRADE))) + 1e-9
+"""Largest grade, as rise over horizontal distance."""
+
+
+def climb(grade: np.ndarray, speed: np.ndarray, step_s: np.ndarray | float = 1.0) -> float:
+    """Height gained on the road of a grade: its length is the integral of the speed."""
+    length = 0.5 * (speed[1:] + speed[:-1]) * step_s
+    return float(np.sum(np.sin(np.arctan(grade[1:])) * length))
 
 
 class TestGrade:
@@ -81,16 +104,35 @@ class TestGrade:
         assert np.sum(np.maximum(grade, 0.0) * 15.0) == pytest.approx(40.0, rel=0.03)
         assert self.total(grade) == pytest.approx(0.0, abs=0.5)
 
-    def test_a_jump_of_the_sensor_is_no_hill(self) -> None:
-        jump = np.where(self.time > 300.0, 27.5, 0.0)
-        assert np.abs(grade_from_elevation(self.time, self.speed, jump)).max() < 1e-9
+    @pytest.mark.parametrize("jump", [27.5, 45.0, -120.0])
+    def test_a_jump_is_spread_and_climbs_as_much(self, jump: float) -> None:
+        grade = grade_from_elevation(self.time, self.speed, np.where(self.time > 300.0, jump, 0.0))
+        assert climb(grade, self.speed) == pytest.approx(jump, abs=1e-6)
+        assert (np.sign(jump) * grade >= 0.0).all()
+        assert np.abs(grade).max() <= STEEPEST
+
+    @pytest.mark.parametrize("width_s", [1, 5, 20])
+    def test_a_spike_is_no_hill(self, width_s: int) -> None:
+        spike = np.where((self.time > 300.0) & (self.time <= 300.0 + width_s), 44.0, 0.0)
+        grade = grade_from_elevation(self.time, self.speed, spike)
+        assert np.abs(grade).max() < 0.002
 
     def test_a_drift_at_standstill_is_no_hill(self) -> None:
         speed = self.speed.copy()
         speed[200:400] = 0.0
         drift = np.interp(self.time, [0.0, 200.0, 400.0, 599.0], [500.0, 500.0, 504.0, 500.0])
         drift[400:] = 500.0
-        assert np.abs(grade_from_elevation(self.time, speed, drift)).max() < 0.03
+        grade = grade_from_elevation(self.time, speed, drift)
+        assert np.abs(grade).max() < 0.03
+        assert climb(grade, speed) == pytest.approx(0.0, abs=1e-6)
+
+    def test_a_drift_at_standstill_that_stays_is_carried_to_the_road_beside_it(self) -> None:
+        speed = self.speed.copy()
+        speed[200:400] = 0.0
+        drift = np.interp(self.time, [200.0, 400.0], [500.0, 520.0])
+        grade = grade_from_elevation(self.time, speed, drift)
+        assert climb(grade, speed) == pytest.approx(20.0, abs=1e-6)
+        assert grade.max() < 0.15
 
     @pytest.mark.parametrize("height", [np.full(600, np.nan), np.full(600, 582.0)])
     def test_missing_or_constant_is_flat(self, height: np.ndarray) -> None:
@@ -111,7 +153,7 @@ class TestGrade:
         time = np.cumsum(rng.exponential(2.0, n) + 1e-3)
         grade = grade_from_elevation(time, rng.uniform(0.0, 40.0, n), rng.normal(500.0, 30.0, n))
         assert np.isfinite(grade).all()
-        assert np.abs(grade).max() <= 0.25
+        assert np.abs(grade).max() <= STEEPEST
 
 
 def test_rolling_drag_falls_while_driving_and_with_warm_air(i3: Vehicle) -> None:

@@ -10,10 +10,11 @@ import pytest
 from tripwatt.errors import InvalidInput
 from tripwatt.physics import DriveConditions, simulate, simulate_trip
 from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC
-from tripwatt.physics.drivetrain import motor_loss, propulsion
+from tripwatt.physics.drivetrain import propulsion
 from tripwatt.physics.simulate import conditions_at_departure
 from tripwatt.trips import Departure, Plan
 from tripwatt.vehicles import Vehicle, load_vehicle
+from tripwatt.vehicles.losses import motor_loss
 from tripwatt.vehicles.parts import Auxiliaries, Body, RoadLoad
 
 EXACT = {"rel": 1e-9, "abs": 1e-9}
@@ -168,7 +169,7 @@ class TestChain:
 class TestBraking:
     def test_a_full_battery_accepts_what_its_charge_then_allows(self) -> None:
         """From 95 % of 1 Ah the car drives first, so the battery accepts more where it brakes."""
-        small = car(1.0)
+        small = car(1.0, displayed_full_soc=1.0)
         rules = dataclasses.replace(
             small.regeneration,
             full_soc=0.9,
@@ -208,20 +209,30 @@ class TestFlags:
         assert self.codes(run) == {"battery_empty": 60.0 * below.sum()}
         assert run.soc == pytest.approx(0.13 - step * np.arange(5.0), abs=1e-4)
 
-    def test_over_full(self) -> None:
-        """Braking for 4 s on a full battery that takes everything; the first second is without power."""
-        full = car(1.0, max_cell_voltage_v=3.5, resistance_ohm=(1e-4, 1e-4))
+    def test_a_full_battery_takes_nothing(self) -> None:
+        """Braking for 30 s on a full battery: the base load is all that the motor recovers, the brakes take the rest."""
+        full = car(10.0)
         rules = dataclasses.replace(full.regeneration, full_soc=2.0, zero_soc=3.0)
-        full = dataclasses.replace(full, regeneration=rules, auxiliaries=Auxiliaries(0.0))
-        still = dataclasses.replace(OFF, initial_soc=1.0)
-        run = simulate(full, [0.0, 1.0, 5.0], [0.0, 0.0, 0.0], conditions=still)
-        assert run.flags == ()
-        run = simulate(full, [0.0, 4.0, 5.0], [20.0, 10.0, 10.0], conditions=still)
-        assert run.battery_power_w[1] < 0.0 < run.battery_power_w[2]
-        codes = self.codes(run)
-        assert codes["battery_over_voltage"] == 4.0
-        assert codes["battery_over_full"] == 5.0
-        assert run.soc.tolist()[1:] == [1.0, 1.0]
+        full = dataclasses.replace(full, regeneration=rules)
+        still = dataclasses.replace(OFF, initial_soc=0.9)
+        run = simulate(full, [0.0, 30.0, 31.0], [40.0, 10.0, 10.0], conditions=still)
+        assert run.battery_power_w[1] == pytest.approx(0.0, abs=1e-9)
+        assert run.motor_power_w[1] == pytest.approx(-run.auxiliary_power_w[1])
+        assert run.soc[1] == 0.9 > run.soc[2]
+        roomy = simulate(full, [0.0, 30.0, 31.0], [40.0, 10.0, 10.0], conditions=OFF)
+        assert roomy.battery_power_w[1] < -5_000.0
+        kept = run.motor_power_w[1] / roomy.motor_power_w[1]
+        losses = [r.power_by_cause_w["drivetrain"][1] for r in (run, roomy)]
+        assert losses[0] == pytest.approx(kept * losses[1])
+        lost = (run.battery_power_w[1] - roomy.battery_power_w[1]) * 30.0 / 3600.0
+        assert self.codes(run)["battery_full"] == pytest.approx(lost)
+        assert sum(run.power_by_cause_w.values()) == pytest.approx(run.battery_power_w, abs=1e-9)
+
+    def test_over_voltage(self) -> None:
+        high = car(1.0, max_cell_voltage_v=3.5, resistance_ohm=(1e-4, 1e-4))
+        middle = dataclasses.replace(OFF, initial_soc=0.5)
+        run = simulate(high, [0.0, 4.0, 5.0], [20.0, 10.0, 10.0], conditions=middle)
+        assert self.codes(run) == {"battery_over_voltage": 4.0}
 
     def test_motor(self) -> None:
         fast = (

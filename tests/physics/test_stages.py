@@ -15,8 +15,8 @@ from benchmarks.stages import (
 )
 
 from tripwatt.physics import simulate
-from tripwatt.physics.drivetrain import motor_loss
 from tripwatt.vehicles import load_vehicle
+from tripwatt.vehicles.losses import motor_loss
 
 CAR = load_vehicle("bmw_i3_60ah")
 

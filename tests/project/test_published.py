@@ -39,10 +39,10 @@ def test_readme_and_page_show_the_published_results(protocol: str, model: str, t
     source = DOCS / "results" / f"{protocol}.json"
     copy = publish(source, tmp_path / "results", readme, page)
     require_as_published(readme, page, "make results")
-    paper = tmp_path / "paper.md"
-    assert paper.read_text(encoding="utf-8") == (DOCS / "paper.md").read_text(encoding="utf-8"), (
-        "make results"
-    )
+    for name in ("paper.md", "uncertainty.md", "evaluation.md"):
+        assert (tmp_path / name).read_text(encoding="utf-8") == (DOCS / name).read_text(encoding="utf-8"), (
+            "make results"
+        )
     published = source.read_text(encoding="utf-8")
     assert copy.read_text(encoding="utf-8") == published
     changed = json.loads(published)
@@ -50,7 +50,8 @@ def test_readme_and_page_show_the_published_results(protocol: str, model: str, t
     (tmp_path / "results.json").write_text(json.dumps(changed), encoding="utf-8")
     publish(tmp_path, tmp_path / "results", readme, page)
     assert "77.7" in page.read_text(encoding="utf-8")
-    assert ("77.7" in paper.read_text(encoding="utf-8")) == (protocol == "paper")
+    paper = (tmp_path / "paper.md").read_text(encoding="utf-8")
+    assert ("77.7" in paper) == (protocol == "paper")
     # the README shows the forecast alone
     assert ("77.7" in readme.read_text(encoding="utf-8")) == (protocol == "forecast")
 
@@ -166,7 +167,8 @@ def pages(folder: Path) -> tuple[Path, Path]:
     readme, page = folder / "README.md", folder / "results.md"
     shutil.copy(ROOT / "README.md", readme)
     shutil.copy(DOCS / "results.md", page)
-    shutil.copy(DOCS / "paper.md", folder / "paper.md")
+    for name in ("paper.md", "uncertainty.md", "evaluation.md"):
+        shutil.copy(DOCS / name, folder / name)
     return readme, page
 
 

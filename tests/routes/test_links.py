@@ -27,6 +27,7 @@ from tripwatt.routes import (
 from tripwatt.routes.link_objects import LINK_KEYS, columns_at_once, columns_one_by_one
 from tripwatt.sources import read_logs
 from tripwatt.trips import Departure, Flag, Trip, plan_from_trip, resample
+from tripwatt.units import GRAVITY_M_S2, WH_PER_J
 from tripwatt.vehicles import load_vehicle
 
 
@@ -97,6 +98,21 @@ def test_heights_and_grades_say_the_same_road():
     place = np.linspace(0.0, 1000.0, 21)
     np.testing.assert_allclose(by_grade.elevation_at(place), by_height.elevation_at(place), atol=1e-9)
     assert by_height.flags == ()
+
+
+@pytest.mark.parametrize("grade", [0.3, -0.3, 0.4])
+def test_a_steep_link_climbs_as_given(grade):
+    """Streets of 0.3 exist; a link that no street has is refused."""
+    flat = {"length_m": 500.0, "speed_m_s": 8.0, "grade": 0.0}
+    plan = plan_from_links(route_from_links([flat, {"length_m": 1900.0, "speed_m_s": 8.0, "grade": grade}]))
+    car = load_vehicle("bmw_i3_60ah")
+    climb = simulate_trip(car, plan).energy_by_cause_wh["climb"][-1]
+    expected = car.body.test_mass_kg * GRAVITY_M_S2 * grade * 1900.0 * WH_PER_J
+    assert climb == pytest.approx(expected, rel=1e-3)
+    with pytest.raises(
+        InvalidInput, match=r"grade out of range: link 1, grade: got 0.45; allowed: -0.4 to 0.4"
+    ):
+        route_from_links([{"length_m": 100.0, "speed_m_s": 8.0, "grade": 0.45}])
 
 
 def test_short_links_are_joined_and_their_time_is_kept():

@@ -233,7 +233,7 @@ def test_ten_words_of_two_hundred_characters_are_searched(tmp_path):
     words = " ".join("abcdefghij")
     made = written(tmp_path, [Named("poi", words, 47.0, 9.0), Named("poi", "q" * 250, 47.0, 9.0)])
     assert names(made.search(f"{words} zz")) == [words]
-    assert made.search("a b c d e f g h i zz") == ()
+    assert made.search("j i h g f e d c b zz") == ()
     assert names(made.search("q" * 200 + "z")) == ["q" * 250]
     assert made.search("q" * 199 + "z") == ()
 

@@ -11,6 +11,7 @@ from tripwatt.routes.maps import PlaceIndex, Station, build_map, near, open_map,
 from tripwatt.routes.maps.extract import Named, station_of_tags
 from tripwatt.routes.maps.index import write_index
 from tripwatt.routes.places import Place
+from tripwatt.routes.search import find_place
 
 OSM = """<?xml version="1.0"?><osm version="0.6">
 <node id="1" lat="47.0" lon="9.0"><tag k="place" v="town"/><tag k="name" v="Westend"/></node>
@@ -302,3 +303,10 @@ def test_without_valhalla_a_map_cannot_be_built(tmp_path, monkeypatch):
 def test_the_index_is_read_only(index):
     with pytest.raises(sqlite3.OperationalError, match="readonly"):
         index.database.execute("DELETE FROM places")
+
+
+@pytest.mark.parametrize("text", ["Westendd", "Wetsend", "Vestend", "westnd"])
+def test_a_misspelt_settlement_is_found_as_the_most_similar_one(index, text):
+    assert [place.name for place in index.search(text, limit=1)] == ["Westend"]
+    with pytest.raises(InvalidInput, match=r"did you mean 'Westend' \(\w+\)"):
+        find_place(text, index, "from")

@@ -383,7 +383,7 @@ def test_too_many_links_are_refused_before_they_are_read(monkeypatch):
 def test_heights_of_links():
     by_grade = route_from_links([{**LINK, "grade": 0.02}, LINK, {**LINK, "length_m": 300.0, "grade": -0.01}])
     assert by_grade.elevation_position_m.tolist() == [0.0, 100.0, 200.0, 500.0]
-    np.testing.assert_allclose(by_grade.elevation_m, [0.0, 2.0, 2.0, -1.0], **EXACT)
+    np.testing.assert_allclose(by_grade.elevation_m, [1.0, 3.0, 3.0, 0.0], **EXACT)  # above the lowest place
     assert by_grade.flags == (Flag("elevation_relative", "road"),)
     ends = {"start_elevation_m": 5.0, "end_elevation_m": 7.0}
     known = route_from_links(

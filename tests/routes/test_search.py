@@ -5,7 +5,7 @@ import pytest
 from tests.support.roads import client, mutated
 
 from tripwatt.errors import Fault, InvalidInput, RemoteError
-from tripwatt.routes.places import Place
+from tripwatt.routes.places import Place, without_twins
 from tripwatt.routes.search import MOST_FOUND, NominatimSearch, PhotonSearch, find_place, open_search
 
 PHOTON = {
@@ -180,12 +180,12 @@ def test_the_name_of_a_place_of_nominatim():
     assert caught.value.faults[0].got == "'" + "x" * 39
 
 
-def test_one_place_is_asked_for_and_long_names_are_cut_in_messages():
+def test_ten_places_are_asked_for_a_name_and_long_names_are_cut_in_messages():
     seen = []
     search = PhotonSearch(client(lambda r: seen.append(r) or httpx.Response(200, json=photon())))
     with pytest.raises(InvalidInput, match="unknown place") as caught:
         find_place("z" * 99, search, "x")
-    assert seen[0].url.params["limit"] == "1"
+    assert seen[0].url.params["limit"] == "10"
     assert caught.value.faults[0].got == "z" * 60
     with pytest.raises(InvalidInput, match="names of places are not known") as caught:
         find_place("z" * 99, None, "x")
@@ -196,3 +196,71 @@ def test_the_kind_of_a_server_is_cut_in_messages():
     with pytest.raises(InvalidInput, match="unknown kind of server") as caught:
         open_search("k" * 50 + "=https://h")
     assert caught.value.faults[0].got == "k" * 40
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "called"),
+    [
+        ("Vaduz", "Vaduz", True),
+        ("  vaduz ", "Vaduz, Liechtenstein", True),
+        ("Vaduz Liechtenstein", "Vaduz, Liechtenstein", True),
+        ("Liechtenstein", "Vaduz, Liechtenstein", False),
+        ("Vad", "Vaduz", False),
+        ("Feldkirch", "Feldkircherstrasse, Nendeln", False),
+        ("Vaduz", "Vaduz VP Bank, Vaduz", False),
+        ("Vaduz Landstrasse 12", "Landstrasse 12, Vaduz", True),
+        ("Landstrasse 1", "Landstrasse 12, Vaduz", False),
+        ("Landstrasse 12", "12, Landstrasse, Vaduz, Liechtenstein", True),
+        ("hauptstrasse", "Hauptstraße, Gänsdorf", True),
+        ("Hauptstraße Gaensdorf", "Hauptstraße, Gänsdorf", True),
+        ("Hauptstraße Gansdorf", "Hauptstraße, Gänsdorf", True),
+        ("Zurich", "Zürich", True),
+        ("Zuerich", "Zürich", True),
+        ("", "", False),
+        ("-", "Vaduz", False),
+    ],
+)
+def test_a_whole_name(text: str, name: str, called: bool) -> None:
+    assert Place(47.0, 9.0, name).is_called(text) is called
+
+
+class Known:
+    """A search that gives the same places for every text."""
+
+    def __init__(self, *places):
+        self.places = places
+
+    def search(self, text, *, limit=10):
+        return self.places[:limit]
+
+
+STREET = Place(47.2, 9.55, "Feldkircherstrasse, Nendeln", "street")
+BALZERS, SCHAAN = (
+    Place(47.07, 9.51, "Landstrasse, Balzers", "street"),
+    Place(47.16, 9.51, "Landstrasse, Schaan", "street"),
+)
+
+
+def test_a_part_of_a_name_is_asked_back_with_kinds_and_the_region() -> None:
+    with pytest.raises(InvalidInput, match="unknown place: stops") as caught:
+        find_place("Feldkirch", Known(STREET), "stops[1]", "this map covers Liechtenstein")
+    assert caught.value.faults[0].fix == (
+        "did you mean 'Feldkircherstrasse, Nendeln' (street)?; this map covers Liechtenstein"
+    )
+
+
+def test_a_name_of_several_places_is_asked_back() -> None:
+    search = Known(BALZERS, SCHAAN)
+    with pytest.raises(InvalidInput, match=r"several places have this name.*Balzers' \(street\) or .*Schaan"):
+        find_place("Landstrasse", search, "x")
+    assert find_place("Landstrasse Schaan", search, "x") == SCHAAN
+
+
+def test_a_whole_name_is_taken_after_others_and_before_other_kinds() -> None:
+    village, office = Place(47.1, 9.5, "Vaduz", "village"), Place(47.2, 9.6, "Vaduz", "poi")
+    assert find_place("Vaduz", Known(STREET, village, office), "x") == village
+
+
+def test_places_of_one_name_that_lie_together_are_one() -> None:
+    village, office, far = (Place(47.1 + d, 9.5, "Vaduz", "village") for d in (0.0, 0.01, 1.0))
+    assert without_twins([village, office, far]) == (village, far)

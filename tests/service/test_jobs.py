@@ -14,6 +14,7 @@ from tripwatt.service import jobs as room
 from tripwatt.service.jobs import JOB_KINDS, Check, Jobs, collected_faults, require_finite
 from tripwatt.service.schemas import NotJson
 from tripwatt.service.settings import Limits
+from tripwatt.service.worker import run_job
 
 LINKS = [{"length_m": 800.0, "speed_m_s": 8.0}, {"length_m": 400.0, "speed_m_s": 8.0}]
 CSV = b"time_s,speed_m_s\n5,10\n6,10\n7,12\n"
@@ -224,6 +225,32 @@ def test_a_described_car(jobs: Jobs) -> None:
     found = jobs.run({"kind": "describe"}, b'{"mass_kg": 1830, "title": "mine"}')
     assert isinstance(found, dict)
     assert (found["title"], found["test_mass_kg"], found["anchor"]) == ("mine", 1905.0, "class")
+
+
+def test_figures_that_no_car_has_together_are_a_fault_of_the_request(jobs: Jobs) -> None:
+    figures = {"mass_kg": 400, "usable_battery_kwh": 300}
+    for kind, body in (
+        ("describe", orjson.dumps(figures)),
+        ("forecast", body_of(soc=0.5, vehicle_figures=figures)),
+    ):
+        status, answer = run_job(jobs, {"kind": kind}, body)
+        assert status == 422
+        (fault,) = orjson.loads(answer)["faults"]
+        assert fault["what"] == "no car has these values together"
+        assert fault["where"] == "mass_kg and usable_battery_kwh"
+        assert fault["allowed"] == "2 to 200 Wh/kg"
+
+
+def test_a_forecast_that_physics_forbids_is_a_fault_of_the_request(jobs: Jobs) -> None:
+    model = jobs.models[DEFAULT_MODEL]
+    battery = replace(
+        model.vehicle.battery, resistance_ohm=(0.5,) * len(model.vehicle.battery.resistance_ohm)
+    )
+    weak = replace(model, vehicle=replace(model.vehicle, battery=battery))
+    broken = replace(jobs, models={DEFAULT_MODEL: weak})
+    status, answer = run_job(broken, {"kind": "forecast"}, body_of(soc=0.5))
+    assert status == 422
+    assert orjson.loads(answer)["faults"][0]["what"] == "energy that physics forbids"
 
 
 def test_every_kind_of_job_is_run(jobs: Jobs) -> None:

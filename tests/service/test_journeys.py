@@ -212,3 +212,13 @@ def test_a_map_that_is_none_stops_the_start(tmp_path: Path) -> None:
     answer = answered("serve", "--port", 0, "--map", tmp_path)
     assert answer.code == 2
     assert "no map" in answer.err
+
+
+def test_a_part_of_a_name_is_a_problem_with_candidates(planner: Service) -> None:
+    answer = plan(planner, stops=["West", "Ostheim"])
+    assert answer.status_code == 422
+    (fault,) = answer.json()["faults"]
+    assert (fault["where"], fault["got"]) == ("stops[0]", "West")
+    assert "did you mean 'Westend' (town)" in fault["fix"]
+    taken = plan(planner, stops=["westend", "Ostheim"]).json()["stops"]
+    assert [(stop["name"], stop["kind"]) for stop in taken] == [("Westend", "town"), ("Ostheim", "village")]

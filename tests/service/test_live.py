@@ -34,6 +34,7 @@ from tripwatt.service.settings import Limits, Settings
 from tripwatt.service.worker import run_job
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import plan_from_samples
+from tripwatt.trips.messages import leave_in_words
 
 JSON, FORM = "application/json", "application/x-www-form-urlencoded"
 LINKS = [
@@ -229,6 +230,7 @@ def test_the_need_of_a_plan_is_a_quantile_and_the_charge_to_leave_with(served: S
         "energy_wh": pytest.approx(own.quantile(0.95), abs=1e-6),
         "soc_needed": pytest.approx(own.soc_needed(0.25, 0.95), abs=1e-9),
         "wh_per_display": pytest.approx(own.charge.wh_per_display, abs=1e-6),
+        "message": leave_in_words(own.soc_needed(0.25, 0.95), 0.25, 0.95),
         "soc": 0.3,
         "charge_wh": pytest.approx((own.soc_needed(0.25, 0.95) - 0.3) * own.charge.wh_per_display, abs=1e-3),
     }

@@ -38,7 +38,9 @@ def test_a_forecast_equals_that_of_the_command_line(
 ) -> None:
     pd.DataFrame(drive["samples"]).to_csv(tmp_path / "trip.csv", index=False)
     options = ("--soc", 0.8, "--ambient", -5, "--setpoint", 21, "--payload", 80, "--reserve", 0.3)
-    assert service.forecast(drive).json() == command_line(tmp_path / "trip.csv", *options)
+    assert service.forecast({**drive, "probability": 0.95}).json() == command_line(
+        tmp_path / "trip.csv", *options
+    )
 
 
 def test_the_forecast_of_a_planned_route_equals_that_of_the_command_line(
@@ -46,6 +48,7 @@ def test_the_forecast_of_a_planned_route_equals_that_of_the_command_line(
 ) -> None:
     (tmp_path / "trip.json").write_text(json.dumps(LINKS))
     asked = {"links": LINKS, "soc": 0.6, "ambient_temperature_degc": 3.0, "reserve": 0.2}
+    asked["probability"] = 0.95
     printed = command_line(tmp_path / "trip.json", "--soc", 0.6, "--ambient", 3, "--reserve", 0.2)
     assert service.forecast(asked).json() == printed
     assert printed["given"] == "a planned route"

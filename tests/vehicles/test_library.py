@@ -15,7 +15,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.physics.drivetrain import motor_loss
 from tripwatt.physics.road_load import aero_drag_force, rolling_resistance_force
 from tripwatt.vehicles import (
     ALIASES,
@@ -30,6 +29,7 @@ from tripwatt.vehicles import (
 )
 from tripwatt.vehicles.inheriting import bundled_bases, inherit
 from tripwatt.vehicles.loading import SECTIONS, file_names
+from tripwatt.vehicles.losses import motor_loss
 
 ASKED_FOR = [
     "bmw_i3_60ah",

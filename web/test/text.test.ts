@@ -144,12 +144,15 @@ describe("flags", () => {
     const flags = [
       flag("motor_power_limit", "motor", 40, "s"),
       flag("battery_voltage_floor", "battery", 150, "s"),
-      flag("battery_over_full", "battery", 12, "s"),
+      flag("battery_empty", "battery", 1234, "wh"),
+      flag("battery_full", "battery", 1300, "wh"),
     ];
     assert.deepEqual(sentencesOf(flags), [
       "The car cannot follow the speed trace: motor power limit for 40 s and lowest battery voltage for 3 min. The forecast assumes the highest speed that the car reaches.",
-      "The battery is too full for regenerative braking for 12 s.",
+      "The trip takes 1.23 kWh more than the battery holds. The battery is empty before the end.",
+      "The battery is too full for 1.30 kWh of recovered energy. The friction brakes take it.",
     ]);
+    assert.equal(warningsOf(flags.slice(2, 3), wording("en"))[0]?.serious, true);
   });
 
   test("speeds and temperatures are in the reader's units", () => {
@@ -192,7 +195,7 @@ describe("flags", () => {
     assert.deepEqual(
       warnings.map(({ text, isRaw }) => [text, isRaw]),
       [
-        ["Die Route hat keine Höhendaten und gilt als eben.", false],
+        ["Die Höhen der Route sind unbekannt.", false],
         ["message of something_new", true],
         ["message of speed_assumed", true],
       ],

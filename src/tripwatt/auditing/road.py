@@ -13,12 +13,10 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.auditing.findings import Finding, array, has, whole
+from tripwatt.trips import STEEPEST_GRADE
 
 FLAT_ROAD_M: Final = 2000.0
 """No road keeps one height to the last digit for so long."""
-
-STEEPEST: Final = 0.35
-"""The steepest streets of the world have this grade."""
 
 ELEVATION_NOISE_M: Final = 10.0
 """Error of satellite heights that a smoothing takes out."""
@@ -46,7 +44,7 @@ def elevation_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]
         )
         yield whole(samples, trip_id, what, "noted")
     step = np.abs(np.diff(height))
-    jumps = np.flatnonzero(step > ELEVATION_NOISE_M + STEEPEST * np.diff(driven))
+    jumps = np.flatnonzero(step > ELEVATION_NOISE_M + STEEPEST_GRADE * np.diff(driven))
     if len(jumps):
         what = f"elevation jumps {len(jumps)} times, by up to {step[jumps].max():.1f} m"
         yield Finding(trip_id, float(time[jumps[0]]), float(time[jumps[-1] + 1]), what, "noted")

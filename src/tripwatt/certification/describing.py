@@ -22,10 +22,18 @@ from tripwatt.certification.consumption import (
 )
 from tripwatt.certification.schedules import schedule
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.units import KG_PER_LB
+from tripwatt.trips.schema import Column, number_faults, require_fraction
 from tripwatt.vehicles import Vehicle, vehicle_from_document
 from tripwatt.vehicles.anchors import CLASS, Anchor, anchors, with_anchor
-from tripwatt.vehicles.catalogue import BODIES, DRIVER_KG, LOADED_KG, catalogue, class_values
+from tripwatt.vehicles.catalogue import (
+    BODIES,
+    LOADED_KG,
+    beyond_classes,
+    catalogue,
+    class_values,
+    curb_mass_kg,
+    mass_range_kg,
+)
 from tripwatt.vehicles.similar import Figures, similar_document
 from tripwatt.vehicles.spreads import REPEAT_SD, loss_sd
 
@@ -70,6 +78,15 @@ LIMITS: Final = MappingProxyType(
 )
 """Smallest and largest value of each figure."""
 
+FOLLOWING: Final = MappingProxyType(
+    {
+        "mass_kg": ("body.curb_mass_kg", "road_load."),
+        "usable_battery_kwh": ("battery.",),
+        "motor_power_kw": ("drivetrain.",),
+    }
+)
+"""Entries of a described car that follow from each figure."""
+
 
 def describe_car(
     *,
@@ -84,7 +101,8 @@ def describe_car(
 ) -> Vehicle:
     """Describe a car that the library does not have by up to six figures.
 
-    What is not given is that of a usual car of its kind of body in the library. The consumption anchors the car: its road load is
+    What is not given is that of a usual car of its kind of body in the library. A car that is lighter or heavier than every car of the library
+    is titled so, takes the nearest kind of body if none is given, and its forecasts widen with the distance. The consumption anchors the car: its road load is
     changed until the simulated test meets it. A forecast is the wider, the less is given.
 
     Parameters
@@ -151,26 +169,35 @@ def described(
         Cars whose coast-down takes no part.
     """
     kind = _checked(given, body, heat_pump, procedure)
+    if body is None:
+        kind = _nearest_body(given["mass_kg"], kind)
     usual = usual_figures(kind)
     filled = {key: usual[key] if given[key] is None else float(given[key]) for key in usual}  # type: ignore[arg-type]
     figures = _figures(given, filled, kind, body, heat_pump, title or _title(given, kind, procedure))
     document = similar_document(figures, class_values(without))
     name = f"described_{zlib.crc32(repr((filled, given, kind, heat_pump, procedure)).encode()):08x}"
-    car = vehicle_from_document(with_anchor(document, anchors()[CLASS]), name, name)
+    try:
+        car = vehicle_from_document(with_anchor(document, anchors()[CLASS]), name, name)
+    except InvalidInput as error:
+        raise InvalidInput([_in_figures(fault) for fault in error.faults]) from error
     consumption = given["consumption_kwh_per_100km"]
     return car if consumption is None else _meeting(car, document, 10.0 * consumption, procedure)
 
 
+def _in_figures(fault: Fault) -> Fault:
+    """A fault between entries of the described car, with the figures that the entries follow from."""
+    figures = [figure for figure, entries in FOLLOWING.items() if any(e in fault.where for e in entries)]
+    fix = "check the figures; one that is not given is that of a usual car with this body"
+    return replace(fault, where=" and ".join(figures), fix=fix) if figures else fault
+
+
 def _checked(given: Mapping[str, float | None], body: str | None, heat_pump: object, procedure: str) -> str:
     """The kind of body, once everything that is given is in range."""
-    faults = []
+    faults: list[Fault] = []
     for key, value in given.items():
         low, high, unit = LIMITS[key]
-        if value is None:
-            continue
-        number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-        if not number or not low <= value <= high:
-            faults.append(Fault("value out of range", key, repr(value)[:40], f"{low:g} to {high:g} {unit}"))
+        if value is not None:
+            faults += number_faults(key, value, Column(unit, low, high, ""))
     kind = "suv" if body is None else BODY_WORDS.get(str(body).lower(), str(body).lower())
     if kind not in BODIES:
         faults.append(Fault("unknown body", "body", repr(body)[:40], ", ".join((*BODIES, *BODY_WORDS))))
@@ -202,22 +229,27 @@ def usual_figures(body: str) -> Mapping[str, float]:
     rows = [row for row in catalogue().values() if "title" in row]
     mine = [row for row in rows if row["body"][0].value == body]
     chosen = mine if len(mine) > 1 else rows
-    masses = [
-        row["test_weight"][0].number * KG_PER_LB - LOADED_KG
-        if "test_weight" in row
-        else row["running_mass"][0].number - DRIVER_KG
-        for row in chosen
-    ]
     return MappingProxyType(
         {
-            "mass_kg": statistics.median(masses),
+            "mass_kg": statistics.median(map(curb_mass_kg, chosen)),
             "usable_battery_kwh": statistics.median(row["usable_energy"][0].number for row in chosen),
             "motor_power_kw": statistics.median(row["motor_power"][0].number for row in chosen),
         }
     )
 
 
+def _nearest_body(mass_kg: float | None, usual: str) -> str:
+    """The kind of body of a car that is lighter or heavier than every car of the library; else the usual one."""
+    if mass_kg is None or not beyond_classes(mass_kg):
+        return usual
+    return min(BODIES, key=lambda body: abs(math.log(usual_figures(body)["mass_kg"] / mass_kg)))
+
+
 def _title(given: Mapping[str, float | None], kind: str, procedure: str) -> str:
+    mass = given["mass_kg"]
+    if mass is not None and beyond_classes(mass):
+        low, high = mass_range_kg()
+        kind = f"extrapolated from {kind} (library: {low:.0f} to {high:.0f} kg)"
     parts = [kind]
     for key, unit in (("mass_kg", "kg"), ("usable_battery_kwh", "kWh"), ("motor_power_kw", "kW")):
         value = given[key]
@@ -355,6 +387,7 @@ def certified_interval(car: Vehicle, cycle: str = "wltc", level: float = 0.9) ->
     middle = driven_wh_per_km(car, schedule(cycle), mass) / charging_efficiency() / 10.0
     from scipy.special import stdtrit  # slow to import
 
+    level = require_fraction("level", level)
     half = float(stdtrit(makers() - 1, 0.5 + 0.5 * level)) * _relative_sd(car, cycle, mass)
     return ConsumptionInterval(middle, middle * math.exp(-half), middle * math.exp(half))
 
@@ -364,7 +397,7 @@ def _relative_sd(car: Vehicle, cycle: str, mass_kg: float) -> float:
         return math.hypot(REPEAT_SD, PROCEDURE_SD)
     classes = class_values()
     base = driven_wh_per_km(car, schedule(cycle), mass_kg)
-    parts = [loss_sd(), PROCEDURE_SD]
+    parts = [loss_sd(), PROCEDURE_SD, beyond_classes(car.body.curb_mass_kg)]
     air_sd = classes.drag_area_sd
     if car.road_load.drag_area_m2 == classes.drag_area_m2["van"]:
         air_sd = math.hypot(air_sd, VAN_SD)
@@ -408,9 +441,9 @@ def makers() -> int:
 @cache
 def _mass_sd() -> float:
     """Relative standard deviation of masses about the median of their kind of body, over the table."""
-    errors = []
-    for row in catalogue().values():
-        if "title" in row and "test_weight" in row:
-            mass = row["test_weight"][0].number * KG_PER_LB - LOADED_KG
-            errors.append(math.log(mass / usual_figures(row["body"][0].value)["mass_kg"]))
+    errors = [
+        math.log(curb_mass_kg(row) / usual_figures(row["body"][0].value)["mass_kg"])
+        for row in catalogue().values()
+        if "title" in row and "test_weight" in row
+    ]
     return statistics.stdev(errors)

@@ -11,6 +11,7 @@ import typer
 
 from tripwatt.cli.options import (
     JsonOption,
+    TerrainOption,
     examples,
     gather,
     model_of,
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from tripwatt.forecasting import Forecast
 
 PLOT_SUFFIXES: Final = (".png", ".svg", ".pdf")
+LEAVE_PROBABILITY: Final = 0.95
+"""Of "leave with": 19 of 20 trips."""
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -132,6 +135,7 @@ def forecast(
             show_default=False,
         ),
     ] = None,
+    terrain: TerrainOption = None,
     battery_temperature: Annotated[
         float | None,
         typer.Option(
@@ -222,6 +226,7 @@ def forecast(
                     payload_mass_kg=payload,
                     climate=climate,
                     extras=tuple(extra) if extra else None,
+                    terrain=terrain,
                 )
             ),
         )
@@ -233,7 +238,8 @@ def forecast(
         found = found.update(got["observed"])
     if plot is not None:
         _draw(found, plot)
-    print_json(found.to_dict(reserve)) if as_json else _show_forecast(found, reserve)
+    leaving = LEAVE_PROBABILITY if observed is None else None
+    print_json(found.to_dict(reserve, leaving)) if as_json else _show_forecast(found, reserve)
 
 
 def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
@@ -246,9 +252,9 @@ def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
 
 
 def _require_options(reserve: float, plot: Path | None) -> None:
-    faults = []
-    if not 0.0 <= reserve <= 1.0:
-        faults.append(Fault("value out of range", "--reserve", f"{reserve:g}", "0 to 1"))
+    from tripwatt.trips.schema import QUANTITIES, number_faults
+
+    faults = list(number_faults("--reserve", reserve, QUANTITIES["reserve"]))
     if plot is not None and plot.suffix.lower() not in PLOT_SUFFIXES:
         faults.append(Fault("unknown image format", "--plot", str(plot), ", ".join(PLOT_SUFFIXES)))
     if plot is not None and not plot.absolute().parent.is_dir():
@@ -270,34 +276,61 @@ def _draw(found: Forecast, plot: Path) -> None:
 
 
 def _where_empty(found: Forecast) -> list[tuple[str, str]]:
-    """A row with the distance at which the battery runs empty, where it may on this trip."""
-    early, expected, late = (None if m is None else m / 1000.0 for m in found.empty_at_m)
+    """Rows with where the battery runs empty and what it lacks, where it may on this trip."""
+    from tripwatt.cli.sentences import where_empty
+
+    early, expected, _ = found.empty_at_m
     if early is None:
         return []
     if expected is None:
-        return [("battery empty", f"possible from {early:.0f} km on")]
-    until = "later than this trip" if late is None else f"{late:.0f} km"
-    return [("battery empty", f"after {expected:.0f} km ({early:.0f} km to {until})")]
+        return [("battery empty", f"possible from {early / 1000.0:.0f} km on")]
+    least, missing, most = (wh / 1000.0 for wh in found.missing_wh)
+    beyond = f"{missing:.2f} kWh ({least:.2f} to {most:.2f} kWh)"
+    return [("battery empty", where_empty(found)), ("more than the battery holds", beyond)]
+
+
+def _arrival(found: Forecast) -> list[tuple[str, str]]:
+    """Rows with the charge at arrival and its interval; of a battery that does not last only the best case."""
+    least, most = (f"{100.0 * soc:.0f}" for soc in found.soc_interval(0.9))
+    if found.missing_wh[1] > 0.0:
+        best = [("at best", f"{most} %")] if most != "0" else []
+        return [("state of charge at arrival", "empty before the end"), *best]
+    charge = f"{100.0 * found.soc_arrival:.0f} %"
+    return [("state of charge at arrival", charge), ("90 % interval of it", f"{least} to {most} %")]
+
+
+def _unknown_climb(found: Forecast, reserve: float) -> list[tuple[str, str]]:
+    """Rows for a road of unknown heights: what climb takes, and the climb with which the reserve is lost."""
+    per_metre, climb = found.soc_per_climb_m, found.climb_to(reserve)
+    if per_metre is None:
+        return []
+    rows = [("each 100 m of unknown climb", f"{1e4 * per_metre:.1f} points")]
+    if climb is not None:
+        rows.append((f"climb that leaves {100.0 * reserve:g} %", f"{climb:.0f} m"))
+    return rows
 
 
 def _show_forecast(found: Forecast, reserve: float) -> None:
     from tripwatt.cli.sentences import chance, forecast_in_words
     from tripwatt.forecasting.plots import CAUSE_NAMES
-    from tripwatt.trips.messages import period
+    from tripwatt.trips.messages import leave_in_words, period
 
-    (low, high), (least, most) = found.interval(0.9), found.soc_interval(0.9)
+    low, high = found.interval(0.9)
     when = "before departure" if found.measured_until_s <= 0.0 else f"after {period(found.measured_until_s)}"
     rows = [
         ("car", found.vehicle.title),
         ("energy", f"{found.energy_wh / 1000.0:.2f} kWh"),
         ("90 % interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
-        ("state of charge at arrival", f"{100.0 * found.soc_arrival:.0f} %"),
-        ("90 % interval of it", f"{100.0 * least:.0f} to {100.0 * most:.0f} %"),
+        *_arrival(found),
         *_where_empty(found),
         ("probability to arrive", chance(found.p_arrive())),
         (f"probability to arrive with {100.0 * reserve:g} % or more", chance(found.p_arrive(reserve))),
+        *_unknown_climb(found, reserve),
     ]
-    typer.echo(f"{forecast_in_words(found, found.plan.trip_id)}\n")
+    typer.echo(forecast_in_words(found, found.plan.trip_id))
+    if found.measured_until_s <= 0.0:
+        typer.echo(leave_in_words(found.soc_needed(reserve, LEAVE_PROBABILITY), reserve, LEAVE_PROBABILITY))
+    typer.echo("")
     print_table(f"Forecast {when}, given {found.given}", ("forecast", ""), rows, numbers=("",))
     causes = [
         (CAUSE_NAMES.get(cause, cause), f"{round(energy / 1000.0, 3) + 0.0:+.3f} kWh")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tripwatt.cli.options import JsonOption, examples, gather, options_named
+from tripwatt.cli.options import JsonOption, TerrainOption, examples, gather, options_named
 from tripwatt.cli.printing import print_json, print_notes, print_table
 from tripwatt.errors import Fault, InvalidInput
 
@@ -148,6 +148,7 @@ def plan(
             metavar="MODE", help="What climate control may do: auto, off, heat or cool.", show_default=False
         ),
     ] = None,
+    terrain: TerrainOption = None,
     places_url: PlacesOption = "",
     weather: WeatherOption = "",
     stations: StationsOption = None,
@@ -169,7 +170,11 @@ def plan(
             lambda: got.update(weather=_weather_by_hand(wind, rain, ambient)),
             lambda: got.update(
                 departure=Departure(
-                    soc=soc, ambient_temperature_degc=ambient, payload_mass_kg=payload, climate=climate
+                    soc=soc,
+                    ambient_temperature_degc=ambient,
+                    payload_mass_kg=payload,
+                    climate=climate,
+                    terrain=terrain,
                 )
             ),
             lambda: got.update(options=JourneyOptions(reserve, alternatives, round_trip)),
@@ -193,6 +198,7 @@ def reach(
     reserve: Annotated[
         float, typer.Option(min=0.0, max=1.0, metavar="0..1", help="State of charge to keep.")
     ] = 0.0,
+    terrain: TerrainOption = None,
     vehicle: CarOption = None,
     model: ModelOption = None,
     places_url: PlacesOption = "",
@@ -201,15 +207,14 @@ def reach(
     """Show how far a charge carries in every direction, with 95 % and with 50 %."""
     from tripwatt.forecasting import load_model
     from tripwatt.journey import AtlasSettings, Drive, find_reach, open_atlas
-    from tripwatt.routes.search import find_place
     from tripwatt.transfer.zero_shot import on_vehicle
     from tripwatt.trips import Departure
 
     with options_named():
         atlas = open_atlas(AtlasSettings(map_, places_url))
         own, flags = on_vehicle(load_model(model), vehicle)
-        departure = Departure(soc=soc, ambient_temperature_degc=ambient)
-        place = find_place(start, atlas.places, "FROM")
+        departure = Departure(soc=soc, ambient_temperature_degc=ambient, terrain=terrain)
+        place = atlas.find(start, "FROM")
         found = find_reach(Drive(own, departure, None, flags), place, atlas, reserve=reserve)
     if as_json:
         print_json(found.to_dict())
@@ -302,6 +307,7 @@ def _show(found: Journey) -> None:
     from tripwatt.cli.sentences import chance, journey_in_words
     from tripwatt.trips.messages import period
 
+    typer.echo(f"From {' to '.join(place.described for place in found.stops)}.")
     for sentence in journey_in_words(found):
         typer.echo(sentence)
     typer.echo("")
@@ -316,10 +322,19 @@ def _show(found: Journey) -> None:
                 period(forecast.plan.duration_s),
                 f"{forecast.energy_wh / 1000.0:.2f} kWh",
                 f"{100.0 * forecast.soc_arrival:.0f} % ({100.0 * low:.0f} to {100.0 * high:.0f} %)",
+                chance(forecast.p_arrive()),
                 chance(forecast.p_arrive(found.reserve)),
             )
         )
-    columns = ("road", "length", "time", "energy", "arrival with", f"{100.0 * found.reserve:g} % or more")
+    columns = (
+        "road",
+        "length",
+        "time",
+        "energy",
+        "arrival with",
+        "arrives",
+        f"{100.0 * found.reserve:g} % or more",
+    )
     print_table(f"Roads, given {found.forecast.given}", columns, rows, numbers=columns[1:4])
     costs = [(name, f"{wh / 1000.0:+.2f} kWh") for name, wh in found.costs_wh.items() if abs(wh) >= 1.0]
     if costs:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from tripwatt.cli.options import JsonOption, examples, gather, model_of
+from tripwatt.cli.printing import print_notes
 from tripwatt.errors import Fault, InvalidInput
 
 if TYPE_CHECKING:
@@ -158,7 +159,9 @@ def _forecaster(plan: Path | None, model: Path | None, vehicle: str | None, rese
 
     car = None if vehicle is None else load_vehicle(vehicle)
     road = None if plan is None else read_route(plan)
-    return LiveForecaster(on_vehicle(model_of(model), car)[0], road, reserve)
+    own, flags = on_vehicle(model_of(model), car)
+    print_notes(flags)
+    return LiveForecaster(own, road, reserve)
 
 
 def _printer(as_json: bool) -> Any:
@@ -187,6 +190,7 @@ def sentence(document: dict[str, Any]) -> str:
         parts += [
             f"{found['energy_wh'] / 1000.0:.2f} kWh in all",
             f"arrival with {found['soc_arrival']:.0%} ({low:.0%} to {high:.0%})",
-            f"{found['p_arrive']:.1%} to arrive with {found['reserve']:.0%}",
+            f"{found['p_arrive_at_all']:.1%} to arrive",
+            f"{found['p_arrive']:.1%} with {found['reserve']:.0%}",
         ]
     return ", ".join([*parts, *(fault["what"] for fault in document["faults"])])

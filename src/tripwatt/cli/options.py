@@ -64,6 +64,16 @@ SetOption = Annotated[
         show_default=False,
     ),
 ]
+TerrainOption = Annotated[
+    str | None,
+    typer.Option(
+        "--terrain",
+        metavar="COUNTRY",
+        help="Country of a road whose heights are unknown: flat, hilly, mountains or unknown. It bounds the climb that the interval "
+        "allows for.",
+        show_default=False,
+    ),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 
 OPTION_OF: Final = {
@@ -75,8 +85,10 @@ OPTION_OF: Final = {
     "payload_mass_kg": "--payload",
     "climate": "--climate",
     "extras": "--extra",
+    "terrain": "--terrain",
     "speed_m_s": "--speed",
     "vehicle": "--vehicle",
+    "reserve": "--reserve",
 }
 """Field of a departure, or argument of the library -> the option that gives it."""
 CARS: Final[Mapping[str, str]] = MappingProxyType(

@@ -227,7 +227,8 @@ def _show_learned(about: Mapping[str, Any]) -> None:
         typer.echo(
             f"last {latest['trips']} trips: error {_percent(by_book['weighted_error'])} without own trips, "
             f"{_percent(latest['weighted_error'])} with what the car learned; width of the 90% interval "
-            f"{_percent(by_book['width'])} and {_percent(latest['width'])} of the energy"
+            f"{_percent(by_book['width'])} and {_percent(latest['width'])} of the energy, "
+            f"{_percent(latest['needed_width'])} was needed to hold 90% of them"
         )
     rows = [
         (WORDS.get(name, name), f"{found['change']:+.1%}", f"{found['sd']:.1%}")
@@ -249,11 +250,13 @@ def _show_scores(about: Mapping[str, Any]) -> None:
             f"{score['trips']}",
             _percent(score["weighted_error"]),
             "" if score["bias"] is None else f"{score['bias']:+.1%}",
-            _percent(score["coverage"], 0),
+            f"{score['inside']}",
+            _percent(score["width"]),
+            _percent(score["needed_width"]),
         )
         for name, score in {"all": about["score"], **about["by_temperature"]}.items()
     ]
-    columns = ("outside air", "trips", "error", "bias", "within 90%")
+    columns = ("outside air", "trips", "error", "bias", "within 90%", "its width", "width that was needed")
     print_table("Forecasts, each before its trip was learned", columns, rows, numbers=columns[1:])
 
 

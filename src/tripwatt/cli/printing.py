@@ -77,16 +77,16 @@ def print_table(
     shown.print(table, crop=False)
 
 
-def _sentence(flag: Flag) -> str:
-    from tripwatt.trips.messages import message  # pandas is slow to import
+def _note(flag: Flag) -> str:
+    from tripwatt.trips.messages import SERIOUS, message  # pandas is slow to import
 
-    return message(flag)
+    return f"{'warning' if flag.code in SERIOUS else 'note'}: {message(flag)}"
 
 
 def print_notes(notes: Iterable[str | Flag]) -> None:
-    """Notes on standard error; a flag as its sentence."""
+    """Notes on standard error; a flag as its sentence, a serious one as a warning."""
     for note in notes:
-        console().print(f"note: {note if isinstance(note, str) else _sentence(note)}")
+        console().print(f"note: {note}" if isinstance(note, str) else _note(note))
 
 
 PROGRESS_EVERY_S: Final = 5.0

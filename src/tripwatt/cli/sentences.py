@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any, Final
 
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
@@ -60,28 +59,34 @@ def _arrival(forecast: Forecast) -> str:
     end, low, high = (
         float(along[name].iloc[-1]) for name in ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
     )
-    if end <= 0.0:
-        return (
-            f"Leaving with {_percent(start)} % the battery does not last for the trip; "
-            f"the probability to arrive is {_percent(forecast.p_arrive())} %."
+    arrives = f"The probability to arrive is {chance(forecast.p_arrive())}."
+    if forecast.missing_wh[1] > 0.0:
+        least, missing, most = forecast.missing_wh
+        text = (
+            f"Leaving with {_percent(start)} % the battery is empty {where_empty(forecast)}: the trip takes {_kwh(missing)} kWh "
+            f"({_kwh(least)} to {_kwh(most)} kWh) more than it holds. {arrives}"
         )
-    band = f"{_percent(low)} to {_percent(high)} %"
-    text = f"Leaving with {_percent(start)} % you arrive with {_percent(end)} % ({band})."
-    if low <= 0.0:
-        text += f" The probability to arrive is {_percent(forecast.p_arrive())} %."
-    return text
+        return f"{text} At best you arrive with {_percent(high)} %." if _percent(high) != "0" else text
+    text = f"Leaving with {_percent(start)} % you arrive with {_percent(end)} % ({_percent(low)} to {_percent(high)} %)."
+    return f"{text} {arrives}" if low <= 0.0 else text
+
+
+def where_empty(forecast: Forecast) -> str:
+    """Where a battery that is expected to run empty does so, with the ends of the 90 % band."""
+    early, expected, late = (None if m is None else f"{m / 1000.0:.0f}" for m in forecast.empty_at_m)
+    return (
+        f"after {expected} km ({early} to {late} km)"
+        if late
+        else f"after {expected} km ({early} km or later)"
+    )
 
 
 def journey_in_words(journey: Journey) -> list[str]:
     """What a driver asks of a journey, a sentence each: arrival, charge to leave with, speed, charging stop."""
     forecast, reserve = journey.forecast, _percent(journey.reserve)
     title = " to ".join(place.title for place in journey.stops)
-    sentences = [forecast_in_words(forecast, title)]
-    if journey.soc_needed is None:
-        sentences.append(f"A full battery does not suffice to arrive with {reserve} % in 19 of 20 trips.")
-    else:
-        needed = math.ceil(100.0 * journey.soc_needed - 1e-9)
-        sentences.append(f"Leave with {needed} % to arrive with {reserve} % or more in 19 of 20 trips.")
+    sentences = [forecast_in_words(forecast, title), *unknown_climb_in_words(forecast, journey.reserve)]
+    sentences.append(journey.leave)
     advice = journey.speed
     if advice is not None and advice.speed_m_s is not None:
         speed = round(advice.speed_m_s / M_S_PER_KM_H)
@@ -95,6 +100,17 @@ def journey_in_words(journey: Journey) -> list[str]:
             f"{chance(stop.p_station)}, and then to arrive with {reserve} % {chance(stop.p_arrive)}."
         )
     return sentences
+
+
+def unknown_climb_in_words(forecast: Forecast, reserve: float) -> list[str]:
+    """What the heights that nobody knows may change; nothing where they are known or no such climb changes the arrival."""
+    per_metre, climb = forecast.soc_per_climb_m, forecast.climb_to(reserve)
+    if per_metre is None or climb is None:
+        return []
+    return [
+        f"This is not certain: the heights of the road are unknown. Each 100 m of climb takes {1e4 * per_metre:.1f} points; "
+        f"with {climb:,.0f} m of climb you arrive with {_percent(reserve)} %."
+    ]
 
 
 def held_out_in_words(trip: Mapping[str, Any], subject: str) -> str:

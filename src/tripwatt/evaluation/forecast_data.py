@@ -116,6 +116,16 @@ class ForecastData:
             return vehicle, self.segments
         return vehicle, resimulated(self.segments, self.plans, vehicle)
 
+    def take_stages(self, members: IntArray) -> ForecastData:
+        """Some of the trips with what `identified` needs of them; the rest is empty."""
+        return replace(
+            self.slim(),
+            segments=self.segments.take(members),
+            data_features=self.data_features.iloc[:0],
+            plans=tuple(self.plans[i] for i in members),
+            stages=tuple(self.stages[i] for i in members),
+        )
+
     def slim(self) -> ForecastData:
         """Segments and data features alone: cheap to send to a process."""
         return replace(self, table=self.table.take([]), plans=(), logs=(), stages=())

@@ -31,6 +31,7 @@ from tripwatt.evaluation.protocol import FoldResult
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.hybrid import power_corrector
 from tripwatt.hybrid.climate_log import TOLD_BY
+from tripwatt.hybrid.familiarity import Familiarity
 from tripwatt.hybrid.power import LearnerCorrector
 from tripwatt.trips import Plan
 
@@ -154,7 +155,7 @@ class PowerTask:
         held_out = np.asarray(
             learner.leave_groups_out(columns, target, groups=segments.groups, folds=row_folds)
         )
-        totals = segments.totals_wh(start + held_out)
+        totals = segments.totals_wh(start + held_out * self._share(row_folds))
         began = time.perf_counter()
         learner.fit(columns, target, groups=segments.groups)
         fitted = time.perf_counter()
@@ -165,6 +166,17 @@ class PowerTask:
             FoldResult(self.evaluation, name, fold, totals[self.folds == fold], fitted - began, each_ms)
             for fold in self.members
         ]
+
+    def _share(self, row_folds: IntArray) -> FloatArray:
+        """Share of a correction that counts in each row, as its fold was left out; 1 without physics."""
+        features, share = self.data.segments.features, np.ones(len(row_folds))
+        if self.spec.simulation is None:
+            return share
+        columns = _learner(self.spec.corrector, self.seed).features
+        for fold in self.members:
+            own = row_folds == fold
+            share[own] = Familiarity.from_features(features[~own], columns).share(features[own])
+        return share
 
     def _run_fold(self, fold: int) -> FoldResult:
         test = np.flatnonzero(self.folds == fold)
@@ -293,7 +305,8 @@ class ForecastTask:
         began = time.perf_counter()
         vehicle, segments = self.data.identified(train)
         model = ForecastModel(vehicle, self.spec.corrector, self.seed)
-        model.fit_segments(segments.take(train))
+        training = self.data.take_stages(train)
+        model.fit_segments(segments.take(train), again=lambda kept: training.identified(kept)[1])
         fitted = time.perf_counter()
         plans = [self.data.plans[int(i)] for i in test]
         forecasts = [model.forecast(plan) for plan in plans]
@@ -412,7 +425,7 @@ def _arrivals(
             alone = replace(plan, departure=replace(departure, **{other: None}))
             found = model.forecast(alone)
             rows.append([found.soc_arrival, *found.soc_interval(UPDATE_LEVEL)])
-            chances.append([found.p_arrive(found.soc_arrival + offset) for offset in RESERVE_OFFSETS])
+            chances.append([found.p_above(found.soc_arrival + offset) for offset in RESERVE_OFFSETS])
     n = len(plans)
     return {
         "shown": np.array(observed),

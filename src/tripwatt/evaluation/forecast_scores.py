@@ -9,7 +9,6 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.evaluation.metrics import (
@@ -18,6 +17,7 @@ from tripwatt.evaluation.metrics import (
     bootstrap_interval,
     paired_difference,
 )
+from tripwatt.uncertainty.coverage import Coverage
 
 FORECAST: Final = "hybrid"
 """Name of the forecast in the files of the protocol."""
@@ -59,19 +59,6 @@ class ForecastInsight:
     causes: pd.DataFrame
     series: Mapping[str, pd.DataFrame]
     logs: Mapping[str, pd.DataFrame]
-
-
-def clopper_pearson(hits: int, n: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Exact interval of a proportion (Clopper and Pearson 1934).
-
-    Examples
-    --------
-    >>> low, high = clopper_pearson(9, 10)
-    >>> round(low, 3), round(high, 4)
-    (0.555, 0.9975)
-    """
-    found = stats.binomtest(hits, n).proportion_ci(confidence, method="exact")
-    return float(found.low), float(found.high)
 
 
 def crps(observed_wh: FloatArray, quantiles_wh: FloatArray) -> FloatArray:
@@ -117,18 +104,23 @@ def coverage_scores(
     Returns
     -------
     dict
-        `coverage`, `coverage_ci95` (Clopper-Pearson), `coverage_bootstrap95` and `interval_width_wh`, each by level.
+        `coverage`, `coverage_ci95` (Clopper-Pearson), `coverage_bootstrap95`, `inside` (number of trips), `interval_width_wh` and
+        `needed_width_wh` (see `Coverage`), each by level.
     """
     inside = (observed_wh[:, None] >= low_wh) & (observed_wh[:, None] <= high_wh)
-    keys = [f"{level:g}" for level in LEVELS]
-    n = len(observed_wh)
+    found = {
+        f"{level:g}": Coverage.from_bounds(observed_wh, low_wh[:, j], high_wh[:, j], level)
+        for j, level in enumerate(LEVELS)
+    }
     return {
-        "coverage": {k: float(inside[:, j].mean()) for j, k in enumerate(keys)},
-        "coverage_ci95": {k: clopper_pearson(int(inside[:, j].sum()), n) for j, k in enumerate(keys)},
+        "coverage": {k: one.share for k, one in found.items()},
+        "coverage_ci95": {k: one.ci95 for k, one in found.items()},
         "coverage_bootstrap95": {
-            k: bootstrap_interval(inside[:, j].astype(float), seed) for j, k in enumerate(keys)
+            k: bootstrap_interval(inside[:, j].astype(float), seed) for j, k in enumerate(found)
         },
-        "interval_width_wh": {k: float((high_wh - low_wh)[:, j].mean()) for j, k in enumerate(keys)},
+        "inside": {k: one.inside for k, one in found.items()},
+        "interval_width_wh": {k: one.width for k, one in found.items()},
+        "needed_width_wh": {k: one.needed_width for k, one in found.items()},
     }
 
 
@@ -222,7 +214,7 @@ def arrival_scores(
     Returns
     -------
     dict
-        Start -> `n_trips, mae, bias, coverage, coverage_ci95, interval_width` [1], `reliability`: see `reliability`;
+        Start -> `n_trips, mae, bias, coverage, coverage_ci95, inside, interval_width, needed_width` [1], `reliability`: see `reliability`;
         None where no trip has the readings.
     """
     found: dict[str, dict[str, Any] | None] = {}
@@ -232,15 +224,17 @@ def arrival_scores(
             found[start] = None
             continue
         truth, (centre, low, high) = shown[known], arrival[known, k].T
-        inside = (low <= truth) & (truth <= high)
+        covered = Coverage.from_bounds(truth, low, high, UPDATE_LEVEL)
         arrived = truth[:, None] >= centre[:, None] + np.array(RESERVE_OFFSETS)
         found[start] = {
             "n_trips": int(known.sum()),
             "mae": float(np.mean(np.abs(centre - truth))),
             "bias": float(np.mean(centre - truth)),
-            "coverage": float(inside.mean()),
-            "coverage_ci95": clopper_pearson(int(inside.sum()), len(inside)),
-            "interval_width": float(np.mean(high - low)),
+            "coverage": covered.share,
+            "coverage_ci95": covered.ci95,
+            "inside": covered.inside,
+            "interval_width": covered.width,
+            "needed_width": covered.needed_width,
             "reliability": reliability(chance[known, k], arrived, seed),
         }
     return found

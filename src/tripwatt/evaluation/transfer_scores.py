@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from statistics import NormalDist
 from typing import Any, Final
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.evaluation.forecast_scores import LEVELS
 from tripwatt.evaluation.metrics import leaves_out_zero
 from tripwatt.hybrid.hierarchy import DrawsForecast
+from tripwatt.uncertainty import Coverage
 
 RESAMPLES: Final = 4000
-_HALF: Final = 1.6448536269514722  # standard deviations of the central 90 % of a normal distribution
 
 
 def resamples(n_trips: int, seed: int, n: int = RESAMPLES) -> IntArray:
@@ -71,7 +73,11 @@ def curve_row(
     index: IntArray,
     seed: int,
 ) -> dict[str, Any]:
-    """What k own trips give: means over the draws, their spread, and the interval over draws and trips together."""
+    """What k own trips give: means over the draws, their spread, and the interval over draws and trips together.
+
+    Of one draw also what its normal intervals hold, by level: `coverage`, `coverage_ci95`, `inside`, `interval_width_wh`,
+    `needed_width_wh` (see `Coverage`).
+    """
     miss = simulated_wh + forecast.mean_wh - observed_wh
     total = float(observed_wh.sum())
     error, bias = np.abs(miss).sum(axis=1) / total, miss.sum(axis=1) / total
@@ -85,7 +91,36 @@ def curve_row(
         "error_of_draws": [float(q) for q in np.quantile(error, (0.025, 0.5, 0.975))],
         "bias": float(bias.mean()),
         "share_in_common": float(forecast.share.mean()),
-        "inside_90": float(np.mean(np.abs(miss) <= _HALF * forecast.sd_wh)),
+        "inside_90": float(np.mean(np.abs(miss) <= half_width(0.9) * forecast.sd_wh)),
+        **(_intervals(observed_wh, miss[0], forecast.sd_wh[0]) if len(miss) == 1 else {}),
+    }
+
+
+def half_width(level: float) -> float:
+    """Standard deviations of a central interval of a normal distribution.
+
+    Examples
+    --------
+    >>> round(half_width(0.9), 4)
+    1.6449
+    """
+    return NormalDist().inv_cdf(0.5 + 0.5 * level)
+
+
+def _intervals(observed_wh: FloatArray, miss: FloatArray, sd_wh: FloatArray) -> dict[str, Any]:
+    centre = observed_wh + miss
+    found = {
+        f"{level:g}": Coverage.from_bounds(
+            observed_wh, centre - half_width(level) * sd_wh, centre + half_width(level) * sd_wh, level
+        )
+        for level in LEVELS
+    }
+    return {
+        "coverage": {key: one.share for key, one in found.items()},
+        "coverage_ci95": {key: list(one.ci95) for key, one in found.items()},
+        "inside": {key: one.inside for key, one in found.items()},
+        "interval_width_wh": {key: one.width for key, one in found.items()},
+        "needed_width_wh": {key: one.needed_width for key, one in found.items()},
     }
 
 

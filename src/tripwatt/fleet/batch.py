@@ -24,6 +24,7 @@ from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.storage import load_fleet
 from tripwatt.routes import plan_from_route, route_from_links
 from tripwatt.trips import LINK_COLUMNS, Departure, raise_faults
+from tripwatt.trips.schema import Column, number_faults, scalar_faults
 
 QUANTILES: Final = (0.05, 0.5, 0.95)
 TRIPS_AT_ONCE: Final = 200
@@ -88,13 +89,14 @@ def forecast_batch(
     InvalidInput
         When a file cannot be read, a column is missing, or a quantile cannot be one.
     """
-    raise_faults(
+    inside = Column("1", 0.0, 1.0, "")
+    faults = [fault for q in quantiles for fault in number_faults("quantiles", q, inside)]
+    faults += [
         Fault("value out of range", "quantiles", f"{q:g}", "more than 0 and less than 1")
         for q in quantiles
-        if not 0.0 < q < 1.0
-    )
-    if not 0.0 <= reserve < 1.0:
-        raise InvalidInput(Fault("value out of range", "reserve", f"{reserve:g}", "0 to 1"))
+        if q in (0.0, 1.0)
+    ]
+    raise_faults([*faults, *scalar_faults({"reserve": reserve})])
     try:
         file = pq.ParquetFile(source)
     except (OSError, pa.ArrowException) as error:

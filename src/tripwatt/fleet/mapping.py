@@ -28,6 +28,7 @@ from tripwatt.fleet.executors import map_bounded
 from tripwatt.fleet.features import FEATURES, trip_features, trip_variance_wh2
 from tripwatt.fleet.statistics import NO_DRIVER, ROWS, TripRows
 from tripwatt.hybrid import SegmentTable, segment_table
+from tripwatt.hybrid.energy_errors import unknown_climb_wh
 from tripwatt.physics import simulate_trip
 from tripwatt.store import TripStore, read_file
 from tripwatt.store.delta import DeltaFolder
@@ -254,7 +255,8 @@ def segments_of(drive: Trip, car_model: str, *, charge: bool = True) -> SegmentT
     measured = replace(drive, samples=table_of({name: drive.array(name) for name in names if name in drive}))
     try:
         plan = plan_from_trip(drive)
-        return segment_table(plan, simulate_trip(car_of(car_model), plan), measured)
+        car = car_of(car_model)
+        return segment_table(plan, simulate_trip(car, plan), measured, climb_wh=unknown_climb_wh(plan, car))
     except InvalidInput:
         return None
 

@@ -24,8 +24,9 @@ from tripwatt.fleet.mapping import SampledTrips, car_of, map_store, read_rows, s
 from tripwatt.fleet.statistics import NO_DRIVER, Sums, TripRows
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.model import ForecastModel
-from tripwatt.forecasting.ranges import Range, training_ranges
+from tripwatt.forecasting.ranges import training_ranges
 from tripwatt.hybrid import SegmentTable
+from tripwatt.hybrid.familiarity import Range
 from tripwatt.store import TripStore
 from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.uncertainty import ChargeScale, ConformalScores, UncertaintyModel

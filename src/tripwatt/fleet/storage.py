@@ -16,7 +16,7 @@ from tripwatt.fleet.corrector import FleetTrees
 from tripwatt.fleet.hierarchy import Posterior
 from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.statistics import Sums
-from tripwatt.forecasting.ranges import Range
+from tripwatt.hybrid.familiarity import Range
 from tripwatt.modelfile import read_model, write_model
 from tripwatt.uncertainty import ChargeScale, ConformalScores, UncertaintyModel
 from tripwatt.uncertainty.process import ResidualProcess

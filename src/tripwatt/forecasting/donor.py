@@ -19,7 +19,7 @@ from tripwatt.hybrid.hierarchy import Members
 from tripwatt.trips import Trip
 from tripwatt.uncertainty import ConformalScores, TotalScale
 from tripwatt.uncertainty.held_out import process_segments
-from tripwatt.uncertainty.scale import TAIL_DF
+from tripwatt.uncertainty.scale import T_VARIANCE
 
 MASKABLE: Final = ("cabin_temperature_degc", "cabin_setpoint_degc", "battery_temperature_degc")
 """Inputs of a departure that corrections depend on and that many logs lack."""
@@ -53,7 +53,7 @@ class DonorModel:
         none = [np.zeros((len(trip.hours), 1)) for trip in trips]
         sd = [self.scale.sd_wh(process_segments(t, zero)) for t, zero in zip(trips, none, strict=True)]
         own = np.array([trip.observed_energy_std_wh or 0.0 for trip in measured] or [0.0])
-        variance = np.square(sd) * TAIL_DF / (TAIL_DF - 2.0)  # of the t distribution with this scale
+        variance = np.square(sd) * T_VARIANCE  # of the t distribution with this scale
         return np.asarray(variance + own**2)
 
 

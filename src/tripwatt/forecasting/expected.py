@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -10,14 +10,22 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.hybrid import PowerCorrector, SegmentTable
-from tripwatt.physics import Simulation
+from tripwatt.physics import Simulation, simulate_trip
+from tripwatt.routes.terrain import LOCAL_M, NetClimbs
 from tripwatt.trips import Plan
 from tripwatt.uncertainty import Segments
+from tripwatt.uncertainty.climb import ClimbingEnergy
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
 LEAST_RESISTANCE: Final = 0.5
 """Part of air drag and rolling resistance that every trip has: tail wind and good tyres take less than half of them."""
+FAR: Final = 0.99
+"""Quantile of the net climb up to which a road of unknown heights is simulated; energy is linear beyond."""
+EVEN: Final = (-1.0, -0.3, 0.3, 1.0)
+"""Even climbs that are simulated, over that quantile."""
+HILLS: Final = (0.03, 0.08)
+"""Grades of the simulated roads that go up and down."""
 LEAST_CAUSES: Final = ("air", "rolling", "climb", "acceleration")
 
 
@@ -83,6 +91,31 @@ class ExpectedDrive:
         return np.asarray(
             LEAST_RESISTANCE * (part["air"] + part["rolling"]) + part["climb"] + part["acceleration"]
         )
+
+    def climbing_energy(self, net: NetClimbs) -> ClimbingEnergy:
+        """The drive simulated at even grades and on hills, for a road of unknown heights. O(samples) for each."""
+        way = float(self.distance_m[-1])
+        steepest = float(net.quantile(FAR, way)) / max(way, 1.0)
+        grade = np.array(EVEN) * max(steepest, 1e-3)
+        at = np.interp(self.plan.array("time_s") - self.simulation.time_s[0], self.edges_s, self.distance_m)
+        by_turns = np.where((at / LOCAL_M).astype(np.int64) % 2, -1.0, 1.0)
+        none = np.zeros((1, len(self.edges_s)))
+        even = np.array([self._climbing_wh(g) for g in grade])
+        hills = np.array([self._climbing_wh(g * by_turns) for g in HILLS])
+        return ClimbingEnergy(
+            np.insert(grade, len(EVEN) // 2, 0.0),
+            np.insert(even, len(EVEN) // 2, none, axis=0),
+            np.array((0.0, *HILLS)),
+            np.concatenate((none, hills)),
+            self.distance_m,
+            net,
+        )
+
+    def _climbing_wh(self, grade: FloatArray | float) -> FloatArray:
+        """Energy up to each edge more than without a grade [Wh], shape (segments + 1,)."""
+        climbing = replace(self.plan, samples=self.plan.samples.assign(grade=grade))
+        more = simulate_trip(self.vehicle, climbing).energy_wh - self.simulation.energy_wh
+        return np.interp(self.edges_s, self.simulation.time_s - self.simulation.time_s[0], more)
 
     @cached_property
     def wh_per_soc(self) -> float:

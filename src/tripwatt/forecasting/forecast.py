@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -12,12 +13,20 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting.expected import ExpectedDrive
-from tripwatt.forecasting.measured import Measured, checked_samples, read_measured, since_departure
+from tripwatt.forecasting.measured import (
+    ChargeReading,
+    Measured,
+    checked_samples,
+    read_measured,
+    since_departure,
+)
 from tripwatt.forecasting.plausible import implausible_faults
 from tripwatt.forecasting.update import updated_power
 from tripwatt.parallel import one_blas_thread
-from tripwatt.trips import Flag, Plan, raise_faults
-from tripwatt.trips.messages import flag_to_dict, message
+from tripwatt.routes.links import FLAT_ROAD
+from tripwatt.trips import Departure, Flag, Plan, raise_faults
+from tripwatt.trips.messages import flag_to_dict, leave_in_words, message
+from tripwatt.trips.schema import require_fraction, require_number
 from tripwatt.trips.showing import html_table
 from tripwatt.uncertainty import (
     ChargeScale,
@@ -26,6 +35,7 @@ from tripwatt.uncertainty import (
     UncertaintyModel,
 )
 from tripwatt.uncertainty.charge import FULL
+from tripwatt.uncertainty.climb import ClimbingEnergy, Excess, UnknownClimb
 from tripwatt.uncertainty.free_flow import FreeFlowUncertainty
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
@@ -36,12 +46,18 @@ if TYPE_CHECKING:
 QUANTILES: Final = (0.025, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.975)
 ARRIVAL_LEVELS: Final = (0.0, 0.05, 0.1, 0.2)
 BAND: Final = 0.9
+ARRIVAL_BAND: Final = (0.95, 0.5, 0.05)
+"""Probabilities of the low end, the middle and the high end of the band."""
 STRAIGHT: Final = 0.75
 """Part of the way from the expected to the least energy over which a distance below counts as it is."""
 DRIVEN: Final = "the driven speed trace"
 PLANNED: Final = "a planned route"
 FREE_FLOW: Final = "a planned route, free flow"
 NOT_MEASURED: Final = Measured(0.0)
+SOC_PRECISION: Final = 1e-6
+"""Of the charge to leave with."""
+OF_CHARGE: Final = frozenset({"soc_assumed", "battery_empty", "battery_full", "battery_over_voltage"})
+"""Flags that depend on the charge at departure."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -64,10 +80,14 @@ class Forecast:
         Standard deviation of the trip's energy by what is unknown of the state at departure [Wh].
     route_sd_wh : float
         Standard deviation that a planned route adds to the trip's energy [Wh]; 0 for a driven trace.
+    climbing : ClimbingEnergy or None
+        What its climb takes, on a road of unknown heights.
     flags : tuple of Flag
         What was assumed, and what limits the forecast.
     measured : Measured
         What was measured so far.
+    maker : callable or None
+        Forecasts a plan as this one was forecast; None where the forecast was put together by hand.
 
     Examples
     --------
@@ -86,8 +106,10 @@ class Forecast:
     rest_sd_factor: float = 1.0
     state_sd_wh: float = 0.0
     route_sd_wh: float = 0.0
+    climbing: ClimbingEnergy | None = None
     flags: tuple[Flag, ...] = ()
     measured: Measured = NOT_MEASURED
+    maker: Callable[[Plan], Forecast] | None = None
 
     @property
     def plan(self) -> Plan:
@@ -126,9 +148,11 @@ class Forecast:
 
     @cached_property
     def segment_energy_wh(self) -> FloatArray:
-        """Energy of each segment [Wh]: what was measured, and the mean power over the rest of it."""
-        ahead = self.power_w * self.open_hours
-        return ahead if self.measured.energy_wh is None else np.asarray(self.measured.energy_wh + ahead)
+        """Energy of each segment [Wh]: what was measured, and the mean power and the unknown climb over the rest of it."""
+        energy = self.power_w * self.open_hours
+        if self.measured.energy_wh is not None:
+            energy = self.measured.energy_wh + energy
+        return np.asarray(energy + np.diff(self._excess.expected_wh))
 
     @cached_property
     def energy_wh(self) -> float:
@@ -137,8 +161,9 @@ class Forecast:
 
     @cached_property
     def sd_wh(self) -> float:
-        """Standard deviation of the energy of the whole trip [Wh]."""
-        return float(self._cumulative_sd_wh[-1])
+        """Standard deviation of the energy of the whole trip [Wh]; of an unknown climb that of its core, without the far tails."""
+        own = float(self._cumulative_sd_wh[-1])
+        return own if self._climb is None else float(np.hypot(own, self._climb.core_sd_wh[-1]))
 
     def quantile(self, p: float) -> float:
         """Quantile of the energy of the whole trip [Wh]; above the least that the drive can take.
@@ -153,6 +178,11 @@ class Forecast:
         float
             Energy [Wh] that the trip stays below with this probability.
 
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -161,7 +191,8 @@ class Forecast:
         >>> found.quantile(0.5) == found.energy_wh
         True
         """
-        half = self.uncertainty.scores.factor(abs(2.0 * p - 1.0)) * self.sd_wh
+        p = require_fraction("p", p)
+        half = abs(self._excess.quantile_at_end(p, float(self._cumulative_sd_wh[-1])))
         if p >= 0.5:
             return self.energy_wh + half
         return float(possible_energy(self.energy_wh, half, float(self._least_wh[-1])))
@@ -179,14 +210,21 @@ class Forecast:
         tuple of float
             Lower and upper bound [Wh].
 
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
+
         Examples
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
         >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> found.interval(0.9) == (found.quantile(0.05), found.quantile(0.95))
-        True
+        >>> low, high = found.interval(0.9)
+        >>> round(low, 3) == round(found.quantile(0.05), 3), round(high, 3) == round(found.quantile(0.95), 3)
+        (True, True)
         """
+        level = require_fraction("level", level)
         return self.quantile(0.5 - 0.5 * level), self.quantile(0.5 + 0.5 * level)
 
     def probability_below(self, energy_wh: float) -> float:
@@ -202,6 +240,11 @@ class Forecast:
         float
             0 to 1.
 
+        Raises
+        ------
+        InvalidInput
+            For an energy that is no finite number.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -210,10 +253,12 @@ class Forecast:
         >>> round(found.probability_below(found.quantile(0.75)), 6)
         0.75
         """
+        energy_wh = require_number("energy_wh", energy_wh)
         if self.sd_wh <= 0.0:
             return float(self.energy_wh <= energy_wh)
         below = distance_below(self.energy_wh, energy_wh, float(self._least_wh[-1]))
-        return self.uncertainty.scores.probability(-below / self.sd_wh)
+        ends = np.full_like(self._cumulative_sd_wh, -below)
+        return float(self._excess.probability_below(ends, self._cumulative_sd_wh)[-1])
 
     @cached_property
     def charge(self) -> ChargeScale:
@@ -224,7 +269,7 @@ class Forecast:
     @property
     def soc_arrival(self) -> float:
         """Displayed state of charge at the end of the trip, 0 to 1; 0 when the battery does not last."""
-        return float(np.clip(self._charge_band[0][-1], 0.0, 1.0))
+        return float(np.clip(self._arrival_band[1][-1], 0.0, 1.0))
 
     def soc_quantile(self, p: float) -> float:
         """Quantile of the displayed state of charge at the end of the trip, 0 to 1.
@@ -239,6 +284,11 @@ class Forecast:
         float
             State of charge that the display at arrival stays below with this probability.
 
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -247,9 +297,10 @@ class Forecast:
         >>> found.soc_quantile(0.05) < found.soc_arrival < found.soc_quantile(0.95) < 0.8
         True
         """
-        centre, sd = (values[-1] for values in self._charge_band)
-        half = self.uncertainty.scores.factor(abs(2.0 * p - 1.0)) * sd
-        return float(np.clip(centre + np.sign(p - 0.5) * half, 0.0, 1.0))
+        p = require_fraction("p", p)
+        centre, sd = (float(values[-1]) for values in self._charge_band)
+        wh = self.charge.wh_per_display
+        return float(np.clip(centre - self._excess.quantile_at_end(1.0 - p, sd * wh) / wh, 0.0, 1.0))
 
     def soc_interval(self, level: float) -> tuple[float, float]:
         """Central interval of the displayed state of charge at the end of the trip, 0 to 1.
@@ -264,20 +315,28 @@ class Forecast:
         tuple of float
             Lower and upper bound, 0 to 1.
 
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
+
         Examples
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
         >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> found.soc_interval(0.9) == (found.soc_quantile(0.05), found.soc_quantile(0.95))
-        True
+        >>> low, high = found.soc_interval(0.9)
+        >>> round(low, 6) == round(found.soc_quantile(0.05), 6), round(high, 6) == round(found.soc_quantile(0.95), 6)
+        (True, True)
         """
+        level = require_fraction("level", level)
         return self.soc_quantile(0.5 - 0.5 * level), self.soc_quantile(0.5 + 0.5 * level)
 
     def p_arrive(self, reserve: float = 0.0) -> float:
         """Probability to arrive with at least this displayed state of charge, 0 to 1.
 
-        Energy, capacity and the display itself are uncertain.
+        Energy, capacity and the display itself are uncertain. A battery that is empty on the way, such as on a pass,
+        does not arrive, whatever the way down would bring back: the least certain place counts.
 
         Parameters
         ----------
@@ -289,6 +348,11 @@ class Forecast:
         float
             0 to 1.
 
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
+
         Examples
         --------
         >>> import tripwatt as tw
@@ -297,16 +361,75 @@ class Forecast:
         >>> found.p_arrive(0.1) > found.p_arrive(0.7)
         True
         """
-        centre, sd = (float(values[-1]) for values in self._charge_band)
-        if sd <= 0.0:
-            return float(centre >= reserve)
-        return self.uncertainty.scores.probability((centre - reserve) / sd)
+        reserve = require_fraction("reserve", reserve)
+        centre, sd = self._charge_band
+        wh = self.charge.wh_per_display
+        return float(
+            self._excess.probability_below((centre - self._least_charge(reserve)) * wh, sd * wh).min()
+        )
+
+    def p_above(self, displayed_soc: float) -> float:
+        """Probability that the charge at arrival, not held in 0..1, is at least a value, which may lie outside of 0..1 as well.
+
+        Parameters
+        ----------
+        displayed_soc : float
+            Displayed state of charge.
+
+        Returns
+        -------
+        float
+            0 to 1.
+
+        Raises
+        ------
+        InvalidInput
+            For a value that is no finite number.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.1, ambient_temperature_degc=5.0))
+        >>> found.p_above(-0.05) > found.p_above(0.0)
+        True
+        """
+        displayed_soc = require_number("displayed_soc", displayed_soc)
+        centre, sd = self._charge_band
+        wh = self.charge.wh_per_display
+        return float(self._excess.probability_below((centre - displayed_soc) * wh, sd * wh)[-1])
+
+    def leaving_with(self, soc: float) -> Forecast:
+        """Forecast the trip again from another charge.
+
+        The charge changes the voltage, the resistance and what the battery recovers. On the way, what was measured is
+        kept, and the battery is charged to `soc` where its charge was last read.
+
+        Parameters
+        ----------
+        soc : float
+            Displayed state of charge, 0 to 1.
+
+        Returns
+        -------
+        Forecast
+            Of the same trip.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> found.leaving_with(0.6).soc_arrival < found.soc_arrival
+        True
+        """
+        return forecast_again(self, soc, self._charge_start[0])
 
     def soc_needed(self, reserve: float = 0.1, probability: float = 0.95) -> float:
         """Displayed state of charge to leave with, to arrive with a reserve with a probability.
 
-        Energy and its uncertainty are those of this forecast, whatever the charge at departure. Above 1 where a full
-        battery does not suffice.
+        The forecast that leaves with it has this probability: ``leaving_with(soc).p_arrive(reserve) == probability``,
+        whatever charge the plan has. Six forecasts in the median.
 
         Parameters
         ----------
@@ -318,7 +441,13 @@ class Forecast:
         Returns
         -------
         float
-            Displayed state of charge, 0 to 1, or above 1.
+            0 to 1. 0 where any charge suffices, such as on a way down. Above 1 where a full battery does not suffice:
+            1 and what a full display lacks.
+
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
 
         Examples
         --------
@@ -326,28 +455,42 @@ class Forecast:
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
         >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
         >>> leave = found.soc_needed(reserve=0.2, probability=0.95)
-        >>> 0.2 < leave < 0.8
-        True
+        >>> round(found.leaving_with(leave).p_arrive(0.2), 3)
+        0.95
         """
-        _, start, _ = self._charge_start
-        centre, sd = (float(values[-1]) for values in self._charge_band)
-        lower = centre - self.uncertainty.scores.factor(abs(2.0 * probability - 1.0)) * sd
-        return start + reserve - lower
+        reserve = require_fraction("reserve", reserve)
+        probability = require_fraction("probability", probability, 0.5)
+        return charge_with_spare(lambda soc: self.leaving_with(soc)._spare(reserve, probability))
+
+    def _spare(self, reserve: float, probability: float) -> float:
+        """Displayed charge beyond what is needed, at the place where it is least, that is exceeded with a probability."""
+        return float((self.soc_along(probability) - self._least_charge(reserve)).min())
+
+    def _least_charge(self, reserve: float) -> FloatArray:
+        """Displayed charge that each edge of the segments has to be passed with: none before the last reading."""
+        least = np.where(self._ends_s > self._charge_start[0], 0.0, -np.inf)
+        least[-1] = reserve
+        return least
 
     def soc_along(self, probability: float) -> FloatArray:
-        """Displayed charge at the edges of the segments that is exceeded with a probability, 0.5 to 1.
+        """Displayed charge at the edges of the segments that is exceeded with a probability.
 
         Not held in 0..1; the positions are those of `series`.
 
         Parameters
         ----------
         probability : float
-            0.5 to 1.
+            0 to 1.
 
         Returns
         -------
         ndarray, shape (segments + 1,)
             Displayed state of charge.
+
+        Raises
+        ------
+        InvalidInput
+            For a value that is no such fraction.
 
         Examples
         --------
@@ -357,8 +500,10 @@ class Forecast:
         >>> bool((found.soc_along(0.95) <= found.soc_along(0.5)).all())
         True
         """
+        probability = require_fraction("probability", probability)
         centre, sd = self._charge_band
-        return np.asarray(centre - self.uncertainty.scores.factor(abs(2.0 * probability - 1.0)) * sd)
+        wh = self.charge.wh_per_display
+        return np.asarray(centre - self._excess.quantile(probability, sd * wh) / wh)
 
     @property
     def empty_at_m(self) -> tuple[float | None, float | None, float | None]:
@@ -366,20 +511,19 @@ class Forecast:
 
         None where it does not on this trip.
         """
-        centre, sd = self._charge_band
-        half = self.uncertainty.scores.factor(BAND) * sd
-        early, expected, late = (self._first_empty(line) for line in (centre - half, centre, centre + half))
+        early, expected, late = (first_empty(charge, self.drive.distance_m) for charge in self._arrival_band)
         return early, expected, late
 
-    def _first_empty(self, charge: FloatArray) -> float | None:
-        empty = np.flatnonzero(charge <= 0.0)
-        if not len(empty):
-            return None
-        k, distance = int(empty[0]), self.drive.distance_m
-        if k == 0:
-            return 0.0
-        share = charge[k - 1] / (charge[k - 1] - charge[k])
-        return float(distance[k - 1] + share * (distance[k] - distance[k - 1]))
+    @property
+    def missing_wh(self) -> tuple[float, float, float]:
+        """Energy that the trip takes beyond what the battery holds [Wh]: least, expected and most, of the 90 % band.
+
+        0 where the battery holds enough. On the way it counts where the charge is lowest.
+        """
+        ahead = np.isfinite(self._least_charge(0.0))
+        lowest = (float(charge[ahead].min()) for charge in reversed(self._arrival_band))
+        least, expected, most = (max(-charge, 0.0) * self.charge.wh_per_display for charge in lowest)
+        return least, expected, most
 
     def series(self) -> pd.DataFrame:
         """Along the route, a row at the end of each segment and one at the start.
@@ -401,18 +545,19 @@ class Forecast:
         return pd.DataFrame(self._series())
 
     def _series(self) -> dict[str, FloatArray]:
-        energy, factor = self._cumulative_wh, self.uncertainty.scores.factor(BAND)
-        half = factor * np.concatenate(([0.0], self._cumulative_sd_wh))
-        charge, charge_sd = self._charge_band
+        energy, sd = self._cumulative_wh, self._cumulative_sd_wh
+        low, middle, high = (np.clip(charge, 0.0, 1.0) for charge in self._arrival_band)
         return {
             "time_s": self._ends_s,
             "distance_m": self.drive.distance_m,
             "energy_wh": energy,
-            "energy_low_wh": possible_energy(energy, half, self._least_wh),
-            "energy_high_wh": energy + half,
-            "displayed_soc": np.clip(charge, 0.0, 1.0),
-            "displayed_soc_low": np.clip(charge - factor * charge_sd, 0.0, 1.0),
-            "displayed_soc_high": np.clip(charge + factor * charge_sd, 0.0, 1.0),
+            "energy_low_wh": possible_energy(
+                energy, -self._excess.quantile(1.0 - ARRIVAL_BAND[0], sd), self._least_wh
+            ),
+            "energy_high_wh": energy + self._excess.quantile(1.0 - ARRIVAL_BAND[2], sd),
+            "displayed_soc": middle,
+            "displayed_soc_low": low,
+            "displayed_soc_high": high,
         }
 
     @property
@@ -423,6 +568,10 @@ class Forecast:
         simulated = float(table.simulated_w @ table.hours)
         parts["hvac"] += simulated - sum(parts.values())  # rounding of the segments' ends
         parts["learned_correction"] = self.energy_wh - simulated
+        if self._climb is not None:
+            expected = float(self._excess.expected_wh[-1])
+            parts["climb"] += expected
+            parts["learned_correction"] -= expected
         return parts
 
     @property
@@ -431,6 +580,42 @@ class Forecast:
         simulation = self.drive.simulation
         step = np.diff(simulation.time_s, prepend=simulation.time_s[0])
         return float(simulation.battery_loss_w @ step / SECONDS_PER_HOUR)
+
+    def climb_to(self, reserve: float = 0.0) -> float | None:
+        """Net climb of the rest of an unknown road with which the expected charge at arrival falls to a reserve.
+
+        Parameters
+        ----------
+        reserve : float
+            Displayed state of charge to arrive with, 0 to 1.
+
+        Returns
+        -------
+        float or None
+            Climb [m], 0 where the reserve is not reached on a flat road either; None where the heights are known, or where no road of
+            this length and terrain climbs so far.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> found = tw.forecast(plan, tw.Departure(soc=0.5, ambient_temperature_degc=5.0))
+        >>> 800.0 < found.climb_to(0.1) < found.climb_to(0.0) < 2000.0
+        True
+        """
+        if self.climbing is None:
+            return None
+        spare = (float(self._charge_band[0][-1]) - reserve) * self.charge.wh_per_display
+        spare += float(self._excess.expected_wh[-1])
+        climb = self.climbing.climb_for(max(spare, 0.0), self._climbs_from_m)
+        return climb if math.isfinite(climb) else None
+
+    @property
+    def soc_per_climb_m(self) -> float | None:
+        """Displayed charge that each metre of climb takes on the rest of an unknown road [1/m]; None where the heights are known."""
+        if self.climbing is None:
+            return None
+        return self.climbing.more_wh(100.0, self._climbs_from_m) / 100.0 / self.charge.wh_per_display
 
     def with_route_error(
         self, route: RouteUncertainty | None, free_flow: FreeFlowUncertainty | None = None
@@ -463,9 +648,9 @@ class Forecast:
         (True, ['route_error_unknown'])
         """
         link_m = self.plan.link_m
-        flags = [*self.flags, *self.plan.flags]
+        flags = [*self.flags, *(flag for flag in self.plan.flags if flag != FLAT_ROAD)]
         if link_m is None:
-            return replace(self, flags=tuple(dict.fromkeys(flags)))
+            return with_empty_flag(replace(self, flags=tuple(dict.fromkeys(flags))))
         route_sd_wh = 0.0
         if route is None:
             flags.append(Flag("route_error_unknown", "links"))
@@ -478,7 +663,8 @@ class Forecast:
                 flags.append(Flag("travel_time_error_unknown", "road"))
             if link_m > float(route.length_m[-1]):
                 flags.append(Flag("links_too_long", "links", link_m, "m"))
-        return replace(self, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags)))
+        found = replace(self, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags)))
+        return with_empty_flag(found)
 
     @one_blas_thread
     def update(self, observed: pd.DataFrame) -> Forecast:
@@ -549,16 +735,19 @@ class Forecast:
         raise_faults(implausible_faults(observed, self.drive))
         measured, readings = read_measured(samples, self.drive, self.uncertainty.process)
         posterior, factor = updated_power(self.drive, self.uncertainty, samples, measured, readings)
-        return replace(self, posterior=posterior, rest_sd_factor=factor, measured=measured)
+        updated = replace(self, posterior=posterior, rest_sd_factor=factor, measured=measured)
+        return with_empty_flag(updated)
 
     @one_blas_thread
-    def to_dict(self, reserve: float | None = None) -> dict[str, Any]:
+    def to_dict(self, reserve: float | None = None, probability: float | None = None) -> dict[str, Any]:
         """Plain values, as the command line and the service give them.
 
         Parameters
         ----------
         reserve : float, optional
             Displayed state of charge to arrive with: one more entry of `p_arrive`.
+        probability : float, optional
+            0.5 to 1: also the charge to leave with, to arrive with the reserve (0 without one) with this probability.
 
         Returns
         -------
@@ -573,7 +762,8 @@ class Forecast:
         >>> found.to_dict()["energy_wh"] == found.energy_wh
         True
         """
-        levels = ARRIVAL_LEVELS if reserve is None else (*ARRIVAL_LEVELS, reserve)
+        own = () if reserve is None else (require_fraction("reserve", reserve),)
+        levels = (*ARRIVAL_LEVELS, *own)
         return {
             "trip": self.plan.trip_id,
             "given": self.given,
@@ -583,7 +773,10 @@ class Forecast:
             "soc_quantiles": {f"{p:g}": self.soc_quantile(p) for p in QUANTILES},
             "wh_per_display": self.charge.wh_per_display,
             "empty_at_m": dict(zip(("early", "expected", "late"), self.empty_at_m, strict=True)),
+            "missing_wh": dict(zip(("least", "expected", "most"), self.missing_wh, strict=True)),
             "p_arrive": {f"{level:g}": self.p_arrive(level) for level in levels},
+            "climb": None if self.climbing is None else climb_document(self, levels),
+            "leave_with": None if probability is None else leave_document(self, reserve or 0.0, probability),
             "series": {name: values.tolist() for name, values in self._series().items()},
             "by_cause_wh": self.by_cause_wh,
             "battery_loss_wh": self.battery_loss_wh,
@@ -638,16 +831,7 @@ class Forecast:
         )
 
     def _repr_html_(self) -> str:
-        low, high = self.interval(BAND)
-        rows = [
-            ("energy", f"{self.energy_wh / 1000.0:.2f} kWh"),
-            (f"{BAND:.0%} interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
-            ("state of charge at arrival", f"{self.soc_arrival:.0%}"),
-            ("probability to arrive", f"{self.p_arrive():.1%}"),
-            ("given", self.given),
-            *(("note", message(flag)) for flag in self.flags),
-        ]
-        return html_table(f"Forecast {self.plan.trip_id}", rows)
+        return html_table(f"Forecast {self.plan.trip_id}", table_rows(self))
 
     @cached_property
     def _cumulative_wh(self) -> FloatArray:
@@ -656,9 +840,26 @@ class Forecast:
 
     @cached_property
     def _cumulative_sd_wh(self) -> FloatArray:
-        """Standard deviation of the energy up to the end of each segment [Wh], shape (segments,)."""
+        """Standard deviation of the energy up to each edge of the segments [Wh] apart from an unknown climb, shape (segments + 1,)."""
         own = self.sd_factor * self.rest_sd_factor * self.posterior.energy_wh(self.open_hours)[1]
-        return np.asarray(np.hypot(own, self._remaining_sd_wh))
+        return np.concatenate(([0.0], np.hypot(own, self._remaining_sd_wh)))
+
+    @cached_property
+    def _climb(self) -> UnknownClimb | None:
+        """What the unknown climb of the rest of the way may add; None where the road is known."""
+        return None if self.climbing is None else self.climbing.ahead(self._climbs_from_m)
+
+    @property
+    def _climbs_from_m(self) -> float:
+        """Distance from which on the climb was not measured [m]."""
+        anchor = self.measured.anchor
+        until = self.measured.until_s if self.measured.hours is not None or anchor is None else anchor.time_s
+        return float(np.interp(until, self._ends_s, self.drive.distance_m))
+
+    @cached_property
+    def _excess(self) -> Excess:
+        """Distribution of what the trip takes more than expected up to each edge."""
+        return Excess.from_climb(self.uncertainty.scores, self._climb, self._cumulative_sd_wh)
 
     @property
     def _remaining_sd_wh(self) -> FloatArray:
@@ -674,13 +875,15 @@ class Forecast:
     def _least_wh(self) -> FloatArray:
         """Least energy up to each edge of the segments [Wh], shape (segments + 1,)."""
         ahead, measured = self.drive.least_w * self.open_hours, self.measured.energy_wh
-        return np.concatenate(([0.0], np.cumsum(ahead if measured is None else measured + ahead)))
+        least = np.concatenate(([0.0], np.cumsum(ahead if measured is None else measured + ahead)))
+        return least if self._climb is None else np.asarray(least + self._climb.offsets_wh.min(axis=0))
 
     @property
     def _charge_start(self) -> tuple[float, float, bool]:
         """Time [s] and displayed charge of the last reading or at departure; whether the display itself was read."""
         anchor, departure = self.measured.anchor, self.plan.departure
-        if anchor is not None and anchor.displayed and min(anchor.value, departure.soc or 0.0) >= FULL:
+        read = anchor is not None and anchor.displayed and not anchor.charged
+        if anchor is not None and read and min(anchor.value, departure.soc or 0.0) >= FULL:
             anchor = None  # still full: what it hid at departure is known better than what it hides now
         if anchor is not None:
             shown = anchor.value if anchor.displayed else float(self.charge.displayed(anchor.value))
@@ -696,9 +899,14 @@ class Forecast:
         """Displayed charge at each edge of the segments and its standard deviation; not held in 0..1."""
         time, start, displayed = self._charge_start
         taken = self._cumulative_wh - self._energy_at(time)
-        energy_sd = np.concatenate(([0.0], self._cumulative_sd_wh)) / self.charge.wh_per_display
+        energy_sd = self._cumulative_sd_wh / self.charge.wh_per_display
         own_sd = np.where((self._ends_s > time) | (not displayed), self.charge.sd(taken, displayed), 0.0)
         return np.asarray(self.charge.left(start, taken, displayed)), np.asarray(np.hypot(energy_sd, own_sd))
+
+    @cached_property
+    def _arrival_band(self) -> tuple[FloatArray, ...]:
+        """Displayed charge along the way: low end, middle and high end of the 90 % band, each of shape (segments + 1,)."""
+        return tuple(self.soc_along(p) for p in ARRIVAL_BAND)
 
     @property
     def _ends_s(self) -> FloatArray:
@@ -706,6 +914,95 @@ class Forecast:
 
     def _energy_at(self, time_s: float) -> float:
         return float(np.interp(time_s, self._ends_s, self._cumulative_wh))
+
+
+def forecast_again(found: Forecast, soc: float, read_s: float) -> Forecast:
+    """A forecast from another charge; on the way, from that charge at the time of the last reading [s]."""
+    if found.maker is None or found.measured is not NOT_MEASURED:
+        charged = ChargeReading(read_s, soc, displayed=True, charged=True)
+        return with_empty_flag(replace(found, measured=replace(found.measured, anchor=charged)))
+    again = found.maker(found.plan.with_departure(Departure(soc=soc)))
+    kept = (flag for flag in found.flags if flag.code not in OF_CHARGE)
+    flags = tuple(dict.fromkeys((*kept, *again.flags)))
+    return replace(again, state_sd_wh=found.state_sd_wh, flags=flags)
+
+
+def with_empty_flag(found: Forecast) -> Forecast:
+    """The forecast with the flag of a battery that does not hold what the trip takes, where that is expected."""
+    flags = tuple(flag for flag in found.flags if flag.code != "battery_empty")
+    missing = found.missing_wh[1]
+    if missing > 0.0:
+        return replace(found, flags=(*flags, Flag("battery_empty", "battery", missing, "wh")))
+    # as it is where nothing changes, with what was worked out of it
+    return found if len(flags) == len(found.flags) else replace(found, flags=flags)
+
+
+def charge_with_spare(spare: Callable[[float], float]) -> float:
+    """The charge, 0 to 1, with which nothing is spare; 0 where every charge has some, above 1 where a full one lacks.
+
+    Examples
+    --------
+    >>> round(charge_with_spare(lambda soc: soc**2 - 0.25), 5)
+    0.5
+    >>> charge_with_spare(lambda soc: soc + 0.1), charge_with_spare(lambda soc: soc - 1.5)
+    (0.0, 1.5)
+    """
+    spare = cache(spare)
+    if spare(1.0) < 0.0:
+        return 1.0 - spare(1.0)
+    if spare(0.0) >= 0.0:
+        return 0.0
+    from scipy.optimize import brentq  # slow to import
+
+    root = float(brentq(spare, 0.0, 1.0, xtol=SOC_PRECISION))
+    return min(root + 2.0 * SOC_PRECISION, 1.0)  # on the side that suffices
+
+
+def climb_document(forecast: Forecast, levels: tuple[float, ...]) -> dict[str, Any]:
+    """What the climb of a road of unknown heights changes, as plain values."""
+    return {
+        "terrain": forecast.plan.departure.terrain or "unknown",
+        "soc_per_m": forecast.soc_per_climb_m,
+        "changes_at_m": {f"{level:g}": forecast.climb_to(level) for level in levels},
+    }
+
+
+def leave_document(found: Forecast, reserve: float, probability: float) -> dict[str, Any]:
+    """The charge to leave with as plain values, with its sentence."""
+    needed = found.soc_needed(reserve, probability)
+    sentence = leave_in_words(needed, reserve, probability)
+    return {"soc_needed": needed, "reserve": reserve, "probability": probability, "message": sentence}
+
+
+def table_rows(found: Forecast) -> list[tuple[str, str]]:
+    """What a notebook shows of a forecast: names and values."""
+    (low, high), (least, most) = found.interval(BAND), found.soc_interval(BAND)
+    return [
+        ("energy", f"{found.energy_wh / 1000.0:.2f} kWh"),
+        (f"{BAND:.0%} interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
+        ("state of charge at arrival", f"{found.soc_arrival:.0%} ({least:.0%} to {most:.0%})"),
+        ("probability to arrive", f"{found.p_arrive():.1%}"),
+        ("given", found.given),
+        *(("note", message(flag)) for flag in found.flags),
+    ]
+
+
+def first_empty(charge: FloatArray, distance_m: FloatArray) -> float | None:
+    """Distance at which a charge at each edge of the segments reaches 0 [m]; None where it does not.
+
+    Examples
+    --------
+    >>> first_empty(np.array([0.1, 0.05, -0.05]), np.array([0.0, 1000.0, 2000.0]))
+    1500.0
+    """
+    empty = np.flatnonzero(charge <= 0.0)
+    if not len(empty):
+        return None
+    k = int(empty[0])
+    if k == 0:
+        return 0.0
+    share = charge[k - 1] / (charge[k - 1] - charge[k])
+    return float(distance_m[k - 1] + share * (distance_m[k] - distance_m[k - 1]))
 
 
 def possible_energy(centre_wh: Any, half_wh: Any, least_wh: Any) -> Any:

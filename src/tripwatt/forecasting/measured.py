@@ -22,6 +22,9 @@ from tripwatt.uncertainty.process import EXACT_W2, ResidualProcess
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles.parts import Battery
 
+WHERE: Final = "observed samples"
+"""Where a fault of samples that were measured on the way is, in messages."""
+
 GAP_S: Final = 15.0
 """Segments under a longer gap between two samples are unmeasured."""
 SOC_STEP: Final = 0.005
@@ -38,11 +41,15 @@ DRIVEN_S: Final = "driven_s"
 
 @dataclass(frozen=True, slots=True)
 class ChargeReading:
-    """A state of charge that was read on the way: time [s since departure], value, and whether the display was read."""
+    """A state of charge that was read on the way: time [s since departure], value, and whether the display was read.
+
+    `charged` is whether the battery was charged up to it, so that nothing was taken of it before.
+    """
 
     time_s: float
     value: float
     displayed: bool
+    charged: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,10 +142,28 @@ def checked_samples(observed: pd.DataFrame, plan: Plan) -> pd.DataFrame:
     InvalidInput
         With every fault of the samples.
     """
-    samples = observed if "speed_m_s" in observed else observed.assign(speed_m_s=0.0)
-    raise_faults(structure_faults(samples, "observed samples"))
-    raise_faults(value_faults(samples, "observed samples"))
+    samples = _with_speed(observed)
+    raise_faults(value_faults(samples, WHERE))
     return along_the_plan(samples, plan) if "speed_m_s" in observed else samples
+
+
+def _with_speed(observed: pd.DataFrame) -> pd.DataFrame:
+    """The samples of a table that can be one, with a speed of 0 where they have none.
+
+    Raises
+    ------
+    InvalidInput
+        When it is no table, or lacks a column, rows or numbers.
+    """
+    if not isinstance(observed, pd.DataFrame):
+        got, fix = (
+            type(observed).__name__,
+            "for example pandas.DataFrame({'time_s': [0.0, 60.0], 'soc': [0.8, 0.79]})",
+        )
+        raise InvalidInput(Fault("unknown type", WHERE, got, "a DataFrame", fix))
+    samples = observed if "speed_m_s" in observed else observed.assign(speed_m_s=0.0)
+    raise_faults(structure_faults(samples, WHERE))
+    return samples
 
 
 def read_measured(
@@ -162,10 +187,8 @@ def read_measured(
         return Measured(until, energy, hours, anchor), _from_power(energy, hours, drive, process, driven_s)
     if soc is not None:
         return Measured(float(time[-1]), anchor=anchor), _from_soc(time, soc, drive)
-    where = f"columns {sorted(samples.columns)}"
-    raise InvalidInput(
-        Fault("no measured energy", "observed samples", where, "voltage_v and current_a, or soc")
-    )
+    where = f"columns {sorted(map(str, samples.columns))}"
+    raise InvalidInput(Fault("no measured energy", WHERE, where, "voltage_v and current_a, or soc"))
 
 
 def _last_reading(samples: pd.DataFrame, time: FloatArray) -> ChargeReading | None:
@@ -261,7 +284,7 @@ def since_departure(observed: pd.DataFrame, plan: Plan) -> pd.DataFrame:
     Raises
     ------
     InvalidInput
-        When they begin before the trip or after it, or their current has the wrong sign.
+        When they are no table of samples, begin before the trip or after it, or their current has the wrong sign.
 
     Examples
     --------
@@ -270,20 +293,19 @@ def since_departure(observed: pd.DataFrame, plan: Plan) -> pd.DataFrame:
     >>> since_departure(pd.DataFrame({"time_s": [60.0, 61.0], "soc": [0.5, 0.5]}), plan)["time_s"].tolist()
     [0.0, 1.0]
     """
+    _with_speed(observed)
     start = plan.start_s
     times = observed["time_s"] - start
-    if len(times) and float(times.iloc[0]) < 0.0:
+    if float(times.iloc[0]) < 0.0:
         got, allowed = f"{float(observed['time_s'].iloc[0]):g} s", f"{start:g} s or later"
-        raise InvalidInput(Fault("measured before departure", "observed samples, time_s", got, allowed))
-    if len(times) and plan.link_m is None:
+        raise InvalidInput(Fault("measured before departure", f"{WHERE}, time_s", got, allowed))
+    if plan.link_m is None:
         end = start + plan.duration_s if plan.end_s is None else plan.end_s
         first, last = (float(observed["time_s"].iloc[i]) for i in (0, -1))
         if first > end:
             got, allowed = f"{first:g} to {last:g} s", f"{start:g} to {end:g} s"
             fix = "give times on the clock of the trip"
-            raise InvalidInput(
-                Fault("measured after the trip", "observed samples, time_s", got, allowed, fix)
-            )
+            raise InvalidInput(Fault("measured after the trip", f"{WHERE}, time_s", got, allowed, fix))
     found = observed.assign(time_s=times)
     _require_sign(found, plan)
     return found
@@ -312,7 +334,7 @@ def _require_sign(observed: pd.DataFrame, plan: Plan) -> None:
         raise InvalidInput(
             Fault(
                 "current has the wrong sign",
-                "observed samples, current_a",
+                f"{WHERE}, current_a",
                 got,
                 allowed,
                 "reverse the sign of current_a",

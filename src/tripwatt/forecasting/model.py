@@ -19,19 +19,27 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.donor import DonorModel
 from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.forecasting.forecast import Forecast
+from tripwatt.forecasting.inner import INNER_FOLDS, Again, inner_fits, shown_by
+from tripwatt.forecasting.plausible import impossible_faults
 from tripwatt.forecasting.ranges import (
-    Range,
     compare,
     kept_temperatures,
     training_ranges,
     unknown_state_sd_wh,
 )
-from tripwatt.hybrid import PowerCorrector, SegmentTable, power_corrector, segment_table, segment_trips
+from tripwatt.hybrid import (
+    PowerCorrector,
+    SegmentTable,
+    power_corrector,
+    segment_table,
+    segment_trips,
+)
+from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.hierarchy import Members
 from tripwatt.parallel import one_blas_thread
 from tripwatt.physics import simulate_trip
-from tripwatt.routes.links import FLAT_ROAD
-from tripwatt.trips import Departure, Flag, Plan, Trip, plan_from_trip
+from tripwatt.routes.terrain import net_climbs
+from tripwatt.trips import Departure, Flag, Plan, Trip, plan_from_trip, raise_faults
 from tripwatt.trips.messages import name_of
 from tripwatt.trips.showing import html_table
 from tripwatt.uncertainty import (
@@ -51,7 +59,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DEFAULT_CORRECTOR: Final = "split"
-INNER_FOLDS: Final = 10
 MIN_TRIPS: Final = 8
 
 
@@ -117,7 +124,11 @@ class ForecastModel:
     """The model for cars whose logs lack signals that this one's have; None where there is none."""
 
     def fit(
-        self, trips: Sequence[Trip], *, progress: Callable[[int, int], None] | None = None
+        self,
+        trips: Sequence[Trip],
+        *,
+        car_of: Callable[[IntArray], Vehicle] | None = None,
+        progress: Callable[[int, int], None] | None = None,
     ) -> ForecastModel:
         """Learn from raw trips with measured energy. See `fit_segments`.
 
@@ -125,6 +136,9 @@ class ForecastModel:
         ----------
         trips : sequence of Trip
             With measured energy; at least `MIN_TRIPS`.
+        car_of : callable, optional
+            Numbers of some trips -> the car as those show it, where values of the model's car come from the trips. Each inner
+            fold asks for it without its own trips.
         progress : callable, optional
             Called with (finished fits, all fits).
 
@@ -147,10 +161,12 @@ class ForecastModel:
         <ForecastModel BMW i3 60 Ah, linear corrector, 9 trips>
         """
         table = segment_trips(trips, self.vehicle)
+        again = None if car_of is None else shown_by(trips, table, self.vehicle, car_of)
         return self.fit_segments(
             table,
             routes=linked_trips(trips, self.vehicle),
             free_flow=FreeFlowTrips.from_trips(trips, self.vehicle),
+            again=again,
             progress=progress,
         )
 
@@ -161,9 +177,10 @@ class ForecastModel:
         *,
         routes: LinkedTrips | None = None,
         free_flow: FreeFlowTrips | None = None,
+        again: Again | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> ForecastModel:
-        """Learn corrector, process and scores. One fit of the corrector, and one more for each inner fold.
+        """Learn corrector, process and scores. One fit of the corrector, one for each inner fold, and a few for its settings.
 
         Parameters
         ----------
@@ -173,6 +190,9 @@ class ForecastModel:
             The same trips on links, for the uncertainty of planned routes.
         free_flow : FreeFlowTrips, optional
             The same trips on free-flow links, for the uncertainty of travel times.
+        again : callable, optional
+            Numbers of some trips -> all of them, simulated with the car as those show it. Without it the inner folds have the
+            car of the table.
         progress : callable, optional
             Called with (finished fits, all fits).
 
@@ -203,22 +223,20 @@ class ForecastModel:
         self.corrector_ = power_corrector(self.corrector, self.seed).fit(table)
         self.trip_ids_ = table.trip_ids
         self.ranges_ = training_ranges(table)
-        folds = self._inner_folds(len(table))
         held_out: dict[int, HeldOutResidual] = {}
         link_errors: list[FloatArray] = []
         time_errors = np.full(len(table), np.nan)
-        n_folds = int(folds.max()) + 1
-        for fold in range(n_folds):
+        n_folds = min(INNER_FOLDS, len(table))
+        for fold, inner in enumerate(inner_fits(self.corrector, self.seed, self.corrector_, table, again)):
             if progress is not None:
                 progress(fold + 1, n_folds + 1)
-            inner = self.corrector_.clone_tuned().fit(table.take(np.flatnonzero(folds != fold)))
+            # links and driven trace are compared with one car, that of the model
             if routes is not None:
-                link_errors.append(routes.differences(inner, table, np.flatnonzero(folds == fold)))
+                link_errors.append(routes.differences(inner.corrector, table, inner.members))
             if free_flow is not None:
-                members = np.flatnonzero(folds == fold)
-                time_errors[members] = free_flow.differences(inner, table, members)
-            for i in np.flatnonzero(folds == fold):
-                held_out[int(i)] = held_out_residual(inner, table.take([int(i)]))
+                time_errors[inner.members] = free_flow.differences(inner.corrector, table, inner.members)
+            for i in inner.members:
+                held_out[int(i)] = held_out_residual(inner.corrector, inner.table.take([int(i)]))
         route = RouteUncertainty.from_differences(np.concatenate(link_errors)) if link_errors else None
         self._estimate_uncertainty(table, [held_out[i] for i in range(len(table))], route)
         if free_flow is not None and self.uncertainty_ is not None:
@@ -226,11 +244,6 @@ class ForecastModel:
         if progress is not None:
             progress(n_folds + 1, n_folds + 1)
         return self
-
-    def _inner_folds(self, trips: int) -> IntArray:
-        """Fold of each trip, shape (trips,)."""
-        order = np.random.default_rng(self.seed).permutation(trips)
-        return np.asarray(order % min(INNER_FOLDS, trips), dtype=np.int64)
 
     def _estimate_uncertainty(
         self, table: SegmentTable, held_out: Sequence[HeldOutResidual], route: RouteUncertainty | None
@@ -327,7 +340,7 @@ class ForecastModel:
         Raises
         ------
         InvalidInput
-            When the model is not fitted, or the plan cannot be simulated.
+            When the model is not fitted, the plan cannot be simulated, or the forecast breaks a law of physics.
 
         Examples
         --------
@@ -358,14 +371,25 @@ class ForecastModel:
             posterior,
             sd_factor=uncertainty.scale.sd_wh(segments) / float(posterior.energy_wh(segments.hours)[1][-1]),
             state_sd_wh=unknown_state_sd_wh(self.vehicle, unfamiliar.unknown, float(segments.hours.sum())),
+            climbing=None
+            if plan.has_road
+            else drive.climbing_energy(net_climbs(plan.departure.terrain or "unknown")),
             flags=(
                 *unfamiliar.flags,
                 *_assumed(drive),
                 *simulation.flags,
                 *kept_temperatures(own, departure),
             ),
+            maker=self.forecast,
         )
-        return forecast.with_route_error(uncertainty.route, uncertainty.free_flow)
+        if forecast.soc_per_climb_m is not None:
+            flag = Flag(
+                "unknown_climb", plan.departure.terrain or "unknown", 100.0 * forecast.soc_per_climb_m, "1"
+            )
+            forecast = replace(forecast, flags=(*forecast.flags, flag))
+        forecast = forecast.with_route_error(uncertainty.route, uncertainty.free_flow)
+        raise_faults(impossible_faults(forecast.energy_wh, drive))
+        return forecast
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values: the car, the corrector, and what training saw.
@@ -443,11 +467,9 @@ class ForecastModel:
 
 
 def _assumed(drive: ExpectedDrive) -> list[Flag]:
-    """Flags of a departure without a state of charge and of a road without elevation."""
+    """Flag of a departure without a state of charge."""
     flags, departure = [], drive.plan.departure
     if departure.bms_soc is None and departure.soc is None:
         start = drive.vehicle.battery.displayed_from_soc(drive.departure_soc)
         flags.append(Flag("soc_assumed", "soc", start, "1"))
-    if not drive.plan.has_road:
-        flags.append(FLAT_ROAD)
     return flags

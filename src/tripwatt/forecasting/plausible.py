@@ -1,4 +1,4 @@
-"""Measurements on the way that no battery and no trip can have: they are refused, not forecast from."""
+"""Measurements and forecasts that no battery and no trip can have: they are refused."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault
-from tripwatt.forecasting.expected import ExpectedDrive
-from tripwatt.forecasting.measured import MOST_STRETCH, measured_energy
-from tripwatt.physics.battery import open_circuit_voltage
-from tripwatt.units import SECONDS_PER_HOUR
+from tripwatt.forecasting.expected import LEAST_RESISTANCE, ExpectedDrive
+from tripwatt.forecasting.measured import MOST_STRETCH, WHERE, measured_energy
+from tripwatt.physics.battery import internal_resistance, largest_power, open_circuit_voltage
+from tripwatt.units import GRAVITY_M_S2, SECONDS_PER_HOUR
+from tripwatt.vehicles.relations import LEAST_PEAK_EFFICIENCY
 
 CAPACITY_MARGIN: Final = 1.15
 """Largest energy on the way over what the battery of the car holds: a new battery may hold more than its data sheet."""
@@ -27,7 +28,25 @@ UNKNOWN_DESCENT_M: Final = 500.0
 LATE_S: Final = 60.0
 """Time [s] after the end of a driven speed trace up to which samples may belong to it."""
 
-GRAVITY_M_S2: Final = 9.81
+MASS_MARGIN: Final = 0.5
+"""Share by which a correction that was learned may change the energy of climb and speed: a load, or a wrong mass."""
+
+ROUNDING_WH: Final = 1.0
+"""Error of the sums of a long trip."""
+
+STEEPEST_DESCENT: Final = 0.12
+LONGEST_DESCENT_M: Final = 1500.0
+"""Fall over length, and fall in all [m], of the descents that a road of unknown elevation may have: those of mountain passes."""
+
+STEADY_DESCENT: Final = 0.05
+"""The same where a speed was held: motorways are built with at most 4 to 6 %, and steeper roads have bends."""
+
+STEADY_M_S: Final = 2.0
+STEADY_S: Final = 120.0
+"""A speed is held when it stays within this range for at least this long."""
+
+ELEVATION_ERROR_M: Final = 40.0
+"""Error of the difference of two heights of a road [m]: a filled gap of a log jumps by half of it."""
 
 
 def implausible_faults(samples: pd.DataFrame, drive: ExpectedDrive) -> Iterator[Fault]:
@@ -42,9 +61,10 @@ def implausible_faults(samples: pd.DataFrame, drive: ExpectedDrive) -> Iterator[
     Notes
     -----
     The energy out of a battery is at most its charge at the highest open-circuit voltage. Its charge rises on the way by
-    at most the potential energy of the descent: with losses, regenerative braking gives less.
+    at most the potential energy of the descent: with losses, regenerative braking gives less. Over a stretch of the road the energy is at least
+    that of climb and speed and half of the rolling resistance; less would be recovered from nothing, as with a current of the wrong sign.
     """
-    where = "observed samples"
+    where = WHERE
     last, planned = float(samples["time_s"].iloc[-1]), drive.plan.duration_s
     if drive.plan.link_m is None:
         end = drive.plan.end_s
@@ -60,7 +80,51 @@ def implausible_faults(samples: pd.DataFrame, drive: ExpectedDrive) -> Iterator[
         allowed = f"at most {most:g} s after the departure"
         yield Fault("measured after the trip", f"{where}, time_s", f"{last:g} s", allowed, fix)
     yield from _energy_faults(samples, drive, where)
+    yield from _motion_faults(samples, drive, where)
     yield from _charge_faults(samples, drive, where)
+
+
+def impossible_faults(energy_wh: float, drive: ExpectedDrive) -> Iterator[Fault]:
+    """The reason why a forecast energy breaks a law of physics; nothing for one that a car can take. O(samples).
+
+    Parameters
+    ----------
+    energy_wh : float
+        Of the whole trip at the battery [Wh].
+    drive : ExpectedDrive
+
+    Notes
+    -----
+    Losses and loads take energy. So a drive takes at least what its climb and its change of speed gain, less what a tail
+    wind gives; where the car lacks power for it, it gains less, but it gives no more than it ends lower or slower. It takes at most
+    what battery and motor give at their limits all the time.
+    """
+    cause = {name: float(energy[-1]) for name, energy in drive.simulation.energy_by_cause_wh.items()}
+    gain = cause["climb"] + cause["acceleration"]
+    least = gain - MASS_MARGIN * abs(gain) + min(cause["air"], 0.0)
+    if cause["shortfall"] < 0.0:
+        least = min(least, 0.0)
+    hours = drive.plan.duration_s / SECONDS_PER_HOUR
+    motor_w = drive.vehicle.drivetrain.motor_max_power_w / LEAST_PEAK_EFFICIENCY
+    loads_wh = cause["base_load"] + cause["hvac"]
+    most = min(_battery_most_w(drive) * hours, motor_w * hours + loads_wh)
+    if least - ROUNDING_WH <= energy_wh <= most + ROUNDING_WH:
+        return
+    where = f"{drive.vehicle.name}, {drive.plan.trip_id}"
+    allowed = f"{round(least / 1000.0, 2) + 0.0:g} to {most / 1000.0:.3g} kWh on this trip"
+    fix = "check the values of the car and the speeds of the trip"
+    if cause["shortfall"] < 0.0:
+        fix += f": the car lacks {-cause['shortfall'] / 1000.0:.3g} kWh to follow them"
+    yield Fault("energy that physics forbids", where, f"{energy_wh / 1000.0:.3g} kWh", allowed, fix)
+
+
+def _battery_most_w(drive: ExpectedDrive) -> float:
+    """Largest power of the battery on the way [W]: full, and as warm as it gets."""
+    battery, warmest = drive.vehicle.battery, drive.simulation.battery_temperature_degc.max()
+    soc = np.asarray(battery.resistance_soc)
+    resistance = internal_resistance(soc, np.full_like(soc, warmest), battery).min()
+    floor = battery.min_cell_voltage_v * battery.cells_in_series
+    return float(largest_power(open_circuit_voltage(np.ones(1), battery), resistance, floor)[0])
 
 
 def battery_wh(drive: ExpectedDrive) -> float:
@@ -79,6 +143,64 @@ def _energy_faults(samples: pd.DataFrame, drive: ExpectedDrive, where: str) -> I
         )
         fix = "check the units of voltage_v and current_a"
         yield Fault("more energy than the battery holds", where, got, f"at most {most / 1000.0:.1f} kWh", fix)
+
+
+def _motion_faults(samples: pd.DataFrame, drive: ExpectedDrive, where: str) -> Iterator[Fault]:
+    """The fault of an energy below what rolling, climb and speed take on the road that was driven. O(samples)."""
+    cumulative = measured_energy(samples)
+    known = np.empty(0, np.int64) if cumulative is None else np.flatnonzero(np.isfinite(cumulative))
+    if cumulative is None or len(known) < 2:
+        return
+    time = samples["time_s"].to_numpy(dtype=np.float64)
+    plan_s = drive.plan.array("time_s") - drive.plan.array("time_s")[0]
+    planned = np.interp(time, plan_s, drive.plan.array("speed_m_s"))
+    speed = samples["speed_m_s"].to_numpy(dtype=np.float64) if "speed_m_s" in samples else planned
+    # the road behind a first sample that came late was driven as planned
+    start_m = float(np.interp(time[0], drive.edges_s, drive.distance_m))
+    driven = start_m + np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
+    first, last = (int(known[i]) for i in (0, -1))
+    taken = float(cumulative[last] - cumulative[first])
+    length = float(driven[last] - driven[first])
+    low, high = np.quantile(speed[first : last + 1], (0.1, 0.9))  # without the start
+    held = float(high - low) <= STEADY_M_S and time[last] - time[first] >= STEADY_S
+    fall_m = min((STEADY_DESCENT if held else STEEPEST_DESCENT) * length, LONGEST_DESCENT_M)
+    if drive.plan.has_road:
+        fall_m = ELEVATION_ERROR_M
+    ends = (float(driven[first]), float(driven[last])), (float(speed[first]), float(speed[last]))
+    least = _least_wh(drive, *ends) - _weight_wh_m(drive) * fall_m
+    if taken < least:
+        got, allowed = (
+            f"{taken / 1000.0:.2f} kWh over {length / 1000.0:.1f} km",
+            f"at least {least / 1000.0:.2f} kWh",
+        )
+        fix = (
+            "the current must be positive when the battery discharges: negate it; after charging, forecast the rest as a new "
+            "trip; for a descent, give the elevation of the road"
+        )
+        yield Fault("less energy than the drive takes", where, got, allowed, fix)
+
+
+def _least_wh(drive: ExpectedDrive, from_to_m: tuple[float, float], speeds_m_s: tuple[float, float]) -> float:
+    """Least energy at the terminals [Wh] between two distances of the road as it is known, with the speeds there."""
+    features, hours = drive.table.features, drive.table.hours
+
+    def between(cause: str) -> float:
+        energy = np.concatenate(([0.0], np.cumsum(features[f"{cause}_w"].to_numpy() * hours)))
+        start, end = np.interp(from_to_m, drive.distance_m, energy)
+        return float(end - start)
+
+    inertia = _mass_kg(drive) * drive.vehicle.body.rotating_mass_factor
+    kinetic = 0.5 * inertia * (speeds_m_s[1] ** 2 - speeds_m_s[0] ** 2) / SECONDS_PER_HOUR
+    return LEAST_RESISTANCE * between("rolling") + between("climb") + kinetic
+
+
+def _mass_kg(drive: ExpectedDrive) -> float:
+    return drive.vehicle.body.test_mass_kg + (drive.plan.departure.payload_mass_kg or 0.0)
+
+
+def _weight_wh_m(drive: ExpectedDrive) -> float:
+    """Potential energy of the car by height [Wh/m]."""
+    return _mass_kg(drive) * GRAVITY_M_S2 / SECONDS_PER_HOUR
 
 
 def _charge_faults(samples: pd.DataFrame, drive: ExpectedDrive, where: str) -> Iterator[Fault]:
@@ -102,7 +224,6 @@ def _largest_rise(values: FloatArray) -> float:
 def _descent_wh(drive: ExpectedDrive) -> float:
     """Potential energy of the largest descent of the road [Wh]."""
     if not drive.plan.has_road:
-        mass = drive.vehicle.body.test_mass_kg + (drive.plan.departure.payload_mass_kg or 0.0)
-        return mass * GRAVITY_M_S2 * UNKNOWN_DESCENT_M / SECONDS_PER_HOUR
+        return _weight_wh_m(drive) * UNKNOWN_DESCENT_M
     climb = np.cumsum(drive.table.features["climb_w"].to_numpy() * drive.table.hours)
     return _largest_rise(np.concatenate(([0.0], -climb)))

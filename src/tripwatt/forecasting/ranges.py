@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.hybrid import SegmentTable
+from tripwatt.hybrid.familiarity import Range
 from tripwatt.physics import conditions_at_departure
 from tripwatt.physics.cabin import heat_pump_cop
 from tripwatt.trips import TEMPERATURES, Departure, Flag, Plan
@@ -18,21 +19,6 @@ from tripwatt.vehicles import Vehicle
 
 WATCHED: Final = (*TEMPERATURES, "trip_speed_m_s", "duration_s")
 """Quantities of a trip that are compared with the training trips."""
-
-
-@dataclass(frozen=True, slots=True)
-class Range:
-    """Range of a quantity over the training trips, and its standard deviation."""
-
-    low: float
-    high: float
-    sd: float
-
-    def beyond(self, value: float) -> float:
-        """Distance outside the range, in standard deviations; 0 inside or when unknown."""
-        if not np.isfinite(value):
-            return 0.0
-        return max(self.low - value, value - self.high, 0.0) / self.sd
 
 
 UNKNOWN_SD_K: Final[Mapping[str, float]] = MappingProxyType(
@@ -144,7 +130,7 @@ def compare(
         "cabin_setpoint_degc": cabin.setpoint_degc,
         "battery_temperature_degc": conditions.battery_start_degc,
     }
-    outside = {name: ranges[name].beyond(value) for name, value in known.items()}
+    outside = {name: float(ranges[name].beyond(value)) for name, value in known.items()}
     return Unfamiliar(
         {name: beyond for name, beyond in outside.items() if beyond > 0.0},
         {
@@ -161,13 +147,7 @@ def training_ranges(table: SegmentTable) -> dict[str, Range]:
     rows = [_watched(table.take([i])) for i in range(len(table))]
     ranges = {}
     for name in WATCHED:
-        values = np.array([row[name] for row in rows])
-        known = values[np.isfinite(values)]
-        if not len(known):
-            ranges[name] = NEVER_KNOWN
-            continue
-        sd = float(known.std())
-        ranges[name] = Range(float(known.min()), float(known.max()), sd if sd > 0 else 1.0)
+        ranges[name] = Range.from_values([row[name] for row in rows]) or NEVER_KNOWN
     return ranges
 
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, fields, replace
 from importlib.metadata import version
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -19,7 +20,7 @@ import pandas as pd
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.donor import DonorModel
 from tripwatt.forecasting.model import ForecastModel
-from tripwatt.forecasting.ranges import Range
+from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.segments import SEGMENT_S
 from tripwatt.hybrid.stored import (
     Stored,
@@ -374,7 +375,9 @@ def contract(model: ForecastModel) -> dict[str, Any]:
         "soc_quantiles": "1, displayed, by probability",
         "wh_per_display": "Wh",
         "empty_at_m": "m, early, expected and late",
+        "missing_wh": "Wh, least, expected and most",
         "p_arrive": "1, by displayed state of charge at the end",
+        "leave_with": "soc_needed, reserve, probability, message",
         "series": "by column",
         "by_cause_wh": "Wh",
         "flags": "code, subject, value, unit, message",
@@ -391,6 +394,8 @@ def vehicle_part(vehicle: Vehicle) -> dict[str, Any]:
         stored: dict[str, Any] = {"value": value, "unit": entry.unit, "source": entry.source}
         stored["licence"] = entry.licence
         stored |= {k: v for k, v in (("estimated", entry.estimated), ("scale", entry.scale)) if v}
+        if entry.published is not None:
+            stored["published"] = entry.published
         document.setdefault(section, {})[name] = stored
     part: dict[str, Any] = {
         "name": vehicle.name,
@@ -413,12 +418,29 @@ def vehicle_of_part(part: Mapping[str, Any]) -> Vehicle:
         With every unknown or missing entry.
     """
     # Models stored before licences were recorded have none in their entries.
-    document = {**part["document"], "name": part["title"], "licence": "not-stated"}
+    sections, published = _without_published(part["document"])
+    document = {**sections, "name": part["title"], "licence": "not-stated"}
     document["anchor"] = part.get(
         "anchor", "book"
     )  # nor has any of those been held against certified figures
     vehicle = vehicle_from_document(document, part["name"], "vehicle.json")
-    return replace(vehicle, preset=part["preset"])
+    entries = dict(vehicle.entries)
+    entries |= {key: replace(entries[key], published=value) for key, value in published.items()}
+    return replace(vehicle, preset=part["preset"], entries=MappingProxyType(entries))
+
+
+def _without_published(document: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The sections of a stored car as a vehicle file has them, and the published values of entries that trips changed."""
+    sections = {
+        name: {key: dict(entry) for key, entry in section.items()} for name, section in document.items()
+    }
+    published = {}
+    for name, section in sections.items():
+        for key, entry in section.items():
+            value = entry.pop("published", None)
+            if value is not None:
+                published[f"{name}.{key}"] = tuple(value) if isinstance(value, list) else value
+    return sections, published
 
 
 def _donor_part(donor: DonorModel) -> Stored:

@@ -5,21 +5,83 @@ from __future__ import annotations
 import hashlib
 import platform
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Any, Final
 
 import numpy as np
 
+from tripwatt.arrays import IntArray
 from tripwatt.auditing import audit
 from tripwatt.forecasting.donor import MASKABLE, DonorModel, unknown_inputs, without_inputs
+from tripwatt.forecasting.inner import shown_by
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel, HeldOut
-from tripwatt.hybrid import TRANSFERABLE, identify_trips, segment_trips
-from tripwatt.hybrid.calibrate import calibrate
+from tripwatt.hybrid import (
+    TRANSFERABLE,
+    Identified,
+    StageRecord,
+    identify,
+    segment_trips,
+    stage_record,
+)
+from tripwatt.hybrid.calibrate import Calibration, calibrate
 from tripwatt.trips import COLUMNS, Fleet, Trip
 from tripwatt.trips.messages import message
 from tripwatt.vehicles import Vehicle
 
 PACKAGES: Final = ("tripwatt", "numpy", "scipy", "pandas", "scikit-learn", "lightgbm")
+
+
+@dataclass(frozen=True, eq=False)
+class CarOfTrips:
+    """A car as any part of its trips shows it.
+
+    Attributes
+    ----------
+    vehicle : Vehicle
+        With its published values.
+    trips : tuple of Trip
+    records : tuple of StageRecord or None
+        What the signals of each trip show; None where nothing is identified.
+    calibrated : bool
+        Whether a few values are calibrated on the energies.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle(VEHICLE)
+    >>> shown = CarOfTrips.from_trips(synthetic_fleet(9).trips, car, calibrated=True)
+    >>> shown.car(np.arange(4)).body.test_mass_kg == shown.car(np.arange(9)).body.test_mass_kg
+    False
+    """
+
+    vehicle: Vehicle
+    trips: tuple[Trip, ...]
+    records: tuple[StageRecord, ...] | None
+    calibrated: bool = False
+
+    @classmethod
+    def from_trips(
+        cls, trips: Sequence[Trip], vehicle: Vehicle, *, identified: bool = True, calibrated: bool = False
+    ) -> CarOfTrips:
+        """Collect what the signals of each trip show. O(samples)."""
+        records = tuple(stage_record(trip, vehicle) for trip in trips) if identified else None
+        return cls(vehicle, tuple(trips), records, calibrated)
+
+    def values(
+        self, members: IntArray | None = None
+    ) -> tuple[Identified | None, Calibration | None, Vehicle]:
+        """Values that some of the trips show, all by default, and the car with them."""
+        chosen = range(len(self.trips)) if members is None else members
+        stages = None if self.records is None else identify([self.records[i] for i in chosen], self.vehicle)
+        car = self.vehicle if stages is None else stages.applied(self.vehicle)
+        found = calibrate([self.trips[i] for i in chosen], car) if self.calibrated else None
+        return stages, found, car if found is None else found.applied(car)
+
+    def car(self, members: IntArray) -> Vehicle:
+        """The car as some of the trips show it."""
+        return self.values(members)[2]
 
 
 def train_model(
@@ -71,12 +133,10 @@ def train_model(
     ('synthetic', 9)
     """
     found = audit(fleet)
-    stages = identify_trips(found.trips, vehicle) if identified else None
-    car = vehicle if stages is None else stages.applied(vehicle)
-    found_values = calibrate(found.trips, car) if calibrated else None
-    car = car if found_values is None else found_values.applied(car)
-    model = ForecastModel(car, corrector, seed).fit(found.trips, progress=progress)
-    model.donor_ = train_donor(found.trips, model)
+    cars = CarOfTrips.from_trips(found.trips, vehicle, identified=identified, calibrated=calibrated)
+    stages, found_values, car = cars.values()
+    model = ForecastModel(car, corrector, seed).fit(found.trips, car_of=cars.car, progress=progress)
+    model.donor_ = train_donor(found.trips, model, cars.car)
     provenance = {
         "data": {
             "name": fleet.name,
@@ -101,7 +161,9 @@ def train_model(
     return model, provenance, held_out_figures(model.held_out_)
 
 
-def train_donor(trips: Sequence[Trip], model: ForecastModel) -> DonorModel | None:
+def train_donor(
+    trips: Sequence[Trip], model: ForecastModel, car_of: Callable[[IntArray], Vehicle] | None = None
+) -> DonorModel | None:
     """The donor model of a fitted model; None where the trips have no input to mask or its corrector cannot donate.
 
     Parameters
@@ -109,19 +171,28 @@ def train_donor(trips: Sequence[Trip], model: ForecastModel) -> DonorModel | Non
     trips : sequence of Trip
         The training trips of the model.
     model : ForecastModel
+    car_of : callable, optional
+        As for `ForecastModel.fit`.
     """
     masked = tuple(name for name in MASKABLE if name not in unknown_inputs(trips))
     if not masked or model.corrector not in TRANSFERABLE:
         return None
-    return donor_model(trips, model.vehicle, masked, seed=model.seed)
+    return donor_model(trips, model.vehicle, masked, seed=model.seed, car_of=car_of)
 
 
 def donor_model(
-    trips: Sequence[Trip], vehicle: Vehicle, masked_inputs: Sequence[str] = MASKABLE, *, seed: int = 0
+    trips: Sequence[Trip],
+    vehicle: Vehicle,
+    masked_inputs: Sequence[str] = MASKABLE,
+    *,
+    seed: int = 0,
+    car_of: Callable[[IntArray], Vehicle] | None = None,
 ) -> DonorModel:
     """Simulate and learn trips with some inputs masked, with one Gaussian process for the whole residual."""
     masked = [without_inputs(trip, masked_inputs) for trip in trips]
-    model = ForecastModel(vehicle, "gp", seed).fit_segments(segment_trips(masked, vehicle))
+    model = ForecastModel(vehicle, "gp", seed)
+    table = segment_trips(masked, vehicle)
+    model.fit_segments(table, again=None if car_of is None else shown_by(masked, table, vehicle, car_of))
     return model.as_donor(masked_inputs)
 
 
@@ -152,7 +223,7 @@ def held_out_figures(trips: Sequence[HeldOut]) -> dict[str, Any]:
     error = np.array([trip.predicted_wh for trip in trips]) - observed
     return {
         "protocol": "training trips, each while its fold (at most 10) was held out of the fit; "
-        "settings, and identified and calibrated values of the car where there are any, come from all of them",
+        "settings, and identified and calibrated values of the car where there are any, without it as well",
         "given": "given the driven speed trace",
         "trips": len(trips),
         "mape": float(np.mean(np.abs(error) / np.abs(observed))),

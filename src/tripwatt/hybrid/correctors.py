@@ -16,7 +16,7 @@ from tripwatt.hybrid.power import (
     boosting_corrector,
     forest_corrector,
 )
-from tripwatt.hybrid.split import split_corrector
+from tripwatt.hybrid.split import SplitCorrector, split_corrector
 
 POWER_CORRECTORS: Final[Mapping[str, Callable[[int], PowerCorrector]]] = MappingProxyType(
     {
@@ -36,6 +36,10 @@ STORABLE: Final = ("linear", "gp", "boosting", "forest", "split", "ensemble")
 
 TRANSFERABLE: Final = ("linear", "gp", "ensemble", "split")
 """Correctors with a Gaussian process: these can be put on another car."""
+
+
+TUNED: Final = ("boosting", "forest", "ensemble", "split")
+"""Correctors with settings that are chosen on the trips of a fit."""
 
 
 def power_corrector(name: str, seed: int = 0) -> PowerCorrector:
@@ -66,3 +70,20 @@ def power_corrector(name: str, seed: int = 0) -> PowerCorrector:
     if name not in POWER_CORRECTORS:
         raise InvalidInput(Fault("unknown corrector", "corrector", name, ", ".join(POWER_CORRECTORS)))
     return POWER_CORRECTORS[name](seed)
+
+
+def fresh_corrector(name: str, seed: int, like: PowerCorrector) -> PowerCorrector:
+    """A corrector that is not fitted, which corrects climate control apart where a fitted one does.
+
+    Parameters
+    ----------
+    name : str
+        One of `POWER_CORRECTORS`.
+    seed : int
+    like : PowerCorrector
+        A fitted one of the same name.
+    """
+    found = power_corrector(name, seed)
+    if isinstance(found, SplitCorrector) and isinstance(like, SplitCorrector):
+        found.split = like.split_
+    return found

@@ -32,8 +32,9 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.hybrid.familiarity import kept_share
 from tripwatt.hybrid.parameters import PARAMETERS, Parameter
-from tripwatt.hybrid.power import EnsembleCorrector, GPCorrector, PowerCorrector, settled
+from tripwatt.hybrid.power import EnsembleCorrector, GPCorrector, PowerCorrector
 from tripwatt.hybrid.segments import SegmentTable
 from tripwatt.hybrid.split import SplitCorrector
 from tripwatt.learners.gp import KernelTerm
@@ -177,18 +178,11 @@ class Members:
 
     def familiarity(self, table: SegmentTable) -> FloatArray:
         """How near each row is to what was learned from: 1 inside, towards 0 far outside, shape (rows,)."""
-        features = settled(table.features)
         distances: dict[str, FloatArray] = {}
         for corrector in self.correctors:
-            model = corrector.model
-            for name in {c for term in corrector.terms if term.kind == "smooth" for c in term.columns}:
-                values = np.asarray(features[name], dtype=np.float64)
-                low, high = model.ranges_[name]
-                beyond = np.maximum(low - values, values - high) / model.sds_[name]
-                beyond = np.where(np.isfinite(beyond), np.maximum(beyond, 0.0), 0.0)
+            for name, beyond in corrector.familiarity.distances(table.features).items():
                 distances[name] = np.minimum(beyond, distances.get(name, np.inf))
-        squared = np.sum([d**2 for d in distances.values()], axis=0) if distances else 0.0
-        return np.exp(-0.5 * np.broadcast_to(squared, len(table.hours)))
+        return kept_share(len(table.hours), distances)
 
 
 def term_scales(members: Members, source: Vehicle, target: Vehicle) -> FloatArray:

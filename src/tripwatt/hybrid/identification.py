@@ -44,10 +44,13 @@ SEGMENT_S: Final = 30.0
 """Stretches over which work is summed, so that torque and speed need not belong to the same moment."""
 FRICTION_SHARE: Final = 0.9
 """Beyond this share of the largest regenerative torque the friction brakes may take part: such a stretch says nothing of the road."""
-FORCE_WIDTH: Final = 0.15
-"""Prior standard deviation of the road load at each of `FORCE_SPEEDS_M_S`: the classes of the EU tyre label and the two published
-coast-downs of the BMW i3 (Argonne 2014, EPA 2016) lie about so far apart."""
+ROLLING_WIDTH: Final = 0.15
+"""Prior standard deviation of rolling and driveline drag: the classes of the EU tyre label (Regulation (EU) 2020/740: 6.5, 7.7, 9.0
+and 10.5 N/kN) lie about so far apart."""
+DRAG_WIDTH: Final = 0.08
+"""Least prior standard deviation of the drag area: wind tunnels and coast-downs of one car differ by 5 to 8 %."""
 FORCE_SPEEDS_M_S: Final = (10.0, 20.0, 30.0)
+"""Speeds at which the published force is divided into rolling and drag."""
 COLD_WIDTH: Final = 1.0
 """Prior standard deviation of the rise of rolling resistance in the cold, over the published one. That is for tyres alone: gear oil,
 winter tyres and wet roads are not in it."""
@@ -66,7 +69,8 @@ MOST_RECOVERED: Final = 1.2
 """Shares of the braking power above the published end of the fade that a torque of this car shows; another belongs to no motor."""
 COLD_DEGC: Final = 5.0
 WARM_DEGC: Final = 15.0
-"""The rise in the cold needs `LEAST_TRIPS` colder and as many warmer trips than these: one season alone does not show it."""
+"""The rise in the cold needs `LEAST_TRIPS` colder trips than the first: warm ones do not show it. Where all trips are cold the priors
+share an excess between the rise and the rolling resistance at the reference temperature."""
 INTERIOR_WIDTH: Final = 0.7
 """Prior standard deviation of the logarithm of the interior heat capacity: a factor of two of the mass that takes part."""
 COOLER_WIDTH: Final = 0.4
@@ -107,7 +111,8 @@ HEATER: Final = ("heating_power_w", "aircon_power_w")
 _PASSES: Final = 3
 """Solutions of the road's regression; its error settles in two."""
 REFERENCE_AIR_KG_M3: Final = 1.2
-STEEPEST_PER_K: Final = 0.05
+STEEPEST_PER_K: Final = 0.03
+"""Largest rise in the cold: rolling drag of 2.2 times the reference at -20 °C, more than any source has."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,8 +124,9 @@ class StageRecord:
     ambient_temperature_degc : float
         Outside air at departure [°C].
     road : ndarray, shape (stretches, 4)
-        Work of a rolling resistance of 1 N, the same for each kelvin below the reference temperature, work of a drag area of 1 m2, and
-        measured work at the wheels without inertia and climb [J]; each over the root of the distance [m].
+        Work of a rolling resistance of 1 N with the published fall in warm air, the same for each kelvin below the reference
+        temperature, work of a drag area of 1 m2, and measured work at the wheels without inertia and climb [J]; each over the root of
+        the distance [m].
     braking : ndarray, shape (bins, 2)
         Braking power that the motor could take at its whole share, and that it took, by bins of low speed [J]; no bins without torque.
     standing_w : float
@@ -221,6 +227,7 @@ class Identified:
                 old,
                 value=value,
                 source=f"identified on {self.trips[key]} trips; published {published}: {old.source}",
+                published=before if old.published is None else old.published,
             )
         return replace(vehicle, entries=MappingProxyType(entries), **parts)
 
@@ -289,8 +296,8 @@ def identify(records: Sequence[StageRecord], vehicle: Vehicle) -> Identified:
 
     Notes
     -----
-    The road is a linear regression with the published force at three speeds as prior observations; stretches of a trip have wind,
-    load and tyres in common, so their number is divided by the design effect of the residuals (Kish, Survey Sampling, 1965).
+    The road is a linear regression with the published rolling resistance, rise and drag area as prior observations; stretches of a
+    trip have wind, load and tyres in common, so their number is divided by the design effect of the residuals (Kish, Survey Sampling, 1965).
     The cabin is a robust fit of one logarithm to the power by minutes, the curve a ridge regression on its second difference.
 
     Examples
@@ -367,10 +374,9 @@ def _torque_rows(trip: Trip, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
     conditions = conditions_at_departure(vehicle, trip.departure)
     factor, colder_k, tyres = np.ones_like(speed), 0.0, vehicle.tyres
     if tyres is not None:
-        factor = rolling_factor(
-            speed, step, tyres.reference_temperature_degc, tyres, conditions.initial_warmth
-        )
-        colder_k = tyres.reference_temperature_degc - conditions.ambient_temperature_degc
+        reference, ambient = tyres.reference_temperature_degc, conditions.ambient_temperature_degc
+        colder_k = max(reference - ambient, 0.0)
+        factor = rolling_factor(speed, step, max(reference, ambient), tyres, conditions.initial_warmth)
     density = run.aero_drag_force_n / np.maximum(0.5 * vehicle.road_load.drag_area_m2 * speed * speed, 1e-9)
     mass = vehicle.body.test_mass_kg
     load = (mass + conditions.payload_mass_kg) / mass
@@ -443,6 +449,38 @@ def _fade_values(records: Sequence[FloatArray], vehicle: Vehicle) -> _Found:
     return {key: float(value) for key, value in found.items()}, len(records)
 
 
+@dataclass(frozen=True, slots=True)
+class _PublishedRoad:
+    """What is published of a road load: rolling and driveline drag at the mass of the car [N], drag area, and its relative spread."""
+
+    rolling_n: float
+    drag_area_m2: float
+    drag_width: float
+
+
+def _published_road(vehicle: Vehicle) -> _PublishedRoad:
+    """Divide the published force into a rolling resistance and a drag area.
+
+    The terms of a coast-down are collinear: its force is known better than the share of each. Where drag coefficient and frontal
+    area are published too, the drag area is the middle of both and their difference its spread; rolling and driveline take the
+    rest of the force.
+    """
+    load, speeds = vehicle.road_load, np.array(FORCE_SPEEDS_M_S)
+    constant, linear = load.rolling_coefficients
+    density = load.coastdown_air_density_kg_m3 or REFERENCE_AIR_KG_M3
+    squares = 0.5 * density * speeds**2
+    force = (
+        vehicle.body.test_mass_kg * GRAVITY_M_S2 * (constant + linear * speeds) + squares * load.drag_area_m2
+    )
+    areas = [load.drag_area_m2]
+    if load.method == "coastdown" and load.drag_coefficient is not None and load.frontal_area_m2 is not None:
+        areas.append(load.drag_coefficient * load.frontal_area_m2)
+    area = float(np.mean(areas))
+    weights = 1.0 / force**2  # relative errors count
+    rolling = float(np.sum(weights * (force - squares * area)) / np.sum(weights))
+    return _PublishedRoad(rolling, area, max(DRAG_WIDTH, float(np.ptp(areas)) / 2.0 / area))
+
+
 def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Found:
     """Rolling resistance, its rise in the cold, and drag area."""
     from scipy.optimize import lsq_linear  # scipy is slow to import
@@ -451,27 +489,16 @@ def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Found:
         return {}, 0
     load, tyres = vehicle.road_load, vehicle.tyres
     everything = np.concatenate([r.road for r in records])
-    weight = vehicle.body.test_mass_kg * GRAVITY_M_S2
-    constant, linear = load.rolling_coefficients
-    density = load.coastdown_air_density_kg_m3 or REFERENCE_AIR_KG_M3
-    speeds = np.array(FORCE_SPEEDS_M_S)
-    squares = 0.5 * density * speeds**2
-    published = weight * (constant + linear * speeds) + squares * load.drag_area_m2
-    usual = weight * (constant + linear * float(speeds.mean()))
+    book = _published_road(vehicle)
     rise = 0.0 if tyres is None else tyres.temperature_coefficient_per_k
     ambient = np.array([r.ambient_temperature_degc for r in records])
-    seasons = min(int((ambient < COLD_DEGC).sum()), int((ambient > WARM_DEGC).sum())) >= LEAST_TRIPS
-    free = seasons and rise > 0.0
-    # unknowns: rolling resistance [N], its rise for each kelvin [N/K], drag area [m2]
-    prior = (
-        np.column_stack((np.ones(len(speeds)), np.zeros(len(speeds)), squares))
-        / (FORCE_WIDTH * published)[:, None]
-    )
-    target = np.full(len(speeds), 1.0 / FORCE_WIDTH)
-    if free:
-        prior = np.vstack((prior, [0.0, 1.0 / (COLD_WIDTH * rise * usual), 0.0]))
-        target = np.append(target, 1.0 / COLD_WIDTH)
-    else:  # the published rise is kept as a share of the rolling resistance
+    free = int((ambient < COLD_DEGC).sum()) >= LEAST_TRIPS and rise > 0.0
+    # unknowns: rolling resistance [N], its rise for each kelvin [N/K], drag area [m2], each with a prior of its own
+    means = np.array([book.rolling_n, rise * book.rolling_n, book.drag_area_m2])
+    widths = np.array([ROLLING_WIDTH * means[0], COLD_WIDTH * means[1], book.drag_width * means[2]])
+    known = np.array([True, free, True])
+    prior, target = np.diag(1.0 / np.where(widths > 0.0, widths, 1.0))[known], (means / widths)[known]
+    if not free:  # the published rise is kept as a share of the rolling resistance
         everything = everything @ np.array([[1, 0, 0, 0], [rise, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     scale = float(np.std(everything[:, 3]))
     bounds = (0.0, np.array([np.inf, np.inf if free else 1e-12, np.inf]))
@@ -485,18 +512,21 @@ def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Found:
         scale = float(np.sqrt(variance * max(together, 1.0)))
     rolling, colder, drag_area = (float(v) for v in values)
     found: dict[str, Any] = {}
-    if np.abs((rolling + squares * drag_area) / published - 1.0).max() > FARTHEST * FORCE_WIDTH:
+    if (np.abs(values - means)[[0, 2]] > FARTHEST * widths[[0, 2]]).any():
         return {}, 0
     if free and rolling > 0.0:
         found["tyres.temperature_coefficient_per_k"] = min(colder / rolling, STEEPEST_PER_K)
     if load.method == "coastdown":
         assert load.coastdown_mass_kg is not None
+        assert load.coastdown_air_density_kg_m3 is not None
         found["road_load.coastdown_a_n"] = rolling * load.coastdown_mass_kg / vehicle.body.test_mass_kg
         found["road_load.coastdown_b_n_s_m"] = 0.0
-        found["road_load.coastdown_c_n_s2_m2"] = 0.5 * density * drag_area
+        found["road_load.coastdown_c_n_s2_m2"] = 0.5 * load.coastdown_air_density_kg_m3 * drag_area
     else:
         assert load.frontal_area_m2 is not None
-        found["road_load.rolling_resistance_coefficient"] = rolling / weight
+        found["road_load.rolling_resistance_coefficient"] = rolling / (
+            vehicle.body.test_mass_kg * GRAVITY_M_S2
+        )
         found["road_load.drag_coefficient"] = drag_area / load.frontal_area_m2
     return found, len(records)
 

@@ -6,6 +6,7 @@ from the trips that they are used on.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -18,8 +19,9 @@ from tripwatt.hybrid.segments import SegmentTable, segment_table
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.trips import Plan
 from tripwatt.vehicles import Vehicle
+from tripwatt.vehicles.catalogue import beyond_classes
 from tripwatt.vehicles.loading import Entry
-from tripwatt.vehicles.spreads import road_gain, spreads
+from tripwatt.vehicles.spreads import CLASS_ANCHORS, road_gain, spreads
 
 _STEP: Final = 0.02
 """Relative change of a parameter for its finite difference."""
@@ -104,7 +106,8 @@ PARAMETERS: Final = (
 def parameters_of(vehicle: Vehicle) -> tuple[Parameter, ...]:
     """The parameters with the widths of a car: the better its values are anchored, the narrower.
 
-    A car whose values were held against nothing has the widths of `PARAMETERS`.
+    A car whose values were held against nothing has the widths of `PARAMETERS`. Those of a car with values of a class grow with the distance of its
+    mass from the library's cars.
 
     Examples
     --------
@@ -112,13 +115,21 @@ def parameters_of(vehicle: Vehicle) -> tuple[Parameter, ...]:
     >>> [round(p.width, 2) for p in parameters_of(load_vehicle("vw_id4_pro")) if p.name in ("rolling", "air")]
     [0.16, 0.07]
     """
-    widths = spreads(vehicle.anchor)
-    return tuple(
+    beyond = beyond_classes(vehicle.body.curb_mass_kg) if vehicle.anchor in CLASS_ANCHORS else 0.0
+    widths = spreads(vehicle.anchor, beyond)
+    found = tuple(
         replace(p, width=widths[p.name], source=f"{p.source}; {_ANCHORED[vehicle.anchor]}")
         if p.name in widths
         else p
         for p in PARAMETERS
     )
+    if not beyond:
+        return found
+    # loads of the class, of which no figure of the car says anything
+    return tuple(replace(p, width=math.hypot(p.width, beyond)) if p.name in _LOADS else p for p in found)
+
+
+_LOADS: Final = ("base_load", "hvac")
 
 
 _ANCHORED: Final = MappingProxyType(
@@ -178,7 +189,10 @@ def changed(vehicle: Vehicle, changes: Mapping[str, float], *, source: str = "")
                 changed_by = source or f"book value times {factor:.3f}"
                 old: Entry = entries[key]
                 entries[key] = replace(
-                    old, value=value * factor, source=f"{changed_by}; book value {value:g}: {old.source}"
+                    old,
+                    value=value * factor,
+                    source=f"{changed_by}; book value {value:g}: {old.source}",
+                    published=value if old.published is None else old.published,
                 )
     return replace(vehicle, entries=MappingProxyType(entries))
 

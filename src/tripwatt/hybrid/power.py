@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final, Protocol, Self
 
@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
+from tripwatt.hybrid.familiarity import FADING, Familiarity
 from tripwatt.hybrid.segments import LINE_CAUSES, SegmentTable
 from tripwatt.learners.gp import AdditiveGP, KernelTerm
 from tripwatt.trips import TEMPERATURES
@@ -163,12 +164,8 @@ LINES: Final = tuple(KernelTerm((f"{cause}_w",), "line", 0.1) for cause in LINE_
 
 SETTLED_S: Final = 3600.0
 """Time after which cabin and driveline have settled: the cabin's time constant is 24 minutes (102 kJ/K of air and interior
-over 70 W/K), so a twelfth of the difference is left. The battery then follows weather and load, not the time."""
-
-
-def settled(features: pd.DataFrame) -> pd.DataFrame:
-    """Features with the time since departure held at `SETTLED_S`: a longer drive is no other kind of drive."""
-    return features.assign(time_s=np.minimum(features["time_s"].to_numpy(dtype=np.float64), SETTLED_S))
+over 70 W/K), so a twelfth of the difference is left. The battery then follows weather and load, not the time: a longer drive is
+no other kind of drive."""
 
 
 class _Joint:
@@ -208,6 +205,7 @@ class GPCorrector(_Joint):
     def _set_terms(self, terms: tuple[KernelTerm, ...], share_column: str) -> None:
         self.terms = terms
         self.share_column = share_column
+        self.familiarity = Familiarity()
         self.model = AdditiveGP(terms, effect_sd=220.0, share_column=share_column, share_sd=0.05)
         self.shape = np.empty(0)
 
@@ -220,6 +218,7 @@ class GPCorrector(_Joint):
         self._set_terms(
             tuple(term for term in self.terms if known.issuperset(term.columns)), self.share_column
         )
+        self.familiarity = Familiarity.from_features(table.features, fading_columns(self.terms))
         errors = table.energy_errors
         self.model.fit(table.features, table.residual_w, table.groups, table.hours, errors.own_wh)
         features, prior = self.model.features(table.features)
@@ -243,20 +242,37 @@ class GPCorrector(_Joint):
         return self._mean(self.model.features(table.features)[0], table)
 
     def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
-        """From the posterior of the process."""
-        return self.model.uncertainty_factor(table.features)
+        """From the posterior of the process, of the part that counts."""
+        return self.predict_with_uncertainty(table)[1]
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
-        """From the prior of the process."""
-        return self.model.outside_factor(table.features, {"time_s": SETTLED_S})
+        """From the prior of the process: of time beyond that of the training, and of the part that does not count."""
+        share = self.familiarity.share(table.features)[:, None]
+        edge = self.model.outside_factor(
+            table.features, {"time_s": SETTLED_S}, inside=self.familiarity.ranges
+        )
+        if (share == 1.0).all():
+            return edge
+        lost = self.model.prior_factor(self.model.features(table.features)[0])
+        return np.hstack([edge * share, lost * np.sqrt(1.0 - share**2)])
 
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
         """Both from the same features."""
         features, _ = self.model.features(table.features)
-        return self._mean(features, table), self.model.factor(features)
+        share = self.familiarity.share(table.features)
+        return self._mean(features, table), self.model.factor(features) * share[:, None]
 
     def _mean(self, features: FloatArray, table: SegmentTable) -> FloatArray:
-        return self.model.mean(features) + less_trip_mean(features @ self.shape[:, None], table)[:, 0]
+        """The mean of the process and the shape within the trip, as far as they count."""
+        share = self.familiarity.share(table.features)
+        shape = less_trip_mean((features @ self.shape * share)[:, None], table)[:, 0]
+        return self.model.mean(features) * share + shape
+
+
+def fading_columns(terms: Iterable[KernelTerm]) -> tuple[str, ...]:
+    """Covariates of the smooth terms; every one of `FADING` where there are only lines."""
+    smooth = dict.fromkeys(c for term in terms if term.kind == "smooth" for c in term.columns)
+    return tuple(smooth) or FADING
 
 
 _SHAPE_SHARE: Final = 4.0
@@ -283,10 +299,12 @@ class LearnerCorrector(_OneByOne):
         self.make = make
         self.tuned = tuned
         self.features = TREE_FEATURES if features is None else features
+        self.familiarity = Familiarity()
         self.model = make(settings or {})
 
     def fit(self, table: SegmentTable) -> Self:
         """Learn from segment rows, the trip as the cluster."""
+        self.familiarity = Familiarity.from_features(table.features, self.features)
         self.model.fit(self.columns(table), table.residual_w, groups=table.groups)
         return self
 
@@ -296,7 +314,8 @@ class LearnerCorrector(_OneByOne):
 
     def predict(self, table: SegmentTable) -> FloatArray:
         """Residual power [W]."""
-        return np.asarray(self.model.predict(self.columns(table)), dtype=np.float64)
+        found = np.asarray(self.model.predict(self.columns(table)), dtype=np.float64)
+        return found * self.familiarity.share(table.features)
 
     def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
         """Zeros: trees have no uncertainty of their own."""
@@ -356,7 +375,7 @@ class EnsembleCorrector(_Joint):
         return self.members[0].uncertainty_factor(table)
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
-        """Of the first member; trees are constant outside of their range and claim nothing."""
+        """Of the first member; trees fade outside of their range and have no variance of their own."""
         return self.members[0].outside_factor(table)
 
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
@@ -408,6 +427,7 @@ class GammCorrector(_OneByOne):
         from tripwatt.gam import GAMM
 
         self.medians_ = table.features.median()
+        self.familiarity = Familiarity.from_features(table.features, FADING)
         self.model = GAMM(self.FORMULA).fit(self._frame(table, trips=True), table.residual_w)
         return self
 
@@ -417,7 +437,8 @@ class GammCorrector(_OneByOne):
 
     def predict(self, table: SegmentTable) -> FloatArray:
         """Residual power [W]; the random effect of a new trip is 0."""
-        return np.asarray(self.model.predict(self._frame(table)), dtype=np.float64)
+        found = np.asarray(self.model.predict(self._frame(table)), dtype=np.float64)
+        return found * self.familiarity.share(table.features)
 
     def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
         """Not given."""

@@ -12,7 +12,7 @@ import pandas as pd
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.hybrid.climate_log import logged_climate
-from tripwatt.hybrid.energy_errors import EnergyErrors
+from tripwatt.hybrid.energy_errors import EnergyErrors, unknown_climb_wh
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.physics.simulate import CAUSES
 from tripwatt.trips import TEMPERATURES, Plan, Trip, plan_from_trip, resample, table_of
@@ -192,7 +192,12 @@ class SegmentTable:
 
 
 def segment_table(
-    plan: Plan, simulation: Simulation, measured: Trip | None = None, *, segment_s: float = SEGMENT_S
+    plan: Plan,
+    simulation: Simulation,
+    measured: Trip | None = None,
+    *,
+    segment_s: float = SEGMENT_S,
+    climb_wh: float = 0.0,
 ) -> SegmentTable:
     """Cut one trip into segments, from its plan and simulation; with the measured power where there is a measured trip.
 
@@ -207,6 +212,8 @@ def segment_table(
         total counts: its residual is the same in every segment.
     segment_s : float
         Length of a segment [s]; the last one takes what is left and is up to twice as long.
+    climb_wh : float
+        Standard deviation of the measured energy by an unknown climb [Wh].
 
     Returns
     -------
@@ -252,7 +259,7 @@ def segment_table(
     }
     simulated = np.asarray(features["simulated_w"])
     observed = None if measured is None else _measured_power(measured, segment, plan, seconds)
-    errors = None if measured is None else EnergyErrors.from_trip(measured)
+    errors = None if measured is None else EnergyErrors.from_trip(measured, climb_wh)
     if observed is not None and errors is not None and not errors.along[0]:
         observed = simulated + float(seconds @ (observed - simulated)) / float(seconds.sum())
     return SegmentTable(
@@ -305,7 +312,7 @@ def segment_trips(trips: Sequence[Trip], vehicle: Vehicle) -> SegmentTable:
     plans = [plan_from_trip(trip) for trip in trips]
     return SegmentTable.join(
         [
-            segment_table(plan, simulate_trip(vehicle, plan), trip)
+            segment_table(plan, simulate_trip(vehicle, plan), trip, climb_wh=unknown_climb_wh(plan, vehicle))
             for plan, trip in zip(plans, trips, strict=True)
         ]
     )

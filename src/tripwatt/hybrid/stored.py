@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, Final, NoReturn
 
 import numpy as np
@@ -12,8 +12,15 @@ import numpy.typing as npt
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.hybrid.car_corrector import HierarchicalCorrector
+from tripwatt.hybrid.familiarity import FADING, Familiarity
 from tripwatt.hybrid.hierarchy import Members
-from tripwatt.hybrid.power import EnsembleCorrector, GPCorrector, LearnerCorrector, PowerCorrector
+from tripwatt.hybrid.power import (
+    EnsembleCorrector,
+    GPCorrector,
+    LearnerCorrector,
+    PowerCorrector,
+    fading_columns,
+)
 from tripwatt.hybrid.segments import SegmentTable
 from tripwatt.hybrid.split import SplitCorrector
 from tripwatt.learners.gp import KernelTerm
@@ -39,6 +46,8 @@ class StoredTrees:
         Added before and after the sum of the trees [W].
     divisor : int or None
         Number of trees of a mean; None for a sum.
+    familiarity : Familiarity
+        Where the correction is known; models of older versions have none and fade nowhere.
     """
 
     trees: TreeTable
@@ -46,6 +55,7 @@ class StoredTrees:
     start: float
     rest: float
     divisor: int | None
+    familiarity: Familiarity = field(default_factory=Familiarity)
 
     def __post_init__(self) -> None:
         if len(self.trees) and int(self.trees.split_feature.max()) >= len(self.columns):
@@ -68,17 +78,16 @@ class StoredTrees:
         """Residual power [W]."""
         values, names = table.features.to_numpy(dtype=np.float64), table.features.columns.tolist()
         X = values[:, [names.index(c) for c in self.columns]]
-        total = self.trees.sum(X)
-        if self.divisor is None:
-            return np.asarray(self.start + total + self.rest)
-        return np.asarray(total + self.rest) / self.divisor
+        total = self.trees.sum(X) + self.rest
+        found = self.start + total if self.divisor is None else total / self.divisor
+        return np.asarray(found * self.familiarity.share(table.features))
 
     def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
         """Zeros: trees have no uncertainty of their own."""
         return np.zeros((len(table.hours), 1))
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
-        """No columns: trees are constant outside of their range and claim nothing."""
+        """No columns: trees fade outside of their range and have no variance of their own."""
         return np.zeros((len(table.hours), 0))
 
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
@@ -119,6 +128,7 @@ def corrector_parts(corrector: PowerCorrector, name: str = "corrector") -> Store
     if isinstance(corrector, GPCorrector):
         about: dict[str, Any] = {"kind": "kriging", "arrays": part, "share_column": corrector.share_column}
         about["parts"] = [asdict(t) | {"columns": list(t.columns)} for t in corrector.terms]
+        about["familiar"] = corrector.familiarity.to_dict()
         return about, {part: {**corrector.model.to_arrays(), _SHAPE: corrector.shape}}
     if isinstance(corrector, HierarchicalCorrector):
         members, arrays = members_parts(corrector.base, f"{name}-base")
@@ -137,6 +147,7 @@ def corrector_parts(corrector: PowerCorrector, name: str = "corrector") -> Store
         "start": trees.start,
         "rest": trees.rest,
         "divisor": trees.divisor,
+        "familiar": trees.familiarity.to_dict(),
     }
     return about, {part: trees.trees.to_arrays()}
 
@@ -161,6 +172,7 @@ def corrector_of_parts(about: Mapping[str, Any], parts: Mapping[str, Arrays]) ->
         arrays = dict(parts[about["arrays"]])
         corrector.shape = arrays.pop(_SHAPE)
         corrector.model.load_arrays(arrays)
+        corrector.familiarity = _familiarity(about, corrector)
         if corrector.shape.shape != corrector.model.weights_.shape:
             got, allowed = f"{corrector.shape.shape}", f"{corrector.model.weights_.shape}"
             raise InvalidInput(Fault("wrong shape of an array", f"{about['arrays']}, shape", got, allowed))
@@ -179,6 +191,7 @@ def corrector_of_parts(about: Mapping[str, Any], parts: Mapping[str, Arrays]) ->
             float(about["start"]),
             float(about["rest"]),
             about["divisor"],
+            Familiarity.from_dict(about.get("familiar", {})),
         )
     raise InvalidInput(
         Fault(
@@ -188,6 +201,19 @@ def corrector_of_parts(about: Mapping[str, Any], parts: Mapping[str, Arrays]) ->
             "channels, ensemble, kriging, transferred, trees",
         )
     )
+
+
+def _familiarity(about: Mapping[str, Any], corrector: GPCorrector) -> Familiarity:
+    """Where a stored process is known; models of older versions keep the ranges of the smooth terms' columns alone."""
+    if "familiar" in about:
+        return Familiarity.from_dict(about["familiar"])
+    model, smooth = corrector.model, fading_columns(corrector.terms)
+    ranges: dict[str, list[float]] = {
+        name: [*model.ranges_[name], model.sds_[name]]
+        for name in FADING
+        if name in smooth and name in model.ranges_
+    }
+    return Familiarity.from_dict(ranges)
 
 
 def members_parts(
@@ -214,9 +240,9 @@ def _trees(corrector: PowerCorrector) -> StoredTrees:
     n_trees = int((~lone).sum())
     text = "" if model.booster_ is None else model.booster_.model_to_string(num_iteration=-1)
     trees = TreeTable.from_text(text, n_trees)
+    columns, familiar = corrector.features, corrector.familiarity
     if hasattr(model, "steps_"):
         rest = float(model.steps_[lone].sum())
-        return StoredTrees(trees, corrector.features, float(model.start_), rest, None)
-    return StoredTrees(
-        trees, corrector.features, 0.0, float(model.values_[lone, 0].sum()), len(model.position_)
-    )
+        return StoredTrees(trees, columns, float(model.start_), rest, None, familiar)
+    rest = float(model.values_[lone, 0].sum())
+    return StoredTrees(trees, columns, 0.0, rest, len(model.position_), familiar)

@@ -11,7 +11,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes.maps import ATTRIBUTION, MapFolder, Station, open_map, read_stations, within
 from tripwatt.routes.places import Place
 from tripwatt.routes.routers import Router, ValhallaRouter, is_server, open_server
-from tripwatt.routes.search import PlaceSearch, open_search
+from tripwatt.routes.search import PlaceSearch, find_place, open_search
 from tripwatt.routes.weather import WeatherServer, WeatherSource
 
 MAP_VARIABLE: Final = "TRIPWATT_MAP"
@@ -21,6 +21,10 @@ Bounds = tuple[float, float, float, float]
 """South, west, north and east [°]."""
 
 NO_MAP: Final = "build a map with tripwatt map build, or name a router by its URL"
+
+
+MARGIN_DEG: Final = 0.02
+"""Roads of a map reach this far beyond its places [°]."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +74,8 @@ class Atlas:
         South, west, north and east of the map, where it has an end.
     folder : MapFolder or None
         The folder of the map; None for a router's server.
+    is_local : bool
+        Whether the roads are those of the folder, so that they end where its map ends.
 
     Examples
     --------
@@ -90,11 +96,54 @@ class Atlas:
     attribution: str = ATTRIBUTION
     bounds_deg: Bounds | None = None
     folder: MapFolder | None = field(default=None, repr=False)
+    is_local: bool = False
 
     @property
     def has_tiles(self) -> bool:
         """Whether the router has tiles of its roads, to draw a map."""
         return isinstance(self.router, ValhallaRouter) and self.router.ask_tile is not None
+
+    @property
+    def covers(self) -> str:
+        """The region of the map in words, with what to do for a place outside of it; empty without a map folder."""
+        if self.bounds_deg is None or self.folder is None:
+            return ""
+        south, west, north, east = self.bounds_deg
+        largest = self.settlements(self.bounds_deg, 1)
+        around = f" around {largest[0].title}" if largest else ""
+        return (
+            f"this map covers {south:.2f} to {north:.2f}° N and {west:.2f} to {east:.2f}° E{around}; "
+            "build a map of a larger region for places outside of it"
+        )
+
+    def find(self, stop: Place | str, where: str) -> Place:
+        """Find a place on the map.
+
+        Parameters
+        ----------
+        stop : Place or str
+            A place, its whole name, or latitude and longitude.
+        where : str
+            Name of the field, for messages.
+
+        Returns
+        -------
+        Place
+            With its kind, if the map has it.
+
+        Raises
+        ------
+        InvalidInput
+            When the name is not that of one place, or the place lies outside of the map.
+        """
+        place = stop if isinstance(stop, Place) else find_place(stop, self.places, where, self.covers)
+        if self.is_local and self.bounds_deg is not None:
+            south, west, north, east = self.bounds_deg
+            inside = south - MARGIN_DEG <= place.latitude_deg <= north + MARGIN_DEG
+            if not (inside and west - MARGIN_DEG <= place.longitude_deg <= east + MARGIN_DEG):
+                allowed, _, fix = self.covers.partition("; ")
+                raise InvalidInput(Fault("place outside of the map", where, place.title, allowed, fix))
+        return place
 
     def tile(self, zoom: int, column: int, row: int) -> bytes:
         """Read a vector tile of the roads. See `ValhallaRouter.tile`.
@@ -213,6 +262,7 @@ def open_atlas(settings: AtlasSettings | Path | str | None = None) -> Atlas:
         weather,
         bounds_deg=None if bounds is None else (bounds[0], bounds[1], bounds[2], bounds[3]),
         folder=folder,
+        is_local=folder is not None and not is_server(named),
     )
 
 

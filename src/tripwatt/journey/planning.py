@@ -18,12 +18,11 @@ from tripwatt.journey.forecasting import Drive, capped, on_motorway
 from tripwatt.journey.stops import ChargingStop, find_stop
 from tripwatt.routes.places import Place
 from tripwatt.routes.routers import Road
-from tripwatt.routes.search import find_place
 from tripwatt.routes.weather import Weather
 from tripwatt.transfer.zero_shot import on_vehicle
 from tripwatt.trips import Departure, Flag, raise_faults
-from tripwatt.trips.messages import flag_to_dict
-from tripwatt.trips.schema import scalar_faults
+from tripwatt.trips.messages import flag_to_dict, leave_in_words
+from tripwatt.trips.schema import Column, number_faults, scalar_faults
 from tripwatt.trips.showing import html_table
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 from tripwatt.vehicles import Vehicle
@@ -35,12 +34,12 @@ CERTAIN: Final = 0.95
 """Probability of "19 of 20 trips"."""
 
 MOST_STOPS: Final = 20
+MOST_ALTERNATIVES: Final = 3
 MOTORWAY_SPEEDS_KM_H: Final = (130.0, 120.0, 110.0, 100.0, 90.0, 80.0)
 CHEAPER_KM_H: Final = 100.0
 """The cost of speed is that over this speed on motorways."""
 
 LEAST_MOTORWAY_M: Final = 1000.0
-LEAVE_PASSES: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +76,9 @@ class JourneyOptions:
 
     def __post_init__(self) -> None:
         faults = list(scalar_faults({"reserve": self.reserve}))
-        if not 0 <= self.alternatives <= 3:
-            faults.append(Fault("value out of range", "alternatives", f"{self.alternatives}", "0 to 3"))
+        faults += number_faults(
+            "alternatives", self.alternatives, Column("", 0, MOST_ALTERNATIVES, ""), whole=True
+        )
         raise_faults(faults)
 
 
@@ -197,9 +197,9 @@ class Journey:
         The fastest first; the answers are about it.
     reserve : float
         Displayed state of charge to arrive with.
-    soc_needed : float or None
-        Displayed charge to leave with, to arrive with the reserve in 19 of 20 trips; None where a full battery does
-        not suffice.
+    soc_needed : float
+        Displayed charge to leave with, to arrive with the reserve in 19 of 20 trips; above 1 where a full battery does not
+        suffice, and 0 where any charge does.
     costs_wh : dict
         Energy of `climate`, `wind` and `speed` (above 100 km/h on motorways): what the journey takes less without it.
     speed : SpeedAdvice or None
@@ -222,7 +222,7 @@ class Journey:
     stops: tuple[Place, ...]
     roads: tuple[RoadForecast, ...]
     reserve: float
-    soc_needed: float | None
+    soc_needed: float
     costs_wh: dict[str, float] = field(default_factory=dict)
     speed: SpeedAdvice | None = None
     charging: ChargingStop | None = None
@@ -238,6 +238,11 @@ class Journey:
     def arrives(self) -> bool:
         """Whether at least 19 of 20 such trips arrive with the reserve."""
         return self.forecast.p_arrive(self.reserve) >= CERTAIN
+
+    @property
+    def leave(self) -> str:
+        """The charge to leave with as a sentence, or why there is none."""
+        return leave_in_words(self.soc_needed, self.reserve, CERTAIN)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values, as the command line and the service give them.
@@ -260,6 +265,7 @@ class Journey:
             "arrives": self.arrives,
             "p_arrive": self.forecast.p_arrive(self.reserve),
             "soc_needed": self.soc_needed,
+            "leave": self.leave,
             "costs_wh": dict(self.costs_wh),
             "motorway_speed_m_s": None if self.speed is None else self.speed.speed_m_s,
             "motorway_duration_s": None if self.speed is None else self.speed.duration_s,
@@ -337,8 +343,9 @@ class Journey:
             )
             for found in self.roads
         ]
-        needed = "a full battery does not suffice" if self.soc_needed is None else f"{self.soc_needed:.0%}"
-        return html_table(f"Journey {self._title()}", [*rows, ("leave with", needed), ("", self.attribution)])
+        return html_table(
+            f"Journey {self._title()}", [*rows, ("leave with", self.leave), ("", self.attribution)]
+        )
 
 
 def plan_journey(
@@ -434,7 +441,7 @@ def find_stops(stops: Sequence[Place | str], atlas: Atlas, *, round_trip: bool =
     faults: list[Fault] = []
     for k, stop in enumerate(stops):
         try:
-            found.append(stop if isinstance(stop, Place) else find_place(stop, atlas.places, f"stops[{k}]"))
+            found.append(atlas.find(stop, f"stops[{k}]"))
         except InvalidInput as error:
             faults += error.faults
     if faults:
@@ -474,7 +481,7 @@ def journey_with(drive: Drive, stops: tuple[Place, ...], atlas: Atlas, options: 
     roads = atlas.router.roads(stops, alternatives=options.alternatives)
     found = _labelled([RoadForecast(road, drive.forecast(road, title)) for road in roads])
     first = found[0]
-    needed = _soc_needed(drive, first, options.reserve)
+    needed = first.forecast.soc_needed(options.reserve, CERTAIN)
     journey = Journey(stops, found, options.reserve, needed, attribution=atlas.attribution)
     if not options.answers:
         return journey
@@ -507,25 +514,6 @@ def _labelled(roads: list[RoadForecast]) -> tuple[RoadForecast, ...]:
         replace(found, labels=tuple(label for label, index in best.items() if index == k))
         for k, found in enumerate(roads)
     )
-
-
-def _soc_needed(drive: Drive, first: RoadForecast, reserve: float) -> float | None:
-    """Charge to leave with; the forecast is made again from there, since the charge changes voltage and recovery."""
-    forecast = first.forecast
-    for _ in range(LEAVE_PASSES):
-        needed = forecast.soc_needed(reserve, CERTAIN)
-        if needed > 1.0:
-            return None
-        start = forecast.plan.departure.soc
-        if start is not None and abs(start - needed) < 0.002:
-            break
-        departure = replace(forecast.plan.departure, soc=max(needed, 0.0), bms_soc=None)
-        forecast = replace(
-            drive.forecast_plan(replace(forecast.plan, departure=departure)),
-            state_sd_wh=first.forecast.state_sd_wh,
-        )
-    needed = forecast.soc_needed(reserve, CERTAIN)
-    return None if needed > 1.0 else max(needed, 0.0)
 
 
 def _costs(drive: Drive, first: RoadForecast) -> dict[str, float]:

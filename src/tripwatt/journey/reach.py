@@ -16,6 +16,7 @@ from tripwatt.routes.places import Place, bearings_deg
 from tripwatt.routes.routers import Road
 from tripwatt.trips import Flag
 from tripwatt.trips.messages import flag_to_dict
+from tripwatt.trips.schema import require_fraction
 
 LEVELS: Final = (0.95, 0.5)
 DIRECTIONS: Final = 24
@@ -121,12 +122,13 @@ def find_reach(drive: Drive, start: Place, atlas: Atlas, *, reserve: float = 0.0
     Raises
     ------
     InvalidInput
-        When no road leads away from the start.
+        When the reserve is no fraction, or no road leads away from the start.
 
     Examples
     --------
     >>> find_reach(drive, Place(47.14, 9.52), open_atlas("map"), reserve=0.1)  # doctest: +SKIP
     """
+    reserve = require_fraction("reserve", reserve)
     roads, last = [], None
     for place in _targets(drive, start, atlas):
         try:

@@ -143,11 +143,7 @@ def _with_stop(
     if leave > FULL_STOP:
         return None
     leave = max(leave, arrival)
-    second = drive.forecast(legs[1], "from the station", soc=leave, bms_soc=None, follows_trip=True)
-    more = second.soc_needed(reserve, CERTAIN)
-    if more > leave:
-        leave = min(more, FULL_STOP)
-        second = drive.forecast(legs[1], "from the station", soc=leave, bms_soc=None, follows_trip=True)
+    second = guess.leaving_with(leave)
     charging_s = curve.seconds(arrival, leave, station, first.charge.wh_per_display) + STOP_S
     driving_s = first.plan.duration_s + second.plan.duration_s
     p_arrive = second.p_arrive(reserve)

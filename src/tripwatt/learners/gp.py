@@ -11,7 +11,7 @@ parts are found by maximum a posteriori of the marginal likelihood (Rasmussen an
 from __future__ import annotations
 
 import types
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Self
 
@@ -179,20 +179,28 @@ class AdditiveGP:
         """As `uncertainty_factor`, from the rows' features."""
         return np.asarray(features @ self.factor_)
 
+    def prior_factor(self, features: FloatArray) -> FloatArray:
+        """`L` of shape (rows, features) with `L @ L.T` the covariance of the sum of the terms before any data, from the rows' features."""
+        counts = [s.stop - s.start for s in self._slices()]
+        return np.asarray(features * np.sqrt(np.repeat(self.variances_[: len(self.terms)], counts)))
+
     def outside_factor(
-        self, X: pd.DataFrame, at_most: Mapping[str, float] = types.MappingProxyType({})
+        self,
+        X: pd.DataFrame,
+        at_most: Mapping[str, float] = types.MappingProxyType({}),
+        inside: Collection[str] = (),
     ) -> FloatArray:
         """What each smooth term may have outside of its training range, shape (rows, smooth terms with a value outside).
 
         A term is held at the edge of its range. Under its prior, of variance `v`, its value at a scaled distance `d`
         differs from that at the edge with mean square ``2 v (1 - exp(-d²/2))``: nothing inside the range, and twice
         the prior variance far outside. Each column is the root of it, the same unknown for all rows of a group.
-        Columns of `at_most` are held at its values.
+        Columns of `at_most` are held at its values, and those of `inside` count as inside of their range.
         """
         columns = _columns(X)
         columns |= {name: np.minimum(columns[name], most) for name, most in at_most.items()}
         smooth = [(i, term) for i, term in enumerate(self.terms) if term.kind == "smooth"]
-        names = dict.fromkeys(c for _, term in smooth for c in term.columns)
+        names = dict.fromkeys(c for _, term in smooth for c in term.columns if c not in inside)
         distance2 = {}
         for name in names:
             if not self._is_within(columns[name], name):
@@ -309,8 +317,14 @@ class AdditiveGP:
         """Columns of a smooth term in units of its length scale."""
         return [held[c] / (self.sds_[c] * term.length) for c in term.columns]
 
+    def _slices(self) -> list[slice]:
+        """Features of each term."""
+        sizes = [1 if t.kind == "line" else self.whiteners_[i].shape[1] for i, t in enumerate(self.terms)]
+        ends = np.cumsum(sizes).tolist()
+        return [slice(end - size, end) for size, end in zip(sizes, ends, strict=True)]
+
     def _features(self, X: pd.DataFrame) -> tuple[FloatArray, list[slice]]:
-        blocks, slices, start = [], [], 0
+        blocks = []
         smooth = dict.fromkeys(c for term in self.terms if term.kind == "smooth" for c in term.columns)
         columns = _columns(X)
         held = {name: self._held(columns, name) for name in smooth}
@@ -321,9 +335,7 @@ class AdditiveGP:
             else:
                 block = _squared_exponential(self._standard(held, term), self.points_[i]) @ self.whiteners_[i]
             blocks.append(block)
-            slices.append(slice(start, start + block.shape[1]))
-            start += block.shape[1]
-        return np.concatenate(blocks, axis=1), slices
+        return np.concatenate(blocks, axis=1), self._slices()
 
     def _fit_totals(self, totals: FloatArray, target: FloatArray, effects: FloatArray) -> None:
         """Variances, then the posterior of the features' weights; clusters that stand out count less."""

@@ -14,6 +14,7 @@ import pandas as pd
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import Forecast
 from tripwatt.trips import Trip
+from tripwatt.uncertainty import Coverage
 
 LEVEL: Final = 0.9
 """Level of the interval that a diary keeps."""
@@ -65,6 +66,11 @@ class Score:
         Share of the trips within their 90 % interval.
     width : float
         Sum of the widths of the intervals over the sum of the energies.
+    inside : int
+        Trips within their interval.
+    needed_width : float
+        Width with which the intervals, all scaled by one factor, would have held exactly 90 % of these trips, over the energies as
+        `width`. Far below it the intervals were wider than the trips called for.
 
     Examples
     --------
@@ -79,6 +85,8 @@ class Score:
     bias: float
     coverage: float
     width: float
+    inside: int
+    needed_width: float
 
     @classmethod
     def of(cls, table: pd.DataFrame, start: str = "") -> Score:
@@ -101,20 +109,24 @@ class Score:
         >>> table = pd.DataFrame({"energy_wh": [1000.0, 3000.0], "forecast_wh": [1100.0, 2700.0],
         ...                       "low_wh": [900.0, 2500.0], "high_wh": [1300.0, 2900.0]})
         >>> Score.of(table)
-        Score(trips=2, error=0.1, weighted_error=0.1, bias=-0.05, coverage=0.5, width=0.2)
+        Score(trips=2, error=0.1, weighted_error=0.1, bias=-0.05, coverage=0.5, width=0.2, inside=1, needed_width=0.3)
         """
         names = ("energy_wh", f"{start}forecast_wh", f"{start}low_wh", f"{start}high_wh")
         took, said, low, high = (table[name].to_numpy(dtype=np.float64) for name in names)
         if not len(took):
-            return cls(0, math.nan, math.nan, math.nan, math.nan, math.nan)
+            return cls(0, math.nan, math.nan, math.nan, math.nan, math.nan, 0, math.nan)
+        covered = Coverage.from_bounds(took, low, high, LEVEL)
         error, total, counts = said - took, float(np.abs(took).sum()), took > 0.0
+        width = float((high - low).sum() / total) if total else math.nan
         return cls(
             len(took),
             float(np.mean(np.abs(error[counts]) / took[counts])) if counts.any() else math.nan,
             float(np.abs(error).sum() / total) if total else math.nan,
             float(error.sum() / total) if total else math.nan,
-            float(np.mean((low <= took) & (took <= high))),
-            float((high - low).sum() / total) if total else math.nan,
+            covered.share,
+            width,
+            covered.inside,
+            covered.needed * width,
         )
 
     def to_dict(self) -> dict[str, float | int | None]:
@@ -126,7 +138,7 @@ class Score:
             One key for each attribute; None for what no trip shows.
         """
         values = {name: getattr(self, name) for name in self.__slots__}
-        return {name: None if value != value else value for name, value in values.items()}
+        return {name: value if math.isfinite(value) else None for name, value in values.items()}
 
 
 def entry(trip: Trip, forecast: Forecast, by_book: Forecast, trips_learned: int) -> dict[str, Any]:
@@ -357,4 +369,7 @@ class Diary:
         score = self.score
         if not score.trips:
             return "<Diary without a trip>"
-        return f"<Diary {score.trips} trips: error {score.weighted_error:.1%}, coverage {score.coverage:.0%}>"
+        return (
+            f"<Diary {score.trips} trips: error {score.weighted_error:.1%}, {score.inside} within 90 % intervals of {score.width:.1%}, "
+            f"needed {score.needed_width:.1%}>"
+        )

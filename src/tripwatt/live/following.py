@@ -20,6 +20,7 @@ from tripwatt.live.topics import TopicJoiner
 from tripwatt.live.usual import road_of
 from tripwatt.routes import plan_from_links
 from tripwatt.trips import Plan
+from tripwatt.trips.schema import require_fraction
 
 if TYPE_CHECKING:
     import aiomqtt
@@ -142,6 +143,9 @@ class LiveForecaster:
     _made: tuple[Any, Forecast] | None = None
     _usual: Plan | None = None
 
+    def __post_init__(self) -> None:
+        require_fraction("reserve", self.reserve)
+
     def at_departure(self, car: LiveCar) -> Forecast | None:
         """Make the forecast at the departure, again only when more is known of it.
 
@@ -211,6 +215,7 @@ class LiveForecaster:
             "soc_quantiles": {f"{p:g}": forecast.soc_quantile(p) for p in QUANTILES},
             "reserve": self.reserve,
             "p_arrive": forecast.p_arrive(self.reserve),
+            "p_arrive_at_all": forecast.p_arrive(),
             "measured_until_s": forecast.measured_until_s,
         }
 

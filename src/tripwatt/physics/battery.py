@@ -19,6 +19,10 @@ SOC_TOLERANCE: Final = 5e-5
 """Two passes that agree to this state of charge have converged; each pass cuts the error by about 50."""
 
 MOST_PASSES: Final = 60
+TINY: Final = float(np.finfo(np.float64).tiny)
+
+LEAST_RESISTANCE_OHM: Final = 1e-12
+"""A battery without resistance has a power without limit; this keeps the number finite."""
 
 
 def open_circuit_voltage(soc: FloatArray, battery: Battery) -> FloatArray:
@@ -70,11 +74,14 @@ def battery_current(power_w: FloatArray, ocv_v: FloatArray, resistance_ohm: Floa
 class BatteryRun:
     """The battery over a trip. Arrays have shape (samples,); value k belongs to the interval that ends at k.
 
-    `power_w` [W] is the terminal power after limits, `open_circuit_power_w` [W] that with the heat in the battery; `soc` and `temperature_degc` are those at the end of the
-    interval. `converged` is whether the passes settled.
+    `power_w` [W] is the terminal power after limits, `refused_power_w` [W] the charging power that found no room,
+    `open_circuit_power_w` [W] the terminal power with the heat in the battery; `soc` and `temperature_degc` are those at the
+    end of the interval: `soc` is never above full, and falls below empty where the drive takes more than the battery
+    holds. `converged` is whether the passes settled.
     """
 
     power_w: FloatArray
+    refused_power_w: FloatArray
     current_a: FloatArray
     open_circuit_power_w: FloatArray
     terminal_voltage_v: FloatArray
@@ -93,8 +100,9 @@ def largest_power(ocv_v: FloatArray, resistance_ohm: FloatArray, floor_v: float)
     (array([900.]), array([2500.]))
     """
     voltage = np.minimum(np.maximum(0.5 * ocv_v, floor_v), ocv_v)
-    tiny = np.finfo(np.float64).tiny
-    return np.asarray(voltage * (ocv_v - voltage) / np.maximum(resistance_ohm, tiny), dtype=np.float64)
+    return np.asarray(
+        voltage * (ocv_v - voltage) / np.maximum(resistance_ohm, LEAST_RESISTANCE_OHM), dtype=np.float64
+    )
 
 
 def shift(initial: float, values: FloatArray) -> FloatArray:
@@ -111,6 +119,23 @@ def shift(initial: float, values: FloatArray) -> FloatArray:
     return result
 
 
+def kept_charge(gains: FloatArray, room: float) -> tuple[FloatArray, FloatArray]:
+    """Charge gained since the start when it may not exceed `room`, and what found none of each gain. O(samples).
+
+    What is refused up to an interval is the largest excess of the free sum up to there (the reflection of Skorokhod).
+
+    Examples
+    --------
+    >>> kept_charge(np.array([1.0, 2.0, -1.0, 2.0]), 2.0)
+    (array([1., 2., 1., 2.]), array([0., 1., 0., 1.]))
+    """
+    free = gains.cumsum()
+    if float(free.max()) <= room:
+        return free, np.zeros_like(free)
+    lost = np.maximum.accumulate(np.maximum(free - room, 0.0))
+    return free - lost, np.diff(lost, prepend=0.0)
+
+
 def discharge(
     battery: Battery,
     power_w: FloatArray,
@@ -125,6 +150,10 @@ def discharge(
 
     The state of an interval depends on those before it alone, so repeated passes over the whole trip (open-circuit
     voltage -> current -> charge -> state) settle; four or five do.
+
+    A full battery takes no more: the charge never rises above what the display shows as full, or above that of the
+    start. An empty one keeps the voltage and the resistance that it has at empty: what a drive takes beyond its charge
+    is counted as charge below empty, not cut.
 
     Parameters
     ----------
@@ -148,15 +177,20 @@ def discharge(
         temperature = np.full_like(soc, initial_temperature_degc)
     else:
         soc, temperature = guess.soc, guess.temperature_degc
+    empty = min(initial_soc, battery.displayed_zero_soc)
+    room = max(battery.displayed_full_soc - initial_soc, 0.0)
     converged = False
     for _ in range(MOST_PASSES):
-        before = shift(initial_soc, soc)
+        before = np.maximum(shift(initial_soc, soc), empty)
         ocv = open_circuit_voltage(before, battery)
         resistance = internal_resistance(before, shift(initial_temperature_degc, temperature), battery)
         bound = largest_power(ocv, resistance, floor_v)
-        power = np.minimum(power_w, bound)
-        current = battery_current(power, ocv, resistance)
-        new_soc = initial_soc - (current * per_step).cumsum()
+        allowed = np.minimum(power_w, bound)
+        wanted = battery_current(allowed, ocv, resistance)
+        gained, refused = kept_charge(-wanted * per_step, room)
+        spills = bool(refused.any())
+        current = wanted + refused / np.maximum(per_step, TINY) if spills else wanted
+        new_soc = initial_soc + gained
         heat = current * current * resistance
         if loss > 0.0:
             temperature = cooling.solve(initial_temperature_degc, ambient_temperature_degc + heat / loss)
@@ -167,8 +201,10 @@ def discharge(
         if change < SOC_TOLERANCE:
             converged = True
             break
+    power = np.where(refused > 0.0, (ocv - current * resistance) * current, allowed) if spills else allowed
     return BatteryRun(
         power_w=power,
+        refused_power_w=power - allowed,
         current_a=current,
         open_circuit_power_w=ocv * current,
         terminal_voltage_v=ocv - current * resistance,

@@ -74,6 +74,13 @@ HEAT_PUMP_MOST: Final = 1.5
 """Largest heat of a heat pump in warm air over that at the rating, where the controls stop its rise."""
 
 
+IDLE_FROM_W: Final = 100.0
+"""Cooling from which the compressor's least power counts in full: for less it cycles, and takes a share of it."""
+
+DEFROST_WITHIN_K: Final = 4.0
+"""Range of outside air around `defrost_below_degc` in which fewer and fewer cars have dew or frost."""
+
+
 @dataclass(frozen=True, slots=True)
 class CabinStart:
     """What is known of the cabin at departure.
@@ -204,7 +211,8 @@ def _control_steps(
             cooling = cooling if cooling < most_cooling else most_cooling
             heat = -cooling - free
             power = cooling / cooler_cop
-            power = power if power > idle or cooling <= 0.0 else idle
+            least = idle if cooling > IDLE_FROM_W else idle * (cooling / IDLE_FROM_W)
+            power = power if power > least else least
             fan = -heat / full_cooling
             fan = fan if fan < 1.0 else 1.0
         air = (given + heat) / total
@@ -213,8 +221,10 @@ def _control_steps(
         shares.append(fan)
         temperatures.append(air)
     fans = climate.blower_low_power_w + blower_range * np.array(shares)
-    if ambient < climate.defrost_below_degc and start.mode != "cool":
-        fans[: math.ceil(climate.defrost_time_s / dt)] += (1.0 - start.warmth) * climate.defrost_power_w
+    frost = 0.5 + (climate.defrost_below_degc - ambient) / DEFROST_WITHIN_K
+    if frost > 0.0 and start.mode != "cool":
+        share = min(frost, 1.0) * (1.0 - start.warmth)
+        fans[: math.ceil(climate.defrost_time_s / dt)] += share * climate.defrost_power_w
     return np.array(powers), fans, temperatures
 
 

@@ -6,49 +6,85 @@ from typing import Final
 
 from tripwatt.vehicles import Vehicle
 
-SUN_HEATS_CABINS_FROM_DEGC: Final = 12.0
-"""In outside air warmer than this a warm cabin may come from the sun and is no sign of an earlier drive."""
+SUN_HEATS_CABINS_DEGC: Final = (10.0, 14.0)
+"""In outside air warmer than the second a warm cabin may come from the sun and is no sign of an earlier drive; in colder air than
+the first it is one. It counts less and less in between."""
+
+LEAST_RISE_K: Final = 5.0
+"""Least rise of a cabin over the outside air that stands for a warm car, where the set-point is hardly above it."""
 
 
-def cabin_at_departure(vehicle: Vehicle, logged_degc: float | None, ambient_degc: float) -> float:
-    """Cabin temperature [°C] at departure: as logged, else that of the outside air.
+def known_cabin(vehicle: Vehicle, given_degc: float | None, *, logged: bool) -> float | None:
+    """Cabin temperature [°C] as far as it is known; None where nothing is.
 
-    A sensor at the lower end of its range has no information; the cabin is then assumed to be as cold as the air
-    outside.
+    A sensor at the lower end of its range shows only that the cabin is no warmer. What a person gives is no reading.
 
     Examples
     --------
     >>> from tripwatt.vehicles import load_vehicle
     >>> car = load_vehicle("bmw_i3_60ah")
-    >>> cabin_at_departure(car, 21.0, 3.0), cabin_at_departure(car, 10.0, 3.0), cabin_at_departure(car, None, 3.0)
-    (21.0, 3.0, 3.0)
+    >>> known_cabin(car, 21.0, logged=True), known_cabin(car, 10.0, logged=True), known_cabin(car, 10.0, logged=False)
+    (21.0, None, 10.0)
     """
-    if logged_degc is None:
-        return ambient_degc
-    if vehicle.climate is not None and logged_degc <= vehicle.climate.sensor_minimum_degc:
-        return min(logged_degc, ambient_degc)
-    return logged_degc
+    climate = vehicle.climate
+    if (
+        logged
+        and given_degc is not None
+        and climate is not None
+        and given_degc <= climate.sensor_minimum_degc
+    ):
+        return None
+    return given_degc
+
+
+def cabin_at_departure(
+    vehicle: Vehicle, given_degc: float | None, ambient_degc: float, *, logged: bool = False
+) -> float:
+    """Cabin temperature [°C] at departure: as given, else that of the outside air.
+
+    Behind a sensor at the lower end of its range the cabin is assumed to be as cold as the air outside.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle("bmw_i3_60ah")
+    >>> cabin_at_departure(car, 5.0, 3.0), cabin_at_departure(car, None, 3.0), cabin_at_departure(car, 10.0, 3.0, logged=True)
+    (5.0, 3.0, 3.0)
+    """
+    known = known_cabin(vehicle, given_degc, logged=logged)
+    if known is not None:
+        return known
+    return ambient_degc if given_degc is None else min(given_degc, ambient_degc)
 
 
 def warmth_from_cabin(
-    vehicle: Vehicle, logged_degc: float | None, setpoint_degc: float | None, ambient_degc: float
+    vehicle: Vehicle,
+    given_degc: float | None,
+    setpoint_degc: float | None,
+    ambient_degc: float,
+    *,
+    logged: bool = False,
 ) -> float:
     """Warmth of tyres and driveline at departure, from a cabin that is still warm in cold weather, 0 to 1.
 
     Interior and tyres cool at a similar pace, in about half an hour, so the cabin's excess over the outside air,
-    relative to that at the set-point, is the measure of the rest.
+    relative to that at the set-point, is the measure of the rest. It is continuous in all temperatures.
 
     Examples
     --------
     >>> from tripwatt.vehicles import load_vehicle
     >>> car = load_vehicle("bmw_i3_60ah")
-    >>> warmth_from_cabin(car, 12.0, 22.0, 2.0), warmth_from_cabin(car, 10.0, 22.0, 2.0), warmth_from_cabin(car, 40.0, 22.0, 25.0)
-    (0.5, 0.0, 0.0)
+    >>> warmth_from_cabin(car, 12.0, 22.0, 2.0), warmth_from_cabin(car, 10.0, 22.0, 2.0, logged=True)
+    (0.5, 0.0)
+    >>> warmth_from_cabin(car, 40.0, 22.0, 25.0), warmth_from_cabin(car, 20.0, 22.0, 12.0)
+    (0.0, 0.4)
     """
     climate = vehicle.climate
-    if logged_degc is None or climate is None or ambient_degc >= SUN_HEATS_CABINS_FROM_DEGC:
+    cabin = known_cabin(vehicle, given_degc, logged=logged)
+    if cabin is None or climate is None:
         return 0.0
     setpoint = climate.setpoint_degc if setpoint_degc is None else setpoint_degc
-    if logged_degc <= climate.sensor_minimum_degc or setpoint <= ambient_degc:
-        return 0.0
-    return min(1.0, max(0.0, (logged_degc - ambient_degc) / (setpoint - ambient_degc)))
+    cold, warm = SUN_HEATS_CABINS_DEGC
+    driven = min(1.0, max(0.0, (warm - ambient_degc) / (warm - cold)))
+    rise = max(setpoint - ambient_degc, LEAST_RISE_K)
+    return driven * min(1.0, max(0.0, (cabin - ambient_degc) / rise))

@@ -2,76 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
 from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.vehicles import Drivetrain, Regeneration
+from tripwatt.vehicles.losses import motor_loss
 
-
-def motor_loss(torque_nm: FloatArray, speed_rad_s: FloatArray, drivetrain: Drivetrain) -> FloatArray:
-    """Loss of motor and inverter [W] at a torque of either sign; zero without torque. Shape of `torque_nm`.
-
-    The sum of four terms: copper 3/2 R (i_q² + i_d²), iron (k1 ω + k2 ω²) |T|^x, inverter conduction and switching u·i + r·i², and
-    what the inverter needs whenever it switches. With magnets i_q follows from the torque and i_d from field weakening, and their drag
-    without torque is part of the coast-down. Other machines have no flux without a current: see `_chosen_flux`. `motor_loss_factor`
-    on this sum, or an eddy-current loss `flux_loss` ω² beside it, anchor the map to the certified consumption of a car; they are 1 and
-    0 without an anchor.
-
-    Notes
-    -----
-    Form and values for the BMW i3 after the TUMFTM repository Efficiency_Models_of_Inverters_for_BMW_i3.
-
-    Examples
-    --------
-    >>> from tripwatt.vehicles import load_vehicle
-    >>> car = load_vehicle("bmw_i3_60ah")
-    >>> motor_loss(np.array([0.0, 50.0]), np.array([500.0, 500.0]), car.drivetrain).round()
-    array([  0., 853.])
-    """
-    torque = np.abs(torque_nm)
-    iron = (
-        drivetrain.iron_loss_linear + drivetrain.iron_loss_quadratic * speed_rad_s
-    ) * speed_rad_s  # negative below about 20 rad/s, where the fit does not hold
-    iron = np.maximum(iron, 0.0) * torque**drivetrain.iron_loss_torque_exponent
-    of_machine = _given_flux if drivetrain.machine == "permanent_magnet" else _chosen_flux
-    loss = of_machine(torque, speed_rad_s, iron, drivetrain) + drivetrain.inverter_fixed_loss_w
-    loss = drivetrain.motor_loss_factor * loss + drivetrain.flux_loss_w_s2_rad2 * speed_rad_s**2
-    return np.asarray(np.where(torque > 0.0, loss, 0.0), dtype=np.float64)
-
-
-def _given_flux(
-    torque: FloatArray, speed_rad_s: FloatArray, iron: FloatArray, drivetrain: Drivetrain
-) -> FloatArray:
-    """Copper, iron and inverter of a machine with magnets [W]: above a speed a current along the flux weakens the field."""
-    q_current = torque / drivetrain.torque_constant_nm_a
-    with np.errstate(divide="ignore", over="ignore"):
-        weakening = 1.0 - drivetrain.field_weakening_speed_rad_s / speed_rad_s
-    d_current = drivetrain.characteristic_current_a * np.maximum(weakening, 0.0)
-    squared = q_current * q_current + d_current * d_current
-    copper = (1.5 * drivetrain.phase_resistance_ohm + drivetrain.inverter_resistance_ohm) * squared
-    return copper + drivetrain.inverter_voltage_drop_v * np.sqrt(squared) + iron
-
-
-def _chosen_flux(
-    torque: FloatArray, speed_rad_s: FloatArray, iron: FloatArray, drivetrain: Drivetrain
-) -> FloatArray:
-    """Copper, iron and inverter of a machine whose flux the control chooses [W]: induction, or excitation of the rotor.
-
-    At a share ψ of the full flux the torque needs i_q = T / (k ψ), and field and iron lose (P_field + P_iron) ψ². With copper
-    A / ψ² and field and iron B ψ² the sum is smallest at ψ⁴ = A / B; ψ is at most 1, and at most ω_f / ω at the limit of the voltage.
-    """
-    full = torque / drivetrain.torque_constant_nm_a
-    copper = (1.5 * drivetrain.phase_resistance_ohm + drivetrain.inverter_resistance_ohm) * full * full
-    field = drivetrain.field_loss_w + iron
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        limit = np.minimum(drivetrain.field_weakening_speed_rad_s / speed_rad_s, 1.0)
-        squared = np.minimum(np.sqrt(copper / field), limit * limit)
-        loss = (
-            copper / squared + field * squared + drivetrain.inverter_voltage_drop_v * full / np.sqrt(squared)
-        )
-    return np.asarray(loss, dtype=np.float64)
+TINY: Final = float(np.finfo(np.float64).tiny)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,12 +19,14 @@ class Propulsion:
     """What the drivetrain does with the wheel power of a trace. Arrays have shape (samples,).
 
     `motor_power_w` [W] is on the direct-current side, + discharges. `friction_brake_power_w` [W] is braking that
-    becomes heat, `shortfall_power_w` [W] the wheel power that the motor could not give; neither is negative.
+    becomes heat, `shortfall_power_w` [W] the wheel power that the motor could not give, `recovered_wheel_power_w` [W] braking
+    that goes through the motor; none is negative.
     """
 
     motor_power_w: FloatArray
     friction_brake_power_w: FloatArray
     shortfall_power_w: FloatArray
+    recovered_wheel_power_w: FloatArray
     torque_limited: BoolArray
     power_limited: BoolArray
     over_speed: BoolArray
@@ -107,6 +49,38 @@ def regeneration_acceptance(
         regeneration.full_temperature_degc - regeneration.zero_temperature_degc
     )
     return np.asarray(np.maximum(np.minimum(np.minimum(full, cold), 1.0), 0.0), dtype=np.float64)
+
+
+def with_refused(drive: Propulsion, refused_power_w: FloatArray) -> Propulsion:
+    """The drivetrain where a full battery refuses a part of the recovered power. O(samples).
+
+    The friction brakes take over for a part of the interval, in which motor and inverter neither give nor lose power.
+
+    Parameters
+    ----------
+    drive : Propulsion
+        As if the battery took everything.
+    refused_power_w : ndarray, shape (samples,)
+        Power at the terminals that found no room in the battery [W].
+
+    Examples
+    --------
+    >>> power, none = np.array([-8000.0, 5000.0]), np.zeros(2)
+    >>> never = np.zeros(2, dtype=bool)
+    >>> drive = Propulsion(power, none, none, np.array([9000.0, 0.0]), never, never, never)
+    >>> full = with_refused(drive, np.array([6000.0, 0.0]))
+    >>> full.motor_power_w, full.friction_brake_power_w
+    (array([-2000.,  5000.]), array([6750.,    0.]))
+    """
+    if not refused_power_w.any():
+        return drive
+    kept = 1.0 - np.clip(refused_power_w / np.maximum(-drive.motor_power_w, TINY), 0.0, 1.0)
+    return replace(
+        drive,
+        motor_power_w=drive.motor_power_w * kept,
+        recovered_wheel_power_w=drive.recovered_wheel_power_w * kept,
+        friction_brake_power_w=drive.friction_brake_power_w + drive.recovered_wheel_power_w * (1.0 - kept),
+    )
 
 
 def propulsion(
@@ -155,6 +129,7 @@ def propulsion(
         motor_power_w=motor_power,
         friction_brake_power_w=braking - taken,
         shortfall_power_w=short * efficiency,
+        recovered_wheel_power_w=taken,
         torque_limited=by_torque,
         power_limited=limited & ~by_torque,
         over_speed=speed_rad_s > drivetrain.motor_max_speed_rad_s,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.physics.relaxation import Relaxation
+from tripwatt.trips import STEEPEST_GRADE
 from tripwatt.units import (
     DRY_AIR_GAS_CONSTANT_J_KG_K,
     GRAVITY_M_S2,
@@ -24,8 +26,8 @@ GRADE_BIN_M: Final = 20.0
 GRADE_WINDOW_M: Final = 200.0
 """Full width at half height of the triangular weight that smooths the grade [m]."""
 
-GRADE_JUMP: Final = 0.25
-"""A rise per distance between neighbouring pieces above this is a jump of the sensor: no public road is steeper."""
+SPIKE_M: Final = 2.0 * GRADE_WINDOW_M
+"""Within this distance two jumps that cancel are an error of the sensor, as far as the smoothing reaches."""
 
 _HALF: Final = int(GRADE_WINDOW_M / GRADE_BIN_M)
 GRADE_WEIGHT: Final = np.minimum(np.arange(1.0, 2 * _HALF), np.arange(2 * _HALF - 1.0, 0.0, -1.0)) / _HALF**2
@@ -109,7 +111,8 @@ def rolling_factor(
 ) -> FloatArray:
     """Rolling and driveline drag over that of the warm car at the reference temperature. Shape of `speed_m_s`.
 
-    The factor is (1 + k (T_ref - T)) (1 + e (1 - w)), never below half. The warmth w, `initial_warmth` at departure,
+    The factor is (1 + k (T_ref - T)) (1 + e (1 - w)), never below half; above T_ref the slope k is the published one, if that is
+    smaller (`Tyres.weather_factor`). The warmth w, `initial_warmth` at departure,
     relaxes with the tyres' time constant to the square root of speed over the speed that warms up fully.
 
     Notes
@@ -125,9 +128,7 @@ def rolling_factor(
     """
     settled = np.sqrt(np.minimum(speed_m_s / tyres.warm_up_speed_m_s, 1.0))
     warmth = Relaxation(step_s / tyres.warm_up_time_s).solve(initial_warmth, settled)
-    weather = 1.0 + tyres.temperature_coefficient_per_k * (
-        tyres.reference_temperature_degc - temperature_degc
-    )
+    weather = tyres.weather_factor(temperature_degc)
     return np.asarray(np.maximum(weather * (1.0 + tyres.cold_excess * (1.0 - warmth)), 0.5), dtype=np.float64)
 
 
@@ -154,21 +155,25 @@ def inertia_force(acceleration_m_s2: FloatArray, mass_kg: float, rotating_mass_f
 
 
 def grade_from_elevation(time_s: FloatArray, speed_m_s: FloatArray, elevation_m: FloatArray) -> FloatArray:
-    """Road grade over each interval from a logged elevation, cleaned over distance. O(samples + distance).
+    """Road grade over each interval from a logged elevation, smoothed over distance. O(samples + distance).
 
-    Elevations are averaged over pieces of road of `GRADE_BIN_M`, so that neither the 1 m steps of a log nor a
-    standstill make a slope. Rises that no road has (`GRADE_JUMP`) are jumps of the sensor and count as flat. The
-    slopes are smoothed with a triangular weight over distance that keeps the total climb.
+    The road climbs as much as the log: from its first to its last elevation. Elevations are averaged over pieces of road of
+    `GRADE_BIN_M`, so that neither the 1 m steps of a log nor a standstill make a slope. A jump, or a drift at standstill,
+    is spread over the road beside it, which is nowhere steeper than the steepest street (`STEEPEST_GRADE`). Two jumps that cancel within
+    `SPIKE_M` are left out. The slopes are smoothed with a triangular weight over distance, which keeps the climb.
 
     Parameters
     ----------
     time_s, speed_m_s, elevation_m : ndarray, shape (samples,)
-        Missing elevations (NaN) are bridged; an elevation that is missing throughout gives a flat road.
+        Missing elevations (NaN) are bridged; an elevation that is missing throughout gives a flat road. The road is level
+        before the first and after the last known elevation.
 
     Returns
     -------
     ndarray, shape (samples,)
-        Grade (rise over distance) of the interval that ends at the sample.
+        Grade of the interval that ends at the sample, rise over horizontal distance: the sum of
+        ``step * sin(arctan(grade))`` is the climb. A log that rises faster than the steepest street over its whole
+        length has the grade of that street.
 
     Examples
     --------
@@ -177,32 +182,92 @@ def grade_from_elevation(time_s: FloatArray, speed_m_s: FloatArray, elevation_m:
     >>> grade_from_elevation(time, speed, np.round(0.02 * 15.0 * time))[100].round(2)
     np.float64(0.02)
     """
-    flat = np.zeros(len(time_s))
     known = np.isfinite(elevation_m)
-    if not known.any():
-        return flat
-    step = np.diff(time_s) * (0.5 * (speed_m_s[1:] + speed_m_s[:-1]))
     distance = np.zeros_like(time_s)
+    step = np.diff(time_s) * (0.5 * (speed_m_s[1:] + speed_m_s[:-1]))
     np.cumsum(step, out=distance[1:])
-    n_bins = int(distance[-1] / GRADE_BIN_M) + 1
-    if n_bins < 3:
-        return flat
-    place = (distance / GRADE_BIN_M).astype(np.int64)
-    if known.all():
-        count = np.bincount(place, minlength=n_bins)
-        total = np.bincount(place, weights=elevation_m, minlength=n_bins)
-    else:
-        count = np.bincount(place[known], minlength=n_bins)
-        total = np.bincount(place[known], weights=elevation_m[known], minlength=n_bins)
-    filled = np.flatnonzero(count)
-    height = np.interp(np.arange(n_bins), filled, total[filled] / count[filled])
-    slope = np.diff(height) / GRADE_BIN_M
-    slope[np.abs(slope) > GRADE_JUMP] = 0.0
+    if not known.any() or not distance[-1] > 0.0:
+        return np.zeros(len(time_s))
+    border, height = _height_over_distance(distance, elevation_m, known)
+    steepest = STEEPEST_GRADE * border[1]
+    if (np.abs(np.diff(height)) > steepest).any():
+        height = _with_slope_at_most(steepest, _without_spikes(height, steepest, border[1]))
     half = (len(GRADE_WEIGHT) + 1) // 2
     # Mirrored ends let the smoothed slopes climb exactly as high as the unsmoothed ones.
-    smooth = np.convolve(np.pad(slope, half - 1, mode="symmetric"), GRADE_WEIGHT, mode="valid")
-    middle = distance.copy()
-    middle[1:] -= 0.5 * step
-    return np.asarray(
-        np.interp(middle, (np.arange(n_bins - 1) + 1.0) * GRADE_BIN_M, smooth), dtype=np.float64
+    rise = np.convolve(np.pad(np.diff(height), half - 1, mode="symmetric"), GRADE_WEIGHT, mode="valid")
+    climb = np.interp(distance, border, np.concatenate(([0.0], np.cumsum(rise))))
+    piece = np.minimum((distance / border[1]).astype(np.int64), len(rise) - 1)
+    slope = rise[piece] / border[1]
+    # At standstill, and where rounding would show, the slope is that of the place.
+    moves = np.flatnonzero(step > 1e-3) + 1
+    slope[moves] = (climb[moves] - climb[moves - 1]) / step[moves - 1]
+    return np.asarray(slope / np.sqrt(1.0 - slope * slope), dtype=np.float64)
+
+
+def _height_over_distance(
+    distance: FloatArray, elevation_m: FloatArray, known: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Borders of equal pieces of road of about `GRADE_BIN_M`, and the height at each; both ends keep the logged height."""
+    place = (distance[known] / GRADE_BIN_M).astype(np.int64)
+    count = np.bincount(place)
+    filled = np.flatnonzero(count)
+    where, height = (
+        np.bincount(place, weights=values)[filled] / count[filled]
+        for values in (distance[known], elevation_m[known])
     )
+    border = np.linspace(0.0, distance[-1], max(round(distance[-1] / GRADE_BIN_M), 1) + 1)
+    found = np.interp(border, where, height)
+    found[0], found[-1] = elevation_m[known][[0, -1]]
+    return border, found
+
+
+def _without_spikes(height: FloatArray, steepest: float, piece_m: float) -> FloatArray:
+    """Heights with a straight line wherever a jump is followed within `SPIKE_M` by a jump back. O(jumps).
+
+    A spike is no road and climbs nothing on the whole, but its two jumps would climb and fall if they were kept.
+    """
+    jump = np.diff(height)
+    direction = np.where(np.abs(jump) > steepest, np.sign(jump), 0.0)
+    change = np.flatnonzero(np.diff(direction, prepend=0.0, append=0.0))
+    # runs of pieces that are too steep in one direction: from border `start` to border `end`
+    runs = [(a, b) for a, b in itertools.pairwise(change.tolist()) if direction[a]]
+    kept = np.ones(len(height), dtype=bool)
+    most, until = SPIKE_M / piece_m, 0
+    for number, (start, _) in enumerate(runs):
+        if start < until:
+            continue
+        for k in range(number + 1, len(runs)):
+            back, end = runs[k]
+            if end - start > most:
+                break
+            # the means of pieces blur a jump: one more to each side belongs to the spike
+            first, last = max(start - 1, 0), min(end + 1, len(jump))
+            returns = direction[back] == -direction[start]
+            if returns and abs(height[last] - height[first]) <= steepest * (last - first):
+                kept[first + 1 : last] = False
+                until = end
+                break
+    border = np.arange(len(height))
+    return np.asarray(np.interp(border, border[kept], height[kept]), dtype=np.float64)
+
+
+def _with_slope_at_most(steepest: float, height: FloatArray) -> FloatArray:
+    """The heights with the least largest change whose neighbours differ by at most `steepest`; both ends stay.
+
+    The mean of the largest such heights below and the smallest above is the nearest (McShane 1934), and limits through
+    the two ends keep it there. Where the ends differ too much, the last one gives way.
+    """
+    ramp = steepest * np.arange(len(height))
+    below = np.minimum(
+        np.minimum.accumulate(height - ramp) + ramp,
+        np.minimum.accumulate((height + ramp)[::-1])[::-1] - ramp,
+    )
+    above = np.maximum(
+        np.maximum.accumulate(height + ramp) - ramp,
+        np.maximum.accumulate((height - ramp)[::-1])[::-1] + ramp,
+    )
+    first = height[0]
+    last = first + np.clip(height[-1] - first, -ramp[-1], ramp[-1])
+    least = np.maximum(first - ramp, last - ramp[::-1])
+    most = np.minimum(first + ramp, last + ramp[::-1])
+    return np.asarray(np.clip(0.5 * (below + above), least, most), dtype=np.float64)

@@ -16,7 +16,7 @@ from tripwatt.physics.battery import BatteryRun, discharge, shift
 from tripwatt.physics.cabin import CabinRun, condition_cabin, irradiance
 from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC, DriveConditions
 from tripwatt.physics.departure import cabin_at_departure, warmth_from_cabin
-from tripwatt.physics.drivetrain import Propulsion, propulsion, regeneration_acceptance
+from tripwatt.physics.drivetrain import Propulsion, propulsion, regeneration_acceptance, with_refused
 from tripwatt.physics.road_load import (
     aero_drag_force,
     air_density,
@@ -53,6 +53,9 @@ ACCEPTANCE_TOLERANCE: Final = 1e-3
 
 MOST_ACCEPTANCE_PASSES: Final = 6
 
+LEAST_LOST_WH: Final = 50.0
+"""Recovered energy that a full battery does not take is named from here on: some 0.3 km."""
+
 MOVING_M_S: Final = 1.4
 """Walking pace, 5 km/h: from here on a car draws all of its `moving_load_w`."""
 
@@ -84,7 +87,8 @@ class Simulation:
     battery_power_w : ndarray
         Power at the battery terminals, on which the energy is counted.
     battery_current_a, terminal_voltage_v, battery_temperature_degc, soc : ndarray
-        Current and voltage at the terminals of the battery, its temperature, and the state of charge of its management.
+        Current and voltage at the terminals of the battery, its temperature, and the state of charge of its management, which
+        regeneration never raises above full.
     cabin_temperature_degc : ndarray
         NaN where no climate control was simulated.
     battery_loss_w : ndarray
@@ -92,7 +96,8 @@ class Simulation:
     energy_wh : ndarray
         Cumulative energy at the battery terminals [Wh].
     power_by_cause_w : dict of str to ndarray
-        Power at the battery terminals [W] by each of `CAUSES`; they sum to `battery_power_w`.
+        Power at the battery terminals [W] by each of `CAUSES`; they sum to `battery_power_w`. What a full battery does not
+        take is heat of the friction brakes.
     flags : tuple of Flag
         What the car could not follow, each with the time that it lasted [s]; empty when all is well.
 
@@ -323,13 +328,16 @@ def conditions_at_departure(
     if ambient is None:
         ambient = UNKNOWN_AMBIENT_DEGC
     cabin, setpoint = known.cabin_temperature_degc, known.cabin_setpoint_degc
-    warmth = 1.0 if known.follows_trip else warmth_from_cabin(vehicle, cabin, setpoint, ambient)
+    logged = bool(known.cabin_logged)
+    warmth = warmth_from_cabin(vehicle, cabin, setpoint, ambient, logged=logged)
+    if known.follows_trip:
+        warmth = 1.0
     return DriveConditions(
         ambient_temperature_degc=ambient,
         initial_soc=0.8 if soc is None else soc,
         initial_battery_temperature_degc=known.battery_temperature_degc,
         payload_mass_kg=known.payload_mass_kg or 0.0,
-        initial_cabin_temperature_degc=cabin_at_departure(vehicle, cabin, ambient),
+        initial_cabin_temperature_degc=cabin_at_departure(vehicle, cabin, ambient, logged=logged),
         cabin_setpoint_degc=setpoint,
         solar_irradiance_w_m2=irradiance(known.weather, known.season),
         initial_warmth=warmth,
@@ -382,6 +390,7 @@ def _chain(
     base_load = _base_load(vehicle, trace, conditions)
     auxiliary = cabin.power_w + base_load
     drive, battery = _drive_and_battery(vehicle, trace, wheel_power, auxiliary, conditions)
+    lost_wh = _lost_when_full_wh(vehicle, trace, wheel_power, drive, battery)
     shortfall = drive.shortfall_power_w + (drive.motor_power_w + auxiliary - battery.power_w)
     by_cause = {
         "air": forces.aero * trace.mean_speed_m_s,
@@ -418,7 +427,7 @@ def _chain(
         battery_loss_w=battery.open_circuit_power_w - battery.power_w,
         energy_wh=(battery.power_w * (trace.step_s * WH_PER_J)).cumsum(),
         power_by_cause_w=by_cause,
-        flags=_flags(vehicle, trace.step_s, drive, battery),
+        flags=_flags(vehicle, trace.step_s, drive, battery, lost_wh),
     )
 
 
@@ -485,10 +494,25 @@ def _drive_and_battery(
         if float(np.abs(settled - acceptance).max()) < ACCEPTANCE_TOLERANCE:
             break
         acceptance = settled
-    return drive, run
+    return with_refused(drive, run.refused_power_w), run
 
 
-def _flags(vehicle: Vehicle, step: FloatArray, drive: Propulsion, battery: BatteryRun) -> tuple[Flag, ...]:
+def _lost_when_full_wh(
+    vehicle: Vehicle, trace: _Trace, wheel_power: FloatArray, drive: Propulsion, run: BatteryRun
+) -> float:
+    """Energy that a battery with room would have recovered, and this one is too full for [Wh]."""
+    regeneration = vehicle.regeneration
+    if float(run.soc.max()) <= regeneration.full_soc and not run.refused_power_w.any():
+        return 0.0
+    with_room = np.full_like(run.soc, regeneration.full_soc)
+    acceptance = regeneration_acceptance(with_room, run.temperature_degc, regeneration)
+    roomy = propulsion(wheel_power, trace.mean_speed_m_s, acceptance, vehicle.drivetrain, regeneration)
+    return float((drive.motor_power_w - roomy.motor_power_w) @ trace.step_s) * WH_PER_J
+
+
+def _flags(
+    vehicle: Vehicle, step: FloatArray, drive: Propulsion, battery: BatteryRun, lost_wh: float
+) -> tuple[Flag, ...]:
     """What the car could not follow, and for how long [s]; `step` is the length of each interval [s]."""
     window = vehicle.battery
     highest_v = window.max_cell_voltage_v * window.cells_in_series
@@ -498,10 +522,11 @@ def _flags(vehicle: Vehicle, step: FloatArray, drive: Propulsion, battery: Batte
         ("motor_speed_limit", "motor"): drive.over_speed,
         ("battery_voltage_floor", "battery"): battery.voltage_floor,
         ("battery_empty", "battery"): battery.soc < window.displayed_zero_soc,
-        ("battery_over_full", "battery"): battery.soc > 1.0,
         ("battery_over_voltage", "battery"): battery.terminal_voltage_v > highest_v,
     }
     flags = [Flag(*kind, float(step[mask].sum()), "s") for kind, mask in lasting.items() if mask.any()]
+    if lost_wh >= LEAST_LOST_WH:
+        flags.append(Flag("battery_full", "battery", lost_wh, "wh"))
     if not battery.converged:
         flags.append(Flag("battery_not_settled", "battery"))
     return tuple(flags)

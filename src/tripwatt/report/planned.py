@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
+from tripwatt.evaluation.forecast_scores import UPDATE_LEVEL
+from tripwatt.report.intervals import NOTE, OFF, charge_rows, energy_rows, intervals_table
 from tripwatt.report.tables import DASH, Table, markdown, number, span
 
 NAMES: Final[Mapping[str, str]] = {
@@ -25,6 +27,12 @@ def render_links(results: Mapping[str, Any]) -> str:
     """
     known = results["known"]
     rows = tuple(_row(NAMES.get(name, name), row) for name, row in known.items())
+    trips = int(results["n_trips"])
+    intervals: list[tuple[str, ...]] = []
+    for key, row in known.items():
+        name = NAMES.get(key, key)
+        intervals += energy_rows(name, row, trips)
+        intervals += charge_rows(name, row.get("arrival") or {}, UPDATE_LEVEL)
     columns = (
         "Known of the speed",
         "Mean error [%]",
@@ -40,6 +48,8 @@ def render_links(results: Mapping[str, Any]) -> str:
     return "\n\n".join(
         (
             markdown(Table(caption, columns, rows)),
+            markdown(intervals_table(f"Intervals: {caption[0].lower()}{caption[1:]}", intervals)),
+            f"\\{OFF} differs significantly from the level. {NOTE}",
             "No row is a forecast before departure: each takes something from the drive that it forecasts. The driven trace "
             "is not known before; its row is the best case for the others. A link is known by its length, its mean speed on this "
             "drive with every standstill, and the elevation at its ends; where the car stops is not known. Free flow takes "

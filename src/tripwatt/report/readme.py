@@ -14,6 +14,7 @@ from typing import Any, Final
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.evaluation import DEFAULT_PROTOCOL
 from tripwatt.report.html import write_whole
+from tripwatt.report.intervals import NOTE, OFF
 from tripwatt.report.panels.results_table import (
     on_lowest,
     on_paper,
@@ -23,7 +24,7 @@ from tripwatt.report.panels.results_table import (
     sets_table,
     without_days,
 )
-from tripwatt.report.panels.uncertainty import on_coverage
+from tripwatt.report.panels.uncertainty import coverage_by_set, on_coverage, on_sets
 from tripwatt.report.panels.updates import on_updates, updates_table
 from tripwatt.report.paper_page import render_paper_page
 from tripwatt.report.planned import render_links
@@ -90,7 +91,11 @@ def render_forecast(results: Mapping[str, Any]) -> str:
     view = View(results)
     parts = [" ".join(forecast_sentences(view)), markdown(results_table(view, view.main))]
     if "coverage" in view.focus:
-        parts.append(markdown(updates_table(view)))
+        parts += [
+            markdown(updates_table(view)),
+            markdown(coverage_by_set(view)),
+            f"\\{OFF} differs significantly from the level. {NOTE}",
+        ]
     return "\n\n".join([*parts, markdown(sets_table(view)), _origin(results)])
 
 
@@ -183,6 +188,28 @@ def update_results_page(results: Mapping[str, Any], page_path: Path) -> None:
     name = str(results.get("protocol"))
     key = name if name in PAGE else DEFAULT_PROTOCOL
     _between(page_path, key, PAGE[key](results))
+
+
+def update_coverage(results: Mapping[str, Any], page_path: Path) -> None:
+    """Replace what stands between the markers `coverage` of a page by what the intervals of the forecast held.
+
+    Parameters
+    ----------
+    results : mapping
+        The contract of `results.json`, protocol `forecast`.
+    page_path : Path
+        A file that holds the markers `coverage`, once each and in this order.
+
+    Raises
+    ------
+    InvalidInput
+        When the markers are not there.
+
+    Examples
+    --------
+    >>> update_coverage(json.loads(Path("out/results.json").read_text()), Path("docs/uncertainty.md"))  # doctest: +SKIP
+    """
+    _between(page_path, "coverage", on_sets(View(results)))
 
 
 def update_paper_page(

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.forecasting import GIVEN
+from tripwatt.report.intervals import energy_rows, intervals_table
 from tripwatt.report.panel import Panel
 from tripwatt.report.style import INK, RULE, annotate, new_figure, percent_axis, row_names, styled
 from tripwatt.report.tables import Table, number, span
@@ -122,7 +123,7 @@ def _car_panels(run: TransferRun, car: Record) -> Iterator[Panel]:
         f"{name}: error by the number of own trips",
         said_of_curve(car),
         plot_curve(car, note=note),
-        (curve_table(results, car),),
+        (curve_table(results, car), coverage_table(results, car)),
     )
     shown = ("physics", "zero-shot", adapted_name(car))
     yield Panel(
@@ -257,6 +258,16 @@ def curve_table(results: Record, car: Record) -> Table:
         "Parameters alone [%]",
     )
     return Table(_captioned("Error by own trips", results, car), columns, rows)
+
+
+def coverage_table(results: Record, car: Record) -> Table:
+    """What the normal intervals without own trips and with the first half hold; results of older versions have none."""
+    rows: list[tuple[str, ...]] = []
+    for row in car["curves"]["both"]:
+        if "coverage" in row:
+            name = "no own trip" if row["k"] == 0 else f"{row['k']} own trips"
+            rows += energy_rows(name, row, int(car["trips_second"]))
+    return intervals_table(_captioned("Intervals by own trips", results, car), rows)
 
 
 @styled

@@ -14,10 +14,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import MOST_FAULTS, MOST_HINTS, Fault, InvalidInput, excerpt, first_faults
 from tripwatt.routes.links import FLAT_ROAD, MOST_LINKS, LinkRoute
-from tripwatt.trips import LINK_COLUMNS, Flag, raise_faults
-
-STEEPEST_LINK: Final = LINK_COLUMNS["grade"].maximum
-"""Largest grade of a link; the steepest streets of the world have 0.35."""
+from tripwatt.trips import STEEPEST_GRADE, Flag, raise_faults
 
 RELATIVE_ELEVATION: Final = Flag("elevation_relative", "road")
 
@@ -117,7 +114,7 @@ def columns_at_once(links: Sequence[object]) -> dict[str, FloatArray] | None:
             and (there["start_elevation_m"] == heights).all()
             and not (there["grade"] & heights).any()
             and not any((columns[name] <= 0).any() for name in ("length_m", "speed_m_s", "travel_time_s"))
-            and not (np.abs(columns["grade"]) > STEEPEST_LINK).any()
+            and not (np.abs(columns["grade"]) > STEEPEST_GRADE).any()
             and not any(np.isinf(values).any() for values in columns.values())
             # a NaN that was given is a fault, unlike the NaN of a missing key
             and all(there[name].sum() == len(rows) - lists[name].count(None) for name in LINK_KEYS)
@@ -212,13 +209,13 @@ def _row(link: Mapping[str, float | None], where: str, faults: list[Fault]) -> d
     for key, low in (("length_m", 0.0), ("speed_m_s", 0.0), ("travel_time_s", 0.0)):
         if row.get(key, 1.0) <= low:
             faults.append(Fault("link out of range", f"{where}, {key}", f"{row[key]:g}", "more than 0"))
-    if abs(row.get("grade", 0.0)) > STEEPEST_LINK:
+    if abs(row.get("grade", 0.0)) > STEEPEST_GRADE:
         faults.append(
             Fault(
                 "grade out of range",
                 f"{where}, grade",
                 f"{row['grade']:g}",
-                f"-{STEEPEST_LINK} to {STEEPEST_LINK}",
+                f"-{STEEPEST_GRADE} to {STEEPEST_GRADE}",
             )
         )
     return row
@@ -256,5 +253,6 @@ def _elevation(
         return position[there], height[there], flags
     if np.isfinite(grade).any():
         rise = np.nan_to_num(grade, nan=0.0) * columns["length_m"]
-        return border, np.concatenate(([0.0], np.cumsum(rise))), (RELATIVE_ELEVATION,)
+        height = np.concatenate(([0.0], np.cumsum(rise)))
+        return border, height - height.min(), (RELATIVE_ELEVATION,)
     return None, None, (FLAT_ROAD,)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
+import unicodedata
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -15,6 +18,16 @@ from tripwatt.routes.points import EARTH_RADIUS_M, haversine_m
 
 COORDINATES: Final = re.compile(r"^\s*(?:geo:)?(-?\d{1,3}(?:\.\d+)?)\s*[,; ]\s*(-?\d{1,3}(?:\.\d+)?)\s*$")
 """Latitude and longitude as a person writes or pastes them."""
+
+TWIN_M: Final = 5000.0
+"""Two places of one name within this distance [m] are one for a traveller."""
+
+WORD: Final = re.compile(r"\w+")
+
+SPELLINGS: Final = str.maketrans(
+    {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "æ": "ae", "ø": "oe", "å": "aa"}
+)
+"""How letters are typed on keyboards without them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +75,45 @@ class Place:
     def title(self) -> str:
         """Name, or the coordinates to a metre."""
         return self.name or f"{self.latitude_deg:.5f}, {self.longitude_deg:.5f}"
+
+    @property
+    def described(self) -> str:
+        """Name and kind, for people.
+
+        Examples
+        --------
+        >>> Place(47.17, 9.51, "Landstrasse, Schaan", "street").described
+        'Landstrasse, Schaan (street)'
+        """
+        return f"{self.title} ({self.kind.replace('_', ' ')})" if self.kind else self.title
+
+    def is_called(self, text: str) -> bool:
+        """Whether a text is the whole name of the place: all words of its first part, and none that its name lacks.
+
+        Case and accents do not count, nor whether a letter is typed as two.
+
+        Parameters
+        ----------
+        text : str
+            As a person types it.
+
+        Returns
+        -------
+        bool
+            False also for a part of a word.
+
+        Examples
+        --------
+        >>> street = Place(47.2, 9.55, "Feldkircherstrasse, Nendeln", "street")
+        >>> street.is_called("Feldkirch"), street.is_called("feldkircherstrasse"), street.is_called("Nendeln")
+        (False, True, False)
+        """
+        first = self.name.partition(",")[0]
+        return any(
+            set(part) <= set(typed) <= set(whole)
+            for typed, part, whole in itertools.product(*map(_spelled, (text, first, self.name)))
+            if part
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Convert the place to plain values, as the command line and the service give them.
@@ -138,6 +190,32 @@ class Place:
         )
         longitude = (math.degrees(lon + along) + 540.0) % 360.0 - 180.0
         return Place(math.degrees(there), longitude)
+
+
+def _spelled(text: str) -> tuple[list[str], list[str]]:
+    """The words of a text in lower case without accents, and with the letters that stand for one."""
+    lower = text.casefold() if "ß" not in text else text.lower()
+    plain = "".join(c for c in unicodedata.normalize("NFKD", lower) if not unicodedata.combining(c))
+    return WORD.findall(plain.replace("ß", "ss")), WORD.findall(lower.translate(SPELLINGS))
+
+
+def without_twins(places: Iterable[Place]) -> tuple[Place, ...]:
+    """Places without those that have the name of an earlier one within `TWIN_M`: a village and its post office. O(places²) of a name.
+
+    Examples
+    --------
+    >>> village, office = Place(47.139, 9.523, "Vaduz", "village"), Place(47.1386, 9.522, "Vaduz", "poi")
+    >>> without_twins([village, office]) == (village,)
+    True
+    """
+    kept: dict[str, list[Place]] = {}
+    found = []
+    for place in places:
+        same = kept.setdefault(place.name, [])
+        if all(other.distance_m(place) > TWIN_M for other in same):
+            same.append(place)
+            found.append(place)
+    return tuple(found)
 
 
 def read_coordinates(text: str) -> Place | None:

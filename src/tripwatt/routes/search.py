@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final, Protocol
 
 from tripwatt.errors import Fault, InvalidInput, RemoteError
-from tripwatt.routes.places import Place, read_coordinates
+from tripwatt.routes.places import TWIN_M, Place, read_coordinates, without_twins
 from tripwatt.routes.points import a_list, a_number, an_object
 from tripwatt.routes.routers import split_kind
 from tripwatt.routes.web import WebClient
@@ -19,6 +19,10 @@ LONGEST_TEXT: Final = 200
 MOST_FOUND: Final = 50
 LONGEST_NAME: Final = 60
 """Characters of a name in a message, and of what is compared with it."""
+
+MOST_ASKED: Final = 10
+MOST_NAMED: Final = 5
+"""Places that are looked at for a name, and that a question names."""
 
 SAME_LETTERS: Final = 3
 """Letters at the beginning of an unknown name that are taken as right when a similar name is looked for."""
@@ -82,7 +86,7 @@ def _places(
     answer: Any, where: str, read: Callable[[Any, str], list[Place]], limit: int
 ) -> tuple[Place, ...]:
     try:
-        return tuple(read(answer, where)[: min(limit, MOST_FOUND)])
+        return without_twins(read(answer, where))[: min(limit, MOST_FOUND)]
     except InvalidInput as error:
         raise RemoteError(error.faults) from error
 
@@ -141,8 +145,10 @@ def open_search(text: str, where: str = "--places") -> PlaceSearch:
     return SEARCH_KINDS[kind](url)
 
 
-def find_place(text: str, search: PlaceSearch | None, where: str) -> Place:
-    """The place that a person means: coordinates, or the best match of a name.
+def find_place(text: str, search: PlaceSearch | None, where: str, covers: str = "") -> Place:
+    """The place that a person means: coordinates, or the one place whose whole name a text is.
+
+    A text that is a part of a name, or the name of several places that lie apart, is asked back: a journey to another place is worse than none.
 
     Parameters
     ----------
@@ -151,11 +157,13 @@ def find_place(text: str, search: PlaceSearch | None, where: str) -> Place:
         None where only coordinates can be understood.
     where : str
         Name of the field, for messages.
+    covers : str
+        The region of the map in words, for messages.
 
     Raises
     ------
     InvalidInput
-        When the place is unknown.
+        When no place has the name, with those that may be meant.
     """
     place = read_coordinates(text)
     if place is not None:
@@ -165,20 +173,40 @@ def find_place(text: str, search: PlaceSearch | None, where: str) -> Place:
     if search is None:
         fix = "give latitude and longitude, build a map, or name a search for places by its URL"
         raise InvalidInput(Fault("names of places are not known", where, text[:60], "47.141, 9.521", fix))
-    found = search.search(text, limit=1)
-    if not found:
-        got, allowed = text[:60], "a place, street or house of the map, or latitude and longitude"
-        raise InvalidInput(Fault("unknown place", where, got, allowed, _did_you_mean(text, search)))
-    return found[0]
+    found = search.search(text, limit=MOST_ASKED)
+    whole = [place for place in found if place.is_called(text)]
+    others = [place for place in whole if place.kind == whole[0].kind and place.distance_m(whole[0]) > TWIN_M]
+    if whole and not others:
+        return whole[0]
+    what = "several places have this name" if whole else "unknown place"
+    candidates = [whole[0], *others] if whole else [*found] or _similar(text, search)
+    allowed = "the whole name of a place, street or house of the map, or latitude and longitude"
+    fix = "; ".join(part for part in (did_you_mean(candidates), covers) if part)
+    raise InvalidInput(Fault(what, where, text[:60], allowed, fix))
 
 
-def _did_you_mean(text: str, search: PlaceSearch) -> str:
+def did_you_mean(places: Sequence[Place]) -> str:
+    """A question with the names and kinds of some places; empty for none.
+
+    Examples
+    --------
+    >>> did_you_mean([Place(47.2, 9.5, "Ruggell", "village"), Place(47.2, 9.5, "Ruggeller Strasse", "street")])
+    "did you mean 'Ruggell' (village) or 'Ruggeller Strasse' (street)?"
+    """
+    names = [
+        f"{place.name[:LONGEST_NAME]!r}" + (f" ({place.kind.replace('_', ' ')})" if place.kind else "")
+        for place in places
+    ]
+    return f"did you mean {' or '.join(list(dict.fromkeys(names))[:MOST_NAMED])}?" if names else ""
+
+
+def _similar(text: str, search: PlaceSearch) -> list[Place]:
     """The place whose name is most similar, among those that begin with the same letters; one more search."""
     typed = " ".join(text.split())[:LONGEST_NAME]
     try:
         found = search.search(typed[:SAME_LETTERS])
     except RemoteError:
-        return ""
-    named = {place.name.partition(",")[0].casefold(): place.name for place in reversed(found)}
+        return []
+    named = {place.name.partition(",")[0].casefold(): place for place in reversed(found)}
     near = difflib.get_close_matches(typed.casefold(), [*named], n=1)
-    return f"did you mean {named[near[0]][:LONGEST_NAME]!r}?" if near else ""
+    return [named[near[0]]] if near else []

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.routes.links import (
     FASTEST_LINK_M_S,
     FLAT_ROAD,
@@ -22,6 +22,7 @@ from tripwatt.routes.links import (
 from tripwatt.routes.points import haversine_m, require_on_earth
 from tripwatt.trips import COLUMNS, Departure, Flag, Plan, raise_faults, table_of
 from tripwatt.trips.gaps import SHORTEST_GAP_S
+from tripwatt.trips.schema import is_number
 from tripwatt.units import M_S_PER_KM_H
 
 DENSE_STEP_S: Final = 5.0
@@ -247,9 +248,9 @@ def route_from_track(track: Track, speed_m_s: float | None = None) -> LinkRoute:
     if track.time_s is not None:
         time = np.diff(track.time_s)
     else:
-        if speed_m_s is not None and not 0 < speed_m_s <= FASTEST_LINK_M_S:
+        if speed_m_s is not None and not (is_number(speed_m_s) and 0 < speed_m_s <= FASTEST_LINK_M_S):
             allowed = f"more than 0, at most {FASTEST_LINK_M_S:g} m/s"
-            raise InvalidInput(Fault("speed out of range", "speed_m_s", f"{speed_m_s:g}", allowed))
+            raise InvalidInput(Fault("speed out of range", "speed_m_s", excerpt(speed_m_s), allowed))
         unknown = np.isnan(track.piece_speed_m_s)
         if unknown.any() and speed_m_s is None:
             raise InvalidInput(

@@ -117,7 +117,11 @@ class ScoreDocument(ResponseModel):
     weighted_error: float | None
     bias: float | None
     coverage: float | None
-    width: float | None
+    width: float | None = Field(description="of the 90 % intervals, over the energy")
+    inside: int = Field(description="trips within their 90 % interval")
+    needed_width: float | None = Field(
+        description="width with which the intervals would have held exactly 90 % of these trips"
+    )
 
 
 class SeasonDocument(ResponseModel):

@@ -51,7 +51,7 @@ from tripwatt.service.schemas import (
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import canonical_of_text
 from tripwatt.synthetic import example_trip
-from tripwatt.transfer.zero_shot import on_vehicle
+from tripwatt.transfer.zero_shot import on_vehicle, other_car
 from tripwatt.trips import (
     ASKED,
     Departure,
@@ -62,7 +62,7 @@ from tripwatt.trips import (
     raise_faults,
     time_faults,
 )
-from tripwatt.trips.messages import flag_to_dict
+from tripwatt.trips.messages import flag_to_dict, leave_in_words
 from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_names
 
 CarModel = tuple[ForecastModel, tuple[Flag, ...]]
@@ -153,7 +153,7 @@ class Jobs:
         with collected_faults() as check:
             request = check(lambda: check_request(document, ForecastRequest))
             forecast = self._checked(document, check)
-        return require_finite(forecast(request).to_dict(request.reserve))
+        return require_finite(forecast(request).to_dict(request.reserve, request.probability))
 
     def update(self, body: bytes) -> dict[str, Any]:
         """Return the response to an `UpdateRequest`."""
@@ -163,7 +163,8 @@ class Jobs:
             forecast = self._checked(document, check)
             if isinstance(document, dict) and "observed" in document:
                 observed = check(lambda: parse_observed(document["observed"], self.limits))
-        return require_finite(forecast(request).update(observed).to_dict(request.reserve))
+        found = forecast(request).update(observed)
+        return require_finite(found.to_dict(request.reserve, request.probability))
 
     def need(self, body: bytes, probability: float) -> dict[str, Any]:
         """Return what a `ForecastRequest` needs with a probability: energy, and displayed charge to leave with."""
@@ -180,7 +181,8 @@ class Jobs:
         }
         if not all(map(math.isfinite, needed.values())):
             raise _no_forecast()
-        return {"reserve": request.reserve, **needed}
+        leave = leave_in_words(needed["soc_needed"], request.reserve, probability)
+        return {"reserve": request.reserve, **needed, "message": leave}
 
     def plan(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `PlanRequest`."""
@@ -253,12 +255,9 @@ class Jobs:
         if vehicle is not None and figures is not None:
             got = "both"
             raise InvalidInput(Fault("no single car", "vehicle, vehicle_figures", got, "one of the two"))
-        if figures is None and vehicle in (None, model.vehicle.name):
-            return lambda: (model, ())
         known = None if figures is None else _figures(figures)
-        if known is None:
-            assert vehicle is not None
-            require_vehicle(vehicle)
+        if known is None and other_car(model, vehicle) is None:
+            return lambda: (model, ())
         key = (f"{label}", vehicle or "" if known is None else known.model_dump_json())
         kept = self.transferred.get(key)
         if kept is not None:

@@ -67,6 +67,9 @@ class _Departs(BaseModel):
     extras: list[Literal["winter_tyres", "roof_box", "trailer", "headlights"]] | None = Field(
         None, max_length=4, description="what is fitted to the car or switched on"
     )
+    terrain: Literal["unknown", "flat", "hilly", "mountains"] | None = Field(
+        None, description="country of a road whose heights are unknown: how far it may climb"
+    )
     depart: Annotated[AwareDatetime | None, Field(strict=False)] = Field(
         None, description="departure, with its time zone; default: now. It counts for the weather."
     )
@@ -179,10 +182,11 @@ class PlanResponse(ResponseModel):
     reserve: float
     arrives: bool = Field(description="whether at least 19 of 20 trips arrive with the reserve")
     p_arrive: float = Field(description="probability to arrive with the reserve")
-    soc_needed: float | None = Field(
-        description="displayed state of charge to leave with, to arrive with the reserve in 19 of 20 trips; null: a full "
-        "battery does not suffice"
+    soc_needed: float = Field(
+        description="displayed state of charge to leave with, to arrive with the reserve in 19 of 20 trips; above 1: a full "
+        "battery does not suffice; 0: any charge does"
     )
+    leave: str = Field(description="`soc_needed` as an English sentence")
     costs_wh: dict[str, float] = Field(description="energy that the journey takes less without each [Wh]")
     needs_motorway_speed: bool = Field(description="whether a lower speed on motorways was looked for")
     motorway_speed_m_s: float | None = Field(

@@ -19,7 +19,6 @@ from tripwatt.journey import (
     journey_with,
     open_atlas,
 )
-from tripwatt.routes.search import find_place
 from tripwatt.routes.weather import Weather
 from tripwatt.service.journey_schemas import PlaceRequest, PlanRequest, ReachRequest
 from tripwatt.trips import ASKED, Departure, Flag
@@ -60,8 +59,7 @@ class JourneyJobs:
     def reach(self, request: ReachRequest, model: ForecastModel, flags: tuple[Flag, ...]) -> dict[str, Any]:
         """Return the response to a `ReachRequest`; `flags` are those of the car."""
         atlas = self._atlas()
-        stop = place_of(request.start)
-        start = stop if isinstance(stop, Place) else find_place(stop, atlas.places, "start")
+        start = atlas.find(place_of(request.start), "start")
         drive = Drive(model, departure_of(request), weather_of(request) or atlas.weather, flags)
         return find_reach(drive, start, atlas, reserve=request.reserve).to_dict()
 

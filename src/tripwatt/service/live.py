@@ -328,7 +328,9 @@ class LiveCars:
         if result.status != 200:
             return result
         found = orjson.loads(result.content)
-        missing_wh = None if soc is None else max(0.0, found["soc_needed"] - soc) * found["wh_per_display"]
+        missing_wh = (
+            None if soc is None else max(0.0, min(found["soc_needed"], 1.0) - soc) * found["wh_per_display"]
+        )
         return {
             "vehicle": car.name,
             "plan": "given" if usual is None else "usual",
@@ -487,6 +489,7 @@ def shown(forecast: Mapping[str, Any], reserve: float) -> dict[str, Any]:
         "soc_quantiles": {name: forecast["soc_quantiles"][name] for name in SHOWN},
         "reserve": reserve,
         "p_arrive": forecast["p_arrive"][f"{reserve:g}"],
+        "p_arrive_at_all": forecast["p_arrive"]["0"],
         "measured_until_s": forecast["measured_until_s"],
         "distance_m": forecast["series"]["distance_m"][-1],
     }

@@ -56,13 +56,17 @@ class NeedResponse(ResponseModel):
     expected_wh: float = Field(description="expected energy of the trip [Wh]")
     energy_wh: float = Field(description="quantile of the energy at the probability [Wh]")
     soc_needed: float = Field(
-        description="displayed state of charge to leave with; above 1 where a full battery does not suffice"
+        description="displayed state of charge to leave with; above 1 where a full battery does not suffice, 0 where any "
+        "charge does"
     )
+    message: str = Field(description="`soc_needed` as an English sentence")
     wh_per_display: float = Field(description="energy of a whole display [Wh]")
     soc: float | None = Field(
         description="displayed state of charge of the last messages; null where unknown or on a trip"
     )
-    charge_wh: float | None = Field(description="energy that is missing in the battery [Wh]")
+    charge_wh: float | None = Field(
+        description="energy that is missing in the battery, up to a full one [Wh]"
+    )
 
 
 class LiveTripDocument(ResponseModel):
@@ -85,6 +89,7 @@ class LiveForecastDocument(ResponseModel):
     )
     reserve: float = Field(description="displayed state of charge to keep")
     p_arrive: float = Field(description="probability to arrive with the reserve")
+    p_arrive_at_all: float = Field(description="probability to arrive before the battery is empty")
     measured_until_s: float = Field(
         description="time of the last measurement that counts, since departure [s]"
     )

@@ -208,7 +208,17 @@ class ForecastRequest(BaseModel):
     extras: list[Literal["winter_tyres", "roof_box", "trailer", "headlights"]] | None = Field(
         None, max_length=4, description="what is fitted to the car or switched on"
     )
+    terrain: Literal["unknown", "flat", "hilly", "mountains"] | None = Field(
+        None, description="country of a road whose heights are unknown: how far it may climb"
+    )
     reserve: float = _field(QUANTITIES, "reserve", 0.1)
+    probability: float | None = Field(
+        None,
+        ge=0.5,
+        le=0.999,
+        description="with which the trip has to arrive with the reserve: the response has the charge to leave with; default: "
+        "none is worked out",
+    )
 
 
 class UpdateRequest(ForecastRequest):
@@ -254,6 +264,37 @@ class EmptyAt(ResponseModel):
     late: float | None
 
 
+class UnknownClimbDocument(ResponseModel):
+    """What the climb of a road of unknown heights changes."""
+
+    terrain: str = Field(description="country that the interval allows for")
+    soc_per_m: float = Field(description="displayed state of charge that each metre of climb takes [1/m]")
+    changes_at_m: dict[str, float | None] = Field(
+        description="by displayed state of charge: net climb with which the expected arrival falls to it [m]; null where no road of "
+        "this length and country climbs so far"
+    )
+
+
+class Missing(ResponseModel):
+    """Energy that the trip takes beyond what the battery holds [Wh], at the ends and the middle of the 90 % band."""
+
+    least: float
+    expected: float
+    most: float
+
+
+class LeaveWith(ResponseModel):
+    """The charge to leave with; on the way, the charge to go on with from the last reading."""
+
+    soc_needed: float = Field(
+        description="displayed state of charge with which the trip arrives with the reserve with the probability; above 1: a "
+        "full battery does not suffice; 0: any charge does"
+    )
+    reserve: float
+    probability: float
+    message: str = Field(description="the same as an English sentence")
+
+
 class ForecastResponse(ResponseModel):
     """The forecast of a trip, as `tripwatt forecast --json` prints it."""
 
@@ -268,10 +309,13 @@ class ForecastResponse(ResponseModel):
         description="quantiles of the displayed state of charge at arrival by probability"
     )
     empty_at_m: EmptyAt
+    missing_wh: Missing
     wh_per_display: float = Field(description="energy of a whole display [Wh]")
     p_arrive: dict[str, float] = Field(
-        description="probability to arrive with at least this displayed state of charge"
+        description="probability to arrive with at least this displayed state of charge; 0: at all"
     )
+    climb: UnknownClimbDocument | None = Field(description="null where the heights of the road are known")
+    leave_with: LeaveWith | None = Field(description="null where the request has no probability")
     series: Series
     by_cause_wh: dict[str, float] = Field(description="energy by cause [Wh]; the sum is energy_wh")
     battery_loss_wh: float = Field(description="heat loss inside the battery, not part of energy_wh [Wh]")

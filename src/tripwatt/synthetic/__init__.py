@@ -12,19 +12,19 @@ day's scenario expects, not with those at the end of the trip before it.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Final
 
 import pandas as pd
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.synthetic.faults import FEWEST_TRIPS, PlantedFault, plant_faults
 from tripwatt.synthetic.roads import drive_route
 from tripwatt.synthetic.scenario import Scenario, draw_scenarios, long_drive
 from tripwatt.synthetic.sensors import log_samples
 from tripwatt.synthetic.world import simulate_truth
-from tripwatt.trips import Context, Flag, Fleet, Trip
+from tripwatt.trips import Context, Flag, Fleet, Trip, raise_faults
+from tripwatt.trips.schema import Column, is_number, number_faults
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 __all__ = [
@@ -46,6 +46,11 @@ FOLLOWS_WITHIN_S: Final = 300.0
 NOTES: Final = (Flag("synthetic", "synthetic"),)
 
 FAULTY_NOTE: Final = Flag("planted_faults", "synthetic", 3.0, "1")
+
+
+MOST_TRIPS: Final = 1_000_000
+MOST_SEED: Final = 2**63 - 1
+"""Most trips of a fleet, and largest seed."""
 
 
 def synthetic_fleet(
@@ -129,6 +134,7 @@ def faulty_fleet(
     >>> sorted(fault.kind for fault in faults)
     ['filled gap', 'frozen signal', 'wrong sign']
     """
+    raise_faults(number_faults("n_trips", n_trips, Column("", 0, MOST_TRIPS, ""), whole=True))
     if n_trips < FEWEST_TRIPS:
         raise InvalidInput(
             Fault("too few trips for the faults", "n_trips", f"{n_trips}", f"{FEWEST_TRIPS} or more")
@@ -262,15 +268,16 @@ def _require_plain(vehicle: Vehicle | None, hours: tuple[float, float] | None) -
 
 
 def _require_sound(n_trips: int, seed: int, step_s: float, hours: tuple[float, float] | None) -> None:
-    faults = []
-    if n_trips < 1:
-        faults.append(Fault("no trips", "n_trips", f"{n_trips}", "at least 1"))
-    if seed < 0:
-        faults.append(Fault("seed out of range", "seed", f"{seed}", "0 or more"))
-    if not (math.isfinite(step_s) and 0.01 <= step_s <= 1.0):
-        faults.append(Fault("step out of range", "step_s", f"{step_s}", "0.01 to 1 s"))
-    if hours is not None and not 0.1 <= hours[0] <= hours[1] <= 12.0:
-        faults.append(Fault("duration out of range", "hours", f"{hours}", "0.1 to 12 h, the shorter first"))
+    faults = [
+        *number_faults("n_trips", n_trips, Column("", 1, MOST_TRIPS, ""), whole=True),
+        *number_faults("seed", seed, Column("", 0, MOST_SEED, ""), whole=True),
+        *number_faults("step_s", step_s, Column("s", 0.01, 1.0, "")),
+    ]
+    pair = isinstance(hours, tuple | list) and len(hours) == 2 and all(map(is_number, hours))
+    if hours is not None and not (pair and 0.1 <= hours[0] <= hours[1] <= 12.0):
+        faults.append(
+            Fault("duration out of range", "hours", excerpt(hours), "0.1 to 12 h, the shorter first")
+        )
     if faults:
         raise InvalidInput(faults)
 

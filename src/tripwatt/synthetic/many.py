@@ -360,8 +360,8 @@ def _wheel_power(
     factor = np.ones_like(density)
     warm = np.ones_like(mean)
     if car.tyres is not None:
-        cold = car.tyres.reference_temperature_degc - trips.ambient_degc[:, None]
-        factor = np.maximum(1.0 + car.tyres.temperature_coefficient_per_k * cold, 0.5)
+        weather = [car.tyres.weather_factor(t) for t in trips.ambient_degc.tolist()]
+        factor = np.maximum(np.array(weather)[:, None], 0.5)
         warm = 1.0 + car.tyres.cold_excess * np.exp(-time / car.tyres.warm_up_time_s)
     rolling_n = mass * GRAVITY_M_S2 * (constant + linear * mean) * (mean > 0.0) * factor * warm
     air_n = 0.5 * density * car.road_load.drag_area_m2 * mean * mean

@@ -13,10 +13,11 @@ from tripwatt.auditing import audit
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.donor import DonorModel, unknown_inputs
 from tripwatt.forecasting.model import ForecastModel, HeldOut
-from tripwatt.forecasting.ranges import NEVER_KNOWN, Range, training_ranges
+from tripwatt.forecasting.ranges import NEVER_KNOWN, training_ranges
 from tripwatt.forecasting.training import data_digest, held_out_figures, versions
 from tripwatt.hybrid import SegmentTable, segment_trips
 from tripwatt.hybrid.car_corrector import HierarchicalCorrector
+from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.hierarchy import CarTransfer, Evidence, Posterior, require_mode, term_scales
 from tripwatt.hybrid.parameters import changed, on_road, parameters_of, sensitivities
 from tripwatt.parallel import one_blas_thread
@@ -24,7 +25,7 @@ from tripwatt.trips import Fleet, Trip, plan_from_trip
 from tripwatt.trips.messages import message
 from tripwatt.uncertainty import ChargeScale
 from tripwatt.uncertainty.conformal import ConformalScores
-from tripwatt.uncertainty.scale import TAIL_DF, TotalScale
+from tripwatt.uncertainty.scale import T_VARIANCE, TotalScale
 from tripwatt.vehicles import Vehicle
 
 TRANSFERRED: Final = "transferred"
@@ -35,9 +36,6 @@ BASE_TRIPS: Final = 10.0
 
 _LEVELS: Final = 40
 """ConformalScores that an adapted model keeps."""
-
-T_VARIANCE: Final = TAIL_DF / (TAIL_DF - 2.0)
-"""Variance of the t distribution whose scale a `TotalScale` is."""
 
 PROTOCOL: Final = "own trips, each left out of the adaptation"
 

@@ -7,7 +7,8 @@ the interval.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -16,10 +17,13 @@ from tripwatt.hybrid.car_corrector import HierarchicalCorrector
 from tripwatt.hybrid.hierarchy import CarTransfer, Evidence, term_scales
 from tripwatt.hybrid.parameters import on_road, parameters_of
 from tripwatt.parallel import one_blas_thread
-from tripwatt.transfer.adapting import T_VARIANCE, TRANSFERRED, adapted_scale, weighted_quantiles
+from tripwatt.transfer.adapting import TRANSFERRED, adapted_scale, weighted_quantiles
 from tripwatt.trips import Flag
 from tripwatt.uncertainty.conformal import ConformalScores
-from tripwatt.vehicles import Vehicle, load_vehicle
+from tripwatt.uncertainty.scale import T_VARIANCE
+from tripwatt.vehicles import Vehicle, differences, load_vehicle, vehicle_names, with_differences
+from tripwatt.vehicles.catalogue import beyond_classes, mass_range_kg
+from tripwatt.vehicles.spreads import CLASS_ANCHORS
 
 
 @one_blas_thread
@@ -80,8 +84,91 @@ def zero_shot_model(base: ForecastModel, vehicle: Vehicle) -> ForecastModel:
     )
 
 
+MOST_NAMED: Final = 5
+"""Changed values that are named each; the rest is counted."""
+
+_NO_ENERGY: Final = "charging"
+"""Section of a car on which the energy of a drive does not depend."""
+
+
+@dataclass(frozen=True, slots=True)
+class OtherCar:
+    """A car that is not the car of a model.
+
+    Attributes
+    ----------
+    vehicle : Vehicle
+        With its published values; a changed car keeps the model's values where it is not changed.
+    flags : tuple of Flag
+        That the model has no trips of it, and of a changed car each value that differs.
+    """
+
+    vehicle: Vehicle
+    flags: tuple[Flag, ...]
+
+
+def other_car(model: ForecastModel, vehicle: Vehicle | str | None) -> OtherCar | None:
+    """Compare a car with that of a model, by value. O(values).
+
+    A car of another name and other values is another car. A car of the model's name with other values is the model's car, changed: what its trips
+    identified stays where nothing was changed. Values that trips changed count as equal to the published ones.
+
+    Parameters
+    ----------
+    model : ForecastModel
+        A fitted model.
+    vehicle : Vehicle or str, optional
+        A car, or the name of one of the library, or of the model's car.
+
+    Returns
+    -------
+    OtherCar or None
+        None for the model's own car, whatever its name and title.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such car.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> model, heavy = tw.load_model(), tw.load_vehicle("bmw_i3_60ah", overrides={"mass": 2500.0})
+    >>> other_car(model, "bmw_i3_60ah") is None, other_car(model, heavy).flags[0].value
+    (True, '1281 -> 2500')
+    """
+    own = model.vehicle
+    if isinstance(vehicle, str):
+        if vehicle == own.name and vehicle not in vehicle_names():
+            return None
+        vehicle = load_vehicle(vehicle, own.preset if vehicle == own.name else "default")
+    if vehicle is None or vehicle is own:
+        return None
+    found = [d for d in differences(vehicle, own) if d.key.partition(".")[0] != _NO_ENERGY]
+    if not found:
+        return None
+    if vehicle.name != own.name:
+        return OtherCar(vehicle, (Flag("no_trips_of_car", own.title), *_beyond_flags(vehicle)))
+    flags = [Flag("changed_car", d.key, d.change, d.unit) for d in found[:MOST_NAMED]]
+    if len(found) > MOST_NAMED:
+        flags.append(Flag("changed_car", "others", float(len(found) - MOST_NAMED), "1"))
+    # the correction was learned with the model's values as they are, which need not be carried from a test to the road
+    return OtherCar(replace(with_differences(own, found, vehicle), anchor="road"), tuple(flags))
+
+
+def _beyond_flags(vehicle: Vehicle) -> tuple[Flag, ...]:
+    """That values of a class are extrapolated to a car that is lighter or heavier than every car of the library."""
+    mass = vehicle.body.curb_mass_kg
+    if vehicle.anchor not in CLASS_ANCHORS or not beyond_classes(mass):
+        return ()
+    return (Flag("outside_classes", "lighter" if mass < mass_range_kg()[0] else "heavier", mass, "kg"),)
+
+
 def on_vehicle(model: ForecastModel, vehicle: Vehicle | str | None) -> tuple[ForecastModel, tuple[Flag, ...]]:
     """Put a model on the chosen car.
+
+    Cars are compared by value (`other_car`). A car of the model's name with other values is forecast with these values, and as another car
+    in what was learned: the trips were of the unchanged one.
 
     Parameters
     ----------
@@ -93,9 +180,9 @@ def on_vehicle(model: ForecastModel, vehicle: Vehicle | str | None) -> tuple[For
     Returns
     -------
     model : ForecastModel
-        Of the chosen car; the same object for the model's own car.
+        Of the chosen car; the same object for the model's own car, unless its charging power differs.
     flags : tuple of Flag
-        That the car has no trips; empty for the model's own car.
+        That the car has no trips, or in what it differs from the model's car; empty for the model's own car.
 
     Raises
     ------
@@ -109,8 +196,9 @@ def on_vehicle(model: ForecastModel, vehicle: Vehicle | str | None) -> tuple[For
     >>> model.vehicle.name, flags[0].code
     ('vw_id3', 'no_trips_of_car')
     """
-    name = vehicle.name if isinstance(vehicle, Vehicle) else vehicle
-    if name is None or name == model.vehicle.name:
-        return model, ()
-    car = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(name)
-    return zero_shot_model(model, car), (Flag("no_trips_of_car", model.vehicle.title),)
+    other = other_car(model, vehicle)
+    if other is not None:
+        return zero_shot_model(model, other.vehicle), other.flags
+    if isinstance(vehicle, Vehicle) and vehicle.charging not in (None, model.vehicle.charging):
+        return replace(model, vehicle=replace(model.vehicle, charging=vehicle.charging)), ()
+    return model, ()

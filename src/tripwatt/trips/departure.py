@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import difflib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Final
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.errors import Fault
+from tripwatt.errors import Fault, excerpt
 from tripwatt.trips.context import Context
 from tripwatt.trips.drive import Drive
 from tripwatt.trips.schema import COLUMNS, DEPARTURE_BOUNDS, raise_faults, scalar_faults
@@ -44,25 +45,55 @@ FIRST_S: Final = 60.0
 CLIMATE_MODES: Final = ("auto", "off", "heat", "cool")
 """What the driver allows climate control: all, nothing, no compressor for cooling, or no heater."""
 
+SEASONS: Final = ("summer", "winter")
+"""Seasons of a drive."""
+
 EXTRAS: Final = ("winter_tyres", "roof_box", "trailer", "headlights")
 """What can be fitted to the car or switched on for a trip."""
 
-ASKED: Final = ("soc", *TEMPERATURES, "payload_mass_kg", "climate", "extras")
+TERRAINS: Final = ("unknown", "flat", "hilly", "mountains")
+"""What is known of the country where the heights of a road are unknown."""
+
+ASKED: Final = ("soc", *TEMPERATURES, "payload_mass_kg", "climate", "extras", "terrain")
 """Fields that a person gives: options of the command line, fields of a request."""
 
 
 def climate_faults(mode: object) -> list[Fault]:
     """The fault of a climate mode that is none of `CLIMATE_MODES`; None is unknown and no fault."""
-    if mode is None or mode in CLIMATE_MODES:
+    return choice_faults("climate", mode, CLIMATE_MODES, "unknown mode")
+
+
+def choice_faults(
+    name: str, value: object, choices: tuple[str, ...], what: str = "unknown choice"
+) -> list[Fault]:
+    """The fault of a value that is none of some words; None is unknown and no fault."""
+    if value is None or (isinstance(value, str) and value in choices):
         return []
-    return [Fault("unknown mode", "climate", str(mode)[:40], f"one of {', '.join(CLIMATE_MODES)}")]
+    near = difflib.get_close_matches(value[:40], choices, n=1) if isinstance(value, str) else []
+    fix = f"did you mean {near[0]!r}?" if near else ""
+    return [Fault(what, name, excerpt(value, 42), f"one of {', '.join(choices)}", fix)]
+
+
+def type_faults(departure: Departure) -> list[Fault]:
+    """The faults of the fields of a departure that are neither numbers nor words of a list."""
+    kinds: dict[str, tuple[tuple[type, ...], str]] = {
+        "weather": ((str,), "a text"),
+        "follows_trip": ((bool, np.bool_), "True or False"),
+        "started_at": ((dt.datetime,), "a datetime, for example datetime.datetime(2024, 1, 5, 8, 30)"),
+    }
+    given = {name: getattr(departure, name) for name in kinds}
+    return [
+        Fault("wrong type", name, excerpt(value), kinds[name][1])
+        for name, value in given.items()
+        if value is not None and (not isinstance(value, kinds[name][0]) or value is pd.NaT)
+    ]
 
 
 def extras_faults(extras: object) -> list[Fault]:
     """The fault of extras that are none of `EXTRAS`; None is nothing fitted and no fault."""
     if extras is None:
         return []
-    known = isinstance(extras, tuple | list) and all(extra in EXTRAS for extra in extras)
+    known = isinstance(extras, tuple | list) and all(isinstance(e, str) and e in EXTRAS for e in extras)
     return [] if known else [Fault("unknown extra", "extras", repr(extras)[:60], ", ".join(EXTRAS))]
 
 
@@ -92,11 +123,15 @@ class Departure:
         What the driver allows climate control: "heat" never cools with the compressor, "cool" never heats. None is "auto".
     extras : tuple of str or None
         What is fitted to the car, of `EXTRAS`.
+    terrain : {"unknown", "flat", "hilly", "mountains"} or None
+        Country of a road whose heights are unknown: how far it may climb. None is "unknown"; without effect where heights are known.
+    cabin_logged : bool or None
+        Whether the cabin's temperature is a reading of the car's sensor, which shows nothing below the lower end of its range.
 
     Raises
     ------
     InvalidInput
-        With every value out of its bounds.
+        With every value of another type, out of its bounds, or of no known choice.
 
     Examples
     --------
@@ -117,11 +152,15 @@ class Departure:
     started_at: dt.datetime | None = None
     climate: str | None = None
     extras: tuple[str, ...] | None = None
+    terrain: str | None = None
+    cabin_logged: bool | None = None
 
     def __post_init__(self) -> None:
         numbers = {name: getattr(self, name) for name in ("soc", *TEMPERATURES, "payload_mass_kg")}
         faults = [*scalar_faults(numbers), *climate_faults(self.climate)]
-        raise_faults([*faults, *scalar_faults({"soc": self.bms_soc}), *extras_faults(self.extras)])
+        faults += [*scalar_faults({"soc": self.bms_soc}), *choice_faults("season", self.season, SEASONS)]
+        faults += choice_faults("terrain", self.terrain, TERRAINS)
+        raise_faults([*faults, *type_faults(self), *extras_faults(self.extras)])
         if self.extras is not None:
             object.__setattr__(self, "extras", tuple(self.extras))
 
@@ -178,12 +217,14 @@ class Departure:
             weather=context.weather,
             follows_trip=context.follows_trip,
             started_at=context.started_at,
+            cabin_logged=True if "cabin_temperature_degc" in first else None,
         )
 
     def merge(self, other: Departure | None) -> Departure:
         """The departure with the known fields of another in place of its own.
 
-        A state of charge that a driver gives takes the place of the battery management's reading.
+        A state of charge that a driver gives takes the place of the battery management's reading, a cabin temperature that of
+        the sensor's.
 
         Parameters
         ----------
@@ -207,6 +248,8 @@ class Departure:
             known["started_at"] = other.started_at
         if other.soc is not None and other.bms_soc is None:
             known["bms_soc"] = None
+        if other.cabin_temperature_degc is not None:
+            known["cabin_logged"] = other.cabin_logged
         return replace(self, **known)
 
     def to_dict(self) -> dict[str, Any]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
+from fractions import Fraction
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -86,6 +88,12 @@ def _number(flag: Flag) -> float:
     return float(flag.value or 0.0)
 
 
+def _kwh(flag: Flag) -> str:
+    """Energy of a flag [Wh] in kWh: to 0.1, below 1 kWh to 0.01."""
+    value = _number(flag) / 1000.0
+    return f"{value:.1f}" if abs(value) >= 1.0 else f"{value:.2f}"
+
+
 def _limit(what: str) -> Callable[[Flag], str]:
     return lambda flag: f"the car cannot reach the speed of the trace for {period(_number(flag))}: {what}"
 
@@ -93,6 +101,19 @@ def _limit(what: str) -> Callable[[Flag], str]:
 def _state(what: str) -> Callable[[Flag], str]:
     return lambda flag: f"{what} for {period(_number(flag))}"
 
+
+def _changed(flag: Flag) -> str:
+    if isinstance(flag.value, float):
+        return f"{flag.value:.0f} more values of the car are changed"
+    known, _, value = str(flag.value).partition(" -> ")
+    unit = "" if flag.unit in ("", "1") else f" {flag.unit.replace('degc', '°C')}"
+    return f"{flag.subject} is {value}{unit} in place of {known}{unit}"
+
+
+COUNTRIES: Final[Mapping[str, str]] = MappingProxyType(
+    {"flat": "of flat country", "hilly": "of hilly country", "mountains": "in the mountains"}
+)
+"""Terrains as part of a sentence."""
 
 MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
     {
@@ -102,10 +123,24 @@ MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
         ),
         "usual_value_assumed": lambda f: f"{name_of(f.subject)} is unknown: {_number(f):.0f} °C is assumed",
         "soc_assumed": lambda f: f"state of charge at departure is unknown: {_number(f):.0%} is assumed",
-        "no_elevation": lambda f: "elevation is unknown: a flat road is assumed",
+        "no_elevation": lambda f: "elevation is unknown",
+        "unknown_climb": lambda f: (
+            "the heights of the road are unknown: the interval has the climb that roads "
+            f"{'of any country' if f.subject == 'unknown' else COUNTRIES.get(f.subject, f.subject)} may have; each 100 m of climb takes "
+            f"{100.0 * _number(f):.1f} points of charge"
+        ),
         "no_trips_of_car": lambda f: (
             f"the model has no trips of this car: the forecast uses its published values and the correction learned "
             f"on a {f.subject}"
+        ),
+        "changed_car": lambda f: (
+            _changed(f)
+            + ": the trips of the model were of the unchanged car, so that its correction counts as that of another car and the "
+            "interval is wider"
+        ),
+        "outside_classes": lambda f: (
+            f"no car of the library is as {'light' if f.subject == 'lighter' else 'heavy'} as {_number(f):.0f} kg: road load, drivetrain and "
+            "climate control are extrapolated from its classes and the interval is wider"
         ),
         "route_error_unknown": lambda f: (
             "the error of planned routes was not measured for this model: the interval is too narrow"
@@ -133,11 +168,17 @@ MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
         "motor_power_limit": _limit("motor power limit"),
         "motor_speed_limit": _limit("motor speed limit"),
         "battery_voltage_floor": _limit("lowest voltage of the battery"),
-        "battery_empty": _state("the battery is empty"),
-        "battery_over_full": _state("the battery is too full for regenerative braking"),
+        "battery_empty": lambda f: (
+            f"the trip takes {_kwh(f)} kWh more than the battery holds: it is empty before the end"
+            if f.unit == "wh"
+            else f"the battery is empty for {period(_number(f))}"
+        ),
+        "battery_full": lambda f: (
+            f"the battery is too full for {_kwh(f)} kWh of recovered energy: the friction brakes take it"
+        ),
         "battery_over_voltage": _state("the battery voltage is above its limit"),
         "battery_not_settled": lambda f: "the simulated battery state did not converge",
-        "elevation_relative": lambda f: "elevation is relative to the departure, which is set to 0 m",
+        "elevation_relative": lambda f: "elevation is relative: the lowest place of the road is set to 0 m",
         "times_ignored": lambda f: "times are ignored: the first or the last point has no time",
         "elevation_interpolated": lambda f: "elevation is interpolated at points without elevation",
         "times_interpolated": lambda f: "times are interpolated at points without time",
@@ -197,6 +238,9 @@ MESSAGES: Final[Mapping[str, Callable[[Flag], str]]] = MappingProxyType(
 )
 """Code of a flag -> its sentence."""
 
+SERIOUS: Final = frozenset({"battery_empty"})
+"""Flags of trips that cannot end as planned."""
+
 
 def message(flag: Flag) -> str:
     """The sentence of a flag; one of an unknown code is named with its fields.
@@ -212,6 +256,29 @@ def message(flag: Flag) -> str:
     """
     made = MESSAGES.get(flag.code)
     return made(flag) if made else " ".join(filter(None, (f"{flag.code}: {flag.subject}", *_value(flag))))
+
+
+def leave_in_words(soc: float, reserve: float, probability: float) -> str:
+    """What a driver reads of a charge to leave with, as `Forecast.soc_needed` gives it; rounded up.
+
+    Examples
+    --------
+    >>> leave_in_words(0.4412, 0.1, 0.95)
+    'Leave with 45 % to arrive with 10 % or more in 19 of 20 trips.'
+    >>> leave_in_words(1.112, 0.1, 0.9)
+    'A full battery does not suffice to arrive with 10 % or more in 9 of 10 trips: 12 % of it are missing.'
+    >>> leave_in_words(0.0, 0.0, 0.5)
+    'Any charge suffices to arrive in 1 of 2 trips.'
+    """
+    share = Fraction(probability).limit_denominator(20)
+    if abs(float(share) - probability) > 1e-9:
+        share = Fraction(probability).limit_denominator(1000)
+    left = f" with {100.0 * reserve:g} % or more" if reserve > 0.0 else ""
+    aim = f"to arrive{left} in {share.numerator} of {share.denominator} trips"
+    percent = math.ceil(100.0 * (soc - 1.0 if soc > 1.0 else soc) - 1e-6)
+    if soc > 1.0:
+        return f"A full battery does not suffice {aim}: {percent} % of it are missing."
+    return f"Leave with {percent} % {aim}." if soc > 0.0 else f"Any charge suffices {aim}."
 
 
 def flag_to_dict(flag: Flag) -> dict[str, Any]:

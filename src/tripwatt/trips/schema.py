@@ -7,16 +7,17 @@ renaming and unit conversion.
 from __future__ import annotations
 
 import math
+import numbers
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, excerpt
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +106,10 @@ DEPARTURE_BOUNDS: Final[Mapping[str, Column]] = MappingProxyType(
 """Narrower bounds of what a person gives for a departure: the highest air temperature on record is 56.7 °C (WMO, Furnace
 Creek 1913), while the sensor of a parked car may show more."""
 
+STEEPEST_GRADE: Final = 0.4
+"""Rise over length that no street exceeds: Baldwin Street in Dunedin, the steepest of Guinness World Records, has 0.35 over
+10 m, Canton Avenue in Pittsburgh 0.37 by its sign."""
+
 LINK_COLUMNS: Final[Mapping[str, Column]] = MappingProxyType(
     {
         "length_m": Column("m", 0.01, 1e7, "length; shorter pieces are rounding"),
@@ -115,7 +120,7 @@ LINK_COLUMNS: Final[Mapping[str, Column]] = MappingProxyType(
         "stop_s": Column("s", 0.0, 48 * 3600.0, "standstill at the end of the link, part of its travel time"),
         "moving_speed_m_s": Column("m/s", 0.0, 70.0, "speed while the car moves freely"),
         "speed_limit_m_s": Column("m/s", 0.0, 70.0, "highest speed that is allowed"),
-        "grade": Column("1", -0.4, 0.4, "rise over length"),
+        "grade": Column("1", -STEEPEST_GRADE, STEEPEST_GRADE, "rise over length"),
         "start_elevation_m": Column("m", -500.0, 9000.0, "height above sea level at the start"),
         "end_elevation_m": Column("m", -500.0, 9000.0, "height above sea level at the end"),
     }
@@ -123,7 +128,100 @@ LINK_COLUMNS: Final[Mapping[str, Column]] = MappingProxyType(
 """Fields of a link of a planned road."""
 
 
-def scalar_faults(values: Mapping[str, float | None]) -> Iterator[Fault]:
+A_FRACTION: Final = "give a fraction, 0.9 for 90 %"
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a single real number; a truth value is none.
+
+    Examples
+    --------
+    >>> is_number(1), is_number(np.float64(0.5)), is_number(True), is_number("1"), is_number([1.0])
+    (True, True, False, False, False)
+    """
+    return isinstance(value, numbers.Real) and not isinstance(value, bool)
+
+
+def number_faults(name: str, value: Any, allowed: Column, *, whole: bool = False) -> Iterator[Fault]:
+    """The fault of a value that is no finite number within bounds, whatever its type.
+
+    Parameters
+    ----------
+    name : str
+        Of the argument, in the message.
+    value : object
+        What was given.
+    allowed : Column
+        Unit and bounds. Of a fraction the message has a hint.
+    whole : bool
+        Whether only whole numbers are allowed.
+
+    Yields
+    ------
+    Fault
+        At most one.
+
+    Examples
+    --------
+    >>> print(*number_faults("level", 90, Column("1", 0.0, 1.0, "")))
+    value out of range: level: got 90; allowed: 0 to 1; give a fraction, 0.9 for 90 %
+    """
+    is_share = allowed.unit == "1" and allowed.maximum == 1.0
+    fix = A_FRACTION if is_share else ""
+    if not is_number(value) or (whole and not isinstance(value, numbers.Integral)):
+        what = "not a whole number" if whole else "not a number"
+        yield Fault(what, name, excerpt(value), allowed.allowed, fix)
+        return
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not (math.isfinite(number) and allowed.minimum <= number <= allowed.maximum):
+        got = f"{number:g}" if number != math.inf else excerpt(value)
+        yield Fault("value out of range", name, got, allowed.allowed, fix)
+
+
+def require_number(name: str, value: Any, minimum: float = -math.inf, maximum: float = math.inf) -> float:
+    """A finite number of an argument, within bounds.
+
+    Raises
+    ------
+    InvalidInput
+        For another type, no finite number, or one out of its bounds.
+
+    Examples
+    --------
+    >>> require_number("energy_wh", float("nan"))
+    Traceback (most recent call last):
+        ...
+    tripwatt.errors.InvalidInput: value out of range: energy_wh: got nan; allowed: -inf to inf
+    """
+    raise_faults(number_faults(name, value, Column("", minimum, maximum, "")))
+    return float(value)
+
+
+def require_fraction(name: str, value: Any, minimum: float = 0.0) -> float:
+    """A probability or a state of charge of an argument: `minimum` to 1.
+
+    Raises
+    ------
+    InvalidInput
+        For anything else, with the hint that 0.9 stands for 90 %.
+
+    Examples
+    --------
+    >>> require_fraction("level", 0.9)
+    0.9
+    >>> require_fraction("probability", 95)
+    Traceback (most recent call last):
+        ...
+    tripwatt.errors.InvalidInput: value out of range: probability: got 95; allowed: 0 to 1; give a fraction, 0.9 for 90 %
+    """
+    raise_faults(number_faults(name, value, Column("1", minimum, 1.0, "")))
+    return float(value)
+
+
+def scalar_faults(values: Mapping[str, Any]) -> Iterator[Fault]:
     """Every single number outside the bounds of its name, a key of `COLUMNS` or `QUANTITIES`; None is unknown.
 
     Parameters
@@ -134,7 +232,7 @@ def scalar_faults(values: Mapping[str, float | None]) -> Iterator[Fault]:
     Yields
     ------
     Fault
-        One for each value that is out of its bounds or not finite.
+        One for each value that is no number, out of its bounds or not finite.
 
     Examples
     --------
@@ -145,8 +243,7 @@ def scalar_faults(values: Mapping[str, float | None]) -> Iterator[Fault]:
         if value is None:
             continue
         column = DEPARTURE_BOUNDS.get(name) or (COLUMNS[name] if name in COLUMNS else QUANTITIES[name])
-        if not (math.isfinite(value) and column.minimum <= value <= column.maximum):
-            yield Fault("value out of range", name, f"{value:g}", column.allowed)
+        yield from number_faults(name, value, column)
 
 
 def is_sound(samples: pd.DataFrame) -> bool:
@@ -198,7 +295,7 @@ def structure_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
     Yields
     ------
     Fault
-        One for each missing column, for too few samples, and for each column that is not numeric.
+        One for each missing column, each name that comes twice, for too few samples, and for each column that is not numeric.
 
     Examples
     --------
@@ -207,12 +304,28 @@ def structure_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
     """
     for name in REQUIRED_COLUMNS:
         if name not in samples.columns:
-            yield Fault("missing column", where, f"columns {sorted(samples.columns)}", f"a column {name!r}")
+            yield Fault(
+                "missing column",
+                where,
+                f"columns {sorted(map(str, samples.columns))}"[:200],
+                f"a column {name!r}",
+            )
     if len(samples) < 2:
         yield Fault("too few samples", where, f"{len(samples)}", "at least 2")
+    twice = samples.columns[samples.columns.duplicated()].unique().tolist()
+    for name in twice:
+        yield Fault("column given twice", where, excerpt(name), "each name once")
     for name in samples.columns:
-        if name in COLUMNS and not pd.api.types.is_numeric_dtype(samples[name]):
+        if name in (*COLUMNS, "observed_energy_wh") and name not in twice and not _is_numeric(samples[name]):
             yield Fault("not a number", f"{where}, column {name!r}", str(samples[name].dtype), "numbers")
+
+
+def _is_numeric(values: pd.Series[Any]) -> bool:
+    """Whether NumPy takes the values as real numbers: neither truth values nor complex ones, and missing ones as NaN."""
+    types = pd.api.types
+    if not types.is_numeric_dtype(values) or types.is_bool_dtype(values) or types.is_complex_dtype(values):
+        return False
+    return isinstance(values.dtype, np.dtype) or not bool(values.isna().any())
 
 
 def value_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
@@ -283,7 +396,7 @@ def raise_faults(faults: Iterable[Fault]) -> None:
     >>> raise_faults(scalar_faults({"soc": 2.0}))
     Traceback (most recent call last):
         ...
-    tripwatt.errors.InvalidInput: value out of range: soc: got 2; allowed: 0 to 1
+    tripwatt.errors.InvalidInput: value out of range: soc: got 2; allowed: 0 to 1; give a fraction, 0.9 for 90 %
     """
     found = tuple(faults)
     if found:

@@ -2,6 +2,7 @@
 
 from tripwatt.uncertainty.charge import ChargeScale
 from tripwatt.uncertainty.conformal import ConformalScores
+from tripwatt.uncertainty.coverage import Coverage
 from tripwatt.uncertainty.model import UncertaintyModel
 from tripwatt.uncertainty.process import ResidualProcess, Segments, fit_process
 from tripwatt.uncertainty.residual_power import PowerPrior, ResidualPower
@@ -12,6 +13,7 @@ from tripwatt.uncertainty.shrinkage import UpdateShrinkage
 __all__ = [
     "ChargeScale",
     "ConformalScores",
+    "Coverage",
     "LinkedTrips",
     "PowerPrior",
     "ResidualPower",

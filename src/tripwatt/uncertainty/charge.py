@@ -30,6 +30,8 @@ LEAST_TRIPS: Final = 8
 """Fewest trips with readings that the display is learned from."""
 FULL: Final = 0.995
 """A display of this or more is full: what is above it does not show."""
+NEARLY_FULL: Final = 0.985
+"""Between this display and `FULL` the hidden charge rises in a straight line: no step of the charge to leave with."""
 LEAST_FULL: Final = 5
 """Fewest trips from a full display, and fewest others, that what a full display hides is learned from."""
 
@@ -104,7 +106,8 @@ class ChargeScale:
         float or ndarray
             Displayed state of charge, shape of `energy_wh`; below 0 where the charge does not last.
         """
-        hidden = self.hidden if from_display and start >= FULL else 0.0
+        shown = min(max((start - NEARLY_FULL) / (FULL - NEARLY_FULL), 0.0), 1.0) if from_display else 0.0
+        hidden = self.hidden * shown
         return start + hidden - energy_wh / self.wh_per_display
 
     def sd(self, energy_wh: Any, from_display: bool) -> Any:

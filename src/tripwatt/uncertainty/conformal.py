@@ -87,16 +87,29 @@ class ConformalScores:
         float
             0 to 1; 0.5 for a limit of 0.
         """
-        n = len(self.values)
-        size = abs(standardised)
-        if size <= self.values[-1]:
-            # scores that repeat make no step backwards
-            level = float(np.interp(size, self._from_zero, self._ranks)) / (n + 1)
-        elif self.values[-1] > 0:
-            level = _t4_level(size / float(self.values[-1]) * _t4_half_width(n / (n + 1)))
-        else:
-            level = 1.0
-        return 0.5 + 0.5 * level if standardised >= 0 else 0.5 - 0.5 * level
+        return float(self.probabilities(np.array([standardised]))[0])
+
+    def probabilities(self, standardised: FloatArray) -> FloatArray:
+        """As `probability`, of many limits at once.
+
+        Parameters
+        ----------
+        standardised : ndarray
+            Limits of the error over its standard deviation [1].
+
+        Returns
+        -------
+        ndarray
+            Shape of `standardised`.
+        """
+        n, last = len(self.values), float(self.values[-1])
+        size = np.abs(standardised)
+        # scores that repeat make no step backwards
+        level = np.interp(size, self._from_zero, self._ranks) / (n + 1)
+        beyond = size > last
+        if beyond.any():
+            level[beyond] = _t4_level(size[beyond] / last * _t4_half_width(n / (n + 1))) if last > 0 else 1.0
+        return np.asarray(np.where(standardised >= 0, 0.5 + 0.5 * level, 0.5 - 0.5 * level))
 
     @cached_property
     def _from_zero(self) -> FloatArray:
@@ -107,14 +120,14 @@ class ConformalScores:
         return np.arange(len(self.values) + 1, dtype=np.float64)
 
 
-def _t4_level(half_width: float) -> float:
+def _t4_level(half_width: FloatArray) -> FloatArray:
     """Probability of ``-half_width..half_width``, above 0, under a t distribution with four degrees of freedom.
 
     ``s (3 - s²) / 2`` with ``s = t / sqrt(t² + 4)``, the integral of its density. `scipy.special` has it for every
     number of degrees, and takes a tenth of a first forecast to import.
     """
-    s = 1.0 / math.hypot(1.0, 2.0 / half_width)
-    return 0.5 * s * (3.0 - s**2)
+    s = 1.0 / np.hypot(1.0, 2.0 / half_width)
+    return np.asarray(0.5 * s * (3.0 - s**2))
 
 
 def _t4_half_width(level: float) -> float:

@@ -14,6 +14,9 @@ from tripwatt.units import SECONDS_PER_HOUR
 
 TAIL_DF: Final = 4.0
 """Degrees of freedom of the errors' t distribution, as Lange, Little and Taylor (1989) advise for few data."""
+T_VARIANCE: Final = TAIL_DF / (TAIL_DF - 2.0)
+"""Variance of this distribution over its squared scale. What is outside of the training has the standard deviation of a prior, and so a
+scale that is smaller by the root of it."""
 _START: Final = np.array([100.0, 200.0, 0.03, 1.0])
 _LOG_SD: Final = 2.0
 _BOUNDS: Final = ((-6.0, 6.0), (-6.0, 6.0), (-6.0, 6.0), (-6.0, 0.0))
@@ -66,9 +69,10 @@ class TimeCourse:
 class TotalScale:
     """Standard deviation of a trip's energy: independent parts that grow with the trip.
 
-    ``sd² = a² + (b hours)² + (c moved)² + (d corrector)² + outside²``: an error of every trip, one of every hour (climate
+    ``sd² = a² + (b hours)² + (c moved)² + (d corrector)² + outside² / 2``: an error of every trip, one of every hour (climate
     control, auxiliaries), a share of the energy moved at the wheels, the corrector's own uncertainty of a trip unlike
-    those of its training, and in full what it may have missed outside of their range. The hours count as the errors of
+    those of its training, and in full what it may have missed outside of their range: a standard deviation, of which the scale of the errors'
+    t distribution is the root of a half. The hours count as the errors of
     power add up: those of a drift cancel in part on a long trip. Where the growth with the trip was not seen, the errors
     of hours and of energy together are at least `least_share` of the energy moved: no error grows faster than the trip.
 
@@ -109,7 +113,8 @@ class TotalScale:
         sizes = _sizes(segments, self.course)
         parts = self.values * sizes
         growing = max(float(np.hypot(parts[1], parts[2])), self.least_share * float(sizes[2]))
-        return float(np.linalg.norm([parts[0], growing, parts[3], segments.outside_sd_wh]))
+        outside = segments.outside_sd_wh / np.sqrt(T_VARIANCE)
+        return float(np.linalg.norm([parts[0], growing, parts[3], outside]))
 
     def with_share(self, share: float, energy_over_moved: float) -> TotalScale:
         """Add a share of every energy, such as by a capacity that is not well known; that of the energy moved carries it.
@@ -173,7 +178,8 @@ class TotalScale:
 
         course = course or TimeCourse()
         sizes = np.array([_sizes(segments, course) for segments in trips]) * _START
-        outside = np.hypot([segments.outside_sd_wh for segments in trips], measured_sd_wh)
+        beyond = np.array([segments.outside_sd_wh for segments in trips]) / np.sqrt(T_VARIANCE)
+        outside = np.hypot(beyond, measured_sd_wh)
 
         def cost(logs: FloatArray) -> tuple[float, FloatArray]:
             parts = sizes**2 * np.exp(2.0 * logs)

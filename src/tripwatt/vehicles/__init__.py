@@ -1,5 +1,6 @@
 """Cars as frozen dataclasses, one TOML per car: value, unit and source for every entry."""
 
+from tripwatt.vehicles.comparing import Difference, differences, with_differences
 from tripwatt.vehicles.extras import with_extras
 from tripwatt.vehicles.importing import import_vehicle
 from tripwatt.vehicles.licences import LICENCES, render_licences
@@ -37,6 +38,7 @@ __all__ = [
     "Battery",
     "Body",
     "Climate",
+    "Difference",
     "Drivetrain",
     "Entry",
     "Regeneration",
@@ -44,6 +46,7 @@ __all__ = [
     "Tyres",
     "Vehicle",
     "describe_vehicle",
+    "differences",
     "find_vehicles",
     "import_vehicle",
     "load_vehicle",
@@ -56,6 +59,7 @@ __all__ = [
     "vehicle_from_document",
     "vehicle_names",
     "vehicle_titles",
+    "with_differences",
     "with_extras",
     "without_data",
 ]

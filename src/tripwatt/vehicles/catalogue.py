@@ -117,6 +117,39 @@ def table_names() -> tuple[str, ...]:
     return tuple(sorted(name for name, row in catalogue().items() if "title" in row))
 
 
+def curb_mass_kg(row: Row) -> float:
+    """Mass of a car of the table with nobody inside [kg]."""
+    if "test_weight" in row:
+        return row["test_weight"][0].number * KG_PER_LB - LOADED_KG
+    return row["running_mass"][0].number - DRIVER_KG
+
+
+@cache
+def mass_range_kg() -> tuple[float, float]:
+    """Curb mass of the lightest and of the heaviest car of the table [kg].
+
+    Examples
+    --------
+    >>> low, high = mass_range_kg()
+    >>> low < 1000.0 < 3000.0 < high
+    True
+    """
+    masses = [curb_mass_kg(row) for row in catalogue().values() if "title" in row]
+    return min(masses), max(masses)
+
+
+def beyond_classes(mass_kg: float) -> float:
+    """Logarithm of a curb mass over that of the nearest car of the table; 0 inside its range.
+
+    Examples
+    --------
+    >>> beyond_classes(1500.0), round(beyond_classes(0.5 * mass_range_kg()[0]), 2)
+    (0.0, 0.69)
+    """
+    low, high = mass_range_kg()
+    return max(0.0, math.log(low / mass_kg), math.log(mass_kg / high))
+
+
 @dataclass(frozen=True, slots=True)
 class ClassValues:
     """Medians of the coast-downs of a set of cars, and how far single cars are from them.

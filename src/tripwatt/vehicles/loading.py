@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-import itertools
 import re
 import sys
 import tomllib
@@ -42,6 +41,7 @@ from tripwatt.vehicles.parts import (
     RoadLoad,
     Tyres,
 )
+from tripwatt.vehicles.relations import relation_faults, table_faults
 from tripwatt.vehicles.similar import figures_of_row, similar_document
 
 Value = float | str | tuple[float, ...]
@@ -90,6 +90,8 @@ class Entry:
         Scale of the state of charge to which the value belongs, empty where the value depends on none.
     licence : str
         Of the source, one of `tripwatt.vehicles.LICENCES`.
+    published : float, str, tuple of float or None
+        The car's value before trips changed it; None where `value` is the published one.
 
     Examples
     --------
@@ -104,6 +106,7 @@ class Entry:
     estimated: str = ""
     scale: str = ""
     licence: str = "not-stated"
+    published: Value | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -461,7 +464,9 @@ def vehicle_from_document(
         parts["road_load"] = _with_method(parts["road_load"], where, faults)
         faults += _useless_overrides(parts["road_load"], overrides)
         parts["battery"] = _on_soc_scale(parts["battery"], entries)
-        faults += _consistency_faults(parts, where)
+        faults += table_faults(parts, where)
+    if not faults:
+        faults += relation_faults(parts, where)
     if faults:
         raise InvalidInput(faults)
     title = str(document.get("name", name))
@@ -664,50 +669,7 @@ def _with_method(road_load: RoadLoad, where: str, faults: list[Fault]) -> RoadLo
 
 def _on_soc_scale(battery: Battery, entries: Mapping[str, Entry]) -> Battery:
     """The battery with its capacity between soc 0 and soc 1."""
-    if entries["battery.capacity_ah"].scale == "soc":
-        return battery
     window = battery.displayed_full_soc - battery.displayed_zero_soc
+    if entries["battery.capacity_ah"].scale == "soc" or not window > 0.0:
+        return battery
     return dataclasses.replace(battery, capacity_ah=battery.capacity_ah / window)
-
-
-def _consistency_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]:
-    """Faults that only show between two values."""
-    battery: Battery = parts["battery"]
-    for grid, values in (("ocv_soc", "ocv_v"), ("resistance_soc", "resistance_ohm")):
-        x, y = getattr(battery, grid), getattr(battery, values)
-        place = f"{where}, battery.{grid}"
-        if len(x) != len(y):
-            got = f"{len(x)} and {len(y)} values"
-            yield Fault("tables differ in length", f"{place} and {values}", got, "equal numbers of values")
-        if any(b <= a for a, b in itertools.pairwise(x)):
-            yield Fault("table does not increase", place, str(list(x)), "increasing values")
-    if any(b < a for a, b in itertools.pairwise(battery.ocv_v)):
-        yield Fault("table decreases", f"{where}, battery.ocv_v", "a falling voltage", "rising with soc")
-    if battery.min_cell_voltage_v >= battery.ocv_v[0]:
-        got = f"{battery.min_cell_voltage_v:g} V and {battery.ocv_v[0]:g} V"
-        yield Fault(
-            "cell voltage limit too high", f"{where}, battery.min_cell_voltage_v", got, "less than ocv_v"
-        )
-    pairs = (
-        ("regeneration", "zero_speed_m_s", "full_speed_m_s"),
-        ("regeneration", "full_soc", "zero_soc"),
-        ("regeneration", "zero_temperature_degc", "full_temperature_degc"),
-        ("climate", "fresh_air_low_w_k", "fresh_air_high_w_k"),
-    )
-    yield from _charging_faults(parts["charging"], where)
-    for section, low, high in pairs:
-        if parts[section] is not None and getattr(parts[section], low) >= getattr(parts[section], high):
-            got = f"{getattr(parts[section], low):g} and {getattr(parts[section], high):g}"
-            yield Fault("wrong order", f"{where}, {section}.{low} and {high}", got, f"{low} below {high}")
-
-
-def _charging_faults(charging: Charging | None, where: str) -> Iterator[Fault]:
-    """Faults of a charging curve: it goes from an empty to a full display."""
-    if charging is None:
-        return
-    soc, place = charging.displayed_soc, f"{where}, charging.displayed_soc"
-    if len(soc) != len(charging.power_w):
-        got = f"{len(soc)} and {len(charging.power_w)} values"
-        yield Fault("tables differ in length", f"{place} and power_w", got, "equal numbers of values")
-    if any(b <= a for a, b in itertools.pairwise(soc)) or (soc[0], soc[-1]) != (0.0, 1.0):
-        yield Fault("table does not increase", place, str(list(soc)), "increasing values from 0 to 1")

@@ -142,6 +142,11 @@ class RoadLoad:
         return self.rolling_resistance_coefficient, 0.0
 
 
+WARM_COEFFICIENT_PER_K: Final = 0.0086
+"""Largest relative fall of rolling drag for each kelvin of air above the reference [1/K], SAE J1263. A steeper rise in the cold has
+causes that end there: gear oil, winter tyres, wet roads."""
+
+
 @dataclass(frozen=True, slots=True)
 class Tyres:
     """How rolling and driveline drag depend on the weather and on how long the car has been driven.
@@ -153,7 +158,8 @@ class Tyres:
     reference_temperature_degc : float
         Air temperature to which the road load belongs [°C].
     temperature_coefficient_per_k : float
-        Relative rise of warm rolling drag for each kelvin of colder air [1/K].
+        Relative rise of warm rolling drag for each kelvin below the reference [1/K]. Above it the drag falls as steeply, but by no more
+        than `WARM_COEFFICIENT_PER_K`.
     cold_excess : float
         Relative rise of rolling drag right after a long stop [1].
     warm_up_time_s : float
@@ -178,6 +184,35 @@ class Tyres:
     warm_up_time_s: float = quantity("s", 1.0, 1e5, "time constant of warming up and cooling down")
     warm_up_speed_m_s: float = quantity("m/s", 1.0, 60.0, "constant speed at which the car warms up fully")
 
+    @property
+    def warm_coefficient_per_k(self) -> float:
+        """Relative fall of rolling drag for each kelvin above the reference [1/K]."""
+        return min(self.temperature_coefficient_per_k, WARM_COEFFICIENT_PER_K)
+
+    def weather_factor(self, temperature_degc: float) -> float:
+        """Warm rolling drag in air of a temperature over that at the reference.
+
+        Parameters
+        ----------
+        temperature_degc : float
+            Of the outside air [°C].
+
+        Returns
+        -------
+        float
+            1 at the reference; continuous, and never rising with the temperature.
+
+        Examples
+        --------
+        >>> from tripwatt.vehicles import load_vehicle
+        >>> tyres = load_vehicle("bmw_i3_60ah").tyres
+        >>> tyres.weather_factor(20.0), round(tyres.weather_factor(0.0), 3), round(tyres.weather_factor(40.0), 3)
+        (1.0, 1.172, 0.828)
+        """
+        colder = self.reference_temperature_degc - temperature_degc
+        slope = self.temperature_coefficient_per_k if colder > 0.0 else self.warm_coefficient_per_k
+        return 1.0 + slope * colder
+
 
 MACHINES: Final = ("permanent_magnet", "induction", "externally_excited")
 """Types of traction machine: their flux is given by magnets, or chosen by the control with a current of stator or rotor."""
@@ -187,7 +222,7 @@ MACHINES: Final = ("permanent_magnet", "induction", "externally_excited")
 class Drivetrain:
     """Wheel, gearbox, motor and inverter.
 
-    The loss map of motor and inverter is a sum of physical terms, see `tripwatt.physics.drivetrain.motor_loss`.
+    The loss map of motor and inverter is a sum of physical terms, see `tripwatt.vehicles.losses.motor_loss`.
 
     Attributes
     ----------

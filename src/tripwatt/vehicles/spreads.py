@@ -42,6 +42,10 @@ ROAD_GAIN_SD: Final = 0.05
 """Standard deviation of that rise: published gaps of single electric cars are 5 to 20 % with everything in them."""
 
 
+CLASS_ANCHORS: Final = ("certification", "class")
+"""Anchors of cars with values of a class."""
+
+
 @cache
 def loss_sd() -> float:
     """Relative standard deviation of the consumption that the simulation misses before anchoring.
@@ -52,13 +56,16 @@ def loss_sd() -> float:
 
 
 @cache
-def spreads(anchor: str) -> Mapping[str, float]:
+def spreads(anchor: str, beyond: float = 0.0) -> Mapping[str, float]:
     """Relative standard deviation of parameters of a car by what it was held against; empty for "book" and "road".
 
     Parameters
     ----------
     anchor : str
         `Vehicle.anchor`.
+    beyond : float
+        How far the car's mass lies outside of the library (`catalogue.beyond_classes`). Values of a class that are carried so far in
+        proportion to the mass may as well not depend on it: that error is the distance itself.
 
     Examples
     --------
@@ -71,13 +78,12 @@ def spreads(anchor: str) -> Mapping[str, float]:
     missed = {"road_load": REPEAT_SD, "certification": 0.5 * loss_sd(), "class": loss_sd()}[anchor]
     # the consumption fixes the sum of rolling and air drag of a class, so that half of each variance is left
     unknown = {"road_load": 0.0, "certification": math.sqrt(0.5), "class": 1.0}[anchor]
-    return types.MappingProxyType(
-        {
-            "rolling": math.hypot(TYRES_SD, ROAD_GAIN_SD, unknown * classes.rolling_sd),
-            "air": math.hypot(TRIM_SD, ROAD_GAIN_SD, unknown * classes.drag_area_sd),
-            "drivetrain": math.hypot(REPEAT_SD, missed) / DRIVETRAIN_SHARE,
-        }
-    )
+    found = {
+        "rolling": math.hypot(TYRES_SD, ROAD_GAIN_SD, unknown * math.hypot(classes.rolling_sd, beyond)),
+        "air": math.hypot(TRIM_SD, ROAD_GAIN_SD, unknown * math.hypot(classes.drag_area_sd, beyond)),
+        "drivetrain": math.hypot(REPEAT_SD, missed) / DRIVETRAIN_SHARE,
+    }
+    return types.MappingProxyType(found)
 
 
 def road_gain(anchor: str) -> Mapping[str, float]:

@@ -35,6 +35,13 @@ export interface Flag {
   message: string;
 }
 
+/** The charge to leave with: above 1 where a full battery does not suffice, 0 where any charge does. */
+export interface LeaveWith {
+  soc_needed: number;
+  reserve: number;
+  probability: number;
+}
+
 export interface Forecast {
   trip: string;
   given: string;
@@ -44,9 +51,15 @@ export interface Forecast {
   soc_quantiles: Record<string, number>;
   /** Distance at which the display reaches 0 [m]; null where it does not on this trip. */
   empty_at_m: { early: number | null; expected: number | null; late: number | null };
+  /** Energy that the trip takes beyond what the battery holds [Wh]. */
+  missing_wh: { least: number; expected: number; most: number };
   /** Energy of a whole display [Wh]. */
   wh_per_display: number;
   p_arrive: Record<string, number>;
+  /** What the climb of a road of unknown heights changes; null where the heights are known. */
+  climb: UnknownClimb | null;
+  /** Null where the request has no probability. */
+  leave_with: LeaveWith | null;
   series: Series;
   by_cause_wh: Record<string, number>;
   battery_loss_wh: number;
@@ -168,6 +181,17 @@ export interface Charging {
   p_arrive: number;
 }
 
+/** Country of a road whose heights are unknown. */
+export type Terrain = "unknown" | "flat" | "hilly" | "mountains";
+
+export interface UnknownClimb {
+  terrain: Terrain;
+  /** Displayed charge that each metre of climb takes. */
+  soc_per_m: number;
+  /** By charge on arrival: climb with which the expected arrival falls to it [m]; null where no such road climbs so far. */
+  changes_at_m: Record<string, number | null>;
+}
+
 export interface Road {
   /** Of "fastest", "shortest", "least energy". */
   labels: string[];
@@ -181,7 +205,8 @@ export interface Road {
 export interface Journey {
   stops: Place[];
   arrives: boolean;
-  soc_needed: number | null;
+  /** Above 1 where a full battery does not suffice, 0 where any charge does. */
+  soc_needed: number;
   motorway_speed_m_s: number | null;
   charging: Charging | null;
   roads: Road[];
@@ -218,6 +243,10 @@ export interface Score {
   bias: number | null;
   coverage: number | null;
   width: number | null;
+  /** Trips within their 90 % interval. */
+  inside: number;
+  /** Width with which the intervals would have held exactly 90 % of these trips. */
+  needed_width: number | null;
 }
 
 export interface DiaryEntry {
@@ -318,6 +347,8 @@ export interface LiveForecast {
   soc_quantiles: Record<string, number>;
   reserve: number;
   p_arrive: number;
+  /** Before the battery is empty. */
+  p_arrive_at_all: number;
   /** Length of the whole trip. */
   distance_m: number;
 }

@@ -40,6 +40,14 @@ export function chanceOf(forecast: Forecast, reserve: number): number | null {
 
 export type Verdict = "good" | "open" | "bad";
 
+/** Climb of an unknown road with which the expected charge on arrival falls to the reserve [m]; null where none does. */
+export function decisiveClimbM({ climb }: Forecast, reserve: number): number | null {
+  const found = Object.entries(climb?.changes_at_m ?? {}).find(
+    ([level]) => Math.abs(Number(level) - reserve) < 1e-9,
+  );
+  return found ? found[1] : null;
+}
+
 export function verdictOf(chance: number): Verdict {
   if (chance >= 0.95) return "good";
   return chance >= 0.5 ? "open" : "bad";
@@ -68,6 +76,11 @@ export function hundredthsOf(chance: number): { side: "above" | "below" | "near"
   if (chance > 0.99) return { side: "above", count: 99 };
   if (chance < 0.01) return { side: "below", count: 1 };
   return { side: "near", count: Math.round(chance * 100) };
+}
+
+/** Probability to arrive before the battery is empty. */
+export function chanceAtAll(forecast: Forecast): number {
+  return forecast.p_arrive["0"] as number;
 }
 
 /** Distance at which the battery is empty by the median forecast [m]; null when it is not. */

@@ -1,9 +1,9 @@
 /** Flags of the service as sentences. Flags of one group share a sentence; a flag with an unknown code keeps its message. */
 
-import type { Flag } from "../api/types";
+import type { Flag, Terrain } from "../api/types";
 import type { Text } from "../text";
 import type { Format } from "./format";
-import { PERCENT, type Units } from "./units";
+import { ENERGY, PERCENT, type Units } from "./units";
 
 /** Distances from the training range, in standard deviations. */
 const CLEARLY_OUTSIDE_SD = 1;
@@ -120,11 +120,39 @@ const GROUPS: Group[] = [
       serious: true,
     }),
   },
-  plain("no_elevation", (text) => ({
-    text: text.noElevation,
-    effect: text.noElevationEffect,
+  {
+    codes: ["changed_car"],
+    toWarning: (flags, { text, format }) => {
+      const changes = flags.map(({ subject, value, unit }) => {
+        if (typeof value === "number") return text.flags.moreChanges(value);
+        const [known = "", changed = ""] = String(value).split(" -> ");
+        return text.flags.change(subject, changed, known, unit === "1" ? "" : unit);
+      });
+      return { text: text.flags.changedCar(format.list(changes)), effect: text.flags.wider, serious: true };
+    },
+  },
+  byValue("outside_classes", (mass, { text, format }, subject) => ({
+    text: (subject === "lighter" ? text.flags.lighterThanAll : text.flags.heavierThanAll)(
+      format.figure(mass, 0),
+    ),
+    effect: text.flags.outsideClasses,
     serious: true,
   })),
+  plain("no_elevation", (text) => ({ text: text.noElevation })),
+  {
+    codes: ["unknown_climb"],
+    toWarning: ([flag], { text, format, units }) =>
+      isMeasured(flag)
+        ? {
+            text: text.flags.unknownClimb(
+              text.flags.countries[flag.subject as Terrain] ?? text.flags.countries.unknown,
+              format.shown(100, units.height),
+              format.shown(flag.value, PERCENT, 1),
+            ),
+            serious: flag.subject !== "flat",
+          }
+        : null,
+  },
   plain("free_flow_times", (text) => ({ text: text.freeFlowTimes })),
   plain("travel_time_error_unknown", (text) => ({
     text: text.timeErrorUnknown,
@@ -153,8 +181,15 @@ const GROUPS: Group[] = [
       );
     },
   },
+  byValue("battery_empty", (missingWh, { text, format }) => ({
+    text: text.flags.batteryEmpty(format.shown(missingWh, ENERGY)),
+    serious: true,
+  })),
+  byValue("battery_full", (lostWh, { text, format }) => ({
+    text: text.flags.batteryFull(format.shown(lostWh, ENERGY)),
+  })),
   {
-    codes: ["battery_empty", "battery_over_full", "battery_over_voltage"],
+    codes: ["battery_over_voltage"],
     toWarning: (flags, wording) => {
       const parts = durationTexts(flags, wording, wording.text.flags.states);
       return parts && { text: parts.join(" ") };

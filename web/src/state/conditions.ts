@@ -1,6 +1,7 @@
 /** Conditions at departure, as set with the sliders. */
 
 import { signal } from "@preact/signals";
+import type { Terrain } from "../api/types";
 
 /** Where the temperatures of cabin and battery at departure come from. */
 export type BeforeDeparture = "logged" | "parked" | "garage" | "unknown";
@@ -15,6 +16,8 @@ export interface Conditions {
   payloadKg: number;
   reserve: number;
   climate: ClimateMode;
+  /** Country of a road whose heights are unknown. */
+  terrain: Terrain;
   beforeDeparture: BeforeDeparture;
   /** Speed on the motorway of a planned route; null as planned. */
   motorwayMS: number | null;
@@ -35,6 +38,7 @@ export const USUAL: Conditions = {
   payloadKg: 0,
   reserve: 0.1,
   climate: "auto",
+  terrain: "unknown",
   beforeDeparture: "parked",
   motorwayMS: null,
 };
@@ -72,6 +76,7 @@ export function fieldsOf(at: Conditions, logged: StartTemperatures) {
     payload_mass_kg: at.payloadKg,
     reserve: at.reserve,
     climate: at.climate,
+    terrain: at.terrain,
     ...startTemperaturesOf(at, logged),
   };
 }

@@ -151,13 +151,20 @@ export function tripFromStops(stops: Place[], isDraft: boolean): Trip {
 }
 
 /** Body of a request for a forecast; with `observed`, for an update. */
-export function requestBody(of: Trip, at: Conditions, car: Car | null, observed?: Columns): string {
+export function requestBody(
+  of: Trip,
+  at: Conditions,
+  car: Car | null,
+  observed?: Columns,
+  more: { probability?: number } = {},
+): string {
   const links = of.links && { links: atMotorwaySpeed(of.links, at.motorwayMS) };
   const fields = {
     ...links,
     ...fieldsOfCar(car),
     ...fieldsOf(at, of.logged),
     ...(observed && { observed }),
+    ...more,
   };
   return `{${of.fixedJson},${membersOf(fields)}}`;
 }

@@ -100,11 +100,24 @@ export const de: Text = {
     from: "Von",
     to: "Nach",
     unknown: (words) => `Kein Ort heißt „${words}“.`,
+    choose: "Bitte aus der Liste wählen.",
+    kinds: {
+      city: "Stadt",
+      town: "Stadt",
+      village: "Dorf",
+      suburb: "Stadtteil",
+      hamlet: "Weiler",
+      street: "Straße",
+      poi: "Ziel",
+      house: "Haus",
+    },
     hint: "Ort, Straße oder Haus",
     hintCoordinates: "Breite, Länge",
     plan: "Planen",
     leaveWith: (soc) => `Mit ${soc} abfahren, um bei 19 von 20 Fahrten mit der Reserve anzukommen.`,
-    notEnough: "Eine volle Batterie reicht nicht, um bei 19 von 20 Fahrten mit der Reserve anzukommen.",
+    notEnough: (missing) =>
+      `Eine volle Batterie reicht nicht, um bei 19 von 20 Fahrten mit der Reserve anzukommen; ${missing} davon fehlen.`,
+    anyCharge: "Jede Ladung reicht, um bei 19 von 20 Fahrten mit der Reserve anzukommen.",
     atMost: (speed) => `Auf Autobahnen höchstens ${speed} fahren, um mit der Reserve anzukommen.`,
     station: "der Ladestation",
     charge: (station, time, arrival, leave) =>
@@ -144,6 +157,8 @@ export const de: Text = {
     motorway: "Tempo auf der Autobahn",
     changeMotorway: (speed) => `Tempo auf Links ändern, die mit mehr als ${speed} geplant sind`,
     climate: "Klimatisierung",
+    terrain: "Gelände",
+    terrains: { unknown: "Unbekannt", flat: "Flach", hilly: "Hügelig", mountains: "Gebirge" },
     climateModes: { auto: "Automatisch", heat: "Nur heizen", cool: "Nur kühlen", off: "Aus" },
     before: "Vor der Abfahrt",
     parked: (temperature) => `Im Freien geparkt, ${temperature}`,
@@ -169,6 +184,10 @@ export const de: Text = {
     range: (low, high) => `${low} bis ${high}`,
     inTrips: (band) => `${band} bei 9 von 10 Fahrten`,
     emptyAfter: (distance) => `Leer nach etwa ${distance}`,
+    emptyBetween: (from, to) => ` (${from} bis ${to})`,
+    missing: (energy, range) => `${energy} (${range}) mehr, als die Batterie enthält`,
+    atBest: (soc) => `bestenfalls ${soc} bei Ankunft`,
+    announcedEmpty: (distance) => `Vorhersage: Die Batterie ist nach etwa ${distance} leer.`,
     energy: "Energie",
     consumption: "Verbrauch",
     distance: "Strecke",
@@ -220,7 +239,9 @@ export const de: Text = {
       almostImpossible: "Fast ausgeschlossen",
     },
     withReserve: (reserve) => `: Ankunft mit der Reserve von ${reserve} oder mehr`,
+    unlessClimb: (climb) => `nicht ab ${climb} Anstieg`,
     withCharge: ": Ankunft, bevor die Batterie leer ist",
+    atAll: (figures) => `Überhaupt ankommen: ${figures}`,
     announced: (word) => `${word}: Ankunft mit der Reserve.`,
     figures: {
       above: (hundredths) => `mehr als ${hundredths} von 100`,
@@ -447,8 +468,9 @@ export const de: Text = {
         other: "Breite ihrer 90-%-Intervalle, Anteil der Energie",
       }),
     diary: "Tagebuch",
-    score: (error, coverage, trips) =>
-      `Jede Fahrt wurde vorhergesagt, bevor sie gelernt wurde: Fehler ${error}, ${coverage} von ${count(trips, { one: "# Fahrt", other: "# Fahrten" })} im 90-%-Intervall.`,
+    widthNeeded: "nötig für 90 % davon",
+    score: (error, inside, trips, width, needed) =>
+      `Jede Fahrt wurde vorhergesagt, bevor sie gelernt wurde: Fehler ${error}, ${inside} von ${count(trips, { one: "# Fahrt", other: "# Fahrten" })} im 90-%-Intervall. Das Intervall war ${width} der Energie breit; ${needed} hätten 90 % der Fahrten enthalten (Klammern im Bild).`,
     trip: "Fahrt",
     trips: "Fahrten",
     distance: "Strecke",
@@ -560,10 +582,26 @@ export const de: Text = {
     },
     usualValue: (assumed) => `Nicht angegeben und daher angenommen: ${assumed}.`,
     socAssumed: (soc) => `Der Ladestand bei Abfahrt ist nicht angegeben; angenommen werden ${soc}.`,
-    noElevation: "Die Route hat keine Höhendaten und gilt als eben.",
-    noElevationEffect: "Die Energie für Steigungen ist nicht enthalten.",
+    noElevation: "Die Höhen der Route sind unbekannt.",
+    unknownClimb: (country, climb, points) =>
+      `Die Höhen der Straße sind unbekannt. Der Bereich lässt den Anstieg einer Straße ${country} zu. Je ${climb} Anstieg werden ${points} der Ladung gebraucht.`,
+    countries: {
+      unknown: "in unbekanntem Gelände",
+      flat: "in flachem Gelände",
+      hilly: "in hügeligem Gelände",
+      mountains: "im Gebirge",
+    },
     noTripsOfCar: (car) =>
       `Das Modell wurde ohne Fahrten dieses Fahrzeugs trainiert. Die Vorhersage verwendet veröffentlichte Fahrzeugdaten und Fahrten eines anderen Fahrzeugs: ${car}.`,
+    changedCar: (changes) =>
+      `Die Fahrten des Modells waren von einem Fahrzeug mit anderen Werten: ${changes}.`,
+    change: (key, value, known, unit) =>
+      `${key} ${value}${unit && ` ${unit}`} statt ${known}${unit && ` ${unit}`}`,
+    moreChanges: (count) => `${count} weitere`,
+    lighterThanAll: (mass) => `Kein Fahrzeug der Bibliothek ist so leicht wie ${mass} kg.`,
+    heavierThanAll: (mass) => `Kein Fahrzeug der Bibliothek ist so schwer wie ${mass} kg.`,
+    outsideClasses:
+      "Der Rest des Fahrzeugs ist aus der nächsten Klasse hochgerechnet; das Intervall ist breiter.",
     freeFlowTimes:
       "Die Fahrzeiten gelten für eine leere Straße; der übliche Zeitverlust ist nach den Fahrten des Modells ergänzt.",
     timeErrorUnknown: "Das Modell kennt den Fehler der Fahrzeiten nicht.",
@@ -586,14 +624,16 @@ export const de: Text = {
       battery_voltage_floor: (time) => `${time} an der unteren Spannungsgrenze der Batterie`,
     },
     states: {
-      battery_empty: (time) => `Die Batterie ist für ${time} der Fahrt leer.`,
-      battery_over_full: (time) => `Die Batterie ist für ${time} zu voll für die Rekuperation.`,
       battery_over_voltage: (time) => `Die Batteriespannung ist für ${time} zu hoch für die Rekuperation.`,
     },
+    batteryEmpty: (missing) =>
+      `Die Fahrt braucht ${missing} mehr, als die Batterie enthält. Die Batterie ist vor dem Ziel leer.`,
+    batteryFull: (lost) =>
+      `Die Batterie ist zu voll für ${lost} aus der Rekuperation. Die Reibungsbremsen nehmen sie auf.`,
     notSettled: "Die Simulation der Batterie ist nicht konvergiert.",
     notSettledEffect: "Die Vorhersage kann ungenau sein.",
     elevationInterpolated: "Einigen Punkten fehlt die Höhe; sie wird interpoliert.",
-    elevationRelative: "Die Höhe ist relativ zum Startpunkt, für den 0 m angenommen werden.",
+    elevationRelative: "Die Höhe ist relativ: Für den tiefsten Punkt der Strecke werden 0 m angenommen.",
     timesIgnored: "Dem ersten oder letzten Punkt fehlt die Zeit; alle Zeiten werden ignoriert.",
     gapBridged: "In der Aufzeichnung fehlen Stücke; die Geschwindigkeit ist dort interpoliert.",
     timesInterpolated: "Einigen Punkten fehlt die Zeit; sie wird interpoliert.",

@@ -99,10 +99,23 @@ export const en = {
     to: "To",
     hint: "Place, street or house",
     unknown: (words: string) => `No place is called “${words}”.`,
+    choose: "Choose one of the list.",
+    kinds: {
+      city: "city",
+      town: "town",
+      village: "village",
+      suburb: "suburb",
+      hamlet: "hamlet",
+      street: "street",
+      poi: "place",
+      house: "house",
+    },
     hintCoordinates: "Latitude, longitude",
     plan: "Plan",
     leaveWith: (soc: string) => `Leave with ${soc} to arrive with the reserve in 19 of 20 trips.`,
-    notEnough: "A full battery does not suffice to arrive with the reserve in 19 of 20 trips.",
+    notEnough: (missing: string) =>
+      `A full battery does not suffice to arrive with the reserve in 19 of 20 trips; ${missing} of it are missing.`,
+    anyCharge: "Any charge suffices to arrive with the reserve in 19 of 20 trips.",
     atMost: (speed: string) => `Drive at most ${speed} on motorways to arrive with the reserve.`,
     station: "the charging station",
     charge: (station: string, time: string, arrival: string, leave: string) =>
@@ -141,6 +154,8 @@ export const en = {
     motorway: "Motorway speed",
     changeMotorway: (speed: string) => `Change the speed on links planned above ${speed}`,
     climate: "Climate control",
+    terrain: "Country",
+    terrains: { unknown: "Unknown", flat: "Flat", hilly: "Hilly", mountains: "Mountains" },
     climateModes: { auto: "Automatic", heat: "Heating only", cool: "Cooling only", off: "Off" },
     before: "Before departure",
     parked: (temperature: string) => `Parked outside, ${temperature}`,
@@ -166,6 +181,10 @@ export const en = {
     range: (low: string, high: string) => `${low} to ${high}`,
     inTrips: (band: string) => `${band} in 9 of 10 trips`,
     emptyAfter: (distance: string) => `Empty after about ${distance}`,
+    emptyBetween: (from: string, to: string) => ` (${from} to ${to})`,
+    missing: (energy: string, range: string) => `${energy} (${range}) more than the battery holds`,
+    atBest: (soc: string) => `at best ${soc} on arrival`,
+    announcedEmpty: (distance: string) => `Forecast: the battery is empty after about ${distance}.`,
     energy: "Energy",
     consumption: "Consumption",
     distance: "Distance",
@@ -217,7 +236,9 @@ export const en = {
     },
     /** Appended to one of the words. */
     withReserve: (reserve: string) => ` to arrive with the reserve of ${reserve} or more`,
+    unlessClimb: (climb: string) => `not with a climb of ${climb} or more`,
     withCharge: " to arrive before the battery is empty",
+    atAll: (figures: string) => `To arrive at all: ${figures}`,
     announced: (word: string) => `${word} to keep the reserve.`,
     figures: {
       above: (hundredths: number) => `more than ${hundredths} in 100`,
@@ -446,8 +467,9 @@ export const en = {
         other: "Width of their 90 % intervals, share of the energy",
       }),
     diary: "Diary",
-    score: (error: string, coverage: string, trips: number) =>
-      `Each trip was forecast before it was learned: error ${error}, ${coverage} of ${count(trips, { one: "# trip", other: "# trips" })} inside the 90 % interval.`,
+    widthNeeded: "needed for 90 % of them",
+    score: (error: string, inside: number, trips: number, width: string, needed: string) =>
+      `Each trip was forecast before it was learned: error ${error}, ${inside} of ${count(trips, { one: "# trip", other: "# trips" })} inside the 90 % interval. The interval was ${width} of the energy wide; ${needed} would have held 90 % of the trips (brackets in the picture).`,
     trip: "Trip",
     trips: "Trips",
     distance: "Distance",
@@ -559,10 +581,24 @@ export const en = {
     },
     usualValue: (assumed: string) => `Not given, and assumed: ${assumed}.`,
     socAssumed: (soc: string) => `The battery charge at departure is not given; ${soc} is assumed.`,
-    noElevation: "The route has no elevation data and is taken as flat.",
-    noElevationEffect: "The energy for climbing is not included.",
+    noElevation: "The heights of the route are unknown.",
+    unknownClimb: (country: string, climb: string, points: string) =>
+      `The heights of the road are unknown. The range allows for the climb of a road ${country}. Each ${climb} of climb takes ${points} of charge.`,
+    countries: {
+      unknown: "of which nothing is known",
+      flat: "in flat country",
+      hilly: "in hilly country",
+      mountains: "in the mountains",
+    },
     noTripsOfCar: (car: string) =>
       `The model was trained without trips of this car. The forecast uses published vehicle data and what was learned from trips of a ${car}.`,
+    changedCar: (changes: string) => `The trips of the model were of a car with other values: ${changes}.`,
+    change: (key: string, value: string, known: string, unit: string) =>
+      `${key} ${value}${unit && ` ${unit}`} in place of ${known}${unit && ` ${unit}`}`,
+    moreChanges: (count: number) => `${count} more`,
+    lighterThanAll: (mass: string) => `No car of the library is as light as ${mass} kg.`,
+    heavierThanAll: (mass: string) => `No car of the library is as heavy as ${mass} kg.`,
+    outsideClasses: "The rest of the car is extrapolated from the nearest class; the interval is wider.",
     freeFlowTimes:
       "The travel times are those of an empty road; the usual loss of time is added from the trips of the model.",
     timeErrorUnknown: "The model has no estimate of the error of travel times.",
@@ -585,15 +621,17 @@ export const en = {
       battery_voltage_floor: (time: string) => `lowest battery voltage for ${time}`,
     },
     states: {
-      battery_empty: (time: string) => `The battery is empty for ${time} of the trip.`,
-      battery_over_full: (time: string) => `The battery is too full for regenerative braking for ${time}.`,
       battery_over_voltage: (time: string) =>
         `The battery voltage is too high for regenerative braking for ${time}.`,
     },
+    batteryEmpty: (missing: string) =>
+      `The trip takes ${missing} more than the battery holds. The battery is empty before the end.`,
+    batteryFull: (lost: string) =>
+      `The battery is too full for ${lost} of recovered energy. The friction brakes take it.`,
     notSettled: "The battery simulation did not converge.",
     notSettledEffect: "The forecast may be inaccurate.",
     elevationInterpolated: "Some points have no elevation; their elevation is interpolated.",
-    elevationRelative: "The elevation is relative to the departure, which is taken as 0 m.",
+    elevationRelative: "The elevation is relative: the lowest place of the road is taken as 0 m.",
     timesIgnored: "The first or the last point has no time; all times are ignored.",
     gapBridged: "Parts of the recording are missing; the speed is interpolated there.",
     timesInterpolated: "Some points have no time; their time is interpolated.",

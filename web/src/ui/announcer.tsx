@@ -1,9 +1,9 @@
 import { useEffect, useState } from "preact/hooks";
-import { chanceOf, likelihoodOf } from "../model/arrival";
+import { chanceOf, emptyAfterM, likelihoodOf } from "../model/arrival";
 import { PERCENT } from "../model/units";
 import { shownForecast, arrived, playing } from "../state/drive";
 import { requested, problem } from "../state/forecast";
-import { format, text } from "../state/preferences";
+import { format, text, units } from "../state/preferences";
 import { bandText } from "./wording";
 
 const SETTLED_MS = 700;
@@ -14,7 +14,11 @@ function sentence(): string {
   const { result, chance } = text.value;
   const soc = format.value.shown(now.soc_arrival, PERCENT);
   if (arrived.value) return result.announcedArrival(soc);
-  const forecast = result.announced(soc, bandText(now));
+  const emptyM = emptyAfterM(now);
+  const forecast =
+    emptyM === null
+      ? result.announced(soc, bandText(now))
+      : result.announcedEmpty(format.value.shown(emptyM, units.value.distance, 0));
   const found = chanceOf(now, requested.value.at.reserve);
   return found === null ? forecast : `${forecast} ${chance.announced(chance.words[likelihoodOf(found)])}`;
 }

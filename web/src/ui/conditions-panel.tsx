@@ -1,3 +1,4 @@
+import type { Terrain } from "../api/types";
 import { hasMotorway, MOTORWAY_M_S } from "../model/links";
 import {
   change,
@@ -7,7 +8,7 @@ import {
   GARAGE_DEGC,
   resetTo,
 } from "../state/conditions";
-import { faults, mode, other } from "../state/forecast";
+import { departure, faults, mode, other } from "../state/forecast";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { Slider } from "./slider";
@@ -39,6 +40,29 @@ function ClimateSelect() {
         {CLIMATE_MODES.map((mode) => (
           <option key={mode} value={mode}>
             {words.climateModes[mode]}
+          </option>
+        ))}
+      </select>
+    </label>
+  );
+}
+
+const TERRAINS: Terrain[] = ["unknown", "flat", "hilly", "mountains"];
+
+/** What is known of the country; only where the heights of the road are not. */
+function TerrainSelect() {
+  const { conditions: words } = text.value;
+  if (!departure.value?.climb) return null;
+  return (
+    <label class="field">
+      <span>{words.terrain}</span>
+      <select
+        value={conditions.value.terrain}
+        onChange={(event) => change({ terrain: event.currentTarget.value as Terrain })}
+      >
+        {TERRAINS.map((terrain) => (
+          <option key={terrain} value={terrain}>
+            {words.terrains[terrain]}
           </option>
         ))}
       </select>
@@ -131,6 +155,7 @@ export function ConditionsPanel() {
         />
       ))}
       <Motorway />
+      <TerrainSelect />
       <ClimateSelect />
       <BeforeDepartureSelect />
     </section>

@@ -1,6 +1,6 @@
 import type { Forecast } from "../api/types";
 import { ArrivalChart } from "../charts/arrival";
-import { chanceOf, DOTS, equallyLikely } from "../model/arrival";
+import { chanceAtAll, chanceOf, DOTS, equallyLikely } from "../model/arrival";
 import { PERCENT } from "../model/units";
 import { shownForecast, arrived, driving } from "../state/drive";
 import { alternative, requested, mode } from "../state/forecast";
@@ -30,7 +30,8 @@ function ArrivalDots({ of, shared, name }: { of: Forecast; shared: Forecast[]; n
       />
       <p class="outcomes">
         {sentence}
-        {chance !== null && arrival.exact(chanceInFigures(chance))}.
+        {chance !== null && arrival.exact(chanceInFigures(chance))}.{" "}
+        {reserve > 0 && `${text.value.chance.atAll(chanceInFigures(chanceAtAll(of)))}.`}
       </p>
     </>
   );

@@ -1,7 +1,7 @@
 import type { Journey } from "../api/types";
 import { chanceOf } from "../model/arrival";
 import { PERCENT } from "../model/units";
-import { chooseRoad, requested } from "../state/forecast";
+import { chooseRoad, leaving, leavingIsOld, requested } from "../state/forecast";
 import { answersAreOld, chosenRoad, journey } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
@@ -43,6 +43,26 @@ function Roads({ of }: { of: Journey }) {
   );
 }
 
+/** The charge to leave with in words; rounded up. */
+function leaveText(needed: number): string {
+  const { shown } = format.value;
+  const { journey: words } = text.value;
+  const upwards = (soc: number) => shown(Math.ceil(soc * 100 - 1e-6) / 100, PERCENT);
+  if (needed > 1) return words.notEnough(upwards(needed - 1));
+  return needed > 0 ? words.leaveWith(upwards(needed)) : words.anyCharge;
+}
+
+/** The charge to leave with on a trip that is no journey. */
+export function LeaveAnswer() {
+  const found = leaving.value;
+  if (!found || trip.value?.stops) return null;
+  return (
+    <div class={`journey-answer${leavingIsOld.value ? " old" : ""}`} aria-busy={leavingIsOld.value}>
+      <p>{leaveText(found.soc_needed)}</p>
+    </div>
+  );
+}
+
 /** What a driver asks of a journey. */
 export function JourneyAnswer() {
   const found = journey.value;
@@ -52,9 +72,7 @@ export function JourneyAnswer() {
   const { charging: stop, soc_needed: needed, motorway_speed_m_s: speed } = found;
   return (
     <div class={`journey-answer${answersAreOld.value ? " old" : ""}`} aria-busy={answersAreOld.value}>
-      <p>
-        {needed === null ? words.notEnough : words.leaveWith(shown(Math.ceil(needed * 100) / 100, PERCENT))}
-      </p>
+      <p>{leaveText(needed)}</p>
       {speed !== null && <p>{words.atMost(shown(speed, units.value.speed, 0))}</p>}
       {stop && (
         <p>

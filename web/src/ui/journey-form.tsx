@@ -2,9 +2,10 @@ import { batch, signal } from "@preact/signals";
 import { useId, useRef, useState } from "preact/hooks";
 import { findPlaces } from "../api/client";
 import type { Place } from "../api/types";
+import { placeCalled } from "../model/places";
 import { readCoordinates } from "../model/road";
 import { chooseJourney } from "../state/catalogue";
-import { reportProblem } from "../state/forecast";
+import { faults, forgetStop, reportProblem, STOP_FIELDS } from "../state/forecast";
 import {
   answersAreOld,
   type End,
@@ -17,6 +18,7 @@ import {
   wantsFit,
 } from "../state/journey";
 import { text } from "../state/preferences";
+import { FaultList } from "./faults";
 
 const PAUSE_MS = 120;
 // eslint-disable-next-line page/text -- names of keys
@@ -33,25 +35,40 @@ const ENDS: End[] = ["from", "to"];
 /** What is written in the fields, and what of it no place is called. */
 const typed = signal<Record<End, string>>({ from: "", to: "" });
 const unknown = signal<Record<End, string>>({ from: "", to: "" });
+/** Places to choose from. */
+const suggested = signal<Record<End, Place[]>>({ from: [], to: [] });
+
+function suggest(end: End, places: Place[]): void {
+  suggested.value = { ...suggested.value, [end]: places };
+}
 
 function write(end: End, words: string): void {
   typed.value = { ...typed.value, [end]: words };
   unknown.value = { ...unknown.value, [end]: "" };
+  forgetStop(ENDS.indexOf(end));
 }
 
-/** Take the best place for what is written where none was taken. */
+/** Take the place whose whole name is written where none was taken; ask back where there is none, or several. */
 async function resolve(end: End): Promise<void> {
   const words = typed.value[end].trim();
   if (ends.value[end] || !words) return;
-  const [best] = await placesFor(words, new AbortController().signal);
-  if (!best) {
+  const places = await placesFor(words, new AbortController().signal);
+  const meant = readCoordinates(words) ? places[0] : placeCalled(words, places);
+  if (!meant) {
     unknown.value = { ...unknown.value, [end]: words };
+    suggest(end, places);
     return;
   }
   batch(() => {
-    write(end, best.name);
-    setEnd(end, best);
+    write(end, meant.name);
+    setEnd(end, meant);
   });
+}
+
+/** What a place is, in words. */
+function kindOf({ kind }: Place): string {
+  const kinds: Record<string, string> = text.value.journey.kinds;
+  return kinds[kind] ?? kind.replaceAll("_", " ");
 }
 
 async function plan(): Promise<void> {
@@ -70,7 +87,11 @@ async function plan(): Promise<void> {
 function PlaceField({ label, end }: { label: string; end: End }) {
   const id = useId();
   const chosen = ends.value[end];
-  const [found, setFound] = useState<Place[]>([]);
+  const found = suggested.value[end];
+  const setFound = (places: Place[]) => {
+    suggest(end, places);
+  };
+  const wrong = faults.value.get(STOP_FIELDS[end]) ?? [];
   const [active, setActive] = useState(0);
   const pending = useRef<{ timer: number; request: AbortController } | null>(null);
   const open = found.length > 0;
@@ -130,7 +151,7 @@ function PlaceField({ label, end }: { label: string; end: End }) {
         aria-controls={`${id}-list`}
         aria-autocomplete="list"
         aria-activedescendant={open ? `${id}-${active}` : undefined}
-        aria-invalid={unknown.value[end] !== ""}
+        aria-invalid={unknown.value[end] !== "" || wrong.length > 0}
         value={chosen?.name ?? typed.value[end]}
         placeholder={map.value?.places ? words.hint : words.hintCoordinates}
         onInput={(event) => type(event.currentTarget.value)}
@@ -145,7 +166,10 @@ function PlaceField({ label, end }: { label: string; end: End }) {
       />
       <p class="faults" role="status">
         {unknown.value[end] && words.unknown(unknown.value[end])}
+        {unknown.value[end] && open && ` ${words.choose}`}
+        {!unknown.value[end] && chosen?.kind && <span class="kind">{kindOf(chosen)}</span>}
       </p>
+      <FaultList faults={wrong} />
       <ul id={`${id}-list`} role="listbox" aria-label={label} hidden={!open}>
         {found.map((place, k) => (
           <li
@@ -159,6 +183,7 @@ function PlaceField({ label, end }: { label: string; end: End }) {
             }}
           >
             {place.name}
+            {place.kind && <span class="kind">{` · ${kindOf(place)}`}</span>}
           </li>
         ))}
       </ul>

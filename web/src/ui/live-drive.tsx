@@ -61,6 +61,7 @@ function Arrival({ of, label }: { of: LiveForecast; label: string }) {
           <strong>{chance.words[likelihoodOf(of.p_arrive)]}</strong>
           {of.reserve > 0 ? chance.withReserve(shown(of.reserve, PERCENT)) : chance.withCharge}
           <span class="figures"> · {chanceInFigures(of.p_arrive)}</span>
+          {of.reserve > 0 && <span class="at-all">{chance.atAll(chanceInFigures(of.p_arrive_at_all))}</span>}
         </span>
       </p>
     </>

@@ -12,28 +12,31 @@ function percent(share: number | null, digits = 1): string {
   return share === null ? "–" : `${format.value.figure(PERCENT.from(share), digits)}\u00a0%`;
 }
 
-/** Two bars, one above the other: without own trips, and with them. */
+/** Bars one above the other: without own trips, with them, and what was needed. */
 function BeforeAfter({
   label,
   before,
   after,
+  needed,
 }: {
   label: string;
   before: number | null;
   after: number | null;
+  needed?: number | null;
 }) {
   const { ownCars: words } = text.value;
-  const most = Math.max(before ?? 0, after ?? 0) || 1;
-  const rows = [
+  const most = Math.max(before ?? 0, after ?? 0, needed ?? 0) || 1;
+  const rows: [string, number | null, string][] = [
     [words.byBook, before, "book"],
     [words.byTrips, after, "own"],
-  ] as const;
+    ...(needed === undefined ? [] : [[words.widthNeeded, needed, "book"] as [string, number | null, string]]),
+  ];
   return (
     <table class="before-after">
       <caption>{label}</caption>
       <tbody>
         {rows.map(([name, value, kind]) => (
-          <tr key={kind}>
+          <tr key={name}>
             <th scope="row">{name}</th>
             <td class="picture" aria-hidden="true">
               <span class={kind} style={{ width: `${(100 * (value ?? 0)) / most}%` }} />
@@ -67,13 +70,21 @@ function Learned({ of }: { of: OwnCar }) {
   );
 }
 
-/** Forecast, its interval and what the trip took, on one scale. */
-function Spread({ of, most }: { of: DiaryEntry; most: number }) {
+/** Forecast, its interval, the part of it that was needed over all trips, and what the trip took, on one scale. */
+function Spread({ of, most, needed }: { of: DiaryEntry; most: number; needed: number | null }) {
+  const middle = (of.low_wh + of.high_wh) / 2;
+  const half = ((needed ?? 0) * (of.high_wh - of.low_wh)) / 2;
   const at = (wh: number) => `${Math.min(100, Math.max(0, (100 * wh) / most))}%`;
   const isInside = of.low_wh <= of.energy_wh && of.energy_wh <= of.high_wh;
   return (
     <div class="spread" aria-hidden="true">
       <i class="band" style={{ left: at(of.low_wh), width: `calc(${at(of.high_wh)} - ${at(of.low_wh)})` }} />
+      {needed !== null && (
+        <i
+          class="needed"
+          style={{ left: at(middle - half), width: `calc(${at(middle + half)} - ${at(middle - half)})` }}
+        />
+      )}
       <i class="middle" style={{ left: at(of.forecast_wh) }} />
       <i class={isInside ? "took" : "took outside"} style={{ left: at(of.energy_wh) }} />
     </div>
@@ -101,6 +112,8 @@ function Trips({ of }: { of: OwnCar }) {
   const { ownCars: words } = text.value;
   const { figure, shown, signed } = format.value;
   const most = Math.max(1, ...of.diary.map((row) => Math.max(row.high_wh, row.energy_wh)));
+  const { width, needed_width } = of.score;
+  const needed = width && needed_width !== null ? needed_width / width : null;
   const day = new Intl.DateTimeFormat(format.value.locale, { dateStyle: "medium", timeStyle: "short" });
   const kwh = (wh: number) => figure(ENERGY.from(wh), 2);
   const heads = [words.trip, words.distance, words.forecast, words.picture, words.took, words.error];
@@ -131,7 +144,7 @@ function Trips({ of }: { of: OwnCar }) {
                 {row.on_the_way.length > 0 && <span class="note way"> {shownOnTheWay(row)}</span>}
               </td>
               <td>
-                <Spread of={row} most={most} />
+                <Spread of={row} most={most} needed={needed} />
               </td>
               <td>
                 {kwh(row.energy_wh)}
@@ -261,11 +274,22 @@ export function OwnCarDiary({ of }: { of: OwnCar }) {
               before={book.weighted_error}
               after={latest.weighted_error}
             />
-            <BeforeAfter label={words.widthOfLast(latest.trips)} before={book.width} after={latest.width} />
+            <BeforeAfter
+              label={words.widthOfLast(latest.trips)}
+              before={book.width}
+              after={latest.width}
+              needed={latest.needed_width}
+            />
           </div>
           <h3>{words.diary}</h3>
           <p class="note">
-            {words.score(percent(score.weighted_error), percent(score.coverage, 0), score.trips)}
+            {words.score(
+              percent(score.weighted_error),
+              score.inside,
+              score.trips,
+              percent(score.width),
+              percent(score.needed_width),
+            )}
           </p>
           <Trips of={of} />
           <Seasons of={of} />

@@ -3,7 +3,15 @@ import type { Forecast, Problem } from "../api/types";
 import { BatteryChart } from "../charts/battery";
 import { RoadChart } from "../charts/road";
 import { FAILED, UNREACHABLE } from "../api/client";
-import { chanceOf, emptyAfterM, likelihoodOf, verdictOf } from "../model/arrival";
+import {
+  arrivalBand,
+  chanceAtAll,
+  chanceOf,
+  decisiveClimbM,
+  emptyAfterM,
+  likelihoodOf,
+  verdictOf,
+} from "../model/arrival";
 import { ENERGY, PERCENT } from "../model/units";
 import { loading, retry } from "../state/catalogue";
 import { shownForecast, arrived, canDrive, driving, shownProfile, driveObstacle } from "../state/drive";
@@ -15,7 +23,7 @@ import { Choice } from "./choice";
 import { CompareControls, CompareLine } from "./compare";
 import { DriveControls, DriveLine } from "./drive";
 import { Icon } from "./icons";
-import { JourneyAnswer } from "./journey-answer";
+import { JourneyAnswer, LeaveAnswer } from "./journey-answer";
 import { PositionSlider } from "./position-slider";
 import { RouteTable } from "./tables";
 import { Warnings } from "./warnings";
@@ -27,16 +35,43 @@ function Chance({ of }: { of: Forecast }) {
   const reserve = requested.value.at.reserve;
   const chance = chanceOf(of, reserve);
   if (chance === null) return null;
-  const { words, withReserve, withCharge } = text.value.chance;
+  const climb = decisiveClimbM(of, reserve);
+  // Not good where a climb that nobody knows would change it.
+  const verdict = climb !== null && verdictOf(chance) === "good" ? "open" : verdictOf(chance);
+  const { words, withReserve, withCharge, unlessClimb, atAll } = text.value.chance;
+  const { shown } = format.value;
   return (
-    <p class={`chance chance-${verdictOf(chance)}`}>
-      <Icon name={verdictOf(chance) === "good" ? "check" : "warning"} />
+    <p class={`chance chance-${verdict}`}>
+      <Icon name={verdict === "good" ? "check" : "warning"} />
       <span>
         <strong>{words[likelihoodOf(chance)]}</strong>
-        {reserve > 0 ? withReserve(format.value.shown(reserve, PERCENT)) : withCharge}
+        {reserve > 0 ? withReserve(shown(reserve, PERCENT)) : withCharge}
         <span class="figures"> · {chanceInFigures(chance)}</span>
+        {climb !== null && <span class="figures"> · {unlessClimb(shown(climb, units.value.height, 0))}</span>}
+        {reserve > 0 && <span class="at-all">{atAll(chanceInFigures(chanceAtAll(of)))}</span>}
       </span>
     </p>
+  );
+}
+
+/** Where a battery that is expected to run empty does so, and what it lacks. */
+function Empty({ of, afterM }: { of: Forecast; afterM: number }) {
+  const { result } = text.value;
+  const { figure, shown } = format.value;
+  const { early, late } = of.empty_at_m;
+  const { least, expected, most } = of.missing_wh;
+  const [, best] = arrivalBand(of);
+  const { distance } = units.value;
+  const ends =
+    late === null ? "" : result.emptyBetween(figure(distance.from(early ?? 0), 0), shown(late, distance, 0));
+  const range = result.range(figure(ENERGY.from(least), 1), figure(ENERGY.from(most), 1));
+  return (
+    <>
+      {result.emptyAfter(shown(afterM, distance, 0))}
+      {ends}
+      <span class="missing">{result.missing(shown(expected, ENERGY), range)}</span>
+      {best >= 0.005 && <span class="missing">{result.atBest(shown(best, PERCENT))}</span>}
+    </>
   );
 }
 
@@ -44,7 +79,7 @@ function Headline({ of }: { of: Forecast }) {
   const emptyM = emptyAfterM(of);
   const measured = driving.value && arrived.value;
   const { result } = text.value;
-  const { figure, shown } = format.value;
+  const { figure } = format.value;
   const detail = measured ? result.measured : result.inTrips(bandText(of));
   return (
     <div class="headline">
@@ -54,9 +89,7 @@ function Headline({ of }: { of: Forecast }) {
           {figure(emptyM === null ? PERCENT.from(of.soc_arrival) : 0, 0)}
           <small>{PERCENT.unit}</small>
         </span>
-        <span class="range">
-          {emptyM === null ? detail : result.emptyAfter(shown(emptyM, units.value.distance, 0))}
-        </span>
+        <span class="range">{emptyM === null ? detail : <Empty of={of} afterM={emptyM} />}</span>
       </p>
       {!measured && <Chance of={of} />}
     </div>
@@ -239,6 +272,7 @@ export function Result() {
             <Headline of={now} />
           )}
           <JourneyAnswer />
+          {!driving.value && mode.value === "plan" && <LeaveAnswer />}
           <Warnings flags={now.flags} others={others} serious />
           {driving.value && <DriveLine of={now} />}
           {driving.value && <DriveControls />}

@@ -4,7 +4,7 @@ import { PERCENT, type Quantity } from "../model/units";
 import type { Conditions } from "../state/conditions";
 import { units } from "../state/preferences";
 
-export type SettingName = Exclude<keyof Conditions, "beforeDeparture" | "climate">;
+export type SettingName = Exclude<keyof Conditions, "beforeDeparture" | "climate" | "terrain">;
 
 export interface Setting {
   quantity: () => Quantity;

@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
+from tripwatt.evaluation.forecast_scores import UPDATE_LEVEL
+from tripwatt.report.intervals import NOTE, charge_rows, energy_rows, intervals_table
 from tripwatt.report.model_styles import model_style
 from tripwatt.report.panel import Content, panel
 from tripwatt.report.style import (
@@ -109,15 +111,37 @@ def regimes(view: View) -> Content:
     found = [e for e in view.evaluations if "coverage" in (e.get("models") or {}).get(name, {})]
     if len(found) < 2:
         return Content("No other kind of trips was scored.")
-    low = [e for e in found if e["models"][name]["coverage_ci95"]["0.9"][1] < 0.9]
-    said = (
-        f"The 90 % interval holds significantly too few trips of: {listed([named_evaluation(e) for e in low])}."
-        if low
-        else "In no row does the 90 % interval hold significantly too few trips."
-    )
     return Content(
-        f"{said} Nothing in the model is chosen by the kind of trip.", tables=(regimes_table(view, found),)
+        f"{on_sets(view)} Nothing in the model is chosen by the kind of trip. {NOTE}",
+        tables=(regimes_table(view, found), coverage_by_set(view)),
     )
+
+
+def on_sets(view: View) -> str:
+    """What the intervals of 50 and 90 % hold over all sets of held-out trips, and where a share is off its level."""
+    focus = view.protocol.focus
+    scored = [
+        (e, e["models"][focus])
+        for e in view.evaluations
+        if "coverage" in (e.get("models") or {}).get(focus, {})
+    ]
+    shares = {key: [score["coverage"][key] for _, score in scored] for key in ("0.5", "0.9")}
+    spans = [
+        f"{100.0 * float(key):g} % interval holds {100.0 * min(found):.0f} to {100.0 * max(found):.0f} %"
+        for key, found in shares.items()
+    ]
+    off = [
+        f"{100.0 * float(key):g} % in {named_evaluation(evaluation)}"
+        for evaluation, score in scored
+        for key, (low, high) in score["coverage_ci95"].items()
+        if not low <= float(key) <= high
+    ]
+    verdict = (
+        f"It differs significantly from its level at: {listed(off)} (Clopper-Pearson, 95 %)."
+        if off
+        else "No share differs significantly from its level (Clopper-Pearson, 95 %)."
+    )
+    return f"Over {len(scored)} sets of held-out trips the {' and the '.join(spans)} of the trips. {verdict}"
 
 
 def regimes_table(view: View, evaluations: Sequence[Record]) -> Table:
@@ -128,21 +152,23 @@ def regimes_table(view: View, evaluations: Sequence[Record]) -> Table:
             named_evaluation(evaluation),
             number(score["mape"], 100, 1),
             number(score["bias"], 100, 1),
-            number(score["coverage"]["0.9"], 100, 0),
-            span(score["coverage_ci95"]["0.9"]),
-            number(score["interval_width_wh"]["0.9"], 1e-3),
         )
         for evaluation, score in zip(evaluations, scores, strict=True)
     )
-    columns = (
-        "Scored",
-        "Mean error [%]",
-        "Bias [%]",
-        "Inside 90 % [%]",
-        "Clopper-Pearson 95 %",
-        "Its width [kWh]",
-    )
+    columns = ("Scored", "Mean error [%]", "Bias [%]")
     return Table(view.captioned(f"Held-out trips by kind, {view.given}"), columns, rows)
+
+
+def coverage_by_set(view: View) -> Table:
+    """Coverage, width and the width that was needed, of energy and charge, for every set of held-out trips."""
+    rows: list[tuple[str, ...]] = []
+    for evaluation in view.evaluations:
+        score = (evaluation.get("models") or {}).get(view.protocol.focus, {})
+        if "coverage" in score:
+            name = named_evaluation(evaluation)
+            rows += energy_rows(name, score, int(evaluation["n_trips"]))
+            rows += charge_rows(name, score.get("arrival") or {}, UPDATE_LEVEL)
+    return intervals_table(view.captioned(f"Intervals of held-out trips by kind, {view.given}"), rows)
 
 
 PIT_BINS: Final = 10

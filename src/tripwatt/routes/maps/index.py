@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import difflib
 import itertools
-import re
 import sqlite3
 import sys
 from collections.abc import Iterable, Iterator, Sequence
@@ -17,7 +17,7 @@ import numpy as np
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes.maps.extract import KINDS, Named
 from tripwatt.routes.maps.stations import Station
-from tripwatt.routes.places import Place
+from tripwatt.routes.places import SPELLINGS, WORD, Place, without_twins
 
 FAR_FROM_SETTLEMENT_DEG: Final = 0.3
 """An object farther from a settlement than this [° of latitude] is named without it."""
@@ -31,11 +31,11 @@ MOST_WORDS: Final = 10
 SETTLEMENT: Final = KINDS.index("street")
 """Ranks below this are settlements."""
 
-WORD: Final = re.compile(r"\w+")
-SPELLINGS: Final = str.maketrans(
-    {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "æ": "ae", "ø": "oe", "å": "aa"}
-)
-"""How letters are typed on keyboards without them; the index folds other accents by itself."""
+SAME_LETTERS: Final = 3
+MOST_COMPARED: Final = 3000
+LONGEST_COMPARED: Final = 60
+LEAST_SIMILAR: Final = 0.75
+"""A name that nothing begins with is compared with so many settlements, and with what begins with its first letters."""
 
 SCHEMA: Final = """
 CREATE TABLE found (kind INTEGER, name TEXT, context TEXT, latitude REAL, longitude REAL);
@@ -181,7 +181,8 @@ class PlaceIndex:
     def search(self, text: str, *, limit: int = 10) -> tuple[Place, ...]:
         """Places whose name begins with the words of a text, the most important first.
 
-        Every word has to begin a word of the name or of the settlement around it. Accents and case do not count.
+        Every word has to begin a word of the name or of the settlement around it. Accents and case do not count. Where nothing does, the
+        places with the most similar names. Of places with one name that lie close together the most important is given.
 
         Parameters
         ----------
@@ -206,10 +207,27 @@ class PlaceIndex:
         ).fetchall()
         whole = " ".join(words).lower()
         rows.sort(key=lambda row: _order(row, whole))
-        return tuple(
-            Place(latitude, longitude, f"{name}, {context}" if context else name, KINDS[kind])
-            for kind, name, context, latitude, longitude in rows[: min(limit, MOST_FOUND)]
+        found = without_twins(map(_place, rows or self._similar(whole)))
+        return found[: min(limit, MOST_FOUND)]
+
+    def _similar(self, typed: str) -> list[tuple[Any, ...]]:
+        """Rows whose names are most similar to a text, the most similar first. O(compared names)."""
+        columns = "SELECT places.kind, places.name, places.context, places.latitude, places.longitude FROM"
+        rows = self.database.execute(
+            f"{columns} places WHERE id < ? ORDER BY id LIMIT ?", (self._first_street, MOST_COMPARED)
+        ).fetchall()
+        start = typed.split()[0][:SAME_LETTERS]
+        rows += self.database.execute(
+            f"{columns} names JOIN places ON places.id = names.rowid WHERE names MATCH ? ORDER BY names.rowid LIMIT ?",
+            (f'"{start}"*', CANDIDATES),
+        ).fetchall()
+        by_name: dict[str, list[tuple[Any, ...]]] = {}
+        for row in dict.fromkeys(rows):
+            by_name.setdefault(row[1].lower(), []).append(row)
+        near = difflib.get_close_matches(
+            typed[:LONGEST_COMPARED], by_name, n=MOST_FOUND, cutoff=LEAST_SIMILAR
         )
+        return [row for name in near for row in by_name[name]]
 
     def settlements(
         self, south: float, west: float, north: float, east: float, limit: int
@@ -239,6 +257,11 @@ class PlaceIndex:
             Station(latitude, longitude, name, power, bool(direct), bool(known))
             for latitude, longitude, name, power, direct, known in rows
         )
+
+
+def _place(row: tuple[Any, ...]) -> Place:
+    kind, name, context, latitude, longitude = row
+    return Place(latitude, longitude, f"{name}, {context}" if context else name, KINDS[kind])
 
 
 def _order(row: tuple[Any, ...], whole: str) -> tuple[bool, bool, int, int]:

@@ -1,0 +1,102 @@
+"""Fits without some of the training trips: what a model would have said of each trip if it had never seen it.
+
+Whatever is learned of a trip is learned again without it: the values of the car that its signals show, the corrector, and the settings
+of the corrector. The settings are chosen once for each third of the folds, on the trips of the other two thirds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tripwatt.arrays import IntArray
+from tripwatt.hybrid import PowerCorrector, SegmentTable, resimulated
+from tripwatt.hybrid.correctors import TUNED, fresh_corrector
+from tripwatt.hybrid.split import climate_logged
+from tripwatt.trips import Trip, plan_from_trip
+from tripwatt.vehicles import Vehicle
+
+INNER_FOLDS: Final = 10
+SETTINGS_BLOCKS: Final = 3
+"""Parts of the folds that share their settings. More cost a search each; fewer leave the search too few trips."""
+
+Again = Callable[[IntArray], SegmentTable]
+"""Numbers of some training trips -> all of them, simulated with the car as those show it."""
+
+
+def shown_by(
+    trips: Sequence[Trip], table: SegmentTable, vehicle: Vehicle, car_of: Callable[[IntArray], Vehicle]
+) -> Again:
+    """Trips, simulated with the car as some of them show it.
+
+    Parameters
+    ----------
+    trips : sequence of Trip
+    table : SegmentTable
+        Of the same trips, simulated with `vehicle`.
+    vehicle : Vehicle
+    car_of : callable
+        Numbers of some trips -> the car as those show it.
+    """
+    plans = [plan_from_trip(trip) for trip in trips]
+
+    def again(members: IntArray) -> SegmentTable:
+        car = car_of(members)
+        return table if car is vehicle else resimulated(table, plans, car)
+
+    return again
+
+
+def inner_folds(table: SegmentTable, seed: int) -> IntArray:
+    """Fold of each trip, shape (trips,): at random, trips that log their climate control evenly among the folds."""
+    order = np.random.default_rng(seed).permutation(len(table))
+    order = order[np.argsort(climate_logged(table)[order], kind="stable")]
+    folds = np.empty(len(table), dtype=np.int64)
+    folds[order] = np.arange(len(table)) % min(INNER_FOLDS, len(table))
+    return folds
+
+
+@dataclass(frozen=True, eq=False)
+class InnerFit:
+    """One fold: its trips, the corrector that was fitted without them, and all trips as that fit simulates them."""
+
+    members: IntArray
+    corrector: PowerCorrector
+    table: SegmentTable
+
+
+def inner_fits(
+    name: str, seed: int, fitted: PowerCorrector, table: SegmentTable, again: Again | None = None
+) -> Iterator[InnerFit]:
+    """A fit for each fold, without its trips.
+
+    Parameters
+    ----------
+    name : str
+        Of the corrector.
+    seed : int
+    fitted : PowerCorrector
+        The corrector, fitted on all trips; its kind is taken, and its settings only where these come from no trip.
+    table : SegmentTable
+        All trips.
+    again : callable, optional
+        How a part of the trips shows the car; without it all folds have the car of `table`.
+    """
+    folds = inner_folds(table, seed)
+    blocks = folds % SETTINGS_BLOCKS
+    tuned: dict[int, PowerCorrector] = {}
+    for fold in range(int(folds.max()) + 1):
+        block = fold % SETTINGS_BLOCKS
+        if block not in tuned:
+            tuned[block] = fitted
+            if name in TUNED:
+                others = np.flatnonzero(blocks != block)
+                seen = table if again is None else again(others)
+                tuned[block] = fresh_corrector(name, seed, fitted).fit(seen.take(others))
+        kept = np.flatnonzero(folds != fold)
+        seen = table if again is None else again(kept)
+        corrector = tuned[block].clone_tuned().fit(seen.take(kept))
+        yield InnerFit(np.flatnonzero(folds == fold), corrector, seen)

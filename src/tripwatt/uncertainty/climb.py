@@ -1,0 +1,219 @@
+"""The unknown climb of a road in energy: scenarios of its net climb, the hills on the way included, beside the other errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.routes.terrain import NetClimbs
+from tripwatt.uncertainty.conformal import ConformalScores
+
+PLACES: Final = 13
+"""Places along the way at which quantiles are solved; between them they are linear."""
+_TOLERANCE: Final = 1e-9
+_MOST_STEPS: Final = 60
+
+
+@dataclass(frozen=True, eq=False)
+class ClimbingEnergy:
+    """Energy of one drive on its road, were it to climb evenly, and were it to go up and down.
+
+    Attributes
+    ----------
+    grade : ndarray, shape (grades,)
+        Even grades, ascending [1].
+    even_wh : ndarray, shape (grades, places)
+        Energy more than on a flat road up to each place along the way [Wh].
+    hill : ndarray, shape (hills,)
+        Grades of roads that go up and down by turns, ascending from 0 [1].
+    hill_wh : ndarray, shape (hills, places)
+        Energy more than on a flat road up to each place along the way [Wh].
+    distance_m : ndarray, shape (places,)
+        Distance driven up to there [m].
+    net : NetClimbs
+        Climb that such a road may have.
+
+    Examples
+    --------
+    >>> from tripwatt.routes.terrain import net_climbs
+    >>> grade, hill, way = np.array([-0.05, 0.0, 0.05]), np.array([0.0, 0.05]), np.array([0.0, 5e3, 1e4])
+    >>> even_wh, hill_wh = np.outer([-1300.0, 0.0, 2600.0], way / 1e4), np.outer([0.0, 500.0], way / 1e4)
+    >>> drive = ClimbingEnergy(grade, even_wh, hill, hill_wh, way, net_climbs())
+    >>> drive.more_wh(100.0), round(drive.climb_for(520.0), 6), drive.climb_for(9e9)
+    (520.0, 100.0, inf)
+    """
+
+    grade: FloatArray
+    even_wh: FloatArray
+    hill: FloatArray
+    hill_wh: FloatArray
+    distance_m: FloatArray
+    net: NetClimbs
+
+    def more_wh(self, climb_m: float, from_m: float = 0.0) -> float:
+        """Energy that an even climb between a place and the end adds to that of a flat road [Wh]."""
+        ahead = float(self.distance_m[-1]) - from_m
+        if ahead <= 0.0:
+            return 0.0
+        even = self._from(self.even_wh, from_m)[:, -1:]
+        return float(_between(self.grade, even, np.array([[climb_m / ahead]]))[0, 0])
+
+    def climb_for(self, energy_wh: float, from_m: float = 0.0) -> float:
+        """Even climb between a place and the end that adds an energy [m]; infinite where no road climbs so far."""
+        ahead = float(self.distance_m[-1]) - from_m
+        most = float(self.net.limit(max(ahead, 0.0)))
+        if ahead <= 0.0 or self.more_wh(most, from_m) < energy_wh:
+            return float("inf")
+        climbs = np.linspace(0.0, most, 65)
+        return float(np.interp(energy_wh, [self.more_wh(float(c), from_m) for c in climbs], climbs))
+
+    def ahead(self, from_m: float = 0.0) -> UnknownClimb:
+        """What the climb from a place on may add [Wh]; nothing up to that place."""
+        distance = np.maximum(self.distance_m - from_m, 0.0)
+        grade = self.net.net_m(distance) / np.maximum(distance, 1e-9)
+        hills = np.broadcast_to(self.net.local_grade()[:, None], grade.shape)
+        more = _between(self.grade, self._from(self.even_wh, from_m), grade)
+        more += _between(self.hill, self._from(self.hill_wh, from_m), hills)
+        return UnknownClimb(np.where(distance > 0.0, more, 0.0), self.net.weights)
+
+    def _from(self, energy_wh: FloatArray, from_m: float) -> FloatArray:
+        start = [np.interp(from_m, self.distance_m, row) for row in energy_wh]
+        return np.asarray(energy_wh - np.array(start)[:, None])
+
+
+def _between(nodes: FloatArray, rows: FloatArray, at: FloatArray) -> FloatArray:
+    """Rows of values at nodes, linear between and beyond them, at other values of shape (scenarios, places)."""
+    left = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, len(nodes) - 2)
+    share = (at - nodes[left]) / (nodes[left + 1] - nodes[left])
+    place = np.arange(rows.shape[1])
+    return np.asarray((1.0 - share) * rows[left, place] + share * rows[left + 1, place])
+
+
+@dataclass(frozen=True, eq=False)
+class UnknownClimb:
+    """Energies that the climb of a road may add, each with its weight.
+
+    Their sum with an independent error of known scale is a mixture: the error's distribution around each of them.
+
+    Attributes
+    ----------
+    offsets_wh : ndarray, shape (scenarios, places)
+        Energy more than on a flat road up to each place [Wh].
+    weights : ndarray, shape (scenarios,)
+        They add up to 1.
+
+    Examples
+    --------
+    >>> scores = ConformalScores.from_errors([0.2, 0.5, 1.0, 2.0])
+    >>> level = UnknownClimb(np.zeros((1, 2)), np.ones(1))
+    >>> float(level.quantile(scores, 0.9, np.full(2, 100.0))[-1].round(3))
+    200.0
+    >>> two = UnknownClimb(np.array([[0.0, -400.0], [0.0, 400.0]]), np.array([0.5, 0.5]))
+    >>> middle = float(two.quantile(scores, 0.5, np.full(2, 100.0))[-1])
+    >>> abs(middle) < 1e-3, round(float(two.probability_below(scores, np.full(2, 400.0), np.full(2, 100.0))[-1]), 3)
+    (True, 0.749)
+    """
+
+    offsets_wh: FloatArray
+    weights: FloatArray
+
+    @cached_property
+    def core_sd_wh(self) -> FloatArray:
+        """Half the width of the central 68 % at each place [Wh], shape (places,)."""
+        return 0.5 * (self._at(0.84) - self._at(0.16))
+
+    def quantile(self, scores: ConformalScores, p: float, sd_wh: FloatArray) -> FloatArray:
+        """Quantile of climb and error together at each place [Wh], shape (places,). O(scenarios x `PLACES`).
+
+        Parameters
+        ----------
+        scores : ConformalScores
+            Distribution of the error over its standard deviation.
+        p : float
+            Probability, above 0 and below 1.
+        sd_wh : ndarray, shape (places,)
+            Standard deviation of the error [Wh].
+        """
+        n = self.offsets_wh.shape[1]
+        places = np.unique(np.linspace(0, n - 1, min(PLACES, n)).round().astype(np.int64))
+        offsets, sd = self.offsets_wh[:, places], np.maximum(sd_wh[places], 1e-9)
+        alone = np.sign(p - 0.5) * scores.factor(abs(2.0 * p - 1.0)) * sd
+        low, high = offsets.min(axis=0) + alone, offsets.max(axis=0) + alone + 1e-9
+
+        def beyond(energy: FloatArray) -> FloatArray:
+            return np.asarray(self.weights @ scores.probabilities((energy - offsets) / sd) - p)
+
+        under, over, side = beyond(low), beyond(high), np.zeros(len(places))
+        found = low
+        for _ in range(
+            _MOST_STEPS
+        ):  # regula falsi with the halving of Illinois: Dowell and Jarratt, BIT 11 (1971)
+            found = np.clip((low * over - high * under) / np.maximum(over - under, 1e-300), low, high)
+            miss = beyond(found)
+            if np.abs(miss).max() < _TOLERANCE:
+                break
+            above = miss >= 0.0
+            low, high = np.where(above, low, found), np.where(above, found, high)
+            under = np.where(above, np.where(side > 0.0, 0.5 * under, under), miss)
+            over = np.where(above, miss, np.where(side < 0.0, 0.5 * over, over))
+            side = np.where(above, 1.0, -1.0)
+        return np.asarray(np.interp(np.arange(n), places, found), dtype=np.float64)
+
+    def probability_below(
+        self, scores: ConformalScores, energy_wh: FloatArray, sd_wh: FloatArray
+    ) -> FloatArray:
+        """Probability at each place that climb and error stay below an energy [Wh], shape (places,): the inverse of `quantile`."""
+        ways = (energy_wh - self.offsets_wh) / np.maximum(sd_wh, 1e-9)
+        return np.asarray(self.weights @ scores.probabilities(ways))
+
+    def _at(self, p: float) -> FloatArray:
+        k = int(np.searchsorted(np.cumsum(self.weights), p))
+        return np.asarray(np.sort(self.offsets_wh, axis=0)[k])
+
+
+@dataclass(frozen=True, eq=False)
+class Excess:
+    """Distribution of what a trip takes more than expected up to each place: an error of known scale, and an unknown climb.
+
+    Attributes
+    ----------
+    scores : ConformalScores
+        Distribution of the error over its standard deviation.
+    climb : UnknownClimb or None
+        None where the heights of the road are known.
+    expected_wh : ndarray, shape (places,)
+        Median of what the climb adds [Wh]: hills on the way cost, whatever the net climb. It is part of what is expected.
+    """
+
+    scores: ConformalScores
+    climb: UnknownClimb | None
+    expected_wh: FloatArray
+
+    @classmethod
+    def from_climb(cls, scores: ConformalScores, climb: UnknownClimb | None, sd_wh: FloatArray) -> Excess:
+        """Beside an error whose standard deviation is `sd_wh` at each place, shape (places,)."""
+        expected = np.zeros(len(sd_wh)) if climb is None else climb.quantile(scores, 0.5, sd_wh)
+        return cls(scores, climb, expected)
+
+    def quantile(self, p: float, sd_wh: FloatArray) -> FloatArray:
+        """Quantile at each place [Wh], shape (places,)."""
+        if self.climb is None:
+            return np.asarray(np.sign(p - 0.5) * self.scores.factor(abs(2.0 * p - 1.0)) * sd_wh)
+        return self.climb.quantile(self.scores, p, sd_wh) - self.expected_wh
+
+    def quantile_at_end(self, p: float, sd_wh: float) -> float:
+        """Of the whole way alone, which needs no other place."""
+        end = None if self.climb is None else UnknownClimb(self.climb.offsets_wh[:, -1:], self.climb.weights)
+        return float(Excess(self.scores, end, self.expected_wh[-1:]).quantile(p, np.array([sd_wh]))[0])
+
+    def probability_below(self, more_wh: FloatArray, sd_wh: FloatArray) -> FloatArray:
+        """Probability at each place that it is at most an energy [Wh], shape (places,): the inverse of `quantile`."""
+        if self.climb is not None:
+            return self.climb.probability_below(self.scores, more_wh + self.expected_wh, sd_wh)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scaled = np.where(sd_wh > 0.0, more_wh / sd_wh, np.where(more_wh >= 0.0, np.inf, -np.inf))
+        return self.scores.probabilities(scaled)

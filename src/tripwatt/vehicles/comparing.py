@@ -1,0 +1,183 @@
+"""Whether two cars are the same: by their values, never by their names, titles or sources."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Final
+
+from tripwatt.errors import InvalidInput
+from tripwatt.vehicles.loading import SECTIONS, Value, Vehicle, load_vehicle, vehicle_names
+
+ROUNDING: Final = 1e-9
+"""Relative difference of two numbers that are one value, written and read again."""
+
+CHANGED_BY_TRIPS: Final = ("identified on", "calibrated on", "book value times", "from the test to the road")
+"""How the source of a value starts that is no longer the published one."""
+
+_OTHER_METHOD: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "coastdown": ("drag_coefficient", "frontal_area_m2", "rolling_resistance_coefficient"),
+        "coefficients": (
+            "coastdown_a_n",
+            "coastdown_b_n_s_m",
+            "coastdown_c_n_s2_m2",
+            "coastdown_mass_kg",
+            "coastdown_air_density_kg_m3",
+        ),
+    }
+)
+"""Values of a road load that nothing is computed from, by its method."""
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One value in which a car differs from another one.
+
+    Attributes
+    ----------
+    key : str
+        "section.key"; the section alone where one of the cars has no such part.
+    value : float, str, tuple of float or None
+        Of the car, in `unit`; None where it has none.
+    other : float, str, tuple of float or None
+        Of the other car.
+    unit : str
+        Of both; empty for a part as a whole.
+
+    Examples
+    --------
+    >>> print(Difference("body.curb_mass_kg", 2500.0, 1281.0, "kg").change)
+    1281 -> 2500
+    """
+
+    key: str
+    value: Value | None
+    other: Value | None
+    unit: str
+
+    @property
+    def change(self) -> str:
+        """From the other car's value to the car's, for people."""
+        return f"{_shown(self.other)} -> {_shown(self.value)}"
+
+
+def differences(vehicle: Vehicle, other: Vehicle) -> tuple[Difference, ...]:
+    """Compare a car with another one by value. O(values).
+
+    A value of the other car that its trips have changed counts as the published one as well: the published car is the car that was
+    identified. Names, titles, sources and `anchor` do not count.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The car in question.
+    other : Vehicle
+        The car of a model, with its entries.
+
+    Returns
+    -------
+    tuple of Difference
+        In the order of the sections; empty for the same car.
+
+    Examples
+    --------
+    >>> heavy = load_vehicle("bmw_i3_60ah", overrides={"mass": 2500.0})
+    >>> [(d.key, d.change, d.unit) for d in differences(heavy, load_vehicle("bmw_i3_60ah"))]
+    [('body.curb_mass_kg', '1281 -> 2500', 'kg')]
+    """
+    found = []
+    for section, kind in SECTIONS.items():
+        one, two = getattr(vehicle, section), getattr(other, section)
+        if one is None or two is None:
+            if one is not two:
+                shown = ["none" if part is None else "given" for part in (one, two)]
+                found.append(Difference(section, shown[0], shown[1], ""))
+            continue
+        unused = _OTHER_METHOD.get(one.method, ()) if section == "road_load" else ()
+        for field in dataclasses.fields(kind):
+            key = f"{section}.{field.name}"
+            value, known = getattr(one, field.name), getattr(two, field.name)
+            if field.name not in unused and not (_same(value, known) or _is_published(value, key, other)):
+                found.append(Difference(key, value, known, field.metadata.get("unit", "1")))
+    return tuple(found)
+
+
+def with_differences(vehicle: Vehicle, found: Iterable[Difference], source: Vehicle) -> Vehicle:
+    """Put the values in which another car differs into a car, with their sources.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The car that is changed.
+    found : iterable of Difference
+        Of the other car from this one.
+    source : Vehicle
+        The other car, for parts as a whole and the sources.
+
+    Returns
+    -------
+    Vehicle
+        Of the name and title of `vehicle`.
+
+    Examples
+    --------
+    >>> car, heavy = load_vehicle("bmw_i3_60ah"), load_vehicle("bmw_i3_60ah", overrides={"mass": 2500.0})
+    >>> with_differences(car, differences(heavy, car), heavy).body.curb_mass_kg
+    2500.0
+    """
+    parts: dict[str, Any] = {}
+    entries = dict(vehicle.entries)
+    for difference in found:
+        section, _, name = difference.key.partition(".")
+        if name:
+            part = parts.get(section, getattr(vehicle, section))
+            parts[section] = dataclasses.replace(part, **{name: difference.value})
+        else:
+            parts[section] = getattr(source, section)
+        for key in {*entries, *source.entries}:
+            if key == difference.key or (not name and key.startswith(f"{section}.")):
+                entries.pop(key, None)
+                if key in source.entries:
+                    entries[key] = source.entries[key]
+    return dataclasses.replace(vehicle, entries=MappingProxyType(entries), **parts)
+
+
+def _is_published(value: Value | None, key: str, other: Vehicle) -> bool:
+    """Whether a value is the one from which the trips of the other car changed its own."""
+    entry = other.entries.get(key)
+    if entry is None:
+        return False
+    if entry.published is not None:
+        return _same(value, entry.published)
+    if not entry.source.startswith(CHANGED_BY_TRIPS):
+        return False
+    # models of older versions do not hold the published value: the library has it, if the car is one of it
+    published = _library_car(other.name, other.preset)
+    section, _, name = key.partition(".")
+    part = None if published is None else getattr(published, section)
+    return published is None or (part is not None and _same(value, getattr(part, name)))
+
+
+def _library_car(name: str, preset: str) -> Vehicle | None:
+    try:
+        return load_vehicle(name, preset) if name in vehicle_names() else None
+    except InvalidInput:  # a preset that the library no longer has
+        return None
+
+
+def _same(one: Value | None, two: Value | None) -> bool:
+    if isinstance(one, tuple) and isinstance(two, tuple):
+        return len(one) == len(two) and all(map(_same, one, two))
+    if isinstance(one, int | float) and isinstance(two, int | float):
+        return math.isclose(one, two, rel_tol=ROUNDING, abs_tol=0.0)
+    return one == two
+
+
+def _shown(value: Value | None) -> str:
+    if isinstance(value, tuple):
+        return f"{value[0]:g} to {value[-1]:g}" if value else "none"
+    return "none" if value is None else value if isinstance(value, str) else f"{value:.6g}"

@@ -1,0 +1,63 @@
+"""The width that was needed: what scaling all intervals by one factor does to their coverage."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tripwatt.uncertainty import Coverage
+from tripwatt.uncertainty.coverage import clopper_pearson
+
+NUMBERS = st.floats(-1e4, 1e4, allow_nan=False)
+TRIPS = st.lists(st.tuples(NUMBERS, NUMBERS, st.floats(1.0, 1e3)), min_size=1, max_size=40)
+LEVEL = st.sampled_from((0.5, 0.8, 0.9, 0.95))
+
+
+def of(trips, level, factor=1.0) -> Coverage:
+    observed, centre, half = np.array(trips).T
+    return Coverage.from_bounds(observed, centre - factor * half, centre + factor * half, level)
+
+
+@given(trips=TRIPS, level=LEVEL)
+def test_the_needed_factor_is_the_least_that_holds_the_level(trips, level) -> None:
+    needed = of(trips, level).needed
+    assert of(trips, level, needed * (1.0 + 1e-9) + 1e-9).share >= level - 1e-12
+    if needed > 1e-3:
+        assert of(trips, level, needed * (1.0 - 1e-6)).share < level
+
+
+@given(trips=TRIPS, level=LEVEL, factor=st.floats(0.1, 10.0))
+def test_the_needed_width_does_not_depend_on_how_wide_the_intervals_were(trips, level, factor) -> None:
+    assert of(trips, level, factor).needed_width == pytest.approx(
+        of(trips, level).needed_width, rel=1e-6, abs=1e-6
+    )
+
+
+@given(trips=TRIPS, level=LEVEL, extra=st.integers(1, 5))
+def test_a_set_that_is_repeated_needs_the_same_width(trips, level, extra) -> None:
+    again = of(trips * extra, level)
+    assert again.share == pytest.approx(of(trips, level).share)
+    if (level * len(trips)) % 1.0 == 0.0:
+        assert again.needed == of(trips, level).needed
+
+
+def test_an_interval_three_times_too_wide_is_no_success() -> None:
+    errors = np.linspace(-1.0, 1.0, 25)
+    wide = Coverage.from_bounds(errors, np.full(25, -3.0), np.full(25, 3.0), 0.9)
+    assert (wide.inside, wide.trips, wide.width) == (25, 25, 6.0)
+    assert wide.needed_width == pytest.approx(6.0 / 3.0, rel=0.1)
+    assert wide.holds
+    half = Coverage.from_bounds(errors, np.full(25, -3.0), np.full(25, 3.0), 0.5)
+    assert not half.holds
+
+
+def test_the_ends_belong_to_an_interval_and_nothing_is_known_of_no_trip() -> None:
+    assert Coverage.from_bounds([0.0, 2.0], [0.0, 0.0], [1.0, 2.0], 0.9).inside == 2
+    nothing = Coverage.from_bounds([], [], [], 0.9)
+    assert (nothing.trips, nothing.inside) == (0, 0)
+    assert math.isnan(nothing.share)
+    assert math.isnan(nothing.needed_width)
+    assert nothing.ci95 == clopper_pearson(0, 0) == (0.0, 1.0)
+    assert math.isinf(Coverage.from_bounds([1.0], [0.0], [0.0], 0.9).needed)

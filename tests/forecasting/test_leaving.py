@@ -1,0 +1,136 @@
+"""The charge to leave with, and trips at the ends of the battery: laws that hold for every car and road."""
+
+import pandas as pd
+import pytest
+from benchmarks.leave_with import CHARGES, RESERVE, ROADS, WORST, answers, plan_of
+from tests.support.cars import KEPT, some_cars
+
+import tripwatt as tw
+from tripwatt.forecasting import Forecast
+from tripwatt.transfer.zero_shot import on_vehicle
+from tripwatt.trips import Departure
+from tripwatt.trips.messages import leave_in_words, message
+
+
+@pytest.fixture(scope="module")
+def found():
+    return list(answers(some_cars(5)))
+
+
+def test_who_leaves_with_the_charge_arrives_with_the_probability_asked_for(found):
+    assert len(found) == 5 * len(ROADS) * len(CHARGES) * 3
+    assert [one for one in found if one.off > WORST] == []
+    assert any(one.exception == "not even full" for one in found)
+    assert sum(not one.exception for one in found) > 0.8 * len(found)
+
+
+def test_the_charge_to_leave_with_does_not_depend_on_that_of_the_plan(found):
+    by_question = {}
+    for one in found:
+        by_question.setdefault((one.car, one.road, one.probability), set()).add(round(one.soc, 5))
+    assert {len(values) for values in by_question.values()} == {1}
+
+
+@pytest.fixture(scope="module", params=KEPT)
+def model(request):
+    return on_vehicle(tw.load_model(), tw.load_vehicle(request.param))[0]
+
+
+def asked(model, road: str = "country", soc: float | None = 0.5, **known) -> Forecast:
+    return model.forecast(plan_of(road), Departure(soc=soc, **known))
+
+
+def test_the_charge_to_leave_with_rises_with_probability_reserve_and_distance(model):
+    trip = asked(model)
+    by_probability = [trip.soc_needed(0.1, p) for p in (0.5, 0.7, 0.9, 0.95, 0.99)]
+    assert by_probability == sorted(by_probability)
+    by_reserve = [trip.soc_needed(r) for r in (0.0, 0.05, 0.1, 0.2, 0.3)]
+    assert by_reserve == sorted(by_reserve)
+    roads = [
+        tw.read_route([{"length_m": metres, "speed_m_s": 20.0}]) for metres in (5e3, 2e4, 6e4, 1.5e5, 4e5)
+    ]
+    by_distance = [model.forecast(road).soc_needed() for road in roads]
+    assert by_distance == sorted(by_distance)
+    assert by_distance[-1] > 1.0
+
+
+def test_a_descent_needs_less_than_its_reserve_and_may_need_nothing(model):
+    assert asked(model, "descent").soc_needed(0.1, 0.5) < 0.1
+    nothing = asked(model, "descent").soc_needed(0.0, 0.5)
+    assert nothing < 0.02
+    words = leave_in_words(0.0, 0.0, 0.5)
+    assert words == "Any charge suffices to arrive in 1 of 2 trips."
+
+
+def test_a_pass_is_not_crossed_with_an_empty_battery(model):
+    """The way down would bring back what the way up takes; a car that stops on the way up does not get it."""
+    trip = asked(model, "pass")
+    low = trip.leaving_with(max(trip.soc_needed(0.0, 0.5) - 0.03, 0.0))
+    assert min(low.soc_along(0.5)) < 0.0
+    assert low.soc_along(0.5)[-1] > min(low.soc_along(0.5))
+    assert low.p_arrive(0.0) < 0.1
+    assert "battery_empty" in [flag.code for flag in low.flags]
+
+
+def test_energy_does_not_fall_where_the_battery_is_empty(model):
+    """What a trip takes is not what the battery holds; a lower voltage costs a little more."""
+    energy = [asked(model, "motorway", soc).energy_wh for soc in (1.0, 0.5, 0.2, 0.05, 0.01)]
+    assert min(energy) > 0.995 * energy[0]
+    assert max(energy) < 1.02 * energy[0]
+
+
+def test_an_empty_battery_is_told_by_what_it_lacks_and_where(model):
+    short, plenty = asked(model, "motorway", 0.1), asked(model, "town", 0.9)
+    assert plenty.missing_wh == (0.0, 0.0, 0.0)
+    assert "battery_empty" not in [flag.code for flag in plenty.flags]
+    least, expected, most = short.missing_wh
+    assert 0.0 < least < expected < most
+    held = 0.1 * short.charge.wh_per_display
+    assert expected == pytest.approx(short.energy_wh - held, rel=0.01)
+    early, middle, late = short.empty_at_m
+    assert early < middle < late < short.drive.distance_m[-1]
+    (flag,) = [flag for flag in short.flags if flag.code == "battery_empty"]
+    assert (flag.value, flag.unit) == (expected, "wh")
+    assert "more than the battery holds" in message(flag)
+    assert 0.0 <= short.p_arrive(RESERVE) <= short.p_arrive(0.0) < 0.5
+    document = short.to_dict()
+    assert document["missing_wh"] == {"least": least, "expected": expected, "most": most}
+    # energy that is added to the battery is all that lacks
+    needed = short.soc_needed(0.0, 0.5)
+    lacks = (needed - 0.1) * short.charge.wh_per_display
+    assert lacks == pytest.approx(expected, rel=0.15)
+
+
+def test_a_full_battery_keeps_its_charge_on_the_way_down(model):
+    for soc in (1.0, 0.95, 0.8):
+        down = asked(model, "descent", soc)
+        assert down.soc_arrival <= 1.0
+        assert down.drive.simulation.soc.max() <= model.vehicle.battery.displayed_full_soc + 1e-9
+    full, half = asked(model, "descent", 1.0), asked(model, "descent", 0.5)
+    lost = {flag.code: flag.value for flag in full.flags}["battery_full"]
+    assert full.energy_wh - half.energy_wh == pytest.approx(lost, rel=0.05)
+    assert full.by_cause_wh["friction_brakes"] > half.by_cause_wh["friction_brakes"] + 0.9 * lost
+    assert sum(full.by_cause_wh.values()) == pytest.approx(full.energy_wh)
+
+
+def test_on_the_way_the_charge_is_that_of_the_last_reading(model):
+    before = asked(model, soc=0.6)
+    half = 0.5 * before.plan.duration_s
+    times = {"time_s": [0.0, half], "speed_m_s": 20.0}
+    shown = 0.6 - 0.5 * before.energy_wh / before.charge.wh_per_display
+    seen = before.update(pd.DataFrame({**times, "displayed_soc": [0.6, shown]}))
+    now = seen.soc_needed(0.1, 0.9)
+    assert seen.leaving_with(now).p_arrive(0.1) == pytest.approx(0.9, abs=1e-3)
+    assert seen.leaving_with(now).measured_until_s == seen.measured_until_s
+    assert 0.3 < (now - 0.1) / (before.soc_needed(0.1, 0.9) - 0.1) < 0.75
+
+
+def test_a_plan_is_forecast_again_as_it_was_forecast(model):
+    cold = asked(model, soc=0.5, payload_mass_kg=200.0)
+    again = cold.leaving_with(0.5)
+    assert again.energy_wh == cold.energy_wh
+    assert again.sd_wh == cold.sd_wh
+    assert set(again.flags) == set(cold.flags)
+    unknown = asked(model, soc=None)
+    assert "soc_assumed" in [flag.code for flag in unknown.flags]
+    assert "soc_assumed" not in [flag.code for flag in unknown.leaving_with(0.5).flags]

@@ -1,0 +1,223 @@
+"""No public function takes a value that cannot be: seeded wrong values for every numeric argument of the door."""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import tripwatt as tw
+from tripwatt.certification import certified_interval
+from tripwatt.journey import JourneyOptions
+from tripwatt.live import LiveForecaster
+from tripwatt.trips.schema import require_fraction
+
+LINKS = [{"length_m": 5000.0, "speed_m_s": 15.0}]
+TRACK = b'{"type": "LineString", "coordinates": [[9.5, 47.1], [9.52, 47.12], [9.53, 47.13]]}'
+FOUND = tw.forecast(tw.read_route(LINKS), tw.Departure(soc=0.8, ambient_temperature_degc=10.0))
+
+FRACTIONS: Final[dict[str, Callable[[Any], Any]]] = {
+    "interval": FOUND.interval,
+    "quantile": FOUND.quantile,
+    "soc_interval": FOUND.soc_interval,
+    "soc_quantile": FOUND.soc_quantile,
+    "soc_along": FOUND.soc_along,
+    "p_arrive": FOUND.p_arrive,
+    "soc_needed, probability": lambda value: FOUND.soc_needed(probability=value),
+    "soc_needed, reserve": lambda value: FOUND.soc_needed(reserve=value),
+    "to_dict": lambda value: FOUND.to_dict(reserve=value),
+    "JourneyOptions": lambda value: JourneyOptions(reserve=value),
+    "LiveForecaster": lambda value: LiveForecaster(tw.load_model(), reserve=value),
+    "certified_interval": lambda value: certified_interval(tw.load_vehicle("vw_id3"), level=value),
+    "Departure.soc": lambda value: tw.Departure(soc=value),
+    "Departure.bms_soc": lambda value: tw.Departure(bms_soc=value),
+}
+"""Arguments that are a probability or a state of charge."""
+
+NUMBERS: Final[dict[str, Callable[[Any], Any]]] = {
+    "probability_below": FOUND.probability_below,
+    "p_above": FOUND.p_above,
+    "read_route": lambda value: tw.read_route(TRACK, speed_m_s=value),
+    "link length": lambda value: tw.read_route([{**LINKS[0], "length_m": value}]),
+    "link speed": lambda value: tw.read_route([{**LINKS[0], "speed_m_s": value}]),
+    "synthetic_fleet, trips": lambda value: tw.synthetic_fleet(value),
+    "synthetic_fleet, seed": lambda value: tw.synthetic_fleet(1, seed=value),
+    "synthetic_fleet, step": lambda value: tw.synthetic_fleet(1, step_s=value),
+    "JourneyOptions, alternatives": lambda value: JourneyOptions(alternatives=value),
+    "load_vehicle": lambda value: tw.load_vehicle("bmw_i3_60ah", overrides={"mass": value}),
+    **{
+        f"describe_car, {name}": lambda value, name=name: tw.describe_car(**{name: value})
+        for name in ("mass_kg", "usable_battery_kwh", "consumption_kwh_per_100km", "motor_power_kw")
+    },
+    **{
+        f"Departure.{name}": lambda value, name=name: tw.Departure(**{name: value})
+        for name in (
+            "ambient_temperature_degc",
+            "cabin_setpoint_degc",
+            "cabin_temperature_degc",
+            "battery_temperature_degc",
+            "payload_mass_kg",
+        )
+    },
+}
+"""Other arguments that are one number."""
+
+NO_NUMBERS: Final = (
+    "0.5",
+    "",
+    b"1",
+    True,
+    False,
+    [0.5],
+    (0.5,),
+    {"a": 1},
+    object(),
+    1j,
+    math.nan,
+    math.inf,
+    -math.inf,
+    10**400,
+    np.array([0.5]),
+    np.True_,
+    pd.NaT,
+    dt.date(2024, 1, 5),
+)
+"""What is no finite number."""
+
+
+@pytest.mark.parametrize("value", NO_NUMBERS, ids=lambda value: f"{value!r}"[:30])
+@pytest.mark.parametrize("name", [*FRACTIONS, *NUMBERS])
+def test_what_is_no_number_is_refused(name: str, value: Any) -> None:
+    with pytest.raises(tw.InvalidInput):
+        (FRACTIONS | NUMBERS)[name](value)
+
+
+@pytest.mark.parametrize("name", FRACTIONS)
+@given(value=st.one_of(st.floats(1.0, 1e9, exclude_min=True), st.floats(-1e9, -1e-9), st.integers(2, 100)))
+@settings(max_examples=20, deadline=None)
+def test_a_percentage_is_refused_with_a_hint(name: str, value: float) -> None:
+    with pytest.raises(tw.InvalidInput, match=r"give a fraction, 0\.9 for 90 %"):
+        FRACTIONS[name](value)
+
+
+@pytest.mark.parametrize(
+    "name", [*FRACTIONS, "synthetic_fleet, trips", "synthetic_fleet, seed", "describe_car, mass_kg"]
+)
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=10, deadline=None)
+def test_no_number_raises_anything_else(name: str, seed: int) -> None:
+    """A number gives an answer or `InvalidInput`, whatever its size and type."""
+    rng = np.random.default_rng(seed)
+    size = float(rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(2.0, 300.0))
+    for value in (size, np.float64(size), int(size), Fraction(int(size) or 1, 3)):
+        with pytest.raises(tw.InvalidInput):
+            (FRACTIONS | NUMBERS)[name](
+                -abs(value) if "seed" in name else value if abs(value) > 1e6 else -abs(value)
+            )
+
+
+@pytest.mark.parametrize("value", [0.5, 1, 1.0, np.float32(0.75), Fraction(3, 4)])
+def test_every_kind_of_number_is_one(value: Any) -> None:
+    assert require_fraction("level", value) == float(value)
+    assert FOUND.p_arrive(value) == FOUND.p_arrive(float(value))
+
+
+def test_below_one_half_a_charge_to_leave_with_has_no_meaning() -> None:
+    for ask in (lambda: FOUND.soc_needed(probability=0.3), lambda: FOUND.soc_along(0.3)):
+        with pytest.raises(tw.InvalidInput, match=r"got 0\.3; allowed: 0\.5 to 1"):
+            ask()
+
+
+FIELDS: Final[dict[str, tuple[Any, ...]]] = {
+    "season": ("wintr", "Winter", "", 1, True, ["winter"], b"winter"),
+    "climate": ("Auto", "on", 1, True, ["auto"], np.array(["auto"])),
+    "weather": (1, True, ["sunny"], b"sunny"),
+    "follows_trip": (1, 0, "yes", "true", [True], 1.0),
+    "started_at": (
+        "2024-01-05",
+        "2024-01-05T08:00",
+        dt.date(2024, 1, 5),
+        1.7e9,
+        pd.NaT,
+        True,
+        [dt.datetime.now()],
+    ),
+    "extras": ("roof_box", ("roof",), {"roof_box"}, (1,), 1, True, [["roof_box"]]),
+}
+"""Wrong values for the fields of a departure that are no numbers."""
+
+
+@pytest.mark.parametrize(("name", "value"), [(n, v) for n, values in FIELDS.items() for v in values])
+def test_a_field_of_a_departure_of_another_type_or_choice_is_refused(name: str, value: Any) -> None:
+    with pytest.raises(tw.InvalidInput, match=f"{name}: got"):
+        tw.Departure(**{name: value})
+
+
+def test_every_field_of_a_departure_is_checked() -> None:
+    class Strange:
+        def __repr__(self) -> str:
+            return "strange"
+
+    for name in tw.Departure.__dataclass_fields__:
+        with pytest.raises(tw.InvalidInput, match="strange"):
+            tw.Departure(**{name: Strange()})
+
+
+def test_what_a_departure_takes() -> None:
+    when = pd.Timestamp("2024-01-05T08:30")
+    found = tw.Departure(
+        season="winter", started_at=when, follows_trip=np.True_, weather="sunny", extras=["roof_box"]
+    )  # type: ignore[arg-type]
+    assert (found.started_at, found.extras) == (when, ("roof_box",))
+    with pytest.raises(tw.InvalidInput, match="did you mean 'winter'"):
+        tw.Departure(season="wintr")
+
+
+DRIVEN = pd.DataFrame(
+    {"time_s": [0.0, 60.0, 120.0], "voltage_v": 350.0, "current_a": 30.0, "speed_m_s": 15.0}
+)
+
+NO_SAMPLES: Final = {
+    "no time": (DRIVEN.drop(columns="time_s"), "missing column.*'time_s'"),
+    "no rows": (DRIVEN.iloc[:0], "too few samples"),
+    "an empty table": (pd.DataFrame(), "missing column"),
+    "one row": (DRIVEN.iloc[:1], "too few samples"),
+    "no energy": (DRIVEN[["time_s", "speed_m_s"]], "no measured energy"),
+    "no current": (DRIVEN.drop(columns="current_a"), "no measured energy"),
+    "text": (DRIVEN.assign(current_a="30"), "not a number.*'current_a'"),
+    "text as time": (DRIVEN.assign(time_s=["a", "b", "c"]), "not a number.*'time_s'"),
+    "truth values": (DRIVEN.assign(voltage_v=True), "not a number.*'voltage_v'"),
+    "complex": (DRIVEN.assign(current_a=1j), "not a number.*'current_a'"),
+    "objects as energy": (
+        DRIVEN[["time_s"]].assign(observed_energy_wh=["a", 1, 2]),
+        "not a number.*observed_energy_wh",
+    ),
+    "missing integers": (
+        DRIVEN.assign(current_a=pd.array([30, None, 30], dtype="Int64")),
+        "not a number.*'current_a'.*Int64",
+    ),
+    "a column twice": (pd.concat([DRIVEN, DRIVEN[["time_s"]]], axis=1), "column given twice"),
+    "no table": (DRIVEN.to_dict("list"), "unknown type.*a DataFrame"),
+    "nothing": (None, "unknown type"),
+    "time that goes back": (DRIVEN.assign(time_s=[0.0, 60.0, 30.0]), "time does not increase"),
+}
+
+
+@pytest.mark.parametrize("update", ["update", "update_since_departure"])
+@pytest.mark.parametrize(("observed", "words"), NO_SAMPLES.values(), ids=NO_SAMPLES)
+def test_what_is_no_table_of_samples_is_refused(update: str, observed: Any, words: str) -> None:
+    with pytest.raises(tw.InvalidInput, match=words):
+        getattr(FOUND, update)(observed)
+
+
+def test_integers_without_gaps_are_samples() -> None:
+    observed = DRIVEN.assign(current_a=pd.array([30, 30, 30], dtype="Int64"))
+    assert FOUND.update(observed).energy_wh == FOUND.update(DRIVEN).energy_wh
