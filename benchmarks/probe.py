@@ -169,7 +169,7 @@ def differences(one: Mapping[str, Sequence[Sequence[float]]], other: Probe) -> I
         off = np.abs(rows[0] - rows[1]) - TOLERANCE * size
         off = np.where(np.isnan(rows[0]) & np.isnan(rows[1]), -1.0, np.nan_to_num(off, nan=np.inf))
         if np.any(off > FLOOR):
-            worst = int(np.argmax(off / (size + FLOOR)))
+            worst = int(np.argmax(np.nan_to_num(off / (size + FLOOR), nan=-1.0)))
             yield f"{name}: {rows[0][worst]:g}, now {rows[1][worst]:g} ({int(np.sum(off > FLOOR))} of {len(off)} numbers)"
 
 

@@ -45,7 +45,8 @@ over seconds, with the default car and nothing fitted; for the BMW i3 also with 
 the other half of the trips ([how](decisions/physics-07-identification.md)). Warm trips have outside air of 15 °C and more. The standing car
 is the median power at standstill less that of climate control. Torque and power of a log are not of exactly the same
 moment, so the loss while braking is indicative. VED logs change speed and current at different moments: their bins of
-speed are blurred. Blower, rear window and seats are no part of heater and air conditioner in any log, and none here.
+speed are blurred. The air conditioner, the heat capacity of the cabin and the moving load of the Leaf have values from the logs of the BMW i3
+([the values](vehicles.md#values-from-the-logs-of-one-car)). Blower, rear window and seats are no part of heater and air conditioner in any log, and none here.
 
 """
 WARM_DEGC: Final = 15.0
