@@ -1,4 +1,4 @@
-"""Roads whose heights are hidden: python -m benchmarks.unknown_climb [--only regions|logs|routes] [--json FILE].
+"""Roads whose heights are hidden: python -m benchmarks.unknown_climb [--only regions|logs|routes] [--write PAGE].
 
 Regions: the scale of the net climb over 10 km in logs with heights, from which `tripwatt.routes.terrain` takes its own (that of the sedan's
 logs is shown and not used: their licence does not allow it).
@@ -11,10 +11,9 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +21,7 @@ from scipy.stats import binomtest
 
 import tripwatt as tw
 from benchmarks.measure import tum_folder
+from benchmarks.worlds import write_table
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.physics import grade_from_elevation
@@ -75,6 +75,13 @@ class Row:
     def met(self) -> bool:
         """Whether the figure lies within its bounds."""
         return self.least <= self.value <= self.most
+
+    @property
+    def line(self) -> str:
+        """As a row of Markdown."""
+        ends = [f"{sign} {end:g}" for sign, end in (("≥", self.least), ("≤", self.most)) if np.isfinite(end)]
+        met = ("yes" if self.met else "no") if ends else ""
+        return f"| {self.text} | {self.value:.3g} | {', '.join(ends)} | {met} |"
 
 
 def trips_of(name: str, data: Path, folder: Path) -> tuple[list[Trip], Vehicle]:
@@ -235,7 +242,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--data", type=Path, default=None)
     parser.add_argument("--only", choices=("regions", "logs", "routes"))
-    parser.add_argument("--json", type=Path)
+    parser.add_argument("--write", type=Path, help="renew the table of this page")
     options = parser.parse_args()
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as place:
@@ -250,8 +257,9 @@ def main() -> int:
                 for row in part():
                     rows.append(row)
                     print(f"{'' if row.met else 'MISSED '}{row.text}: {row.value:.4g}", flush=True)
-    if options.json:
-        options.json.write_text(json.dumps([asdict(row) for row in rows], indent=1), encoding="utf-8")
+    if options.write:
+        head = "| What | Figure | Bound | Met |\n|:--|--:|--:|:--|"
+        write_table(options.write, "climb", "\n".join([head, *(row.line for row in rows)]))
     return int(not all(row.met for row in rows))
 
 

@@ -157,9 +157,13 @@ HEAD: Final = (
 
 
 def write(page: Path, name: str, rows: Sequence[Row]) -> None:
+    """Put a table of worlds between the marks of a page."""
+    write_table(page, name, "\n".join([HEAD, *(row.line for row in rows)]))
+
+
+def write_table(page: Path, name: str, table: str) -> None:
     """Put a table between the marks of a page."""
     text = page.read_text(encoding="utf-8")
     begin, end = f"<!-- {name} begin -->", f"<!-- {name} end -->"
     head, _, rest = text.partition(begin)
-    table = "\n".join([HEAD, *(row.line for row in rows)])
     page.write_text(f"{head}{begin}\n\n{table}\n\n{end}{rest.partition(end)[2]}", encoding="utf-8")

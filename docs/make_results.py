@@ -152,6 +152,13 @@ RESULTS: Final = (
         ("tum", "catalogue", MODEL),
         10,
     ),
+    Result(
+        "unknown-climb",
+        ("-m benchmarks.unknown_climb --write docs/uncertainty.md",),
+        ("docs/uncertainty.md#climb begin",),
+        ("tum", "twizy", "sedan", MODEL),
+        5,
+    ),
     Result("peers", ("make peers",), ("docs/peers.md#peers:begin",), ("tum", "ved"), 4),
     Result(
         "long-trips",
@@ -182,7 +189,7 @@ def folders() -> dict[str, Path]:
     data = Path(os.environ.get("TRIPWATT_DATA", ROOT / "../shared/data"))
     reference = Path(os.environ.get("TRIPWATT_REFERENCE", ROOT / "../shared/reference"))
     catalogue = Path(os.environ.get("TRIPWATT_CATALOGUE", reference / "ev_catalogue"))
-    sets = {name: data / name for name in ("tum", "ved", "twizy", "cycles")}
+    sets = {name: data / name for name in ("tum", "ved", "twizy", "sedan", "cycles")}
     return {**sets, "data": data, "catalogue": catalogue, "argonne": reference / "anl_d3_i3.csv"}
 
 
