@@ -154,11 +154,6 @@ class Forecast:
         float
             Energy [Wh] that the trip stays below with this probability.
 
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
-
         Examples
         --------
         >>> import tripwatt as tw
@@ -167,8 +162,7 @@ class Forecast:
         >>> found.quantile(0.5) == found.energy_wh
         True
         """
-        p = require_fraction("p", p)
-        half = self.uncertainty.scores.factor(abs(2.0 * p - 1.0)) * self.sd_wh
+        half = self.uncertainty.scores.factor(abs(2.0 * require_fraction("p", p) - 1.0)) * self.sd_wh
         if p >= 0.5:
             return self.energy_wh + half
         return float(possible_energy(self.energy_wh, half, float(self._least_wh[-1])))
@@ -186,11 +180,6 @@ class Forecast:
         tuple of float
             Lower and upper bound [Wh].
 
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
-
         Examples
         --------
         >>> import tripwatt as tw
@@ -199,8 +188,8 @@ class Forecast:
         >>> found.interval(0.9) == (found.quantile(0.05), found.quantile(0.95))
         True
         """
-        level = require_fraction("level", level)
-        return self.quantile(0.5 - 0.5 * level), self.quantile(0.5 + 0.5 * level)
+        half = 0.5 * require_fraction("level", level)
+        return self.quantile(0.5 - half), self.quantile(0.5 + half)
 
     def probability_below(self, energy_wh: float) -> float:
         """Probability that the trip takes less than `energy_wh`: the inverse of `quantile`.
@@ -214,11 +203,6 @@ class Forecast:
         -------
         float
             0 to 1.
-
-        Raises
-        ------
-        InvalidInput
-            For an energy that is no finite number.
 
         Examples
         --------
@@ -258,11 +242,6 @@ class Forecast:
         float
             State of charge that the display at arrival stays below with this probability.
 
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
-
         Examples
         --------
         >>> import tripwatt as tw
@@ -271,9 +250,8 @@ class Forecast:
         >>> found.soc_quantile(0.05) < found.soc_arrival < found.soc_quantile(0.95) < 0.8
         True
         """
-        p = require_fraction("p", p)
         centre, sd = (values[-1] for values in self._charge_band)
-        half = self.uncertainty.scores.factor(abs(2.0 * p - 1.0)) * sd
+        half = self.uncertainty.scores.factor(abs(2.0 * require_fraction("p", p) - 1.0)) * sd
         return float(np.clip(centre + np.sign(p - 0.5) * half, 0.0, 1.0))
 
     def soc_interval(self, level: float) -> tuple[float, float]:
@@ -289,11 +267,6 @@ class Forecast:
         tuple of float
             Lower and upper bound, 0 to 1.
 
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
-
         Examples
         --------
         >>> import tripwatt as tw
@@ -302,8 +275,8 @@ class Forecast:
         >>> found.soc_interval(0.9) == (found.soc_quantile(0.05), found.soc_quantile(0.95))
         True
         """
-        level = require_fraction("level", level)
-        return self.soc_quantile(0.5 - 0.5 * level), self.soc_quantile(0.5 + 0.5 * level)
+        half = 0.5 * require_fraction("level", level)
+        return self.soc_quantile(0.5 - half), self.soc_quantile(0.5 + half)
 
     def p_arrive(self, reserve: float = 0.0) -> float:
         """Probability to arrive with at least this displayed state of charge, 0 to 1.
@@ -320,11 +293,6 @@ class Forecast:
         float
             0 to 1.
 
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
-
         Examples
         --------
         >>> import tripwatt as tw
@@ -333,39 +301,7 @@ class Forecast:
         >>> found.p_arrive(0.1) > found.p_arrive(0.7)
         True
         """
-        return self.p_above(require_fraction("reserve", reserve))
-
-    def p_above(self, displayed_soc: float) -> float:
-        """Probability that the charge at arrival, not held in 0..1, is at least a value, which may lie outside of 0..1 as well.
-
-        Parameters
-        ----------
-        displayed_soc : float
-            Displayed state of charge.
-
-        Returns
-        -------
-        float
-            0 to 1.
-
-        Raises
-        ------
-        InvalidInput
-            For a value that is no finite number.
-
-        Examples
-        --------
-        >>> import tripwatt as tw
-        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.1, ambient_temperature_degc=5.0))
-        >>> found.p_above(-0.05) > found.p_above(0.0)
-        True
-        """
-        displayed_soc = require_number("displayed_soc", displayed_soc)
-        centre, sd = (float(values[-1]) for values in self._charge_band)
-        if sd <= 0.0:
-            return float(centre >= displayed_soc)
-        return self.uncertainty.scores.probability((centre - displayed_soc) / sd)
+        return p_above(self, require_fraction("reserve", reserve))
 
     def soc_needed(self, reserve: float = 0.1, probability: float = 0.95) -> float:
         """Displayed state of charge to leave with, to arrive with a reserve with a probability.
@@ -385,11 +321,6 @@ class Forecast:
         float
             Displayed state of charge, 0 to 1, or above 1.
 
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
-
         Examples
         --------
         >>> import tripwatt as tw
@@ -399,10 +330,8 @@ class Forecast:
         >>> 0.2 < leave < 0.8
         True
         """
-        reserve, probability = (
-            require_fraction("reserve", reserve),
-            require_fraction("probability", probability, 0.5),
-        )
+        reserve = require_fraction("reserve", reserve)
+        probability = require_fraction("probability", probability, 0.5)
         _, start, _ = self._charge_start
         centre, sd = (float(values[-1]) for values in self._charge_band)
         lower = centre - self.uncertainty.scores.factor(abs(2.0 * probability - 1.0)) * sd
@@ -423,11 +352,6 @@ class Forecast:
         ndarray, shape (segments + 1,)
             Displayed state of charge.
 
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
-
         Examples
         --------
         >>> import tripwatt as tw
@@ -436,9 +360,9 @@ class Forecast:
         >>> bool((found.soc_along(0.95) <= found.soc_along(0.5)).all())
         True
         """
-        probability = require_fraction("probability", probability, 0.5)
+        level = 2.0 * require_fraction("probability", probability, 0.5) - 1.0
         centre, sd = self._charge_band
-        return np.asarray(centre - self.uncertainty.scores.factor(abs(2.0 * probability - 1.0)) * sd)
+        return np.asarray(centre - self.uncertainty.scores.factor(level) * sd)
 
     @property
     def empty_at_m(self) -> tuple[float | None, float | None, float | None]:
@@ -653,8 +577,9 @@ class Forecast:
         >>> found.to_dict()["energy_wh"] == found.energy_wh
         True
         """
-        own = () if reserve is None else (require_fraction("reserve", reserve),)
-        levels = (*ARRIVAL_LEVELS, *own)
+        levels = (
+            ARRIVAL_LEVELS if reserve is None else (*ARRIVAL_LEVELS, require_fraction("reserve", reserve))
+        )
         return {
             "trip": self.plan.trip_id,
             "given": self.given,
@@ -787,6 +712,14 @@ class Forecast:
 
     def _energy_at(self, time_s: float) -> float:
         return float(np.interp(time_s, self._ends_s, self._cumulative_wh))
+
+
+def p_above(forecast: Forecast, displayed_soc: float) -> float:
+    """Probability that the charge at arrival, not held in 0..1, is at least a value, which may lie outside of 0..1 as well."""
+    centre, sd = (float(values[-1]) for values in forecast._charge_band)
+    if sd <= 0.0:
+        return float(centre >= displayed_soc)
+    return forecast.uncertainty.scores.probability((centre - displayed_soc) / sd)
 
 
 def possible_energy(centre_wh: Any, half_wh: Any, least_wh: Any) -> Any:
