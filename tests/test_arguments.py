@@ -44,7 +44,6 @@ FRACTIONS: Final[dict[str, Callable[[Any], Any]]] = {
 
 NUMBERS: Final[dict[str, Callable[[Any], Any]]] = {
     "probability_below": FOUND.probability_below,
-    "p_above": FOUND.p_above,
     "read_route": lambda value: tw.read_route(TRACK, speed_m_s=value),
     "link length": lambda value: tw.read_route([{**LINKS[0], "length_m": value}]),
     "link speed": lambda value: tw.read_route([{**LINKS[0], "speed_m_s": value}]),

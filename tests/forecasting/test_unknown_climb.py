@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import tripwatt as tw
+from tripwatt.forecasting.forecast import p_above
 from tripwatt.hybrid import segment_trips
 from tripwatt.hybrid.energy_errors import unknown_climb_wh
 from tripwatt.journey.forecasting import Drive
@@ -75,7 +76,7 @@ def test_probabilities_are_the_inverse_of_quantiles(terrain_, p, soc):
     assert found.probability_below(found.quantile(p)) == pytest.approx(p, abs=1e-6)
     charge = found.charge.wh_per_display
     arrives = found.soc_along(p)[-1]
-    assert found.p_above(float(arrives)) == pytest.approx(p, abs=1e-6)
+    assert p_above(found, float(arrives)) == pytest.approx(p, abs=1e-6)
     assert sum(found.by_cause_wh.values()) == pytest.approx(found.energy_wh)
     assert charge > 0.0
 

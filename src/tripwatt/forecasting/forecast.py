@@ -178,11 +178,6 @@ class Forecast:
         float
             Energy [Wh] that the trip stays below with this probability.
 
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
-
         Examples
         --------
         >>> import tripwatt as tw
@@ -210,11 +205,6 @@ class Forecast:
         tuple of float
             Lower and upper bound [Wh].
 
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
-
         Examples
         --------
         >>> import tripwatt as tw
@@ -224,8 +214,8 @@ class Forecast:
         >>> round(low, 3) == round(found.quantile(0.05), 3), round(high, 3) == round(found.quantile(0.95), 3)
         (True, True)
         """
-        level = require_fraction("level", level)
-        return self.quantile(0.5 - 0.5 * level), self.quantile(0.5 + 0.5 * level)
+        half = 0.5 * require_fraction("level", level)
+        return self.quantile(0.5 - half), self.quantile(0.5 + half)
 
     def probability_below(self, energy_wh: float) -> float:
         """Probability that the trip takes less than `energy_wh`: the inverse of `quantile`.
@@ -239,11 +229,6 @@ class Forecast:
         -------
         float
             0 to 1.
-
-        Raises
-        ------
-        InvalidInput
-            For an energy that is no finite number.
 
         Examples
         --------
@@ -284,11 +269,6 @@ class Forecast:
         float
             State of charge that the display at arrival stays below with this probability.
 
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
-
         Examples
         --------
         >>> import tripwatt as tw
@@ -315,11 +295,6 @@ class Forecast:
         tuple of float
             Lower and upper bound, 0 to 1.
 
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
-
         Examples
         --------
         >>> import tripwatt as tw
@@ -329,8 +304,8 @@ class Forecast:
         >>> round(low, 6) == round(found.soc_quantile(0.05), 6), round(high, 6) == round(found.soc_quantile(0.95), 6)
         (True, True)
         """
-        level = require_fraction("level", level)
-        return self.soc_quantile(0.5 - 0.5 * level), self.soc_quantile(0.5 + 0.5 * level)
+        half = 0.5 * require_fraction("level", level)
+        return self.soc_quantile(0.5 - half), self.soc_quantile(0.5 + half)
 
     def p_arrive(self, reserve: float = 0.0) -> float:
         """Probability to arrive with at least this displayed state of charge, 0 to 1.
@@ -348,11 +323,6 @@ class Forecast:
         float
             0 to 1.
 
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
-
         Examples
         --------
         >>> import tripwatt as tw
@@ -367,37 +337,6 @@ class Forecast:
         return float(
             self._excess.probability_below((centre - self._least_charge(reserve)) * wh, sd * wh).min()
         )
-
-    def p_above(self, displayed_soc: float) -> float:
-        """Probability that the charge at arrival, not held in 0..1, is at least a value, which may lie outside of 0..1 as well.
-
-        Parameters
-        ----------
-        displayed_soc : float
-            Displayed state of charge.
-
-        Returns
-        -------
-        float
-            0 to 1.
-
-        Raises
-        ------
-        InvalidInput
-            For a value that is no finite number.
-
-        Examples
-        --------
-        >>> import tripwatt as tw
-        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.1, ambient_temperature_degc=5.0))
-        >>> found.p_above(-0.05) > found.p_above(0.0)
-        True
-        """
-        displayed_soc = require_number("displayed_soc", displayed_soc)
-        centre, sd = self._charge_band
-        wh = self.charge.wh_per_display
-        return float(self._excess.probability_below((centre - displayed_soc) * wh, sd * wh)[-1])
 
     def leaving_with(self, soc: float) -> Forecast:
         """Forecast the trip again from another charge.
@@ -449,11 +388,6 @@ class Forecast:
             0 to 1. 0 where any charge suffices, such as on a way down. Above 1 where a full battery does not suffice:
             1 and what a full display lacks.
 
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
-
         Examples
         --------
         >>> import tripwatt as tw
@@ -491,11 +425,6 @@ class Forecast:
         -------
         ndarray, shape (segments + 1,)
             Displayed state of charge.
-
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
 
         Examples
         --------
@@ -767,8 +696,9 @@ class Forecast:
         >>> found.to_dict()["energy_wh"] == found.energy_wh
         True
         """
-        own = () if reserve is None else (require_fraction("reserve", reserve),)
-        levels = (*ARRIVAL_LEVELS, *own)
+        levels = (
+            ARRIVAL_LEVELS if reserve is None else (*ARRIVAL_LEVELS, require_fraction("reserve", reserve))
+        )
         return {
             "trip": self.plan.trip_id,
             "given": self.given,
@@ -1009,6 +939,13 @@ def first_empty(charge: FloatArray, distance_m: FloatArray) -> float | None:
         return 0.0
     share = charge[k - 1] / (charge[k - 1] - charge[k])
     return float(distance_m[k - 1] + share * (distance_m[k] - distance_m[k - 1]))
+
+
+def p_above(forecast: Forecast, displayed_soc: float) -> float:
+    """Probability that the charge at arrival, not held in 0..1, is at least a value, which may lie outside of 0..1 as well."""
+    centre, sd = forecast._charge_band
+    wh = forecast.charge.wh_per_display
+    return float(forecast._excess.probability_below((centre - displayed_soc) * wh, sd * wh)[-1])
 
 
 def possible_energy(centre_wh: Any, half_wh: Any, least_wh: Any) -> Any:
