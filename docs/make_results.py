@@ -96,6 +96,7 @@ RESULTS: Final = (
         ("catalogue",),
         1,
     ),
+    Result("steady", ("-m benchmarks.steady --write",), ("docs/library.md#steady",), (), 1),
     Result("cold-rows", ("-m benchmarks.cold_rows --write",), ("docs/library.md#cold",), ("catalogue",), 1),
     Result(
         "argonne",
