@@ -136,7 +136,6 @@ RESULTS: Final = (
         ("tum",),
         3,
     ),
-    Result("variants", ("-m benchmarks.variants --write",), ("docs/evaluation.md#variants",), ("tum",), 10),
     transfer("tum", "ved", 2),
     transfer("ved", "tum", 2),
     Result(
@@ -148,7 +147,7 @@ RESULTS: Final = (
     ),
     Result(
         "few-trips",
-        ("-m benchmarks.few_trips --cars 40 --write docs/synthetic.md",),
+        ("-m benchmarks.few_trips --cars 12 --write docs/synthetic.md",),
         ("docs/synthetic.md#few trips begin",),
         ("tum", "catalogue", MODEL),
         10,
@@ -163,7 +162,7 @@ RESULTS: Final = (
     Result("peers", ("make peers",), ("docs/peers.md#peers:begin",), ("tum", "ved"), 4),
     Result(
         "long-trips",
-        ("-m benchmarks.long_trips --cars 40 --write docs/synthetic.md",),
+        ("-m benchmarks.long_trips --cars 12 --write docs/synthetic.md",),
         ("docs/synthetic.md#long trips begin",),
         ("catalogue", MODEL),
         8,
