@@ -92,7 +92,11 @@ NO_NUMBERS: Final = (
 """What is no finite number."""
 
 
-@pytest.mark.parametrize("value", NO_NUMBERS, ids=lambda value: f"{value!r}"[:30])
+@pytest.mark.parametrize(
+    "value",
+    NO_NUMBERS,
+    ids=lambda value: f"{type(value).__name__} {value!r}".partition(" object at ")[0][:30],
+)
 @pytest.mark.parametrize("name", [*FRACTIONS, *NUMBERS])
 def test_what_is_no_number_is_refused(name: str, value: Any) -> None:
     with pytest.raises(tw.InvalidInput):
