@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import json
+import math
 import os
 import re
 import subprocess
@@ -36,6 +37,7 @@ from benchmarks import (
     planned,
     service,
     six_numbers,
+    unknown_climb,
     ved_trips,
 )
 from benchmarks import forecast as forecast_speed
@@ -524,6 +526,19 @@ def on_the_road() -> Iterator[Bar]:
             yield at_most(row.text, measure, row.value, row.most)
 
 
+def unknown_climbs() -> Iterator[Bar]:
+    """Bars on roads whose heights are hidden."""
+    measure, tum = "python -m benchmarks.unknown_climb", tum_folder()
+    if tum is None:
+        yield missing("logs with hidden heights", measure)
+        return
+    for row in unknown_climb.run(tum.parent):
+        if row.least > 0.0 and math.isfinite(row.least):
+            yield at_least(row.text, measure, row.value, row.least)
+        if math.isfinite(row.most):
+            yield at_most(row.text, measure, row.value, row.most)
+
+
 def energy_half_known() -> Iterator[Bar]:
     """Bars on trips with a state of charge in whole percent, or a power in whole kilowatts, alone."""
     measure = "python -m benchmarks.half_known"
@@ -598,6 +613,7 @@ def bars(
     yield from journeys()
     yield from on_the_road()
     yield from energy_half_known()
+    yield from unknown_climbs()
     yield from physics()
     yield from leafs()
     yield from transfer()

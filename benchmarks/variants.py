@@ -1,13 +1,11 @@
-"""Every corrector that was tried for the forecast, leave-one-trip-out: `python -m benchmarks.variants [--write]`.
+"""Every corrector that was tried for the forecast, leave-one-trip-out: `python -m benchmarks.variants`.
 
-The 58 reference trips, point forecasts only. What the evaluation reports as models of its own is not repeated. With
-`--write` the table of docs/evaluation.md is renewed.
+The 58 reference trips, point forecasts only. What the evaluation reports as models of its own is not repeated.
 """
 
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -15,7 +13,7 @@ from typing import Any
 import numpy as np
 from joblib import Parallel, delayed
 
-from benchmarks.measure import ROOT, tum_folder
+from benchmarks.measure import tum_folder
 from tripwatt.hybrid import SegmentTable, power_corrector, segment_table
 from tripwatt.hybrid.calibrate import calibrate
 from tripwatt.hybrid.power import (
@@ -36,7 +34,6 @@ from tripwatt.sources import read_logs
 from tripwatt.trips import Trip, plan_from_trip
 from tripwatt.vehicles import load_vehicle
 
-TABLE = re.compile(r"(<!-- variants -->\n).*?(<!-- end of variants -->)", re.S)
 FRACTIONS = (0.25, 0.5, 0.75)
 BEFORE = ("before_w", "before_acceleration_w")
 
@@ -166,15 +163,9 @@ def as_markdown(found: Mapping[str, list[float]]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--write", action="store_true", help="renew the table of docs/evaluation.md")
-    given = parser.parse_args()
-    text = as_markdown(rows())
-    print(text)
-    if given.write:
-        page = ROOT / "docs" / "evaluation.md"
-        old = page.read_text(encoding="utf-8")
-        page.write_text(TABLE.sub(lambda m: m[1] + text + "\n" + m[2], old), encoding="utf-8")
+    """Print the table."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
+    print(as_markdown(rows()))
 
 
 if __name__ == "__main__":

@@ -52,6 +52,8 @@ FOLLOWS = {
     "README.md": {"example:begin", "results:begin"},
     "docs/results.md": {"paper:begin", "forecast:begin", "links:begin"},
     "docs/paper.md": {"paper-page:begin"},
+    "docs/evaluation.md": {"coverage:begin"},
+    "docs/uncertainty.md": {"coverage:begin"},
     "docs/transfer.md": {"tum-ved:begin", "ved-tum:begin", "covariates:begin"},
     "docs/model.md": {"parameters begin"},
     "docs/vehicles.md": {"licences begin"},

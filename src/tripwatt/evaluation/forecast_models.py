@@ -29,6 +29,7 @@ from tripwatt.evaluation.forecast_scores import (
 from tripwatt.evaluation.hold_outs import LEAVE_ONE_TRIP_OUT, TRAINING_ONLY, HoldOut
 from tripwatt.evaluation.protocol import FoldResult
 from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.forecasting.forecast import p_above
 from tripwatt.hybrid import power_corrector
 from tripwatt.hybrid.climate_log import TOLD_BY
 from tripwatt.hybrid.familiarity import Familiarity
@@ -425,7 +426,7 @@ def _arrivals(
             alone = replace(plan, departure=replace(departure, **{other: None}))
             found = model.forecast(alone)
             rows.append([found.soc_arrival, *found.soc_interval(UPDATE_LEVEL)])
-            chances.append([found.p_above(found.soc_arrival + offset) for offset in RESERVE_OFFSETS])
+            chances.append([p_above(found, found.soc_arrival + offset) for offset in RESERVE_OFFSETS])
     n = len(plans)
     return {
         "shown": np.array(observed),

@@ -178,11 +178,6 @@ class Forecast:
         float
             Energy [Wh] that the trip stays below with this probability.
 
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
-
         Examples
         --------
         >>> import tripwatt as tw
@@ -210,11 +205,6 @@ class Forecast:
         tuple of float
             Lower and upper bound [Wh].
 
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
-
         Examples
         --------
         >>> import tripwatt as tw
@@ -224,8 +214,8 @@ class Forecast:
         >>> round(low, 3) == round(found.quantile(0.05), 3), round(high, 3) == round(found.quantile(0.95), 3)
         (True, True)
         """
-        level = require_fraction("level", level)
-        return self.quantile(0.5 - 0.5 * level), self.quantile(0.5 + 0.5 * level)
+        half = 0.5 * require_fraction("level", level)
+        return self.quantile(0.5 - half), self.quantile(0.5 + half)
 
     def probability_below(self, energy_wh: float) -> float:
         """Probability that the trip takes less than `energy_wh`: the inverse of `quantile`.
@@ -239,11 +229,6 @@ class Forecast:
         -------
         float
             0 to 1.
-
-        Raises
-        ------
-        InvalidInput
-            For an energy that is no finite number.
 
         Examples
         --------
@@ -284,11 +269,6 @@ class Forecast:
         float
             State of charge that the display at arrival stays below with this probability.
 
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
-
         Examples
         --------
         >>> import tripwatt as tw
@@ -315,11 +295,6 @@ class Forecast:
         tuple of float
             Lower and upper bound, 0 to 1.
 
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
-
         Examples
         --------
         >>> import tripwatt as tw
@@ -329,8 +304,8 @@ class Forecast:
         >>> round(low, 6) == round(found.soc_quantile(0.05), 6), round(high, 6) == round(found.soc_quantile(0.95), 6)
         (True, True)
         """
-        level = require_fraction("level", level)
-        return self.soc_quantile(0.5 - 0.5 * level), self.soc_quantile(0.5 + 0.5 * level)
+        half = 0.5 * require_fraction("level", level)
+        return self.soc_quantile(0.5 - half), self.soc_quantile(0.5 + half)
 
     def p_arrive(self, reserve: float = 0.0) -> float:
         """Probability to arrive with at least this displayed state of charge, 0 to 1.
@@ -348,11 +323,6 @@ class Forecast:
         float
             0 to 1.
 
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
-
         Examples
         --------
         >>> import tripwatt as tw
@@ -367,37 +337,6 @@ class Forecast:
         return float(
             self._excess.probability_below((centre - self._least_charge(reserve)) * wh, sd * wh).min()
         )
-
-    def p_above(self, displayed_soc: float) -> float:
-        """Probability that the charge at arrival, not held in 0..1, is at least a value, which may lie outside of 0..1 as well.
-
-        Parameters
-        ----------
-        displayed_soc : float
-            Displayed state of charge.
-
-        Returns
-        -------
-        float
-            0 to 1.
-
-        Raises
-        ------
-        InvalidInput
-            For a value that is no finite number.
-
-        Examples
-        --------
-        >>> import tripwatt as tw
-        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
-        >>> found = tw.forecast(plan, tw.Departure(soc=0.1, ambient_temperature_degc=5.0))
-        >>> found.p_above(-0.05) > found.p_above(0.0)
-        True
-        """
-        displayed_soc = require_number("displayed_soc", displayed_soc)
-        centre, sd = self._charge_band
-        wh = self.charge.wh_per_display
-        return float(self._excess.probability_below((centre - displayed_soc) * wh, sd * wh)[-1])
 
     def leaving_with(self, soc: float) -> Forecast:
         """Forecast the trip again from another charge.
@@ -449,11 +388,6 @@ class Forecast:
             0 to 1. 0 where any charge suffices, such as on a way down. Above 1 where a full battery does not suffice:
             1 and what a full display lacks.
 
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
-
         Examples
         --------
         >>> import tripwatt as tw
@@ -491,11 +425,6 @@ class Forecast:
         -------
         ndarray, shape (segments + 1,)
             Displayed state of charge.
-
-        Raises
-        ------
-        InvalidInput
-            For a value that is no such fraction.
 
         Examples
         --------
@@ -652,24 +581,7 @@ class Forecast:
         >>> certain.sd_wh < found.sd_wh, [flag.code for flag in certain.flags if "route" in flag.code]
         (True, ['route_error_unknown'])
         """
-        link_m = self.plan.link_m
-        flags = [*self.flags, *(flag for flag in self.plan.flags if flag != FLAT_ROAD)]
-        if link_m is None:
-            return with_empty_flag(replace(self, flags=tuple(dict.fromkeys(flags))))
-        route_sd_wh = 0.0
-        if route is None:
-            flags.append(Flag("route_error_unknown", "links"))
-        elif self.plan.free_flow and free_flow is not None:
-            route_sd_wh = free_flow.share(self.plan.distance_m) * abs(self.energy_wh)
-            flags.append(Flag("free_flow_times", "road"))
-        else:
-            route_sd_wh = route.share(link_m) * abs(self.energy_wh)
-            if self.plan.free_flow:
-                flags.append(Flag("travel_time_error_unknown", "road"))
-            if link_m > float(route.length_m[-1]):
-                flags.append(Flag("links_too_long", "links", link_m, "m"))
-        found = replace(self, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags)))
-        return with_empty_flag(found)
+        return with_route_error(self, route, free_flow)
 
     @one_blas_thread
     def update(self, observed: pd.DataFrame) -> Forecast:
@@ -767,27 +679,7 @@ class Forecast:
         >>> found.to_dict()["energy_wh"] == found.energy_wh
         True
         """
-        own = () if reserve is None else (require_fraction("reserve", reserve),)
-        levels = (*ARRIVAL_LEVELS, *own)
-        return {
-            "trip": self.plan.trip_id,
-            "given": self.given,
-            "energy_wh": self.energy_wh,
-            "quantiles_wh": {f"{p:g}": self.quantile(p) for p in QUANTILES},
-            "soc_arrival": self.soc_arrival,
-            "soc_quantiles": {f"{p:g}": self.soc_quantile(p) for p in QUANTILES},
-            "wh_per_display": self.charge.wh_per_display,
-            "empty_at_m": dict(zip(("early", "expected", "late"), self.empty_at_m, strict=True)),
-            "missing_wh": dict(zip(("least", "expected", "most"), self.missing_wh, strict=True)),
-            "p_arrive": {f"{level:g}": self.p_arrive(level) for level in levels},
-            "climb": None if self.climbing is None else climb_document(self, levels),
-            "leave_with": None if probability is None else leave_document(self, reserve or 0.0, probability),
-            "series": {name: values.tolist() for name, values in self._series().items()},
-            "by_cause_wh": self.by_cause_wh,
-            "battery_loss_wh": self.battery_loss_wh,
-            "measured_until_s": self.measured_until_s,
-            "flags": [flag_to_dict(flag) for flag in self.flags],
-        }
+        return forecast_document(self, reserve, probability)
 
     @one_blas_thread
     def to_frame(self) -> pd.DataFrame:
@@ -847,7 +739,7 @@ class Forecast:
     def _cumulative_sd_wh(self) -> FloatArray:
         """Standard deviation of the energy up to each edge of the segments [Wh] apart from an unknown climb, shape (segments + 1,)."""
         own = self.sd_factor * self.rest_sd_factor * self.posterior.energy_wh(self.open_hours)[1]
-        return np.concatenate(([0.0], np.hypot(own, self._remaining_sd_wh)))
+        return np.concatenate(([0.0], np.hypot(own, remaining_sd_wh(self))))
 
     @cached_property
     def _climb(self) -> UnknownClimb | None:
@@ -865,16 +757,6 @@ class Forecast:
     def _excess(self) -> Excess:
         """Distribution of what the trip takes more than expected up to each edge."""
         return Excess.from_climb(self.uncertainty.scores, self._climb, self._cumulative_sd_wh)
-
-    @property
-    def _remaining_sd_wh(self) -> FloatArray:
-        """The parts of route and unknown state, in proportion to the time that was not measured, fully correlated [Wh]."""
-        ahead, anchor = self.open_hours, self.measured.anchor
-        if self.measured.hours is None and anchor is not None:  # the state of charge was read up to here
-            step_s = self.drive.segments.step_s
-            ahead = ahead * np.clip((self.drive.edges_s[1:] - anchor.time_s) / step_s, 0.0, 1.0)
-        whole = np.hypot(self.route_sd_wh, self.state_sd_wh)
-        return np.asarray(whole * np.cumsum(ahead) / self.drive.table.hours.sum())
 
     @cached_property
     def _least_wh(self) -> FloatArray:
@@ -964,6 +846,64 @@ def charge_with_spare(spare: Callable[[float], float]) -> float:
     return min(root + 2.0 * SOC_PRECISION, 1.0)  # on the side that suffices
 
 
+def remaining_sd_wh(forecast: Forecast) -> FloatArray:
+    """The parts of route and unknown state, in proportion to the time that was not measured, fully correlated [Wh], shape (segments,)."""
+    ahead, anchor = forecast.open_hours, forecast.measured.anchor
+    if forecast.measured.hours is None and anchor is not None:  # the state of charge was read up to here
+        step_s = forecast.drive.segments.step_s
+        ahead = ahead * np.clip((forecast.drive.edges_s[1:] - anchor.time_s) / step_s, 0.0, 1.0)
+    whole = np.hypot(forecast.route_sd_wh, forecast.state_sd_wh)
+    return np.asarray(whole * np.cumsum(ahead) / forecast.drive.table.hours.sum())
+
+
+def forecast_document(forecast: Forecast, reserve: float | None, probability: float | None) -> dict[str, Any]:
+    """A forecast as plain values: see `Forecast.to_dict`."""
+    levels = ARRIVAL_LEVELS if reserve is None else (*ARRIVAL_LEVELS, require_fraction("reserve", reserve))
+    return {
+        "trip": forecast.plan.trip_id,
+        "given": forecast.given,
+        "energy_wh": forecast.energy_wh,
+        "quantiles_wh": {f"{p:g}": forecast.quantile(p) for p in QUANTILES},
+        "soc_arrival": forecast.soc_arrival,
+        "soc_quantiles": {f"{p:g}": forecast.soc_quantile(p) for p in QUANTILES},
+        "wh_per_display": forecast.charge.wh_per_display,
+        "empty_at_m": dict(zip(("early", "expected", "late"), forecast.empty_at_m, strict=True)),
+        "missing_wh": dict(zip(("least", "expected", "most"), forecast.missing_wh, strict=True)),
+        "p_arrive": {f"{level:g}": forecast.p_arrive(level) for level in levels},
+        "climb": None if forecast.climbing is None else climb_document(forecast, levels),
+        "leave_with": None if probability is None else leave_document(forecast, reserve or 0.0, probability),
+        "series": {name: values.tolist() for name, values in forecast._series().items()},
+        "by_cause_wh": forecast.by_cause_wh,
+        "battery_loss_wh": forecast.battery_loss_wh,
+        "measured_until_s": forecast.measured_until_s,
+        "flags": [flag_to_dict(flag) for flag in forecast.flags],
+    }
+
+
+def with_route_error(
+    forecast: Forecast, route: RouteUncertainty | None, free_flow: FreeFlowUncertainty | None
+) -> Forecast:
+    """A forecast with the uncertainty of its planned route: see `Forecast.with_route_error`."""
+    link_m = forecast.plan.link_m
+    flags = [*forecast.flags, *(flag for flag in forecast.plan.flags if flag != FLAT_ROAD)]
+    if link_m is None:
+        return with_empty_flag(replace(forecast, flags=tuple(dict.fromkeys(flags))))
+    route_sd_wh = 0.0
+    if route is None:
+        flags.append(Flag("route_error_unknown", "links"))
+    elif forecast.plan.free_flow and free_flow is not None:
+        route_sd_wh = free_flow.share(forecast.plan.distance_m) * abs(forecast.energy_wh)
+        flags.append(Flag("free_flow_times", "road"))
+    else:
+        route_sd_wh = route.share(link_m) * abs(forecast.energy_wh)
+        if forecast.plan.free_flow:
+            flags.append(Flag("travel_time_error_unknown", "road"))
+        if link_m > float(route.length_m[-1]):
+            flags.append(Flag("links_too_long", "links", link_m, "m"))
+    found = replace(forecast, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags)))
+    return with_empty_flag(found)
+
+
 def climb_document(forecast: Forecast, levels: tuple[float, ...]) -> dict[str, Any]:
     """What the climb of a road of unknown heights changes, as plain values."""
     return {
@@ -1009,6 +949,13 @@ def first_empty(charge: FloatArray, distance_m: FloatArray) -> float | None:
         return 0.0
     share = charge[k - 1] / (charge[k - 1] - charge[k])
     return float(distance_m[k - 1] + share * (distance_m[k] - distance_m[k - 1]))
+
+
+def p_above(forecast: Forecast, displayed_soc: float) -> float:
+    """Probability that the charge at arrival, not held in 0..1, is at least a value, which may lie outside of 0..1 as well."""
+    centre, sd = forecast._charge_band
+    wh = forecast.charge.wh_per_display
+    return float(forecast._excess.probability_below((centre - displayed_soc) * wh, sd * wh)[-1])
 
 
 def possible_energy(centre_wh: Any, half_wh: Any, least_wh: Any) -> Any:

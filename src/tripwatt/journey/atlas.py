@@ -135,6 +135,12 @@ class Atlas:
         ------
         InvalidInput
             When the name is not that of one place, or the place lies outside of the map.
+
+        Examples
+        --------
+        >>> from tripwatt.routes.routers import open_server
+        >>> Atlas(open_server("osrm=http://127.0.0.1:5000")).find("47.14, 9.52", "from").title
+        '47.14000, 9.52000'
         """
         place = stop if isinstance(stop, Place) else find_place(stop, self.places, where, self.covers)
         if self.is_local and self.bounds_deg is not None:

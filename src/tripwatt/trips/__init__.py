@@ -1,7 +1,7 @@
 """Drives as data: `Log` as it came, `Trip` after its audit, `Plan` to come, and what is known at the `Departure`."""
 
 from tripwatt.trips.context import Context
-from tripwatt.trips.departure import ASKED, EXTRAS, SIGNALS, TEMPERATURES, Departure
+from tripwatt.trips.departure import ASKED, EXTRAS, SIGNALS, TEMPERATURES, TERRAINS, Departure
 from tripwatt.trips.drive import Drive
 from tripwatt.trips.energy import observed_cumulative_energy, observed_energy
 from tripwatt.trips.flags import Flag
@@ -40,6 +40,7 @@ __all__ = [
     "SIGNALS",
     "STEEPEST_GRADE",
     "TEMPERATURES",
+    "TERRAINS",
     "Column",
     "Context",
     "Departure",

@@ -1,0 +1,192 @@
+"""Roads of unknown heights: their climb is part of the forecast, and of what a trip teaches."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from benchmarks.unknown_climb import REGION_SCALE_M as SCALES
+from benchmarks.unknown_climb import region_scale, route_rows, trips_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import tripwatt as tw
+from tripwatt.forecasting.forecast import p_above
+from tripwatt.hybrid import segment_trips
+from tripwatt.hybrid.energy_errors import unknown_climb_wh
+from tripwatt.journey.forecasting import Drive
+from tripwatt.routes import terrain
+from tripwatt.routes.terrain import net_climbs
+from tripwatt.trips import TERRAINS, Plan, plan_from_trip
+from tripwatt.uncertainty.climb import UnknownClimb
+from tripwatt.uncertainty.conformal import ConformalScores
+
+COLD = tw.Departure(
+    soc=0.8,
+    ambient_temperature_degc=5.0,
+    battery_temperature_degc=5.0,
+    cabin_temperature_degc=5.0,
+    cabin_setpoint_degc=21.0,
+)
+
+
+def road(km: float = 15.0, grade: float | None = None, speed_m_s: float = 15.0) -> Plan:
+    link = {"length_m": 500.0, "speed_m_s": speed_m_s} | ({} if grade is None else {"grade": grade})
+    return tw.read_route([link] * round(2 * km))
+
+
+def forecast(plan: Plan, **known: object) -> tw.Forecast:
+    return tw.forecast(plan, replace(COLD, **known))
+
+
+def width(found: tw.Forecast) -> float:
+    low, high = found.interval(0.9)
+    return high - low
+
+
+def test_a_known_road_has_no_unknown_climb():
+    level = forecast(road(grade=0.0), terrain="mountains")
+    assert level.climbing is None
+    assert level.soc_per_climb_m is None
+    assert level.climb_to(0.1) is None
+    assert level.to_dict()["climb"] is None
+    assert "unknown_climb" not in {flag.code for flag in level.flags}
+    assert level.energy_wh == forecast(road(grade=0.0)).energy_wh
+
+
+def test_intervals_follow_the_country():
+    level = width(forecast(road(grade=0.0)))
+    flat, hilly, mountains, unknown = (
+        width(forecast(road(), terrain=name)) for name in ("flat", "hilly", "mountains", None)
+    )
+    assert level < flat < 1.1 * level
+    assert flat < hilly < mountains
+    assert flat < unknown < 1.6 * flat
+    far = [forecast(road(), terrain=name).quantile(0.999) for name in ("flat", "hilly", None, "mountains")]
+    assert far == sorted(far)
+
+
+@pytest.mark.parametrize("terrain_", TERRAINS)
+@settings(max_examples=25, deadline=None)
+@given(p=st.floats(1e-3, 1.0 - 1e-3), soc=st.floats(0.05, 1.0))
+def test_probabilities_are_the_inverse_of_quantiles(terrain_, p, soc):
+    found = forecast(road(), terrain=terrain_, soc=soc)
+    assert found.quantile(0.5) == pytest.approx(found.energy_wh, abs=1e-3)
+    assert found.probability_below(found.quantile(p)) == pytest.approx(p, abs=1e-6)
+    charge = found.charge.wh_per_display
+    arrives = found.soc_along(p)[-1]
+    assert p_above(found, float(arrives)) == pytest.approx(p, abs=1e-6)
+    assert sum(found.by_cause_wh.values()) == pytest.approx(found.energy_wh)
+    assert charge > 0.0
+
+
+def test_the_sum_of_climb_and_error_is_that_of_many_draws():
+    rng = np.random.default_rng(3)
+    scores = ConformalScores.from_errors(np.abs(rng.standard_t(5, 60)).tolist())
+    net = net_climbs()
+    offsets = 4.0 * net.net_m(np.array([0.0, 15_000.0]))
+    mixture = UnknownClimb(offsets, net.weights)
+    n = 400_000
+    climb = offsets[rng.choice(len(net.weights), n, p=net.weights), -1]
+    levels = rng.uniform(0.0, 1.0, n)
+    grid = np.linspace(0.0, 0.9999, 4000)
+    error = np.interp(levels, grid, [scores.factor(p) for p in grid]) * rng.choice([-1.0, 1.0], n) * 150.0
+    for p in (0.05, 0.25, 0.5, 0.75, 0.9, 0.975, 0.995):
+        found = float(mixture.quantile(scores, p, np.array([0.0, 150.0]))[-1])
+        assert np.mean(climb + error <= found) == pytest.approx(p, abs=0.003)
+
+
+@pytest.mark.parametrize("vehicle", ["bmw_i3_60ah", "nissan_leaf_40", "tesla_model_3_lr"])
+def test_a_metre_of_climb_takes_what_the_simulation_says(vehicle):
+    found = tw.forecast(road(), COLD, vehicle=vehicle)
+    assert found.climbing is not None
+    for grade in (0.01, 0.03):
+        climb = grade / np.hypot(1.0, grade) * 15_000.0
+        plans = (road(grade=grade), road(grade=0.0))
+        up, level = (tw.simulate(plan, vehicle, COLD).simulated_energy_wh for plan in plans)
+        assert found.climbing.more_wh(climb) == pytest.approx(up - level, rel=0.05)
+
+
+def test_the_climb_that_is_named_takes_the_charge_to_the_reserve():
+    found = forecast(road(), soc=0.3)
+    climb = found.climb_to(0.1)
+    assert climb is not None
+    grade = climb / 15_000.0
+    assert forecast(road(grade=grade), soc=0.3).soc_arrival == pytest.approx(0.1, abs=0.02)
+    assert found.climb_to(0.9) == 0.0
+    assert forecast(road(3.0), soc=0.9).climb_to(0.1) is None  # no road climbs 0.2 of its length
+
+
+def test_what_was_driven_has_no_unknown_climb():
+    before = forecast(road(30.0))
+    widths = []
+    for share in (0.25, 0.5, 0.9, 1.0):
+        end = share * before.plan.duration_s
+        seen = {"time_s": np.arange(0.0, end, 1.0)}
+        power = before.energy_wh / before.plan.duration_s * seen["time_s"]
+        after = before.update_since_departure(
+            pd.DataFrame(seen | {"speed_m_s": 15.0, "observed_energy_wh": power})
+        )
+        widths.append(float(after._climb.core_sd_wh[-1]))  # type: ignore[union-attr]
+    assert widths == sorted(widths, reverse=True)
+    assert widths[-1] < 0.1 * float(before._climb.core_sd_wh[-1])  # type: ignore[union-attr]
+
+
+def test_a_terrain_is_one_of_four():
+    with pytest.raises(tw.InvalidInput) as caught:
+        tw.Departure(terrain="alps")
+    assert caught.value.faults[0].where == "terrain"
+    assert "mountains" in caught.value.faults[0].allowed
+
+
+def test_a_set_that_is_scored_gives_no_heights(monkeypatch):
+    """The distribution without a set is that of a package that never had it."""
+    for name in SCALES:
+        net_climbs.cache_clear()
+        without = net_climbs("unknown", without=name)
+        assert not np.array_equal(without.over_10_km_m, net_climbs("unknown").over_10_km_m)
+        with monkeypatch.context() as patch:
+            patch.setattr(terrain, "REGION_SCALE_M", {k: v for k, v in SCALES.items() if k != name})
+            net_climbs.cache_clear()
+            assert np.array_equal(net_climbs("unknown").over_10_km_m, without.over_10_km_m)
+    net_climbs.cache_clear()
+
+
+def test_scales_of_regions_are_those_of_their_logs(data_dir: Path, tmp_path: Path):
+    for name, scale in SCALES.items():
+        if not (data_dir / name).is_dir():
+            pytest.skip(f"no trips at {data_dir / name}")
+        assert region_scale(trips_of(name, data_dir, tmp_path)[0]) == pytest.approx(scale, abs=0.05)
+
+
+def test_a_trip_without_heights_teaches_with_the_error_of_its_climb():
+    trips = tw.synthetic_fleet(3).trips
+    car = tw.load_vehicle("bmw_i3_60ah")
+    bare = [
+        replace(trip, samples=trip.samples.drop(columns=["elevation_m", "grade"], errors="ignore"))
+        for trip in trips
+    ]
+    known, unknown = (segment_trips(some, car).energy_errors.own_wh for some in (trips, bare))
+    expected = [unknown_climb_wh(plan_from_trip(trip), car) for trip in bare]
+    assert unknown == pytest.approx(np.hypot(known, expected))
+    assert min(expected) > 0.0
+    longer = [unknown_climb_wh(road(km), car) for km in (5.0, 20.0, 80.0)]
+    assert longer == sorted(longer)
+
+
+def test_intervals_cover_seeded_roads():
+    """Forty mountain and forty flat roads whose energy is drawn with known heights."""
+    rows = list(route_rows(40))
+    assert len(rows) == 2
+    assert all(row.met for row in rows), [f"{row.text}: {row.value}" for row in rows]
+
+
+def test_reach_and_charge_to_leave_with_allow_for_the_climb():
+    level, unknown = forecast(road(30.0, grade=0.0)), forecast(road(30.0), terrain="mountains")
+    assert unknown.soc_needed(0.1, 0.95) > level.soc_needed(0.1, 0.95) + 0.02
+    leave = unknown.soc_needed(0.1, 0.95)
+    assert unknown.leaving_with(leave).p_arrive(0.1) == pytest.approx(0.95, abs=0.01)
+    assert float(unknown.soc_along(0.95)[-1]) < float(level.soc_along(0.95)[-1])
+    drive = Drive(tw.load_model(), replace(COLD, terrain="mountains"))
+    assert drive.departure.terrain == "mountains"

@@ -1,0 +1,37 @@
+/** Which place a text names. */
+
+import assert from "node:assert/strict";
+import { describe, test } from "node:test";
+import type { Place } from "../src/api/types";
+import { isCalled, placeCalled } from "../src/model/places";
+
+function place(name: string, kind: string): Place {
+  return { name, kind, latitude_deg: 47, longitude_deg: 9 };
+}
+
+const CALLED: [string, string, boolean][] = [
+  ["Vaduz", "Vaduz", true],
+  [" vaduz ", "Vaduz, Liechtenstein", true],
+  ["Liechtenstein", "Vaduz, Liechtenstein", false],
+  ["Feldkirch", "Feldkircherstrasse, Nendeln", false],
+  ["Vaduz", "Vaduz VP Bank, Vaduz", false],
+  ["Landstrasse Schaan", "Landstrasse, Schaan", true],
+  ["hauptstrasse", "Hauptstraße, Gänsdorf", true],
+  ["Zuerich", "Zürich", true],
+  ["Zurich", "Zürich", true],
+  ["", "", false],
+];
+
+describe("the whole name of a place", () => {
+  for (const [words, name, expected] of CALLED) {
+    test(`${words} for ${name}`, () => {
+      assert.equal(isCalled(name, words), expected);
+    });
+  }
+  test("a part of a name, and a name of several, is no place", () => {
+    assert.equal(placeCalled("Feldkirch", [place("Feldkircherstrasse, Nendeln", "street")]), null);
+    const streets = [place("Landstrasse, Balzers", "street"), place("Landstrasse, Schaan", "street")];
+    assert.equal(placeCalled("Landstrasse", streets), null);
+    assert.equal(placeCalled("Landstrasse Schaan", streets), streets[1]);
+  });
+});
