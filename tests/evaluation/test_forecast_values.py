@@ -412,8 +412,9 @@ def test_what_is_kept_of_forecasts() -> None:
     assert kept["series_names"].tolist() == ["time_s", "energy_wh", "distance_m"]
 
 
-def test_arrivals_from_each_charge() -> None:
+def test_arrivals_from_each_charge(monkeypatch: pytest.MonkeyPatch) -> None:
     """From the display and from the battery management alone; nothing where one is not known."""
+    monkeypatch.setattr(forecast_models, "p_above", lambda told, charge: told.p_arrive(charge))
     seen = []
 
     class Model:

@@ -129,9 +129,10 @@ def test_what_training_never_saw_is_flagged_and_widens(model, trip):
     assert unusual.sd_wh > usual.sd_wh
     # far outside the correction is as uncertain as before any trip, and no more
     colder = dataclasses.replace(trip, samples=trip.samples.assign(ambient_temperature_degc=-60.0))
-    drive = model.forecast(colder).drive
-    prior = np.sqrt(2.0 * model.corrector_.model.variances_[: len(model.corrector_.terms)].sum())
-    assert drive.segments.outside_sd_wh <= prior * drive.table.hours.sum() * (1.0 + 1e-9)
+    drive, learner = model.forecast(colder).drive, model.corrector_.model
+    before = learner.prior_factor(learner.features(drive.table.features)[0])
+    prior = np.linalg.norm(drive.table.hours @ before)
+    assert 0.9 * prior < drive.segments.outside_sd_wh <= prior * (1.0 + 1e-9)
 
 
 def test_unusable_samples_are_refused(model, trip):

@@ -16,8 +16,10 @@ import pytest
 from tests.support.router_server import valhalla_serving
 
 import tripwatt as tw
+from tripwatt.cli.sentences import chance_to_arrive, unknown_climb_in_words
 from tripwatt.errors import InvalidInput
 from tripwatt.journey import Atlas, Drive, JourneyOptions, find_reach, open_atlas, plan_journey
+from tripwatt.routes.links import FLAT_ROAD
 from tripwatt.routes.maps import MapFolder, build_map
 from tripwatt.routes.maps.engine import valhalla_folder
 from tripwatt.routes.places import Place
@@ -208,3 +210,25 @@ def test_a_damaged_extract_leaves_nothing_behind(tmp_path: Path, built: MapFolde
     with pytest.raises(InvalidInput, match=r"cannot build the map: bad.osm.pbf"):
         build_map(tmp_path / "bad.osm.pbf", tmp_path / "map")
     assert [path.name for path in tmp_path.iterdir()] == ["bad.osm.pbf"]
+
+
+def test_a_mountain_road_without_heights_has_no_certain_verdict(
+    atlas: Atlas, model: tw.ForecastModel
+) -> None:
+    """Malbun lies 1,150 m above Vaduz; a map without elevation tiles does not have it."""
+    departure = tw.Departure(soc=0.8, ambient_temperature_degc=10.0)
+    journey = plan_journey(["Vaduz", "Malbun"], departure, atlas=atlas, model=model)
+    road = journey.roads[0].road
+    bare = replace(road.links, elevation_position_m=None, elevation_m=None, flags=(FLAT_ROAD,))
+    found = Drive(model, departure).forecast(road.with_links(bare))
+    assert "unknown_climb" in {flag.code for flag in found.flags}
+    climb = found.climb_to(0.1)
+    assert climb is not None
+    assert 1150.0 < climb < 3000.0
+    assert chance_to_arrive(found, 0.1) == "over 99 %, unless it climbs far"
+    (sentence,) = unknown_climb_in_words(found, 0.1)
+    assert sentence.startswith("This is not certain: the heights of the road are unknown.")
+    assert f"{climb:,.0f} m of climb" in sentence
+    assert found.quantile(0.999) > found.energy_wh + 3000.0  # of the 5 kWh that the climb takes
+    mountains = Drive(model, replace(departure, terrain="mountains")).forecast(road.with_links(bare))
+    assert mountains.quantile(0.99) > found.quantile(0.99)

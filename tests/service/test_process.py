@@ -55,7 +55,7 @@ def test_it_does_not_start_with_unsafe_settings(tmp_path: Path) -> None:
 
 def test_without_the_extra_the_error_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "fastapi", None)
-    with pytest.raises(InvalidInput, match=r"tripwatt\[service\]"):
+    with pytest.raises(InvalidInput, match=r"\.\[service\]"):
         serve()
 
 

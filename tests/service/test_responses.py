@@ -189,9 +189,21 @@ def test_the_elevation_of_an_upload_is_used_in_its_forecast(service: Service) ->
     found = service.client.post("/v1/routes", content=orjson.dumps(line), headers=headers).json()
     with_heights = service.forecast({"links": found["links"], "elevation": found["elevation"]}).json()
     flat = service.forecast({"links": found["links"]}).json()
-    assert with_heights["energy_wh"] > flat["energy_wh"] + 5.0
-    assert any(flag["code"] == "no_elevation" for flag in flat["flags"])
-    assert not any(flag["code"] == "no_elevation" for flag in with_heights["flags"])
+    level = {"position_m": [0.0, found["elevation"]["position_m"][-1]], "elevation_m": [500.0, 500.0]}
+    without_hills = service.forecast({"links": found["links"], "elevation": level}).json()
+    assert with_heights["energy_wh"] > without_hills["energy_wh"] + 5.0
+    assert any(flag["code"] == "unknown_climb" for flag in flat["flags"])
+    assert not any(flag["code"] == "unknown_climb" for flag in with_heights["flags"])
+    assert with_heights["climb"] is None
+    assert flat["climb"]["terrain"] == "unknown"
+    asked = service.forecast({"links": found["links"], "terrain": "flat"}).json()
+    assert asked["climb"]["terrain"] == "flat"
+    widths = [f["quantiles_wh"]["0.95"] - f["quantiles_wh"]["0.05"] for f in (asked, flat)]
+    assert widths[0] < widths[1]
+    assert (
+        service.client.post("/v1/forecast", json={"links": found["links"], "terrain": "alps"}).status_code
+        == 422
+    )
 
 
 def test_models_and_vehicles_have_names_for_requests(service: Service, drive: dict[str, Any]) -> None:

@@ -48,7 +48,7 @@ def test_electric_cars_are_read_and_others_are_counted(tmp_path):
     assert (row["heating_power_w"], row["aircon_power_w"]) == (2250.0, 150.0)
     assert fleet.trips[1].context.started_at == dt.datetime(2017, 11, 9, 6)
     assert any("2 trips of combustion cars and hybrids" in note for note in map(message, fleet.notes))
-    assert any("flat" in note for note in map(message, fleet.notes))
+    assert any("elevation" in note for note in map(message, fleet.notes))
     assert "Apache-2.0" in fleet.citation
 
 

@@ -294,7 +294,7 @@ def forecast(
 ) -> None:
     """Forecast a trip of one vehicle with the version in use. A vehicle without trips starts from its --car-model."""
     import tripwatt as tw
-    from tripwatt.cli.sentences import chance
+    from tripwatt.cli.sentences import chance_to_arrive
 
     model = _registry(registry).load()
     plan = tw.read_route(trip)
@@ -310,8 +310,8 @@ def forecast(
         ("energy", f"{found.energy_wh / 1000.0:.2f} kWh"),
         ("90 % interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
         ("state of charge at arrival", f"{100.0 * found.soc_arrival:.0f} %"),
-        ("probability to arrive", chance(found.p_arrive())),
-        (f"probability to arrive with {100.0 * reserve:g} % or more", chance(found.p_arrive(reserve))),
+        ("probability to arrive", chance_to_arrive(found)),
+        (f"probability to arrive with {100.0 * reserve:g} % or more", chance_to_arrive(found, reserve)),
     ]
     print_table("Forecast before departure", ("", "forecast"), rows)
 

@@ -311,7 +311,7 @@ def _unknown_climb(found: Forecast, reserve: float) -> list[tuple[str, str]]:
 
 
 def _show_forecast(found: Forecast, reserve: float) -> None:
-    from tripwatt.cli.sentences import chance, forecast_in_words
+    from tripwatt.cli.sentences import chance_to_arrive, forecast_in_words
     from tripwatt.forecasting.plots import CAUSE_NAMES
     from tripwatt.trips.messages import leave_in_words, period
 
@@ -323,8 +323,8 @@ def _show_forecast(found: Forecast, reserve: float) -> None:
         ("90 % interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
         *_arrival(found),
         *_where_empty(found),
-        ("probability to arrive", chance(found.p_arrive())),
-        (f"probability to arrive with {100.0 * reserve:g} % or more", chance(found.p_arrive(reserve))),
+        ("probability to arrive", chance_to_arrive(found)),
+        (f"probability to arrive with {100.0 * reserve:g} % or more", chance_to_arrive(found, reserve)),
         *_unknown_climb(found, reserve),
     ]
     typer.echo(forecast_in_words(found, found.plan.trip_id))

@@ -304,7 +304,7 @@ def _weather_by_hand(wind: str | None, rain: float | None, ambient: float | None
 
 
 def _show(found: Journey) -> None:
-    from tripwatt.cli.sentences import chance, journey_in_words
+    from tripwatt.cli.sentences import chance_to_arrive, journey_in_words
     from tripwatt.trips.messages import period
 
     typer.echo(f"From {' to '.join(place.described for place in found.stops)}.")
@@ -322,8 +322,8 @@ def _show(found: Journey) -> None:
                 period(forecast.plan.duration_s),
                 f"{forecast.energy_wh / 1000.0:.2f} kWh",
                 f"{100.0 * forecast.soc_arrival:.0f} % ({100.0 * low:.0f} to {100.0 * high:.0f} %)",
-                chance(forecast.p_arrive()),
-                chance(forecast.p_arrive(found.reserve)),
+                chance_to_arrive(forecast),
+                chance_to_arrive(forecast, found.reserve),
             )
         )
     columns = (

@@ -59,7 +59,7 @@ def _arrival(forecast: Forecast) -> str:
     end, low, high = (
         float(along[name].iloc[-1]) for name in ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
     )
-    arrives = f"The probability to arrive is {chance(forecast.p_arrive())}."
+    arrives = f"The probability to arrive is {chance_to_arrive(forecast)}."
     if forecast.missing_wh[1] > 0.0:
         least, missing, most = forecast.missing_wh
         text = (
@@ -107,9 +107,10 @@ def unknown_climb_in_words(forecast: Forecast, reserve: float) -> list[str]:
     per_metre, climb = forecast.soc_per_climb_m, forecast.climb_to(reserve)
     if per_metre is None or climb is None:
         return []
+    change = f"; with {climb:,.0f} m of climb you arrive with {_percent(reserve)} %" if climb > 0.0 else ""
     return [
-        f"This is not certain: the heights of the road are unknown. Each 100 m of climb takes {1e4 * per_metre:.1f} points; "
-        f"with {climb:,.0f} m of climb you arrive with {_percent(reserve)} %."
+        "This is not certain: the heights of the road are unknown. "
+        f"Each 100 m of climb takes {1e4 * per_metre:.1f} points{change}."
     ]
 
 
@@ -133,6 +134,18 @@ def held_out_in_words(trip: Mapping[str, Any], subject: str) -> str:
         f"{subject}, {trip['distance_m'] / 1000.0:.1f} km: {_kwh(trip['energy_wh'])} kWh; 9 in 10 such trips take "
         f"{_kwh(trip['low_90'])} to {_kwh(trip['high_90'])} kWh. Measured: {_kwh(trip['observed_energy_wh'])} kWh."
     )
+
+
+UNCERTAIN: Final = 0.99
+"""No higher probability is shown where a climb that nobody knows would change the arrival: no log shows how often roads climb so far."""
+
+
+def chance_to_arrive(forecast: Forecast, reserve: float = 0.0) -> str:
+    """Probability to arrive with a reserve; nothing near certainty where an unknown climb would change it."""
+    probability = forecast.p_arrive(reserve)
+    if probability > UNCERTAIN and forecast.climb_to(reserve) is not None:
+        return f"over {100.0 * UNCERTAIN:.0f} %, unless it climbs far"
+    return chance(probability)
 
 
 def chance(probability: float) -> str:

@@ -183,7 +183,7 @@ class Forecast:
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
         >>> found = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> found.quantile(0.5) == found.energy_wh
+        >>> round(found.quantile(0.5), 3) == round(found.energy_wh, 3)
         True
         """
         p = require_fraction("p", p)

@@ -108,8 +108,9 @@ class Score:
         --------
         >>> table = pd.DataFrame({"energy_wh": [1000.0, 3000.0], "forecast_wh": [1100.0, 2700.0],
         ...                       "low_wh": [900.0, 2500.0], "high_wh": [1300.0, 2900.0]})
-        >>> Score.of(table)
-        Score(trips=2, error=0.1, weighted_error=0.1, bias=-0.05, coverage=0.5, width=0.2, inside=1, needed_width=0.3)
+        >>> found = Score.of(table)
+        >>> found.inside, found.coverage, found.width, round(found.needed_width, 6)
+        (1, 0.5, 0.2, 0.3)
         """
         names = ("energy_wh", f"{start}forecast_wh", f"{start}low_wh", f"{start}high_wh")
         took, said, low, high = (table[name].to_numpy(dtype=np.float64) for name in names)

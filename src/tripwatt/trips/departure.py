@@ -79,6 +79,7 @@ def type_faults(departure: Departure) -> list[Fault]:
     kinds: dict[str, tuple[tuple[type, ...], str]] = {
         "weather": ((str,), "a text"),
         "follows_trip": ((bool, np.bool_), "True or False"),
+        "cabin_logged": ((bool, np.bool_), "True or False"),
         "started_at": ((dt.datetime,), "a datetime, for example datetime.datetime(2024, 1, 5, 8, 30)"),
     }
     given = {name: getattr(departure, name) for name in kinds}

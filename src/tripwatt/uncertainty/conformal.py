@@ -90,7 +90,7 @@ class ConformalScores:
         return float(self.probabilities(np.array([standardised]))[0])
 
     def probabilities(self, standardised: FloatArray) -> FloatArray:
-        """As `probability`, of many limits at once.
+        """Give `probability` of many limits at once.
 
         Parameters
         ----------
@@ -101,6 +101,11 @@ class ConformalScores:
         -------
         ndarray
             Shape of `standardised`.
+
+        Examples
+        --------
+        >>> ConformalScores.from_errors([1.0, 0.5, 2.0]).probabilities(np.array([-np.inf, 0.0, 1.0])).tolist()
+        [0.0, 0.5, 0.75]
         """
         n, last = len(self.values), float(self.values[-1])
         size = np.abs(standardised)
