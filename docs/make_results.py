@@ -113,7 +113,7 @@ RESULTS: Final = (
         1,
     ),
     Result("ved", ("-m benchmarks.ved_trips --write",), ("docs/ved.md#tables",), ("ved",), 1),
-    evaluation("forecast", 10),
+    evaluation("forecast", 20),
     Result(
         "model",
         ("docs/fit_default_model.py {data}/tum docs/results/forecast.json",),
@@ -121,7 +121,7 @@ RESULTS: Final = (
         ("tum", "docs/results/forecast.json"),
         1,
     ),
-    evaluation("paper", 10),
+    evaluation("paper", 4),
     Result(
         "links",
         ("-m benchmarks.planned --json {work}/links.json", "docs/publish_results.py {work}/links.json"),

@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from tripwatt.cli.printing import progress, progress_lines
-from tripwatt.cli.sentences import forecast_in_words
+from tripwatt.cli.sentences import chance_to_arrive, forecast_in_words, unknown_climb_in_words
 from tripwatt.forecasting import load_model
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import Departure, plan_from_samples
@@ -33,7 +33,8 @@ def made(soc: tuple[float, float, float, float], energy_wh: float = 2120.0, **mo
     plan = SimpleNamespace(departure=Departure(ambient_temperature_degc=-0.3))
     given = {
         "measured_until_s": 0.0,
-        "p_arrive": lambda: 0.42,
+        "p_arrive": lambda reserve=0.0: 0.42,
+        "climb_to": lambda reserve=0.0: None,
         "plan": plan,
         "missing_wh": (0.0, 0.0, 0.0),
     } | more
@@ -63,7 +64,7 @@ def test_a_battery_that_may_not_last_is_told_with_its_probability() -> None:
         "than it holds. The probability to arrive is 42.0 %. At best you arrive with 2 %."
     ) in not_enough
     certain = {"missing_wh": (200.0, 350.0, 500.0), "empty_at_m": (7_400.0, 9_600.0, 11_200.0)}
-    never = forecast_in_words(made((0.05, 0.0, 0.0, 0.0), p_arrive=lambda: 1e-5, **certain))
+    never = forecast_in_words(made((0.05, 0.0, 0.0, 0.0), p_arrive=lambda reserve=0.0: 1e-5, **certain))
     assert "is empty after 10 km (7 to 11 km)" in never
     assert never.endswith("The probability to arrive is under 0.1 %.")
 
@@ -107,3 +108,18 @@ def test_progress_without_a_terminal_is_few_plain_lines() -> None:
         "0 of 7 folds finished after 0 s",
         "7 of 7 folds finished after 0 s",
     ]
+
+
+def test_nothing_near_certainty_is_told_where_an_unknown_climb_would_change_it() -> None:
+    for climb, shown in ((None, "over 99.9 %"), (900.0, "over 99 %, unless it climbs far")):
+        told = SimpleNamespace(p_arrive=lambda reserve: 0.9999, climb_to=lambda reserve, climb=climb: climb)
+        assert chance_to_arrive(told, 0.1) == shown
+    unlikely = SimpleNamespace(p_arrive=lambda reserve: 0.42, climb_to=lambda reserve: 900.0)
+    assert chance_to_arrive(unlikely) == "42.0 %"
+    flat = SimpleNamespace(soc_per_climb_m=0.0002, climb_to=lambda reserve: 0.0)
+    assert unknown_climb_in_words(flat, 0.1) == [
+        "This is not certain: the heights of the road are unknown. Each 100 m of climb takes 2.0 points."
+    ]
+    high = SimpleNamespace(soc_per_climb_m=0.0002, climb_to=lambda reserve: 1234.4)
+    (sentence,) = unknown_climb_in_words(high, 0.1)
+    assert sentence.endswith("takes 2.0 points; with 1,234 m of climb you arrive with 10 %.")
