@@ -25,7 +25,7 @@ export const KINDS = Object.keys(SHARES) as Kind[];
 /** Longest link [m]. */
 const LINK_M = 1000;
 
-/** Links of a trip from town to town: town, country road, motorway, country road, town, on a level road. */
+/** Links of a trip from town to town: town, country road, motorway, country road, town, of unknown heights. */
 export function linksOfDistance(distanceM: number, kind: Kind): Link[] {
   const { town, country, motorway } = SHARES[kind];
   const stretches: [RoadType, number][] = [

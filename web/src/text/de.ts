@@ -78,7 +78,7 @@ export const de: Text = {
     },
     types: { town: "Stadt", country: "Landstraße", motorway: "Autobahn" },
     part: (share, type, speed) => `${share} ${type} mit ${speed}`,
-    assumed: (parts) => `Angenommen: ${parts}, eben.`,
+    assumed: (parts) => `Angenommen: ${parts}; die Höhen sind unbekannt.`,
     use: "Vorhersagen",
   },
   linksForm: {

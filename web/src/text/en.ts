@@ -76,7 +76,7 @@ export const en = {
     },
     types: { town: "town", country: "country roads", motorway: "motorway" },
     part: (share: string, type: string, speed: string) => `${share} ${type} at ${speed}`,
-    assumed: (parts: string) => `Assumed: ${parts}, on a level road.`,
+    assumed: (parts: string) => `Assumed: ${parts}; the heights are unknown.`,
     use: "Forecast",
   },
   linksForm: {

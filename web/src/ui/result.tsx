@@ -31,20 +31,25 @@ import { bandText, chanceInFigures } from "./wording";
 
 const MODES: Mode[] = ["plan", "compare", "drive"];
 
+/** A higher chance is not put into words where a climb that nobody knows would change it. */
+const MOST_UNCERTAIN = 0.9;
+
 function Chance({ of }: { of: Forecast }) {
   const reserve = requested.value.at.reserve;
   const chance = chanceOf(of, reserve);
   if (chance === null) return null;
   const climb = decisiveClimbM(of, reserve);
   // Not good where a climb that nobody knows would change it.
-  const verdict = climb !== null && verdictOf(chance) === "good" ? "open" : verdictOf(chance);
+  const certain = climb === null;
+  const verdict = !certain && verdictOf(chance) === "good" ? "open" : verdictOf(chance);
+  const likelihood = !certain && chance > MOST_UNCERTAIN ? "veryLikely" : likelihoodOf(chance);
   const { words, withReserve, withCharge, unlessClimb, atAll } = text.value.chance;
   const { shown } = format.value;
   return (
     <p class={`chance chance-${verdict}`}>
       <Icon name={verdict === "good" ? "check" : "warning"} />
       <span>
-        <strong>{words[likelihoodOf(chance)]}</strong>
+        <strong>{words[likelihood]}</strong>
         {reserve > 0 ? withReserve(shown(reserve, PERCENT)) : withCharge}
         <span class="figures"> · {chanceInFigures(chance)}</span>
         {climb !== null && <span class="figures"> · {unlessClimb(shown(climb, units.value.height, 0))}</span>}
