@@ -241,6 +241,24 @@ def test_a_trip_by_distance_and_kind_of_road(look: Look) -> None:
     page.get_by_text("100 mi, mostly motorway").wait_for()
 
 
+def test_a_road_of_unknown_heights_has_no_certain_verdict(look: Look) -> None:
+    page = look(locale="en-IE")
+    mode(page, "Distance")
+    page.get_by_label("Distance", exact=True).last.fill("20")
+    use = page.get_by_role("button", name="Forecast", exact=True)
+    _, answer = asked(page, "/v1/forecast", use.click)
+    assert answer["climb"]["terrain"] == "unknown"
+    assert answer["p_arrive"]["0.1"] > 0.99
+    page.get_by_text("The heights of the road are unknown.").wait_for()
+    verdict = page.locator(".chance-open")
+    verdict.get_by_text("Very likely").wait_for()
+    assert f"not with a climb of {answer['climb']['changes_at_m']['0.1']:,.0f}" in verdict.inner_text()
+    country = page.get_by_label("Terrain")
+    sent, flat = asked(page, "/v1/forecast", lambda: country.select_option("flat"))
+    assert sent["terrain"] == flat["climb"]["terrain"] == "flat"
+    page.locator(".chance-good").wait_for()
+
+
 def test_the_speed_of_a_track_is_changed_after_the_upload(look: Look) -> None:
     page = look()
     track = b"<kml><LineString><coordinates>11,48 11,48.09</coordinates></LineString></kml>"

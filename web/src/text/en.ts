@@ -154,7 +154,7 @@ export const en = {
     motorway: "Motorway speed",
     changeMotorway: (speed: string) => `Change the speed on links planned above ${speed}`,
     climate: "Climate control",
-    terrain: "Country",
+    terrain: "Terrain",
     terrains: { unknown: "Unknown", flat: "Flat", hilly: "Hilly", mountains: "Mountains" },
     climateModes: { auto: "Automatic", heat: "Heating only", cool: "Cooling only", off: "Off" },
     before: "Before departure",
