@@ -285,7 +285,7 @@ def test_a_batch_that_cannot_be_read_is_one_error(fleet, tmp_path):
     for bad in (0.0, 1.0):
         with pytest.raises(InvalidInput, match="quantiles"):
             forecast_batch(tmp_path, tmp_path / "in.parquet", tmp_path / "o", InProcess(), quantiles=(bad,))
-    for bad in (-0.1, 1.1):
+    for bad in (-0.1, 1.0):
         with pytest.raises(InvalidInput, match="reserve"):
             forecast_batch(tmp_path, tmp_path / "in.parquet", tmp_path / "o", InProcess(), reserve=bad)
     assert [_name(q) for q in (0.05, 0.5, 0.999)] == ["energy_wh_q05", "energy_wh_q50", "energy_wh_q99_9"]

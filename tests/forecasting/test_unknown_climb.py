@@ -98,6 +98,25 @@ def test_the_sum_of_climb_and_error_is_that_of_many_draws():
 
 
 @pytest.mark.parametrize("vehicle", ["bmw_i3_60ah", "nissan_leaf_40", "tesla_model_3_lr"])
+def test_hills_on_the_way_cost(vehicle):
+    """As much as a simulation of such a road; without them each scenario takes less, and no climb is a gain."""
+    found = tw.forecast(road(), replace(COLD, terrain="mountains"), vehicle=vehicle)
+    climbing = found.climbing
+    assert climbing is not None
+    steep = float(climbing.hill[-1])
+    links = [{"length_m": 500.0, "speed_m_s": 15.0, "grade": steep * (-1.0) ** k} for k in range(30)]
+    hilly, level = (
+        tw.simulate(plan, vehicle, COLD).simulated_energy_wh
+        for plan in (tw.read_route(links), road(grade=0.0))
+    )
+    # the reader rounds the tops and bottoms of the links, over 200 of their 500 m
+    assert 0.5 * climbing.hill_wh[-1, -1] < hilly - level < climbing.hill_wh[-1, -1]
+    smooth = replace(climbing, hill_wh=np.zeros_like(climbing.hill_wh))
+    more = climbing.ahead().offsets_wh[:, -1] - smooth.ahead().offsets_wh[:, -1]
+    assert (more > 0.0).all()
+
+
+@pytest.mark.parametrize("vehicle", ["bmw_i3_60ah", "nissan_leaf_40", "tesla_model_3_lr"])
 def test_a_metre_of_climb_takes_what_the_simulation_says(vehicle):
     found = tw.forecast(road(), COLD, vehicle=vehicle)
     assert found.climbing is not None

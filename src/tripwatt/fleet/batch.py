@@ -96,7 +96,10 @@ def forecast_batch(
         for q in quantiles
         if q in (0.0, 1.0)
     ]
-    raise_faults([*faults, *scalar_faults({"reserve": reserve})])
+    faults += scalar_faults({"reserve": reserve})
+    if reserve == 1.0:
+        faults.append(Fault("value out of range", "reserve", "1", "0 or more and less than 1"))
+    raise_faults(faults)
     try:
         file = pq.ParquetFile(source)
     except (OSError, pa.ArrowException) as error:
