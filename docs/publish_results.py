@@ -14,10 +14,17 @@ from pathlib import Path
 
 from PIL import Image
 
-from tripwatt.report import update_coverage, update_paper_page, update_readme, update_results_page
-from tripwatt.report.paper_page import FIGURES
-
 ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+from tools.docs.paper_page import FIGURES  # noqa: E402
+from tools.docs.results_pages import (  # noqa: E402
+    update_coverage,
+    update_paper_page,
+    update_readme,
+    update_results_page,
+)
+
 RESULTS = ROOT / "docs" / "results"
 
 

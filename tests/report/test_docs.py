@@ -5,9 +5,9 @@ import re
 from pathlib import Path
 
 import pytest
+from tools.docs.results_pages import PAGE, markers
 
 from tripwatt.physics.simulate import Simulation
-from tripwatt.report.readme import PAGE, markers
 from tripwatt.trips import COLUMNS, Context
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -6,9 +6,7 @@ from pathlib import Path
 
 import pytest
 from tests.support import ROOT
-
-from tripwatt.report.panels.gamm_summary import PAPER_TABLE2
-from tripwatt.report.paper_page import (
+from tools.docs.paper_page import (
     ELEMENTS,
     FIGURES,
     SCHEMATICS,
@@ -19,7 +17,9 @@ from tripwatt.report.paper_page import (
     table2_row,
     transfer_table,
 )
-from tripwatt.report.schematics import plot_hybrid, plot_simulation
+from tools.docs.schematics import plot_hybrid, plot_simulation
+
+from tripwatt.report.panels.gamm_summary import PAPER_TABLE2
 from tripwatt.report.view import View
 from tripwatt.vehicles import load_vehicle
 

@@ -14,10 +14,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
+from tools.docs.results_pages import update_readme, update_results_page
 
 from tripwatt.errors import InvalidInput
 from tripwatt.evaluation import PROTOCOLS
-from tripwatt.report import render_table, update_readme, update_results_page
+from tripwatt.report import render_table
 from tripwatt.report.model_styles import MODELS as STYLES
 from tripwatt.report.panel import Panel
 from tripwatt.report.panels import (

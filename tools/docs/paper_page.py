@@ -37,7 +37,7 @@ FIGURES: Final = (
 """Figures of the report that the page shows, as `docs/images/paper-<name>.png`."""
 
 SCHEMATICS: Final = ("simulation", "hybrid")
-"""Figures that `tripwatt.report.schematics` draws, under the same kind of name."""
+"""Figures that `tools.docs.schematics` draws, under the same kind of name."""
 
 VARIABLES: Final = (
     ("Time", "`time_s` [s]"),
@@ -322,7 +322,7 @@ ELEMENTS: Final = (
         _image(
             "simulation",
             "From time, speed and grade over road load and drivetrain to battery and energy",
-            "Drawn by `tripwatt.report.schematics` from the car under the preset `paper`; every value has its source in [the "
+            "Drawn by `tools.docs.schematics` from the car under the preset `paper`; every value has its source in [the "
             "car model](model.md).",
         ),
     ),
@@ -490,6 +490,6 @@ def render_paper_page(results: Mapping[str, Any], transfers: Transfers = ()) -> 
     sections = [f'<a id="{e.key}"></a>\n\n## {e.paper}\n\n{e.content(view, transfers)}' for e in ELEMENTS]
     origin = (
         f"Protocol `{results.get('protocol', '?')}`, seed {results.get('seed', '?')}, {view.note}; written from `results.json` by "
-        "`tripwatt.report.update_paper_page`."
+        "`tools.docs.publish_results`."
     )
     return "\n\n".join(["\n".join(rows), *sections, origin])

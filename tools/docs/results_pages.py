@@ -11,6 +11,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
+from tools.docs.links_page import render_links
+from tools.docs.paper_page import render_paper_page
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.evaluation import DEFAULT_PROTOCOL
 from tripwatt.report.html import write_whole
@@ -26,8 +28,6 @@ from tripwatt.report.panels.results_table import (
 )
 from tripwatt.report.panels.uncertainty import coverage_by_set, on_coverage, on_sets
 from tripwatt.report.panels.updates import on_updates, updates_table
-from tripwatt.report.paper_page import render_paper_page
-from tripwatt.report.planned import render_links
 from tripwatt.report.short_table import short_table
 from tripwatt.report.tables import markdown, number
 from tripwatt.report.view import View
@@ -111,7 +111,7 @@ def forecast_sentences(view: View) -> list[str]:
 def _origin(results: Mapping[str, Any]) -> str:
     return (
         f"Protocol `{results.get('protocol', '?')}`, seed {results.get('seed', '?')}; "
-        "written from `results.json` by `tripwatt.report.update_results_page`."
+        "written from `results.json` by `tools.docs.publish_results`."
     )
 
 
@@ -139,17 +139,8 @@ def markers(key: str) -> tuple[str, str]:
 def update_readme(results: Mapping[str, Any], readme_path: Path) -> None:
     """Replace what stands between the markers of a README by the short table. The rest stays as it is.
 
-    Parameters
-    ----------
-    results : mapping
-        The contract of `results.json`. Only the protocols of `README` change the README.
-    readme_path : Path
-        A file that holds the `markers` of `results`, once each and in this order.
-
-    Raises
-    ------
-    InvalidInput
-        When the markers are not there.
+    Only the protocols of `README` change the README. This and the other writers take the contract of `results.json` and a page
+    that holds its markers, once each and in this order; they raise `InvalidInput` where the markers are not there.
 
     Examples
     --------
@@ -167,73 +158,23 @@ def update_readme(results: Mapping[str, Any], readme_path: Path) -> None:
 
 
 def update_results_page(results: Mapping[str, Any], page_path: Path) -> None:
-    """Replace what stands between the markers of a protocol by its wide tables. The rest of the page stays as it is.
-
-    Parameters
-    ----------
-    results : mapping
-        The contract of `results.json`, or what `benchmarks.planned` writes (protocol `links`).
-    page_path : Path
-        A file that holds the `markers` of the protocol, once each and in this order.
-
-    Raises
-    ------
-    InvalidInput
-        When the markers are not there.
-
-    Examples
-    --------
-    >>> update_results_page(json.loads(Path("out/results.json").read_text()), Path("docs/results.md"))  # doctest: +SKIP
-    """
+    """Replace what stands between the markers of a protocol by its wide tables, also for what `benchmarks.planned` writes."""
     name = str(results.get("protocol"))
     key = name if name in PAGE else DEFAULT_PROTOCOL
     _between(page_path, key, PAGE[key](results))
 
 
 def update_coverage(results: Mapping[str, Any], page_path: Path) -> None:
-    """Replace what stands between the markers `coverage` of a page by what the intervals of the forecast held.
-
-    Parameters
-    ----------
-    results : mapping
-        The contract of `results.json`, protocol `forecast`.
-    page_path : Path
-        A file that holds the markers `coverage`, once each and in this order.
-
-    Raises
-    ------
-    InvalidInput
-        When the markers are not there.
-
-    Examples
-    --------
-    >>> update_coverage(json.loads(Path("out/results.json").read_text()), Path("docs/uncertainty.md"))  # doctest: +SKIP
-    """
+    """Replace what stands between the markers `coverage` of a page by what the intervals of the forecast held."""
     _between(page_path, "coverage", on_sets(View(results)))
 
 
 def update_paper_page(
     results: Mapping[str, Any], page_path: Path, transfers: Sequence[Mapping[str, Any]] = ()
 ) -> None:
-    """Replace what stands between the markers of the page on the paper by the list of its elements beside ours.
+    """Replace what stands between the markers `paper-page` by the list of the paper's elements beside ours.
 
-    Parameters
-    ----------
-    results : mapping
-        The contract of `results.json`, protocol `paper`.
-    page_path : Path
-        A file that holds the markers `paper-page`, once each and in this order.
-    transfers : sequence of mapping
-        Results of transfer runs.
-
-    Raises
-    ------
-    InvalidInput
-        When the markers are not there.
-
-    Examples
-    --------
-    >>> update_paper_page(json.loads(Path("out/results.json").read_text()), Path("docs/paper.md"))  # doctest: +SKIP
+    `results` are those of the protocol `paper`, `transfers` those of transfer runs.
     """
     _between(page_path, "paper-page", render_paper_page(results, transfers))
 
