@@ -96,7 +96,7 @@ page:  ## the page's bundle from its sources in web, into the package; needs Nod
 	npm --prefix web run build
 
 docs: .venv-check/.ready  ## the documentation as a site, into site/; open site/index.html
-	.venv-check/bin/python docs/site/build.py site
+	.venv-check/bin/python -m tools.docs.site.build site
 
 bench: .venv-bench/.ready  ## ratios against peers, all measured in one run, into bench.json
 	.venv-bench/bin/python -m benchmarks --out bench.json
@@ -111,7 +111,7 @@ bars-fleet: .venv-bench/.ready  ## the long measurements of a fleet: store, clus
 	.venv-bench/bin/python -m benchmarks.fleet
 
 results: .venv-check/.ready  ## what is published and stale, anew, then all pages; needs the data, see CONTRIBUTING
-	.venv-check/bin/python docs/make_results.py
+	.venv-check/bin/python -m tools.docs.make_results
 
 clean:
 	rm -rf .venv .venv-check .venv-bench .venv-latest .venv-lowest .venv-tools site out out.unfinished bench.json

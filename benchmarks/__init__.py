@@ -1,1 +1,1 @@
-"""Measurements against peers and against the project's own bars. Not part of the package, not part of the gate."""
+"""Speed and accuracy of the product: against peers, and against the bars of the project. No part of the package."""

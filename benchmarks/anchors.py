@@ -6,7 +6,6 @@ after every change of the physics or of the table of cars.
 
 from __future__ import annotations
 
-import argparse
 import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,6 +14,8 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
+from tools.command import run
+from tools.docs import pages
 
 from tripwatt.arrays import FloatArray
 from tripwatt.certification.anchoring import LOSSES, ROAD_LOAD, anchored, errors, scaled
@@ -26,8 +27,6 @@ from tripwatt.vehicles.loading import library_document
 
 ROOT: Final = Path(__file__).parents[1]
 TABLE: Final = ROOT / "src" / "tripwatt" / "vehicles" / "data" / "table" / "anchors.csv"
-DOCUMENT: Final = ROOT / "docs" / "library.md"
-MARKS: Final = ("<!-- anchors: python -m benchmarks.anchors --write -->", "<!-- end of the anchors -->")
 
 NOT_ANCHORED: Final = ("bmw_i3_60ah", "bmw_i3_94ah", "nissan_leaf_24", "nissan_leaf_30")
 """Cars older than 2019: their trips and dynamometer tests check the physics, and their certified figures are labels."""
@@ -147,7 +146,7 @@ def committed() -> list[Outcome]:
     return found
 
 
-def write(found: dict[str, Anchor]) -> None:
+def write_anchors(found: dict[str, Anchor]) -> None:
     with TABLE.open("w", encoding="utf-8", newline="") as file:
         out = csv.writer(file, lineterminator="\n")
         out.writerow(["car", "level", "loss", "entry", "value", "unit", "before"])
@@ -218,30 +217,18 @@ def render(outcomes: Sequence[Outcome]) -> str:
     return "\n".join(lines)
 
 
-def with_table(text: str, table: str, marks: tuple[str, str] = MARKS) -> str:
-    """The page with the table between its marks replaced."""
-    start, end = marks
-    head, _, rest = text.partition(start)
-    _, _, tail = rest.partition(end)
-    return f"{head}{start}\n\n{table}\n\n{end}{tail}"
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--write", action="store_true", help="compute the anchors again and renew table and page"
-    )
-    arguments = parser.parse_args()
-    if arguments.write:
+def main(write: bool = False) -> None:
+    """Print the table. `--write` computes the anchors again and renews table and page."""
+    if write:
         found, outcomes = compute()
-        write(found)
+        write_anchors(found)
     else:
         outcomes = committed()
     table = render(outcomes)
     print(table)
-    if arguments.write and DOCUMENT.is_file():
-        DOCUMENT.write_text(with_table(DOCUMENT.read_text("utf-8"), table), "utf-8")
+    if write:
+        pages.renew("library.md", "anchors", table)
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

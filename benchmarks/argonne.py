@@ -1,17 +1,18 @@
 """Simulated against measured energy of the BMW i3 on Argonne's dynamometer, row by row.
 
-Run: ``python -m benchmarks.argonne [--write docs/argonne.md]``. Needs the Argonne rows and the cycles, see the environment variables
+Run: ``python -m benchmarks.argonne [--write]``. Needs the Argonne rows and the cycles, see the environment variables
 TRIPWATT_REFERENCE and TRIPWATT_DATA in CONTRIBUTING.
 """
 
 from __future__ import annotations
 
-import argparse
-import os
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from tools import DATA, REFERENCE
+from tools.command import run
+from tools.docs import pages
 
 from tripwatt.physics import DriveConditions, simulate
 from tripwatt.units import M_PER_MILE
@@ -19,13 +20,6 @@ from tripwatt.vehicles import load_vehicle
 
 TEST_MASS_KG = 1443.33
 """Argonne D3 Master Summary List, 2014 BMW i3 BEV: 3182 lb."""
-
-
-def folders() -> tuple[Path, Path]:
-    return (
-        Path(os.environ.get("TRIPWATT_DATA", "../shared/data")),
-        Path(os.environ.get("TRIPWATT_REFERENCE", "../shared/reference")),
-    )
 
 
 def argonne_rows(data: Path, reference: Path, vehicle_name: str = "bmw_i3_60ah") -> pd.DataFrame:
@@ -117,25 +111,13 @@ def render_rows(rows: pd.DataFrame) -> str:
     return "\n".join(lines) + "\n"
 
 
-BEGIN, END = "<!-- argonne begin -->", "<!-- argonne end -->"
-
-
-def with_rows(page: str, table: str) -> str:
-    """A page with the table between its markers."""
-    before, _, rest = page.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    return f"{before}{BEGIN}\n{table}{END}{after}"
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--write", type=Path, help="page of the documentation whose table is renewed")
-    page = parser.parse_args().write
-    table = render_rows(argonne_rows(*folders()))
+def main(write: bool = False) -> None:
+    """Print the rows. `--write` renews docs/argonne.md."""
+    table = render_rows(argonne_rows(DATA, REFERENCE))
     print(table)
-    if page is not None:
-        page.write_text(with_rows(page.read_text(encoding="utf-8"), table), encoding="utf-8")
+    if write:
+        pages.renew("argonne.md", "argonne", table)
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

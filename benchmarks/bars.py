@@ -8,7 +8,6 @@ measured. Accuracy comes from the `results.json` of an evaluation of the TUM tri
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import json
 import math
@@ -22,6 +21,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from tools import DATA, REFERENCE, ROOT
+from tools.command import run
 
 from benchmarks import (
     anchors,
@@ -42,7 +44,7 @@ from benchmarks import (
 )
 from benchmarks import forecast as forecast_speed
 from benchmarks import journeys as journeys_of
-from benchmarks.measure import ROOT, RUNS, Row, tum_folder
+from benchmarks.measure import RUNS, Row, data_folder, tum_folder
 from tripwatt.sources.tum import REFERENCE_TRIPS
 
 NOT_AT_HAND = "not at hand"
@@ -246,13 +248,12 @@ def synthetic_coverage() -> Iterator[Bar]:
 
 def physics() -> Iterator[Bar]:
     """Bars on the physics alone: the dynamometer's rows and the closure of the energy."""
-    data, reference = argonne.folders()
     text, measure = (
         "moving parts: worst row at 21-25 °C of Argonne's dynamometer",
         "python -m benchmarks.argonne",
     )
-    if (data / "cycles").is_dir() and (reference / "anl_d3_i3.csv").is_file():
-        worst = argonne.summary(argonne.argonne_rows(data, reference))["worst_error_21_to_25_degc"]
+    if (DATA / "cycles").is_dir() and (REFERENCE / "anl_d3_i3.csv").is_file():
+        worst = argonne.summary(argonne.argonne_rows(DATA, REFERENCE))["worst_error_21_to_25_degc"]
         yield at_most(text, measure, worst, 0.08)
     else:
         yield missing(text, measure)
@@ -277,7 +278,7 @@ def leafs() -> Iterator[Bar]:
     from tripwatt.vehicles import load_vehicle
 
     text, measure = "physics of the VED's Leafs, trips over 2 km", "python -m benchmarks.ved_trips"
-    folder = ved_trips.ved_folder()
+    folder = data_folder("ved")
     if folder is None:
         yield missing(text, measure)
         return
@@ -504,7 +505,7 @@ def planned_routes(found: Path | None) -> Iterator[Bar]:
 def journeys() -> Iterator[Bar]:
     """Bars on journeys: cutting a road, and a real Valhalla where it is prepared."""
     measure = "python -m benchmarks.journeys"
-    for row in journeys_of.run():
+    for row in journeys_of.rows():
         yield (
             at_most(row.text, measure, row.value, row.bound, row.unit)
             if row.value is not None
@@ -519,7 +520,7 @@ def on_the_road() -> Iterator[Bar]:
     if data is None:
         yield missing("TUM trips sent to a service, 200 cars for 600 s", measure)
         return
-    for row in live.run(data, len(REFERENCE_TRIPS), cars=200, seconds=600.0):
+    for row in live.rows(data, len(REFERENCE_TRIPS), cars=200, seconds=600.0):
         if row.least > 0.0:
             yield at_least(row.text, measure, row.value, row.least)
         else:
@@ -532,7 +533,7 @@ def unknown_climbs() -> Iterator[Bar]:
     if tum is None:
         yield missing("logs with hidden heights", measure)
         return
-    for row in unknown_climb.run(tum.parent):
+    for row in unknown_climb.bounds():
         if row.least > 0.0 and math.isfinite(row.least):
             yield at_least(row.text, measure, row.value, row.least)
         if math.isfinite(row.most):
@@ -546,7 +547,7 @@ def energy_half_known() -> Iterator[Bar]:
     if data is None:
         yield missing("TUM trips with half of what was measured", measure)
         return
-    for row in half_known.run(data):
+    for row in half_known.rows(data):
         if row.least > 0.0:
             yield at_least(row.text, measure, row.value, row.least)
         elif row.most < float("inf"):
@@ -626,7 +627,7 @@ def bars(
     yield from speed(iter(gam.run()), GAM_SPEED, "OMP_NUM_THREADS=1 python -m benchmarks.gam")
     yield from speed(forecast_speed.run(), FORECAST_SPEED, "python -m benchmarks.forecast")
     yield from speed(service.run(), SERVICE, "python -m benchmarks.service")
-    yield from speed(hostile.run(), HOSTILE, "python -m benchmarks.hostile")
+    yield from speed(hostile.rows(), HOSTILE, "python -m benchmarks.hostile")
     yield from speed(iter(leave_with.run()), LEAVE_WITH, "python -m benchmarks.leave_with")
     yield from gam_tests()
     yield from certified()
@@ -641,21 +642,16 @@ def render(measured: list[Bar]) -> str:
     return "\n".join(lines)
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--results", type=Path, help="results.json, or its folder, of an evaluation of the TUM trips"
-    )
-    parser.add_argument(
-        "--runs", type=int, default=RUNS, help="how often each evaluation is run; times are medians"
-    )
-    parser.add_argument("--links", type=Path, help="results of `benchmarks.planned` that was run before")
-    parser.add_argument(
-        "--forecast", type=Path, help="results.json, or its folder, of an evaluation of the forecast"
-    )
-    arguments = parser.parse_args()
+def main(
+    results: Path | None = None, runs: int = RUNS, links: Path | None = None, forecast: Path | None = None
+) -> int:
+    """Print the bars; 1 when one is missed.
+
+    `--results` and `--forecast` take the `results.json`, or its folder, of an evaluation of the TUM trips; `--links` those of
+    `benchmarks.planned`; times are medians of `--runs`.
+    """
     measured = []
-    for bar in bars(arguments.results, arguments.runs, arguments.links, arguments.forecast):
+    for bar in bars(results, runs, links, forecast):
         measured.append(bar)
         print(f"{bar.verdict:>12}  {bar.text}: {bar.figure} ({bar.required})", file=sys.stderr, flush=True)
     print(render(measured))
@@ -663,5 +659,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
-    sys.exit(main())
+    run(main)

@@ -10,16 +10,16 @@ nearest. Nothing is fitted to these rows.
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 import pandas as pd
+from tools import CATALOGUE
+from tools.command import run
+from tools.docs import pages
 
-from benchmarks.anchors import DOCUMENT, with_table
-from benchmarks.car_table import CATALOGUE
 from tripwatt.certification.consumption import driven_wh_per_km
 from tripwatt.certification.schedules import schedule
 from tripwatt.physics import DriveConditions, simulate
@@ -27,7 +27,6 @@ from tripwatt.units import KG_PER_LB, N_PER_LBF
 from tripwatt.vehicles import Vehicle, load_vehicle
 from tripwatt.vehicles.catalogue import M_S_PER_MPH
 
-MARKS: Final = ("<!-- cold: python -m benchmarks.cold_rows --write -->", "<!-- end of the cold rows -->")
 COLD: Final = "Charge Depleting 20 Degree F FTP"
 CITY: Final = "Charge Depleting UDDS"
 COLD_DEGC: Final = -6.7
@@ -147,15 +146,13 @@ def render(rows: list[ColdRow]) -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="renew the table of docs/library.md")
+def main(write: bool = False) -> None:
+    """Print the table. `--write` renews that of docs/library.md."""
     table = render(compute())
     print(table)
-    if parser.parse_args().write:
-        DOCUMENT.write_text(with_table(DOCUMENT.read_text("utf-8"), table, MARKS), "utf-8")
+    if write:
+        pages.renew("library.md", "cold", table)
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -5,10 +5,10 @@ Every trip is forecast by a model whose corrector, process, scale and scores hav
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import dataclass
 
 import numpy as np
+from tools.command import run
 
 from tripwatt.evaluation.forecast_data import ForecastData
 from tripwatt.evaluation.forecast_scores import LEVELS
@@ -52,16 +52,13 @@ def synthetic_coverage(trips: int = 600, seed: int = SEED) -> Covered:
     )
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--trips", type=int, default=600)
-    parser.add_argument("--seed", type=int, default=SEED)
-    given = parser.parse_args()
-    found = synthetic_coverage(given.trips, given.seed)
+def main(trips: int = 600, seed: int = SEED) -> None:
+    """Print error, coverage and width."""
+    found = synthetic_coverage(trips, seed)
     print(f"{found.trips} synthetic trips, {FOLDS} folds, mean APE {found.mape:.4f}")
     for level, share, width in zip(LEVELS, found.share, found.width_wh, strict=True):
         print(f"{level:.0%} interval: covers {share:.1%}, mean width {width / 1000:.3f} kWh")
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

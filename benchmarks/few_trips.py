@@ -1,4 +1,4 @@
-"""What a few own trips teach: `python -m benchmarks.few_trips [--cars 100] [--write PAGE]`.
+"""What a few own trips teach: `python -m benchmarks.few_trips [--cars 100] [--write]`.
 
 Synthetic cars of the middle class whose values are not the published ones (`benchmarks.worlds`) forecast ten further trips
 without trips of their own and with 5, 10 and 20. Prints the error, that of the same number of trips as a constant Wh/km and of a
@@ -10,17 +10,17 @@ besides.
 
 from __future__ import annotations
 
-import argparse
-import os
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from joblib import Parallel, delayed
+from tools import DATA
+from tools.command import run
+from tools.docs import pages
 
 import tripwatt as tw
 from benchmarks.long_trips import scored
-from benchmarks.worlds import LEVELS, WORLDS, Row, write
+from benchmarks.worlds import LEVELS, WORLDS, Row, table
 from tripwatt.evaluation.table_models import SIX
 from tripwatt.hybrid import EnergyRegression, build_table
 from tripwatt.hybrid.parameters import changed
@@ -51,7 +51,7 @@ def constant(own: Sequence[Trip], asked: Sequence[Trip]) -> np.ndarray:
 
 def donor_regression() -> EnergyRegression:
     """Energy of the donor's trips on six totals of a trip."""
-    folder = Path(os.environ.get("TRIPWATT_DATA", "../shared/data")) / "tum"
+    folder = DATA / "tum"
     trips = read_logs(folder).reference_trips() if folder.is_dir() else tw.synthetic_fleet().trips
     return EnergyRegression(SIX).fit(build_table(trips, {"physics": load_vehicle(DONOR)}))
 
@@ -103,30 +103,21 @@ def line(k: int, rows: np.ndarray) -> bool:
     return bool(met)
 
 
-def main() -> int:
-    """Print a line for each number of own trips; exit code 1 when a bar is missed."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--cars", type=int, default=100)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--world", choices=list(WORLDS), default="published")
-    parser.add_argument("--write", type=Path, help="renew the table of this page, with all worlds")
-    chosen = parser.parse_args()
+def main(cars: int = 100, jobs: int = 2, world: str = "published", write: bool = False) -> int:
+    """A line for each number of own trips; 1 when a bar is missed. `--write` renews docs/synthetic.md, with all worlds."""
     base, regression = tw.load_model(), donor_regression()
     every_met, shown = True, []
-    for world in WORLDS if chosen.write else (chosen.world,):
-        print(f"{world}: {WORLDS[world][0]}", flush=True)
-        cars = Parallel(n_jobs=chosen.jobs)(
-            delayed(of_car)(world, seed, base, regression) for seed in range(chosen.cars)
-        )
+    for name in WORLDS if write else (world,):
+        print(f"{name}: {WORLDS[name][0]}", flush=True)
+        every = Parallel(n_jobs=jobs)(delayed(of_car)(name, seed, base, regression) for seed in range(cars))
         for i, k in enumerate(OWN):
-            of_k = [car[i] for car in cars]
+            of_k = [car[i] for car in every]
             every_met &= line(k, np.concatenate(of_k))
-            shown.append(Row.of(world, f"{k} own trips" if k else "published values", of_k))
-    if chosen.write:
-        write(chosen.write, "few trips", shown)
-        return 0
-    return 0 if every_met else 1
+            shown.append(Row.of(name, f"{k} own trips" if k else "published values", of_k))
+    if write:
+        pages.renew("synthetic.md", "few-trips", table(shown))
+    return int(not write and not every_met)
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    run(main)

@@ -28,12 +28,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tools.docs import pages
 
 from benchmarks.bars import Bar, at_least, at_most, missing, shown
 
 COMMAND = "python -m benchmarks.fleet"
-PAGE = Path(__file__).parents[1] / "docs" / "fleet.md"
-MARKS = ("<!-- costs: python -m benchmarks.fleet scale --write -->", "<!-- end of the costs -->")
 MB = 1.0 / 1024.0
 
 
@@ -499,10 +498,8 @@ def same(trips: int = 160, vehicles: int = 16) -> Iterator[Bar]:
 def write(bars: list[Bar]) -> None:
     """Put what `scale` printed between the marks of the page."""
     rows = "\n".join(f"| {bar.text} | {bar.figure} |" for bar in bars)
-    head, _, rest = PAGE.read_text(encoding="utf-8").partition(MARKS[0])
-    tail = rest.partition(MARKS[1])[2]
     table = f"`{bars[0].measure}` printed:\n\n| what | printed |\n|---|---:|\n{rows}"
-    PAGE.write_text(f"{head}{MARKS[0]}\n\n{table}\n\n{MARKS[1]}{tail}", encoding="utf-8")
+    pages.renew("fleet.md", "costs", table)
 
 
 def main() -> None:

@@ -6,7 +6,6 @@ present, else the time stored with its fit.
 
 from __future__ import annotations
 
-import os
 import resource
 import shutil
 import subprocess
@@ -18,8 +17,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from tools import REFERENCE, command
 
-from benchmarks.measure import ROOT, Row
+from benchmarks.measure import Row
 from tripwatt.gam import GAMM, Formula, Parametric, RandomEffect, Smooth, Tensor, Term
 
 HERTZ = 10
@@ -38,7 +38,7 @@ cat(t1[1] + t1[2])
 
 def reference_folder() -> Path | None:
     """The regressions and mgcv's fits of them, or None where they are not at hand."""
-    folder = Path(os.environ.get("TRIPWATT_REFERENCE", ROOT / "../shared/reference")) / "mgcv"
+    folder = REFERENCE / "mgcv"
     return folder if folder.is_dir() else None
 
 
@@ -161,10 +161,10 @@ def run() -> list[Row]:
 
 
 def main() -> None:
+    """Print the rows."""
     for row in run():
-        beside = "" if row.peer is None else f"   {row.peer}: {row.peer_value:.3g}   ratio {row.ratio:.3g}"
-        print(f"{row.name}: {row.value:.3g} {row.unit}{beside}", flush=True)
+        print(row.line, flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    command.run(main)

@@ -8,8 +8,6 @@ units of the one that the trips carry.
 
 from __future__ import annotations
 
-import argparse
-import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,9 +15,10 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from tools import DATA
+from tools.command import run
 
 import tripwatt as tw
-from benchmarks.measure import tum_folder
 from tripwatt.arrays import FloatArray
 from tripwatt.evaluation.metrics import absolute_percentage_error
 from tripwatt.sources.tum import REFERENCE_TRIPS
@@ -126,24 +125,17 @@ def rows_of(trips: Sequence[Trip], what: str, splits: int) -> Iterator[Row]:
     )
 
 
-def run(data: Path, splits: int = SPLITS) -> Iterator[Row]:
+def rows(data: Path, splits: int = SPLITS) -> Iterator[Row]:
     """All rows."""
     trips = [t for t in tw.read_trips(data, "tum") if t.trip_id in REFERENCE_TRIPS and t.observed_energy_wh]
     for what in PERIOD_S:
         yield from rows_of(trips, what, splits)
 
 
-def main() -> int:
-    """Print the rows; 1 when a bound is missed."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--data", type=Path, default=None)
-    parser.add_argument("--splits", type=int, default=SPLITS, help="random splits, seeded from 0")
-    given = parser.parse_args()
-    data = given.data or tum_folder()
-    if data is None:
-        parser.error("the TUM trips are not at hand")
+def main(splits: int = SPLITS) -> int:
+    """Print the rows of so many random splits; 1 when a bound is missed."""
     met = True
-    for row in run(data, given.splits):
+    for row in rows(DATA / "tum", splits):
         inside = row.least <= row.value <= row.most
         met &= inside
         print(f"{'yes' if inside else 'NO':3} {row.value:12.6g}  {row.text}", flush=True)
@@ -151,4 +143,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

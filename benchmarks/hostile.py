@@ -6,14 +6,13 @@ asks, cars with extreme values, kills of every command that writes, and kills of
 
 from __future__ import annotations
 
-import argparse
 import resource
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 import orjson
 from tests.support.cars import LEVEL_ROAD, extreme_cars
@@ -21,6 +20,7 @@ from tests.support.hostile_files import TARGETS, forged_models, fuzz
 from tests.support.service_attacks import ATTACKS, FORECAST, attacking, seen_by_another
 from tests.support.service_process import serving, wait_for
 from tests.support.writers import WRITERS, killed_at_random
+from tools.command import run
 
 from benchmarks.measure import Row
 
@@ -132,7 +132,7 @@ def workers(kills: int = 32, seconds: float = 45.0) -> Iterator[Row]:
     yield Row(WORKERS, float(bad), "")
 
 
-def run() -> Iterator[Row]:
+def rows() -> Iterator[Row]:
     """All rows."""
     yield from inputs(MUTANTS, MODELS)
     yield from cars(CARS)
@@ -141,27 +141,26 @@ def run() -> Iterator[Row]:
     yield from workers()
 
 
-def main() -> None:
+def main(
+    mutants: int = MUTANTS,
+    models: int = MODELS,
+    kills: int = KILLS,
+    seconds: float = SECONDS,
+    only: Literal["inputs", "cars", "attacks", "writers", "workers"] | None = None,
+) -> None:
     """Print the rows."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--mutants", type=int, default=MUTANTS)
-    parser.add_argument("--models", type=int, default=MODELS)
-    parser.add_argument("--kills", type=int, default=KILLS)
-    parser.add_argument("--seconds", type=float, default=SECONDS)
-    parser.add_argument("--only", choices=("inputs", "cars", "attacks", "writers", "workers"))
-    given = parser.parse_args()
     parts = {
-        "inputs": lambda: inputs(given.mutants, given.models),
+        "inputs": lambda: inputs(mutants, models),
         "cars": lambda: cars(CARS),
-        "attacks": lambda: attacks(given.seconds),
-        "writers": lambda: writers(given.kills),
+        "attacks": lambda: attacks(seconds),
+        "writers": lambda: writers(kills),
         "workers": workers,
     }
     for name, part in parts.items():
-        if given.only in (None, name):
+        if only in (None, name):
             for row in part():
                 print(f"{row.name}: {row.value:.4g} {row.unit}", flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

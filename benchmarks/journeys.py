@@ -8,9 +8,7 @@ loopback.
 from __future__ import annotations
 
 import itertools
-import os
 import statistics
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -19,9 +17,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tests.support.router_server import valhalla_serving
+from tools import DATA
+from tools.command import run
 
 import tripwatt as tw
-from benchmarks.measure import ROOT
 from tripwatt.journey import Atlas, Drive, JourneyOptions, Place, find_reach, journey_with, open_atlas
 from tripwatt.routes import plan_from_links, route_from_links
 from tripwatt.routes.maps import MapFolder, build_map
@@ -101,7 +100,7 @@ def valhalla() -> Iterator[Row]:
     """Building a map, planning, finding places, reach."""
     names = ("build of the map", "plan of 20 km, p50", "search for places, p50", "area of reach")
     bounds = ((10.0, "s"), (40.0, "ms"), (10.0, "ms"), (2000.0, "ms"))
-    extract = Path(os.environ.get("TRIPWATT_DATA", ROOT / "../shared/data")) / "osm" / "liechtenstein.osm.pbf"
+    extract = DATA / "osm" / "liechtenstein.osm.pbf"
     why = "" if valhalla_folder() is not None else "Valhalla is not prepared"
     why = why or ("" if extract.is_file() else f"no extract at {extract}")
     if why:
@@ -146,7 +145,7 @@ def _atlas(built: MapFolder) -> Iterator[tuple[Atlas, str]]:
         yield open_atlas(address), "server on loopback"
 
 
-def run() -> Iterator[Row]:
+def rows() -> Iterator[Row]:
     """All rows."""
     yield from cutting()
     yield from valhalla()
@@ -154,7 +153,7 @@ def run() -> Iterator[Row]:
 
 def main() -> int:
     missed = False
-    for row in run():
+    for row in rows():
         figure = row.why if row.value is None else f"{row.value:.4g} {row.unit}"
         missed = missed or (row.value is not None and row.value > row.bound)
         print(f"{row.text}: {figure} (at most {row.bound:g} {row.unit})")
@@ -162,4 +161,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

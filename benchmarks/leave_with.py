@@ -8,10 +8,8 @@ plans of one trip, and how often each exception was answered.
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import random
-import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -19,6 +17,7 @@ from pathlib import Path
 from typing import Final
 
 from tests.support.service_process import Service, serving
+from tools.command import run
 
 import tripwatt as tw
 from benchmarks.measure import Row
@@ -126,7 +125,7 @@ def spread(found: Sequence[Answer]) -> float:
     return max(max(values) - min(values) for values in by_trip.values())
 
 
-def run(cars: Sequence[str] | None = None) -> list[Row]:
+def measured(cars: Sequence[str] | None = None) -> list[Row]:
     """The rows of the benchmark, over the whole library unless cars are given."""
     found = list(answers(vehicle_names() if cars is None else cars))
     with tempfile.TemporaryDirectory() as scratch, serving(Path(scratch), "--workers", "1") as service:
@@ -144,12 +143,10 @@ def run(cars: Sequence[str] | None = None) -> list[Row]:
     ]
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split(":", 1)[0])
-    parser.add_argument("--cars", type=int, metavar="N", help="a seeded sample of so many cars")
-    asked = parser.parse_args(arguments)
+def main(cars: int = 0) -> int:
+    """Print the rows of all cars, or of a seeded sample of so many; 1 when a bound is missed."""
     names = sorted(vehicle_names())
-    rows = run(random.Random(1).sample(names, asked.cars) if asked.cars else names)
+    rows = measured(random.Random(1).sample(names, cars) if cars else names)
     for row in rows:
         print(f"{row.name:90s} {row.value:10.5g}")
     values = {row.name: row.value for row in rows}
@@ -157,4 +154,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

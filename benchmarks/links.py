@@ -1,6 +1,6 @@
 """What it costs to know a trip only as links: simulated energy on link-made profiles against the true traces.
 
-Run: ``python -m benchmarks.links [--json FILE] [--write docs/routes.md]``. Needs TRIPWATT_DATA. The 58 TUM reference trips at 1 Hz, the car's
+Run: ``python -m benchmarks.links [--json FILE] [--write]``. Needs TRIPWATT_DATA. The 58 TUM reference trips at 1 Hz, the car's
 default physics; links of 250 m and 1 km with their mean speed (standstill included), elevation at the ends, stops not
 given. Three drivers: constant speed on every link; the link style's defaults, which know no TUM trip; a style
 calibrated within five folds on the simulated energy of the other trips.
@@ -11,16 +11,18 @@ Dataset whose speed is logged without gaps of more than four seconds, and EPA's 
 
 from __future__ import annotations
 
-import argparse
 import json
-import os
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
+from tools import DATA
+from tools.command import run
+from tools.docs import pages
+from typer import Option
 
 from tripwatt.physics import simulate_trip
 from tripwatt.routes import (
@@ -41,10 +43,6 @@ FOLDS = 5
 EVALUATIONS = 60
 MOST_GAP_S = 4.0
 Driver = Callable[[LinkRoute, Trip], Trip]
-
-
-def data() -> Path:
-    return Path(os.environ.get("TRIPWATT_DATA", "../shared/data"))
 
 
 def constant(route: LinkRoute, trip: Trip) -> Trip:
@@ -179,7 +177,7 @@ def milliseconds(number: int, repeats: int = 30) -> float:
 
 def measure() -> dict[str, Any]:
     car = load_vehicle("bmw_i3_60ah")
-    trips = [resample(t) for t in read_logs(data() / "tum").reference_trips()]
+    trips = [resample(t) for t in read_logs(DATA / "tum").reference_trips()]
 
     def energy(trip: Trip) -> float:
         return simulate_trip(car, trip).simulated_energy_wh
@@ -239,19 +237,11 @@ def table(result: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def write(page: Path, result: dict[str, Any]) -> None:
-    """Replace the figures between the marks of a page."""
-    text = page.read_text(encoding="utf-8")
-    head, begin, rest = text.partition("<!-- links begin -->\n")
-    _, end, tail = rest.partition("<!-- links end -->")
-    page.write_text(f"{head}{begin}{table(result)}\n{end}{tail}", encoding="utf-8")
-
-
-def defaults() -> None:
+def default_style() -> None:
     """Calibrate on data that has nothing to do with the TUM trips and show what is found."""
-    trips = [resample(trip) for trip in read_logs(data() / "ved", "ved").trips if well_logged(trip)]
+    trips = [resample(trip) for trip in read_logs(DATA / "ved", "ved").trips if well_logged(trip)]
     logged = len(trips)
-    for path in sorted((data() / "cycles").glob("*.csv")):
+    for path in sorted((DATA / "cycles").glob("*.csv")):
         schedule = pd.read_csv(path)[["cycSecs", "cycMps"]].astype(float)
         schedule.columns = pd.Index(["time_s", "speed_m_s"])
         trips.append(Trip.from_samples(path.stem, schedule))
@@ -266,22 +256,20 @@ def defaults() -> None:
         print(f"{length:g} m: {summary(differences(trips, length, styled(style), road_work))}")
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", type=Path, help="write the figures here")
-    parser.add_argument("--write", type=Path, help="replace the figures in this page")
-    parser.add_argument("--defaults", action="store_true", help="derive the default style")
-    arguments = parser.parse_args()
-    if arguments.defaults:
-        defaults()
+def main(
+    json_to: Annotated[Path | None, Option("--json")] = None, write: bool = False, defaults: bool = False
+) -> None:
+    """Print the figures. `--write` renews docs/routes.md, `--defaults` derives the default style."""
+    if defaults:
+        default_style()
         return
     result = measure()
     print(table(result))
-    if arguments.json:
-        arguments.json.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    if arguments.write:
-        write(arguments.write, result)
+    if json_to is not None:
+        json_to.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    if write:
+        pages.renew("routes.md", "links", table(result))
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -9,7 +9,6 @@ the lag of many cars that send every 2 s.
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import os
 import random
@@ -28,9 +27,10 @@ import pandas as pd
 from tests.live.brokers import MOSQUITTO, Sent, replay
 from tests.live.messages import NOON_S, abrp_messages, measured, over_a_bad_connection, samples_of
 from tests.support.service_process import Service, serving
+from tools import DATA
+from tools.command import run
 
 import tripwatt as tw
-from benchmarks.measure import tum_folder
 from tripwatt.forecasting import Forecast
 from tripwatt.live import issue_token, open_live_car
 from tripwatt.sources.tum import REFERENCE_TRIPS
@@ -265,7 +265,7 @@ async def _load(service: Service, tokens: Sequence[str], seconds: float) -> tupl
     return lags, memory
 
 
-def run(data: Path, most: int, cars: int, seconds: float) -> Iterator[Row]:
+def rows(data: Path, most: int, cars: int, seconds: float) -> Iterator[Row]:
     """All rows."""
     known = [t for t in tw.read_trips(data, "tum") if t.trip_id in REFERENCE_TRIPS and t.observed_energy_wh]
     drives = [Drive.of(trip) for trip in known]
@@ -279,18 +279,10 @@ def run(data: Path, most: int, cars: int, seconds: float) -> Iterator[Row]:
     yield from many_cars(cars, seconds)
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--data", type=Path, default=None)
-    parser.add_argument(
-        "--trips", type=int, default=len(REFERENCE_TRIPS), help="trips that are sent to a service"
-    )
-    parser.add_argument("--cars", type=int, default=200)
-    parser.add_argument("--seconds", type=float, default=600.0)
-    options = parser.parse_args()
-    data = options.data or tum_folder()
+def main(trips: int = len(REFERENCE_TRIPS), cars: int = 200, seconds: float = 600.0) -> int:
+    """Send so many trips to a service; print the rows, 1 when a bound is missed."""
     met = True
-    for row in run(data, options.trips, options.cars, options.seconds):
+    for row in rows(DATA / "tum", trips, cars, seconds):
         inside = row.least <= row.value <= row.most
         met &= inside
         print(f"{'yes' if inside else 'NO':3} {row.value:12.6g}  {row.text}", flush=True)
@@ -298,4 +290,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

@@ -1,4 +1,4 @@
-"""Coverage on long trips that training never had: ``python -m benchmarks.long_trips [--trips 560] [--cars 100] [--write PAGE]``.
+"""Coverage on long trips that training never had: ``python -m benchmarks.long_trips [--trips 560] [--cars 100] [--write]``.
 
 Synthetic trips of 100 to 400 km with a car of 75 kWh: its own model, fitted on 60 trips of less than an hour, then cars
 of `benchmarks.worlds`, whose values are not the published ones, without trips and with ten short ones of their own.
@@ -8,16 +8,16 @@ published spreads.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from joblib import Parallel, delayed
+from tools.command import run
+from tools.docs import pages
 
 import tripwatt as tw
-from benchmarks.worlds import HEAD, LEVELS, WORLDS, Row, write
+from benchmarks.worlds import LEVELS, WORLDS, Row, table
 from tripwatt.hybrid.parameters import changed
 from tripwatt.transfer.zero_shot import on_vehicle
 from tripwatt.trips import Trip, plan_from_trip
@@ -65,40 +65,35 @@ def of_car(world: str, seed: int, base: tw.ForecastModel) -> tuple[np.ndarray, n
     return without, scored(tw.adapt(base, own, book), trips)
 
 
-def main() -> int:
-    """Print the coverage; exit code 1 when a bar is missed."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--trips", type=int, default=560)
-    parser.add_argument("--cars", type=int, default=100)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--world", choices=[*WORLDS, "all"], default="published")
-    parser.add_argument("--write", type=Path, help="renew the table of this page, with all worlds")
-    chosen = parser.parse_args()
+def main(
+    trips: int = 560, cars: int = 100, jobs: int = 2, world: str = "published", write: bool = False
+) -> int:
+    """Print the coverage; 1 when a bar is missed. `--write` renews docs/synthetic.md, with all worlds; so does `--world all`."""
     car = tw.load_vehicle(CAR)
     own = tw.fit(tw.synthetic_fleet(TRAINING, 1, vehicle=car).trips, car)
-    run = Parallel(n_jobs=chosen.jobs)
-    batches = -(-chosen.trips // BATCH)
-    parts = run(
+    parallel = Parallel(n_jobs=jobs)
+    batches = -(-trips // BATCH)
+    parts = parallel(
         delayed(lambda seed: scored(own, long_trips(car, 2 * BATCH, seed)[:BATCH]))(100 + k)
         for k in range(batches)
     )
-    every = np.concatenate(parts)[: chosen.trips]
-    own_model = Row.of("its own", f"its model, of {TRAINING} short trips", list(every[:, None, :]))
+    errors = np.concatenate(parts)[:trips]
+    own_model = Row.of("its own", f"its model, of {TRAINING} short trips", list(errors[:, None, :]))
     rows = [replace(own_model, cars=1)]
     base = tw.load_model()
-    for world in WORLDS if chosen.write or chosen.world == "all" else (chosen.world,):
-        cars = run(delayed(of_car)(world, seed, base) for seed in range(chosen.cars))
+    for name in WORLDS if write or world == "all" else (world,):
+        every = parallel(delayed(of_car)(name, seed, base) for seed in range(cars))
         rows += [
-            Row.of(world, known, list(part))
-            for known, part in zip(KNOWN, zip(*cars, strict=True), strict=True)
+            Row.of(name, known, list(part))
+            for known, part in zip(KNOWN, zip(*every, strict=True), strict=True)
         ]
-    print(HEAD, *(row.line for row in rows), sep="\n", flush=True)
-    if chosen.write:
-        write(chosen.write, "long trips", rows)
+    print(table(rows), flush=True)
+    if write:
+        pages.renew("synthetic.md", "long-trips", table(rows))
         return 0
     bound = [row for row in rows if row.world in ("its own", "published")]
     return int(not all(BAR[0] <= row.inside[-1] <= BAR[1] for row in bound))
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    run(main)

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import statistics
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from tests.support import ROOT
+from tools import DATA
 
 RUNS = 5
 
@@ -27,8 +25,13 @@ class Row:
     peer_value: float | None = None
     ratio: float | None = None
 
-    def as_dict(self) -> dict[str, Any]:
-        return asdict(self)
+    @property
+    def line(self) -> str:
+        """What is printed."""
+        peer = (
+            "" if self.peer is None else f"   {self.peer}: {self.peer_value:,.4g}   ratio {self.ratio:,.3g}"
+        )
+        return f"{self.name}: {self.value:,.4g} {self.unit}{peer}"
 
 
 def median_seconds(job: Callable[[], object], *, runs: int = RUNS, warm_up: bool = True) -> float:
@@ -60,5 +63,10 @@ def reference_loop() -> float:
 
 def tum_folder() -> Path | None:
     """The real trips, or None where they are not at hand."""
-    folder = Path(os.environ.get("TRIPWATT_DATA", ROOT / "../shared/data")) / "tum"
+    return data_folder("tum")
+
+
+def data_folder(name: str) -> Path | None:
+    """A set of data, or None where it is not at hand."""
+    folder = DATA / name
     return folder if folder.is_dir() else None

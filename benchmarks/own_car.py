@@ -6,7 +6,6 @@ Each trip is forecast before it is learned. Printed are the energy-weighted erro
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -15,6 +14,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from tools import DATA
+from tools.command import run
 
 from tripwatt.live import Score, create_car
 from tripwatt.sources import read_logs
@@ -35,7 +36,7 @@ class Row:
     most: float
 
 
-def run(data: Path, car: str) -> Iterator[Row]:
+def rows(data: Path, car: str) -> Iterator[Row]:
     """All rows of one car."""
     fleet = read_logs(data / "ved", "ved")
     own = [log for log in fleet.logs if log.context.car == car and log.distance_m > LEAST_M]
@@ -72,14 +73,10 @@ def rows_of(table: pd.DataFrame) -> Iterator[Row]:
     )
 
 
-def main() -> int:
-    """Print the rows; 1 when a bound is missed."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--car", default="10")
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    given = parser.parse_args()
+def main(car: str = "10") -> int:
+    """Print the rows of a car of the VED; 1 when a bound is missed."""
     missed = False
-    for row in run(given.data, given.car):
+    for row in rows(DATA, car):
         good = row.least <= row.value <= row.most
         missed |= not good
         print(
@@ -90,4 +87,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    run(main)

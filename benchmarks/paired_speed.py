@@ -6,16 +6,17 @@ medians and the ratio new / old of each pair's median, with its spread.
 
 from __future__ import annotations
 
-import argparse
 import json
 import statistics
 import subprocess
 import tempfile
 import time
 import urllib.request
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from tools.command import run
 
 RUNS = 5
 REQUESTS = 60
@@ -95,16 +96,11 @@ def compared(old: str, new: str, runs: int, folder: Path, tell: Callable[[str], 
         )
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("old", help="a Python with tripwatt[service]")
-    parser.add_argument("new", help="another one")
-    parser.add_argument("--runs", type=int, default=RUNS, help=f"pairs of runs, {RUNS} by default")
-    given = parser.parse_args(arguments)
+def main(old: Path, new: Path, runs: int = RUNS) -> None:
+    """Compare two Pythons with tripwatt[service] by pairs of runs."""
     with tempfile.TemporaryDirectory() as place:
-        compared(*(str(Path(p).absolute()) for p in (given.old, given.new)), given.runs, Path(place))
+        compared(*(str(p.absolute()) for p in (old, new)), runs, Path(place))
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -7,7 +7,6 @@ run, with the building of the car left out. `--write` puts the table into docs/p
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import io
 import logging
@@ -19,8 +18,10 @@ from typing import Final
 
 import numpy as np
 import pandas as pd
+from tools import command
+from tools.docs import pages
 
-from benchmarks.measure import ROOT, Row, tum_folder
+from benchmarks.measure import Row, tum_folder
 from benchmarks.pipeline import fastsim_drive
 from tripwatt.auditing import audit
 from tripwatt.physics import simulate_trip
@@ -31,8 +32,6 @@ from tripwatt.trips import Trip, resample
 from tripwatt.units import WH_PER_J
 from tripwatt.vehicles import Vehicle, load_vehicle
 
-PAGE: Final = ROOT / "docs" / "peers.md"
-MARKS: Final = ("<!-- peers:begin -->", "<!-- peers:end -->")
 SHORTEST_M: Final = 2000.0
 NO_SIMULATION: Final = 3e8
 """Seconds of driving in a second from which a system is a product of two numbers."""
@@ -318,16 +317,12 @@ def rows() -> Iterator[Row]:
             yield Row(name, 100.0 * ours.weighted, "%", score.system, 100.0 * score.weighted, ratio)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="renew the table of docs/peers.md")
-    arguments = parser.parse_args()
+def main(write: bool = False) -> None:
+    """Print the table. `--write` renews that of docs/peers.md."""
     table = "\n".join([HEAD, *(score.line for score in run())])
-    if arguments.write:
-        page = PAGE.read_text(encoding="utf-8")
-        before, after = page.split(MARKS[0])[0], page.split(MARKS[1])[1]
-        PAGE.write_text(f"{before}{MARKS[0]}\n\n{table}\n\n{MARKS[1]}{after}", encoding="utf-8")
+    if write:
+        pages.renew("peers.md", "peers", table)
 
 
 if __name__ == "__main__":
-    main()
+    command.run(main)

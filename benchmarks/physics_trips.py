@@ -6,13 +6,12 @@ at 1 Hz in one process, beside a reference loop of the same machine at the same 
 
 from __future__ import annotations
 
-import os
 import statistics
 import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import numpy as np
+from tools import DATA
 
 from tripwatt.physics import simulate_trip
 from tripwatt.sources import read_logs
@@ -58,7 +57,7 @@ def reference_loop() -> float:
 
 
 def main() -> None:
-    fleet: Fleet = read_logs(Path(os.environ.get("TRIPWATT_DATA", "../shared/data")) / "tum")
+    fleet: Fleet = read_logs(DATA / "tum")
     reference = [resample(trip) for trip in fleet.reference_trips()]
     everything = [resample(trip) for trip in fleet.trips]
     for preset in ("default", "paper"):

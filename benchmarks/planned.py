@@ -1,6 +1,6 @@
 """How good the forecast of a planned route is: leave one trip out, each trip once as driven and once from its links.
 
-Run: ``python -m benchmarks.planned --json links.json`` and publish with ``python docs/publish_results.py links.json``.
+Run: ``python -m benchmarks.planned --json links.json`` and publish with ``python -m tools.docs.publish_results links.json``.
 Needs TRIPWATT_DATA. The 58 TUM reference trips; one fit of the default forecaster for each left-out trip, its doubt of
 planned routes learned inside the fold; the same fitted model forecasts the driven trace, which is the best case, the links of 250 m and those of
 1 km, all made from the held-out drive, and again after half of the time. A link's speed is its length over its time, standstill included;
@@ -10,16 +10,17 @@ first sample of the trip.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
+from tools.command import run
+from typer import Option
 
 from benchmarks.measure import tum_folder
 from tripwatt.arrays import FloatArray
@@ -172,18 +173,13 @@ def measure(folder: Path, folds: int = 0) -> dict[str, Any]:
     }
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", type=Path, help="write the figures here")
-    parser.add_argument(
-        "--folds", type=int, default=0, help="so many folds, which is quicker than one for each trip"
-    )
-    arguments = parser.parse_args()
+def main(json_to: Annotated[Path | None, Option("--json")] = None, folds: int = 0) -> int:
+    """Print the figures. `--folds`: so many, which is quicker than one for each trip."""
     folder = tum_folder()
     if folder is None:
         print("no TUM trips at hand: set TRIPWATT_DATA", file=sys.stderr)
         return 1
-    result = measure(folder, arguments.folds)
+    result = measure(folder, folds)
     for name, row in result["known"].items():
         print(
             f"{name:>12}: mean APE {row['mape']:.4f}, bias {row['bias']:+.4f}, after half of the time "
@@ -191,10 +187,10 @@ def main() -> int:
             f"{row['coverage']['0.9']:.3f}, width {row['relative_width']['0.9']:.3f} of the energy, "
             f"sd {row['sd_over_driven']:.3f} of the driven trace's"
         )
-    if arguments.json:
-        arguments.json.write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    if json_to:
+        json_to.write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

@@ -6,7 +6,6 @@ which a busy machine hardly changes, and the share of the machine that went to o
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import os
 import signal
@@ -22,6 +21,7 @@ import numpy as np
 import orjson
 from tests.support.service_load import Load, load, request
 from tests.support.service_process import Service, serving
+from tools.command import run
 
 from benchmarks.measure import Row
 from tripwatt.routes import links_of_trip
@@ -227,22 +227,18 @@ def robustness(examples: int, mutants: int) -> Iterator[Row]:
         yield Row(FUZZ, float(len(sent.wrong)), f"of {sent.mutants}, {mutants} of GPX, CSV and JSON each")
 
 
-def run(seconds: float = SECONDS, examples: int = 500, mutants: int = 2000) -> Iterator[Row]:
+def rows(seconds: float = SECONDS, examples: int = 500, mutants: int = 2000) -> Iterator[Row]:
     """All rows, as they are measured."""
     yield from times(seconds)
     yield from killed(min(seconds, 12.0))
     yield from robustness(examples, mutants)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seconds", type=float, default=SECONDS, help="how long the load lasts")
-    parser.add_argument("--examples", type=int, default=500, help="of schemathesis, an operation")
-    parser.add_argument("--mutants", type=int, default=2000, help="of each kind of upload")
-    arguments = parser.parse_args()
-    for row in run(arguments.seconds, arguments.examples, arguments.mutants):
+def main(seconds: float = SECONDS, examples: int = 500, mutants: int = 2000) -> None:
+    """Print the rows: the load lasts so many seconds; examples of an operation; mutants of each kind of upload."""
+    for row in rows(seconds, examples, mutants):
         print(f"{row.name}: {row.value:.4g} {row.unit}".rstrip(), flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

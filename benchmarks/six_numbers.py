@@ -7,17 +7,16 @@ written down before the first run; no value of the description was chosen on the
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import pandas as pd
+from tools import CATALOGUE
+from tools.command import run
+from tools.docs import pages
 
-from benchmarks.anchors import with_table
-from benchmarks.car_table import CATALOGUE
-from benchmarks.measure import ROOT
 from tripwatt.certification.describing import (
     LABEL_FACTOR,
     LABEL_SHARES,
@@ -29,8 +28,6 @@ from tripwatt.units import M_PER_MILE
 from tripwatt.vehicles import load_vehicle
 from tripwatt.vehicles.catalogue import DRIVER_KG, catalogue
 
-PAGE: Final = ROOT / "docs" / "vehicles.md"
-MARKS: Final = ("<!-- six numbers begin -->", "<!-- six numbers end -->")
 LACKED: Final = (
     ("EQA 250+", 70.5, 140.0, "suv", True),
     ("EQC 400 4MATIC", 80.0, 300.0, "suv", True),
@@ -134,10 +131,9 @@ def summary(trials: list[Trial]) -> tuple[float, float]:
     return float(np.mean([t.held for t in trials])), float(np.median([t.width for t in trials]))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="renew the table of docs/vehicles.md")
-    given, rows = parser.parse_args(), []
+def main(write: bool = False) -> None:
+    """Print both tables. `--write` renews that of docs/vehicles.md."""
+    rows = []
     for title, trials in (
         ("without the consumption", list(without_consumption())),
         ("with the label of the EPA alone", list(with_label())),
@@ -152,11 +148,10 @@ def main() -> None:
         held, width = summary(trials)
         print(f"\n{sum(t.held for t in trials)} of {len(trials)} held ({held:.0%}), median width {width:.1%}")
         rows.append(f"| {title} | {sum(t.held for t in trials)} of {len(trials)} | {100 * width:.0f} |")
-    if given.write:
+    if write:
         head = "| described | inside the 90 % interval | median width of it [%] |\n|---|---:|---:|"
-        page = PAGE.read_text(encoding="utf-8")
-        PAGE.write_text(with_table(page, "\n".join([head, *rows]), MARKS), encoding="utf-8")
+        pages.renew("vehicles.md", "six-numbers", "\n".join([head, *rows]))
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -15,8 +15,6 @@ every second trip. Needs TRIPWATT_DATA. Costs one simulation of each trip and ca
 
 from __future__ import annotations
 
-import argparse
-import os
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -24,6 +22,8 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
+from tools import DATA
+from tools.command import run
 
 from tripwatt.auditing import audit
 from tripwatt.auditing.signals import blank_stuck_heater
@@ -307,22 +307,14 @@ def figure(rows: pd.DataFrame, place: Path) -> None:
     drawn.savefig(place, dpi=110)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--docs", action="store_true", help="write docs/stages.md and its figures")
-    parser.add_argument(
-        "--identify", action="store_true", help="print the values from every second trip of the i3"
-    )
-    chosen = parser.parse_args()
-    data = Path(os.environ.get("TRIPWATT_DATA", "../shared/data"))
+def main(docs: bool = False, identified: bool = False) -> None:
+    """Print the page. `--docs` writes it and its figures, `--identified` prints the values from every second trip of the i3."""
     i3, leaf = load_vehicle("bmw_i3_60ah"), load_vehicle("nissan_leaf_24")
-    tum = read_logs(data / "tum").reference_trips()
-    if chosen.identify:
+    tum = read_logs(DATA / "tum").reference_trips()
+    if identified:
         print(identify([stage_record(trip, i3) for trip in tum[::2]], i3))
         return
-    ved = audit(read_logs(data / "ved", dataset="ved")).trips
+    ved = audit(read_logs(DATA / "ved", dataset="ved")).trips
     parts = []
     for title, place, vehicle, cars, trips in (
         ("BMW i3, TUM logs", "bmw_i3_60ah", i3, [i3] * len(tum), tum),
@@ -339,13 +331,13 @@ def main() -> None:
         parts.append(f"## {title}")
         parts += [f"### {head}\n\n{markdown(table)}" for head, table in tables_of(vehicle, rows)]
         parts.append(f"![Measured and simulated power over speed: {title}](images/stages-{place}.png)")
-        if chosen.docs:
+        if docs:
             figure(rows, DOCS / "images" / f"stages-{place}.png")
     text = "\n\n".join(parts) + "\n"
     print(text)
-    if chosen.docs:
+    if docs:
         (DOCS / "stages.md").write_text(HEAD + text, encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

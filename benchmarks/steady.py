@@ -8,7 +8,6 @@ the table in docs/library.md.
 
 from __future__ import annotations
 
-import argparse
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,8 +16,10 @@ from statistics import median
 from typing import Final
 
 import numpy as np
+from tools.command import run
+from tools.docs import pages
 
-from benchmarks.anchors import DOCUMENT, unanchored, with_table
+from benchmarks.anchors import unanchored
 from tripwatt.physics import DriveConditions, Simulation, simulate
 from tripwatt.physics.road_load import air_density
 from tripwatt.units import GRAVITY_M_S2, M_S_PER_KM_H, SECONDS_PER_HOUR, WH_PER_J
@@ -26,7 +27,6 @@ from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_names
 from tripwatt.vehicles.anchors import anchors
 from tripwatt.vehicles.catalogue import catalogue, class_values
 
-MARKS: Final = ("<!-- steady: python -m benchmarks.steady --write -->", "<!-- end of the steady speeds -->")
 SPEEDS_KM_H: Final = (90.0, 110.0, 130.0)
 AMBIENT_DEGC: Final = (20.0, 0.0, -10.0)
 POINTS: Final = tuple((speed, ambient) for ambient in AMBIENT_DEGC for speed in SPEEDS_KM_H)
@@ -319,15 +319,13 @@ def _of_model(row: CarRow, table: Sequence[CarRow]) -> str:
     )
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="renew the table of the page")
-    arguments = parser.parse_args()
+def main(write: bool = False) -> None:
+    """Print the table. `--write` renews that of docs/library.md."""
     table = render(rows())
     print(table)
-    if arguments.write:
-        DOCUMENT.write_text(with_table(DOCUMENT.read_text("utf-8"), table, MARKS), "utf-8")
+    if write:
+        pages.renew("library.md", "steady", table)
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

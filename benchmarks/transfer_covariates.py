@@ -9,12 +9,13 @@ other car is learned, and no value of a car comes from the other's logs.
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+from tools import DATA, DOCS
+from tools.command import run
 
 from tripwatt.arrays import FloatArray
 from tripwatt.auditing import audit
@@ -108,13 +109,10 @@ def _correction(
     return table.totals_wh(features @ members.weights)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("data", type=Path)
-    parser.add_argument("--out", type=Path, default=Path("docs/results/transfer-covariates.json"))
-    given = parser.parse_args()
-    tum = list(read_logs(given.data / "tum", "tum").reference_trips())
-    ved = [t for t in audit(read_logs(given.data / "ved", "ved")).trips if t.distance_m >= 2000.0]
+def main(out: Path = DOCS / "results" / "transfer-covariates.json") -> None:
+    """Print the variants, and write them."""
+    tum = list(read_logs(DATA / "tum", "tum").reference_trips())
+    ved = [t for t in audit(read_logs(DATA / "ved", "ved")).trips if t.distance_m >= 2000.0]
     car_10 = [t for t in ved if t.context.car == "10"]
     i3, leaf = load_vehicle("bmw_i3_60ah"), load_vehicle("nissan_leaf_24")
     tum.sort(key=lambda trip: str(trip.context.started_at))
@@ -130,9 +128,8 @@ def main() -> None:
             print(
                 f"  {row['covariates']:70s} half {100 * row['half'][0]:5.1f} full {100 * row['full'][0]:5.1f}  {told}"
             )
-    given.out.parent.mkdir(parents=True, exist_ok=True)
-    given.out.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    out.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -1,4 +1,4 @@
-"""Roads whose heights are hidden: python -m benchmarks.unknown_climb [--only regions|logs|routes] [--write PAGE].
+"""Roads whose heights are hidden: python -m benchmarks.unknown_climb [--only regions|logs|routes] [--write].
 
 Regions: the scale of the net climb over 10 km in logs with heights, from which `tripwatt.routes.terrain` takes its own (that of the sedan's
 logs is shown and not used: their licence does not allow it).
@@ -9,20 +9,20 @@ Routes: seeded roads in the mountains and in flat country; the energy is drawn f
 
 from __future__ import annotations
 
-import argparse
 import itertools
-import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from scipy.stats import binomtest
+from tools import DATA
+from tools.command import run
+from tools.docs import pages
 
 import tripwatt as tw
-from benchmarks.measure import tum_folder
-from benchmarks.worlds import write_table
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.physics import grade_from_elevation
@@ -236,13 +236,13 @@ def region_rows(data: Path, folder: Path) -> Iterator[Row]:
         yield Row(f"{name}: scale of the net climb over 10 km [m]", scale, *bounds)
 
 
-def run(data: Path, only: str | None = None) -> Iterator[Row]:
+def bounds(only: str | None = None) -> Iterator[Row]:
     """All rows, or those of one part."""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         parts: dict[str, Callable[[], Iterator[Row]]] = {
-            "regions": lambda: region_rows(data, folder),
-            "logs": lambda: log_rows(data, folder),
+            "regions": lambda: region_rows(DATA, folder),
+            "logs": lambda: log_rows(DATA, folder),
             "routes": route_rows,
         }
         for name, part in parts.items():
@@ -250,26 +250,17 @@ def run(data: Path, only: str | None = None) -> Iterator[Row]:
                 yield from part()
 
 
-def main() -> int:
-    """Print the rows; 1 when a bound is missed."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--data", type=Path, default=None)
-    parser.add_argument("--only", choices=("regions", "logs", "routes"))
-    parser.add_argument("--write", type=Path, help="renew the table of this page")
-    options = parser.parse_args()
-    tum = tum_folder()
-    data = options.data or (None if tum is None else tum.parent)
-    if data is None:
-        parser.error("no data: give --data")
+def main(only: Literal["regions", "logs", "routes"] | None = None, write: bool = False) -> int:
+    """Print the rows; 1 when a bound is missed. `--write` renews the table of docs/uncertainty.md."""
     rows = []
-    for row in run(data, options.only):
+    for row in bounds(only):
         rows.append(row)
         print(f"{'' if row.met else 'MISSED '}{row.text}: {row.value:.4g}", flush=True)
-    if options.write:
+    if write:
         head = "| What | Figure | Bound | Met |\n|:--|--:|--:|:--|"
-        write_table(options.write, "climb", "\n".join([head, *(row.line for row in rows)]))
-    return int(not options.write and not all(row.met for row in rows))
+        pages.renew("uncertainty.md", "climb", "\n".join([head, *(row.line for row in rows)]))
+    return int(not write and not all(row.met for row in rows))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

@@ -5,13 +5,13 @@ The 58 reference trips, point forecasts only. What the evaluation reports as mod
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
+from tools.command import run
 
 from benchmarks.measure import tum_folder
 from tripwatt.hybrid import SegmentTable, power_corrector, segment_table
@@ -164,9 +164,8 @@ def as_markdown(found: Mapping[str, list[float]]) -> str:
 
 def main() -> None:
     """Print the table."""
-    argparse.ArgumentParser(description=__doc__).parse_args()
     print(as_markdown(rows()))
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

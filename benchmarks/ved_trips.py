@@ -5,16 +5,16 @@ Run: ``python -m benchmarks.ved_trips`` (``--write`` also renews the tables in d
 
 from __future__ import annotations
 
-import argparse
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 from typing import Final
 
 import numpy as np
+from tools.command import run
+from tools.docs import pages
 
+from benchmarks.measure import data_folder
 from tripwatt.auditing import audit
 from tripwatt.physics import simulate, simulate_trip
 from tripwatt.physics.simulate import conditions_at_departure
@@ -30,9 +30,6 @@ CLASS_BIAS_BAR, CLASS_TRIPS = 0.08, 20
 """With the logged climate power put in, for each class of outside air with so many trips."""
 BARS_ON: Final = ("car 10", "both cars")
 EDGES_DEGC: Final = (-40.0, -5.0, 0.0, 5.0, 10.0, 18.0, 26.0, 50.0)
-
-PAGE: Final = Path(__file__).parents[1] / "docs" / "ved.md"
-MARKS: Final = ("<!-- tables: python -m benchmarks.ved_trips --write -->", "<!-- end of the tables -->")
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,12 +60,6 @@ class Score:
     @property
     def met(self) -> bool:
         return self.error <= ERROR_BAR and abs(self.bias) <= BIAS_BAR
-
-
-def ved_folder() -> Path | None:
-    """The VED trips, or None where they are not at hand."""
-    folder = Path(os.environ.get("TRIPWATT_DATA", "../shared/data")) / "ved"
-    return folder if folder.is_dir() else None
 
 
 def outcomes(trips: Sequence[Trip], vehicle: Vehicle) -> list[Outcome]:
@@ -163,7 +154,7 @@ def by_weather(results: Sequence[Outcome]) -> list[str]:
 
 def report() -> tuple[str, bool]:
     """Both tables as markdown, and whether the bars are met; raises FileNotFoundError without the data."""
-    folder = ved_folder()
+    folder = data_folder("ved")
     if folder is None:
         raise FileNotFoundError("no VED trips: set TRIPWATT_DATA")
     fleet = read_logs(folder, "ved")
@@ -181,22 +172,18 @@ def report() -> tuple[str, bool]:
     return "\n".join([*lines, "", *by_weather(results)]), met
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="renew the tables in docs/ved.md")
-    arguments = parser.parse_args()
+def main(write: bool = False) -> int:
+    """Print the tables; 1 when a bar is missed. `--write` renews docs/ved.md."""
     text, met = report()
     print(text)
     print(
         f"\nbars (error <= {ERROR_BAR:.0%}, bias within {BIAS_BAR:.0%}, with the logged climate power within "
         f"{CLASS_BIAS_BAR:.0%} in each class of {CLASS_TRIPS} trips): {'met' if met else 'MISSED'}"
     )
-    if arguments.write:
-        head, _, rest = PAGE.read_text(encoding="utf-8").partition(MARKS[0])
-        _, _, tail = rest.partition(MARKS[1])
-        PAGE.write_text(f"{head}{MARKS[0]}\n\n{text}\n\n{MARKS[1]}{tail}", encoding="utf-8")
-    raise SystemExit(0 if met or arguments.write else 1)
+    if write:
+        pages.renew("ved.md", "tables", text)
+    return int(not met and not write)
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

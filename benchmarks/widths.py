@@ -11,6 +11,8 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from tools.command import run
+
 import tripwatt as tw
 from tripwatt.transfer.zero_shot import on_vehicle
 from tripwatt.trips import Departure
@@ -84,4 +86,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    run(main)

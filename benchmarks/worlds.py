@@ -9,13 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 import pandas as pd
+from tools import CATALOGUE
 
-from benchmarks.car_table import CATALOGUE
 from tripwatt.hybrid.parameters import PARAMETERS
 from tripwatt.units import M_S_PER_KM_H
 
@@ -156,14 +155,6 @@ HEAD: Final = (
 )
 
 
-def write(page: Path, name: str, rows: Sequence[Row]) -> None:
-    """Put a table of worlds between the marks of a page."""
-    write_table(page, name, "\n".join([HEAD, *(row.line for row in rows)]))
-
-
-def write_table(page: Path, name: str, table: str) -> None:
-    """Put a table between the marks of a page."""
-    text = page.read_text(encoding="utf-8")
-    begin, end = f"<!-- {name} begin -->", f"<!-- {name} end -->"
-    head, _, rest = text.partition(begin)
-    page.write_text(f"{head}{begin}\n\n{table}\n\n{end}{rest.partition(end)[2]}", encoding="utf-8")
+def table(rows: Sequence[Row]) -> str:
+    """A table of worlds."""
+    return "\n".join([HEAD, *(row.line for row in rows)])

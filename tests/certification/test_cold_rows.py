@@ -4,18 +4,12 @@ from __future__ import annotations
 
 import pytest
 from benchmarks import cold_rows
-from benchmarks.car_table import CATALOGUE
-from tests.support import ROOT
+from tools import CATALOGUE
+from tools.docs import pages
 
 needs_list = pytest.mark.skipif(
     not (CATALOGUE / "epa_ev.csv").is_file(), reason="needs the public lists of ../shared"
 )
-
-
-def test_the_table_goes_between_its_marks() -> None:
-    start, end = cold_rows.MARKS
-    page = f"before {start} old {end} after"
-    assert cold_rows.with_table(page, "new", cold_rows.MARKS) == f"before {start}\n\nnew\n\n{end} after"
 
 
 def test_ratios_by_hand() -> None:
@@ -32,4 +26,4 @@ def test_measured_rises_lie_between_no_heating_and_a_warm_cabin() -> None:
     assert all(row.off < row.measured < row.heated for row in rows)
     three = next(row for row in rows if row.title == "Tesla Model 3 Long Range AWD 2022")
     assert three.measured == pytest.approx(25.0 / 18.3, rel=0.01)
-    assert cold_rows.render(rows) in (ROOT / "docs" / "library.md").read_text("utf-8")
+    assert cold_rows.render(rows) in pages.of_page("library.md", "cold")

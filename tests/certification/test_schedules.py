@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from benchmarks.schedules import available, counted, published
+from tools.data.schedules import available, counted, published
 
 from tripwatt.certification.consumption import driven_wh_per_km
 from tripwatt.certification.schedules import CYCLES, SPEED_STEP_M_S, circuit, schedule, transitions

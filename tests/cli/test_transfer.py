@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import shutil
 import sys
@@ -12,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from tests.support import ROOT
+from tools.docs import write_transfer
 
 from tripwatt.cli import main
 from tripwatt.forecasting import load_metadata, load_model, save_model
@@ -165,18 +165,13 @@ def test_transfer_to_a_table(
 
 
 def test_page_of_the_transfer_says_what_was_published(tmp_path: Path) -> None:
-    spec = importlib.util.spec_from_file_location("write_transfer", DOCS / "write_transfer.py")
-    assert spec is not None
-    assert spec.loader is not None
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
     page = (DOCS / "transfer.md").read_text(encoding="utf-8")
-    assert script.renewed(page) == page, "python docs/write_transfer.py"
+    assert write_transfer.renewed(page) == page, "python -m tools.docs.write_transfer"
     for file in (DOCS / "results").glob("transfer-*.json"):
         (tmp_path / file.name).write_bytes(file.read_bytes())
     changed = json.loads((tmp_path / "transfer-tum-ved.json").read_text(encoding="utf-8"))
     changed["cars"][0]["models"]["physics"]["error"] = 0.777
     (tmp_path / "transfer-tum-ved.json").write_text(json.dumps(changed), encoding="utf-8")
-    assert "| its physics alone | 77.7 |" in script.renewed(page, tmp_path)
+    assert "| its physics alone | 77.7 |" in write_transfer.renewed(page, tmp_path)
     assert changed["from"]["dataset"] == "tum"
     assert changed["cars"][0]["trips_second"] == 69

@@ -157,7 +157,7 @@ def test_model_of_the_package_is_small_sound_and_attributed() -> None:
 
 
 def test_car_of_the_package_model_is_the_library_s() -> None:
-    """When this fails the library's car has changed: make the model anew with docs/fit_default_model.py."""
+    """When this fails the library's car has changed: make the model anew with tools/data/fit_default_model.py."""
     car, own = load_model().vehicle, load_vehicle("bmw_i3_60ah")
     identified = load_metadata()["provenance"]["identified"]
     assert {key.partition(".")[0] for key in identified} == {

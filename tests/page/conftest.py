@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from benchmarks.page import SHOWN, browsing, chromium, context_of
 from tests.support.service_process import TOKEN, Service, serving
+from tools.quality.page import SHOWN, browsing, chromium, context_of
 
 
 @pytest.fixture(scope="module")

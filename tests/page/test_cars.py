@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from benchmarks.page import SHOWN, context_of
 from tests.service.test_cars import archive, logs_of
 from tests.sources.test_loggers import EXPORTS, WITHOUT_BMS, WITHOUT_DISPLAY, written
 from tests.support.service_process import Service, serving
+from tools.quality.page import SHOWN, context_of
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 

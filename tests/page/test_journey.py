@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from benchmarks.page import MAP_SHOWN, context_of
 from tests.support.roads import END, START, encoded, valhalla_answers
 from tests.support.router_server import answering, write_map
 from tests.support.service_process import Service, serving
+from tools.quality.page import MAP_SHOWN, context_of
 
 ARC = {"legs": [{"shape": encoded([START, (47.02, 9.05), END])}]}
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import httpx
 import pytest
-from benchmarks.page import SHOWN, context_of
 from tests.live.messages import abrp_messages, measured
 from tests.support.service_process import TOKEN, Service, serving
+from tools.quality.page import SHOWN, context_of
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 

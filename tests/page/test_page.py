@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.page import follow_times
 from tests.support.service_process import TOKEN, Service
+from tools.quality.page import follow_times
 
 from tripwatt.synthetic import example_trip
 
@@ -82,7 +82,7 @@ def test_the_charts_follow_a_slider(look: Look, when: str) -> None:
     page = look(expect="Canvas2D: Multiple readback")  # the test's own doing
     mode(page, when)
     page.wait_for_timeout(300)
-    assert len(follow_times(page, MOVES)) == MOVES  # benchmarks.page measures how quickly
+    assert len(follow_times(page, MOVES)) == MOVES  # tools.quality.page measures how quickly
 
 
 def test_a_colder_trip_takes_more_and_its_probability_is_shown(look: Look) -> None:
@@ -488,7 +488,7 @@ def test_works_with_the_keyboard_alone(look: Look) -> None:
 
 @pytest.mark.parametrize(("size", "scheme"), [("desktop", "light"), ("phone", "dark")])
 def test_axe_finds_nothing_serious(look: Look, size: str, scheme: str) -> None:
-    """Each size and each scheme once; `benchmarks.page` looks at all four."""
+    """Each size and each scheme once; `tools.quality.page` looks at all four."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed").Axe()
     page = look(size, scheme)
     found = []

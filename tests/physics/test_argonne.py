@@ -1,10 +1,9 @@
 """The i3 against Argonne's dynamometer, from -18 to +36 °C."""
 
-from pathlib import Path
-
 import pandas as pd
 import pytest
-from benchmarks.argonne import argonne_rows, render_rows, summary, with_rows
+from benchmarks.argonne import argonne_rows, render_rows, summary
+from tools.docs import pages
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +23,6 @@ def test_mean_absolute_error_over_all_temperatures(rows) -> None:
 
 
 def test_the_documented_rows_are_those_of_now(rows) -> None:
-    page = (Path(__file__).resolve().parents[2] / "docs" / "argonne.md").read_text("utf-8")
-    assert with_rows(page, render_rows(rows)) == page, (
-        "run: python -m benchmarks.argonne --write docs/argonne.md"
+    assert pages.of_page("argonne.md", "argonne") == render_rows(rows).strip(), (
+        "run: python -m benchmarks.argonne --write"
     )

@@ -8,9 +8,9 @@ import tomllib
 
 import numpy as np
 import pytest
-from benchmarks import machines
 from hypothesis import given
 from hypothesis import strategies as st
+from tools.data import machines
 
 from tripwatt.arrays import FloatArray
 from tripwatt.vehicles import Drivetrain, load_vehicle

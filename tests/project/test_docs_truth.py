@@ -25,10 +25,10 @@ PAGES = sorted(
 FENCED = re.compile(r"^ *```[^\n]*\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"`([^`]+)`")
 LINK = re.compile(r"\]\(([^)\s]+)\)")
-MODULE = re.compile(r"(?<![\w./@-])(?:tripwatt|benchmarks)(?!\.example\b)(?:\.[A-Za-z_]\w*)+")
+MODULE = re.compile(r"(?<![\w./@-])(?:tripwatt|benchmarks|tools)(?!\.example\b)(?:\.[A-Za-z_]\w*)+")
 SCRIPT = re.compile(r"(?<![\w.*<])[\w-]+(?:/[\w.-]+)*\.py\b")
 TARGET = re.compile(r"(?<![\w-])make ((?:[A-Z]+=\S+ )*)([a-z][a-z-]*)")
-RUN_MODULE = re.compile(r"python3? -m ((?:tripwatt|benchmarks)[\w.]*)")
+RUN_MODULE = re.compile(r"python3? -m ((?:tripwatt|benchmarks|tools)[\w.]*)")
 COMMAND = re.compile(r"^ *(?:\$ )?(?:\w+=\S* )*(?:\.venv/bin/|python3? -m )?tripwatt (.+)")
 
 
@@ -70,7 +70,7 @@ def is_known(path: str) -> bool:
 
 @cache
 def scripts() -> tuple[str, ...]:
-    folders = ("src", "tests", "docs", "benchmarks", "web")
+    folders = ("src", "tests", "tools", "benchmarks", "web")
     files = (f for name in folders for f in (ROOT / name).rglob("*.py") if "node_modules" not in f.parts)
     return tuple("/" + f.relative_to(ROOT).as_posix() for f in files)
 

@@ -3,7 +3,8 @@
 import ast
 
 import pytest
-from benchmarks.code_size import (
+from tests.support import ROOT
+from tools.quality.code_size import (
     MOST_CLASS,
     MOST_FUNCTION,
     P90_FUNCTION,
@@ -11,7 +12,6 @@ from benchmarks.code_size import (
     code_rows,
     measure,
 )
-from tests.support import ROOT
 
 from tripwatt.evaluation import PROTOCOLS
 

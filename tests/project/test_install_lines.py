@@ -23,7 +23,7 @@ def read_texts() -> list[tuple[str, str]]:
     for folder, kinds in (
         ("src/tripwatt", ("py",)),
         ("web/src", ("ts", "tsx")),
-        ("docs", ("py",)),
+        ("tools", ("py",)),
         ("benchmarks", ("py",)),
     ):
         for kind in kinds:

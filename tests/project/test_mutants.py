@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from benchmarks.mutants import named_mutants, ordered, read_map
-from benchmarks.mutating import mutants_of
+from tools.quality.mutants import named_mutants, ordered, read_map
+from tools.quality.mutating import mutants_of
 
 SOURCE = '''"""Text of 3 words."""
 LIMIT: Final = 0.5

@@ -1,43 +1,25 @@
 """What is generated is what its source says: the results in README and docs, the page of the command line."""
 
-import importlib.util
 import json
 import re
 import shutil
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 from tests.support import ROOT
+from tools.docs import publish_results, write_cli, write_figures
+from tools.docs.pages import without_parts
 
 from tripwatt.vehicles import load_vehicle, names_data
 
 DOCS = ROOT / "docs"
 
 
-def script(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-write_figures = script("write_figures")
-
-
-@pytest.fixture(scope="module")
-def write_cli() -> ModuleType:
-    return script("write_cli")
-
-
 @pytest.mark.parametrize(("protocol", "model"), [("paper", "boosting"), ("forecast", "hybrid")])
 def test_readme_and_page_show_the_published_results(protocol: str, model: str, tmp_path: Path) -> None:
     readme, page = pages(tmp_path)
-    publish = script("publish_results").publish
     source = DOCS / "results" / f"{protocol}.json"
-    copy = publish(source, tmp_path / "results", readme, page)
+    copy = publish_results.publish(source, tmp_path / "results", readme, page)
     require_as_published(readme, page, "make results")
     for name in ("paper.md", "uncertainty.md", "evaluation.md"):
         assert (tmp_path / name).read_text(encoding="utf-8") == (DOCS / name).read_text(encoding="utf-8"), (
@@ -48,7 +30,7 @@ def test_readme_and_page_show_the_published_results(protocol: str, model: str, t
     changed = json.loads(published)
     changed["evaluations"][0]["models"][model]["mape"] = 0.777
     (tmp_path / "results.json").write_text(json.dumps(changed), encoding="utf-8")
-    publish(tmp_path, tmp_path / "results", readme, page)
+    publish_results.publish(tmp_path, tmp_path / "results", readme, page)
     assert "77.7" in page.read_text(encoding="utf-8")
     paper = (tmp_path / "paper.md").read_text(encoding="utf-8")
     assert ("77.7" in paper) == (protocol == "paper")
@@ -99,7 +81,7 @@ def test_prose_shows_the_published_figures() -> None:
         text = page.read_text(encoding="utf-8")
         assert text.count("<!-- fig: ") == text.count("<!-- /fig -->"), page
         assert text.count("<!-- fig: ") == len(write_figures.FIGURE.findall(text)), page
-        assert write_figures.filled(text) == text, f"{page}: run docs/write_figures.py"
+        assert write_figures.filled(text) == text, f"{page}: run tools/docs/write_figures.py"
 
 
 def test_a_figure_follows_its_file(tmp_path: Path) -> None:
@@ -125,7 +107,6 @@ ACCURACY = re.compile(
     r"\b(err(?:s|or|ors|ed)?|MAPE|APE|RMSE|cover(?:s|age)?|contains?|inside|within|bias|held|holds|accura\w+|"
     r"width|wide|narrower|better|worse)\b"
 )
-GENERATED = re.compile(r"<!-- (?!fig:|/fig)[^>]*?-->.*?<!-- (?!fig:|/fig)[^>]*?-->", re.S)
 CODE = re.compile(r"^```.*?^```", re.S | re.M)
 SETTINGS = (
     "whole percents and 50 kWh",
@@ -143,8 +124,9 @@ SETTINGS = (
 
 def typed_figures(text: str) -> list[str]:
     """Sentences with an accuracy figure that no command wrote."""
-    for written in (CODE, GENERATED, write_figures.FIGURE):
+    for written in (CODE, write_figures.FIGURE):
         text = written.sub("", text)
+    text = without_parts(text)
     sentences = (" ".join(part.split()) for part in re.split(r"(?<=[.:;])\s+|\n\n|\n[-|*] ", text))
     found = (part for part in sentences if MEASURED.search(part) and ACCURACY.search(part))
     return [part for part in found if not any(setting in part for setting in SETTINGS)]
@@ -179,10 +161,9 @@ def require_as_published(readme: Path, page: Path, how: str) -> None:
 
 def test_the_page_shows_the_published_figures_of_planned_routes(tmp_path: Path) -> None:
     readme, page = pages(tmp_path)
-    publish = script("publish_results").publish
     published = DOCS / "results" / "links.json"
-    copy = publish(published, tmp_path / "results", readme, page)
-    require_as_published(readme, page, "python docs/publish_results.py docs/results/links.json")
+    copy = publish_results.publish(published, tmp_path / "results", readme, page)
+    require_as_published(readme, page, "python -m tools.docs.publish_results docs/results/links.json")
     assert copy.read_text(encoding="utf-8") == published.read_text(encoding="utf-8")
     changed = json.loads(published.read_text(encoding="utf-8"))
     assert (changed["synthetic"], changed["n_trips"]) == (False, 58)
@@ -192,7 +173,7 @@ def test_the_page_shows_the_published_figures_of_planned_routes(tmp_path: Path) 
     assert "90th percentile of the moving speed of this drive" in shown
     changed["known"]["250 m"]["mape"] = 0.666
     (tmp_path / "results.json").write_text(json.dumps(changed), encoding="utf-8")
-    publish(tmp_path, tmp_path / "results", readme, page)
+    publish_results.publish(tmp_path, tmp_path / "results", readme, page)
     assert "| 66.6 |" in page.read_text(encoding="utf-8")
     for row in changed["known"].values():
         rows = row["by_trip"]
@@ -212,9 +193,9 @@ def test_published_results_are_of_real_trips_and_hold_no_samples(protocol: str) 
     assert published.stat().st_size < 200_000
 
 
-def test_page_of_the_command_line_is_complete_and_up_to_date(write_cli: ModuleType) -> None:
+def test_page_of_the_command_line_is_complete_and_up_to_date() -> None:
     page = (DOCS / "cli.md").read_text(encoding="utf-8")
-    assert page == write_cli.render(), "run docs/write_cli.py"
+    assert page == write_cli.render(), "run tools/docs/write_cli.py"
     for name, command in write_cli.commands(write_cli.typer.main.get_command(write_cli.app)):
         assert f"## {name}\n" in page
         assert command.help, name
@@ -226,7 +207,7 @@ def test_page_of_the_command_line_is_complete_and_up_to_date(write_cli: ModuleTy
                 assert all(word.replace("|", write_cli.BAR) in page for word in shown), f"{name} {shown}"
 
 
-def test_every_command_teaches_with_examples_that_exist(write_cli: ModuleType) -> None:
+def test_every_command_teaches_with_examples_that_exist() -> None:
     known = dict(write_cli.commands(write_cli.typer.main.get_command(write_cli.app)))
     page = (DOCS / "cli.md").read_text(encoding="utf-8")
     blocks = re.findall(r"```sh\n(.*?)```", page, flags=re.DOTALL)

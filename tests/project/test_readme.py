@@ -7,8 +7,9 @@ import shlex
 from pathlib import Path
 
 import pytest
-from tests.project.test_published import script
 from tests.support import ROOT
+from tools.docs import write_cli
+from tools.docs.pages import part, with_part
 
 from tripwatt.cli import main
 
@@ -58,8 +59,6 @@ def test_the_readme_is_a_screen_and_a_half():
 
 
 def test_the_example_is_written_by_the_script():
-    write_cli = script("write_cli")
-    begin, end = "<!-- example:begin -->", "<!-- example:end -->"
-    shown = README[README.index(begin) + len(begin) : README.index(end)].strip()
-    assert write_cli.with_example(README, shown) == README
+    shown = part(README, "example")
+    assert with_part(README, "example", shown) == README
     assert all(command in shown for command in write_cli.EXAMPLE)

@@ -16,9 +16,10 @@ from typing import Any
 from urllib.parse import unquote, urljoin, urlsplit
 
 import pytest
-from benchmarks.page import browsing, chromium
-from tests.project.test_published import script
 from tests.support import ROOT
+from tools.docs import render_pages
+from tools.docs.site import conf
+from tools.quality.page import browsing, chromium
 
 import tripwatt
 
@@ -36,19 +37,12 @@ ASSETS = {"script": "src", "link": "href", "img": "src", "iframe": "src", "sourc
 # ------------------------------------------------------------------------------------------------ pages that run
 
 
-@pytest.fixture(scope="module")
-def renderer() -> Any:
-    return script("render_pages")
-
-
 @pytest.mark.parametrize("page", RUNNABLE, ids=lambda page: page.stem)
-def test_a_page_prints_what_it_shows(
-    page: Path, renderer: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_page_prints_what_it_shows(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if page.stem == "fleet":
         pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
     monkeypatch.chdir(tmp_path)
-    result = renderer.render(page, tmp_path)
+    result = render_pages.render(page, tmp_path)
     assert result.failed == 0
     assert result.attempted == page.read_text("utf-8").count("\n>>> ")
 
@@ -63,13 +57,13 @@ def test_every_tutorial_is_there_and_all_its_python_is_a_session_that_runs() -> 
         assert len(re.findall(r"^```(?!$)", text, re.MULTILINE)) == len(blocks) + text.count("```sh\n")
 
 
-def test_what_a_page_prints_can_be_written_into_it(renderer: Any, tmp_path: Path) -> None:
+def test_what_a_page_prints_can_be_written_into_it(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     before = "Text.\n\n```python\n>>> x = 2\n>>> x + 1\n{}\n>>> print('a\\n\\nb')\n{}\n```\n\nEnd.\n"
     page.write_text(before.format("7", "old"), "utf-8")
-    assert renderer.rewritten(page, tmp_path) == before.format("3", "a\n<BLANKLINE>\nb")
+    assert render_pages.rewritten(page, tmp_path) == before.format("3", "a\n<BLANKLINE>\nb")
     assert page in [tmp_path / "page.md"]
-    assert set(RUNNABLE) <= set(renderer.pages())
+    assert set(RUNNABLE) <= set(render_pages.pages())
 
 
 def test_the_request_for_home_assistant_is_one_that_the_service_takes() -> None:
@@ -89,7 +83,7 @@ def test_the_request_for_home_assistant_is_one_that_the_service_takes() -> None:
 
 
 def conf_contents(index: str) -> list[str]:
-    return re.findall(r"^(?:[\w./-]+)$", script("site/conf").contents(index), re.MULTILINE)
+    return re.findall(r"^(?:[\w./-]+)$", conf.contents(index), re.MULTILINE)
 
 
 def test_the_contents_are_the_links_of_the_sections() -> None:
@@ -98,7 +92,7 @@ def test_the_contents_are_the_links_of_the_sections() -> None:
         "# A\n[no](zero.md)\n## Where to begin\n[no](one.md)\n## Reference\n- [b](b.md#part), [a](x/a.md)\n- [b](b.md)\n"
         "[out](https://x.org/c.md)\n## Empty\ntext\n## More\n[b](b.md) [d](d.md)\n"
     )
-    assert script("site/conf").contents(index).split("\n") == [
+    assert conf.contents(index).split("\n") == [
         *("", "```{toctree}", ":hidden:", ":titlesonly:", ":caption: Reference", "", "b", "x/a", "```"),
         *("", "```{toctree}", ":hidden:", ":titlesonly:", ":caption: More", "", "d", "```", ""),
     ]

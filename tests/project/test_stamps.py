@@ -7,12 +7,11 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from benchmarks import probe
-from tests.project.test_published import script
+from tools.docs import make_results, moved, pages, write_figures
+from tools.quality import probe
 
 from tripwatt.vehicles import load_vehicle
 
-make_results, write_figures = script("make_results"), script("write_figures")
 NAMES = [result.name for result in make_results.RESULTS]
 SIMULATE, CABIN = (importlib.import_module(f"tripwatt.physics.{name}") for name in ("simulate", "cabin"))
 TENTH_OF_A_PERCENT = 1.001
@@ -49,32 +48,31 @@ def test_a_file_of_results_is_in_the_table() -> None:
 
 
 FOLLOWS = {
-    "README.md": {"example:begin", "results:begin"},
-    "docs/results.md": {"paper:begin", "forecast:begin", "links:begin"},
-    "docs/paper.md": {"paper-page:begin"},
-    "docs/evaluation.md": {"coverage:begin"},
-    "docs/uncertainty.md": {"coverage:begin"},
-    "docs/transfer.md": {"tum-ved:begin", "ved-tum:begin", "covariates:begin"},
-    "docs/model.md": {"parameters begin"},
-    "docs/vehicles.md": {"licences begin"},
-    "docs/cli.md": {"written by docs/write_cli.py from what `--help` shows; do not edit"},
-    "docs/fleet.md": {"costs: python -m benchmarks.fleet scale --write"},
+    "README.md": {"example", "results"},
+    "docs/results.md": {"paper", "forecast", "links"},
+    "docs/paper.md": {"paper-page"},
+    "docs/evaluation.md": {"coverage"},
+    "docs/uncertainty.md": {"coverage"},
+    "docs/transfer.md": {"tum-ved", "ved-tum", "covariates"},
+    "docs/model.md": {"parameters"},
+    "docs/vehicles.md": {"licences"},
+    "docs/fleet.md": {"costs"},
 }
-"""Parts of pages that follow from stamped files or from the code alone, each with a test of its own; times of a machine."""
+OTHERWISE = {"docs/cli.md"}
+"""Parts of pages that follow from stamped files or from the code alone, each with a test of its own; times of a machine; and a whole page."""
 
 
 def test_every_generated_part_of_a_page_has_a_stamp_or_follows_from_one() -> None:
     listed = {place for result in make_results.RESULTS for place in result.files}
     for page in write_figures.pages():
-        name = page.relative_to(make_results.ROOT).as_posix()
-        marks = re.findall(r"<!-- (?!fig:|/fig)(.+?) -->", page.read_text("utf-8"))
-        for mark in (mark for mark in marks if not re.search(r"\bend\b", mark)):
-            stamped = any(
-                place.startswith(f"{name}#") and mark.startswith(place.partition("#")[2]) for place in listed
+        name, text = page.relative_to(make_results.ROOT).as_posix(), page.read_text("utf-8")
+        for part in pages.names(text):
+            assert pages.part(text, part)
+            assert f"{name}#{part}" in listed or part in FOLLOWS.get(name, ()), (
+                f"{name}: {part} is in no table"
             )
-            assert stamped or mark in FOLLOWS.get(name, ()) or name in listed, (
-                f"{name}: {mark} is in no table of results"
-            )
+        marks = re.findall(r"<!-- (?!fig:|/fig)(.+?) -->", text)
+        assert name in listed or name in OTHERWISE or len(marks) == 2 * len(pages.names(text)), name
 
 
 @pytest.fixture(scope="module")
@@ -134,14 +132,14 @@ def test_noise_is_not_seen(simulated: probe.Probe) -> None:
 def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A project with one result, made of one file of data."""
     (tmp_path / "docs" / "results").mkdir(parents=True)
-    (tmp_path / "docs" / "page.md").write_text("<!-- table begin -->\n7.0 %\n<!-- table end -->\n", "utf-8")
+    (tmp_path / "docs" / "page.md").write_text("<!-- table:begin -->\n7.0 %\n<!-- table:end -->\n", "utf-8")
     (tmp_path / "logs").mkdir()
     (tmp_path / "logs" / "trip.csv").write_text("1,2\n", "utf-8")
     monkeypatch.setattr(make_results, "ROOT", tmp_path)
     return tmp_path
 
 
-RESULT = make_results.Result("one", ("-m one",), ("docs/page.md#table begin",), ("logs",), 1)
+RESULT = make_results.Result("one", ("-m one",), ("docs/page.md#table",), ("logs",), 1)
 AT = {"simulation": [[1.0, 2.0]]}
 
 
@@ -178,3 +176,36 @@ def test_every_part_of_a_page_that_is_stamped_is_there() -> None:
     for result in make_results.RESULTS:
         for place in result.files:
             assert make_results.written(place) != "missing", place
+
+
+def test_a_moved_command_and_place_have_their_new_names() -> None:
+    names = {
+        "docs/fit_default_model.py {data}/tum docs/results/forecast.json": "-m tools.data.fit_default_model {data}/tum docs/results/forecast.json",
+        "docs/publish_results.py {work}/forecast": "-m tools.docs.publish_results {work}/forecast",
+        "-m benchmarks.few_trips --cars 12 --write docs/synthetic.md": "-m benchmarks.few_trips --cars 12 --write",
+        "-m benchmarks.anchors --write": "-m benchmarks.anchors --write",
+        "docs/synthetic.md#few trips begin": "docs/synthetic.md#few-trips",
+        "docs/peers.md#peers:begin": "docs/peers.md#peers",
+        "docs/results/paper.json": "docs/results/paper.json",
+    }
+    assert {old: moved.renamed(old) for old in names} == names
+
+
+def test_a_stamp_moves_with_what_it_wrote(
+    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(moved, "ROOT", project)
+    old = tmp_path / "old"
+    (old / "docs").mkdir(parents=True)
+    text = "<!-- table begin -->\n\n[7.0 %](../x/y.md)\n<!-- table end -->\n"
+    (old / "docs" / "page.md").write_text(text, "utf-8")
+    (project / "docs" / "page.md").write_text(
+        "<!-- table:begin -->\n[7.0 %](y.md)\n<!-- table:end -->\n", "utf-8"
+    )
+    stamp = make_results.stamp(RESULT, "probe") | {"files": {"docs/page.md#table begin": "a digest"}}
+    assert moved.restamped(RESULT, stamp, old) == make_results.stamp(RESULT, "probe")
+    (old / "docs" / "page.md").write_text(text.replace("7.0", "7.1"), "utf-8")
+    with pytest.raises(ValueError, match="differs"):
+        moved.restamped(RESULT, stamp, old)
+    with pytest.raises(ValueError, match="-m two"):
+        moved.restamped(RESULT, {**stamp, "settings": ["-m two"]}, old)

@@ -1,11 +1,9 @@
 """Worlds of synthetic cars: bounded, different, and published with an interval over cars."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from benchmarks import worlds
-from benchmarks.car_table import CATALOGUE
+from tools import CATALOGUE
 
 from tripwatt.hybrid.parameters import PARAMETERS
 
@@ -47,14 +45,8 @@ def test_a_coverage_over_cars_is_less_sure_than_over_trips() -> None:
     assert worlds.coverage_interval(np.ones(6), [1, 2, 3]) == (1.0, 1.0)
 
 
-def test_a_table_replaces_the_one_before(tmp_path: Path) -> None:
-    page = tmp_path / "page.md"
-    page.write_text("a\n<!-- few trips begin -->\nold\n<!-- few trips end -->\nb\n", "utf-8")
+def test_a_row_of_a_world_is_over_its_cars() -> None:
     car = np.array([[0.1, 0, 1, 1, 0.4], [-0.3, 0, 0, 1, 0.2]])
     row = worlds.Row.of("wide", "published values", [car, car[:1]])
-    worlds.write(page, "few trips", [row])
-    text = page.read_text("utf-8")
-    assert "old" not in text
-    assert text.startswith("a\n")
-    assert text.endswith("\nb\n")
+    text = worlds.table([row])
     assert "| wide | published values | 2 | 3 | 16.7 | -3.3 | 0 | 67 | 100 | 100 to 100 | 33 |" in text

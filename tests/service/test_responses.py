@@ -12,9 +12,9 @@ from typing import Any
 import orjson
 import pandas as pd
 import pytest
-from benchmarks.same_numbers import differences
 from tests.support.service_fuzz import seeds
 from tests.support.service_process import Service
+from tools.quality.same_numbers import compared
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
@@ -70,7 +70,8 @@ def test_python_gives_the_numbers_of_the_service(service: Service) -> None:
             "by_cause_wh",
         )
         for name in names:
-            assert differences(own[name], answer[name])[2] == [], name
+            found = compared(own[name], answer[name])
+            assert (found.wrong, found.new) == ([], []), name
         assert answer["flags"] == own["flags"]
 
 

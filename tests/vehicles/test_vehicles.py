@@ -238,7 +238,9 @@ def test_a_car_from_a_path(tmp_path: Path) -> None:
 
 def test_documented_values_are_those_of_the_file() -> None:
     page = (ROOT / "docs" / "model.md").read_text("utf-8")
-    assert render_parameters(load_vehicle("bmw_i3_60ah")) in page, "run: python docs/write_parameters.py"
+    assert render_parameters(load_vehicle("bmw_i3_60ah")) in page, (
+        "run: python -m tools.docs.write_parameters"
+    )
 
 
 # ------------------------------------------------------------------------------------------------ licences
@@ -323,7 +325,7 @@ def test_what_is_taken_over_keeps_the_licence_of_its_own_file() -> None:
 
 def test_table_of_licences_in_the_documentation_is_that_of_the_code() -> None:
     page = (ROOT / "docs" / "vehicles.md").read_text("utf-8")
-    assert render_licences() in page, "run: python docs/write_parameters.py"
+    assert render_licences() in page, "run: python -m tools.docs.write_parameters"
 
 
 def test_the_largest_regenerative_torque_is_the_floor_of_the_logged_torque(data_dir: Path) -> None:

@@ -1,1 +1,1 @@
-"""Writers of the pages of the documentation."""
+"""Writers of the docs: published results, generated parts of pages, pictures, the site."""

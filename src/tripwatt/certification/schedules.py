@@ -3,7 +3,7 @@
 `data/transitions.csv` counts, for UDDS, HWFET and WLTC (class 3b), how often one second takes the car from one speed to the
 next, on a grid of `SPEED_STEP_M_S`. A trace that makes each of these changes as often as the schedule does has its distance, its
 stops and, for a warm car without climate control, its energy, in another order. Such a trace is an Eulerian circuit of the
-counts (Hierholzer's algorithm). `python -m benchmarks.schedules --write` makes the file and chooses the order.
+counts (Hierholzer's algorithm). `python -m tools.data.schedules --write` makes the file and chooses the order.
 """
 
 from __future__ import annotations

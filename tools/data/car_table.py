@@ -1,4 +1,4 @@
-"""The table of cars from the public lists: `python -m benchmarks.car_table --write`.
+"""The table of cars from the public lists: `python -m tools.data.car_table --write`.
 
 `car_selection.csv` names each car, its variant and the rows of the lists that are its own. The values are taken from the
 lists by this module, so that no figure of them is typed by hand. The lists are not part of this repository
@@ -7,10 +7,8 @@ lists by this module, so that no figure of them is typed by hand. The lists are 
 
 from __future__ import annotations
 
-import argparse
 import csv
 import json
-import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,10 +17,12 @@ from typing import Any, Final
 
 import pandas as pd
 
-CATALOGUE: Final = Path(os.environ.get("TRIPWATT_CATALOGUE", "../shared/reference/ev_catalogue"))
+from tools import CATALOGUE, ROOT
+from tools.command import run
+
 SELECTION: Final = Path(__file__).with_name("car_selection.csv")
 CHARGING_SELECTION: Final = Path(__file__).with_name("charging_selection.csv")
-TABLE: Final = Path(__file__).parents[1] / "src" / "tripwatt" / "vehicles" / "data" / "table" / "cars.csv"
+TABLE: Final = ROOT / "src" / "tripwatt" / "vehicles" / "data" / "table" / "cars.csv"
 
 CHARGING: Final = TABLE.with_name("charging.csv")
 
@@ -125,6 +125,7 @@ class Cell:
 
 
 def number(value: float, digits: int = 7) -> str:
+    """As the table writes it."""
     return f"{value:.{digits}g}"
 
 
@@ -147,7 +148,8 @@ def cells(folder: Path = CATALOGUE) -> list[Cell]:
                 found += from_epa(row, epa, ratings)
                 found += from_certificates(row["car"], certificates)
     for car, kind in EEA.items():
-        (line,) = wltp[wltp.description == kind].itertuples()
+        rows: Any = wltp[wltp.description == kind].itertuples()
+        (line,) = rows
         found.append(Cell(car, "wltc", number(line.wltp_kwh_100km_min), "kWh/100 km", "eea"))
         found.append(Cell(car, "wltc_mass", number(line.wltp_test_mass_kg), "kg", "eea"))
     return [*found, *with_own_file()]
@@ -160,10 +162,10 @@ def with_own_file() -> Iterator[Cell]:
         for key, mpge in (("udds", city), ("hwfet", highway)):
             value = number(100.0 * KWH_PER_GALLON * LABEL_FACTOR / mpge, 6)
             yield Cell(car, key, value, "kWh/100 mi", "label", f"{mpge} mpg equivalent over 0.7, {years}")
-    for car, weight, city, highway, note in TESTS:
-        yield Cell(car, "test_weight", number(weight), "lb", "epa_list")
-        yield Cell(car, "udds", number(city, 6), "kWh/100 mi", "epa_list", note)
-        yield Cell(car, "hwfet", number(highway, 6), "kWh/100 mi", "epa_list", note)
+    for car, pounds, udds, hwfet, note in TESTS:
+        yield Cell(car, "test_weight", number(pounds), "lb", "epa_list")
+        yield Cell(car, "udds", number(udds, 6), "kWh/100 mi", "epa_list", note)
+        yield Cell(car, "hwfet", number(hwfet, 6), "kWh/100 mi", "epa_list", note)
     for car, largest, wall, battery, note in WLTP:
         yield Cell(car, "largest_mass", number(largest), "kg", "maker")
         if wall is not None:
@@ -284,6 +286,7 @@ def agreement(make: str, key: str, value: float, ratings: pd.DataFrame) -> str:
 
 
 def source_of(file: str) -> str:
+    """What a list is called in the column of sources."""
     for part, source in (("NREL", "epa_list"), ("eco-route", "epa_list_copy"), ("zero705", "epa_list_2025")):
         if part in file:
             return source
@@ -292,7 +295,7 @@ def source_of(file: str) -> str:
 
 def from_certificates(car: str, certificates: pd.DataFrame) -> Iterator[Cell]:
     """Energy at the battery and at the mains of the certificates of a car, each configuration."""
-    mine = [
+    mine: list[Any] = [
         line for line in certificates.itertuples() if CERTIFICATES.get(f"{line.car} {line.config}") == car
     ]
     if not mine:
@@ -356,13 +359,15 @@ def is_drawn(spec: dict[str, Any], chosen: dict[str, str]) -> bool:
 
 
 def write_charging(rows: list[list[str]], path: Path = CHARGING) -> None:
+    """Write the charging curves."""
     with path.open("w", encoding="utf-8", newline="") as file:
         out = csv.writer(file, lineterminator="\n")
         out.writerow(["car", "displayed_soc", "power_kw", "alternating_kw", "source", "note"])
         out.writerows(rows)
 
 
-def write(rows: list[Cell], path: Path = TABLE) -> None:
+def write_table(rows: list[Cell], path: Path = TABLE) -> None:
+    """Write the cells."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", encoding="utf-8", newline="") as file:
         out = csv.writer(file, lineterminator="\n")
@@ -370,20 +375,18 @@ def write(rows: list[Cell], path: Path = TABLE) -> None:
         out.writerows([r.car, r.key, r.value, r.unit, r.source, r.note] for r in rows)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="renew the table of the package")
-    arguments = parser.parse_args()
+def main(write: bool = False) -> None:
+    """Count what the lists give. `--write` renews the tables of the package."""
     rows = cells()
     cars = {row.car for row in rows if row.key == "title"}
     points = charging_points()
     confirmed = sum(row.value == "1" for row in rows if row.key == "confirmed")
     print(f"{len(rows)} cells of {len(cars)} cars; usable energy of {confirmed} confirmed by a second source")
     print(f"charging curves of {len({row[0] for row in points})} cars")
-    if arguments.write:
-        write(rows)
+    if write:
+        write_table(rows)
         write_charging(points)
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

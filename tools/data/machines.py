@@ -1,4 +1,4 @@
-"""Loss of traction machines by type, from published maps: `python -m benchmarks.machines [--write]`.
+"""Loss of traction machines by type, from published maps: `python -m tools.data.machines [--write]`.
 
 `machine_maps.csv` has the published efficiency of motor and inverter of three induction machines and of one with permanent magnets.
 The equation of a machine whose flux is chosen (`tripwatt.physics.drivetrain`) is fitted to the induction machines at the same shares of
@@ -9,7 +9,6 @@ machine with magnets is from the reference of the library. `--write` renews `dat
 
 from __future__ import annotations
 
-import argparse
 import csv
 import math
 from collections.abc import Mapping, Sequence
@@ -20,12 +19,14 @@ from typing import Final
 
 import numpy as np
 
+from tools import ROOT
+from tools.command import run
 from tripwatt.arrays import FloatArray
 from tripwatt.vehicles import Drivetrain, load_vehicle
 from tripwatt.vehicles.losses import motor_loss
 
 MAPS: Final = Path(__file__).with_name("machine_maps.csv")
-SHARED: Final = Path(__file__).parents[1] / "src" / "tripwatt" / "vehicles" / "data" / "shared"
+SHARED: Final = ROOT / "src" / "tripwatt" / "vehicles" / "data" / "shared"
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,7 +202,7 @@ def induction_toml(values: FloatArray) -> str:
     """The shared file of induction machines."""
     machine = drivetrain(values)
     source = "; ".join(found.source for found in INDUCTION.values())
-    how = "least relative error of loss, python -m benchmarks.machines"
+    how = "least relative error of loss, python -m tools.data.machines"
     units = {
         "motor_max_torque_nm": "Nm",
         "motor_max_speed_rad_s": "rad/s",
@@ -220,7 +221,7 @@ def induction_toml(values: FloatArray) -> str:
     lines = [f"{key} = {_entry(getattr(machine, key), unit, source, how)}" for key, unit in units.items()]
     head = (
         "# Motor and inverter of an induction machine: the equation of a machine whose flux is chosen, fitted to the published maps of\n"
-        "# three machines. Written by `python -m benchmarks.machines --write`; see docs/decisions/physics-08-machines.md.\n"
+        "# three machines. Written by `python -m tools.data.machines --write`; see docs/decisions/physics-08-machines.md.\n"
     )
     kind = f'machine = {{ value = "induction", unit = "", source = "{source}" }}'
     return "\n".join([head, _licences(source), "[drivetrain]", kind, *lines, ""])
@@ -259,18 +260,15 @@ def excited_toml(values: FloatArray) -> str:
     head = (
         "# Motor and inverter of an externally excited machine: published constants of stator and rotor, the iron of induction machines,\n"
         "# and the inverter of the machine with magnets. No map of one is published with numbers. Written by\n"
-        "# `python -m benchmarks.machines --write`; see docs/decisions/physics-08-machines.md.\n\n"
+        "# `python -m tools.data.machines --write`; see docs/decisions/physics-08-machines.md.\n\n"
         '[scaled]\nmotor_losses = "permanent_magnet_motor"\n'
     )
     kind = f'machine = {{ value = "externally_excited", unit = "", source = "{EXCITED.source}" }}'
     return "\n".join([head, _licences(f"{EXCITED.source}; {maps}"), "[drivetrain]", kind, *lines, ""])
 
 
-def main() -> int:
-    """Print the errors of fits and predictions."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="renew the shared files of both types")
-    chosen = parser.parse_args()
+def main(write: bool = False) -> None:
+    """Print the errors of fits and predictions. `--write` renews the shared files of both types."""
     values = fitted(INDUCTION)
     for name, machine in INDUCTION.items():
         report("fitted", name, machine, drivetrain(values))
@@ -278,11 +276,10 @@ def main() -> int:
         report("from the two others", name, machine, drivetrain(fitted(others)))
     for name, machine in MAGNETS.items():
         report("reference of the library", name, machine, load_vehicle("tesla_model_3_lr").drivetrain)
-    if chosen.write:
+    if write:
         (SHARED / "induction_motor.toml").write_text(induction_toml(values), encoding="utf-8")
         (SHARED / "externally_excited_motor.toml").write_text(excited_toml(values), encoding="utf-8")
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    run(main)

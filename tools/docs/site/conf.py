@@ -1,4 +1,4 @@
-"""Settings of Sphinx for the site; `docs/site/build.py` runs it on a staged copy of the pages."""
+"""Settings of Sphinx for the site; `tools/docs/site/build.py` runs it on a staged copy of the pages."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from importlib.metadata import version as installed_version
 from pathlib import Path
 from typing import Any
 
+from docutils.nodes import SkipNode
 from docutils.utils.math import latex2mathml
 
 project = "tripwatt"
@@ -34,7 +35,7 @@ autodoc_typehints = "signature"
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
 autodoc_class_signature = "mixed"
-autosummary_generate = False  # numpydoc loads the extension; the tables are those of docs/site/build.py
+autosummary_generate = False  # numpydoc loads the extension; the tables are those of tools/docs/site/build.py
 python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 80
 numpydoc_show_class_members = False
@@ -48,7 +49,7 @@ html_favicon = "static/icon.svg"
 html_copy_source = False
 html_show_sourcelink = False
 html_show_sphinx = False
-html_theme_options = {"top_of_page_buttons": []}
+html_theme_options: dict[str, list[str]] = {"top_of_page_buttons": []}
 html_math_renderer = "mathml"
 templates_path: list[str] = []
 pygments_style = "a11y-high-contrast-light"
@@ -104,18 +105,12 @@ def _skip_member(app: Any, what: str, name: str, thing: Any, skip: bool, options
 
 def _inline(self: Any, node: Any) -> None:
     self.body.append(latex2mathml.tex2mathml(node.astext(), as_block=False))
-    raise _skip()
+    raise SkipNode
 
 
 def _display(self: Any, node: Any) -> None:
     self.body.append(f'<div class="math">{latex2mathml.tex2mathml(node.astext(), as_block=True)}</div>')
-    raise _skip()
-
-
-def _skip() -> Exception:
-    from docutils.nodes import SkipNode
-
-    return SkipNode()
+    raise SkipNode
 
 
 def setup(app: Any) -> dict[str, bool]:
@@ -138,4 +133,4 @@ def setup(app: Any) -> dict[str, bool]:
 
 
 if not (Path(__file__).parent / "static").is_dir():
-    raise FileNotFoundError("docs/site/static")
+    raise FileNotFoundError("tools/docs/site/static")

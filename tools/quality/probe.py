@@ -1,6 +1,6 @@
 """The fixed probe: what the code computes for 20 built-in trips with five cars, as numbers of six digits.
 
-A published result rests on this code. It names the probe that it was made with (`docs/make_results.py`), so that a change of a
+A published result rests on this code. It names the probe that it was made with (`tools/docs/make_results.py`), so that a change of a
 constant is seen in the probe and a change of a name is not. Nothing here takes a tree, whose splits may turn over on noise.
 """
 
@@ -63,7 +63,7 @@ def plans() -> list[Plan]:
         samples = known.samples
         if "elevation_m" in samples and k % 4 < 3:
             way = np.cumsum(samples["speed_m_s"] * samples["time_s"].diff().fillna(0.0))
-            slope = SLOPE * (k % 4 - 1) * np.minimum(1.0, 6000.0 / way.iloc[-1])
+            slope = SLOPE * (k % 4 - 1) * np.minimum(1.0, 6000.0 / np.asarray(way)[-1])
             samples = samples.assign(elevation_m=samples["elevation_m"] + slope * way)
         plan = Plan.from_samples(known.trip_id, samples, departure(k, float(ambient)))
         weather = PlanWeather(np.full(len(plan), 4.0), 1.15, 0.5)
@@ -82,9 +82,13 @@ def departure(k: int, ambient_degc: float) -> Departure:
             "battery_temperature_degc": 0.7 * ambient_degc + 5.0,
             "cabin_setpoint_degc": 21.0,
         }
-    rare = {3: {"climate": "off"}, 6: {"season": "winter"}, 9: {"extras": ("winter_tyres", "roof_box")}}
+    rare: dict[int, dict[str, object]] = {
+        3: {"climate": "off"},
+        6: {"season": "winter"},
+        9: {"extras": ("winter_tyres", "roof_box")},
+    }
     rare |= {14: {"weather": "sunny"}, 16: {"weather": "sunny", "season": "summer"}}
-    return Departure(**(given | rare.get(k, {})))
+    return Departure(**(given | rare.get(k, {})))  # type: ignore[arg-type]
 
 
 def with_signals(trip: Trip, car: Vehicle) -> Trip:

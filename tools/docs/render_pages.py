@@ -1,4 +1,4 @@
-"""Run the code of the documentation's pages and draw their figures anew: python docs/render_pages.py.
+"""Run the code of the documentation's pages and draw their figures anew: python -m tools.docs.render_pages.
 
 With `--write`, what the code prints replaces what the pages show. Each page runs in a folder of its own, so that it can write
 files.
@@ -12,7 +12,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-DOCS = Path(__file__).resolve().parent
+from tools import DOCS
+
 _NUMBER = re.compile(r"-?\d+\.\d+(?:e[+-]?\d+)?")
 
 

@@ -1,4 +1,4 @@
-"""Size of the code without blanks, comments and docstrings: ``python -m benchmarks.code_size [FOLDER]``.
+"""Size of the code without blanks, comments and docstrings: ``python -m tools.quality.code_size [FOLDER]``.
 
 Prints code lines by room, the distribution of function lengths, and the largest functions, classes and argument lists.
 FOLDER is a checkout of the project, by default this one; run it on two checkouts to compare them.
@@ -17,6 +17,8 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+
+from tools import ROOT
 
 MOST_FUNCTION: Final = 60
 MOST_CLASS: Final = 250
@@ -134,7 +136,7 @@ def measure(root: Path) -> Sizes:
 
 def main() -> int:
     """Print the tables."""
-    root = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parents[1]).resolve()
+    root = Path(sys.argv[1] if len(sys.argv) > 1 else ROOT).resolve()
     sizes = measure(root)
     for room, lines in sorted(sizes.by_room.items(), key=lambda item: -item[1]):
         print(f"{room:14s}{lines:7d}")

@@ -1,4 +1,4 @@
-"""Publish transfers: ``python docs/write_transfer.py [OUT ...]``.
+"""Publish transfers: ``python -m tools.docs.write_transfer [OUT ...]``.
 
 Copies the results.json of folders that `tripwatt transfer` wrote to docs/results/ (scores, no trip data) and the figure
 of the car with most trips to docs/images/, then renews the tables of docs/transfer.md from docs/results/.
@@ -7,13 +7,14 @@ of the car with most trips to docs/images/, then renews the tables of docs/trans
 from __future__ import annotations
 
 import json
-import re
 import shutil
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from tools import DOCS
+from tools.docs import pages
 from tripwatt.report.intervals import NOTE, OFF
 from tripwatt.report.tables import Table, number, span
 from tripwatt.report.transfer_panels import (
@@ -24,8 +25,7 @@ from tripwatt.report.transfer_panels import (
     said_of_models,
 )
 
-ROOT = Path(__file__).resolve().parent
-RESULTS, IMAGES, PAGE = ROOT / "results", ROOT / "images", ROOT / "transfer.md"
+RESULTS, IMAGES, PAGE = DOCS / "results", DOCS / "images", DOCS / "transfer.md"
 WAYS = ("tum-ved", "ved-tum")
 
 
@@ -46,14 +46,9 @@ def renewed(page: str, results: Path = RESULTS) -> str:
     """The page with its generated parts as the results say."""
     for way in WAYS:
         found = json.loads((results / f"transfer-{way}.json").read_text(encoding="utf-8"))
-        page = _between(page, way, "\n\n".join(_told(found)))
+        page = pages.with_part(page, way, "\n\n".join(_told(found)))
     covariates = json.loads((results / "transfer-covariates.json").read_text(encoding="utf-8"))
-    return _between(page, "covariates", "\n\n".join(markdown(t) for t in _covariates(covariates)))
-
-
-def _between(page: str, key: str, text: str) -> str:
-    begin, end = f"<!-- {key}:begin -->", f"<!-- {key}:end -->"
-    return re.sub(f"{begin}.*?{end}", lambda _: f"{begin}\n\n{text}\n\n{end}", page, count=1, flags=re.DOTALL)
+    return pages.with_part(page, "covariates", "\n\n".join(markdown(t) for t in _covariates(covariates)))
 
 
 def _told(results: Mapping[str, Any]) -> Iterable[str]:

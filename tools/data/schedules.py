@@ -1,4 +1,4 @@
-"""The changes of speed of the schedules of certification: `python -m benchmarks.schedules --write`.
+"""The changes of speed of the schedules of certification: `python -m tools.data.schedules --write`.
 
 Needs the schedules of the package fastsim 2.1.5 (the extra `schedules`). Prints how far the energy of the traces of
 `tripwatt.certification.schedules` is from that of the schedules themselves, for some cars of the library.
@@ -6,11 +6,9 @@ Needs the schedules of the package fastsim 2.1.5 (the extra `schedules`). Prints
 
 from __future__ import annotations
 
-import argparse
 import csv
 import importlib.util
 import itertools
-import os
 from collections import Counter
 from functools import cache
 from pathlib import Path
@@ -19,13 +17,15 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
+from tools import DATA, ROOT
+from tools.command import run
 from tripwatt.arrays import FloatArray
 from tripwatt.certification.consumption import driven_wh_per_km
 from tripwatt.certification.schedules import CYCLES, ORDERS, SPEED_STEP_M_S, circuit
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 FILES: Final = {"udds": "udds.csv", "hwfet": "hwfet.csv", "wltc": "wltc_3b.csv"}
-TABLE: Final = Path(__file__).parents[1] / "src" / "tripwatt" / "certification" / "data" / "transitions.csv"
+TABLE: Final = ROOT / "src" / "tripwatt" / "certification" / "data" / "transitions.csv"
 CARS: Final = ("bmw_i3_60ah", "vw_id3", "tesla_model_3_lr", "fiat_500e")
 SEEDS: Final = 100
 
@@ -40,7 +40,7 @@ def published(cycle: str) -> tuple[FloatArray, FloatArray]:
         When the package is not there.
     """
     spec = importlib.util.find_spec("fastsim")
-    places = [Path(os.environ.get("TRIPWATT_DATA", "../shared/data")) / "cycles"]
+    places = [DATA / "cycles"]
     if spec is not None and spec.origin is not None:
         places.insert(0, Path(spec.origin).parent / "resources" / "cycles")
     for place in places:
@@ -76,18 +76,15 @@ def error(cycle: str, order: int, counts: dict[tuple[int, int], int], cars: list
     return found
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="renew the file of the package")
-    parser.add_argument("--search", action="store_true", help="look for the best order")
-    arguments = parser.parse_args()
+def main(write: bool = False, search: bool = False) -> None:
+    """Compare each schedule with its order. `--write` renews the file of the package, `--search` looks for the best order."""
     cars = [load_vehicle(name) for name in CARS]
     rows = []
     for cycle in CYCLES:
         counts = counted(cycle)
         rows += [(cycle, before, after, n) for (before, after), n in counts.items()]
         order = ORDERS[cycle]
-        if arguments.search:
+        if search:
             order = min(range(SEEDS), key=lambda seed: abs(error(cycle, seed, counts, cars[1:2])[0]))
         errors = ", ".join(
             f"{name} {100 * value:+.2f} %"
@@ -96,7 +93,7 @@ def main() -> None:
         print(
             f"{cycle}: order {order}, {len(counts)} changes of speed; energy against the schedule: {errors}"
         )
-    if arguments.write:
+    if write:
         TABLE.parent.mkdir(parents=True, exist_ok=True)
         with TABLE.open("w", encoding="utf-8", newline="") as file:
             out = csv.writer(file, lineterminator="\n")
@@ -105,4 +102,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

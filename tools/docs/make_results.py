@@ -1,14 +1,13 @@
-"""Make what is published anew: ``make results``, or ``python docs/make_results.py [NAME ...] [--check] [--pages]``.
+"""Make what is published anew: ``make results``, or ``python -m tools.docs.make_results [NAME ...] [--check] [--pages]``.
 
 `RESULTS` lists every file and every generated part of a page that rests on a run: its command, what it writes, its data. Each has a
-stamp in docs/results/stamps.json: the probe of the code that it was made with (`benchmarks/probe.py`), its command, the digests of
+stamp in docs/results/stamps.json: the probe of the code that it was made with (`tools/quality/probe.py`), its command, the digests of
 its data and of what it wrote. What is current by its stamp is kept, so an interrupted run goes on where it stopped. At the end
 every page is written anew. `--check` lists what is stale, and why, and runs nothing; `--pages` writes the pages alone.
 """
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import json
 import os
@@ -19,12 +18,13 @@ import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Annotated, Any, Final, NamedTuple
 
-ROOT: Final = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
+from typer import Argument, BadParameter, Option
 
-from benchmarks import probe  # noqa: E402
+from tools import CATALOGUE, DATA, REFERENCE, ROOT, command
+from tools.docs import pages
+from tools.quality import probe
 
 PROBE: Final = ROOT / "docs" / "results" / "probe.json"
 STAMPS: Final = ROOT / "docs" / "results" / "stamps.json"
@@ -39,8 +39,7 @@ Probe = Mapping[str, Sequence[Sequence[float]]]
 class Result(NamedTuple):
     """One published result.
 
-    `files` are paths from the root, or `PAGE#MARK` for the part of a page between ``<!-- MARK...`` and the next comment. `minutes`
-    are those of an idle machine of two cores.
+    `files` are paths from the root, or `PAGE#PART` for a generated part of a page (`tools/docs/pages.py`). `minutes` are those of an idle machine of two cores.
     """
 
     name: str
@@ -57,7 +56,7 @@ def evaluation(protocol: str, minutes: float, *more: str) -> Result:
         protocol,
         (
             f"-m tripwatt evaluate {{data}}/tum --protocol {protocol} --resume --out {out}",
-            f"docs/publish_results.py {out}",
+            f"-m tools.docs.publish_results {out}",
         ),
         (f"docs/results/{protocol}.json", *more),
         ("tum",),
@@ -72,7 +71,7 @@ def transfer(source: str, target: str, minutes: float) -> Result:
         f"transfer-{way}",
         (
             f"-m tripwatt transfer --from {{data}}/{source} --to {{data}}/{target} --out {{work}}/transfer-{way}",
-            f"docs/write_transfer.py {{work}}/transfer-{way}",
+            f"-m tools.docs.write_transfer {{work}}/transfer-{way}",
         ),
         (f"docs/results/transfer-{way}.json", f"docs/images/transfer-{way}.png"),
         ("tum", "ved"),
@@ -92,7 +91,7 @@ RESULTS: Final = (
     Result(
         "six-numbers",
         ("-m benchmarks.six_numbers --write",),
-        ("docs/vehicles.md#six numbers begin",),
+        ("docs/vehicles.md#six-numbers",),
         ("catalogue",),
         1,
     ),
@@ -100,8 +99,8 @@ RESULTS: Final = (
     Result("cold-rows", ("-m benchmarks.cold_rows --write",), ("docs/library.md#cold",), ("catalogue",), 1),
     Result(
         "argonne",
-        ("-m benchmarks.argonne --write docs/argonne.md",),
-        ("docs/argonne.md#argonne begin",),
+        ("-m benchmarks.argonne --write",),
+        ("docs/argonne.md#argonne",),
         ("argonne", "cycles"),
         1,
     ),
@@ -116,7 +115,7 @@ RESULTS: Final = (
     evaluation("forecast", 20),
     Result(
         "model",
-        ("docs/fit_default_model.py {data}/tum docs/results/forecast.json",),
+        ("-m tools.data.fit_default_model {data}/tum docs/results/forecast.json",),
         (MODEL,),
         ("tum", "docs/results/forecast.json"),
         1,
@@ -124,15 +123,15 @@ RESULTS: Final = (
     evaluation("paper", 4),
     Result(
         "links",
-        ("-m benchmarks.planned --json {work}/links.json", "docs/publish_results.py {work}/links.json"),
+        ("-m benchmarks.planned --json {work}/links.json", "-m tools.docs.publish_results {work}/links.json"),
         ("docs/results/links.json",),
         ("tum",),
         6,
     ),
     Result(
         "routes",
-        ("-m benchmarks.links --write docs/routes.md",),
-        ("docs/routes.md#links begin",),
+        ("-m benchmarks.links --write",),
+        ("docs/routes.md#links",),
         ("tum",),
         3,
     ),
@@ -140,30 +139,30 @@ RESULTS: Final = (
     transfer("ved", "tum", 2),
     Result(
         "transfer-covariates",
-        ("-m benchmarks.transfer_covariates {data}",),
+        ("-m benchmarks.transfer_covariates",),
         ("docs/results/transfer-covariates.json",),
         ("tum", "ved"),
         1,
     ),
     Result(
         "few-trips",
-        ("-m benchmarks.few_trips --cars 12 --write docs/synthetic.md",),
-        ("docs/synthetic.md#few trips begin",),
+        ("-m benchmarks.few_trips --cars 12 --write",),
+        ("docs/synthetic.md#few-trips",),
         ("tum", "catalogue", MODEL),
         10,
     ),
     Result(
         "unknown-climb",
-        ("-m benchmarks.unknown_climb --write docs/uncertainty.md",),
-        ("docs/uncertainty.md#climb begin",),
+        ("-m benchmarks.unknown_climb --write",),
+        ("docs/uncertainty.md#climb",),
         ("tum", "twizy", "sedan", MODEL),
         5,
     ),
-    Result("peers", ("make peers",), ("docs/peers.md#peers:begin",), ("tum", "ved"), 4),
+    Result("peers", ("make peers",), ("docs/peers.md#peers",), ("tum", "ved"), 4),
     Result(
         "long-trips",
-        ("-m benchmarks.long_trips --cars 12 --write docs/synthetic.md",),
-        ("docs/synthetic.md#long trips begin",),
+        ("-m benchmarks.long_trips --cars 12 --write",),
+        ("docs/synthetic.md#long-trips",),
         ("catalogue", MODEL),
         8,
     ),
@@ -171,52 +170,58 @@ RESULTS: Final = (
 """In this order: what changes the cars comes first, and the model of the package before what starts from it."""
 
 PAGES: Final = (
-    "docs/publish_results.py docs/results/forecast.json",
-    "docs/publish_results.py docs/results/paper.json",
-    "docs/publish_results.py docs/results/links.json",
-    "docs/write_transfer.py",
-    "docs/write_parameters.py",
-    "docs/write_cli.py",
-    "docs/write_figures.py",
-    "docs/render_pages.py --write",
+    "-m tools.docs.publish_results docs/results/forecast.json",
+    "-m tools.docs.publish_results docs/results/paper.json",
+    "-m tools.docs.publish_results docs/results/links.json",
+    "-m tools.docs.write_transfer",
+    "-m tools.docs.write_parameters",
+    "-m tools.docs.write_cli",
+    "-m tools.docs.write_figures",
+    "-m tools.docs.render_pages --write",
     "tests/vectors/write.py",
 )
 """Writers of the pages and of what else follows from the published files."""
 
 
-def folders() -> dict[str, Path]:
-    """Where data are: by environment variables, or beside the project."""
-    data = Path(os.environ.get("TRIPWATT_DATA", ROOT / "../shared/data"))
-    reference = Path(os.environ.get("TRIPWATT_REFERENCE", ROOT / "../shared/reference"))
-    catalogue = Path(os.environ.get("TRIPWATT_CATALOGUE", reference / "ev_catalogue"))
-    sets = {name: data / name for name in ("tum", "ved", "twizy", "sedan", "cycles")}
-    return {**sets, "data": data, "catalogue": catalogue, "argonne": reference / "anl_d3_i3.csv"}
+FOLDERS: Final = {
+    **{name: DATA / name for name in ("tum", "ved", "twizy", "sedan", "cycles")},
+    "catalogue": CATALOGUE,
+    "argonne": REFERENCE / "anl_d3_i3.csv",
+}
 
 
 def source(name: str) -> Path:
     """A set of data, or a file of the project."""
-    return folders().get(name, ROOT / name)
+    return FOLDERS.get(name, ROOT / name)
 
 
 def digest(path: Path) -> str:
     """Of a file, or of all files of a folder and their names."""
-    found = hashlib.sha256()
+    read = hashlib.sha256()
     for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
         if file.is_file() and "__pycache__" not in file.parts:
-            found.update(file.relative_to(path).as_posix().encode() + b"\0" + file.read_bytes())
-    return found.hexdigest()[:16]
+            read.update(file.relative_to(path).as_posix().encode() + b"\0" + file.read_bytes())
+    return read.hexdigest()[:16]
+
+
+def digest_of_page(text: str) -> str:
+    """Of a page or its part, whatever the folder is that it stands in, which its links depend on."""
+    return hashlib.sha256(re.sub(r"\]\([\w./-]*/", "](", text).strip().encode()).hexdigest()[:16]
 
 
 def written(place: str) -> str:
     """Digest of a file, or of the part of a page; a name for nothing where it is missing."""
-    name, _, mark = place.partition("#")
+    name, _, part = place.partition("#")
     path = ROOT / name
     if not path.exists():
         return "missing"
-    if not mark:
+    if path.suffix != ".md":
         return digest(path)
-    part = re.search(rf"<!-- {re.escape(mark)}.*?-->(.*?)<!-- ", path.read_text(encoding="utf-8"), re.S)
-    return hashlib.sha256(part[1].encode()).hexdigest()[:16] if part else "missing"
+    text = path.read_text("utf-8")
+    try:
+        return digest_of_page(pages.part(text, part) if part else text)
+    except ValueError:
+        return "missing"
 
 
 def stamp(result: Result, probe_digest: str) -> dict[str, Any]:
@@ -255,18 +260,18 @@ def read(file: Path) -> Any:
     return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
 
 
-def write_probe(found: Probe) -> None:
+def write_probe(new: Probe) -> None:
     """Keep a probe, a line for each drive."""
     parts = (
         f" {json.dumps(name)}: [\n" + ",\n".join(f"  {json.dumps(row)}" for row in rows) + "\n ]"
-        for name, rows in found.items()
+        for name, rows in new.items()
     )
     PROBE.write_text("{\n" + ",\n".join(parts) + "\n}\n", encoding="utf-8")
 
 
 def computed() -> dict[str, Any]:
     """The probe of the files as they are now, which a command may have changed since this process read them."""
-    command = [sys.executable, "-m", "benchmarks.probe"]
+    command = [sys.executable, "-m", "tools.quality.probe"]
     done = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, env=environment())
     return dict(json.loads(done.stdout))
 
@@ -282,8 +287,8 @@ def settled(now: dict[str, Any]) -> dict[str, Any]:
 
 def run(command: str) -> None:
     """One command in the project's folder: of Python, or of `make` where it needs an environment of its own."""
-    filled = command.format(data=folders()["data"], work=WORK)
-    print(f"  {filled}", flush=True)  # noqa: T201 - a script says what it does
+    filled = command.format(data=DATA, work=WORK)
+    print(f"  {filled}", flush=True)
     words = filled.split()
     words = words if words[0] == "make" else [sys.executable, *words]
     subprocess.run(words, cwd=ROOT, check=True, env=environment())
@@ -292,23 +297,22 @@ def run(command: str) -> None:
 def environment() -> dict[str, str]:
     """With the folders of the data, and the project's own packages first."""
     path = os.pathsep.join(filter(None, (str(ROOT / "src"), str(ROOT), os.environ.get("PYTHONPATH", ""))))
-    found = folders()
     return {
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",
         **os.environ,
         "PYTHONPATH": path,
-        "TRIPWATT_DATA": str(found["data"]),
-        "TRIPWATT_REFERENCE": str(found["argonne"].parent),
-        "TRIPWATT_CATALOGUE": str(found["catalogue"]),
+        "TRIPWATT_DATA": str(DATA),
+        "TRIPWATT_REFERENCE": str(REFERENCE),
+        "TRIPWATT_CATALOGUE": str(CATALOGUE),
     }
 
 
 def make(result: Result, now: dict[str, Any]) -> dict[str, Any]:
     """Run one result and stamp it; gives the probe after it. A code that changed meanwhile gives no stamp."""
     WORK.mkdir(parents=True, exist_ok=True)
-    for command in result.commands:
-        run(command)
+    for line in result.commands:
+        run(line)
     after = computed()
     if any(probe.differences(now, after)) and not any(TABLES in place for place in result.files):
         raise SystemExit(f"{result.name}: the code changed while it ran; run it again")
@@ -319,40 +323,36 @@ def make(result: Result, now: dict[str, Any]) -> dict[str, Any]:
 
 def write_pages() -> None:
     """Every page from the published files; the pictures where there is a browser."""
-    for command in PAGES:
-        run(command)
+    for line in PAGES:
+        run(line)
     if any(map(shutil.which, ("chromium-headless-shell", "chromium"))):
-        run("docs/write_page_images.py")
+        run("-m tools.docs.write_page_images")
 
 
-def main() -> int:
-    """Make what is stale; 1 when `--check` finds something."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("names", nargs="*", help="these alone, also where they are current")
-    parser.add_argument("--check", action="store_true", help="list what is stale and run nothing")
-    parser.add_argument("--pages", action="store_true", help="write the pages alone")
-    given = parser.parse_args()
-    unknown = set(given.names) - {result.name for result in RESULTS}
-    if unknown:
-        parser.error(
-            f"no result is called {', '.join(sorted(unknown))}; {', '.join(r.name for r in RESULTS)}"
-        )
-    chosen = [r for r in RESULTS if r.name in given.names or not given.names]
-    found, now = False, {} if given.pages else computed()
-    for k, result in enumerate(() if given.pages else chosen):
-        reasons = list(stale(result, read(STAMPS), now, read(PROBE)))
-        reasons = reasons or (["asked for"] if given.names else [])
-        found |= bool(reasons)
+def main(
+    names: Annotated[list[str] | None, Argument()] = None,
+    check: bool = False,
+    only_pages: Annotated[bool, Option("--pages")] = False,
+) -> int:
+    """Make what is stale, or the results that are named, then all pages.
+
+    `--check` lists what is stale, runs nothing and returns 1 for it; `--pages` writes the pages alone.
+    """
+    if unknown := set(names or ()) - {result.name for result in RESULTS}:
+        raise BadParameter(f"{', '.join(sorted(unknown))}: none of {', '.join(r.name for r in RESULTS)}")
+    chosen = [] if only_pages else [r for r in RESULTS if not names or r.name in names]
+    any_stale, now = False, computed() if chosen else {}
+    for k, result in enumerate(chosen):
+        reasons = list(stale(result, read(STAMPS), now, read(PROBE))) or ["asked for"] * bool(names)
+        any_stale |= bool(reasons)
         about = f"{'; '.join(reasons)}; {result.minutes:g} min" if reasons else "current"
-        print(  # noqa: T201 - a script says what it does
-            f"{time.strftime('%H:%M')} {k + 1} of {len(chosen)} {result.name}: {about}", flush=True
-        )
-        if reasons and not given.check:
+        print(f"{time.strftime('%H:%M')} {k + 1} of {len(chosen)} {result.name}: {about}", flush=True)
+        if reasons and not check:
             now = make(result, now)
-    if not given.check:
+    if not check:
         write_pages()
-    return int(found and given.check)
+    return int(any_stale and check)
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    command.run(main)

@@ -1,4 +1,4 @@
-"""Write docs/cli.md, the pages that `--help` shows, and the example of the README: ``python docs/write_cli.py``."""
+"""Write docs/cli.md, the pages that `--help` shows, and the example of the README: ``python -m tools.docs.write_cli``."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import typer.main
 
+from tools import DOCS, ROOT
+from tools.docs import pages
 from tripwatt.cli import app
 
-PAGE = Path(__file__).with_name("cli.md")
-README = Path(__file__).parents[1] / "README.md"
+PAGE = DOCS / "cli.md"
 BAR = "\\|"
 """How a table cell holds a bar."""
 
 HEAD = """# The command line
 
-<!-- written by docs/write_cli.py from what `--help` shows; do not edit -->
+<!-- written by tools/docs/write_cli.py from what `--help` shows; do not edit -->
 
 Each command calls the public function of the same name. Tables and JSON go to standard output; progress, notes and errors
 go to standard error. With `--json`, standard output is one JSON document.
@@ -120,13 +120,6 @@ def example() -> str:
     return "\n".join(["```", *EXAMPLE, "```", "", "prints", "", "```", printed, "```"])
 
 
-def with_example(readme: str, shown: str) -> str:
-    """The README with an example between its markers."""
-    begin, end = "<!-- example:begin -->\n", "<!-- example:end -->"
-    head, _, rest = readme.partition(begin)
-    return head + begin + shown + "\n" + end + rest.partition(end)[2]
-
-
 if __name__ == "__main__":
     PAGE.write_text(render(), encoding="utf-8")
-    README.write_text(with_example(README.read_text("utf-8"), example()), encoding="utf-8")
+    pages.renew(ROOT / "README.md", "example", example())

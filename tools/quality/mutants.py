@@ -1,6 +1,6 @@
 """Do the tests notice a wrong line? Seeded mutants of the package, each against the tests that run its line.
 
-python -m benchmarks.mutants [--count 200] [--seed 0] [--since REVISION] [--named]
+python -m tools.quality.mutants [--count 200] [--seed 0] [--since REVISION] [--named]
 
 The tests run once with coverage, which tells which tests run which line, and how long each takes; ``--map FILE`` keeps
 that and uses it again. Each mutant is planted in a copy of the project, and its tests run, the quickest files first,
@@ -14,7 +14,6 @@ Costs one run of the tests with coverage (about twice its usual time), then 5 to
 
 from __future__ import annotations
 
-import argparse
 import ast
 import json
 import os
@@ -31,11 +30,16 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Final
+from typing import Annotated, Final
 
-from benchmarks.mutating import Mutant, mutants_of
+from typer import Option
 
-ROOT: Final = Path(__file__).parents[1]
+from tools import ROOT
+from tools.command import run
+from tools.quality.mutating import Mutant, mutants_of
+
+HERE: Final = Path(__file__).parent
+
 ROOMS: Final = (
     "forecasting",
     "uncertainty",
@@ -83,7 +87,7 @@ def measure_map(project: Path, kept: Path, jobs: int) -> None:
 
     with tempfile.TemporaryDirectory() as folder:
         data, times = Path(folder) / "coverage", Path(folder) / "times.json"
-        command = [sys.executable, "-m", "pytest", "-n", str(jobs), "-p", "benchmarks.durations"]
+        command = [sys.executable, "-m", "pytest", "-n", str(jobs), "-p", "tools.quality.durations"]
         command += ["--cov=src/tripwatt", "--cov-context=test", "--cov-report="]
         command += [f"--ignore={name}" for name in NO_PART]
         env = _environment(project) | {"COVERAGE_FILE": str(data), "TRIPWATT_TEST_TIMES": str(times)}
@@ -319,7 +323,7 @@ def _changed_lines(since: str) -> dict[str, set[int]]:
 def named_mutants() -> list[Mutant]:
     """Those of named_mutants.toml."""
     found = []
-    for entry in tomllib.loads((ROOT / "benchmarks" / "named_mutants.toml").read_text())["mutant"]:
+    for entry in tomllib.loads((HERE / "named_mutants.toml").read_text())["mutant"]:
         path = ROOT / entry["file"]
         source = path.read_bytes()
         old = entry["old"].encode()
@@ -337,7 +341,7 @@ def named_mutants() -> list[Mutant]:
 
 def equivalent() -> dict[tuple[str, str], str]:
     """Reasons why a change is none, by file and change."""
-    path = ROOT / "benchmarks" / "equivalent_mutants.toml"
+    path = HERE / "equivalent_mutants.toml"
     entries = tomllib.loads(path.read_text()).get("mutant", []) if path.exists() else []
     return {(entry["file"], entry["change"]): entry["reason"] for entry in entries}
 
@@ -377,29 +381,24 @@ def report(verdicts: Sequence[Verdict]) -> int:
     return int(killed < LEAST_SHARE * counted)
 
 
-def main() -> int:
-    """Plant mutants and print the survivors."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--count", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--since", help="mutants of the lines that differ from this revision")
-    parser.add_argument("--named", action="store_true", help="those of named_mutants.toml")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--budget", type=float, default=40.0, help="seconds of tests for a mutant")
-    parser.add_argument("--map", type=Path, help="file that keeps which tests run which line")
-    arguments = parser.parse_args()
-    mutants = (
-        named_mutants()
-        if arguments.named
-        else chosen_mutants(arguments.count, arguments.seed, arguments.since)
-    )
+def main(
+    count: int = 200,
+    seed: int = 0,
+    since: str | None = None,
+    named: bool = False,
+    jobs: int = os.cpu_count() or 1,
+    budget: float = 40.0,
+    map_file: Annotated[Path | None, Option("--map")] = None,
+) -> int:
+    """Plant mutants and print the survivors; 1 when too many survive."""
+    mutants = named_mutants() if named else chosen_mutants(count, seed, since)
     with tempfile.TemporaryDirectory() as folder:
-        projects = [copy_of_project(Path(folder) / str(k)) for k in range(arguments.jobs)]
-        kept = arguments.map or Path(folder) / "map.json"
+        projects = [copy_of_project(Path(folder) / str(k)) for k in range(jobs)]
+        kept = map_file or Path(folder) / "map.json"
         if not kept.exists():
-            measure_map(projects[0], kept, arguments.jobs)
-        return report(judge_all(mutants, read_map(kept), projects, arguments.budget))
+            measure_map(projects[0], kept, jobs)
+        return report(judge_all(mutants, read_map(kept), projects, budget))
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    run(main)

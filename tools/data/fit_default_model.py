@@ -1,4 +1,4 @@
-"""Make the model that comes with the package anew: ``python docs/fit_default_model.py DATA [RESULTS]``.
+"""Make the model that comes with the package anew: ``python -m tools.data.fit_default_model DATA [RESULTS]``.
 
 DATA is the folder of the TUM trips. RESULTS, a `results.json` of `tripwatt evaluate DATA --protocol forecast`, adds the
 scores of the model `hybrid` to the figures of the fit. No trip goes into the model.
@@ -45,4 +45,4 @@ def make(data: Path, results: Path | None = None) -> Path:
 
 
 if __name__ == "__main__":
-    print(make(*map(Path, sys.argv[1:3])))  # noqa: T201 - a script says what it wrote
+    print(make(*map(Path, sys.argv[1:3])))

@@ -1,4 +1,4 @@
-"""A pytest plugin that writes how long each passed test took: ``-p benchmarks.durations`` and TRIPWATT_TEST_TIMES."""
+"""A pytest plugin that writes how long each passed test took: ``-p tools.quality.durations`` and TRIPWATT_TEST_TIMES."""
 
 from __future__ import annotations
 

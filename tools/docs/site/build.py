@@ -1,4 +1,4 @@
-"""Build the documentation's site: ``python docs/site/build.py [FOLDER]`` (`make docs`).
+"""Build the documentation's site: ``python -m tools.docs.site.build [FOLDER]`` (`make docs`).
 
 The pages of `docs` stay as a code host shows them. A copy of them is staged with the project's pages (how to contribute,
 changes, licences) and with one generated page for each public package, and Sphinx makes the site of the copy. A warning is
@@ -25,9 +25,9 @@ from sphinx.application import Sphinx
 from sphinx.pycode import ModuleAnalyzer
 from sphinx.util.docutils import docutils_namespace, patch_docutils
 
+from tools import DOCS, ROOT
+
 HERE: Final = Path(__file__).resolve().parent
-DOCS: Final = HERE.parent
-ROOT: Final = DOCS.parent
 
 PROJECT: Final = {
     "README.md": "index.md",
@@ -95,9 +95,9 @@ def stage(folder: Path) -> None:
         _write(folder / place, text)
     for name in PACKAGES:
         _write(folder / "api" / f"{name}.md", package_page(importlib.import_module(name)))
-    with (folder / "python.md").open("a", encoding="utf-8") as page:
-        page.write("\n".join(["", "## Every public name", "", "```{toctree}", ":titlesonly:", "", ""]))
-        page.write("\n".join([*(f"api/{name}" for name in PACKAGES), "```", ""]))
+    with (folder / "python.md").open("a", encoding="utf-8") as file:
+        file.write("\n".join(["", "## Every public name", "", "```{toctree}", ":titlesonly:", "", ""]))
+        file.write("\n".join([*(f"api/{name}" for name in PACKAGES), "```", ""]))
     shutil.copytree(DOCS / "images", folder / "images")
 
 

@@ -207,7 +207,7 @@ def _changes(node: ast.expr) -> Iterator[tuple[str, ast.expr]]:
                 if type(op) in table:
                     ops = [*node.ops[:index], table[type(op)](), *node.ops[index + 1 :]]
                     yield kind, _with(node, ops=ops)
-    elif isinstance(node, ast.Constant) and type(node.value) in (int, float, bool):
+    elif isinstance(node, ast.Constant) and isinstance(node.value, int | float):
         for value in _other_values(node.value):
             yield "constant", ast.Constant(value)
     elif isinstance(node, ast.Call) and _called(node) in SWAPPED:

@@ -1,4 +1,4 @@
-"""Fill the figures in the prose of README and docs from the published results: ``python docs/write_figures.py``.
+"""Fill the figures in the prose of README and docs from the published results: ``python -m tools.docs.write_figures``.
 
 A figure stands between two comments, ``<!-- fig: PLACE | FORM -->6.2<!-- /fig -->``. PLACE is a file of docs/results and the keys
 in it, parted by slashes; ``[key=value;key=value]`` chooses from a list. FORM is one of `FORMS`. The paired
@@ -14,10 +14,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
+from tools import DOCS, ROOT
 from tripwatt.report.tables import number, span
 
-ROOT: Final = Path(__file__).resolve().parent.parent
-RESULTS: Final = ROOT / "docs" / "results"
+RESULTS: Final = DOCS / "results"
 FIGURE: Final = re.compile(r"(<!-- fig: ([^|>]+?) \| ([^|>]+?) -->).*?(<!-- /fig -->)", re.S)
 
 FORMS: Final[Mapping[str, Callable[[Any], str]]] = MappingProxyType(
@@ -63,7 +63,7 @@ def filled(page: str, results: Path = RESULTS) -> str:
 
 def pages() -> list[Path]:
     """README and every page of the docs but the records of decisions, which keep the figures of their time."""
-    docs = (page for page in (ROOT / "docs").rglob("*.md") if page.parent.name != "decisions")
+    docs = (page for page in DOCS.rglob("*.md") if page.parent.name != "decisions")
     return [ROOT / "README.md", *sorted(docs)]
 
 

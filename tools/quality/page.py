@@ -1,24 +1,25 @@
 """The page in a real browser: how fast the picture follows a slider, its size, and what axe says.
 
-`python -m benchmarks.page` prints the figures as JSON. It needs chromium. `--map MAP --from A --to B` measures the map instead, with
+`python -m tools.quality.page` prints the figures as JSON. It needs chromium. `--map MAP --from A --to B` measures the map instead, with
 a value of `tripwatt serve --map` and the names of two places.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 from tests.support.service_process import serving
+from typer import Option
 
 import tripwatt.service
+from tools.command import run
 
 CHROMIUM: Final = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
 """Programs that will do, the quickest first: the shell without windows opens a page in half the time."""
@@ -197,16 +198,14 @@ def measure_map(named: str, start: str, end: str) -> dict[str, Any]:
     }
 
 
-def main() -> None:
-    """Print the figures."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--map", default="", help="measure the map: what tripwatt serve --map takes")
-    parser.add_argument("--from", dest="start", default="Vaduz", help="a place of the map")
-    parser.add_argument("--to", dest="end", default="Ruggell", help="another one")
-    given = parser.parse_args()
-    found = measure_map(given.map, given.start, given.end) if given.map else measure()
-    print(json.dumps(found, indent=2))
+def main(
+    map_value: Annotated[str, Option("--map")] = "",
+    start: Annotated[str, Option("--from")] = "Vaduz",
+    end: Annotated[str, Option("--to")] = "Ruggell",
+) -> None:
+    """Print the figures of the page, or of the map."""
+    print(json.dumps(measure_map(map_value, start, end) if map_value else measure(), indent=2))
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

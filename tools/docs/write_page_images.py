@@ -1,4 +1,4 @@
-"""Pictures of the page for the docs: `python docs/write_page_images.py`. Needs chromium and the extra `dev`.
+"""Pictures of the page for the docs: `python -m tools.docs.write_page_images`. Needs chromium and the extra `dev`.
 
 With a map of Liechtenstein as its argument it writes those of the map: what `tripwatt serve --map` takes.
 """
@@ -16,18 +16,15 @@ from typing import Any, Final
 
 import httpx
 import pandas as pd
+from tests.live.messages import abrp_messages, measured
+from tests.support.service_process import serving
 
-ROOT: Final = Path(__file__).resolve().parent.parent
-IMAGES: Final = ROOT / "docs" / "images"
-sys.path.insert(0, str(ROOT))
+from tools import DOCS
+from tools.quality.page import MAP_SHOWN, SHOWN, browsing, choose_place, context_of
+from tripwatt.synthetic import example_trip
+from tripwatt.synthetic.many import FleetPlan, many_vehicles
 
-from benchmarks.page import MAP_SHOWN, SHOWN, browsing, choose_place, context_of  # noqa: E402
-from tests.live.messages import abrp_messages, measured  # noqa: E402
-from tests.support.service_process import serving  # noqa: E402
-
-from tripwatt.synthetic import example_trip  # noqa: E402
-from tripwatt.synthetic.many import FleetPlan, many_vehicles  # noqa: E402
-
+IMAGES: Final = DOCS / "images"
 SETTLE_MS: Final = 700
 MOMENTS: Final = 40
 DRIVES: Final = 24
@@ -120,7 +117,7 @@ def logged_year() -> bytes:
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as made:
         for log in many_vehicles(plan):
             table = log.samples
-            start = pd.Timestamp(log.context.started_at)
+            start = pd.Timestamp(str(log.context.started_at))
             stamps = start + pd.to_timedelta(table["time_s"], unit="s")
             columns = {shown: table[ours] * factor for ours, (shown, factor) in LOGGED.items()}
             made.writestr(f"{log.trip_id}.csv", pd.DataFrame({"date": stamps, **columns}).to_csv(index=False))

@@ -1,4 +1,4 @@
-"""Publish an evaluation: ``python docs/publish_results.py [OUT]``, a step of ``make results``.
+"""Publish an evaluation: ``python -m tools.docs.publish_results [OUT]``, a step of ``make results``.
 
 Renews docs/paper.md from the protocol `paper`. Copies OUT/results.json (scores and findings, no trip data) to docs/results/, as `paper.json` or `forecast.json` by its
 protocol, renews the tables of docs/results.md from it and, from the protocol `forecast`, the short table of the README. OUT
@@ -14,25 +14,18 @@ from pathlib import Path
 
 from PIL import Image
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
+from tools import DOCS, ROOT
+from tools.docs.paper_page import FIGURES
+from tools.docs.results_pages import update_coverage, update_paper_page, update_readme, update_results_page
 
-from tools.docs.paper_page import FIGURES  # noqa: E402
-from tools.docs.results_pages import (  # noqa: E402
-    update_coverage,
-    update_paper_page,
-    update_readme,
-    update_results_page,
-)
-
-RESULTS = ROOT / "docs" / "results"
+RESULTS = DOCS / "results"
 
 
 def publish(
     out: Path,
     results_folder: Path = RESULTS,
     readme: Path = ROOT / "README.md",
-    page: Path = ROOT / "docs" / "results.md",
+    page: Path = DOCS / "results.md",
 ) -> Path:
     """Copy and renew; gives the copy.
 
@@ -70,4 +63,4 @@ def publish(
 
 
 if __name__ == "__main__":
-    print(publish(Path(sys.argv[1] if len(sys.argv) > 1 else "out")))  # noqa: T201 - a script says what it wrote
+    print(publish(Path(sys.argv[1] if len(sys.argv) > 1 else "out")))

@@ -1,0 +1,17 @@
+"""Renew the table of a car's values in docs/model.md and that of licences in docs/vehicles.md.
+
+Run ``python -m tools.docs.write_parameters`` after a change of a car or of the licences.
+"""
+
+from tools.docs import pages
+from tripwatt.vehicles import load_vehicle, render_licences, render_parameters
+
+
+def main() -> None:
+    """Renew both tables."""
+    pages.renew("model.md", "parameters", render_parameters(load_vehicle("bmw_i3_60ah")))
+    pages.renew("vehicles.md", "licences", render_licences())
+
+
+if __name__ == "__main__":
+    main()
