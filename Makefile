@@ -15,7 +15,7 @@ export MYPY_NUM_WORKERS ?= $(WORKERS)
 PIP_INSTALL = -m pip install --quiet --disable-pip-version-check
 UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 
-.PHONY: run check check-latest lowest constraints image sbom docs bench peers bars bars-fleet results page browser clean
+.PHONY: types run check check-latest lowest constraints image sbom docs bench peers bars bars-fleet results page browser clean
 
 .venv/.ready: pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -89,6 +89,9 @@ sbom: .venv-tools/.ready constraints/service.txt  ## the bill of materials of th
 browser:  ## Debian's chromium for the tests of the page, where it is missing; needs root
 	@command -v chromium-headless-shell >/dev/null || command -v chromium >/dev/null || { apt-get -qq update \
 		&& apt-get -qq install --yes --no-install-recommends chromium-headless-shell >/dev/null; }
+
+types:  ## the page's types from the OpenAPI document of the service; needs Node 20
+	python -m tripwatt.service.app | npm --prefix web run --silent types
 
 page:  ## the page's bundle from its sources in web, into the package; needs Node 20
 	npm --prefix web ci

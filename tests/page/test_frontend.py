@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 
 import tripwatt.service
+from tripwatt.service.app import Api
+from tripwatt.service.settings import Settings
 
 ROOT = Path(__file__).resolve().parents[2]
 WEB = ROOT / "web"
@@ -19,12 +21,13 @@ LEAST_NODE = 20
 LONGEST_S = 240
 
 
-def run(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
+def run(folder: Path, *command: str, given: str = "") -> subprocess.CompletedProcess[str]:
     """A command of Node, with its output; npm's cache and its messages of the day stay out of the way."""
     quiet = {"NO_COLOR": "1", "NPM_CONFIG_UPDATE_NOTIFIER": "false", "NPM_CONFIG_FUND": "false"}
     return subprocess.run(
         command,
         cwd=folder,
+        input=given,
         env={**os.environ, **quiet},
         capture_output=True,
         text=True,
@@ -74,6 +77,14 @@ def web(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_types_lint_format_and_unit_tests(web: Path) -> None:
     found = run(web, "npm", "run", "--silent", "gate")
     assert found.returncode == 0, found.stdout[-6000:] + found.stderr[-2000:]
+
+
+def test_types_are_written_from_the_document_of_the_service(web: Path, tmp_path: Path) -> None:
+    document = json.dumps(Api(Settings(), lambda **record: None).app.openapi())
+    found = run(web, "node", "types.mjs", str(tmp_path / "types.ts"), given=document)
+    assert found.returncode == 0, found.stderr[-2000:]
+    written, committed = ((folder / "types.ts").read_text() for folder in (tmp_path, WEB / "src" / "api"))
+    assert written == committed, "the service has changed: run `make types`"
 
 
 def test_rebuild_has_the_bytes_of_the_bundle(web: Path, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import interpolation from "../../tests/vectors/interpolation.json";
 import planned from "../../tests/vectors/links.json";
 import trace from "../../tests/vectors/profile.json";
 import units from "../../tests/vectors/units.json";
-import type { Forecast } from "../src/api/types";
+import type { Forecast } from "../src/api/documents";
 import {
   arrivalBand,
   chanceOf,

@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
-import type { Place } from "../src/api/types";
+import type { Place } from "../src/api/documents";
 import { isCalled, placeCalled } from "../src/model/places";
 
 function place(name: string, kind: string): Place {

@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
-import type { Road } from "../src/api/types";
+import type { Road } from "../src/api/documents";
 import {
   boundsOf,
   distanceNear,

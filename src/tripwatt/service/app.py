@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
@@ -515,3 +516,7 @@ def _models_document(settings: Settings) -> bytes:
     return orjson.dumps(
         {"models": [{"name": name, **load_metadata(folder)} for name, folder in folders.items()]}
     )
+
+
+if __name__ == "__main__":  # the OpenAPI document of a service with the model of the package
+    sys.stdout.buffer.write(orjson.dumps(Api(Settings(), lambda **record: None).app.openapi()))

@@ -199,13 +199,18 @@ class PlanResponse(ResponseModel):
     attribution: str = Field(description="to be shown beside roads and places")
 
 
+class PolygonDocument(ResponseModel):
+    """A polygon of GeoJSON."""
+
+    type: Literal["Polygon"]
+    coordinates: list[list[tuple[float, float]]] = Field(description="longitude and latitude [°]")
+
+
 class AreaDocument(ResponseModel):
     """The area that is reached with a probability."""
 
     probability: float
-    polygon: Annotated[dict[str, Any], WithJsonSchema({"type": "object"})] = Field(
-        description="GeoJSON Polygon"
-    )
+    polygon: PolygonDocument
 
 
 class ReachResponse(ResponseModel):
@@ -234,5 +239,7 @@ class MapResponse(ResponseModel):
     weather: bool = Field(description="whether a weather server is asked")
     tiles: bool = Field(description="whether /v1/tiles has the roads as vector tiles")
     stations: int = Field(description="number of charging stations")
-    bounds_deg: list[float] | None = Field(description="south, west, north and east of the map")
+    bounds_deg: tuple[float, float, float, float] | None = Field(
+        description="south, west, north and east of the map"
+    )
     attribution: str

@@ -386,11 +386,21 @@ class VehiclesResponse(ResponseModel):
     vehicles: list[VehicleSummary]
 
 
+class FittedModel(BaseModel):
+    """What a model was fitted on; other fields describe the model itself."""
+
+    model_config = ConfigDict(extra="allow")
+
+    vehicle: str
+    vehicle_title: str
+    trips: int
+
+
 class ModelSummary(BaseModel):
     """A model: its name in this service and its metadata."""
 
     name: str
-    model: dict[str, Any]
+    model: FittedModel
     contract: dict[str, Any]
     provenance: dict[str, Any]
     evaluation: dict[str, Any]
@@ -418,7 +428,7 @@ class ExampleSummary(ResponseModel):
 class ExampleResponse(ExampleSummary):
     """A synthetic trip with its samples."""
 
-    request: dict[str, Any] = Field(description="a ForecastRequest")
+    request: ForecastRequest
     observed: dict[str, list[float | None]] = Field(description="simulated measurements of the whole trip")
 
 
@@ -434,9 +444,7 @@ class RouteResponse(ResponseModel):
     samples: dict[str, list[float | None]] = Field(
         description="speed trace; for a planned route, that of the driver model"
     )
-    links: list[dict[str, float]] | None = Field(
-        description="links of the planned route; null for a logged trip"
-    )
+    links: list[Link] | None = Field(description="links of the planned route; null for a logged trip")
     elevation: Elevation | None
     duration_s: float
     distance_m: float

@@ -1,26 +1,17 @@
 /** Requests to the service that served the page, and to no other host. */
 
-import type {
-  DescribedVehicle,
-  Example,
-  ExampleSummary,
-  Forecast,
-  Journey,
-  LiveCar,
-  LogsReading,
-  MapInfo,
-  MapView,
-  Model,
-  OwnCar,
-  OwnCarSummary,
-  Place,
-  Problem,
-  Reach,
-  RoadCar,
-  Route,
-  Vehicle,
-} from "./types";
 import { EventParser } from "../model/sse";
+import type {
+  ForecastRequest,
+  JourneyRequest,
+  LivePlanRequest,
+  LogsChanges,
+  NewCarRequest,
+  Problem,
+  ReachRequest,
+  Figures,
+} from "./documents";
+import type { paths, UpdateRequest } from "./types";
 
 const TOKEN = "tripwatt.token";
 const MAX_ATTEMPTS = 3;
@@ -87,66 +78,84 @@ async function request(path: string, init: RequestInit): Promise<Response> {
   }
 }
 
-async function requestJson<T>(path: string, init: RequestInit = {}): Promise<T> {
-  return (await (await request(path, init)).json()) as T;
+type Method = "get" | "post" | "put" | "delete";
+type Json<T> = T extends { content: { "application/json": infer Document } } ? Document : never;
+type Answer<O> = O extends { responses: { 200: infer Response } } ? Json<Response> : never;
+type Body<O> = O extends { requestBody: infer Content } ? Json<Content> : never;
+type Given<O> = O extends { parameters: infer Parameters } ? Parameters : never;
+
+/** What a request has beside its path. */
+interface Call<O> {
+  path?: Given<O> extends { path: infer Values } ? Values : never;
+  query?: Given<O> extends { query?: infer Values } ? Values : never;
+  body?: Body<O>;
+  /** A body that is no JSON document. */
+  bytes?: BodyInit;
+  signal?: AbortSignal | undefined;
 }
 
-function post<T>(path: string, body: BodyInit, type: string, signal?: AbortSignal): Promise<T> {
-  return requestJson<T>(path, {
-    method: "POST",
-    body,
-    headers: { "content-type": type },
-    ...(signal && { signal }),
+/** A template of the OpenAPI document with its values, below the folder of the page. */
+function pathOf(template: string, values: object = {}, query: object = {}): string {
+  const named = new Map<string, unknown>(Object.entries(values));
+  const path = template.slice(1).replaceAll(/\{(\w+)\}/g, (_, name: string) => {
+    return encodeURIComponent(String(named.get(name)));
   });
+  const search = new URLSearchParams(Object.entries(query).map(([name, value]) => [name, String(value)]));
+  return search.size > 0 ? `${path}?${search}` : path;
 }
 
-export const listModels = async () => (await requestJson<{ models: Model[] }>("v1/models")).models;
-export const listVehicles = async () => (await requestJson<{ vehicles: Vehicle[] }>("v1/vehicles")).vehicles;
-export const findVehicles = async (words: string, signal?: AbortSignal) => {
-  const path = `v1/vehicles?search=${encodeURIComponent(words)}`;
-  return (await requestJson<{ vehicles: Vehicle[] }>(path, { ...(signal && { signal }) })).vehicles;
-};
-export const describeCar = (figures: string) =>
-  post<DescribedVehicle>("v1/vehicles", figures, "application/json");
-export const listExamples = async () =>
-  (await requestJson<{ examples: ExampleSummary[] }>("v1/examples")).examples;
-export const loadExample = (trip: string) => requestJson<Example>(`v1/examples/${encodeURIComponent(trip)}`);
+/** The answer to a request of the OpenAPI document. */
+async function ask<M extends Method, P extends keyof paths>(
+  method: M,
+  template: P,
+  { path, query, body, bytes, signal }: Call<paths[P][M]> = {},
+): Promise<Answer<paths[P][M]>> {
+  const type = bytes === undefined ? "application/json" : "application/octet-stream";
+  const content = body === undefined ? bytes : JSON.stringify(body);
+  const init: RequestInit = { method: method.toUpperCase() };
+  if (content !== undefined) Object.assign(init, { body: content, headers: { "content-type": type } });
+  if (signal) init.signal = signal;
+  const response = await request(pathOf(template, path as object, query as object), init);
+  return (await response.json()) as Answer<paths[P][M]>;
+}
 
-export const listCars = async () => (await requestJson<{ cars: OwnCarSummary[] | null }>("v1/cars")).cars;
-const pathOf = (car: string) => `v1/cars/${encodeURIComponent(car)}`;
-export const createCar = (body: string) => post<OwnCar>("v1/cars", body, "application/json");
-export const getCar = (car: string) => requestJson<OwnCar>(pathOf(car));
-export const forgetCar = (car: string) =>
-  requestJson<{ forgotten: string }>(pathOf(car), { method: "DELETE" });
+export const listModels = async () => (await ask("get", "/v1/models")).models;
+export const listVehicles = async () => (await ask("get", "/v1/vehicles")).vehicles;
+export const findVehicles = async (search: string, signal?: AbortSignal) =>
+  (await ask("get", "/v1/vehicles", { query: { search }, signal })).vehicles;
+export const describeCar = (body: Figures) => ask("post", "/v1/vehicles", { body });
+export const listExamples = async () => (await ask("get", "/v1/examples")).examples;
+export const loadExample = (trip: string) => ask("get", "/v1/examples/{trip}", { path: { trip } });
+
+export const listCars = async () => (await ask("get", "/v1/cars")).cars;
+export const createCar = (body: NewCarRequest) => ask("post", "/v1/cars", { body });
+export const getCar = (car: string) => ask("get", "/v1/cars/{car}", { path: { car } });
+export const forgetCar = (car: string) => ask("delete", "/v1/cars/{car}", { path: { car } });
 export const newCarToken = async (car: string) =>
-  (await requestJson<{ token: string }>(`${pathOf(car)}/token`, { method: "POST" })).token;
+  (await ask("post", "/v1/cars/{car}/token", { path: { car } })).token;
 
 /** Send a file of logs; files of one upload are read together. */
 export const sendFile = (car: string, upload: string, file: File) =>
-  requestJson<{ files: number; bytes: number }>(
-    `${pathOf(car)}/uploads/${upload}/${encodeURIComponent(file.name)}`,
-    { method: "PUT", body: file, headers: { "content-type": "application/octet-stream" } },
-  );
-export const readLogs = (car: string, upload: string, body: string) =>
-  post<LogsReading>(`${pathOf(car)}/uploads/${upload}`, body, "application/json");
-export const learnLogs = (car: string, upload: string, body: string) =>
-  post<OwnCar>(`${pathOf(car)}/uploads/${upload}/learn`, body, "application/json");
+  ask("put", "/v1/cars/{car}/uploads/{upload}/{file}", {
+    path: { car, upload, file: file.name },
+    bytes: file,
+  });
+export const readLogs = (car: string, upload: string, body: LogsChanges) =>
+  ask("post", "/v1/cars/{car}/uploads/{upload}", { path: { car, upload }, body });
+export const learnLogs = (car: string, upload: string, body: LogsChanges) =>
+  ask("post", "/v1/cars/{car}/uploads/{upload}/learn", { path: { car, upload }, body });
 
 /** Cars that can send messages while they drive. */
-export const listRoadCars = async () => (await requestJson<{ vehicles: RoadCar[] }>("v1/live")).vehicles;
+export const listRoadCars = async () => (await ask("get", "/v1/live")).vehicles;
 
 /** Give a car the plan of its trip, or of its next one. */
-export const putPlan = (car: string, body: string) =>
-  requestJson<LiveCar>(`v1/live/${encodeURIComponent(car)}/plan`, {
-    method: "PUT",
-    body,
-    headers: { "content-type": "application/json" },
-  });
+export const putPlan = (vehicle: string, body: LivePlanRequest) =>
+  ask("put", "/v1/live/{vehicle}/plan", { path: { vehicle }, body });
 
 /** The events of a car on the road, as they come: the data of each, and nothing for a sign of life. */
-export async function* listenTo(car: string, signal: AbortSignal): AsyncGenerator<string[], void> {
+export async function* listenTo(vehicle: string, signal: AbortSignal): AsyncGenerator<string[], void> {
   const headers = { accept: "text/event-stream" };
-  const { body } = await request(`v1/live/${encodeURIComponent(car)}/events`, { headers, signal });
+  const { body } = await request(pathOf("/v1/live/{vehicle}/events", { vehicle }), { headers, signal });
   const reader = body?.pipeThrough(new TextDecoderStream()).getReader();
   const parser = new EventParser();
   for (let part = await reader?.read(); part && !part.done; part = await reader?.read()) {
@@ -154,37 +163,33 @@ export async function* listenTo(car: string, signal: AbortSignal): AsyncGenerato
   }
 }
 
-export const requestForecast = (body: string, signal?: AbortSignal) =>
-  post<Forecast>("v1/forecast", body, "application/json", signal);
+export const requestForecast = (body: ForecastRequest, signal?: AbortSignal) =>
+  ask("post", "/v1/forecast", { body, signal });
 
-export const requestUpdate = (body: string, signal?: AbortSignal) =>
-  post<Forecast>("v1/forecast/update", body, "application/json", signal);
+export const requestUpdate = (body: UpdateRequest, signal?: AbortSignal) =>
+  ask("post", "/v1/forecast/update", { body, signal });
 
-export const getMap = () => requestJson<MapInfo>("v1/map");
+export const getMap = () => ask("get", "/v1/map");
 
 /** Places whose names begin with the words of a text, the best first. */
-export const findPlaces = async (words: string, signal?: AbortSignal) => {
-  const found = await requestJson<{ places: Place[] }>(`v1/places?limit=6&q=${encodeURIComponent(words)}`, {
-    ...(signal && { signal }),
-  });
-  return found.places;
-};
+export const findPlaces = async (words: string, signal?: AbortSignal) =>
+  (await ask("get", "/v1/places", { query: { q: words, limit: 6 }, signal })).places;
 
-export const planJourney = (body: string, signal?: AbortSignal) =>
-  post<Journey>("v1/plan", body, "application/json", signal);
+export const planJourney = (body: JourneyRequest, signal?: AbortSignal) =>
+  ask("post", "/v1/plan", { body, signal });
 
-export const findReach = (body: string, signal?: AbortSignal) =>
-  post<Reach>("v1/reachable", body, "application/json", signal);
+export const findReach = (body: ReachRequest, signal?: AbortSignal) =>
+  ask("post", "/v1/reachable", { body, signal });
 
 /** Settlements and charging stations inside of south, west, north and east. */
-export const viewMap = ([south, west, north, east]: readonly number[], signal?: AbortSignal) =>
-  requestJson<MapView>(`v1/map/view?south=${south}&west=${west}&north=${north}&east=${east}`, {
-    ...(signal && { signal }),
-  });
+export const viewMap = (
+  [south, west, north, east]: readonly [number, number, number, number],
+  signal?: AbortSignal,
+) => ask("get", "/v1/map/view", { query: { south, west, north, east }, signal });
 
 /** URL of the tiles of the map, with {z}, {x} and {y}. */
 export const tilesUrl = () => `${new URL("v1/tiles", document.baseURI).href}/{z}/{x}/{y}`;
 
 /** Reads a route of any supported format. `speedMS` is the speed of tracks without times, 0 for none. */
 export const readRoute = (text: string, speedMS: number) =>
-  post<Route>(`v1/routes${speedMS > 0 ? `?speed_m_s=${speedMS}` : ""}`, text, "application/octet-stream");
+  ask("post", "/v1/routes", { bytes: text, ...(speedMS > 0 && { query: { speed_m_s: speedMS } }) });

@@ -1,365 +1,2039 @@
-/** Documents of the service; the names are those of `docs/service.md`. */
+/** Documents of the service, written by `types.mjs` from its OpenAPI document. Do not edit. */
 
-export type Column = (number | null)[];
-export type Columns = Record<string, Column>;
-
-export interface Link {
-  length_m: number;
-  speed_m_s?: number;
-  travel_time_s?: number;
-  stop_s?: number;
-  moving_speed_m_s?: number;
-  speed_limit_m_s?: number;
-  [more: string]: number | undefined;
+export interface paths {
+    "/v1/forecast": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["forecast_v1_forecast_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/forecast/update": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["update_v1_forecast_update_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/forecast/batch": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["batch_v1_forecast_batch_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/routes": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["route_v1_routes_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/plan": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["plan_v1_plan_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/reachable": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["reach_v1_reachable_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/places": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_places_v1_places_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/map/view": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_view_v1_map_view_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/tiles/{zoom}/{column}/{row}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_tile_v1_tiles__zoom___column___row__get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/map": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_map_v1_map_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/telemetry": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["telemetry_v1_telemetry_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/live": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["list_live_v1_live_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/live/{vehicle}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_live_v1_live__vehicle__get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/live/{vehicle}/plan": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put: operations["put_plan_v1_live__vehicle__plan_put"];
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/live/{vehicle}/events": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_events_v1_live__vehicle__events_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/need": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_need_v1_need_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/cars": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["list_cars_v1_cars_get"];
+        put?: never;
+        post: operations["new_car_v1_cars_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/cars/{car}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_car_v1_cars__car__get"];
+        put?: never;
+        post?: never;
+        delete: operations["forget_car_v1_cars__car__delete"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/cars/{car}/token": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["new_token_v1_cars__car__token_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/cars/{car}/uploads/{upload}/{file}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put: operations["put_file_v1_cars__car__uploads__upload___file__put"];
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/cars/{car}/uploads/{upload}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["read_logs_v1_cars__car__uploads__upload__post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/cars/{car}/uploads/{upload}/learn": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["learn_v1_cars__car__uploads__upload__learn_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/models": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_models_v1_models_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/vehicles": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_vehicles_v1_vehicles_get"];
+        put?: never;
+        post: operations["describe_v1_vehicles_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/examples": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_examples_v1_examples_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/examples/{trip}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_example_v1_examples__trip__get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/healthz": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["healthz_healthz_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/readyz": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["readyz_readyz_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/metrics": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_metrics_metrics_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
 }
-
-export interface Series {
-  time_s: number[];
-  distance_m: number[];
-  energy_wh: number[];
-  energy_low_wh: number[];
-  energy_high_wh: number[];
-  displayed_soc: number[];
-  displayed_soc_low: number[];
-  displayed_soc_high: number[];
+export type webhooks = Record<string, never>;
+export interface components {
+    schemas: {
+        AreaDocument: {
+            probability: number;
+            polygon: components["schemas"]["PolygonDocument"];
+        };
+        CarResponse: {
+            name: string;
+            vehicle: string;
+            title: string;
+            trips: number;
+            in_diary: number;
+            has_token: boolean;
+            learned: {
+                [key: string]: components["schemas"]["LearnedParameter"];
+            };
+            score: components["schemas"]["ScoreDocument"];
+            latest: components["schemas"]["ScoreDocument"];
+            latest_by_book: components["schemas"]["ScoreDocument"];
+            by_temperature: {
+                [key: string]: components["schemas"]["ScoreDocument"];
+            };
+            by_season: {
+                [key: string]: components["schemas"]["SeasonDocument"];
+            };
+            by_cause_wh: {
+                [key: string]: number;
+            };
+            diary: components["schemas"]["DiaryEntry"][];
+            base_load_w: number;
+            learning: components["schemas"]["LearningDocument"] | null;
+        };
+        CarSummary: {
+            name: string;
+            vehicle: string;
+            title: string;
+            trips: number;
+            in_diary: number;
+            has_token: boolean;
+        };
+        CarsResponse: {
+            cars: components["schemas"]["CarSummary"][] | null;
+        };
+        ChargingDocument: {
+            station: components["schemas"]["StationDocument"];
+            soc_arrival: number;
+            soc_leave: number;
+            charging_s: number;
+            duration_s: number;
+            p_station: number;
+            p_arrive: number;
+        };
+        ColumnChoice: {
+            column: string;
+            unit?: string | null;
+        };
+        DescribedVehicle: {
+            title: string;
+            test_mass_kg: number;
+            usable_energy_wh: number;
+            anchor: string;
+            wltp_kwh_per_100km: number;
+            wltp_low_kwh_per_100km: number;
+            wltp_high_kwh_per_100km: number;
+        };
+        DiaryEntry: {
+            trip_id: string;
+            started_at: string;
+            trips_learned: number;
+            distance_m: number;
+            duration_s: number;
+            ambient_temperature_degc: number | null;
+            energy_wh: number;
+            forecast_wh: number;
+            low_wh: number;
+            high_wh: number;
+            book_forecast_wh: number;
+            book_low_wh: number;
+            book_high_wh: number;
+            by_cause_wh: {
+                [key: string]: number;
+            };
+            on_the_way: components["schemas"]["ForecastOnTheWay"][];
+        };
+        Elevation: {
+            position_m: number[];
+            elevation_m: number[];
+        };
+        EmptyAt: {
+            early: number | null;
+            expected: number | null;
+            late: number | null;
+        };
+        ExampleResponse: {
+            trip: string;
+            title: string;
+            vehicle: string;
+            note: string;
+            duration_s: number;
+            distance_m: number;
+            ambient_temperature_degc: number | null;
+            observed_energy_wh: number;
+            request: components["schemas"]["ForecastRequest"];
+            observed: {
+                [key: string]: (number | null)[];
+            };
+        };
+        ExampleSummary: {
+            trip: string;
+            title: string;
+            vehicle: string;
+            note: string;
+            duration_s: number;
+            distance_m: number;
+            ambient_temperature_degc: number | null;
+            observed_energy_wh: number;
+        };
+        ExamplesResponse: {
+            examples: components["schemas"]["ExampleSummary"][];
+        };
+        FieldDocument: {
+            ours: string;
+            units: string[];
+        };
+        FindingDocument: {
+            trip: string;
+            from_s: number;
+            to_s: number;
+            what: string;
+            /** @enum {string} */
+            consequence: "trimmed" | "split" | "set aside" | "noted";
+        };
+        FittedModel: {
+            vehicle: string;
+            vehicle_title: string;
+            trips: number;
+        } & {
+            [key: string]: unknown;
+        };
+        FlagDocument: {
+            code: string;
+            subject: string;
+            value: number | string | null;
+            unit: string;
+            message: string;
+        };
+        ForecastOnTheWay: {
+            at_s: number;
+            distance_m: number;
+            energy_wh: number;
+            low_wh: number;
+            high_wh: number;
+        };
+        ForecastRequest: {
+            model?: string | null;
+            vehicle?: string | null;
+            vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            trip?: string;
+            samples?: {
+                time_s: number[];
+                speed_m_s: number[];
+                elevation_m?: (number | null)[];
+                grade?: (number | null)[];
+                ambient_temperature_degc?: (number | null)[];
+                cabin_temperature_degc?: (number | null)[];
+                cabin_setpoint_degc?: (number | null)[];
+                battery_temperature_degc?: (number | null)[];
+                voltage_v?: (number | null)[];
+                current_a?: (number | null)[];
+                soc?: (number | null)[];
+                displayed_soc?: (number | null)[];
+                motor_torque_nm?: (number | null)[];
+                heating_power_w?: (number | null)[];
+                requested_heating_power_w?: (number | null)[];
+                aircon_power_w?: (number | null)[];
+                climate_power_w?: (number | null)[];
+            } | null;
+            links?: components["schemas"]["Link"][] | null;
+            elevation?: components["schemas"]["Elevation"] | null;
+            soc?: number | null;
+            ambient_temperature_degc?: number | null;
+            cabin_setpoint_degc?: number | null;
+            cabin_temperature_degc?: number | null;
+            battery_temperature_degc?: number | null;
+            payload_mass_kg?: number | null;
+            climate?: ("auto" | "off" | "heat" | "cool") | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
+            reserve?: number;
+            probability?: number | null;
+        };
+        ForecastResponse: {
+            trip: string;
+            given: string;
+            energy_wh: number;
+            quantiles_wh: {
+                [key: string]: number;
+            };
+            soc_arrival: number;
+            soc_quantiles: {
+                [key: string]: number;
+            };
+            empty_at_m: components["schemas"]["EmptyAt"];
+            missing_wh: components["schemas"]["Missing"];
+            wh_per_display: number;
+            p_arrive: {
+                [key: string]: number;
+            };
+            climb: components["schemas"]["UnknownClimbDocument"] | null;
+            leave_with: components["schemas"]["LeaveWith"] | null;
+            series: components["schemas"]["Series"];
+            by_cause_wh: {
+                [key: string]: number;
+            };
+            battery_loss_wh: number;
+            measured_until_s: number;
+            flags: components["schemas"]["FlagDocument"][];
+        };
+        Forgotten: {
+            forgotten: string;
+        };
+        HealthResponse: {
+            status: string;
+            workers: number;
+        };
+        LearnedParameter: {
+            change: number;
+            sd: number;
+        };
+        LearningDocument: {
+            /** @enum {string} */
+            state: "running" | "done" | "failed";
+            done: number;
+            total: number | null;
+            added: number | null;
+            known: number | null;
+            entries: number | null;
+            left_out: string[];
+            faults: components["schemas"]["ProblemFault"][];
+        };
+        LeaveWith: {
+            soc_needed: number;
+            reserve: number;
+            probability: number;
+            message: string;
+        };
+        LineDocument: {
+            latitude_deg: number[];
+            longitude_deg: number[];
+            position_m: number[];
+        };
+        Link: {
+            length_m: number;
+            speed_m_s?: number | null;
+            travel_time_s?: number | null;
+            stop_s?: number | null;
+            moving_speed_m_s?: number | null;
+            speed_limit_m_s?: number | null;
+            grade?: number | null;
+            start_elevation_m?: number | null;
+            end_elevation_m?: number | null;
+        };
+        LiveCarSummary: {
+            vehicle: string;
+            seconds_since_message: number | null;
+            on_trip: boolean;
+        };
+        LiveCarsResponse: {
+            vehicles: components["schemas"]["LiveCarSummary"][];
+        };
+        LiveForecastDocument: {
+            energy_wh: number;
+            quantiles_wh: {
+                [key: string]: number;
+            };
+            soc_arrival: number;
+            soc_quantiles: {
+                [key: string]: number;
+            };
+            reserve: number;
+            p_arrive: number;
+            p_arrive_at_all: number;
+            measured_until_s: number;
+            distance_m: number;
+        };
+        LiveMessages: {
+            new: number;
+            doubled: number;
+            late: number;
+        };
+        LivePlanRequest: {
+            model?: string | null;
+            vehicle?: string | null;
+            vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            trip?: string;
+            samples?: {
+                time_s: number[];
+                speed_m_s: number[];
+                elevation_m?: (number | null)[];
+                grade?: (number | null)[];
+                ambient_temperature_degc?: (number | null)[];
+                cabin_temperature_degc?: (number | null)[];
+                cabin_setpoint_degc?: (number | null)[];
+                battery_temperature_degc?: (number | null)[];
+                voltage_v?: (number | null)[];
+                current_a?: (number | null)[];
+                soc?: (number | null)[];
+                displayed_soc?: (number | null)[];
+                motor_torque_nm?: (number | null)[];
+                heating_power_w?: (number | null)[];
+                requested_heating_power_w?: (number | null)[];
+                aircon_power_w?: (number | null)[];
+                climate_power_w?: (number | null)[];
+            } | null;
+            links?: components["schemas"]["Link"][] | null;
+            elevation?: components["schemas"]["Elevation"] | null;
+            soc?: number | null;
+            ambient_temperature_degc?: number | null;
+            cabin_setpoint_degc?: number | null;
+            cabin_temperature_degc?: number | null;
+            battery_temperature_degc?: number | null;
+            payload_mass_kg?: number | null;
+            climate?: ("auto" | "off" | "heat" | "cool") | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
+            reserve?: number;
+            probability?: number | null;
+            departure_utc?: number | null;
+        };
+        LiveResponse: {
+            vehicle: string;
+            seconds_since_message: number | null;
+            messages: components["schemas"]["LiveMessages"];
+            soc: number | null;
+            trip: components["schemas"]["LiveTripDocument"] | null;
+            plan: ("given" | "usual") | null;
+            usual_trip: string | null;
+            forecast: components["schemas"]["LiveForecastDocument"] | null;
+            faults: components["schemas"]["ProblemFault"][];
+        };
+        LiveTripDocument: {
+            departure_utc: number;
+            duration_s: number;
+            distance_m: number;
+            samples: number;
+        };
+        LogsPreview: {
+            logs: number;
+            drives: number;
+            distance_m: number;
+            energy_wh: number;
+            findings: components["schemas"]["FindingDocument"][];
+            n_findings: number;
+        };
+        LogsRequest: {
+            changes?: {
+                [key: string]: components["schemas"]["ColumnChoice"] | null;
+            };
+            current_positive?: ("discharge" | "charge") | null;
+        };
+        LogsResponse: {
+            columns: string[];
+            fields: components["schemas"]["FieldDocument"][];
+            mapping: components["schemas"]["MappedColumnDocument"][];
+            shipped: string | null;
+            unused: string[];
+            /** @enum {string} */
+            current_positive: "discharge" | "charge";
+            assumed: {
+                [key: string]: number;
+            };
+            preview: components["schemas"]["LogsPreview"] | null;
+            faults: components["schemas"]["ProblemFault"][];
+        };
+        MapResponse: {
+            roads: boolean;
+            places: boolean;
+            weather: boolean;
+            tiles: boolean;
+            stations: number;
+            bounds_deg: [
+                number,
+                number,
+                number,
+                number
+            ] | null;
+            attribution: string;
+        };
+        MappedColumnDocument: {
+            ours: string;
+            column: string;
+            unit: string;
+            why: string;
+        };
+        Missing: {
+            least: number;
+            expected: number;
+            most: number;
+        };
+        ModelSummary: {
+            name: string;
+            model: components["schemas"]["FittedModel"];
+            contract: {
+                [key: string]: unknown;
+            };
+            provenance: {
+                [key: string]: unknown;
+            };
+            evaluation: {
+                [key: string]: unknown;
+            };
+        };
+        ModelsResponse: {
+            models: components["schemas"]["ModelSummary"][];
+        };
+        NeedResponse: {
+            vehicle: string;
+            /** @enum {string} */
+            plan: "given" | "usual";
+            usual_trip: string | null;
+            probability: number;
+            reserve: number;
+            expected_wh: number;
+            energy_wh: number;
+            soc_needed: number;
+            message: string;
+            wh_per_display: number;
+            soc: number | null;
+            charge_wh: number | null;
+        };
+        NewCarRequest: {
+            name: string;
+            vehicle?: string | null;
+            vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+        };
+        PlaceDocument: {
+            name: string;
+            kind: string;
+            latitude_deg: number;
+            longitude_deg: number;
+        };
+        PlaceRequest: {
+            latitude_deg: number;
+            longitude_deg: number;
+            name?: string;
+        };
+        PlacesResponse: {
+            places: components["schemas"]["PlaceDocument"][];
+            attribution: string;
+        };
+        PlanRequest: {
+            model?: string | null;
+            vehicle?: string | null;
+            vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            soc?: number | null;
+            ambient_temperature_degc?: number | null;
+            cabin_setpoint_degc?: number | null;
+            cabin_temperature_degc?: number | null;
+            battery_temperature_degc?: number | null;
+            payload_mass_kg?: number | null;
+            climate?: ("auto" | "off" | "heat" | "cool") | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
+            depart?: string | null;
+            weather?: components["schemas"]["WeatherRequest"] | null;
+            stops: (string | components["schemas"]["PlaceRequest"])[];
+            reserve?: number;
+            alternatives?: number;
+            round_trip?: boolean;
+            answers?: boolean;
+        };
+        PlanResponse: {
+            stops: components["schemas"]["PlaceDocument"][];
+            reserve: number;
+            arrives: boolean;
+            p_arrive: number;
+            soc_needed: number;
+            leave: string;
+            costs_wh: {
+                [key: string]: number;
+            };
+            needs_motorway_speed: boolean;
+            motorway_speed_m_s: number | null;
+            motorway_duration_s: number | null;
+            charging: components["schemas"]["ChargingDocument"] | null;
+            roads: components["schemas"]["RoadDocument"][];
+            flags: components["schemas"]["FlagDocument"][];
+            attribution: string;
+        };
+        PolygonDocument: {
+            /** @constant */
+            type: "Polygon";
+            coordinates: [
+                number,
+                number
+            ][][];
+        };
+        ProblemDocument: {
+            type: string;
+            title: string;
+            status: number;
+            detail?: string | null;
+            instance?: string | null;
+            faults?: components["schemas"]["ProblemFault"][] | null;
+            more_faults?: number | null;
+        };
+        ProblemFault: {
+            what: string;
+            where: string;
+            got?: string | null;
+            allowed?: string | null;
+            fix?: string | null;
+        };
+        ReachRequest: {
+            model?: string | null;
+            vehicle?: string | null;
+            vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            soc?: number | null;
+            ambient_temperature_degc?: number | null;
+            cabin_setpoint_degc?: number | null;
+            cabin_temperature_degc?: number | null;
+            battery_temperature_degc?: number | null;
+            payload_mass_kg?: number | null;
+            climate?: ("auto" | "off" | "heat" | "cool") | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
+            depart?: string | null;
+            weather?: components["schemas"]["WeatherRequest"] | null;
+            start: string | components["schemas"]["PlaceRequest"];
+            reserve?: number;
+        };
+        ReachResponse: {
+            start: components["schemas"]["PlaceDocument"];
+            areas: components["schemas"]["AreaDocument"][];
+            map_ends: boolean;
+            flags: components["schemas"]["FlagDocument"][];
+            attribution: string;
+        };
+        RoadDocument: {
+            labels: string[];
+            distance_m: number;
+            duration_s: number;
+            line: components["schemas"]["LineDocument"];
+            links: components["schemas"]["RoadLinks"];
+            stops: components["schemas"]["StopDocument"][];
+            samples: {
+                [key: string]: (number | null)[];
+            };
+            forecast: components["schemas"]["ForecastResponse"];
+        };
+        RoadLinks: {
+            length_m: number[];
+            travel_time_s: number[];
+            road_class: string[];
+        };
+        RouteResponse: {
+            samples: {
+                [key: string]: (number | null)[];
+            };
+            links: components["schemas"]["Link"][] | null;
+            elevation: components["schemas"]["Elevation"] | null;
+            duration_s: number;
+            distance_m: number;
+            notes: components["schemas"]["FlagDocument"][];
+        };
+        ScoreDocument: {
+            trips: number;
+            error: number | null;
+            weighted_error: number | null;
+            bias: number | null;
+            coverage: number | null;
+            width: number | null;
+            inside: number;
+            needed_width: number | null;
+        };
+        SeasonDocument: {
+            trips: number;
+            distance_m: number;
+            energy_wh: number;
+            error: number | null;
+            coverage: number | null;
+        };
+        Series: {
+            time_s: number[];
+            distance_m: number[];
+            energy_wh: number[];
+            energy_low_wh: number[];
+            energy_high_wh: number[];
+            displayed_soc: number[];
+            displayed_soc_low: number[];
+            displayed_soc_high: number[];
+        };
+        StationDocument: {
+            latitude_deg: number;
+            longitude_deg: number;
+            name: string;
+            power_w: number;
+            direct_current: boolean;
+            power_known: boolean;
+        };
+        StopDocument: {
+            position_m: number;
+            displayed_soc: number;
+        };
+        TelemetryRequest: {
+            tlm: {
+                [key: string]: unknown;
+            } | string;
+            token?: string | null;
+        } & {
+            [key: string]: unknown;
+        };
+        TelemetryResponse: {
+            /** @constant */
+            status: "ok";
+            vehicle: string;
+            /** @enum {string} */
+            arrival: "new" | "doubled" | "late";
+            ignored: components["schemas"]["ProblemFault"][];
+        };
+        TokenResponse: {
+            token: string;
+        };
+        UnknownClimbDocument: {
+            terrain: string;
+            soc_per_m: number;
+            changes_at_m: {
+                [key: string]: number | null;
+            };
+        };
+        UpdateRequest: {
+            model?: string | null;
+            vehicle?: string | null;
+            vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            trip?: string;
+            samples?: {
+                time_s: number[];
+                speed_m_s: number[];
+                elevation_m?: (number | null)[];
+                grade?: (number | null)[];
+                ambient_temperature_degc?: (number | null)[];
+                cabin_temperature_degc?: (number | null)[];
+                cabin_setpoint_degc?: (number | null)[];
+                battery_temperature_degc?: (number | null)[];
+                voltage_v?: (number | null)[];
+                current_a?: (number | null)[];
+                soc?: (number | null)[];
+                displayed_soc?: (number | null)[];
+                motor_torque_nm?: (number | null)[];
+                heating_power_w?: (number | null)[];
+                requested_heating_power_w?: (number | null)[];
+                aircon_power_w?: (number | null)[];
+                climate_power_w?: (number | null)[];
+            } | null;
+            links?: components["schemas"]["Link"][] | null;
+            elevation?: components["schemas"]["Elevation"] | null;
+            soc?: number | null;
+            ambient_temperature_degc?: number | null;
+            cabin_setpoint_degc?: number | null;
+            cabin_temperature_degc?: number | null;
+            battery_temperature_degc?: number | null;
+            payload_mass_kg?: number | null;
+            climate?: ("auto" | "off" | "heat" | "cool") | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
+            reserve?: number;
+            probability?: number | null;
+            observed: {
+                time_s: number[];
+                speed_m_s?: (number | null)[];
+                elevation_m?: (number | null)[];
+                grade?: (number | null)[];
+                ambient_temperature_degc?: (number | null)[];
+                cabin_temperature_degc?: (number | null)[];
+                cabin_setpoint_degc?: (number | null)[];
+                battery_temperature_degc?: (number | null)[];
+                voltage_v?: (number | null)[];
+                current_a?: (number | null)[];
+                soc?: (number | null)[];
+                displayed_soc?: (number | null)[];
+                motor_torque_nm?: (number | null)[];
+                heating_power_w?: (number | null)[];
+                requested_heating_power_w?: (number | null)[];
+                aircon_power_w?: (number | null)[];
+                climate_power_w?: (number | null)[];
+            };
+        };
+        UploadResponse: {
+            files: number;
+            bytes: number;
+        };
+        VehicleFigures: {
+            mass_kg?: number | null;
+            usable_battery_kwh?: number | null;
+            consumption_kwh_per_100km?: number | null;
+            motor_power_kw?: number | null;
+            body?: ("small" | "hatchback" | "sedan" | "estate" | "suv" | "van" | "pickup") | null;
+            heat_pump?: boolean | null;
+            /** @enum {string} */
+            procedure?: "wltp" | "epa";
+            title?: string | null;
+        };
+        VehicleSummary: {
+            name: string;
+            title: string;
+            test_mass_kg: number;
+            usable_energy_wh: number;
+            has_climate: boolean;
+            anchor: string;
+            models: string[];
+        };
+        VehiclesResponse: {
+            vehicles: components["schemas"]["VehicleSummary"][];
+        };
+        ViewResponse: {
+            settlements: components["schemas"]["PlaceDocument"][];
+            stations: components["schemas"]["StationDocument"][];
+            attribution: string;
+        };
+        WeatherRequest: {
+            temperature_degc?: number | null;
+            wind_speed_m_s?: number;
+            wind_from_deg?: number;
+            rain_mm_h?: number;
+            pressure_pa?: number | null;
+        };
+    };
+    responses: never;
+    parameters: never;
+    requestBodies: never;
+    headers: never;
+    pathItems: never;
 }
-
-/** An assumption, or a value outside the range of the training trips. */
-export interface Flag {
-  code: string;
-  /** Field or component that the flag concerns. */
-  subject: string;
-  value: number | string | null;
-  unit: string;
-  /** The flag as an English sentence. */
-  message: string;
-}
-
-/** The charge to leave with: above 1 where a full battery does not suffice, 0 where any charge does. */
-export interface LeaveWith {
-  soc_needed: number;
-  reserve: number;
-  probability: number;
-}
-
-export interface Forecast {
-  trip: string;
-  given: string;
-  energy_wh: number;
-  quantiles_wh: Record<string, number>;
-  soc_arrival: number;
-  soc_quantiles: Record<string, number>;
-  /** Distance at which the display reaches 0 [m]; null where it does not on this trip. */
-  empty_at_m: { early: number | null; expected: number | null; late: number | null };
-  /** Energy that the trip takes beyond what the battery holds [Wh]. */
-  missing_wh: { least: number; expected: number; most: number };
-  /** Energy of a whole display [Wh]. */
-  wh_per_display: number;
-  p_arrive: Record<string, number>;
-  /** What the climb of a road of unknown heights changes; null where the heights are known. */
-  climb: UnknownClimb | null;
-  /** Null where the request has no probability. */
-  leave_with: LeaveWith | null;
-  series: Series;
-  by_cause_wh: Record<string, number>;
-  battery_loss_wh: number;
-  measured_until_s: number;
-  flags: Flag[];
-}
-
-export interface Fault {
-  what: string;
-  where: string;
-  got: string;
-  allowed: string;
-  fix: string;
-}
-
-/** A problem document; `type` is the path `/problems/KIND`. */
-export interface Problem {
-  type?: string;
-  title: string;
-  status: number;
-  detail: string;
-  faults?: Fault[];
-}
-
-export interface Model {
-  name: string;
-  model: { vehicle: string; vehicle_title: string; trips: number };
-}
-
-export interface Vehicle {
-  name: string;
-  title: string;
-  /** Models fitted on trips of this car. */
-  models: string[];
-}
-
-/** A car that the service does not have, by up to six figures. */
-export interface Figures {
-  mass_kg?: number;
-  usable_battery_kwh?: number;
-  consumption_kwh_per_100km?: number;
-  motor_power_kw?: number;
-  body: "small" | "hatchback" | "sedan" | "estate" | "suv" | "van" | "pickup";
-  heat_pump: boolean;
-  procedure: "wltp" | "epa";
-}
-
-/** What such a car would be certified with. */
-export interface DescribedVehicle {
-  wltp_kwh_per_100km: number;
-  wltp_low_kwh_per_100km: number;
-  wltp_high_kwh_per_100km: number;
-}
-
-export interface ExampleSummary {
-  trip: string;
-  title: string;
-  vehicle: string;
-  note: string;
-  duration_s: number;
-  distance_m: number;
-  ambient_temperature_degc: number | null;
-}
-
-export interface Example extends ExampleSummary {
-  request: { samples: Columns } & Record<string, unknown>;
-  observed: Columns;
-}
-
-export interface Place {
-  name: string;
-  kind: string;
-  latitude_deg: number;
-  longitude_deg: number;
-}
-
-/** What the service knows of roads and places. */
-export interface MapInfo {
-  roads: boolean;
-  places: boolean;
-  /** Whether the service has the roads of the map as vector tiles. */
-  tiles: boolean;
-  stations: number;
-  /** South, west, north and east. */
-  bounds_deg: [number, number, number, number] | null;
-  attribution: string;
-}
-
-/** What is named in a part of the map. */
-export interface MapView {
-  settlements: Place[];
-  stations: Station[];
-}
-
-/** The area that is reached with a probability. */
-export interface ReachArea {
-  probability: number;
-  polygon: { type: "Polygon"; coordinates: [number, number][][] };
-}
-
-export interface Reach {
-  areas: ReachArea[];
-  map_ends: boolean;
-}
-
-export interface Station {
-  name: string;
-  power_w: number;
-  latitude_deg: number;
-  longitude_deg: number;
-}
-
-export interface Charging {
-  station: Station;
-  soc_arrival: number;
-  soc_leave: number;
-  charging_s: number;
-  p_station: number;
-  p_arrive: number;
-}
-
-/** Country of a road whose heights are unknown. */
-export type Terrain = "unknown" | "flat" | "hilly" | "mountains";
-
-export interface UnknownClimb {
-  terrain: Terrain;
-  /** Displayed charge that each metre of climb takes. */
-  soc_per_m: number;
-  /** By charge on arrival: climb with which the expected arrival falls to it [m]; null where no such road climbs so far. */
-  changes_at_m: Record<string, number | null>;
-}
-
-export interface Road {
-  /** Of "fastest", "shortest", "least energy". */
-  labels: string[];
-  distance_m: number;
-  duration_s: number;
-  line: { latitude_deg: number[]; longitude_deg: number[]; position_m: number[] };
-  samples: Columns;
-  forecast: Forecast;
-}
-
-export interface Journey {
-  stops: Place[];
-  arrives: boolean;
-  /** Above 1 where a full battery does not suffice, 0 where any charge does. */
-  soc_needed: number;
-  motorway_speed_m_s: number | null;
-  charging: Charging | null;
-  roads: Road[];
-  flags: Flag[];
-  attribution: string;
-}
-
-export interface Route {
-  samples: Columns;
-  links?: Link[] | null;
-  /** Elevation along the links. */
-  elevation?: { position_m: number[]; elevation_m: number[] } | null;
-  duration_s: number;
-  distance_m: number;
-  notes: Flag[];
-}
-
-/** A car that the service keeps. */
-export interface OwnCarSummary {
-  name: string;
-  vehicle: string;
-  title: string;
-  /** Logs in its store. */
-  trips: number;
-  in_diary: number;
-  has_token: boolean;
-}
-
-/** Forecasts beside what the trips took; shares of the energy, null for what no trip shows. */
-export interface Score {
-  trips: number;
-  error: number | null;
-  weighted_error: number | null;
-  bias: number | null;
-  coverage: number | null;
-  width: number | null;
-  /** Trips within their 90 % interval. */
-  inside: number;
-  /** Width with which the intervals would have held exactly 90 % of these trips. */
-  needed_width: number | null;
-}
-
-export interface DiaryEntry {
-  trip_id: string;
-  started_at: string;
-  trips_learned: number;
-  distance_m: number;
-  duration_s: number;
-  ambient_temperature_degc: number | null;
-  energy_wh: number;
-  forecast_wh: number;
-  low_wh: number;
-  high_wh: number;
-  by_cause_wh: Record<string, number>;
-  /** Forecasts of the whole trip that were made on the way; the first may be that of the departure. */
-  on_the_way: OnTheWay[];
-}
-
-export interface OnTheWay {
-  /** Since the start of the trip. */
-  at_s: number;
-  distance_m: number;
-  energy_wh: number;
-  low_wh: number;
-  high_wh: number;
-}
-
-export interface Season {
-  trips: number;
-  distance_m: number;
-  energy_wh: number;
-  error: number | null;
-  coverage: number | null;
-}
-
-export interface Learning {
-  state: "running" | "done" | "failed";
-  done: number;
-  total: number | null;
-  added: number | null;
-  known: number | null;
-  entries: number | null;
-  left_out: string[];
-  faults: Fault[];
-}
-
-export interface OwnCar extends OwnCarSummary {
-  /** Relative changes of physical parameters. */
-  learned: Record<string, { change: number; sd: number }>;
-  score: Score;
-  latest: Score;
-  latest_by_book: Score;
-  by_season: Record<string, Season>;
-  by_cause_wh: Record<string, number>;
-  /** Newest first. */
-  diary: DiaryEntry[];
-  base_load_w: number;
-  learning: Learning | null;
-}
-
-export interface LogsChanges {
-  changes?: Record<string, { column: string; unit?: string } | null>;
-  current_positive?: "discharge" | "charge";
-}
-
-/** How the tables of an upload are read, and what they hold then. */
-export interface LogsReading {
-  columns: string[];
-  fields: { ours: string; units: string[] }[];
-  mapping: { ours: string; column: string; unit: string; why: string }[];
-  shipped: string | null;
-  unused: string[];
-  current_positive: "discharge" | "charge";
-  assumed: Record<string, number>;
-  preview: {
-    logs: number;
-    drives: number;
-    distance_m: number;
-    energy_wh: number;
-    findings: { trip: string; from_s: number; to_s: number; what: string; consequence: string }[];
-    n_findings: number;
-  } | null;
-  faults: Fault[];
-}
-
-/** A car that can send messages. */
-export interface RoadCar {
-  vehicle: string;
-  seconds_since_message: number | null;
-  on_trip: boolean;
-}
-
-/** The forecast of a trip on the road; quantiles at 0.05, 0.5 and 0.95. */
-export interface LiveForecast {
-  energy_wh: number;
-  quantiles_wh: Record<string, number>;
-  soc_arrival: number;
-  soc_quantiles: Record<string, number>;
-  reserve: number;
-  p_arrive: number;
-  /** Before the battery is empty. */
-  p_arrive_at_all: number;
-  /** Length of the whole trip. */
-  distance_m: number;
-}
-
-/** A car on the road. */
-export interface LiveCar {
-  vehicle: string;
-  seconds_since_message: number | null;
-  soc: number | null;
-  trip: { duration_s: number; distance_m: number } | null;
-  plan: "given" | "usual" | null;
-  forecast: LiveForecast | null;
-  faults: Fault[];
+export type AreaDocument = components['schemas']['AreaDocument'];
+export type CarResponse = components['schemas']['CarResponse'];
+export type CarSummary = components['schemas']['CarSummary'];
+export type CarsResponse = components['schemas']['CarsResponse'];
+export type ChargingDocument = components['schemas']['ChargingDocument'];
+export type ColumnChoice = components['schemas']['ColumnChoice'];
+export type DescribedVehicle = components['schemas']['DescribedVehicle'];
+export type DiaryEntry = components['schemas']['DiaryEntry'];
+export type Elevation = components['schemas']['Elevation'];
+export type EmptyAt = components['schemas']['EmptyAt'];
+export type ExampleResponse = components['schemas']['ExampleResponse'];
+export type ExampleSummary = components['schemas']['ExampleSummary'];
+export type ExamplesResponse = components['schemas']['ExamplesResponse'];
+export type FieldDocument = components['schemas']['FieldDocument'];
+export type FindingDocument = components['schemas']['FindingDocument'];
+export type FittedModel = components['schemas']['FittedModel'];
+export type FlagDocument = components['schemas']['FlagDocument'];
+export type ForecastOnTheWay = components['schemas']['ForecastOnTheWay'];
+export type ForecastRequest = components['schemas']['ForecastRequest'];
+export type ForecastResponse = components['schemas']['ForecastResponse'];
+export type Forgotten = components['schemas']['Forgotten'];
+export type HealthResponse = components['schemas']['HealthResponse'];
+export type LearnedParameter = components['schemas']['LearnedParameter'];
+export type LearningDocument = components['schemas']['LearningDocument'];
+export type LeaveWith = components['schemas']['LeaveWith'];
+export type LineDocument = components['schemas']['LineDocument'];
+export type Link = components['schemas']['Link'];
+export type LiveCarSummary = components['schemas']['LiveCarSummary'];
+export type LiveCarsResponse = components['schemas']['LiveCarsResponse'];
+export type LiveForecastDocument = components['schemas']['LiveForecastDocument'];
+export type LiveMessages = components['schemas']['LiveMessages'];
+export type LivePlanRequest = components['schemas']['LivePlanRequest'];
+export type LiveResponse = components['schemas']['LiveResponse'];
+export type LiveTripDocument = components['schemas']['LiveTripDocument'];
+export type LogsPreview = components['schemas']['LogsPreview'];
+export type LogsRequest = components['schemas']['LogsRequest'];
+export type LogsResponse = components['schemas']['LogsResponse'];
+export type MapResponse = components['schemas']['MapResponse'];
+export type MappedColumnDocument = components['schemas']['MappedColumnDocument'];
+export type Missing = components['schemas']['Missing'];
+export type ModelSummary = components['schemas']['ModelSummary'];
+export type ModelsResponse = components['schemas']['ModelsResponse'];
+export type NeedResponse = components['schemas']['NeedResponse'];
+export type NewCarRequest = components['schemas']['NewCarRequest'];
+export type PlaceDocument = components['schemas']['PlaceDocument'];
+export type PlaceRequest = components['schemas']['PlaceRequest'];
+export type PlacesResponse = components['schemas']['PlacesResponse'];
+export type PlanRequest = components['schemas']['PlanRequest'];
+export type PlanResponse = components['schemas']['PlanResponse'];
+export type PolygonDocument = components['schemas']['PolygonDocument'];
+export type ProblemDocument = components['schemas']['ProblemDocument'];
+export type ProblemFault = components['schemas']['ProblemFault'];
+export type ReachRequest = components['schemas']['ReachRequest'];
+export type ReachResponse = components['schemas']['ReachResponse'];
+export type RoadDocument = components['schemas']['RoadDocument'];
+export type RoadLinks = components['schemas']['RoadLinks'];
+export type RouteResponse = components['schemas']['RouteResponse'];
+export type ScoreDocument = components['schemas']['ScoreDocument'];
+export type SeasonDocument = components['schemas']['SeasonDocument'];
+export type Series = components['schemas']['Series'];
+export type StationDocument = components['schemas']['StationDocument'];
+export type StopDocument = components['schemas']['StopDocument'];
+export type TelemetryRequest = components['schemas']['TelemetryRequest'];
+export type TelemetryResponse = components['schemas']['TelemetryResponse'];
+export type TokenResponse = components['schemas']['TokenResponse'];
+export type UnknownClimbDocument = components['schemas']['UnknownClimbDocument'];
+export type UpdateRequest = components['schemas']['UpdateRequest'];
+export type UploadResponse = components['schemas']['UploadResponse'];
+export type VehicleFigures = components['schemas']['VehicleFigures'];
+export type VehicleSummary = components['schemas']['VehicleSummary'];
+export type VehiclesResponse = components['schemas']['VehiclesResponse'];
+export type ViewResponse = components['schemas']['ViewResponse'];
+export type WeatherRequest = components['schemas']['WeatherRequest'];
+export type $defs = Record<string, never>;
+export interface operations {
+    forecast_v1_forecast_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ForecastRequest"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ForecastResponse"];
+                };
+            };
+        };
+    };
+    update_v1_forecast_update_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["UpdateRequest"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ForecastResponse"];
+                };
+            };
+        };
+    };
+    batch_v1_forecast_batch_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/x-ndjson": unknown;
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/x-ndjson": string;
+                };
+            };
+        };
+    };
+    route_v1_routes_post: {
+        parameters: {
+            query?: {
+                speed_m_s?: number | null;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                /** @example <gpx><trk><trkseg><trkpt lat="48.10" lon="11.5"><time>2026-05-01T08:00:00Z</time></trkpt><trkpt lat="48.11" lon="11.5"><time>2026-05-01T08:01:30Z</time></trkpt></trkseg></trk></gpx> */
+                "application/gpx+xml": string;
+                /** @example <kml><Placemark><LineString><coordinates>11.5,48.1 11.52,48.1</coordinates></LineString></Placemark></kml> */
+                "application/vnd.google-earth.kml+xml": string;
+                /** @example <gpx><trk><trkseg><trkpt lat="48.10" lon="11.5"><time>2026-05-01T08:00:00Z</time></trkpt><trkpt lat="48.11" lon="11.5"><time>2026-05-01T08:01:30Z</time></trkpt></trkseg></trk></gpx> */
+                "application/xml": string;
+                /** @example <gpx><trk><trkseg><trkpt lat="48.10" lon="11.5"><time>2026-05-01T08:00:00Z</time></trkpt><trkpt lat="48.11" lon="11.5"><time>2026-05-01T08:01:30Z</time></trkpt></trkseg></trk></gpx> */
+                "text/xml": string;
+                /**
+                 * @example time_s,speed_m_s
+                 *     0,0
+                 *     10,9
+                 *     20,12
+                 *     30,0
+                 */
+                "text/csv": string;
+                "application/octet-stream": string;
+                /**
+                 * @example {
+                 *       "type": "Feature",
+                 *       "geometry": {
+                 *         "type": "LineString",
+                 *         "coordinates": [
+                 *           [
+                 *             11.5,
+                 *             48.1
+                 *           ],
+                 *           [
+                 *             11.52,
+                 *             48.1
+                 *           ]
+                 *         ]
+                 *       },
+                 *       "properties": {
+                 *         "speed_m_s": 14
+                 *       }
+                 *     }
+                 */
+                "application/geo+json": Record<string, unknown>;
+                /**
+                 * @example [
+                 *       {
+                 *         "length_m": 800,
+                 *         "speed_m_s": 8.5,
+                 *         "grade": 0.01
+                 *       },
+                 *       {
+                 *         "length_m": 12000,
+                 *         "travel_time_s": 480,
+                 *         "grade": 0
+                 *       }
+                 *     ]
+                 */
+                "application/json": Record<string, unknown> | unknown[];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["RouteResponse"];
+                };
+            };
+        };
+    };
+    plan_v1_plan_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["PlanRequest"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PlanResponse"];
+                };
+            };
+        };
+    };
+    reach_v1_reachable_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ReachRequest"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ReachResponse"];
+                };
+            };
+        };
+    };
+    get_places_v1_places_get: {
+        parameters: {
+            query: {
+                q: string;
+                limit?: number;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PlacesResponse"];
+                };
+            };
+        };
+    };
+    get_view_v1_map_view_get: {
+        parameters: {
+            query: {
+                south: number;
+                west: number;
+                north: number;
+                east: number;
+                limit?: number;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ViewResponse"];
+                };
+            };
+        };
+    };
+    get_tile_v1_tiles__zoom___column___row__get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                zoom: number;
+                column: number;
+                row: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/vnd.mapbox-vector-tile": string;
+                };
+            };
+        };
+    };
+    get_map_v1_map_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MapResponse"];
+                };
+            };
+        };
+    };
+    telemetry_v1_telemetry_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["TelemetryRequest"];
+                "application/x-www-form-urlencoded": components["schemas"]["TelemetryRequest"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["TelemetryResponse"];
+                };
+            };
+        };
+    };
+    list_live_v1_live_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["LiveCarsResponse"];
+                };
+            };
+        };
+    };
+    get_live_v1_live__vehicle__get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                vehicle: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["LiveResponse"];
+                };
+            };
+        };
+    };
+    put_plan_v1_live__vehicle__plan_put: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                vehicle: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["LivePlanRequest"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["LiveResponse"];
+                };
+            };
+        };
+    };
+    get_events_v1_live__vehicle__events_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                vehicle: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/event-stream": string;
+                };
+            };
+        };
+    };
+    get_need_v1_need_get: {
+        parameters: {
+            query: {
+                vehicle: string;
+                probability?: number;
+                reserve?: number | null;
+                departure_utc?: number | null;
+                ambient_temperature_degc?: number | null;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["NeedResponse"];
+                };
+            };
+        };
+    };
+    list_cars_v1_cars_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CarsResponse"];
+                };
+            };
+        };
+    };
+    new_car_v1_cars_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["NewCarRequest"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CarResponse"];
+                };
+            };
+        };
+    };
+    get_car_v1_cars__car__get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                car: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CarResponse"];
+                };
+            };
+        };
+    };
+    forget_car_v1_cars__car__delete: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                car: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Forgotten"];
+                };
+            };
+        };
+    };
+    new_token_v1_cars__car__token_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                car: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["TokenResponse"];
+                };
+            };
+        };
+    };
+    put_file_v1_cars__car__uploads__upload___file__put: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                car: string;
+                upload: string;
+                file: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/octet-stream": string;
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["UploadResponse"];
+                };
+            };
+        };
+    };
+    read_logs_v1_cars__car__uploads__upload__post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                car: string;
+                upload: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["LogsRequest"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["LogsResponse"];
+                };
+            };
+        };
+    };
+    learn_v1_cars__car__uploads__upload__learn_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                car: string;
+                upload: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["LogsRequest"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CarResponse"];
+                };
+            };
+        };
+    };
+    get_models_v1_models_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ModelsResponse"];
+                };
+            };
+        };
+    };
+    get_vehicles_v1_vehicles_get: {
+        parameters: {
+            query?: {
+                search?: string | null;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["VehiclesResponse"];
+                };
+            };
+        };
+    };
+    describe_v1_vehicles_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["VehicleFigures"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["DescribedVehicle"];
+                };
+            };
+        };
+    };
+    get_examples_v1_examples_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ExamplesResponse"];
+                };
+            };
+        };
+    };
+    get_example_v1_examples__trip__get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                trip: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ExampleResponse"];
+                };
+            };
+        };
+    };
+    healthz_healthz_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["HealthResponse"];
+                };
+            };
+        };
+    };
+    readyz_readyz_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["HealthResponse"];
+                };
+            };
+        };
+    };
+    get_metrics_metrics_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/plain": string;
+                };
+            };
+        };
+    };
 }

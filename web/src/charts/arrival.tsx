@@ -2,7 +2,7 @@
 
 import { useMemo } from "preact/hooks";
 import type uPlot from "uplot";
-import type { Forecast } from "../api/types";
+import type { Forecast } from "../api/documents";
 import { equallyLikely } from "../model/arrival";
 import { PERCENT } from "../model/units";
 import { format, text } from "../state/preferences";

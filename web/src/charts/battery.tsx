@@ -2,7 +2,7 @@
 
 import { computed } from "@preact/signals";
 import type uPlot from "uplot";
-import type { Forecast } from "../api/types";
+import type { Forecast } from "../api/documents";
 import { emptyAfterM, innerShare } from "../model/arrival";
 import { interpolate } from "../model/interpolate";
 import { PERCENT } from "../model/units";

@@ -1,6 +1,6 @@
 /** Battery charge on arrival, from a forecast of the service. */
 
-import type { Forecast } from "../api/types";
+import type { Forecast } from "../api/documents";
 import { interpolate } from "./interpolate";
 
 export const DOTS = 20;

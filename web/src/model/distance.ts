@@ -1,6 +1,6 @@
 /** A trip of which only distance and kind of road are known, as links: assumed shares of town, country roads and motorway. */
 
-import type { Link } from "../api/types";
+import type { Link } from "../api/documents";
 
 export type Kind = "town" | "country" | "mixed" | "motorway";
 export type RoadType = "town" | "country" | "motorway";

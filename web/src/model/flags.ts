@@ -1,6 +1,6 @@
 /** Flags of the service as sentences. Flags of one group share a sentence; a flag with an unknown code keeps its message. */
 
-import type { Flag, Terrain } from "../api/types";
+import type { Flag, Terrain } from "../api/documents";
 import type { Text } from "../text";
 import type { Format } from "./format";
 import { ENERGY, PERCENT, type Units } from "./units";

@@ -1,6 +1,6 @@
 /** A naive gauge: the consumption so far, extrapolated to the whole trip. */
 
-import type { Forecast, Column, Columns } from "../api/types";
+import type { Forecast, Column, Columns } from "../api/documents";
 import { socFromEnergy } from "./arrival";
 import { interpolate } from "./interpolate";
 import type { Profile } from "./profile";

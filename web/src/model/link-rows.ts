@@ -1,6 +1,6 @@
 /** Links as the rows of a table, in which a value may be missing. */
 
-import type { Link } from "../api/types";
+import type { Link } from "../api/documents";
 
 /** Null for an empty field. */
 export interface LinkRow {

@@ -1,6 +1,6 @@
 /** Links of a planned route with another speed on the motorway. */
 
-import type { Link } from "../api/types";
+import type { Link } from "../api/documents";
 
 /** Links with a higher planned speed count as motorway. */
 export const MOTORWAY_M_S = 100 / 3.6;

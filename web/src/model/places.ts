@@ -1,6 +1,6 @@
 /** Which place a text names. The service uses the same rule. */
 
-import type { Place } from "../api/types";
+import type { Place } from "../api/documents";
 
 const WORDS = /[\p{L}\p{N}_]+/gu;
 const SPELLINGS: Record<string, string> = { ä: "ae", ö: "oe", ü: "ue", ß: "ss", æ: "ae", ø: "oe", å: "aa" };

@@ -1,6 +1,6 @@
 /** Speed and elevation along the way. */
 
-import type { Columns } from "../api/types";
+import type { Columns } from "../api/documents";
 import { interpolate } from "./interpolate";
 
 export interface Profile {

@@ -1,6 +1,6 @@
 /** A road with speeds as links: the plan of a trip whose departure is not known yet. */
 
-import type { Link } from "../api/types";
+import type { Link } from "../api/documents";
 import type { Profile } from "./profile";
 
 /** Length of a link, but for the last one [m]. */

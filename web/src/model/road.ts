@@ -1,6 +1,6 @@
 /** The line of a road on the map: its parts by consumption, and places along it. */
 
-import type { Road } from "../api/types";
+import type { Road } from "../api/documents";
 import { interpolate } from "./interpolate";
 
 export type Level = "low" | "usual" | "high";

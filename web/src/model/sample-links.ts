@@ -1,6 +1,6 @@
 /** An invented planned route as an example: a town, country roads, a motorway over a hill, and a town. */
 
-import type { Link } from "../api/types";
+import type { Link } from "../api/documents";
 
 const LINK_M = 900;
 /** Links with at least this speed have no stop. */

@@ -1,7 +1,7 @@
 /** The chosen car and the chosen model. */
 
 import { computed, signal } from "@preact/signals";
-import type { Figures, Model, Vehicle } from "../api/types";
+import type { Figures, Model, Vehicle } from "../api/documents";
 
 /** Name of the car that its driver describes. */
 export const DESCRIBED = "";

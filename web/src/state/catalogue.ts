@@ -2,7 +2,7 @@
 
 import { batch, effect, signal } from "@preact/signals";
 import { listExamples, listModels, listVehicles, loadExample, readRoute } from "../api/client";
-import type { ExampleSummary, Place } from "../api/types";
+import type { ExampleSummary, Place } from "../api/documents";
 import { type Car, car, chooseFirst, models, vehicles } from "./car";
 import { change, type Conditions, conditions, USUAL } from "./conditions";
 import { reportProblem, problem } from "./forecast";

@@ -1,13 +1,10 @@
 /** Conditions at departure, as set with the sliders. */
 
 import { signal } from "@preact/signals";
-import type { Terrain } from "../api/types";
+import type { ClimateMode, Terrain } from "../api/documents";
 
 /** Where the temperatures of cabin and battery at departure come from. */
 export type BeforeDeparture = "logged" | "parked" | "garage" | "unknown";
-
-/** What climate control may do. */
-export type ClimateMode = "auto" | "off" | "heat" | "cool";
 
 export interface Conditions {
   ambientDegc: number;

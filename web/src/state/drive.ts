@@ -3,14 +3,15 @@
 import { batch, computed, effect, signal, untracked } from "@preact/signals";
 import { requestUpdate } from "../api/client";
 import { Latest } from "../api/latest";
-import type { Forecast } from "../api/types";
+import type { Forecast } from "../api/documents";
+import type { UpdateRequest } from "../api/types";
 import { arrivalBand } from "../model/arrival";
 import { energySoFarWh, naiveArrival, samplesUntil } from "../model/gauge";
 import { interpolate } from "../model/interpolate";
 import { car } from "./car";
 import { conditions } from "./conditions";
 import { reportProblem, departure, mode, profile } from "./forecast";
-import { requestBody, type Trip, trip } from "./trip";
+import { forecastRequest, type Trip, trip } from "./trip";
 
 const MIN_INTERVAL_MS = 120;
 /** No update before this time. */
@@ -82,10 +83,10 @@ function historyPointOf(forecast: Forecast, of: Trip): HistoryPoint {
 }
 
 const runner = new Latest<UpdateJob>(async (job, signal) => {
-  const measured = samplesUntil(job.trip.observed ?? {}, job.timeS);
+  const observed = samplesUntil(job.trip.observed ?? {}, job.timeS) as UpdateRequest["observed"];
   try {
     const forecast = await requestUpdate(
-      requestBody(job.trip, conditions.value, car.value, measured),
+      { ...forecastRequest(job.trip, conditions.value, car.value), observed },
       signal,
     );
     const point = historyPointOf(forecast, job.trip);

@@ -3,13 +3,13 @@
 import { batch, computed, effect, signal, untracked } from "@preact/signals";
 import { requestForecast, RequestFailed, readRoute } from "../api/client";
 import { Latest } from "../api/latest";
-import type { Forecast, Fault, Journey, LeaveWith, Problem } from "../api/types";
+import type { Forecast, Fault, Journey, LeaveWith, Place, Problem } from "../api/documents";
 import { atMotorwaySpeed } from "../model/links";
 import { type Profile, profileFromSamples, withElevationOf } from "../model/profile";
 import { type Car, car } from "./car";
 import { type Conditions, conditions } from "./conditions";
 import { answersAreOld, askJourney, chosenRoad, journey, mergedJourney } from "./journey";
-import { requestBody, type Trip, trip } from "./trip";
+import { forecastRequest, journeyRequest, type Trip, trip } from "./trip";
 
 /** Type of a problem for an unexpected error of the page. */
 export const PAGE_ERROR = "page";
@@ -95,10 +95,15 @@ export function chooseRoad(index: number): void {
 }
 
 /** First the fastest road, which is quick; then the other answers, unless the conditions change meanwhile. */
-async function runJourney(job: ForecastJob, otherAt: Conditions | null, signal: AbortSignal): Promise<void> {
-  const body = requestBody(job.trip, job.at, job.car);
+async function runJourney(
+  stops: readonly Place[],
+  job: ForecastJob,
+  otherAt: Conditions | null,
+  signal: AbortSignal,
+): Promise<void> {
+  const body = journeyRequest(stops, job.at, job.car);
   const askOther = async (at: Conditions) =>
-    roadOf(await askJourney(requestBody(job.trip, at, job.car), chosenRoad.value > 0, signal)).forecast;
+    roadOf(await askJourney(journeyRequest(stops, at, job.car), chosenRoad.value > 0, signal)).forecast;
   const show = (found: Journey, isWhole: boolean, second: Forecast | null) =>
     batch(() => {
       journey.value = isWhole ? found : mergedJourney(job.trip, found, whole);
@@ -120,9 +125,9 @@ async function runJourney(job: ForecastJob, otherAt: Conditions | null, signal: 
 const runner = new Latest<ForecastJob>(async (job, signal) => {
   const { setting, value } = job.other;
   const otherAt = job.compares ? { ...job.at, [setting]: value } : null;
-  const ask = (at: Conditions) => requestForecast(requestBody(job.trip, at, job.car), signal);
+  const ask = (at: Conditions) => requestForecast(forecastRequest(job.trip, at, job.car), signal);
   try {
-    if (job.trip.stops) return await runJourney(job, otherAt, signal);
+    if (job.trip.stops) return await runJourney(job.trip.stops, job, otherAt, signal);
     const [main, second, road] = await Promise.all([ask(job.at), otherAt && ask(otherAt), renewProfile(job)]);
     batch(() => {
       departure.value = main;
@@ -133,7 +138,7 @@ const runner = new Latest<ForecastJob>(async (job, signal) => {
       leavingIsOld.value = true;
     });
     if (runner.isWaiting) return;
-    const body = requestBody(job.trip, job.at, job.car, undefined, { probability: LEAVE_PROBABILITY });
+    const body = { ...forecastRequest(job.trip, job.at, job.car), probability: LEAVE_PROBABILITY };
     const { leave_with } = await requestForecast(body, signal);
     batch(() => {
       leaving.value = leave_with;

@@ -3,7 +3,7 @@
 import { effect, signal, untracked } from "@preact/signals";
 import { findReach, getMap, planJourney } from "../api/client";
 import { Latest } from "../api/latest";
-import type { Journey, MapInfo, Place, Reach } from "../api/types";
+import type { Journey, JourneyRequest, MapInfo, Place, Reach } from "../api/documents";
 import { car } from "./car";
 import { type Conditions, conditions, fieldsOf } from "./conditions";
 import { fieldsOfCar, stopOf, type Trip } from "./trip";
@@ -52,10 +52,14 @@ export function placeAt(longitude: number, latitude: number): Place {
 }
 
 /** Ask for the fastest road alone, which is quick, or with alternatives and all answers. */
-export async function askJourney(body: string, whole: boolean, signal?: AbortSignal): Promise<Journey> {
+export async function askJourney(
+  body: JourneyRequest,
+  whole: boolean,
+  signal?: AbortSignal,
+): Promise<Journey> {
   const more = whole ? { alternatives: ALTERNATIVES } : { answers: false };
-  const found = await planJourney(`${body.slice(0, -1)},${JSON.stringify(more).slice(1)}`, signal);
-  if (found.roads.length === 0) throw new TypeError(body);
+  const found = await planJourney({ ...body, ...more }, signal);
+  if (found.roads.length === 0) throw new TypeError(JSON.stringify(body));
   return found;
 }
 
@@ -79,7 +83,7 @@ const runner = new Latest<ReachJob>(async ({ from, at }, signal) => {
   isFindingReach.value = true;
   try {
     const body = { start: stopOf(from), ...fieldsOfCar(car.value), ...fieldsOf(at, {}) };
-    reach.value = await findReach(JSON.stringify(body), signal);
+    reach.value = await findReach(body, signal);
   } catch {
     reach.value = null; // the forecast has the same faults, and shows them
   } finally {

@@ -2,7 +2,7 @@
 
 import { batch, computed, effect, signal } from "@preact/signals";
 import { listenTo, listRoadCars, RequestFailed } from "../api/client";
-import type { LiveCar, RoadCar } from "../api/types";
+import type { LiveCar, RoadCar } from "../api/documents";
 import { dark, readStored, writeStored } from "./preferences";
 
 const KEY = "tripwatt.drive";

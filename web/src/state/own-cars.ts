@@ -12,7 +12,7 @@ import {
   RequestFailed,
   sendFile,
 } from "../api/client";
-import type { Fault, LogsChanges, LogsReading, OwnCar, OwnCarSummary } from "../api/types";
+import type { Fault, LogsChanges, LogsReading, NewCarRequest, OwnCar, OwnCarSummary } from "../api/documents";
 import { car, type Car, chooseOwn, DESCRIBED, vehicle } from "./car";
 
 /** Time between two looks at a car that learns [ms]. */
@@ -34,9 +34,9 @@ export const learns = computed(() => shownCar.value?.learning?.state === "runnin
 function faultsFrom(error: unknown): Fault[] {
   if (!(error instanceof RequestFailed)) throw error;
   const { problem } = error;
-  const { faults = [], title, detail } = problem;
-  if (faults.length > 0) return faults;
-  return [{ what: title || detail || problem.type || "", where: "", got: "", allowed: "", fix: "" }];
+  const { faults, title, detail } = problem;
+  if (faults?.length) return faults;
+  return [{ what: title || detail || problem.type, where: "" }];
 }
 
 /** Run a request; faults of an earlier one go, its own are shown. */
@@ -64,13 +64,13 @@ function keep(found: OwnCar): void {
 }
 
 /** The chosen car of the page as that of a new one. */
-function kind(chosen: Car | null): object {
+function kind(chosen: Car | null): Omit<NewCarRequest, "name"> {
   if (chosen?.figures) return { vehicle_figures: chosen.figures };
-  return { vehicle: chosen?.vehicle === DESCRIBED ? null : (vehicle.value?.name ?? chosen?.vehicle) };
+  return { vehicle: chosen?.vehicle === DESCRIBED ? null : (vehicle.value?.name ?? chosen?.vehicle ?? null) };
 }
 
 export async function addCar(name: string): Promise<void> {
-  const made = await asked(() => createCar(JSON.stringify({ name, ...kind(car.value) })));
+  const made = await asked(() => createCar({ name, ...kind(car.value) }));
   if (made) keep(made);
 }
 
@@ -121,7 +121,7 @@ export async function sendFiles(name: string, files: readonly File[]): Promise<v
 }
 
 async function read(name: string, upload: string, changes: LogsChanges): Promise<void> {
-  const found = await asked(() => readLogs(name, upload, JSON.stringify(changes)));
+  const found = await asked(() => readLogs(name, upload, changes));
   if (found) reading.value = { upload, changes, found };
 }
 
@@ -141,7 +141,7 @@ export async function changeReading(name: string, more: LogsChanges): Promise<vo
 export async function learn(name: string): Promise<void> {
   const now = reading.value;
   if (!now) return;
-  const found = await asked(() => learnLogs(name, now.upload, JSON.stringify(now.changes)));
+  const found = await asked(() => learnLogs(name, now.upload, now.changes));
   if (!found) return;
   reading.value = null;
   keep(found);

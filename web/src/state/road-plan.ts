@@ -10,15 +10,14 @@ import { chosenRoad, journey } from "./journey";
 import { followed, live, planFailed } from "./live-drive";
 import { trip } from "./trip";
 
-/** The road of the page's trip as fields of a plan, as JSON; null where it has none that a car can follow. */
+/** The road of the page's trip as fields of a plan; null where it has none that a car can follow. */
 const road = computed(() => {
   const now = trip.value;
   if (now?.links) {
-    const links = atMotorwaySpeed(now.links, conditions.value.motorwayMS);
-    return `${now.fixedJson},"links":${JSON.stringify(links)}`;
+    return { ...now.fixed, links: atMotorwaySpeed(now.links, conditions.value.motorwayMS) };
   }
   const found = now?.stops ? journey.value?.roads[chosenRoad.value] : undefined;
-  return found ? JSON.stringify(linksOfProfile(profileFromSamples(found.samples))).slice(1, -1) : null;
+  return found ? linksOfProfile(profileFromSamples(found.samples)) : null;
 });
 
 export const canPlan = computed(() => road.value !== null);
@@ -31,7 +30,7 @@ export async function planFromPage(): Promise<void> {
   if (road.value === null || !car) return;
   planFailed.value = false;
   try {
-    const found = await putPlan(car, `{${road.value},${JSON.stringify(more).slice(1)}`);
+    const found = await putPlan(car, { ...road.value, ...more });
     batch(() => {
       if (followed.value === car) live.value = found;
     });

@@ -1,7 +1,17 @@
 /** The chosen trip: an example, a file or links. */
 
 import { signal } from "@preact/signals";
-import type { Columns, Example, Flag, Link, Place, Route } from "../api/types";
+import type {
+  Columns,
+  Example,
+  Flag,
+  ForecastRequest,
+  JourneyRequest,
+  Link,
+  Place,
+  Route,
+  Samples,
+} from "../api/documents";
 import { atMotorwaySpeed } from "../model/links";
 import { type Profile, profileFromSamples } from "../model/profile";
 import type { Car } from "./car";
@@ -22,8 +32,8 @@ export interface Trip {
   /** Title of the example or name of the file; empty for pasted links. */
   title: string;
   notes: Flag[];
-  /** Members of the request that no slider changes, as JSON: the speed trace, or the elevation of links. */
-  fixedJson: string;
+  /** Fields of the request that no slider changes: the speed trace, or the elevation of links. */
+  fixed: Pick<ForecastRequest, "samples" | "elevation">;
   links: Link[] | null;
   /** The places of a journey; its forecasts come with its roads. */
   stops: Place[] | null;
@@ -40,10 +50,6 @@ export const trip = signal<Trip | null>(null);
 
 function pick(columns: Columns, names: string[]): Columns {
   return Object.fromEntries(Object.entries(columns).filter(([name]) => names.includes(name)));
-}
-
-function membersOf(object: object): string {
-  return JSON.stringify(object).slice(1, -1);
 }
 
 /** Conditions as far as they are known; the others are the usual ones, or those of before. */
@@ -74,13 +80,13 @@ export function tripFromExample(example: Example): Trip {
     vehicle: example.vehicle,
     title: example.title,
     notes: [],
-    fixedJson: membersOf({ samples }),
+    fixed: { samples: samples as Samples },
     links: null,
     stops: null,
-    profile: profileFromSamples(samples),
+    profile: profileFromSamples(samples as Samples),
     observed: example.observed,
     logged: startTemperaturesFrom(known),
-    start: conditionsFrom({ ...known, soc: known.soc ?? known.displayed_soc }),
+    start: conditionsFrom(known),
   };
 }
 
@@ -104,9 +110,7 @@ export function tripFromRoute(route: Route, title: string, source: Source): Trip
     vehicle: "",
     title,
     notes: route.notes,
-    fixedJson: membersOf(
-      links ? { elevation: route.elevation ?? null } : { samples: pick(route.samples, ROAD) },
-    ),
+    fixed: links ? { elevation: route.elevation } : { samples: pick(route.samples, ROAD) as Samples },
     links,
     stops: null,
     profile: profileFromSamples(route.samples),
@@ -117,7 +121,7 @@ export function tripFromRoute(route: Route, title: string, source: Source): Trip
 }
 
 /** The car as members of a request. */
-export function fieldsOfCar(car: Car | null): object {
+export function fieldsOfCar(car: Car | null): Pick<ForecastRequest, "model" | "vehicle" | "vehicle_figures"> {
   if (!car) return {};
   const { vehicle, model, figures, own } = car;
   if (own) return { model: own };
@@ -139,7 +143,7 @@ export function tripFromStops(stops: Place[], isDraft: boolean): Trip {
     vehicle: "",
     title: stops.map(({ name }) => name).join(" – "),
     notes: [],
-    fixedJson: membersOf({ stops: stops.map(stopOf) }),
+    fixed: {},
     links: null,
     stops,
     isDraft,
@@ -150,21 +154,13 @@ export function tripFromStops(stops: Place[], isDraft: boolean): Trip {
   };
 }
 
-/** Body of a request for a forecast; with `observed`, for an update. */
-export function requestBody(
-  of: Trip,
-  at: Conditions,
-  car: Car | null,
-  observed?: Columns,
-  more: { probability?: number } = {},
-): string {
+/** A request for the forecast of a trip. */
+export function forecastRequest(of: Trip, at: Conditions, car: Car | null): ForecastRequest {
   const links = of.links && { links: atMotorwaySpeed(of.links, at.motorwayMS) };
-  const fields = {
-    ...links,
-    ...fieldsOfCar(car),
-    ...fieldsOf(at, of.logged),
-    ...(observed && { observed }),
-    ...more,
-  };
-  return `{${of.fixedJson},${membersOf(fields)}}`;
+  return { ...of.fixed, ...links, ...fieldsOfCar(car), ...fieldsOf(at, of.logged) };
+}
+
+/** A request for a journey from place to place. */
+export function journeyRequest(stops: readonly Place[], at: Conditions, car: Car | null): JourneyRequest {
+  return { stops: stops.map(stopOf), ...fieldsOfCar(car), ...fieldsOf(at, {}) };
 }

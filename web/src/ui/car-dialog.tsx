@@ -2,7 +2,7 @@ import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { describeCar, findVehicles, RequestFailed } from "../api/client";
 import { Latest } from "../api/latest";
-import type { Fault, Figures, Vehicle } from "../api/types";
+import type { Fault, Figures, Vehicle } from "../api/documents";
 import { car, chooseDescribed, chooseVehicle, vehicles } from "../state/car";
 import { ENERGY, POWER, type Quantity } from "../model/units";
 import { format, text, units } from "../state/preferences";
@@ -137,7 +137,7 @@ export function CarDialog() {
   const submit = async (form: HTMLFormElement) => {
     const figures = figuresFrom(form);
     try {
-      const found = await describeCar(JSON.stringify(figures));
+      const found = await describeCar(figures);
       const { consumption } = units.value;
       const shown = (value: number) => format.value.plain(consumption.from(value * WH_M), 1);
       const ends = [found.wltp_low_kwh_per_100km, found.wltp_high_kwh_per_100km];
@@ -182,7 +182,7 @@ export function CarDialog() {
                 min={0}
                 step="any"
                 value={
-                  value === undefined
+                  value == null
                     ? ""
                     : Number(
                         quantity()

@@ -1,4 +1,4 @@
-import type { Forecast } from "../api/types";
+import type { Forecast } from "../api/documents";
 import { waterfall } from "../model/causes";
 import { ENERGY } from "../model/units";
 import { isMeasured, model } from "../state/car";

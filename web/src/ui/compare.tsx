@@ -1,5 +1,5 @@
 import { batch } from "@preact/signals";
-import type { Forecast } from "../api/types";
+import type { Forecast } from "../api/documents";
 import { chanceOf, emptyAfterM } from "../model/arrival";
 import { hasMotorway } from "../model/links";
 import { ENERGY, PERCENT } from "../model/units";

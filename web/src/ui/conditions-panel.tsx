@@ -1,13 +1,6 @@
-import type { Terrain } from "../api/types";
+import type { ClimateMode, Terrain } from "../api/documents";
 import { hasMotorway, MOTORWAY_M_S } from "../model/links";
-import {
-  change,
-  conditions,
-  type BeforeDeparture,
-  type ClimateMode,
-  GARAGE_DEGC,
-  resetTo,
-} from "../state/conditions";
+import { change, conditions, type BeforeDeparture, GARAGE_DEGC, resetTo } from "../state/conditions";
 import { departure, faults, mode, other } from "../state/forecast";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";

@@ -1,4 +1,4 @@
-import type { Forecast } from "../api/types";
+import type { Forecast } from "../api/documents";
 import { ArrivalChart } from "../charts/arrival";
 import { chanceAtAll, chanceOf, DOTS, equallyLikely } from "../model/arrival";
 import { PERCENT } from "../model/units";

@@ -1,4 +1,4 @@
-import type { Forecast } from "../api/types";
+import type { Forecast } from "../api/documents";
 import { HistoryChart } from "../charts/history";
 import { interpolate } from "../model/interpolate";
 import { PERCENT } from "../model/units";

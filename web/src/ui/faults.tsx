@@ -1,4 +1,4 @@
-import type { Fault } from "../api/types";
+import type { Fault } from "../api/documents";
 import { text } from "../state/preferences";
 
 const MAX_LISTED = 6;

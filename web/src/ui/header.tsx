@@ -1,4 +1,4 @@
-import type { Vehicle } from "../api/types";
+import type { Vehicle } from "../api/documents";
 import { type System, unitsOf } from "../model/units";
 import { car, choices, chooseModel, chooseVehicle, DESCRIBED, vehicles } from "../state/car";
 import { faults } from "../state/forecast";

@@ -1,4 +1,4 @@
-import type { Journey } from "../api/types";
+import type { Journey } from "../api/documents";
 import { chanceOf } from "../model/arrival";
 import { PERCENT } from "../model/units";
 import { chooseRoad, leaving, leavingIsOld, requested } from "../state/forecast";

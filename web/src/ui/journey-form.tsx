@@ -1,7 +1,7 @@
 import { batch, signal } from "@preact/signals";
 import { useId, useRef, useState } from "preact/hooks";
 import { findPlaces } from "../api/client";
-import type { Place } from "../api/types";
+import type { Place } from "../api/documents";
 import { placeCalled } from "../model/places";
 import { readCoordinates } from "../model/road";
 import { chooseJourney } from "../state/catalogue";

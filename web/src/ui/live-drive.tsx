@@ -2,7 +2,7 @@
 
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
-import type { LiveCar, LiveForecast } from "../api/types";
+import type { LiveCar, LiveForecast } from "../api/documents";
 import { likelihoodOf, verdictOf } from "../model/arrival";
 import { ENERGY, PERCENT } from "../model/units";
 import {

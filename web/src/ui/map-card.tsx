@@ -1,7 +1,7 @@
 import { useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { tilesUrl, tokenHeaders, viewMap } from "../api/client";
-import type { Journey, MapView, Road, Station } from "../api/types";
+import type { Journey, MapView, Road, Station } from "../api/documents";
 import type { Feature, MapPalette, RoadMap, StationMark } from "../map/road-map";
 import { boundsOf, type Bounds, distanceNear, piecesOf, type Point, pointAt, pointsOf } from "../model/road";
 import { POWER } from "../model/units";
@@ -105,7 +105,12 @@ function MapCanvas({
       request = new AbortController();
       window.clearTimeout(timer);
       const [south, west, north, east] = bounds;
-      const inWorld = [Math.max(south, -90), Math.max(west, -180), Math.min(north, 90), Math.min(east, 180)];
+      const inWorld: Bounds = [
+        Math.max(south, -90),
+        Math.max(west, -180),
+        Math.min(north, 90),
+        Math.min(east, 180),
+      ];
       const { signal } = request;
       timer = window.setTimeout(() => {
         viewMap(inWorld, signal).then(

@@ -1,6 +1,6 @@
 /** What a car has learned, before and after, and its diary: each trip as it was forecast, and what it took. */
 
-import type { DiaryEntry, OwnCar } from "../api/types";
+import type { DiaryEntry, OwnCar } from "../api/documents";
 import { ENERGY, PERCENT } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import { FaultList } from "./faults";

@@ -1,7 +1,7 @@
 /** Logs of a car: dropped, read by a proposed mapping that can be corrected, audited, and learned. */
 
 import { useState } from "preact/hooks";
-import type { LogsReading } from "../api/types";
+import type { LogsReading } from "../api/documents";
 import { ENERGY } from "../model/units";
 import { changeReading, faultsOfCars, learn, reading, sendFiles, sending } from "../state/own-cars";
 import { format, text, units } from "../state/preferences";

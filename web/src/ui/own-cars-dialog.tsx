@@ -2,7 +2,7 @@
 
 import { signal } from "@preact/signals";
 import { useEffect, useRef, useState } from "preact/hooks";
-import type { OwnCar } from "../api/types";
+import type { OwnCar } from "../api/documents";
 import { car, vehicle } from "../state/car";
 import {
   addCar,

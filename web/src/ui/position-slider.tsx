@@ -1,5 +1,5 @@
 import { useId } from "preact/hooks";
-import type { Forecast } from "../api/types";
+import type { Forecast } from "../api/documents";
 import { interpolate } from "../model/interpolate";
 import { PERCENT } from "../model/units";
 import { driving, durationS, shownProfile, seek, timeS } from "../state/drive";

@@ -1,5 +1,5 @@
 import type { ComponentChildren } from "preact";
-import type { Forecast, Problem } from "../api/types";
+import type { Forecast, Problem } from "../api/documents";
 import { BatteryChart } from "../charts/battery";
 import { RoadChart } from "../charts/road";
 import { FAILED, UNREACHABLE } from "../api/client";
@@ -150,8 +150,13 @@ function Given() {
 }
 
 /** Title and detail of a problem; `isRaw` when the detail is an English text of the service. */
-function problemText({ type, title, detail }: Problem): { title: string; detail: string; isRaw: boolean } {
+function problemText({ type, title, detail: given }: Problem): {
+  title: string;
+  detail: string;
+  isRaw: boolean;
+} {
   const { problems } = text.value;
+  const detail = given ?? "";
   if (type === UNREACHABLE) {
     return { title: problems.unreachable, detail: problems.unreachableHint, isRaw: false };
   }

@@ -1,5 +1,5 @@
 import { useId } from "preact/hooks";
-import type { Fault } from "../api/types";
+import type { Fault } from "../api/documents";
 import { format } from "../state/preferences";
 import { FaultList } from "./faults";
 import { type SettingName, SETTINGS } from "./settings";

@@ -1,7 +1,7 @@
 /** The values of the charts as tables. */
 
 import type { ComponentChildren } from "preact";
-import type { Forecast } from "../api/types";
+import type { Forecast } from "../api/documents";
 import { interpolate } from "../model/interpolate";
 import { PERCENT } from "../model/units";
 import { history, shownProfile } from "../state/drive";

@@ -1,4 +1,4 @@
-import type { Flag } from "../api/types";
+import type { Flag } from "../api/documents";
 import { warningsOf } from "../model/flags";
 import { format, text, units } from "../state/preferences";
 import { Icon } from "./icons";

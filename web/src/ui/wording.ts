@@ -1,6 +1,6 @@
 /** Phrases used in several parts of the page. */
 
-import type { Forecast } from "../api/types";
+import type { Forecast } from "../api/documents";
 import { arrivalBand, hundredthsOf } from "../model/arrival";
 import { PERCENT } from "../model/units";
 import { format, text } from "../state/preferences";

@@ -1,0 +1,48 @@
+/** Documents of the service by the names that the page has for them; `types.ts` comes from its OpenAPI document. */
+
+import type { ForecastRequest } from "./types";
+
+export type {
+  CarResponse as OwnCar,
+  CarSummary as OwnCarSummary,
+  ChargingDocument as Charging,
+  DescribedVehicle,
+  DiaryEntry,
+  ExampleResponse as Example,
+  ExampleSummary,
+  FlagDocument as Flag,
+  ForecastRequest,
+  ForecastResponse as Forecast,
+  LeaveWith,
+  Link,
+  LiveCarSummary as RoadCar,
+  LiveForecastDocument as LiveForecast,
+  LivePlanRequest,
+  LiveResponse as LiveCar,
+  LogsRequest as LogsChanges,
+  LogsResponse as LogsReading,
+  MapResponse as MapInfo,
+  ModelSummary as Model,
+  NewCarRequest,
+  PlaceDocument as Place,
+  PlanRequest as JourneyRequest,
+  PlanResponse as Journey,
+  ProblemDocument as Problem,
+  ProblemFault as Fault,
+  ReachRequest,
+  ReachResponse as Reach,
+  RoadDocument as Road,
+  RouteResponse as Route,
+  ScoreDocument as Score,
+  Series,
+  StationDocument as Station,
+  VehicleFigures as Figures,
+  VehicleSummary as Vehicle,
+  ViewResponse as MapView,
+} from "./types";
+
+export type Column = (number | null)[];
+export type Columns = Record<string, Column>;
+export type Samples = NonNullable<ForecastRequest["samples"]>;
+export type Terrain = NonNullable<ForecastRequest["terrain"]>;
+export type ClimateMode = NonNullable<ForecastRequest["climate"]>;
