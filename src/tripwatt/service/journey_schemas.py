@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime as dt
 from typing import Annotated, Any, Literal
 
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, WithJsonSchema
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
 
 from tripwatt.service.schemas import FlagDocument, ForecastResponse, ResponseModel, VehicleFigures
 from tripwatt.trips import COLUMNS, QUANTITIES, Column
