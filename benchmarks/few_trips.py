@@ -24,8 +24,8 @@ from benchmarks.worlds import LEVELS, WORLDS, Row, table
 from tripwatt.evaluation.table_models import SIX
 from tripwatt.hybrid import EnergyRegression, build_table
 from tripwatt.hybrid.parameters import changed
+from tripwatt.population import for_car
 from tripwatt.sources import read_logs
-from tripwatt.transfer.zero_shot import on_vehicle
 from tripwatt.trips import Trip
 from tripwatt.vehicles import Vehicle, load_vehicle
 
@@ -79,7 +79,7 @@ def of_car(world: str, seed: int, base: tw.ForecastModel, regression: EnergyRegr
     own, asked = ([trips[i] for i in part] for part in (order[ASKED:], order[:ASKED]))
     found = []
     for k in OWN:
-        model = tw.adapt(base, own[:k], book) if k else on_vehicle(base, book)[0]
+        model = tw.adapt(base, own[:k], book) if k else for_car(base, book)
         rate = constant(own[:k], asked) if k else np.full(ASKED, np.nan)
         other = without_physics(regression, own[:k], asked, book)
         found.append(np.column_stack([scored(model, asked), rate, other]))

@@ -62,7 +62,7 @@ def inputs(mutants: int, models: int) -> Iterator[Row]:
 def cars(number: int, seed: int = 11) -> Iterator[Row]:
     """Cars with extreme values inside of their bounds, on a level road."""
     from tripwatt import Departure, InvalidInput, load_model, load_vehicle, read_route
-    from tripwatt.transfer.zero_shot import zero_shot_model
+    from tripwatt.population.without_trips import without_trips
 
     model, departure = load_model(), Departure(soc=0.9, ambient_temperature_degc=5.0)
     plan = read_route(LEVEL_ROAD)
@@ -70,7 +70,7 @@ def cars(number: int, seed: int = 11) -> Iterator[Row]:
     for name, values in extreme_cars(number, seed):
         try:
             car = load_vehicle(name, overrides=values)
-            energies.append(zero_shot_model(model, car).forecast(plan, departure).energy_wh)
+            energies.append(without_trips(model, car).forecast(plan, departure).energy_wh)
         except InvalidInput:
             refused += 1
     print(f"{number} cars with extreme values: {refused} refused", file=sys.stderr)

@@ -22,9 +22,9 @@ from tools.command import run
 import tripwatt as tw
 from benchmarks.measure import Row
 from tripwatt.forecasting import Forecast, ForecastModel
-from tripwatt.transfer.zero_shot import on_vehicle
+from tripwatt.population import for_car
 from tripwatt.trips import Departure, Plan
-from tripwatt.vehicles import load_vehicle, vehicle_names
+from tripwatt.vehicles import vehicle_names
 
 ROADS: Final = {
     "town": ((700.0, 8.0, 300.0, 300.0),) * 12,
@@ -94,7 +94,7 @@ def answers(cars: Sequence[str]) -> Iterator[Answer]:
     base = tw.load_model()
     plans = {road: plan_of(road) for road in ROADS}
     for car in cars:
-        model, _ = on_vehicle(base, load_vehicle(car))
+        model = for_car(base, car)
         for (road, plan), charge in itertools.product(plans.items(), CHARGES):
             asked = question(model, plan, charge)
             for probability in PROBABILITIES:

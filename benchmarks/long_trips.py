@@ -19,7 +19,7 @@ from tools.docs import pages
 import tripwatt as tw
 from benchmarks.worlds import LEVELS, WORLDS, Row, table
 from tripwatt.hybrid.parameters import changed
-from tripwatt.transfer.zero_shot import on_vehicle
+from tripwatt.population import for_car
 from tripwatt.trips import Trip, plan_from_trip
 from tripwatt.vehicles import Vehicle
 
@@ -61,7 +61,7 @@ def of_car(world: str, seed: int, base: tw.ForecastModel) -> tuple[np.ndarray, n
     true = changed(book, WORLDS[world][1](np.random.default_rng(seed)))
     trips = long_trips(true, 2 * LONG_TRIPS, 10_000 + seed)[:LONG_TRIPS]
     own = tw.synthetic_fleet(OWN_TRIPS, 20_000 + seed, vehicle=true).trips
-    without = scored(on_vehicle(base, book)[0], trips)
+    without = scored(for_car(base, book), trips)
     return without, scored(tw.adapt(base, own, book), trips)
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from tools.command import run
 
 import tripwatt as tw
-from tripwatt.transfer.zero_shot import on_vehicle
+from tripwatt.population import for_car
 from tripwatt.trips import Departure
 from tripwatt.vehicles import vehicle_names
 
@@ -61,7 +61,7 @@ def main() -> int:
     base = tw.load_model()
     missed = 0
     for name in vehicle_names():
-        rows = list(drives(on_vehicle(base, name)[0]))
+        rows = list(drives(for_car(base, name)))
         widest = max(rows, key=lambda row: row.share)
         least = min(row.low_wh for row in rows)
         bound = MOST

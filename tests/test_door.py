@@ -30,6 +30,7 @@ NAMES = {
     "describe_car",
     "evaluate",
     "fit",
+    "for_car",
     "forecast",
     "load_model",
     "load_vehicle",

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from tripwatt.forecasting import Forecast, ForecastModel, load_model, save_model
     from tripwatt.journey import Journey, plan_journey
     from tripwatt.live import create_car, open_car
+    from tripwatt.population import for_car
     from tripwatt.sources import read_logs
     from tripwatt.store import create_store, open_store
     from tripwatt.synthetic import synthetic_fleet
@@ -49,6 +50,7 @@ __all__ = [
     "describe_car",
     "evaluate",
     "fit",
+    "for_car",
     "forecast",
     "load_model",
     "load_vehicle",
@@ -78,6 +80,7 @@ _HOMES: Final = {
     "describe_car": "certification",
     "evaluate": "evaluation",
     "fit": "api",
+    "for_car": "population",
     "forecast": "api",
     "load_model": "forecasting",
     "load_vehicle": "vehicles",

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from tripwatt.auditing import audit
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel
-from tripwatt.forecasting.storage import load_model
 from tripwatt.forecasting.training import CarOfTrips
 from tripwatt.physics import Simulation, simulate_trip
+from tripwatt.population import adaptation, for_car
 from tripwatt.routes import (
     is_route,
     needs_speed,
@@ -25,8 +24,6 @@ from tripwatt.routes.tracks import Track
 from tripwatt.sources import read_logs
 from tripwatt.sources.canonical import read_canonical
 from tripwatt.sources.tum import is_tum_log, read_tum_file
-from tripwatt.transfer.adapting import adaptation
-from tripwatt.transfer.zero_shot import on_vehicle
 from tripwatt.trips import Departure, Fleet, Plan, Trip, plan_from_samples, plan_from_trip
 from tripwatt.vehicles import Vehicle, load_vehicle
 
@@ -166,10 +163,7 @@ def forecast(
         raise InvalidInput(Fault("unknown type", "departure", got, "a Departure", fix))
     if not isinstance(plan, Plan | Trip):
         plan = read_route(plan)
-    fitted = model if isinstance(model, ForecastModel) else load_model(model)
-    own, flags = on_vehicle(fitted, vehicle)
-    found = own.forecast(plan, departure)
-    return replace(found, flags=(*flags, *found.flags)) if flags else found
+    return for_car(model, vehicle).forecast(plan, departure)
 
 
 def fit(

@@ -10,7 +10,7 @@ from tests.support.cars import KEPT, some_cars
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
-from tripwatt.transfer.zero_shot import on_vehicle
+from tripwatt.population import for_car
 from tripwatt.trips import Departure
 from tripwatt.trips.messages import leave_in_words, message
 
@@ -36,7 +36,7 @@ def test_the_charge_to_leave_with_does_not_depend_on_that_of_the_plan(found):
 
 @pytest.fixture(scope="module", params=KEPT)
 def model(request):
-    return on_vehicle(tw.load_model(), tw.load_vehicle(request.param))[0]
+    return for_car(None, request.param)
 
 
 def asked(model, road: str = "country", soc: float | None = 0.5, **known) -> Forecast:

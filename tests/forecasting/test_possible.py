@@ -11,7 +11,7 @@ from tests.support.dense_process import DensePower, covariance
 
 import tripwatt as tw
 from tripwatt.forecasting.forecast import QUANTILES, distance_below, possible_energy
-from tripwatt.transfer.zero_shot import on_vehicle
+from tripwatt.population import for_car
 from tripwatt.trips import Departure
 from tripwatt.uncertainty import Segments
 from tripwatt.uncertainty.process import ComponentProcess, ResidualProcess
@@ -38,7 +38,7 @@ def at(degc: float) -> dict[str, float]:
 
 @cache
 def model_of(vehicle: str) -> tw.ForecastModel:
-    return on_vehicle(tw.load_model(), vehicle)[0]
+    return for_car(None, vehicle)
 
 
 @pytest.mark.parametrize("vehicle", some_cars())

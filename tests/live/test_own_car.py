@@ -17,8 +17,8 @@ import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.live import Diary, OwnCar, Score, create_car, forget_car, is_car, issue_token, open_car
 from tripwatt.live import own_car as module
+from tripwatt.population import for_car
 from tripwatt.synthetic import synthetic_fleet
-from tripwatt.transfer.zero_shot import on_vehicle
 from tripwatt.trips import Fleet, Log
 
 FIRST = dt.datetime(2024, 3, 1, 8, 0)
@@ -228,7 +228,7 @@ def test_a_described_car_keeps_its_description(tmp_path: Path) -> None:
     assert len(car.diary) == 0
     trip = synthetic_fleet(1, seed=9).trips[0]
     assert again.model().forecast(trip).energy_wh == pytest.approx(
-        on_vehicle(tw.load_model(), mine)[0].forecast(trip).energy_wh, rel=1e-9
+        for_car(None, mine).forecast(trip).energy_wh, rel=1e-9
     )
 
 

@@ -122,12 +122,12 @@ def test_a_transferred_model_is_kept_and_the_oldest_goes_first(
 ) -> None:
     made: list[str] = []
 
-    def on_vehicle(model: Any, car: Any) -> Any:
+    def for_car(model: Any, car: Any) -> Any:
         made.append(car)
-        return model, ()
+        return replace(model)
 
-    monkeypatch.setattr(room, "on_vehicle", on_vehicle)
-    known = {(DEFAULT_MODEL, f"car {k}"): (jobs.models[DEFAULT_MODEL], ()) for k in range(63)}
+    monkeypatch.setattr(room, "for_car", for_car)
+    known = {(DEFAULT_MODEL, f"car {k}"): jobs.models[DEFAULT_MODEL] for k in range(63)}
     found = replace(jobs, transferred=dict(known))
     found.forecast(body_of(vehicle="vw_id3"))
     assert len(found.transferred) == 64

@@ -9,7 +9,7 @@ from tests.support.cars import LEVEL_ROAD, extreme_cars
 import tripwatt as tw
 from tripwatt.certification import describe_car
 from tripwatt.errors import InvalidInput
-from tripwatt.transfer.zero_shot import zero_shot_model
+from tripwatt.population.without_trips import without_trips
 from tripwatt.trips import Departure
 from tripwatt.vehicles import load_vehicle, vehicle_names
 from tripwatt.vehicles.loading import SECTIONS
@@ -170,7 +170,7 @@ def test_no_car_that_is_accepted_takes_what_physics_forbids() -> None:
     for name, values in extreme_cars(150, seed=7):
         found = None
         with contextlib.suppress(InvalidInput):
-            found = zero_shot_model(model, load_vehicle(name, overrides=values)).forecast(plan, departure)
+            found = without_trips(model, load_vehicle(name, overrides=values)).forecast(plan, departure)
         if found is not None:
             accepted += 1
             assert 0.0 < found.energy_wh < 100_000.0, (name, values)

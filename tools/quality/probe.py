@@ -21,9 +21,9 @@ from tripwatt.hybrid import identify_trips, segment_trips
 from tripwatt.hybrid.power import GPCorrector
 from tripwatt.hybrid.split import CLIMATE_TERMS, DRIVE_TERMS, SplitCorrector
 from tripwatt.physics import simulate_trip
+from tripwatt.population import for_car
 from tripwatt.routes import plan_on_links
 from tripwatt.synthetic import synthetic_fleet
-from tripwatt.transfer.zero_shot import on_vehicle
 from tripwatt.trips import Departure, Plan, PlanWeather, Trip, plan_from_trip
 from tripwatt.vehicles import Vehicle, load_vehicle
 
@@ -146,7 +146,7 @@ def computed() -> Probe:
     found = {"identification": [of_identification(cars[0])]}
     found["default corrector"] = of_split()
     model = ForecastModel(cars[0], corrector="gp").fit(trips())
-    models = {car.name: on_vehicle(model, car)[0] for car in cars}
+    models = {car.name: for_car(model, car) for car in cars}
     last = cars[2]
     models["own trips"] = tw.adapt(model, synthetic_fleet(OWN_TRIPS, SEED, vehicle=last).trips, last)
     for name, of_car in models.items():

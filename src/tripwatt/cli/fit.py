@@ -133,7 +133,7 @@ def fit(
     from tripwatt.forecasting.training import train_model
 
     if bases:
-        from tripwatt.transfer.adapting import adapt_model
+        from tripwatt.population.adapting import adapt_model
 
         with shown.status("adapting the base"):
             model, provenance, figures = adapt_model(fleet, cars[0], *bases[0])
@@ -175,7 +175,7 @@ def _require_one_way(base: Path | None, calibrate: bool) -> None:
 def _show_fit(
     fleet: Fleet, out: Path, provenance: Mapping[str, Any], figures: dict[str, Any], as_json: bool
 ) -> None:
-    from tripwatt.transfer.adapting import PROTOCOL
+    from tripwatt.population.adapting import PROTOCOL
 
     notes = provenance["data"]["notes"]
     if as_json:

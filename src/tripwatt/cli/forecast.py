@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -200,7 +199,7 @@ def forecast(
     measured when the model was fitted. State of charge is the displayed one.
     """
     from tripwatt.api import read_route
-    from tripwatt.transfer.zero_shot import on_vehicle
+    from tripwatt.population import for_car
     from tripwatt.trips import Departure
     from tripwatt.units import M_S_PER_KM_H
     from tripwatt.vehicles import load_vehicle
@@ -230,10 +229,9 @@ def forecast(
                 )
             ),
         )
-        fitted, flags = on_vehicle(got["model"], got["car"])
+        fitted = for_car(got["model"], got["car"])
     plan, departure = got["plan"], got["departure"]
     found = fitted.forecast(plan, departure)
-    found = replace(found, flags=(*flags, *found.flags))
     if observed is not None:
         found = found.update(got["observed"])
     if plot is not None:

@@ -205,17 +205,15 @@ def reach(
     as_json: JsonOption = False,
 ) -> None:
     """Show how far a charge carries in every direction, with 95 % and with 50 %."""
-    from tripwatt.forecasting import load_model
     from tripwatt.journey import AtlasSettings, Drive, find_reach, open_atlas
-    from tripwatt.transfer.zero_shot import on_vehicle
+    from tripwatt.population import for_car
     from tripwatt.trips import Departure
 
     with options_named():
         atlas = open_atlas(AtlasSettings(map_, places_url))
-        own, flags = on_vehicle(load_model(model), vehicle)
         departure = Departure(soc=soc, ambient_temperature_degc=ambient, terrain=terrain)
         place = atlas.find(start, "FROM")
-        found = find_reach(Drive(own, departure, None, flags), place, atlas, reserve=reserve)
+        found = find_reach(Drive(for_car(model, vehicle), departure), place, atlas, reserve=reserve)
     if as_json:
         print_json(found.to_dict())
         return

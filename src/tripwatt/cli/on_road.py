@@ -149,13 +149,13 @@ def _require_topic(publish: str, discovery: str) -> None:
 def _forecaster(plan: Path | None, model: Path | None, vehicle: str | None, reserve: float) -> LiveForecaster:
     from tripwatt.api import read_route
     from tripwatt.live import LiveForecaster
-    from tripwatt.transfer.zero_shot import on_vehicle
+    from tripwatt.population import for_car
     from tripwatt.vehicles import load_vehicle
 
     car = None if vehicle is None else load_vehicle(vehicle)
     road = None if plan is None else read_route(plan)
-    own, flags = on_vehicle(model_of(model), car)
-    print_notes(flags)
+    own = for_car(model_of(model), car)
+    print_notes(own.flags)
     return LiveForecaster(own, road, reserve)
 
 

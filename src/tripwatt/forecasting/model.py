@@ -99,6 +99,8 @@ class ForecastModel:
         Each of them as it was forecast while its inner fold was held out.
     donor_ : DonorModel or None
         The model for cars whose logs lack signals that this one's have; None where there is none.
+    flags : tuple of Flag
+        What every forecast of it flags first, such as a car without trips; empty for a model of its own trips.
 
     Examples
     --------
@@ -121,7 +123,7 @@ class ForecastModel:
     trip_ids_: tuple[str, ...] = ()
     held_out_: tuple[HeldOut, ...] = ()
     donor_: DonorModel | None = None
-    """The model for cars whose logs lack signals that this one's have; None where there is none."""
+    flags: tuple[Flag, ...] = ()
 
     def fit(
         self,
@@ -223,6 +225,7 @@ class ForecastModel:
         self.corrector_ = power_corrector(self.corrector, self.seed).fit(table)
         self.trip_ids_ = table.trip_ids
         self.ranges_ = training_ranges(table)
+        self.flags = ()
         held_out: dict[int, HeldOutResidual] = {}
         link_errors: list[FloatArray] = []
         time_errors = np.full(len(table), np.nan)
@@ -375,6 +378,7 @@ class ForecastModel:
             if plan.has_road
             else drive.climbing_energy(net_climbs(plan.departure.terrain or "unknown")),
             flags=(
+                *self.flags,
                 *unfamiliar.flags,
                 *_assumed(drive),
                 *simulation.flags,

@@ -37,6 +37,7 @@ from tripwatt.trips import (
     REQUIRED_COLUMNS,
     ROUTE_COLUMNS,
     SIGNALS,
+    Flag,
     plan_from_samples,
 )
 from tripwatt.uncertainty import (
@@ -101,6 +102,8 @@ def model_parts(model: ForecastModel) -> dict[str, Part]:
         "ranges": {n: [_finite(r.low), _finite(r.high), r.sd] for n, r in model.ranges_.items()},
         "trip_ids": list(model.trip_ids_),
     }
+    if model.flags:
+        values["flags"] = [asdict(flag) for flag in model.flags]
     if model.donor_ is not None:
         values["elsewhere"], more = _donor_part(model.donor_)
         arrays |= more
@@ -155,6 +158,7 @@ def model_of_parts(parts: Mapping[str, Part]) -> ForecastModel:
             ranges_=ranges,
             trip_ids_=tuple(values["trip_ids"]),
             donor_=_donor_of_part(values["elsewhere"], parts) if "elsewhere" in values else None,
+            flags=tuple(Flag(**flag) for flag in values.get("flags", ())),
         )
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
         got = f"{type(error).__name__}: {error}"[:200]

@@ -20,7 +20,7 @@ from tripwatt.routes.weather import (
     plan_with_weather,
     weather_along,
 )
-from tripwatt.trips import Departure, Flag, Plan
+from tripwatt.trips import Departure, Plan
 
 RoadForecaster = Callable[[Road], Forecast]
 """Forecasts a road; the departure, the car and the weather are fixed."""
@@ -40,8 +40,6 @@ class Drive:
         When the car leaves, and what is known then.
     weather : Weather, WeatherSource or None
         By hand, or where it comes from; None where it is not known.
-    flags : tuple of Flag
-        Of the car.
 
     Examples
     --------
@@ -63,7 +61,6 @@ class Drive:
     model: ForecastModel
     departure: Departure
     weather: Weather | WeatherSource | None = None
-    flags: tuple[Flag, ...] = ()
 
     @property
     def leaves(self) -> dt.datetime:
@@ -85,7 +82,7 @@ class Drive:
         Returns
         -------
         Forecast
-            With the flags of the car, and the error of the weather in its standard deviation.
+            With the error of the weather in its standard deviation.
 
         Raises
         ------
@@ -156,15 +153,11 @@ class Drive:
         Returns
         -------
         Forecast
-            With the flags of the car.
+            For the model's car.
         """
         found = self.model.forecast(plan)
         sd_wh = self._weather_sd_wh(found, weather)
-        return replace(
-            found,
-            flags=(*self.flags, *found.flags),
-            state_sd_wh=float(np.hypot(found.state_sd_wh, sd_wh)),
-        )
+        return replace(found, state_sd_wh=float(np.hypot(found.state_sd_wh, sd_wh)))
 
     def _weather_sd_wh(self, forecast: Forecast, weather: tuple[Weather, ...]) -> float:
         """Standard deviation of the energy by the error of the weather forecast [Wh]: one simulation more for each."""

@@ -11,15 +11,15 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.forecasting import Forecast, ForecastModel, load_model
+from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.journey.atlas import Atlas, AtlasSettings, open_atlas
 from tripwatt.journey.charging import ChargingCurve
 from tripwatt.journey.forecasting import Drive, capped, on_motorway
 from tripwatt.journey.stops import ChargingStop, find_stop
+from tripwatt.population import for_car
 from tripwatt.routes.places import Place
 from tripwatt.routes.routers import Road
 from tripwatt.routes.weather import Weather
-from tripwatt.transfer.zero_shot import on_vehicle
 from tripwatt.trips import Departure, Flag, raise_faults
 from tripwatt.trips.messages import flag_to_dict, leave_in_words
 from tripwatt.trips.schema import Column, number_faults, scalar_faults
@@ -396,10 +396,8 @@ def plan_journey(
     options = options or JourneyOptions()
     if not isinstance(atlas, Atlas):
         atlas = open_atlas(atlas)
-    fitted = model if isinstance(model, ForecastModel) else load_model(model)
-    own, flags = on_vehicle(fitted, vehicle)
     weather = options.weather if options.weather is not None else atlas.weather
-    drive = Drive(own, departure or Departure(), weather, flags)
+    drive = Drive(for_car(model, vehicle), departure or Departure(), weather)
     return journey_with(drive, find_stops(stops, atlas, round_trip=options.round_trip), atlas, options)
 
 

@@ -17,9 +17,9 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.files import folder_lock, read_text_file, replace_folder, restore_folder
 from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model
 from tripwatt.live.diary import Diary, entry
+from tripwatt.population.adapting import Adaptation, adapt_model, adaptation
+from tripwatt.population.cars import for_car
 from tripwatt.store import TripStore, create_store, open_store
-from tripwatt.transfer.adapting import Adaptation, adapt_model, adaptation
-from tripwatt.transfer.zero_shot import on_vehicle
 from tripwatt.trips import Fleet, Trip
 from tripwatt.vehicles import Vehicle, load_vehicle
 from tripwatt.vehicles.writing import render_vehicle
@@ -219,7 +219,7 @@ class OwnCar:
         return load_model(self.base)
 
     def _by_book(self) -> ForecastModel:
-        return on_vehicle(self._base(), self.vehicle)[0]
+        return for_car(self.base, self.vehicle)
 
     def _parameters(self) -> dict[str, dict[str, float]]:
         path = self._learned / MODEL
@@ -321,7 +321,7 @@ def create_car(
     if place.exists() and (not place.is_dir() or any(place.iterdir())):
         raise InvalidInput(Fault("folder in use", f"{place}", "not empty", "a new or empty folder"))
     root = None if base is None else Path(base).resolve()
-    on_vehicle(load_model(root), car)
+    for_car(root, car)
 
     def write(made: Path) -> None:
         create_store(made / STORE, buckets=1)

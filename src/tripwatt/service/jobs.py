@@ -23,6 +23,7 @@ from tripwatt.forecasting import (
     load_model,
 )
 from tripwatt.forecasting.storage import DEFAULT_MODEL
+from tripwatt.population.cars import for_car
 from tripwatt.routes import (
     Track,
     is_links_table,
@@ -51,7 +52,6 @@ from tripwatt.service.schemas import (
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import canonical_of_text
 from tripwatt.synthetic import example_trip
-from tripwatt.transfer.zero_shot import on_vehicle, other_car
 from tripwatt.trips import (
     ASKED,
     Departure,
@@ -64,9 +64,6 @@ from tripwatt.trips import (
 )
 from tripwatt.trips.messages import flag_to_dict, leave_in_words
 from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_names
-
-CarModel = tuple[ForecastModel, tuple[Flag, ...]]
-"""A model for a car, and the flags of its transfer."""
 
 MOST_TRANSFERRED: Final = 64
 """Models on other cars that a worker keeps; the oldest goes first."""
@@ -87,7 +84,7 @@ class Jobs:
     journeys : JourneyJobs
         The atlas of the service.
     transferred : dict
-        Models transferred to other cars, made when first used, by model and car; with their flags.
+        Models transferred to other cars, made when first used, by model and car.
     cars : CarJobs
         Cars whose models requests may name as well.
     """
@@ -95,7 +92,7 @@ class Jobs:
     models: Mapping[str, ForecastModel]
     limits: Limits
     journeys: JourneyJobs = field(default_factory=JourneyJobs)
-    transferred: dict[tuple[str, str], CarModel] = field(default_factory=dict)
+    transferred: dict[tuple[str, str], ForecastModel] = field(default_factory=dict)
     cars: CarJobs = field(default_factory=CarJobs)
 
     @classmethod
@@ -195,15 +192,13 @@ class Jobs:
         """Return the response to a `ReachRequest`."""
         return self.journeys.reach(*self._journey(body, ReachRequest))
 
-    def _journey(
-        self, body: bytes, kind: type[RequestModel]
-    ) -> tuple[RequestModel, ForecastModel, tuple[Flag, ...]]:
+    def _journey(self, body: bytes, kind: type[RequestModel]) -> tuple[RequestModel, ForecastModel]:
         """The request of a body, and the model for its car."""
         document = parse_json(body)
         with collected_faults() as check:
             request = check(lambda: check_request(document, kind))
             model = check(lambda: self._model(document if isinstance(document, dict) else {}))
-        return request, *model()
+        return request, model()
 
     def _checked(self, document: Any, check: Check) -> Callable[[ForecastRequest], Forecast]:
         """Check the trip, the model and the car of a request, whatever else is wrong with it.
@@ -221,14 +216,12 @@ class Jobs:
         def forecast(request: ForecastRequest) -> Forecast:
             assert plan is not None
             assert model is not None
-            fitted, flags = model()
             departure = Departure(**{name: getattr(request, name) for name in ASKED})
-            found = fitted.forecast(replace(plan, trip_id=request.trip), departure)
-            return replace(found, flags=(*flags, *found.flags)) if flags else found
+            return model().forecast(replace(plan, trip_id=request.trip), departure)
 
         return forecast
 
-    def _model(self, document: Mapping[str, Any]) -> Callable[[], CarModel]:
+    def _model(self, document: Mapping[str, Any]) -> Callable[[], ForecastModel]:
         """What gives the model of a request for its car; model and car are checked here, and transferred there."""
         name, vehicle = document.get("model"), document.get("vehicle")
         name = next(iter(self.models)) if name is None else name
@@ -256,8 +249,8 @@ class Jobs:
             got = "both"
             raise InvalidInput(Fault("no single car", "vehicle, vehicle_figures", got, "one of the two"))
         known = None if figures is None else _figures(figures)
-        if known is None and other_car(model, vehicle) is None:
-            return lambda: (model, ())
+        if vehicle is None and known is None:
+            return lambda: model
         key = (f"{label}", vehicle or "" if known is None else known.model_dump_json())
         kept = self.transferred.get(key)
         if kept is not None:
@@ -265,12 +258,16 @@ class Jobs:
         car = vehicle if known is None else describe(known)
         return lambda: self._transfer(key, model, car)
 
-    def _transfer(self, key: tuple[str, str], model: ForecastModel, car: Vehicle | str | None) -> CarModel:
+    def _transfer(
+        self, key: tuple[str, str], model: ForecastModel, car: Vehicle | str | None
+    ) -> ForecastModel:
         """The model transferred to another car, which is kept for the next request."""
         while len(self.transferred) >= MOST_TRANSFERRED:
             del self.transferred[next(iter(self.transferred))]
-        self.transferred[key] = on_vehicle(model, car)
-        return self.transferred[key]
+        own = for_car(model, car)
+        if own is not model:
+            self.transferred[key] = own
+        return own
 
     def describe(self, body: bytes) -> dict[str, Any]:
         """Return the response to `VehicleFigures`."""

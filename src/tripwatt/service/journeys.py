@@ -21,7 +21,7 @@ from tripwatt.journey import (
 )
 from tripwatt.routes.weather import Weather
 from tripwatt.service.journey_schemas import PlaceRequest, PlanRequest, ReachRequest
-from tripwatt.trips import ASKED, Departure, Flag
+from tripwatt.trips import ASKED, Departure
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,8 @@ class JourneyJobs:
         named = AtlasSettings(**settings)
         return cls(open_atlas(named) if named.map else None)
 
-    def plan(self, request: PlanRequest, model: ForecastModel, flags: tuple[Flag, ...]) -> dict[str, Any]:
-        """Return the response to a `PlanRequest`; `flags` are those of the car."""
+    def plan(self, request: PlanRequest, model: ForecastModel) -> dict[str, Any]:
+        """Return the response to a `PlanRequest`."""
         atlas = self._atlas()
         options = JourneyOptions(
             request.reserve,
@@ -53,14 +53,14 @@ class JourneyJobs:
             request.answers,
         )
         stops = find_stops([place_of(stop) for stop in request.stops], atlas, round_trip=request.round_trip)
-        drive = Drive(model, departure_of(request), options.weather or atlas.weather, flags)
+        drive = Drive(model, departure_of(request), options.weather or atlas.weather)
         return journey_with(drive, stops, atlas, options).to_dict()
 
-    def reach(self, request: ReachRequest, model: ForecastModel, flags: tuple[Flag, ...]) -> dict[str, Any]:
-        """Return the response to a `ReachRequest`; `flags` are those of the car."""
+    def reach(self, request: ReachRequest, model: ForecastModel) -> dict[str, Any]:
+        """Return the response to a `ReachRequest`."""
         atlas = self._atlas()
         start = atlas.find(place_of(request.start), "start")
-        drive = Drive(model, departure_of(request), weather_of(request) or atlas.weather, flags)
+        drive = Drive(model, departure_of(request), weather_of(request) or atlas.weather)
         return find_reach(drive, start, atlas, reserve=request.reserve).to_dict()
 
     def places(self, text: str, limit: int) -> dict[str, Any]:

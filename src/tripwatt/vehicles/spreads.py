@@ -1,7 +1,7 @@
 """How far a car on the road may be from its values, by what they were held against.
 
 A car whose own coast-down and certified consumption are known is known better than one with the consumption alone, and that one
-better than a class average. Its own trips come on top (`tripwatt.transfer`).
+better than a class average. Its own trips come on top (`tripwatt.population`).
 """
 
 from __future__ import annotations

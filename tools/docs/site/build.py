@@ -52,7 +52,7 @@ PACKAGES: Final = (
     "tripwatt.hybrid",
     "tripwatt.forecasting",
     "tripwatt.uncertainty",
-    "tripwatt.transfer",
+    "tripwatt.population",
     "tripwatt.journey",
     "tripwatt.live",
     "tripwatt.store",

@@ -12,9 +12,9 @@ import pytest
 
 import tripwatt as tw
 from tripwatt.forecasting.storage import load_model, save_model
+from tripwatt.population import for_car
 from tripwatt.service.jobs import Jobs
 from tripwatt.service.settings import Limits
-from tripwatt.transfer import on_vehicle, other_car
 from tripwatt.trips import plan_from_samples
 from tripwatt.trips.messages import message
 from tripwatt.units import GRAVITY_M_S2
@@ -62,17 +62,17 @@ def test_more_mass_takes_its_kinetic_energy_on_acceleration() -> None:
 def test_an_unchanged_copy_is_the_model_s_own_car(tmp_path: Path) -> None:
     for name in ("bmw_i3_60ah", "my_car"):
         copy = tw.load_vehicle(car_file(tmp_path, name))
-        assert on_vehicle(MODEL, copy) == (MODEL, ())
-    assert on_vehicle(MODEL, "bmw_i3_60ah") == on_vehicle(MODEL, MODEL.vehicle) == (MODEL, ())
+        assert for_car(MODEL, copy) is MODEL
+    assert for_car(MODEL, "bmw_i3_60ah") is for_car(MODEL, MODEL.vehicle) is for_car(MODEL) is MODEL
 
 
 def test_a_copy_with_one_changed_value_is_noticed(tmp_path: Path) -> None:
     changed = tw.load_vehicle(car_file(tmp_path, mass_kg=HEAVY_KG))
-    model, flags = on_vehicle(MODEL, changed)
-    assert [(f.code, f.subject, f.value, f.unit) for f in flags] == [
+    model = for_car(MODEL, changed)
+    assert [(f.code, f.subject, f.value, f.unit) for f in model.flags] == [
         ("changed_car", "body.curb_mass_kg", f"{I3.body.curb_mass_kg:g} -> 2500", "kg")
     ]
-    assert message(flags[0]).startswith(
+    assert message(model.flags[0]).startswith(
         f"body.curb_mass_kg is 2500 kg in place of {I3.body.curb_mass_kg:g} kg"
     )
     # what the trips identified stays where nothing was changed
@@ -90,16 +90,16 @@ def test_the_interval_of_a_changed_car_is_wider_and_its_mean_close_to_the_own_ca
 def test_every_value_is_named_up_to_five_and_the_others_are_counted() -> None:
     other = tw.load_vehicle("vw_id3")
     renamed = replace(other, name="bmw_i3_60ah")
-    flags = on_vehicle(MODEL, renamed)[1]
+    flags = for_car(MODEL, renamed).flags
     assert [f.code for f in flags] == ["changed_car"] * 6
     assert message(flags[-1]).startswith(f"{flags[-1].value:.0f} more values")
-    assert [f.code for f in on_vehicle(MODEL, other)[1]] == ["no_trips_of_car"]
+    assert [f.code for f in for_car(MODEL, other).flags] == ["no_trips_of_car"]
 
 
 def test_another_charging_power_is_taken_without_another_model() -> None:
     slow = replace(I3, charging=Charging((0.0, 1.0), (5e4, 1e4), 2300.0))
-    model, flags = on_vehicle(MODEL, slow)
-    assert (flags, model.corrector_ is MODEL.corrector_) == ((), True)
+    model = for_car(MODEL, slow)
+    assert (model.flags, model.corrector_ is MODEL.corrector_) == ((), True)
     assert model.vehicle.charging == slow.charging
 
 
@@ -112,7 +112,7 @@ def test_a_stored_model_keeps_what_its_values_were_before_the_trips(tmp_path: Pa
     assert model.vehicle.entries["auxiliaries.base_load_w"].published == 300.0
     for base_load_w, is_own in ((300.0, True), (301.0, False)):
         car = replace(mine, auxiliaries=replace(mine.auxiliaries, base_load_w=base_load_w))
-        assert (other_car(model, car) is None) == is_own
+        assert (for_car(model, car).flags == ()) == is_own
 
 
 def test_the_service_compares_the_library_s_car_with_that_of_its_model() -> None:

@@ -22,10 +22,10 @@ from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
 from tripwatt.hybrid.split import SplitCorrector
 from tripwatt.hybrid.stored import corrector_of_parts, corrector_parts
 from tripwatt.physics import simulate_trip
+from tripwatt.population import adapt_model, adaptation, adapting
+from tripwatt.population.adapting import weighted_quantiles
+from tripwatt.population.without_trips import without_trips
 from tripwatt.synthetic import synthetic_fleet
-from tripwatt.transfer import adapt_model, adaptation, adapting
-from tripwatt.transfer.adapting import weighted_quantiles
-from tripwatt.transfer.zero_shot import zero_shot_model
 from tripwatt.trips import Fleet, Trip, plan_from_trip
 from tripwatt.uncertainty.held_out import process_segments
 from tripwatt.vehicles import Vehicle, load_vehicle, names_data
@@ -408,7 +408,7 @@ def test_a_car_without_trips_starts_from_the_donor() -> None:
     """The donor has one process for the whole residual, the model itself one for climate and one for the drive."""
     base, car = load_model(), load_vehicle("nissan_leaf_24")
     assert base.donor_ is not None
-    from_donor, from_model = (zero_shot_model(b, car).corrector_ for b in (base, replace(base, donor_=None)))
+    from_donor, from_model = (without_trips(b, car).corrector_ for b in (base, replace(base, donor_=None)))
     assert isinstance(from_donor, HierarchicalCorrector)
     assert isinstance(from_model, HierarchicalCorrector)
     assert (len(from_donor.shares), len(from_model.shares)) == (1, 2)
@@ -417,7 +417,7 @@ def test_a_car_without_trips_starts_from_the_donor() -> None:
 def test_a_transferred_corrector_comes_back_from_its_parts() -> None:
     """The shares of climate and drive in their order; a model of version 0.1 has one share for both."""
     base = replace(load_model(), donor_=None)
-    made = zero_shot_model(base, load_vehicle("nissan_leaf_24")).corrector_
+    made = without_trips(base, load_vehicle("nissan_leaf_24")).corrector_
     assert isinstance(made, HierarchicalCorrector)
     assert made.shares == pytest.approx((0.5, 0.5))
     about, parts = corrector_parts(replace(made, shares=(0.25, 0.75)), "own")

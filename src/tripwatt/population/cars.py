@@ -1,0 +1,96 @@
+"""A fitted model put on a car. Cars are compared by value, never by name, title or source."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from tripwatt.forecasting import ForecastModel, load_model
+from tripwatt.population.without_trips import without_trips
+from tripwatt.trips import Flag
+from tripwatt.vehicles import (
+    Difference,
+    Vehicle,
+    differences,
+    load_vehicle,
+    vehicle_names,
+    with_differences,
+)
+from tripwatt.vehicles.catalogue import beyond_classes, mass_range_kg
+from tripwatt.vehicles.spreads import CLASS_ANCHORS
+
+MOST_NAMED: Final = 5
+"""Changed values that are named each; the rest is counted."""
+
+_NO_ENERGY: Final = "charging"
+"""Section of a car on which the energy of a trip does not depend."""
+
+
+def for_car(
+    model: ForecastModel | Path | str | None = None, car: Vehicle | str | None = None
+) -> ForecastModel:
+    """Put a model on a car: `ForecastModel.flags` of the result go into each of its forecasts.
+
+    A car of another name and other values is another car. A car of the model's name with other values is the model's car, changed:
+    what its trips identified stays where nothing was changed, and the correction is as uncertain as on another car, since the trips
+    were of the unchanged one. Values that trips changed count as equal to the published ones.
+
+    Parameters
+    ----------
+    model : ForecastModel or path, optional
+        A fitted model, or the folder of one; the model that comes with the package when not given.
+    car : Vehicle or str, optional
+        A car, or the name of one of the library, or of the model's car; the model's own when not given.
+
+    Returns
+    -------
+    ForecastModel
+        Of the car. Its flags name that the car has no trips, or each value in which it differs from the model's car. The same
+        object for the model's own car, unless its charging power differs.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such model or car, or the model cannot be transferred.
+
+    Examples
+    --------
+    >>> model, heavy = for_car(car="vw_id3"), load_vehicle("bmw_i3_60ah", overrides={"mass": 2500.0})
+    >>> model.vehicle.name, model.flags[0].code, for_car(car=heavy).flags[0].value
+    ('vw_id3', 'no_trips_of_car', '1281 -> 2500')
+    """
+    fitted = model if isinstance(model, ForecastModel) else load_model(model)
+    own = fitted.vehicle
+    if isinstance(car, str):
+        if car == own.name and car not in vehicle_names():
+            return fitted
+        car = load_vehicle(car, own.preset if car == own.name else "default")
+    if car is None or car is own:
+        return fitted
+    changes = [d for d in differences(car, own) if d.key.partition(".")[0] != _NO_ENERGY]
+    if not changes:
+        same_charging = car.charging in (None, own.charging)
+        return fitted if same_charging else replace(fitted, vehicle=replace(own, charging=car.charging))
+    if car.name != own.name:
+        flags = (Flag("no_trips_of_car", own.title), *_beyond_flags(car))
+        return replace(without_trips(fitted, car), flags=flags)
+    # the correction was fitted with the model's values as they are, which need not be carried from a test to the road
+    changed = replace(with_differences(own, changes, car), anchor="road")
+    return replace(without_trips(fitted, changed), flags=_changed_flags(changes))
+
+
+def _changed_flags(changes: Sequence[Difference]) -> tuple[Flag, ...]:
+    flags = [Flag("changed_car", d.key, d.change, d.unit) for d in changes[:MOST_NAMED]]
+    if len(changes) > MOST_NAMED:
+        flags.append(Flag("changed_car", "others", float(len(changes) - MOST_NAMED), "1"))
+    return tuple(flags)
+
+
+def _beyond_flags(vehicle: Vehicle) -> tuple[Flag, ...]:
+    """That values of a class are extrapolated to a car that is lighter or heavier than every car of the library."""
+    mass = vehicle.body.curb_mass_kg
+    if vehicle.anchor not in CLASS_ANCHORS or not beyond_classes(mass):
+        return ()
+    return (Flag("outside_classes", "lighter" if mass < mass_range_kg()[0] else "heavier", mass, "kg"),)
