@@ -1,6 +1,6 @@
 """Anchors of the library and how well its cars meet their certified consumption: `python -m benchmarks.anchors`.
 
-`--write` computes the anchors again with the physics of the day, and renews `anchors.csv` and the table in docs/library.md. Run it
+`--write` computes the anchors again with the physics of the day, and renews `anchors.csv` and the table in docs/reference/library.md. Run it
 after every change of the physics or of the table of cars.
 """
 
@@ -227,7 +227,7 @@ def main(write: bool = False) -> None:
     table = render(outcomes)
     print(table)
     if write:
-        pages.renew("library.md", "anchors", table)
+        pages.renew("reference/library.md", "anchors", table)
 
 
 if __name__ == "__main__":

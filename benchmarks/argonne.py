@@ -112,11 +112,11 @@ def render_rows(rows: pd.DataFrame) -> str:
 
 
 def main(write: bool = False) -> None:
-    """Print the rows. `--write` renews docs/argonne.md."""
+    """Print the rows. `--write` renews docs/explanation/argonne.md."""
     table = render_rows(argonne_rows(DATA, REFERENCE))
     print(table)
     if write:
-        pages.renew("argonne.md", "argonne", table)
+        pages.renew("explanation/argonne.md", "argonne", table)
 
 
 if __name__ == "__main__":

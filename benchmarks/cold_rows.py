@@ -5,7 +5,7 @@ on). Whether their energy is that at the wall or at the battery is not stated, s
 23 degC: the ratio of both is free of that. How warm the cabin is kept is not stated either, so the city schedule is simulated with
 climate control off and at 22 degC, with the coast-down and weight of the row and, of everything else, the car of the library that is
 nearest. Nothing is fitted to these rows.
-`--write` renews the table of docs/library.md. Needs the lists of `TRIPWATT_CATALOGUE`.
+`--write` renews the table of docs/reference/library.md. Needs the lists of `TRIPWATT_CATALOGUE`.
 """
 
 from __future__ import annotations
@@ -147,11 +147,11 @@ def render(rows: list[ColdRow]) -> str:
 
 
 def main(write: bool = False) -> None:
-    """Print the table. `--write` renews that of docs/library.md."""
+    """Print the table. `--write` renews that of docs/reference/library.md."""
     table = render(compute())
     print(table)
     if write:
-        pages.renew("library.md", "cold", table)
+        pages.renew("reference/library.md", "cold", table)
 
 
 if __name__ == "__main__":

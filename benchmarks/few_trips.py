@@ -104,7 +104,7 @@ def line(k: int, rows: np.ndarray) -> bool:
 
 
 def main(cars: int = 100, jobs: int = 2, world: str = "published", write: bool = False) -> int:
-    """A line for each number of own trips; 1 when a bar is missed. `--write` renews docs/synthetic.md, with all worlds."""
+    """A line for each number of own trips; 1 when a bar is missed. `--write` renews docs/reference/synthetic.md, with all worlds."""
     base, regression = tw.load_model(), donor_regression()
     every_met, shown = True, []
     for name in WORLDS if write else (world,):
@@ -115,7 +115,7 @@ def main(cars: int = 100, jobs: int = 2, world: str = "published", write: bool =
             every_met &= line(k, np.concatenate(of_k))
             shown.append(Row.of(name, f"{k} own trips" if k else "published values", of_k))
     if write:
-        pages.renew("synthetic.md", "few-trips", table(shown))
+        pages.renew("reference/synthetic.md", "few-trips", table(shown))
     return int(not write and not every_met)
 
 

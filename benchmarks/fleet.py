@@ -8,7 +8,7 @@
     peers   statsmodels MixedLM and single fits on the same rows
     real    the TUM i3 and the Leafs of the VED set as one fleet (data in --data)
 
-Prints each bar with its figure, and writes those of `scale` into docs/fleet.md with --write. The synthetic fleet and its seed
+Prints each bar with its figure, and writes those of `scale` into docs/howto/fleet.md with --write. The synthetic fleet and its seed
 are fixed.
 """
 
@@ -499,7 +499,7 @@ def write(bars: list[Bar]) -> None:
     """Put what `scale` printed between the marks of the page."""
     rows = "\n".join(f"| {bar.text} | {bar.figure} |" for bar in bars)
     table = f"`{bars[0].measure}` printed:\n\n| what | printed |\n|---|---:|\n{rows}"
-    pages.renew("fleet.md", "costs", table)
+    pages.renew("howto/fleet.md", "costs", table)
 
 
 def main() -> None:
@@ -510,7 +510,9 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--json", type=Path)
-    parser.add_argument("--write", action="store_true", help="write the costs of `scale` into docs/fleet.md")
+    parser.add_argument(
+        "--write", action="store_true", help="write the costs of `scale` into docs/howto/fleet.md"
+    )
     given = parser.parse_args()
     found = []
     for name in given.what or names:

@@ -259,7 +259,7 @@ def default_style() -> None:
 def main(
     json_to: Annotated[Path | None, Option("--json")] = None, write: bool = False, defaults: bool = False
 ) -> None:
-    """Print the figures. `--write` renews docs/routes.md, `--defaults` derives the default style."""
+    """Print the figures. `--write` renews docs/reference/routes.md, `--defaults` derives the default style."""
     if defaults:
         default_style()
         return
@@ -268,7 +268,7 @@ def main(
     if json_to is not None:
         json_to.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     if write:
-        pages.renew("routes.md", "links", table(result))
+        pages.renew("reference/routes.md", "links", table(result))
 
 
 if __name__ == "__main__":

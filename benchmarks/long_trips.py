@@ -68,7 +68,7 @@ def of_car(world: str, seed: int, base: tw.ForecastModel) -> tuple[np.ndarray, n
 def main(
     trips: int = 560, cars: int = 100, jobs: int = 2, world: str = "published", write: bool = False
 ) -> int:
-    """Print the coverage; 1 when a bar is missed. `--write` renews docs/synthetic.md, with all worlds; so does `--world all`."""
+    """Print the coverage; 1 when a bar is missed. `--write` renews docs/reference/synthetic.md, with all worlds; so does `--world all`."""
     car = tw.load_vehicle(CAR)
     own = tw.fit(tw.synthetic_fleet(TRAINING, 1, vehicle=car).trips, car)
     parallel = Parallel(n_jobs=jobs)
@@ -89,7 +89,7 @@ def main(
         ]
     print(table(rows), flush=True)
     if write:
-        pages.renew("synthetic.md", "long-trips", table(rows))
+        pages.renew("reference/synthetic.md", "long-trips", table(rows))
         return 0
     bound = [row for row in rows if row.world in ("its own", "published")]
     return int(not all(BAR[0] <= row.inside[-1] <= BAR[1] for row in bound))

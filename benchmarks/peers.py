@@ -2,7 +2,7 @@
 
 Each is given the speed of a second, the grade of the road and the outside temperature of the logged trips, and forecasts their
 energy at the battery; none is fitted on them, but the constant, which leaves each trip out. Times are of one process, in one
-run, with the building of the car left out. `--write` puts the table into docs/peers.md.
+run, with the building of the car left out. `--write` puts the table into docs/explanation/peers.md.
 """
 
 from __future__ import annotations
@@ -318,10 +318,10 @@ def rows() -> Iterator[Row]:
 
 
 def main(write: bool = False) -> None:
-    """Print the table. `--write` renews that of docs/peers.md."""
+    """Print the table. `--write` renews that of docs/explanation/peers.md."""
     table = "\n".join([HEAD, *(score.line for score in run())])
     if write:
-        pages.renew("peers.md", "peers", table)
+        pages.renew("explanation/peers.md", "peers", table)
 
 
 if __name__ == "__main__":

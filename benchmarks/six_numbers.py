@@ -132,7 +132,7 @@ def summary(trials: list[Trial]) -> tuple[float, float]:
 
 
 def main(write: bool = False) -> None:
-    """Print both tables. `--write` renews that of docs/vehicles.md."""
+    """Print both tables. `--write` renews that of docs/reference/vehicles.md."""
     rows = []
     for title, trials in (
         ("without the consumption", list(without_consumption())),
@@ -150,7 +150,7 @@ def main(write: bool = False) -> None:
         rows.append(f"| {title} | {sum(t.held for t in trials)} of {len(trials)} | {100 * width:.0f} |")
     if write:
         head = "| described | inside the 90 % interval | median width of it [%] |\n|---|---:|---:|"
-        pages.renew("vehicles.md", "six-numbers", "\n".join([head, *rows]))
+        pages.renew("reference/vehicles.md", "six-numbers", "\n".join([head, *rows]))
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ them, VED logs have no torque and no voltage at rest worth the name.
 The i3 stands there twice: with its published values, and with values that are identified from the same signals on the other half
 of the trips (`tripwatt.hybrid.identification`), so that no value has seen the seconds that it is held against.
 
-Prints the tables as Markdown; with ``--docs``, writes docs/stages.md and its figures; with ``--identify``, prints the values from
+Prints the tables as Markdown; with ``--docs``, writes docs/explanation/stages.md and its figures; with ``--identify``, prints the values from
 every second trip. Needs TRIPWATT_DATA. Costs one simulation of each trip and car, and arrays.
 """
 
@@ -22,7 +22,7 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-from tools import DATA
+from tools import DATA, DOCS
 from tools.command import run
 
 from tripwatt.auditing import audit
@@ -36,17 +36,16 @@ from tripwatt.vehicles import Vehicle, load_vehicle
 
 SPEEDS_KM_H: Final = (0.0, 10.0, 30.0, 50.0, 70.0, 100.0, 150.0)
 TORQUES_NM: Final = (-90.0, -50.0, -20.0, 20.0, 50.0, 90.0, 260.0)
-DOCS: Final = Path(__file__).parents[1] / "docs"
 HEAD: Final = """# Each stage of the simulation against its own signal
 
 `python -m benchmarks.stages --docs` writes this page from the logs of the BMW i3 (TUM) and of two Nissan Leafs (VED). The
 sum of a trip can be right although its parts are wrong, so each part stands beside the signal that measures it: means
 over seconds, with the default car and nothing fitted; for the BMW i3 also with values that are identified from these signals on
-the other half of the trips ([how](decisions/physics-07-identification.md)). Warm trips have outside air of 15 °C and more. The standing car
+the other half of the trips ([how](../decisions/physics-07-identification.md)). Warm trips have outside air of 15 °C and more. The standing car
 is the median power at standstill less that of climate control. Torque and power of a log are not of exactly the same
 moment, so the loss while braking is indicative. VED logs change speed and current at different moments: their bins of
 speed are blurred. The air conditioner, the heat capacity of the cabin and the moving load of the Leaf have values from the logs of the BMW i3
-([the values](vehicles.md#values-from-the-logs-of-one-car)). Blower, rear window and seats are no part of heater and air conditioner in any log, and none here.
+([the values](../reference/vehicles.md#values-from-the-logs-of-one-car)). Blower, rear window and seats are no part of heater and air conditioner in any log, and none here.
 
 """
 WARM_DEGC: Final = 15.0
@@ -330,13 +329,13 @@ def main(docs: bool = False, identified: bool = False) -> None:
         rows = read_seconds(cars, trips)
         parts.append(f"## {title}")
         parts += [f"### {head}\n\n{markdown(table)}" for head, table in tables_of(vehicle, rows)]
-        parts.append(f"![Measured and simulated power over speed: {title}](images/stages-{place}.png)")
+        parts.append(f"![Measured and simulated power over speed: {title}](../images/stages-{place}.png)")
         if docs:
             figure(rows, DOCS / "images" / f"stages-{place}.png")
     text = "\n\n".join(parts) + "\n"
     print(text)
     if docs:
-        (DOCS / "stages.md").write_text(HEAD + text, encoding="utf-8")
+        (DOCS / "explanation" / "stages.md").write_text(HEAD + text, encoding="utf-8")
 
 
 if __name__ == "__main__":

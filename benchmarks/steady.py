@@ -3,7 +3,7 @@
 Each of the nine points of `SPEEDS_KM_H` and `AMBIENT_DEGC` is ten minutes at a constant speed on a flat road in calm air, with a car that is
 warm at the start and climate control on. Beside it stands what the published mass and drag area of the car give with the losses of its
 class: a plain formula, without an anchor. Where both differ by more than `APART`, the causes are listed, largest first. `--write` renews
-the table in docs/library.md.
+the table in docs/reference/library.md.
 """
 
 from __future__ import annotations
@@ -320,11 +320,11 @@ def _of_model(row: CarRow, table: Sequence[CarRow]) -> str:
 
 
 def main(write: bool = False) -> None:
-    """Print the table. `--write` renews that of docs/library.md."""
+    """Print the table. `--write` renews that of docs/reference/library.md."""
     table = render(rows())
     print(table)
     if write:
-        pages.renew("library.md", "steady", table)
+        pages.renew("reference/library.md", "steady", table)
 
 
 if __name__ == "__main__":

@@ -251,14 +251,14 @@ def bounds(only: str | None = None) -> Iterator[Row]:
 
 
 def main(only: Literal["regions", "logs", "routes"] | None = None, write: bool = False) -> int:
-    """Print the rows; 1 when a bound is missed. `--write` renews the table of docs/uncertainty.md."""
+    """Print the rows; 1 when a bound is missed. `--write` renews the table of docs/explanation/uncertainty.md."""
     rows = []
     for row in bounds(only):
         rows.append(row)
         print(f"{'' if row.met else 'MISSED '}{row.text}: {row.value:.4g}", flush=True)
     if write:
         head = "| What | Figure | Bound | Met |\n|:--|--:|--:|:--|"
-        pages.renew("uncertainty.md", "climb", "\n".join([head, *(row.line for row in rows)]))
+        pages.renew("explanation/uncertainty.md", "climb", "\n".join([head, *(row.line for row in rows)]))
     return int(not write and not all(row.met for row in rows))
 
 

@@ -1,6 +1,6 @@
 """Physics alone on the logged trips of the VED's Leafs: nothing is fitted on them. Where the error comes from, by weather.
 
-Run: ``python -m benchmarks.ved_trips`` (``--write`` also renews the tables in docs/ved.md). Needs TRIPWATT_DATA.
+Run: ``python -m benchmarks.ved_trips`` (``--write`` also renews the tables in docs/explanation/ved.md). Needs TRIPWATT_DATA.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ def report() -> tuple[str, bool]:
 
 
 def main(write: bool = False) -> int:
-    """Print the tables; 1 when a bar is missed. `--write` renews docs/ved.md."""
+    """Print the tables; 1 when a bar is missed. `--write` renews docs/explanation/ved.md."""
     text, met = report()
     print(text)
     print(
@@ -181,7 +181,7 @@ def main(write: bool = False) -> int:
         f"{CLASS_BIAS_BAR:.0%} in each class of {CLASS_TRIPS} trips): {'met' if met else 'MISSED'}"
     )
     if write:
-        pages.renew("ved.md", "tables", text)
+        pages.renew("explanation/ved.md", "tables", text)
     return int(not met and not write)
 
 

@@ -156,7 +156,7 @@ def test_bars_have_figures_and_verdicts() -> None:
 
 
 def test_the_page_shows_every_anchored_car() -> None:
-    page = pages.of_page("library.md", "anchors")
+    page = pages.of_page("reference/library.md", "anchors")
     for name, anchor in anchors().items():
         if name != "*":
             shown = f"{100 * anchor.before:+.1f} %"

@@ -165,7 +165,7 @@ def test_transfer_to_a_table(
 
 
 def test_page_of_the_transfer_says_what_was_published(tmp_path: Path) -> None:
-    page = (DOCS / "transfer.md").read_text(encoding="utf-8")
+    page = (DOCS / "explanation" / "transfer.md").read_text(encoding="utf-8")
     assert write_transfer.renewed(page) == page, "python -m tools.docs.write_transfer"
     for file in (DOCS / "results").glob("transfer-*.json"):
         (tmp_path / file.name).write_bytes(file.read_bytes())

@@ -236,8 +236,8 @@ def test_on_the_road_an_anchored_car_has_more_drag_once() -> None:
 
 
 def test_the_page_of_the_cars_shows_the_spreads() -> None:
-    """The rows of the anchors in docs/vehicles.md, in percent."""
-    page = (ROOT / "docs" / "vehicles.md").read_text(encoding="utf-8")
+    """The rows of the anchors in docs/reference/vehicles.md, in percent."""
+    page = (ROOT / "docs" / "reference" / "vehicles.md").read_text(encoding="utf-8")
     published = {p.name: p.width for p in PARAMETERS}
     for anchor in ("road_load", "certification", "class", "book"):
         widths = {**published, **spreads(anchor)}

@@ -237,7 +237,7 @@ def test_a_car_from_a_path(tmp_path: Path) -> None:
 
 
 def test_documented_values_are_those_of_the_file() -> None:
-    page = (ROOT / "docs" / "model.md").read_text("utf-8")
+    page = (ROOT / "docs" / "explanation" / "car-model.md").read_text("utf-8")
     assert render_parameters(load_vehicle("bmw_i3_60ah")) in page, (
         "run: python -m tools.docs.write_parameters"
     )
@@ -324,7 +324,7 @@ def test_what_is_taken_over_keeps_the_licence_of_its_own_file() -> None:
 
 
 def test_table_of_licences_in_the_documentation_is_that_of_the_code() -> None:
-    page = (ROOT / "docs" / "vehicles.md").read_text("utf-8")
+    page = (ROOT / "docs" / "reference" / "vehicles.md").read_text("utf-8")
     assert render_licences() in page, "run: python -m tools.docs.write_parameters"
 
 

@@ -23,6 +23,8 @@ RENAMED: Final = (
     (r"transfer_covariates \{data\}$", "transfer_covariates"),
     (r"#(\w+)(?: begin|:begin)$", r"#\1"),
     (r"#(\w+) (\w+)(?: begin)?$", r"#\1-\2"),
+    (r"^docs/(vehicles|library|synthetic|routes)\.md", r"docs/reference/\1.md"),
+    (r"^docs/(argonne|stages|ved|uncertainty|peers)\.md", r"docs/explanation/\1.md"),
 )
 """Old name -> new name, of commands and of places, one after the other."""
 

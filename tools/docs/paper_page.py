@@ -1,4 +1,4 @@
-"""`docs/paper.md`: every figure, table, equation and claim of arXiv:2405.10984 beside ours, with the difference and why.
+"""`docs/explanation/paper.md`: every figure, table, equation and claim of arXiv:2405.10984 beside ours, with the difference and why.
 
 The numbers come from the `results.json` of the protocol `paper` and of the transfer runs; the figures are those of the report.
 """
@@ -92,7 +92,7 @@ def _same(text: str) -> Callable[[View], str]:
 
 
 def _image(name: str, alt: str, text: str = "") -> Callable[[View, Transfers], str]:
-    shown = f"![{alt}](images/paper-{name}.png)"
+    shown = f"![{alt}](../images/paper-{name}.png)"
     return lambda view, transfers: "\n\n".join(filter(None, [shown, text]))
 
 
@@ -197,7 +197,7 @@ def _trips(view: View, transfers: Transfers) -> str:
         (str(row["n_trips"]), *(number(row[name], 100, 1) for name in CURVE_MODELS)) for row in found["curve"]
     )
     table = Table("Mean error [%]", ("Training trips", *map(label, CURVE_MODELS)), rows)
-    image = "![Mean error against the number of training trips](images/paper-trips-needed.png)"
+    image = "![Mean error against the number of training trips](../images/paper-trips-needed.png)"
     return "\n\n".join([paper_studies.on_trips_needed(found, view.scores), image, markdown(table)])
 
 
@@ -323,7 +323,7 @@ ELEMENTS: Final = (
             "simulation",
             "From time, speed and grade over road load and drivetrain to battery and energy",
             "Drawn by `tools.docs.schematics` from the car under the preset `paper`; every value has its source in [the "
-            "car model](model.md).",
+            "car model](car-model.md).",
         ),
     ),
     Element(
@@ -360,7 +360,7 @@ ELEMENTS: Final = (
         "smooths, surface and random effects",
         _same("a smooth whose band is wider than the data is named in place of its curve"),
         lambda view, transfers: "\n\n".join(
-            f"![{alt}](images/paper-{name}.png)"
+            f"![{alt}](../images/paper-{name}.png)"
             for name, alt in (
                 ("gamm-smooths", "Smooths of time, ambient temperature, speed and elevation difference"),
                 ("gamm-surface", "Surface of ambient temperature and elevation difference"),

@@ -1,4 +1,4 @@
-"""Write docs/cli.md, the pages that `--help` shows, and the example of the README: ``python -m tools.docs.write_cli``."""
+"""Write docs/reference/cli.md, the pages that `--help` shows, and the example of the README: ``python -m tools.docs.write_cli``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tools import DOCS, ROOT
 from tools.docs import pages
 from tripwatt.cli import app
 
-PAGE = DOCS / "cli.md"
+PAGE = DOCS / "reference" / "cli.md"
 BAR = "\\|"
 """How a table cell holds a bar."""
 

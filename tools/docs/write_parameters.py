@@ -1,4 +1,4 @@
-"""Renew the table of a car's values in docs/model.md and that of licences in docs/vehicles.md.
+"""Renew the table of a car's values in docs/explanation/car-model.md and that of licences in docs/reference/vehicles.md.
 
 Run ``python -m tools.docs.write_parameters`` after a change of a car or of the licences.
 """
@@ -9,8 +9,8 @@ from tripwatt.vehicles import load_vehicle, render_licences, render_parameters
 
 def main() -> None:
     """Renew both tables."""
-    pages.renew("model.md", "parameters", render_parameters(load_vehicle("bmw_i3_60ah")))
-    pages.renew("vehicles.md", "licences", render_licences())
+    pages.renew("explanation/car-model.md", "parameters", render_parameters(load_vehicle("bmw_i3_60ah")))
+    pages.renew("reference/vehicles.md", "licences", render_licences())
 
 
 if __name__ == "__main__":

@@ -319,7 +319,7 @@ def forecast(
 def batch(
     registry: RegistryArgument,
     trips: Annotated[
-        Path, typer.Argument(metavar="TRIPS.parquet", help="One row a link; see docs/fleet.md.")
+        Path, typer.Argument(metavar="TRIPS.parquet", help="One row a link; see docs/howto/fleet.md.")
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Parquet file to write.")] = Path(
         "forecasts.parquet"

@@ -82,7 +82,7 @@ def serve(
         typer.Option(
             "--limit",
             metavar="KEY=VALUE",
-            help="Change a limit, for example timeout_s=5. You can repeat the option. docs/service.md lists the limits.",
+            help="Change a limit, for example timeout_s=5. You can repeat the option. docs/reference/service.md lists the limits.",
             show_default=False,
         ),
     ] = None,

@@ -2,7 +2,7 @@
 
 Each round fits a tree to the working residuals V_i^-1 (y_i - F(x_i)) of the groups and gives its leaves the
 values that solve the estimating equation sum_i Z_i' V_i^-1 (y_i - F_i - Z_i b) = 0 (Liang & Zeger 1986; Friedman
-2001). The number of rounds is chosen by leaving groups out. See `docs/learners.md`.
+2001). The number of rounds is chosen by leaving groups out. See `docs/explanation/learners.md`.
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ class LinkStyle:
     """How traffic and driver fill a link of which only the mean speed is known.
 
     The defaults of `street_speed_m_s`, `length_exponent` and `comfort` are what `calibrate_style` finds on the electric
-    cars of the Vehicle Energy Dataset, rounded; the other values are a choice. `docs/routes.md` says how.
+    cars of the Vehicle Energy Dataset, rounded; the other values are a choice. `docs/reference/routes.md` says how.
 
     Attributes
     ----------
@@ -166,7 +166,7 @@ def link_profile(
 
     Speed is continuous and changes no faster than `style.driver` allows. Where the travel time of a link cannot be
     reproduced within these limits, the link takes longer; everywhere else it takes its travel time, to
-    5 per mille or 0.2 s (see `docs/routes.md` for the measured share).
+    5 per mille or 0.2 s (see `docs/reference/routes.md` for the measured share).
 
     Parameters
     ----------

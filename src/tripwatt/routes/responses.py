@@ -1,6 +1,6 @@
 """Saved responses of routers (OSRM, Valhalla, openrouteservice, GraphHopper) as links.
 
-Each reader follows the public documentation of one router's JSON; `docs/routes.md` names the pages. All of
+Each reader follows the public documentation of one router's JSON; `docs/reference/routes.md` names the pages. All of
 them take the first route. What a router expects includes the traffic lights and turns that it counts, so that its times
 are travel times with standstill.
 """

@@ -13,7 +13,7 @@
     column = "drive_id"
     vehicle = "vin"
 
-All tables but `[columns]` are optional; see `docs/data.md`.
+All tables but `[columns]` are optional; see `docs/reference/data.md`.
 """
 
 from __future__ import annotations

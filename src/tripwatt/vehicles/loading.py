@@ -514,7 +514,9 @@ def _unknown_fault(what: str, where: str, got: str, allowed: Sequence[str] | Map
         f"unknown {what}",
         where,
         got,
-        ", ".join(sorted(allowed)) if len(allowed) < 12 else "a key of the parameter table in docs/model.md",
+        ", ".join(sorted(allowed))
+        if len(allowed) < 12
+        else "a key of the parameter table in docs/explanation/car-model.md",
         f"did you mean {near[0]!r}?" if near else "",
     )
 

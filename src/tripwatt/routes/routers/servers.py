@@ -1,6 +1,6 @@
 """OSRM, GraphHopper and openrouteservice as routers, each by the URL of a server.
 
-Requests and answers follow the public documentation of each API; `docs/journeys.md` names the pages.
+Requests and answers follow the public documentation of each API; `docs/howto/journeys.md` names the pages.
 """
 
 from __future__ import annotations
