@@ -9,9 +9,11 @@ import pytest
 
 from tripwatt.errors import InvalidInput
 from tripwatt.evaluation import Execution, choose_models, evaluate, find_protocol, write_results
+from tripwatt.evaluation.comparison import FOLD_COLUMNS
+from tripwatt.evaluation.hold_outs import HoldOut
 from tripwatt.evaluation.paper_protocol import PRESETS
-from tripwatt.evaluation.results import FOLD_COLUMNS, EvaluationRun
-from tripwatt.evaluation.table_models import TableTask
+from tripwatt.evaluation.results import EvaluationRun
+from tripwatt.evaluation.table_models import TableMethod
 from tripwatt.hybrid.trip_table import build_table
 from tripwatt.paper import HybridModel
 from tripwatt.synthetic import synthetic_fleet
@@ -46,14 +48,14 @@ def chosen(name):
     (spec,) = choose_models(PAPER, (name,))
 
     def make(seed):
-        model = spec.make(seed)
+        model = spec.method.make(seed)
         if isinstance(model, HybridModel) and hasattr(model.corrector, "every_rows"):
             model.corrector.every_rows = 2
         if isinstance(model, HybridModel) and hasattr(model.corrector, "n_trees"):
             model.corrector.n_trees = 100
         return model
 
-    return dataclasses.replace(spec, make=make)
+    return dataclasses.replace(spec, method=TableMethod(make))
 
 
 def test_a_run_is_shown_in_a_line():
@@ -73,23 +75,23 @@ def test_the_held_out_energy_does_not_move_its_prediction(coarse, name):
     changed = dataclasses.replace(table, observed_wh=changed_wh)
 
     def predictions(which):
-        model = spec.make(0)
+        model = spec.method.make(0)
         if isinstance(model, HybridModel) and model.shares_folds:
             return model.predict_held_out(which, folds)
         return model.fit(which.take(others)).predict(which)
 
     before, after = predictions(table), predictions(changed)
     np.testing.assert_array_equal(before[rows], after[rows])
-    if isinstance(spec.make(0), HybridModel) and spec.make(0).shares_folds:
+    if isinstance(spec.method.make(0), HybridModel) and spec.method.make(0).shares_folds:
         assert not np.array_equal(before, after), "the change must matter to the other trips' models"
 
 
 def test_corrections_start_from_the_simulation(coarse):
     table = coarse
     for name in ("forest", "boosting"):
-        model = chosen(name).make(0).fit(table)
+        model = chosen(name).method.make(0).fit(table)
         perfect = dataclasses.replace(table, observed_wh=table.simulated_wh["physics-paper"])
-        exact = chosen(name).make(0).fit(perfect).predict(perfect)
+        exact = chosen(name).method.make(0).fit(perfect).predict(perfect)
         np.testing.assert_allclose(exact, table.simulated_wh["physics-paper"], atol=1e-6)
         assert not np.allclose(model.predict(table), table.simulated_wh["physics-paper"], atol=1.0)
 
@@ -101,7 +103,7 @@ def test_regressions_recover_their_own_law(table):
         + 30.0 * table.totals["cold_h"]
     )
     lawful = dataclasses.replace(table, observed_wh=truth.to_numpy())
-    model = choose_models(PAPER, ("linear4",))[0].make(0).fit(lawful.take(range(8)))
+    model = choose_models(PAPER, ("linear4",))[0].method.make(0).fit(lawful.take(range(8)))
     np.testing.assert_allclose(model.predict(lawful), truth, rtol=1e-8, atol=1e-6)
 
 
@@ -186,6 +188,13 @@ def test_unknown_names_are_refused(fleet):
         evaluate(fleet, protocol="nonsense")
 
 
+def second_fold(spec, table, folds):
+    hold_out = HoldOut.from_folds("s", "t", table, None, folds)
+    (task,) = spec.tasks(0, hold_out, hold_out.splits[1:2], 0)
+    (found,) = task.run()
+    return found
+
+
 @pytest.mark.parametrize("name", ["linear4", "boosting"])
 def test_a_fold_is_fitted_without_its_own_trips(coarse, name):
     """Through the very function that the evaluation runs, not a copy of it."""
@@ -197,15 +206,14 @@ def test_a_fold_is_fitted_without_its_own_trips(coarse, name):
     changed = dataclasses.replace(table, observed_wh=changed_wh)
 
     def fold(which):
-        (found,) = TableTask(0, spec, which, folds, (1,), 0).run()
-        return found.predicted_wh
+        return second_fold(spec, which, folds).predicted_wh
 
     np.testing.assert_array_equal(fold(table), fold(changed))
 
 
 def test_the_times_of_a_fold_are_of_its_fit_and_of_one_predicted_trip(coarse, monkeypatch):
     clock = iter([100.0, 102.0, 102.5])
-    monkeypatch.setattr("tripwatt.evaluation.table_models.time.perf_counter", lambda: next(clock))
-    (found,) = TableTask(0, chosen("linear4"), coarse, np.arange(6) % 3, (1,), 0).run()
+    monkeypatch.setattr("tripwatt.evaluation.tasks.time.perf_counter", lambda: next(clock))
+    found = second_fold(chosen("linear4"), coarse, np.arange(6) % 3)
     assert found.fit_s == 2.0
     assert found.predict_ms == pytest.approx(250.0)  # half a second for two trips

@@ -12,7 +12,7 @@ from scipy.stats import binomtest, norm
 from tripwatt.errors import InvalidInput
 from tripwatt.evaluation import Execution, choose_models, evaluate, write_results
 from tripwatt.evaluation.forecast_data import DATA_FEATURES, ForecastData, measured_log
-from tripwatt.evaluation.forecast_models import ForecastTask, fit_without_physics, reforecast
+from tripwatt.evaluation.forecast_models import DataMethod
 from tripwatt.evaluation.forecast_protocol import ForecastProtocol
 from tripwatt.evaluation.forecast_scores import (
     FRACTIONS,
@@ -24,7 +24,8 @@ from tripwatt.evaluation.forecast_scores import (
     strata_of,
     update_scores,
 )
-from tripwatt.evaluation.protocol import CarChoice
+from tripwatt.evaluation.held_out_forecasts import reforecast
+from tripwatt.evaluation.hold_outs import CarChoice, HoldOut
 from tripwatt.forecasting import ForecastModel
 from tripwatt.physics import simulate_trip
 from tripwatt.report import render_report
@@ -227,7 +228,7 @@ def test_data_only_sees_nothing_simulated(prepared):
     )
     train, test = np.arange(8), np.arange(8, 11)
     one, two = (
-        fit_without_physics("boosting", 0, dataclasses.replace(prepared, segments=b), train)(test)
+        DataMethod("boosting").fit(dataclasses.replace(prepared, segments=b), train, 0).predict(test)
         for b in (segments, wrong)
     )
     np.testing.assert_array_equal(one, two)
@@ -265,9 +266,11 @@ def test_results_hold_the_contract(whole, tmp_path):
 def forecast_of(data: ForecastData, held_out: int) -> np.ndarray:
     """Centre, width and bounds of one trip while it is held out."""
     (spec,) = choose_models(QUICK, ("hybrid",))
-    folds, logs = np.arange(len(data)), {held_out: data.logs[held_out]}
-    (found,) = ForecastTask(0, spec, data, folds, held_out, 0, logs).run()
-    return np.concatenate([found.predicted_wh, *(found.extra[k].ravel() for k in ("sd", "low", "high"))])
+    hold_out = HoldOut.from_folds("s", "t", data.table, data, np.arange(len(data)))
+    (task,) = spec.tasks(0, hold_out, hold_out.splits[held_out : held_out + 1], 0)
+    (found,) = task.run()
+    kept = found.forecasts
+    return np.concatenate([found.predicted_wh, *(v.ravel() for v in (kept.sd_wh, kept.low_wh, kept.high_wh))])
 
 
 def test_held_out_trips_do_not_move_their_own_forecast(prepared):
@@ -382,20 +385,22 @@ def test_kinds_of_trips_are_scored_by_models_that_did_not_see_them(car):
     ):
         held = by_name["leave_regime_out", name]
         values = np.array([measure(plan) for plan in held.data.plans])
-        assert values[held.folds == 0].min() > values[held.folds == -1].max()
-        assert (held.folds == 0).sum() == pytest.approx(len(values) / 3, abs=1)
+        (split,) = held.splits
+        assert values[split.test].min() > values[split.train].max()
+        assert len(split.test) == pytest.approx(len(values) / 3, abs=1)
         assert held.data.segments.trip_ids == held.table.trip_ids == tuple(p.trip_id for p in held.data.plans)
         assert len(held.data.data_features) == len(held.data.segments.hours)
     seasons = [h for (scheme, name), h in by_name.items() if "fitted on" in name]
     for held in seasons:
-        kinds = {(trip.context.season, fold) for trip, fold in zip(held.table.trips, held.folds, strict=True)}
-        assert len(kinds) == 2
+        (split,) = held.splits
+        kinds = [{held.table.trips[i].context.season for i in part} for part in (split.train, split.test)]
+        assert list(map(len, kinds)) == [1, 1]
+        assert kinds[0] != kinds[1]
     later = by_name.get(("time_split", "last third by date"))
     if later is not None:
         days = [str(trip.context.day) for trip in later.table.trips]
-        scored = [d for d, fold in zip(days, later.folds, strict=True) if fold == 0]
-        fitted = [d for d, fold in zip(days, later.folds, strict=True) if fold == -1]
-        assert max(fitted) <= min(scored)
+        (split,) = later.splits
+        assert max(days[i] for i in split.train) <= min(days[i] for i in split.test)
 
 
 def test_a_first_sample_without_a_value_takes_the_next_within_a_minute(fleet):

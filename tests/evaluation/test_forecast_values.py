@@ -8,23 +8,14 @@ import pandas as pd
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.evaluation import forecast_models, forecast_results
+from tripwatt.evaluation import forecast_models, forecast_results, held_out_forecasts
+from tripwatt.evaluation.comparison import Comparison
 from tripwatt.evaluation.forecast_data import ForecastData, _distinct, at_departure_only, measured_log
-from tripwatt.evaluation.forecast_models import (
-    CurveTask,
-    ForecastSpec,
-    ForecastTask,
-    LearningCurve,
-    PowerModel,
-    PowerTask,
-    fit_power,
-    fit_without_physics,
-    reforecast,
-)
+from tripwatt.evaluation.forecast_models import DataMethod, ForecastMethod, PowerMethod
 from tripwatt.evaluation.forecast_results import (
     about_trips,
-    by_trip_of,
     forecast_insight,
+    forecast_scores,
     measured_beside,
     strata,
 )
@@ -36,8 +27,9 @@ from tripwatt.evaluation.forecast_scores import (
     WITHOUT_PHYSICS,
     ForecastInsight,
 )
-from tripwatt.evaluation.hold_outs import LEAVE_ONE_TRIP_OUT
-from tripwatt.evaluation.protocol import FoldResult
+from tripwatt.evaluation.held_out_forecasts import HeldOutForecasts, arrivals_of, reforecast
+from tripwatt.evaluation.hold_outs import HoldOut, Split
+from tripwatt.evaluation.tasks import FoldResult, ModelSpec
 from tripwatt.hybrid import SegmentTable
 from tripwatt.trips import Context, Departure, Plan, Trip
 
@@ -205,15 +197,24 @@ def learner(monkeypatch):
     return made
 
 
+def held_out(own: ForecastData, folds) -> HoldOut:
+    return HoldOut.from_folds("s", "t", own.table, own, np.asarray(folds))
+
+
+def tasks_of(method, own: ForecastData, folds, simulation="physics"):
+    hold_out = held_out(own, folds)
+    return list(ModelSpec("m", "", method, simulation).tasks(4, hold_out, hold_out.splits, 0))
+
+
 class TestPowerModels:
     def test_a_corrector_adds_to_the_simulation(self, learner) -> None:
         """Trained on trips 0 and 2: residuals of 0, 2 and 8 W, mean 10 / 3."""
-        predict = fit_power("x", 0, data(2, 2, 1), np.array([0, 2]))
+        predict = PowerMethod("x").fit(data(2, 2, 1), np.array([0, 2]), 0).predict
         assert learner[0].seen.trip_ids == ("t0", "t2")
         assert predict(np.array([1])) == pytest.approx([2 * 0.5 * (100.0 + 10 / 3)], **EXACT)
 
     def test_without_physics_the_power_itself_is_learned(self, learner) -> None:
-        predict = fit_without_physics("x", 0, data(2, 2, 1), np.array([0, 2]))
+        predict = DataMethod("x").fit(data(2, 2, 1), np.array([0, 2]), 0).predict
         own = learner[0].model
         assert own.columns["seen"].tolist() == [0.0, 1.0, 4.0]
         assert own.target.tolist() == [100.0, 102.0, 108.0]
@@ -224,34 +225,31 @@ class TestPowerModels:
 
     def test_folds_of_a_task(self, monkeypatch) -> None:
         """Twelve folds in a task; all of them where the learner gives them at once."""
-        hold_out = SimpleNamespace(data=data(1, 1), folds=np.arange(2), fold_numbers=frozenset(range(30)))
-        model = PowerModel("m", "", "linear")
-        assert model.folds(hold_out) == frozenset(range(30))
-        tasks = list(model.tasks(4, hold_out, range(30), 0))
-        assert [len(t.members) for t in tasks] == [12, 12, 6]
-        assert [m for t in tasks for m in t.members] == list(range(30))
-        assert {t.rank for t in tasks} == {3}
-        assert {t.evaluation for t in tasks} == {4}
+        own, folds = data(*[1] * 30), np.arange(30)
+        tasks = tasks_of(PowerMethod("linear"), own, folds)
+        assert [len(t.splits) for t in tasks] == [12, 12, 6]
+        assert [split.number for t in tasks for split in t.splits] == list(range(30))
+        assert {t.rank[0] for t in tasks} == {3}
+        assert {t.comparison for t in tasks} == {4}
         monkeypatch.setattr(forecast_models, "power_corrector", lambda name, seed: HalfCorrector())
         monkeypatch.setattr(forecast_models, "LearnerCorrector", HalfCorrector)
-        (whole,) = model.tasks(4, hold_out, range(30), 0)
-        assert whole.members == tuple(range(30))
-        assert whole.rank == 0
-        assert list(model.tasks(4, hold_out, [], 0)) == []
+        (whole,) = tasks_of(PowerMethod("x"), own, folds)
+        assert [split.number for split in whole.splits] == list(range(30))
+        assert whole.rank[0] == 0
+        assert list(ModelSpec("m", "", PowerMethod("x")).tasks(4, held_out(own, folds), [], 0)) == []
 
     @pytest.mark.parametrize("simulation", ["physics", None])
     def test_all_folds_at_once(self, learner, simulation) -> None:
         """Rows of the stub are 1000 for the fold, 10 for the trip, and their target; half an hour each."""
-        task = PowerTask(
-            1, PowerModel("m", "", "x", simulation), data(2, 1, 1), np.array([0, 1, 0]), (0, 1), 0
-        )
+        method = PowerMethod("x") if simulation else DataMethod("x")
+        (task,) = tasks_of(method, data(2, 1, 1), [0, 1, 0], simulation)
         first, second = task.run()
         start = 0.0 if simulation is None else 100.0
         target = [100.0, 102.0, 104.0, 106.0] if simulation is None else [0.0, 2.0, 4.0, 6.0]
         expected = [0.5 * (2 * start + target[0] + target[1]), 0.5 * (start + 20.0 + target[3])]
         assert first.predicted_wh == pytest.approx(expected, **EXACT)
         assert second.predicted_wh == pytest.approx([0.5 * (start + 1000.0 + 10.0 + target[2])], **EXACT)
-        assert (first.evaluation, first.model, first.fold, second.fold) == (1, "m", 0, 1)
+        assert (first.model, first.split.number, second.split.number) == ("m", 0, 1)
         assert 0.0 <= first.fit_s < 10.0
         assert 0.0 <= first.predict_ms < 10_000.0
 
@@ -260,63 +258,21 @@ class TestPowerModels:
         own = data(2, 1, 1)
         rows = own.segments.features.assign(speed_m_s=[10.0, 10.0, 20.0, 40.0])
         own = dataclasses.replace(own, segments=dataclasses.replace(own.segments, features=rows))
-        task = PowerTask(1, PowerModel("m", "", "x"), own, np.array([0, 1, 0]), (0, 1), 0)
+        (task,) = tasks_of(PowerMethod("x"), own, [0, 1, 0])
         first, second = task.run()
         assert first.predicted_wh == pytest.approx([0.5 * 200.0, 0.5 * 100.0], **EXACT)
         assert second.predicted_wh == pytest.approx([0.5 * (100.0 + 1000.0 + 10.0 + 4.0)], **EXACT)
 
     def test_one_fold_after_the_other_where_a_trip_is_for_training_alone(self, learner) -> None:
-        task = PowerTask(1, PowerModel("m", "", "x"), data(2, 1, 1), np.array([0, 1, -1]), (0, 1), 0)
+        (task,) = tasks_of(PowerMethod("x"), data(2, 1, 1), [0, 1, -1])
+        assert task.folds is None
         first, second = task.run()
         # trained on trips 1 and 2, residuals 4 and 6 W; then on 0 and 2, residuals 0, 2 and 6 W
         assert first.predicted_wh == pytest.approx([0.5 * 2 * 105.0], **EXACT)
         assert second.predicted_wh == pytest.approx([0.5 * (100.0 + 8 / 3)], **EXACT)
-        assert (first.fold, second.fold) == (0, 1)
+        assert (first.split.number, second.split.number) == (0, 1)
         assert 0.0 <= first.fit_s < 10.0
         assert 0.0 <= first.predict_ms < 10_000.0
-
-
-class TestLearningCurve:
-    class Sum:
-        """Predicts 1 Wh for each training trip, beside the energy of the trip without its residual."""
-
-        def fit(self, seed, own, train):
-            self.train = train
-            return lambda test: (
-                own.segments.take(test).totals_wh(own.segments.take(test).simulated_w) + len(train)
-            )
-
-    def hold_out(self, n, scheme=LEAVE_ONE_TRIP_OUT):
-        return SimpleNamespace(scheme=scheme, table=range(n), data=data(*[1] * 9))
-
-    def test_sizes(self) -> None:
-        """Six draws of 5, 10, 20 and 40 trips, of which at least eight are left to score."""
-        curve = LearningCurve("c", "", {})
-        assert curve.folds(self.hold_out(12)) == frozenset()
-        assert curve.folds(self.hold_out(13)) == frozenset(1000 * d + 5 for d in range(6))
-        assert curve.folds(self.hold_out(48)) == frozenset(
-            1000 * d + s for d in range(6) for s in (5, 10, 20, 40)
-        )
-        assert len(curve.folds(self.hold_out(47))) == 18
-        assert curve.folds(self.hold_out(48, "other")) == frozenset()
-
-    def test_one_draw(self) -> None:
-        model = self.Sum()
-        curve = LearningCurve("c", "", {"mine": model})
-        (task,) = curve.tasks(2, self.hold_out(9), [3005], 7)
-        assert task.members == (3005,)
-        assert task.rank == 2
-        (result,) = task.run()
-        order = np.random.default_rng((7, 3)).permutation(9)
-        train, test = np.sort(order[:5]), np.sort(order[5:])
-        assert model.train.tolist() == train.tolist()
-        observed = 50.0 + test
-        assert result.predicted_wh == pytest.approx(observed, **EXACT)
-        assert result.extra["mine"] == pytest.approx(np.abs(55.0 - observed) / observed, **EXACT)
-        assert (int(result.extra["size"]), int(result.extra["draw"])) == (5, 3)
-        assert 0.0 <= result.fit_s < 10.0
-        assert result.predict_ms == 0.0
-        assert isinstance(task, CurveTask)
 
 
 class Told:
@@ -394,27 +350,33 @@ class TestReforecast:
         assert reforecast(Told(), driven_log(), 0.10)[0] == 2000.0
 
 
-def test_what_is_kept_of_forecasts() -> None:
-    kept = forecast_models._kept([Told(), Told(200.0)], [driven_log(), driven_log()])
+def test_what_is_kept_of_forecasts(monkeypatch: pytest.MonkeyPatch) -> None:
+    nothing = np.full((2, 3), NO), np.full((2, 13), NO)
+    monkeypatch.setattr(held_out_forecasts, "arrivals_of", lambda model, plan: nothing)
+    logs = [driven_log(displayed_soc=[0.8, 0.7, 0.6, 0.5, 0.45, NO]), driven_log()]
+    kept = HeldOutForecasts.from_forecasts(None, ["plan"] * 2, [Told(), Told(200.0)], logs)
     levels = (np.arange(100) + 0.5) / 100
-    assert kept["factors"] == pytest.approx(np.array([4.0 * levels] * 2), **EXACT)
-    assert kept["low"][1] == pytest.approx([200.0 - 10.0 * level for level in LEVELS], **EXACT)
-    assert kept["high"][0] == pytest.approx([100.0 + 20.0 * level for level in LEVELS], **EXACT)
-    assert kept["pit"] == pytest.approx([0.22, 0.22], **EXACT)  # of 220 Wh at the end of the log
-    assert kept["flags"].tolist() == [2, 2]
-    assert kept["sd"].tolist() == [10.0, 10.0]
-    assert kept["cause_names"].tolist() == ["air", "hvac"]
-    assert kept["causes"].tolist() == [[60.0, 40.0]] * 2
-    assert kept["updates"].shape == (2, len(FRACTIONS), len(UPDATES))
-    assert kept["updates"][0, 1, 0] == 2000.0
-    assert kept["series_rows"].tolist() == [3, 3]
-    assert kept["series"][:, 1].tolist() == [0.0, 30.0, 100.0] * 2
-    assert kept["series_names"].tolist() == ["time_s", "energy_wh", "distance_m"]
+    assert kept.factors == pytest.approx(np.array([4.0 * levels] * 2), **EXACT)
+    assert kept.low_wh[1] == pytest.approx([200.0 - 10.0 * level for level in LEVELS], **EXACT)
+    assert kept.high_wh[0] == pytest.approx([100.0 + 20.0 * level for level in LEVELS], **EXACT)
+    assert kept.pit == pytest.approx([0.22, 0.22], **EXACT)  # of 220 Wh at the end of the log
+    assert kept.flags.tolist() == [2, 2]
+    assert kept.sd_wh.tolist() == [10.0, 10.0]
+    assert kept.cause_names.tolist() == ["air", "hvac"]
+    assert kept.causes_wh.tolist() == [[60.0, 40.0]] * 2
+    assert kept.updates_wh.shape == (2, len(FRACTIONS), len(UPDATES))
+    assert kept.updates_wh[0, 1, 0] == 2000.0
+    assert kept.shown == pytest.approx([0.45, NO], nan_ok=True)
+    assert kept.arrival.shape == (2, 2, 3)
+    assert kept.arrival_chance.shape == (2, 2, 13)
+    assert kept.series_rows.tolist() == [3, 3]
+    assert kept.series[:, 1].tolist() == [0.0, 30.0, 100.0] * 2
+    assert kept.series_names.tolist() == ["time_s", "energy_wh", "distance_m"]
 
 
 def test_arrivals_from_each_charge(monkeypatch: pytest.MonkeyPatch) -> None:
     """From the display and from the battery management alone; nothing where one is not known."""
-    monkeypatch.setattr(forecast_models, "p_above", lambda told, charge: told.p_arrive(charge))
+    monkeypatch.setattr(held_out_forecasts, "p_above", lambda told, charge: told.p_arrive(charge))
     seen = []
 
     class Model:
@@ -423,81 +385,107 @@ def test_arrivals_from_each_charge(monkeypatch: pytest.MonkeyPatch) -> None:
             return Told()
 
     samples = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": 1.0})
-    plans = [
-        Plan.from_samples("a", samples, Departure(soc=0.8, bms_soc=0.7)),
-        Plan.from_samples("b", samples, Departure(bms_soc=0.6)),
-    ]
-    logs = [driven_log(displayed_soc=[0.8, 0.7, 0.6, 0.5, 0.45, NO]), driven_log()]
-    found = forecast_models._arrivals(Model(), plans, logs)
+    (both, chance), (one, none) = (
+        arrivals_of(Model(), Plan.from_samples(name, samples, departure))
+        for name, departure in (("a", Departure(soc=0.8, bms_soc=0.7)), ("b", Departure(bms_soc=0.6)))
+    )
     assert seen == [(0.8, None), (None, 0.7), (None, 0.6)]
-    assert found["shown"] == pytest.approx([0.45, NO], nan_ok=True)
     known = [0.4, 0.4 - 0.09, 0.4 + 0.18]
-    assert found["arrival"][0] == pytest.approx(np.array([known, known]), **EXACT)
-    assert np.isnan(found["arrival"][1, 0]).all()
-    assert found["arrival"][1, 1] == pytest.approx(known, **EXACT)
+    assert both == pytest.approx(np.array([known, known]), **EXACT)
+    assert np.isnan(one[0]).all()
+    assert one[1] == pytest.approx(known, **EXACT)
     offsets = np.round(np.arange(-6, 7) * 0.01, 2)
-    assert found["arrival_chance"].shape == (2, 2, 13)
-    assert found["arrival_chance"][0, 0] == pytest.approx(1.0 - (0.4 + offsets), **EXACT)
-    assert np.isnan(found["arrival_chance"][1, 0]).all()
+    assert chance.shape == (2, 13)
+    assert chance[0] == pytest.approx(1.0 - (0.4 + offsets), **EXACT)
+    assert np.isnan(none[0]).all()
 
 
-class TestForecastTask:
-    def test_the_fold_is_held_out(self, monkeypatch) -> None:
-        seen = {}
+def test_the_fold_of_a_forecast_is_held_out(monkeypatch) -> None:
+    seen = {}
 
-        class Model:
-            def __init__(self, vehicle, corrector, seed) -> None:
-                seen.update(vehicle=vehicle, corrector=corrector, seed=seed)
+    class Model:
+        def __init__(self, vehicle, corrector, seed) -> None:
+            seen.update(vehicle=vehicle, corrector=corrector, seed=seed)
 
-            def fit_segments(self, own, *, again) -> None:
-                seen["trained"] = own.trip_ids
-                seen["again"] = again(np.array([0])).trip_ids
+        def fit_segments(self, own, *, again) -> None:
+            seen["trained"] = own.trip_ids
+            seen["again"] = again(np.array([0])).trip_ids
 
-            def forecast(self, plan):
-                return Told(100.0 + len(plan))
+        def forecast(self, plan):
+            return Told(100.0 + len(plan))
 
-        monkeypatch.setattr(forecast_models, "ForecastModel", Model)
-        monkeypatch.setattr(
-            forecast_models, "_arrivals", lambda model, plans, logs: {"shown": np.zeros(len(plans))}
-        )
-        monkeypatch.setattr(
-            ForecastData, "identified", lambda own, train: (f"car of {train.tolist()}", own.segments)
-        )
-        own = dataclasses.replace(data(1, 1, 1), logs=(driven_log(),) * 3)
-        hold_out = SimpleNamespace(data=own, folds=np.array([5, 6, 5]), fold_numbers=frozenset({5, 6}))
-        spec = ForecastSpec("f", "", "split")
-        assert spec.folds(hold_out) == {5, 6}
-        tasks = list(spec.tasks(3, hold_out, [5, 6], 9))
-        assert [sorted(t.logs) for t in tasks] == [[0, 2], [1]]
-        assert [t.members for t in tasks] == [(5,), (6,)]
-        assert tasks[0].rank == 1
-        assert isinstance(tasks[0], ForecastTask)
-        (result,) = tasks[0].run()
-        assert seen.pop("again") == ("t1",), "the inner folds have no other trips"
-        assert seen == {"vehicle": "car of [1]", "corrector": "split", "seed": 9, "trained": ("t1",)}
-        assert result.predicted_wh.tolist() == [106.0, 106.0]
-        assert (result.evaluation, result.model, result.fold) == (3, "f", 5)
-        assert result.extra["pit"].tolist() == [0.22, 0.22]
-        assert 0.0 <= result.fit_s < 10.0
-        assert 0.0 <= result.predict_ms < 10_000.0
+    nothing = np.full((2, 3), NO), np.full((2, 13), NO)
+    monkeypatch.setattr(forecast_models, "ForecastModel", Model)
+    monkeypatch.setattr(held_out_forecasts, "arrivals_of", lambda model, plan: nothing)
+    monkeypatch.setattr(
+        ForecastData, "identified", lambda own, train: (f"car of {train.tolist()}", own.segments)
+    )
+    own = dataclasses.replace(data(1, 1, 1), logs=(driven_log(),) * 3)
+    hold_out = held_out(own, [5, 6, 5])
+    tasks = list(
+        ModelSpec("f", "", ForecastMethod("split"), "physics").tasks(3, hold_out, hold_out.splits, 9)
+    )
+    assert [[len(log) > 0 for log in t.data.logs] for t in tasks] == [
+        [True, False, True],
+        [False, True, False],
+    ]
+    assert [[split.number for split in t.splits] for t in tasks] == [[5], [6]]
+    assert tasks[0].rank[0] == 1
+    assert tasks[0].comparison == 3
+    (result,) = tasks[0].run()
+    assert seen.pop("again") == ("t1",), "the inner folds have no other trips"
+    assert seen == {"vehicle": "car of [1]", "corrector": "split", "seed": 9, "trained": ("t1",)}
+    assert result.predicted_wh.tolist() == [106.0, 106.0]
+    assert (result.model, result.split.number) == ("f", 5)
+    assert result.forecasts.pit.tolist() == [0.22, 0.22]
+    assert 0.0 <= result.fit_s < 10.0
+    assert 0.0 <= result.predict_ms < 10_000.0
 
 
-def fold(number, trips, model=FORECAST, **extra) -> FoldResult:
-    return FoldResult(0, model, number, np.asarray(trips, dtype=float), 0.0, 0.0, extra)
+def fold(trips, values, model=FORECAST, forecasts=None) -> FoldResult:
+    split = Split(0, np.empty(0, np.int64), np.asarray(trips))
+    return FoldResult(model, split, np.asarray(values, dtype=float), 0.0, 0.0, forecasts=forecasts)
+
+
+def kept(k: float, series=((0.0, 0.0), (10.0, 50.0)), rows=(2,)) -> HeldOutForecasts:
+    """Forecasts of some trips whose values are those of one trip and `k`; the second column of the series has `k` more."""
+    n, series = len(rows), np.array(series)
+    return HeldOutForecasts(
+        sd_wh=np.full(n, 10.0 + k),
+        low_wh=np.tile([1.0 + k, 2.0 + k, 3.0 + k, 4.0 + k], (n, 1)),
+        high_wh=np.tile([5.0 + k, 6.0 + k, 7.0 + k, 8.0 + k], (n, 1)),
+        factors=np.tile([1.0, 3.0], (n, 1)),
+        pit=np.full(n, 0.1 * k),
+        flags=np.full(n, k, dtype=int),
+        causes_wh=np.tile([1.0 + k, 2.0 + k], (n, 1)),
+        cause_names=np.array(["air", "hvac"]),
+        updates_wh=np.tile(1000.0 * k + np.arange(24.0).reshape(1, 4, 6), (n, 1, 1)),
+        shown=np.full(n, 0.2 + k),
+        arrival=np.full((n, 2, 3), 0.3 + k),
+        arrival_chance=np.full((n, 2, 13), 0.4 + k),
+        series=series + np.array([0.0, k]),
+        series_names=np.array(["time_s", "energy_wh"]),
+        series_rows=np.array(rows),
+    )
 
 
 class TestResults:
     def test_folds_in_the_order_of_the_trips(self) -> None:
-        """Trips 0 and 2 are in fold 0, 1 and 4 in fold 1; trip 3 is for training alone."""
-        hold_out = SimpleNamespace(
-            table=range(5), folds=np.array([0, 1, 0, -1, 1]), scored=np.array([0, 1, 2, 4])
-        )
-        results = [
-            fold(1, [2.0, 5.0], x=[[1.0, 2.0], [3.0, 4.0]]),
-            fold(0, [1.0, 3.0], x=[[5.0, 6.0], [7.0, 8.0]]),
-        ]
-        assert by_trip_of(hold_out, results).tolist() == [1.0, 2.0, 3.0, 5.0]
-        assert by_trip_of(hold_out, results, "x").tolist() == [[5.0, 6.0], [1.0, 2.0], [7.0, 8.0], [3.0, 4.0]]
+        """Trips 0 and 2 are in one fold, 1 and 4 in the other; trip 3 is for training alone."""
+        table = SimpleNamespace(offsets=np.arange(6))
+        results = (fold([1, 4], [2.0, 5.0]), fold([0, 2], [1.0, 3.0]))
+        comparison = Comparison(SimpleNamespace(table=table), (), results)
+        assert comparison.energies_wh(FORECAST).tolist() == [1.0, 2.0, 3.0, 5.0]
+        assert comparison.forecasts(FORECAST) is None
+
+    def test_forecasts_in_the_order_of_the_trips(self) -> None:
+        """Trips of one and of two rows of the series, given in another order."""
+        first = kept(0.0, [(1.0, 1.0), (2.0, 2.0), (3.0, 3.0)], (1, 2))
+        results = (fold([0, 2], [0.0, 0.0], forecasts=first), fold([1], [0.0], forecasts=kept(1.0)))
+        joined = Comparison(None, (), results).forecasts(FORECAST)
+        assert joined.sd_wh.tolist() == [10.0, 11.0, 10.0]
+        assert joined.series_rows.tolist() == [1, 2, 2]
+        assert [piece[:, 0].tolist() for piece in joined.pieces()] == [[1.0], [0.0, 10.0], [2.0, 3.0]]
 
     def test_insight(self) -> None:
         """Two folds of a trip each, given in the wrong order."""
@@ -505,37 +493,21 @@ class TestResults:
         plans = [Plan.from_samples(name, samples, Departure(ambient_temperature_degc=-3.0)) for name in "ab"]
         trips = [SimpleNamespace(context=Context(driver=name)) for name in "xy"]
         own = SimpleNamespace(plans=plans, logs=("log a", "log b"), table=SimpleNamespace(trips=trips))
-        hold_out = SimpleNamespace(
-            table=Trips("ab"), folds=np.array([0, 1]), scored=np.array([0, 1]), data=own
+        hold_out = SimpleNamespace(table=Trips("ab"), scored=np.array([0, 1]), data=own)
+        results = (
+            fold([1], [200.0], forecasts=kept(1.0)),
+            fold([0], [100.0], forecasts=kept(0.0)),
+            fold([0], [9.0], model="other"),
         )
-
-        def kept(k):
-            updates = 1000.0 * k + np.arange(24.0).reshape(1, 4, 6)
-            return {
-                "sd": [10.0 + k],
-                "low": [[1.0 + k, 2.0 + k, 3.0 + k, 4.0 + k]],
-                "high": [[5.0 + k, 6.0 + k, 7.0 + k, 8.0 + k]],
-                "factors": np.array([[1.0, 3.0]]),
-                "pit": [0.1 * k],
-                "flags": [k],
-                "causes": [[1.0 + k, 2.0 + k]],
-                "cause_names": np.array(["air", "hvac"]),
-                "updates": updates,
-                "series_rows": np.array([2]),
-                "series_names": np.array(["time_s", "energy_wh"]),
-                "series": np.array([[0.0, 0.0], [10.0, 50.0 + k]]),
-            }
-
-        results = [fold(1, [200.0], **kept(1)), fold(0, [100.0], **kept(0)), fold(0, [9.0], model="other")]
-        frame = pd.DataFrame(
+        part = pd.DataFrame(
             {
-                "model": ["other", FORECAST, FORECAST],
-                "trip": ["a", "a", "b"],
-                "observed_energy_wh": [9.0, 110.0, 190.0],
-                "predicted_energy_wh": [9.0, 100.0, 200.0],
+                "trip": ["a", "b"],
+                "observed_energy_wh": [110.0, 190.0],
+                "predicted_energy_wh": [100.0, 200.0],
             }
         )
-        found = forecast_insight(hold_out, results, frame)
+        comparison = Comparison(hold_out, (), results)
+        found = forecast_insight(hold_out, comparison.forecasts(FORECAST), part)
         rows = found.trips
         assert rows["trip"].tolist() == ["a", "b"]
         assert rows["sd_wh"].tolist() == [10.0, 11.0]
@@ -549,19 +521,10 @@ class TestResults:
         assert rows["driver"].tolist() == ["x", "y"]
         assert found.causes.loc["b"].tolist() == [2.0, 3.0]
         assert found.series["a"]["energy_wh"].tolist() == [0.0, 50.0]
-        assert found.series["b"]["energy_wh"].tolist() == [0.0, 51.0]
+        assert found.series["b"]["energy_wh"].tolist() == [1.0, 51.0]
         assert found.logs == {"a": "log a", "b": "log b"}
-        assert forecast_insight(hold_out, results[2:], frame) is None
-
-    def test_series_of_several_trips_of_a_fold(self) -> None:
-        hold_out = SimpleNamespace(table=Trips("abc"), folds=np.array([4, 3, 4]))
-        extra = {
-            "series_rows": np.array([1, 2]),
-            "series_names": np.array(["v"]),
-            "series": np.array([[1.0], [2.0], [3.0]]),
-        }
-        found = forecast_results._series(hold_out, [fold(4, [0.0, 0.0], **extra)])
-        assert {name: frame["v"].tolist() for name, frame in found.items()} == {"a": [1.0], "c": [2.0, 3.0]}
+        assert comparison.forecasts("other") is None
+        assert comparison.forecasts("third") is None
 
     def test_measured_beside_the_forecast(self) -> None:
         """100 m in 10 s, then 60 m in 20 s; the last speed is none."""
@@ -594,17 +557,7 @@ class TestResults:
         assert rows["duration_s"].tolist() == [plans[1].duration_s, plans[0].duration_s]
 
     def test_scores_belong_to_the_forecast(self, monkeypatch) -> None:
-        hold_out = SimpleNamespace(table=range(2), folds=np.array([0, 1]), scored=np.array([0, 1]))
-        names = (*forecast_results.PER_TRIP, *forecast_results.ARRIVALS)
-        results = [fold(k, [1.0], **{name: [100.0 * i + k] for i, name in enumerate(names)}) for k in (0, 1)]
-        results.append(fold(0, [1.0], model="other"))
-        frame = pd.DataFrame(
-            {
-                "model": [FORECAST, "other", FORECAST],
-                "observed_energy_wh": [10.0, 99.0, 20.0],
-                "predicted_energy_wh": [11.0, 99.0, 22.0],
-            }
-        )
+        part = pd.DataFrame({"observed_energy_wh": [10.0, 20.0], "predicted_energy_wh": [11.0, 22.0]})
         seen = {}
         for name in ("arrival_scores", "coverage_scores", "crps_scores", "update_scores"):
             monkeypatch.setattr(
@@ -612,24 +565,30 @@ class TestResults:
                 name,
                 lambda *given, name=name: seen.setdefault(name, given) and {name: 1},
             )
-        found = forecast_results.forecast_scores(hold_out, results, frame, 7)
-        rows = {name: [100.0 * i, 100.0 * i + 1.0] for i, name in enumerate(names)}
+        own = HeldOutForecasts.joined([kept(0.0), kept(1.0)], np.array([0, 1]))
+        found = forecast_scores(own, part, 7)
         plain = {
             name: [v if isinstance(v, int) else v.tolist() for v in given] for name, given in seen.items()
         }
+        rows = {name: values.tolist() for name, values in vars(own).items()}
         assert plain["arrival_scores"] == [rows["shown"], rows["arrival"], rows["arrival_chance"], 7]
-        assert plain["coverage_scores"] == [[10.0, 20.0], rows["low"], rows["high"], 7]
-        assert plain["crps_scores"] == [[10.0, 20.0], [11.0, 22.0], rows["sd"], rows["factors"]]
-        assert plain["update_scores"] == [[10.0, 20.0], rows["updates"], 7]
+        assert plain["coverage_scores"] == [[10.0, 20.0], rows["low_wh"], rows["high_wh"], 7]
+        assert plain["crps_scores"] == [[10.0, 20.0], [11.0, 22.0], rows["sd_wh"], rows["factors"]]
+        assert plain["update_scores"] == [[10.0, 20.0], rows["updates_wh"], 7]
         assert set(found) == {"arrival", "coverage_scores", "crps_scores", "update"}
 
     def test_strata_compare_with_the_model_without_physics(self, monkeypatch) -> None:
-        frame = pd.DataFrame(
-            {"model": [FORECAST, FORECAST, WITHOUT_PHYSICS, WITHOUT_PHYSICS], "ape": [0.1, 0.2, 0.3, 0.4]}
-        )
+        errors = {FORECAST: np.array([0.1, 0.2]), WITHOUT_PHYSICS: np.array([0.3, 0.4])}
         monkeypatch.setattr(forecast_results, "strata_of", lambda about: "kinds")
         monkeypatch.setattr(forecast_results, "strata_scores", lambda *given: [given])
-        ((kinds, own, other, seed),) = strata(pd.DataFrame(), frame, 5)
+        monkeypatch.setattr(forecast_results, "about_trips", lambda data, members: None)
+
+        def strata_with(*names):
+            specs = [SimpleNamespace(name=name) for name in names]
+            hold_out = SimpleNamespace(data=None, scored=None)
+            return strata(SimpleNamespace(specs=specs, ape=errors.__getitem__, hold_out=hold_out), 5)
+
+        ((kinds, own, other, seed),) = strata_with(FORECAST, WITHOUT_PHYSICS)
         assert (kinds, own.tolist(), other.tolist(), seed) == ("kinds", [0.1, 0.2], [0.3, 0.4], 5)
-        assert strata(pd.DataFrame(), frame[2:], 5) == []
-        assert strata(pd.DataFrame(), frame[:2], 5)[0][2] is None
+        assert strata_with(WITHOUT_PHYSICS) == []
+        assert strata_with(FORECAST)[0][2] is None

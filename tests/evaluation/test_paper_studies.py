@@ -9,23 +9,22 @@ import pandas as pd
 import pytest
 
 from tripwatt.evaluation import Execution, evaluate
-from tripwatt.evaluation.hold_outs import HoldOut
+from tripwatt.evaluation.comparison import Comparison
+from tripwatt.evaluation.hold_outs import HoldOut, Split
 from tripwatt.evaluation.paper_studies import (
     CHOICES,
     CURVE,
     FORMS,
     NEAREST,
-    SIMULATIONS,
-    TripsNeeded,
     chosen_folds,
     crossing,
     simulation_forms,
     studies,
+    study_comparisons,
     study_models,
     trips_needed,
 )
-from tripwatt.evaluation.protocol import FoldResult
-from tripwatt.evaluation.table_models import PHYSICS_PAPER
+from tripwatt.evaluation.tasks import FoldResult
 from tripwatt.hybrid import build_table
 from tripwatt.paper import Table2Corrector, correctors
 from tripwatt.synthetic import synthetic_fleet
@@ -45,7 +44,7 @@ def table(fleet):
 
 
 def hold_out(table, trips="reference", scheme="leave_one_trip_out"):
-    return HoldOut(scheme, trips, table, np.arange(len(table), dtype=np.int64))
+    return HoldOut.from_folds(scheme, trips, table, None, np.arange(len(table), dtype=np.int64))
 
 
 # -- forms of the simulation ---------------------------------------------------------------------------------
@@ -97,24 +96,28 @@ def test_studies_follow_the_models_of_the_table():
     names = {model.name for model in study_models(["physics-paper", "forest"])}
     assert names == {*(form.name for form in FORMS), "forest-brochure"}
     names = {model.name for model in study_models(["boosting", "boosting-only"])}
-    assert names == {"boosting-exchangeable", "boosting-ar1", CURVE}
+    assert names == {"boosting-exchangeable", "boosting-ar1"}
     assert {model.name for model in study_models(["gamm"])} == {"gamm-ar1"}
     everything = study_models(["physics-paper", "gamm", "forest", "boosting", "boosting-only"])
-    assert len({model.name for model in everything}) == len(everything) == 5 + 3 + 2 + 1 + 1
-    for model in everything[:-1]:
-        made = model.make(3)
+    assert len({model.name for model in everything}) == len(everything) == 5 + 3 + 2 + 1
+    for model in everything:
+        made = model.method.make(3)
         assert getattr(made, "simulation", getattr(made, "preset", None)) == model.simulation
 
 
 def test_studies_run_on_the_reference_trips_alone(table):
-    model = study_models(["gamm"])[0]
-    assert model.folds(hold_out(table)) == frozenset(range(9))
-    assert model.folds(hold_out(table, trips="audited")) == frozenset()
-    assert model.folds(hold_out(table, scheme="leave_one_day_out")) == frozenset()
-    assert SIMULATIONS[0].folds(hold_out(table)) == frozenset()  # its simulation is not known
-    assert TripsNeeded().folds(hold_out(table)) == frozenset({3, 1003, 2003, 3003})  # 3 and 5 to score, not 6
-    assert TripsNeeded().folds(hold_out(table, trips="all")) == frozenset()
-    assert studies(hold_out(table, trips="all"), [], [PHYSICS_PAPER], 0) == {}
+    (varied,) = study_comparisons(hold_out(table), ["physics-paper", "gamm"], 0)
+    # the simulations of the forms are not known
+    assert [spec.name for spec in varied.specs] == ["gamm-ar1"]
+    assert len(varied.hold_out.splits) == 9
+    assert study_comparisons(hold_out(table, trips="audited"), ["gamm"], 0) == []
+    assert study_comparisons(hold_out(table, scheme="leave_one_day_out"), ["gamm"], 0) == []
+    _, draws = study_comparisons(hold_out(table), ["boosting", "boosting-only"], 0)
+    assert [(len(s.train), s.draw) for s in draws.hold_out.splits] == [
+        (3, k) for k in range(4)
+    ]  # 5 to score, not 6
+    assert draws.specs == CURVE
+    assert studies(Comparison(hold_out(table, trips="all"), ()), [], 0) == {}
 
 
 def test_a_run_on_reference_trips_scores_the_forms(fleet):
@@ -146,11 +149,14 @@ def test_scores_of_a_study_are_those_of_its_folds(table):
         own = table.rows_of(np.array([i]))
         energy[own] += (1.0 - share[i]) * (observed[i] - simulated[i])
     results = [
-        FoldResult(0, "gamm-ar1", i, energy[table.rows_of(np.array([i]))], 1.0 + i, 10.0 * i)
-        for i in range(9)
+        FoldResult("gamm-ar1", split, energy[table.rows_of(split.test)], 1.0 + i, 10.0 * i)
+        for i, split in enumerate(hold_out(table).splits)
     ]
     spec = SimpleNamespace(name="gamm", title="the GAMM", simulation="physics-paper")
-    score = studies(hold_out(table), results, [spec], 0)["models"]["gamm-ar1"]
+    main = Comparison(hold_out(table), (spec,))
+    (varied,) = study_comparisons(main.hold_out, ["gamm"], 0)
+    varied = dataclasses.replace(varied, results=tuple(results))
+    score = studies(main, [varied], 0)["models"]["gamm-ar1"]
     ape = np.abs(observed - simulated) * share / observed
     assert score["mape"] == pytest.approx(ape.mean())
     assert score["max_ape"] == pytest.approx(ape.max())
@@ -163,7 +169,8 @@ def test_scores_of_a_study_are_those_of_its_folds(table):
 
 
 def result(model, fold, inner, energy=1.0, fit_s=1.0):
-    return FoldResult(0, model, fold, np.array([energy]), fit_s, 3.0, {"inner_error": np.array(inner)})
+    split = Split(fold, np.empty(0, np.int64), np.array([fold]))
+    return FoldResult(model, split, np.array([energy]), fit_s, 3.0, inner)
 
 
 def test_each_fold_takes_the_candidate_with_the_least_inner_error():
@@ -265,20 +272,28 @@ def test_the_crossing_lies_on_a_line_in_the_logarithm_of_the_trips():
 
 
 def curve_results(hybrid, alone):
-    """Errors by (size, draw) of four trips, of which the first is always in the training set."""
-    found = []
-    for size in (2, 8):
-        for draw in range(2):
-            extra = {"trips": np.array([1, 2, 3]), "boosting": np.array(hybrid[size][draw])}
-            extra["boosting-only"] = np.array(alone[size][draw])
-            found.append(FoldResult(0, CURVE, draw * 1000 + size, np.zeros(3), 1.0, 0.0, extra))
-    return found
+    """Errors by (size, draw) of four trips of 1 Wh, of which the first is always in the training set."""
+    table = SimpleNamespace(observed_wh=np.ones(4), last_rows=np.arange(4), offsets=np.arange(5))
+    sizes = [(size, draw) for size in (2, 8) for draw in range(2)]
+    splits = [Split(k, np.arange(size), np.arange(1, 4), draw) for k, (size, draw) in enumerate(sizes)]
+    results = [
+        FoldResult(name, split, 1.0 + np.array(errors[len(split.train)][split.draw]), 1.0, 0.0)
+        for name, errors in (("boosting", hybrid), ("boosting-only", alone))
+        for split in splits
+    ]
+
+    class Table(SimpleNamespace):
+        def __len__(self):
+            return 4
+
+    hold = HoldOut("random_draws", "reference", Table(**vars(table)), None, tuple(splits))
+    return Comparison(hold, CURVE, tuple(results))
 
 
 def test_the_learning_curve_is_the_mean_over_draws_and_trips():
     hybrid = {2: [[0.6, 0.6, 0.6], [0.2, 0.2, 0.2]], 8: [[0.1, 0.1, 0.1], [0.3, 0.3, 0.3]]}
     alone = {2: [[0.9, 0.9, 0.9], [0.9, 0.9, 0.9]], 8: [[0.2, 0.3, 0.4], [0.3, 0.3, 0.3]]}
-    found = trips_needed(curve_results(hybrid, alone), 4, 0)
+    found = trips_needed(curve_results(hybrid, alone), 0)
     assert [row["n_trips"] for row in found["curve"]] == [2, 8]
     assert [row["boosting"] for row in found["curve"]] == pytest.approx([0.4, 0.2])
     assert [row["boosting-only"] for row in found["curve"]] == pytest.approx([0.9, 0.3])
@@ -288,25 +303,22 @@ def test_the_learning_curve_is_the_mean_over_draws_and_trips():
     low, high = found["crossing_ci95"]
     assert low <= found["crossing"]
     assert high is None or high >= found["crossing"]
-    assert found == trips_needed(curve_results(hybrid, alone), 4, 0)
+    assert found == trips_needed(curve_results(hybrid, alone), 0)
     never = {size: [[0.99] * 3] * 2 for size in (2, 8)}
-    nothing = trips_needed(curve_results(never, alone), 4, 0)
+    nothing = trips_needed(curve_results(never, alone), 0)
     assert nothing["crossing"] is None
     assert nothing["crossing_ci95"] == [None, None]
 
 
 def test_a_draw_is_scored_on_the_trips_that_it_does_not_train_on(table):
-    out = hold_out(table)
-    tasks = list(TripsNeeded().tasks(0, out, [3, 1003], 0))
-    (found,) = tasks[0].run()
-    assert found.model == CURVE
-    assert len(found.extra["trips"]) == 6
-    assert found.predicted_wh == pytest.approx(table.observed_wh[table.last_rows][found.extra["trips"]])
+    _, draws = study_comparisons(hold_out(table), ["boosting", "boosting-only"], 0)
+    (task,) = draws.specs[0].tasks(0, draws.hold_out, draws.hold_out.splits[:1], 0)
+    (found,) = task.run()
+    assert found.model == "boosting"
+    assert len(found.split.test) == 6
     order = np.random.default_rng((0, 0)).permutation(9)
-    assert set(found.extra["trips"]) == set(order[3:].tolist())
+    assert set(found.split.test) == set(order[3:].tolist())
     train = table.take(np.sort(order[:3]))
-    test = table.take(found.extra["trips"])
+    test = table.take(found.split.test)
     energy = correctors.boosting(0).fit(train).predict(test)[test.last_rows]
-    ape = np.abs(energy - test.observed_wh[test.last_rows]) / test.observed_wh[test.last_rows]
-    assert found.extra["boosting"] == pytest.approx(ape)
-    assert tasks[1].members == (1003,)
+    assert found.energies_wh(table) == pytest.approx(energy)

@@ -1,5 +1,7 @@
 """Every score of the results on skewed data, against arithmetic that is written out here."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -21,13 +23,14 @@ from tripwatt.evaluation.forecast_scores import (
     symmetric_quantiles,
     update_scores,
 )
+from tripwatt.evaluation.hold_outs import Split
 from tripwatt.evaluation.metrics import (
     absolute_percentage_error,
     bootstrap_interval,
     paired_difference,
     summarise_errors,
 )
-from tripwatt.evaluation.protocol import FoldResult
+from tripwatt.evaluation.tasks import FoldResult
 from tripwatt.uncertainty.coverage import clopper_pearson
 
 EXACT = {"rel": 1e-9, "abs": 1e-12}
@@ -243,23 +246,21 @@ def test_scores_by_stratum():
 
 
 def test_learning_curve_is_the_mean_over_trips_of_a_draw_and_over_draws():
-    def draw(size: int, number: int, hybrid: list[float], data: list[float]) -> FoldResult:
-        extra = {
-            "size": np.array(size),
-            "draw": np.array(number),
-            "hybrid": np.array(hybrid),
-            "boosting-only": np.array(data),
-        }
-        return FoldResult(0, "curve", number, np.zeros(1), 0.0, 0.0, extra)
+    """Of twelve trips of 1000 Wh, two or one are scored."""
 
-    rows = learning_curve(
-        [
-            draw(10, 1, [0.3, 0.1], [0.5, 0.5]),
-            draw(5, 0, [0.4], [0.6]),
-            draw(10, 0, [0.1], [0.2]),
-        ],
-        seed=0,
+    def draw(size: int, number: int, hybrid: list[float], data: list[float]) -> list[FoldResult]:
+        split = Split(0, np.arange(size), 12 - len(hybrid) + np.arange(len(hybrid)), number)
+        both = {"hybrid": hybrid, "boosting-only": data}
+        return [FoldResult(name, split, 1000.0 * (1.0 + np.array(e)), 0.0, 0.0) for name, e in both.items()]
+
+    segments = SimpleNamespace(observed_power_w=np.full(12, 1000.0), totals_wh=lambda power: power)
+    results = (
+        *draw(10, 1, [0.3, 0.1], [0.5, 0.5]),
+        *draw(5, 0, [0.4], [0.6]),
+        *draw(10, 0, [0.1], [0.2]),
     )
+    hold_out = SimpleNamespace(data=SimpleNamespace(segments=segments))
+    rows = learning_curve(SimpleNamespace(hold_out=hold_out, results=results), seed=0)
     assert [(row["n_trips"], row["draws"]) for row in rows] == [(5, 1), (10, 2)]
     assert rows[1]["hybrid_by_draw"] == pytest.approx([0.1, 0.2], **EXACT)
     assert rows[1]["hybrid"] == pytest.approx(0.15, **EXACT)

@@ -9,10 +9,12 @@ from scipy import stats
 
 from tripwatt.errors import InvalidInput
 from tripwatt.evaluation import transfer
+from tripwatt.evaluation.comparison import Comparison
 from tripwatt.evaluation.folds import Execution, run_folds
+from tripwatt.evaluation.hold_outs import HoldOut, Split
 from tripwatt.evaluation.metrics import bootstrap_interval, leaves_out_zero, paired_difference
-from tripwatt.evaluation.protocol import FoldResult
-from tripwatt.evaluation.results import _plain, paired_summary, summary_of
+from tripwatt.evaluation.results import _plain
+from tripwatt.evaluation.tasks import FoldResult, Task
 from tripwatt.evaluation.transfer import _bars, _by_car, _Car, _check, _forecasts, _paired, _period, _require
 from tripwatt.evaluation.transfer_scores import curve_row, paired_energy_error, resamples, scored
 from tripwatt.hybrid import SegmentTable
@@ -343,30 +345,34 @@ def test_an_interval_near_zero_has_to_leave_it_out_for_every_seed():
     assert difference.significant is (difference.ci95[0] > 0.0)
 
 
-def frame_of(**models):
-    observed = np.array([1000.0, 2000.0])
-    parts = []
-    for name, predicted in models.items():
-        columns = {"model": name, "observed_energy_wh": observed, "predicted_energy_wh": np.array(predicted)}
-        parts.append(pd.DataFrame({**columns, "ape": np.abs(np.array(predicted) - observed) / observed}))
-    return pd.concat(parts)
-
-
 def test_a_summary_counts_trips_that_are_better_than_physics():
-    frame = frame_of(physics=[1100.0, 2100.0], better=[1050.0, 2100.0])
-    specs = [SimpleNamespace(name="physics"), SimpleNamespace(name="better")]
-    hold_out = SimpleNamespace(scheme="s", trips="t", scored=np.arange(2))
+    """Two trips of 1000 and 2000 Wh, each predicted at two rows."""
+    table = SimpleNamespace(
+        observed_wh=np.array([0.0, 1000.0, 0.0, 2000.0]),
+        offsets=np.array([0, 2, 4]),
+        last_rows=np.array([1, 3]),
+        trip_ids=("a", "b"),
+        simulated=lambda name: np.zeros(4),
+    )
+    hold_out = SimpleNamespace(scheme="s", trips="t", scored=np.arange(2), table=table)
+    energies = {"physics": [1100.0, 2100.0], "better": [1050.0, 2100.0]}
+    specs = [SimpleNamespace(name=name, simulation=None) for name in energies]
     results = [
-        FoldResult(0, spec.name, k, np.zeros(1), 1.0 + k, 10.0 * k) for spec in specs for k in range(3)
+        FoldResult(name, Split(k, np.array([1 - k]), np.array([k])), np.array([5.0, wh]), 1.0 + k, 10.0 * k)
+        for name, both in energies.items()
+        for k, wh in enumerate(both)
     ]
-    found = summary_of(hold_out, frame, results, specs, 0)
+    comparison = Comparison(hold_out, tuple(specs), tuple(results))
+    found = comparison.summary(0)
     assert found["n_trips"] == 2
     assert found["models"]["physics"]["improved_share"] == {}
     assert found["models"]["better"]["improved_share"] == {"physics": 0.5}
-    assert (found["models"]["better"]["fit_s"], found["models"]["better"]["predict_ms"]) == (2.0, 10.0)
-    (pair,) = paired_summary(hold_out, frame, specs, 0)
+    assert found["models"]["better"]["mape"] == pytest.approx(0.05, **EXACT)
+    assert (found["models"]["better"]["fit_s"], found["models"]["better"]["predict_ms"]) == (1.5, 5.0)
+    (pair,) = comparison.paired(0)
     assert (pair["a"], pair["b"]) == ("physics", "better")
     assert pair["diff"] == pytest.approx((0.05 + 0.0) / 2, **EXACT)
+    assert comparison.frame["trip"].tolist() == ["a", "b", "a", "b"]
 
 
 def test_results_hold_plain_numbers():
@@ -376,70 +382,67 @@ def test_results_hold_plain_numbers():
 
 
 class Folded:
-    """A model of two folds, whose prediction tells where it was made."""
+    """A model whose prediction tells where it was made: in which comparison, in which fold, with which seed."""
 
     def __init__(self, name):
         self.name = name
 
-    def folds(self, hold_out):
-        return frozenset({0, 1})
-
-    def tasks(self, index, hold_out, folds, seed):
-        return [Part(index, self.name, fold, seed) for fold in folds]
+    def tasks(self, comparison, hold_out, splits, seed):
+        return [Part(comparison, self, None, (split,), seed) for split in splits]
 
 
-class Part:
-    def __init__(self, evaluation, model, fold, seed):
-        self.evaluation, self.members, self.rank = evaluation, (fold,), fold
-        self.model, self.seed = model, seed
+class Part(Task):
+    @property
+    def rank(self):
+        return (self.splits[0].number, 0)
 
     def run(self):
-        fold = self.members[0]
-        values = np.array([100.0 * self.evaluation + 10.0 * fold + self.seed])
-        return [FoldResult(self.evaluation, self.model, fold, values, 0.5, 2.0, {"sd": np.array([3.0])})]
+        (split,) = self.splits
+        values = np.array([100.0 * self.comparison + 10.0 * split.number + self.seed])
+        return [FoldResult(self.spec.name, split, values, 0.5, 2.0, 3.0)]
 
 
-def hold_out(digest, folds=(0, 1)):
-    return SimpleNamespace(
-        table=SimpleNamespace(digest=lambda: digest), folds=np.array(folds), scheme="s", trips=digest
+def compared(digest, folds=(0, 1), name="m"):
+    table = SimpleNamespace(digest=lambda: digest)
+    splits = tuple(Split(k, np.array([1 - i]), np.array([i])) for i, k in enumerate(folds))
+    return Comparison(HoldOut("s", digest, table, None, splits), (Folded(name),))
+
+
+def found_in(comparisons):
+    return sorted(
+        (i, r.model, r.split.number, float(r.predicted_wh[0]))
+        for i, comparison in enumerate(comparisons)
+        for r in comparison.results
     )
 
 
-def found_in(results):
-    return sorted((r.evaluation, r.model, r.fold, float(r.predicted_wh[0])) for r in results)
-
-
-def test_folds_of_the_same_trips_run_once(tmp_path):
-    held = [hold_out("a"), hold_out("b"), hold_out("a"), hold_out("a", (1, 0))]
+def test_comparisons_of_the_same_models_and_trips_run_once(tmp_path):
+    held = [compared("a"), compared("b"), compared("a"), compared("a", (1, 0)), compared("a", name="extra")]
     counted = []
-    results = run_folds(
-        held, [Folded("m")], [Folded("extra")], 7, Execution(1, progress=lambda *done: counted.append(done))
-    )
+    results = run_folds(held, 7, Execution(1, progress=lambda *done: counted.append(done)))
     of_model = [
         (k, "m", fold, 100.0 * (0 if k == 2 else k) + 10.0 * fold + 7.0) for k in range(4) for fold in (0, 1)
     ]
-    of_extra = [(0, "extra", fold, 10.0 * fold + 7.0) for fold in (0, 1)]
+    of_extra = [(4, "extra", fold, 400.0 + 10.0 * fold + 7.0) for fold in (0, 1)]
     assert found_in(results) == sorted(of_model + of_extra)
     assert (counted[0], counted[-1]) == ((0, 8), (8, 8))
     assert len(counted) == 9
 
 
 def test_finished_folds_are_kept_and_damaged_ones_run_again(tmp_path):
-    held = [hold_out("a")]
-    first = run_folds(held, [Folded("m")], [], 7, Execution(1, tmp_path))
+    held = [compared("a")]
+    first = run_folds(held, 7, Execution(1, tmp_path))
     (folder,) = tmp_path.iterdir()
     assert len(folder.name) == 16
     assert sorted(path.name for path in folder.iterdir()) == ["0.m.0.npz", "0.m.1.npz"]
     (folder / "0.m.1.npz").write_bytes(b"half")
     counted = []
-    again = run_folds(
-        held, [Folded("m")], [], 7, Execution(1, tmp_path, True, lambda *done: counted.append(done))
-    )
+    again = run_folds(held, 7, Execution(1, tmp_path, True, lambda *done: counted.append(done)))
     assert counted == [(1, 2), (2, 2)]
     assert found_in(again) == found_in(first)
-    kept = next(r for r in again if r.fold == 0)
-    assert (kept.fit_s, kept.predict_ms, kept.extra["sd"].tolist()) == (0.5, 2.0, [3.0])
-    run_folds(held, [Folded("m")], [], 7, Execution(1, tmp_path, False, lambda *done: counted.append(done)))
+    kept = next(r for r in again[0].results if r.split.number == 0)
+    assert (kept.fit_s, kept.predict_ms, kept.inner_error) == (0.5, 2.0, 3.0)
+    run_folds(held, 7, Execution(1, tmp_path, False, lambda *done: counted.append(done)))
     assert counted[2] == (0, 2)
-    run_folds(held, [Folded("m")], [], 8, Execution(1, tmp_path, True))
+    run_folds(held, 8, Execution(1, tmp_path, True))
     assert len(list(tmp_path.iterdir())) == 2

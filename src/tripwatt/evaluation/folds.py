@@ -1,21 +1,26 @@
-"""Run the folds of a protocol. Finished folds are kept on disk, so that an interrupted run ends with the same table."""
+"""Run the splits of a protocol. Finished ones are kept on disk, so that an interrupted run ends with the same table."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import zipfile
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.evaluation.hold_outs import HoldOut
-from tripwatt.evaluation.protocol import FoldResult, ModelSpec, Progress, Task
+from tripwatt.evaluation.comparison import Comparison
+from tripwatt.evaluation.held_out_forecasts import HeldOutForecasts
+from tripwatt.evaluation.hold_outs import Split
+from tripwatt.evaluation.tasks import FoldResult, Task
 from tripwatt.parallel import map_unordered
+
+Progress = Callable[[int, int], None]
+"""Called with (finished splits, all splits)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,11 +32,11 @@ class Execution:
     n_jobs : int
         Processes; -1 takes all cores. The results do not depend on it.
     work_dir : Path or None
-        Where finished folds are kept.
+        Where finished splits are kept.
     resume : bool
-        Use the finished folds that are there, if they belong to the same trips, models, seed and version.
+        Use the finished splits that are there, if they belong to the same trips, models, seed and version.
     progress : callable or None
-        Called with (finished folds, all folds).
+        Called with (finished splits, all splits).
 
     Examples
     --------
@@ -45,50 +50,42 @@ class Execution:
     progress: Progress | None = None
 
 
-def run_folds(
-    hold_outs: Sequence[HoldOut],
-    specs: Sequence[ModelSpec],
-    extra: Sequence[ModelSpec],
-    seed: int,
-    execution: Execution,
-) -> list[FoldResult]:
-    """Held-out predictions of every model under every hold-out; hold-outs with the same trips and folds run once.
+def run_folds(comparisons: Sequence[Comparison], seed: int, execution: Execution) -> list[Comparison]:
+    """The comparisons with their results; those of the same models, trips and splits run once.
 
     Parameters
     ----------
-    hold_outs : sequence of HoldOut
-    specs : sequence of ModelSpec
-    extra : sequence of ModelSpec
-        Run for the first hold-out alone.
+    comparisons : sequence of Comparison
     seed : int
     execution : Execution
     """
-    store = FoldStore.open(execution, hold_outs, seed)
-    same_as = _first_alike(hold_outs)
-    results: list[FoldResult] = []
+    store = FoldStore.open(execution, comparisons, seed)
+    keys = [_key(comparison) for comparison in comparisons]
+    results: dict[int, list[FoldResult]] = {keys.index(key): [] for key in keys}
     tasks: list[Task] = []
-    wanted = [(i, spec) for i, first in enumerate(same_as) if first == i for spec in specs]
-    for index, spec in [*wanted, *((0, spec) for spec in extra)]:
-        done = store.load(index, spec.name)
-        results.extend(done)
-        missing = sorted(spec.folds(hold_outs[index]) - {r.fold for r in done})
-        tasks.extend(spec.tasks(index, hold_outs[index], missing, seed))
+    for index, done in results.items():
+        hold_out = comparisons[index].hold_out
+        for spec in comparisons[index].specs:
+            loaded = store.load(index, spec.name, hold_out.splits)
+            known = {result.split.number for result in loaded}
+            missing = [split for split in hold_out.splits if split.number not in known]
+            tasks += spec.tasks(index, hold_out, missing, seed)
+            done += loaded
     tasks.sort(key=lambda task: task.rank)
-    finished = len(results)
-    total = finished + sum(len(task.members) for task in tasks)
+    finished = sum(map(len, results.values()))
+    total = finished + sum(len(task.splits) for task in tasks)
     report = execution.progress or (lambda finished, total: None)
     report(finished, total)
-    for _, found in map_unordered(_run, tasks, n_jobs=execution.n_jobs):
-        store.save(found)
-        results.extend(found)
-        finished += len(found)
+    for number, fresh in map_unordered(_run, tasks, n_jobs=execution.n_jobs):
+        index = tasks[number].comparison
+        store.save(index, fresh)
+        results[index] += fresh
+        finished += len(fresh)
         report(finished, total)
-    names = {spec.name for spec in specs}
-    for index, first in enumerate(same_as):
-        if first != index:
-            own = [r for r in results if r.evaluation == first and r.model in names]
-            results.extend(replace(r, evaluation=index) for r in own)
-    return results
+    return [
+        replace(comparison, results=tuple(results[keys.index(key)]))
+        for comparison, key in zip(comparisons, keys, strict=True)
+    ]
 
 
 def _run(task: Task) -> list[FoldResult]:
@@ -96,30 +93,25 @@ def _run(task: Task) -> list[FoldResult]:
     return task.run()
 
 
-def _first_alike(hold_outs: Sequence[HoldOut]) -> list[int]:
-    """For each hold-out the first one with the same trips in the same folds."""
-    keys = [(h.table.digest(), h.folds.tobytes()) for h in hold_outs]
-    return [keys.index(key) for key in keys]
+def _key(comparison: Comparison) -> str:
+    """Equal for the same models on the same trips and splits."""
+    hold_out = comparison.hold_out
+    splits = [[s.number, s.train.tolist(), s.test.tolist()] for s in hold_out.splits]
+    return json.dumps([hold_out.table.digest(), splits, [spec.name for spec in comparison.specs]])
 
 
 @dataclass(frozen=True)
 class FoldStore:
-    """Finished folds on disk, one .npz for each; the name of the folder tells what they belong to."""
+    """Finished splits on disk, one .npz for each, in a folder that is named by what they belong to."""
 
     folder: Path | None
 
     @classmethod
-    def open(cls, execution: Execution, hold_outs: Sequence[HoldOut], seed: int) -> FoldStore:
-        """The folds of an earlier run of the same code, trips and seed, or an empty folder."""
+    def open(cls, execution: Execution, comparisons: Sequence[Comparison], seed: int) -> FoldStore:
+        """The splits of an earlier run of the same code, trips and seed, or an empty folder."""
         if execution.work_dir is None:
             return cls(None)
-        what = json.dumps(
-            [
-                _code_digest(),
-                seed,
-                [[h.scheme, h.trips, h.table.digest(), h.folds.tolist()] for h in hold_outs],
-            ]
-        )
+        what = json.dumps([_code_digest(), seed, [_key(comparison) for comparison in comparisons]])
         folder = execution.work_dir / hashlib.sha256(what.encode()).hexdigest()[:16]
         folder.mkdir(parents=True, exist_ok=True)
         if not execution.resume:
@@ -127,39 +119,40 @@ class FoldStore:
                 old.unlink()
         return cls(folder)
 
-    def load(self, evaluation: int, model: str) -> list[FoldResult]:
-        """Finished folds of a model; a damaged file is removed, and its fold runs again."""
-        if self.folder is None:
-            return []
-        found = []
-        for path in sorted(self.folder.glob(f"{evaluation}.{model}.*.npz")):
+    def load(self, comparison: int, model: str, splits: Sequence[Split]) -> list[FoldResult]:
+        """Finished splits of a model; a damaged file is removed, and its split runs again."""
+        results = []
+        for split in splits if self.folder is not None else ():
+            path = self._path(comparison, model, split)
             try:
                 with np.load(path, allow_pickle=False) as stored:
-                    fold, fit_s, predict_ms = (stored[key].item() for key in ("fold", "fit_s", "predict_ms"))
-                    extra = {k.removeprefix("x_"): stored[k] for k in stored.files if k.startswith("x_")}
-                    energy = stored["predicted_wh"]
-                    found.append(FoldResult(evaluation, model, int(fold), energy, fit_s, predict_ms, extra))
-            except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+                    times = [stored[name].item() for name in ("fit_s", "predict_ms", "inner_error")]
+                    kept = {
+                        f.name: stored[f.name] for f in fields(HeldOutForecasts) if f.name in stored.files
+                    }
+                    result = FoldResult(model, split, stored["predicted_wh"], *times)
+                results.append(replace(result, forecasts=HeldOutForecasts(**kept)) if kept else result)
+            except FileNotFoundError:
+                continue
+            except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile):
                 path.unlink()  # half-written when the run was interrupted
-        return found
+        return results
 
-    def save(self, results: Sequence[FoldResult]) -> None:
-        """Keep finished folds."""
-        if self.folder is None:
-            return
-        for result in results:
-            path = self.folder / f"{result.evaluation}.{result.model}.{result.fold}.npz"
-            arrays: dict[str, npt.NDArray[Any]] = {
-                "fold": np.array(result.fold),
-                "fit_s": np.array(result.fit_s),
-                "predict_ms": np.array(result.predict_ms),
-                "predicted_wh": result.predicted_wh,
-                **{f"x_{name}": values for name, values in result.extra.items()},
-            }
+    def save(self, comparison: int, results: Sequence[FoldResult]) -> None:
+        """Keep finished splits."""
+        for result in results if self.folder is not None else ():
+            names = ("predicted_wh", "fit_s", "predict_ms", "inner_error")
+            arrays: dict[str, npt.NDArray[Any]] = {name: np.array(getattr(result, name)) for name in names}
+            arrays |= {} if result.forecasts is None else vars(result.forecasts)
+            path = self._path(comparison, result.model, result.split)
             half = path.with_suffix(".part")
             with half.open("wb") as stream:
                 np.savez(stream, **arrays)  # type: ignore[arg-type]  # numpy's stub mistakes ** for its own keyword
             half.replace(path)
+
+    def _path(self, comparison: int, model: str, split: Split) -> Path:
+        assert self.folder is not None
+        return self.folder / f"{comparison}.{model}.{split.number}.npz"
 
 
 def _code_digest() -> str:

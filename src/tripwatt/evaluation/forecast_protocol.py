@@ -15,12 +15,12 @@ import pandas as pd
 from tripwatt.arrays import BoolArray, IntArray
 from tripwatt.auditing import Audit, audit
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.evaluation.comparison import Comparison
 from tripwatt.evaluation.forecast_data import ForecastData
-from tripwatt.evaluation.forecast_models import ForecastSpec, IdentifiedModel, LearningCurve, PowerModel
+from tripwatt.evaluation.forecast_models import DataMethod, ForecastMethod, PowerMethod
 from tripwatt.evaluation.forecast_results import (
-    about_trips,
+    CURVE_DRAWS,
     add_crps_of_points,
-    by_trip_of,
     forecast_insight,
     forecast_scores,
     learning_curve,
@@ -35,23 +35,31 @@ from tripwatt.evaluation.hold_outs import (
     OTHER_TRIPS,
     TIME_SPLIT,
     TRAINING_ONLY,
+    WITHOUT_DAYS,
+    CarChoice,
     HoldOut,
+    Prepared,
+    days_of,
+    random_draws,
 )
-from tripwatt.evaluation.protocol import CarChoice, FoldResult, ModelSpec, Prepared, ReportSection
-from tripwatt.evaluation.results import EvaluationRun, about_run, fold_frame, paired_summary, summary_of
-from tripwatt.evaluation.table_models import CONSTANT, LINEAR4, LINEAR6, PHYSICS, PHYSICS4, TotalModel
+from tripwatt.evaluation.protocol import ReportSection
+from tripwatt.evaluation.results import EvaluationRun, about_run
+from tripwatt.evaluation.table_models import CONSTANT, LINEAR4, LINEAR6, PHYSICS, PHYSICS4
+from tripwatt.evaluation.tasks import ModelSpec
 from tripwatt.forecasting import DEFAULT_CORRECTOR, GIVEN
 from tripwatt.forecasting.model import MIN_TRIPS
 from tripwatt.trips import Fleet, Trip
 from tripwatt.trips.messages import message
 from tripwatt.vehicles import Vehicle, load_vehicle
 
-MIN_DAYS: Final = 3
 SPLIT: Final = 2.0 / 3.0
 """Part of the trips that a regime or a later time is forecast from."""
 MIN_SCORED: Final = 3
 """Fewest trips of a regime that is scored."""
-CURVE: Final = "learning-curve"
+CURVE_SIZES: Final = (5, 10, 20, 40)
+"""Numbers of training trips of the learning curve."""
+CURVE_LEAST_TEST: Final = 8
+"""Trips that have to be left to score a training size of the curve."""
 PHYSICS_IDENTIFIED: Final = "physics-identified"
 PUBLISHED_ONLY: Final = "hybrid-published"
 
@@ -69,9 +77,13 @@ _TITLES: Final[Mapping[str, str]] = MappingProxyType(
 _NAMES: Final[Mapping[str, str]] = MappingProxyType({"gp": "power-kriging", "split": "power-channels"})
 """Corrector -> its name in the files where it is not power-CORRECTOR."""
 
-_BASELINES: Final = tuple(TotalModel(model) for model in (CONSTANT, LINEAR4, LINEAR6, PHYSICS, PHYSICS4))
-_DATA_ONLY: Final = PowerModel(
-    WITHOUT_PHYSICS, "boosting on the power of segments, without physics", "boosting", None
+
+def _power(name: str, title: str, corrector: str | None, *, identified: bool = False) -> ModelSpec:
+    return ModelSpec(name, title, PowerMethod(corrector, identified), "physics")
+
+
+_DATA_ONLY: Final = ModelSpec(
+    WITHOUT_PHYSICS, "boosting on the power of segments, without physics", DataMethod("boosting")
 )
 
 
@@ -86,7 +98,7 @@ class ForecastProtocol:
 
     name = "forecast"
     title = "the forecast before departure and on the way, beside models of power"
-    sections = (
+    sections: tuple[ReportSection, ...] = (
         ReportSection("result", "Result", ("table", "mean-errors", "legend", "sets", "full-tables")),
         ReportSection("sure", "Uncertainty", ("coverage", "pit", "widths", "crps", "regimes")),
         ReportSection("arrival", "State of charge at arrival", ("arrival",)),
@@ -105,32 +117,40 @@ class ForecastProtocol:
     given = GIVEN
 
     def __init__(self, corrector: str = DEFAULT_CORRECTOR) -> None:
-        self.centre = PowerModel(FORECAST, _TITLES[corrector], corrector)
+        self.centre = _power(FORECAST, _TITLES[corrector], corrector)
         self.models: tuple[ModelSpec, ...] = (
-            *_BASELINES,
-            _DATA_ONLY,
+            *(CONSTANT, LINEAR4, LINEAR6, PHYSICS, PHYSICS4, _DATA_ONLY),
             *(
-                PowerModel(_NAMES.get(name, f"power-{name}"), title, name)
+                _power(_NAMES.get(name, f"power-{name}"), title, name)
                 for name, title in _TITLES.items()
                 if name != corrector
             ),
-            IdentifiedModel(
-                PHYSICS_IDENTIFIED, "physics, stages identified from their signals in each fold", None
+            _power(
+                PHYSICS_IDENTIFIED,
+                "physics, stages identified from their signals in each fold",
+                None,
+                identified=True,
             ),
-            PowerModel(PUBLISHED_ONLY, f"{_TITLES[corrector]}, with published values only", corrector),
-            ForecastSpec(
+            _power(PUBLISHED_ONLY, f"{_TITLES[corrector]}, with published values only", corrector),
+            ModelSpec(
                 FORECAST,
                 f"the forecast: {_TITLES[corrector]}, on physics identified in each fold, with intervals and updates",
-                corrector,
+                ForecastMethod(corrector),
+                "physics",
             ),
         )
 
-    def extra(self, specs: Sequence[ModelSpec]) -> tuple[ModelSpec, ...]:
-        """The learning curve, where both of its models were chosen."""
-        curves = {model.name: model for model in (self.centre, _DATA_ONLY)}
-        return (LearningCurve(CURVE, CURVE, curves),) if curves.keys() <= {s.name for s in specs} else ()
+    def beside(
+        self, prepared: Prepared[ForecastData], specs: Sequence[ModelSpec], seed: int
+    ) -> list[Comparison]:
+        """The learning curve, where both of its models were chosen and there are trips enough."""
+        main, curves = prepared.hold_outs[0], (self.centre, _DATA_ONLY)
+        if main.scheme != LEAVE_ONE_TRIP_OUT or not {m.name for m in curves} <= {s.name for s in specs}:
+            return []
+        draws = random_draws(main, CURVE_SIZES, CURVE_DRAWS, CURVE_LEAST_TEST, seed)
+        return [Comparison(draws, curves)] if draws.splits else []
 
-    def prepare(self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice) -> Prepared:
+    def prepare(self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice) -> Prepared[ForecastData]:
         """Leave one trip and one day out, or fit on one fleet and score another."""
         vehicle = load_vehicle(car.name, "default", car.overrides)
         audited = audit(fleet)
@@ -144,70 +164,77 @@ class ForecastProtocol:
         return Prepared(hold_outs, fleet, test_fleet, scored, {"physics": vehicle}, (*notes, *more))
 
     def assemble(
-        self, prepared: Prepared, results: Sequence[FoldResult], specs: Sequence[ModelSpec], seed: int
+        self,
+        prepared: Prepared[ForecastData],
+        main: Sequence[Comparison],
+        beside: Sequence[Comparison],
+        seed: int,
     ) -> EvaluationRun:
         """Errors of the totals, intervals, updates, strata and the learning curve."""
-        hold_outs, names = prepared.hold_outs, [spec.name for spec in specs]
-        frames, summaries = [], []
-        for i, hold_out in enumerate(hold_outs):
-            own = [r for r in results if r.evaluation == i and r.model in names]
-            energies = {n: by_trip_of(hold_out, [r for r in own if r.model == n]) for n in names}
-            frame = fold_frame(hold_out, energies, specs)
-            summary = summary_of(hold_out, frame, own, specs, seed)
-            add_crps_of_points(summary["models"], frame)
-            if FORECAST in summary["models"]:
-                summary["models"][FORECAST] |= forecast_scores(hold_out, own, frame, seed)
-            frames.append(frame)
+        first, summaries, insights = main[0], [], []
+        for comparison in main:
+            summary = comparison.summary(seed)
+            add_crps_of_points(summary["models"], comparison.frame)
+            forecasts = comparison.forecasts(FORECAST)
+            if forecasts is not None:
+                part = comparison.rows_of(FORECAST)
+                summary["models"][FORECAST] |= forecast_scores(forecasts, part, seed)
+                insights.append(forecast_insight(comparison.hold_out, forecasts, part))
             summaries.append(summary)
-        main = hold_outs[0]
-        about = about_trips(main.data, main.scored)
-        found: dict[str, Any] = {
-            **about_run(self.name, prepared, specs, seed),
+        insight = insights[0] if insights else None
+        content: dict[str, Any] = {
+            **about_run(self.name, prepared, first, seed),
             "fitted_on": prepared.fleet.name,
             "evaluations": summaries,
-            "paired": paired_summary(main, frames[0], specs, seed),
-            "learning_curve": learning_curve([r for r in results if r.model == CURVE], seed),
-            "strata": strata(about, frames[0], seed),
+            "learning_curve": [row for draws in beside for row in learning_curve(draws, seed)],
+            "strata": strata(first, seed),
         }
-        kept = forecast_insight(main, [r for r in results if r.evaluation == 0], frames[0])
         return EvaluationRun(
-            results=found,
-            folds=pd.concat(frames, ignore_index=True),
-            series={} if kept is None else measured_beside(kept),
+            results=content,
+            folds=pd.concat([comparison.frame for comparison in main], ignore_index=True),
+            series={} if insight is None else measured_beside(insight),
             signals=pd.DataFrame(),
-            forecast=kept,
+            forecast=insight,
         )
 
 
-def _held_out(fleet: Fleet, audited: Audit, vehicle: Vehicle) -> tuple[list[HoldOut], list[str]]:
+def _held_out(
+    fleet: Fleet, audited: Audit, vehicle: Vehicle
+) -> tuple[list[HoldOut[ForecastData]], list[str]]:
     """Leave-one-trip-out on the reference and the audited trips, leave-one-day-out on the first of them."""
     named = {"reference": fleet.reference_trips(), "audited": audited.trips}
     notes = []
-    found: list[HoldOut] = []
+    hold_outs: list[HoldOut[ForecastData]] = []
     for name, trips in named.items():
         if not trips:
             notes.append(f"no {name} trips in the data set {fleet.name!r}")
             continue
         _require(len(trips) - 1, fleet)
-        data = ForecastData.from_trips(trips, vehicle)
-        folds = np.arange(len(data), dtype=np.int64)
-        found.append(HoldOut(LEAVE_ONE_TRIP_OUT, name, data.table, folds, data))
-    if not found:
+        hold_outs.append(_hold_out(LEAVE_ONE_TRIP_OUT, name, ForecastData.from_trips(trips, vehicle)))
+    if not hold_outs:
         _require(0, fleet)
-    main = found[0]
-    days = [trip.context.day for trip in main.table.trips]
-    _, day = np.unique(np.array([str(d) for d in days]), return_inverse=True)
-    if any(d is None for d in days) or len(set(days)) < MIN_DAYS:
-        notes.append("leave-one-day-out left out: the dates of the trips are unknown or fewer than three")
-    elif len(days) - int(np.bincount(day).max()) < MIN_TRIPS:
+    main = hold_outs[0]
+    days = days_of(main.table.trips)
+    if days is None:
+        notes.append(WITHOUT_DAYS)
+    elif len(days) - int(np.bincount(days).max()) < MIN_TRIPS:
         notes.append("leave-one-day-out left out: too few trips remain without the fullest day")
     else:
-        found.append(HoldOut(LEAVE_ONE_DAY_OUT, main.trips, main.table, day.astype(np.int64), main.data))
+        hold_outs.append(_hold_out(LEAVE_ONE_DAY_OUT, main.trips, main.data, days))
     regimes, more = _regimes(main)
-    return [*found, *regimes], [*notes, *more]
+    return [*hold_outs, *regimes], [*notes, *more]
 
 
-def _regimes(main: HoldOut) -> tuple[list[HoldOut], list[str]]:
+def _hold_out(
+    scheme: str, trips: str, data: ForecastData, folds: IntArray | None = None
+) -> HoldOut[ForecastData]:
+    """Each trip is a fold by default."""
+    return HoldOut.from_folds(
+        scheme, trips, data.table, data, np.arange(len(data)) if folds is None else folds
+    )
+
+
+def _regimes(main: HoldOut[ForecastData]) -> tuple[list[HoldOut[ForecastData]], list[str]]:
     """Fit on a part of the trips, score another kind: longer, faster, the other season, later."""
     plans, trips = main.data.plans, main.table.trips
     duration = np.array([plan.duration_s for plan in plans])
@@ -225,22 +252,21 @@ def _regimes(main: HoldOut) -> tuple[list[HoldOut], list[str]]:
         later = np.zeros(len(plans), dtype=bool)
         later[order[int(np.ceil(SPLIT * len(order))) :]] = True
         parts.append((TIME_SPLIT, "last third by date", ~later, later))
-    found, left_out = [], []
+    hold_outs, left_out = [], []
     for scheme, name, fitted, scored in parts:
         if fitted.sum() < MIN_TRIPS or scored.sum() < MIN_SCORED:
             left_out.append(name)
             continue
         chosen = np.flatnonzero(fitted | scored)
         folds = np.where(scored[chosen], 0, TRAINING_ONLY).astype(np.int64)
-        data = main.data.take(chosen)
-        found.append(HoldOut(scheme, name, data.table, folds, data))
+        hold_outs.append(_hold_out(scheme, name, main.data.take(chosen), folds))
     notes = [f"regimes left out for too few trips: {', '.join(left_out)}"] if left_out else []
-    return found, notes
+    return hold_outs, notes
 
 
 def _other_trips(
     fleet: Fleet, audited: Audit, test_fleet: Fleet, test_audited: Audit, vehicle: Vehicle
-) -> tuple[list[HoldOut], list[str]]:
+) -> tuple[list[HoldOut[ForecastData]], list[str]]:
     """Fit on the trips of one fleet, score those of another: reference trips, or audited ones without a reference."""
     train: Sequence[Trip] = fleet.reference_trips() or audited.trips
     name = "reference" if test_fleet.reference_trips() else "audited"
@@ -251,11 +277,9 @@ def _other_trips(
             Fault("no trip to score", f"--test {test_fleet.name}", "0", "at least 1 after the audit")
         )
     data = ForecastData.from_trips([*test, *train], vehicle)
-    folds: IntArray = np.concatenate(
-        [np.zeros(len(test), np.int64), np.full(len(train), TRAINING_ONLY, np.int64)]
-    )
+    folds = np.repeat([0, TRAINING_ONLY], [len(test), len(train)])
     note = f"fitted on {len(train)} trips of {fleet.name!r}, scored on {len(test)} of {test_fleet.name!r}"
-    return [HoldOut(OTHER_TRIPS, name, data.table, folds, data)], [note]
+    return [_hold_out(OTHER_TRIPS, name, data, folds)], [note]
 
 
 def _require(training: int, fleet: Fleet) -> None:

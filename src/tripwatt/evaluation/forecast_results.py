@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import IntArray
+from tripwatt.evaluation.comparison import Comparison
 from tripwatt.evaluation.forecast_data import ForecastData
-from tripwatt.evaluation.forecast_models import CURVE_DRAWS
 from tripwatt.evaluation.forecast_scores import (
     FORECAST,
     FRACTIONS,
@@ -27,26 +26,12 @@ from tripwatt.evaluation.forecast_scores import (
     symmetric_quantiles,
     update_scores,
 )
+from tripwatt.evaluation.held_out_forecasts import HeldOutForecasts
 from tripwatt.evaluation.hold_outs import HoldOut
-from tripwatt.evaluation.metrics import bootstrap_interval
-from tripwatt.evaluation.protocol import FoldResult
+from tripwatt.evaluation.metrics import absolute_percentage_error, bootstrap_interval
 
-PER_TRIP: Final = ("sd", "low", "high", "factors", "pit", "flags", "causes", "updates")
-"""Arrays of a fold of the forecast with one row per trip."""
-ARRIVALS: Final = ("shown", "arrival", "arrival_chance")
-"""Those of the charge at arrival."""
-
-
-def by_trip_of(hold_out: HoldOut, results: Sequence[FoldResult], name: str | None = None) -> FloatArray:
-    """An array of the folds in the order of the scored trips; the predicted energy when no name is given."""
-    by_trip: FloatArray | None = None
-    for result in results:
-        values = result.predicted_wh if name is None else np.asarray(result.extra[name], dtype=np.float64)
-        if by_trip is None:
-            by_trip = np.full((len(hold_out.table), *values.shape[1:]), np.nan)
-        by_trip[hold_out.folds == result.fold] = values
-    assert by_trip is not None
-    return by_trip[hold_out.scored]
+CURVE_DRAWS: Final = 6
+"""Random draws of training trips of each size of the learning curve."""
 
 
 def add_crps_of_points(models: dict[str, Any], frame: pd.DataFrame) -> None:
@@ -56,67 +41,49 @@ def add_crps_of_points(models: dict[str, Any], frame: pd.DataFrame) -> None:
         score["crps_wh"] = float((part["predicted_energy_wh"] - part["observed_energy_wh"]).abs().mean())
 
 
-def forecast_scores(
-    hold_out: HoldOut, results: Sequence[FoldResult], frame: pd.DataFrame, seed: int
-) -> dict[str, Any]:
-    """Coverage, CRPS and update scores of the forecast in one hold-out."""
-    own = [r for r in results if r.model == FORECAST]
-    part = frame[frame["model"] == FORECAST]
+def forecast_scores(forecasts: HeldOutForecasts, part: pd.DataFrame, seed: int) -> dict[str, Any]:
+    """Coverage, CRPS and update scores of the forecast in one hold-out; `part` has its rows of the folds."""
     observed, centre = part["observed_energy_wh"].to_numpy(), part["predicted_energy_wh"].to_numpy()
-    found = {name: by_trip_of(hold_out, own, name) for name in PER_TRIP}
-    shown, arrival, chance = (by_trip_of(hold_out, own, name) for name in ARRIVALS)
     return {
-        "arrival": arrival_scores(shown, arrival, chance, seed),
-        **coverage_scores(observed, found["low"], found["high"], seed),
-        **crps_scores(observed, centre, found["sd"], found["factors"]),
-        "update": update_scores(observed, found["updates"], seed),
+        "arrival": arrival_scores(forecasts.shown, forecasts.arrival, forecasts.arrival_chance, seed),
+        **coverage_scores(observed, forecasts.low_wh, forecasts.high_wh, seed),
+        **crps_scores(observed, centre, forecasts.sd_wh, forecasts.factors),
+        "update": update_scores(observed, forecasts.updates_wh, seed),
     }
 
 
 def forecast_insight(
-    hold_out: HoldOut, results: Sequence[FoldResult], frame: pd.DataFrame
-) -> ForecastInsight | None:
-    """Held-out forecasts of one hold-out; None where the forecast was not among the models."""
-    own = sorted((r for r in results if r.model == FORECAST), key=lambda r: r.fold)
-    if not own:
-        return None
-    scored = hold_out.scored
-    part = frame[frame["model"] == FORECAST]
-    found = {name: by_trip_of(hold_out, own, name) for name in PER_TRIP}
+    hold_out: HoldOut[ForecastData], forecasts: HeldOutForecasts, part: pd.DataFrame
+) -> ForecastInsight:
+    """Held-out forecasts of one hold-out; `part` has their rows of the folds."""
     observed, centre = part["observed_energy_wh"].to_numpy(), part["predicted_energy_wh"].to_numpy()
+    sd_wh = forecasts.sd_wh
     columns: dict[str, Any] = {
         "trip": part["trip"].to_numpy(),
         "observed_energy_wh": observed,
         "energy_wh": centre,
-        "sd_wh": found["sd"],
-        "pit": found["pit"],
-        "crps_wh": crps(observed, symmetric_quantiles(centre, found["factors"] * found["sd"][:, None])),
-        "flags": found["flags"].astype(int),
+        "sd_wh": sd_wh,
+        "pit": forecasts.pit,
+        "crps_wh": crps(observed, symmetric_quantiles(centre, forecasts.factors * sd_wh[:, None])),
+        "flags": forecasts.flags,
     }
     for j, level in enumerate(LEVELS):
-        columns[f"low_{100 * level:g}"] = found["low"][:, j]
-        columns[f"high_{100 * level:g}"] = found["high"][:, j]
+        columns[f"low_{100 * level:g}"] = forecasts.low_wh[:, j]
+        columns[f"high_{100 * level:g}"] = forecasts.high_wh[:, j]
     for j, fraction in enumerate(FRACTIONS):
         for k, name in enumerate(UPDATES):
-            columns[f"{name}_{100 * fraction:g}"] = found["updates"][:, j, k]
-    about = about_trips(hold_out.data, scored).drop(columns="trip")
-    trips = pd.concat([pd.DataFrame(columns), about], axis=1)
-    names = [hold_out.table.trip_ids[i] for i in scored]
-    causes = pd.DataFrame(found["causes"], index=names, columns=own[0].extra["cause_names"].tolist())
-    logs = {hold_out.table.trip_ids[i]: hold_out.data.logs[i] for i in scored}
-    return ForecastInsight(trips, causes, _series(hold_out, own), logs)
-
-
-def _series(hold_out: HoldOut, results: Sequence[FoldResult]) -> dict[str, pd.DataFrame]:
-    """`Forecast.series` of each trip."""
-    found = {}
-    for result in results:
-        ends = np.cumsum(result.extra["series_rows"])
-        pieces = np.split(result.extra["series"], ends[:-1])
-        for trip, piece in zip(np.flatnonzero(hold_out.folds == result.fold), pieces, strict=True):
-            columns = result.extra["series_names"].tolist()
-            found[hold_out.table.trip_ids[trip]] = pd.DataFrame(piece, columns=columns)
-    return found
+            columns[f"{name}_{100 * fraction:g}"] = forecasts.updates_wh[:, j, k]
+    about = about_trips(hold_out.data, hold_out.scored).drop(columns="trip")
+    names = [hold_out.table.trip_ids[i] for i in hold_out.scored]
+    return ForecastInsight(
+        pd.concat([pd.DataFrame(columns), about], axis=1),
+        pd.DataFrame(forecasts.causes_wh, index=names, columns=forecasts.cause_names.tolist()),
+        {
+            name: pd.DataFrame(piece, columns=forecasts.series_names.tolist())
+            for name, piece in zip(names, forecasts.pieces(), strict=True)
+        },
+        {name: hold_out.data.logs[i] for name, i in zip(names, hold_out.scored, strict=True)},
+    )
 
 
 def measured_beside(kept: ForecastInsight) -> dict[str, pd.DataFrame]:
@@ -162,32 +129,39 @@ def about_trips(data: ForecastData, members: IntArray) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def strata(about: pd.DataFrame, frame: pd.DataFrame, seed: int) -> list[dict[str, Any]]:
+def strata(main: Comparison, seed: int) -> list[dict[str, Any]]:
     """Mean errors of forecast and data-only model by kind of trip."""
-    ape = {str(name): part["ape"].to_numpy() for name, part in frame.groupby("model")}
-    if FORECAST not in ape:
+    names = {spec.name for spec in main.specs}
+    if FORECAST not in names:
         return []
-    return strata_scores(strata_of(about), ape[FORECAST], ape.get(WITHOUT_PHYSICS), seed)
+    about = about_trips(main.hold_out.data, main.hold_out.scored)
+    other = main.ape(WITHOUT_PHYSICS) if WITHOUT_PHYSICS in names else None
+    return strata_scores(strata_of(about), main.ape(FORECAST), other, seed)
 
 
-def learning_curve(results: Sequence[FoldResult], seed: int) -> list[dict[str, Any]]:
-    """Mean APE by number of training trips: the mean over draws, and over the trips that no draw was trained on."""
+def learning_curve(draws: Comparison, seed: int) -> list[dict[str, Any]]:
+    """Mean APE by number of training trips: the mean over draws, and over the trips that no draw was fitted on.
+
+    Parameters
+    ----------
+    draws : Comparison
+        Of the forecast's centre and the model without physics on random draws of trips.
+    seed : int
+    """
+    segments = draws.hold_out.data.segments
+    observed = segments.totals_wh(segments.observed_power_w)
+    by_size: dict[int, dict[str, dict[int, float]]] = {}
+    for result in draws.results:
+        split = result.split
+        error = float(absolute_percentage_error(observed[split.test], result.predicted_wh).mean())
+        by_size.setdefault(len(split.train), {}).setdefault(result.model, {})[split.draw] = error
     rows = []
-    by_size: Mapping[int, list[FoldResult]] = {
-        size: [r for r in results if int(r.extra["size"]) == size]
-        for size in sorted({int(r.extra["size"]) for r in results})
-    }
-    for size, draws in by_size.items():
-        draws = sorted(draws, key=lambda r: int(r.extra["draw"]))
-        means = {
-            m: np.array([float(np.mean(r.extra[m])) for r in draws]) for m in (FORECAST, WITHOUT_PHYSICS)
-        }
-        row: dict[str, Any] = {"n_trips": size, "draws": len(draws)}
-        for model, values in means.items():
-            row[model] = float(values.mean())
-            row[f"{model}_by_draw"] = values.tolist()
+    for size, errors in sorted(by_size.items()):
+        means = {m: np.array([errors[m][k] for k in sorted(errors[m])]) for m in (FORECAST, WITHOUT_PHYSICS)}
         difference = means[FORECAST] - means[WITHOUT_PHYSICS]
-        row["diff"] = float(difference.mean())
-        row["diff_ci95"] = bootstrap_interval(difference, seed) if len(draws) == CURVE_DRAWS else None
-        rows.append(row)
+        row: dict[str, Any] = {"n_trips": size, "draws": len(difference)}
+        for model, values in means.items():
+            row |= {model: float(values.mean()), f"{model}_by_draw": values.tolist()}
+        interval = bootstrap_interval(difference, seed) if len(difference) == CURVE_DRAWS else None
+        rows.append(row | {"diff": float(difference.mean()), "diff_ci95": interval})
     return rows

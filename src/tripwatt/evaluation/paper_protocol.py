@@ -16,10 +16,19 @@ import pandas as pd
 from tripwatt.arrays import FloatArray
 from tripwatt.auditing import Audit, audit
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.evaluation.hold_outs import LEAVE_ONE_DAY_OUT, LEAVE_ONE_TRIP_OUT, HoldOut
-from tripwatt.evaluation.paper_studies import simulation_forms, studies, study_models
-from tripwatt.evaluation.protocol import CarChoice, FoldResult, ModelSpec, Prepared, ReportSection
-from tripwatt.evaluation.results import EvaluationRun, about_run, fold_frame, paired_summary, summary_of
+from tripwatt.evaluation.comparison import Comparison
+from tripwatt.evaluation.hold_outs import (
+    LEAVE_ONE_DAY_OUT,
+    LEAVE_ONE_TRIP_OUT,
+    WITHOUT_DAYS,
+    CarChoice,
+    HoldOut,
+    Prepared,
+    days_of,
+)
+from tripwatt.evaluation.paper_studies import simulation_forms, studies, study_comparisons
+from tripwatt.evaluation.protocol import ReportSection
+from tripwatt.evaluation.results import EvaluationRun, about_run
 from tripwatt.evaluation.table_models import (
     CONSTANT,
     LINEAR4,
@@ -27,8 +36,10 @@ from tripwatt.evaluation.table_models import (
     PHYSICS,
     PHYSICS4,
     PHYSICS_PAPER,
-    TableModel,
+    TableMethod,
+    table_model,
 )
+from tripwatt.evaluation.tasks import ModelSpec
 from tripwatt.hybrid import TripTable, build_table
 from tripwatt.paper import correctors
 from tripwatt.paper.insight import GammInsight, insight
@@ -60,12 +71,12 @@ class PaperProtocol:
         PHYSICS_PAPER,
         PHYSICS,
         PHYSICS4,
-        TableModel("gamm", "hybrid, GAMM with Student's t errors", correctors.gamm, "physics-paper"),
-        TableModel("forest", "hybrid, clustered forest", correctors.forest, "physics-paper"),
-        TableModel("boosting", "hybrid, clustered boosting", correctors.boosting, "physics-paper"),
-        TableModel("boosting-only", "boosting without physics", correctors.boosting_without_physics),
+        table_model("gamm", "hybrid, GAMM with Student's t errors", correctors.gamm, "physics-paper"),
+        table_model("forest", "hybrid, clustered forest", correctors.forest, "physics-paper"),
+        table_model("boosting", "hybrid, clustered boosting", correctors.boosting, "physics-paper"),
+        table_model("boosting-only", "boosting without physics", correctors.boosting_without_physics),
     )
-    sections = (
+    sections: tuple[ReportSection, ...] = (
         ReportSection("result", "Result", ("table", "mean-errors", "legend", "sets", "full-tables")),
         ReportSection(
             "errors", "Errors of every model", ("error-distribution", "error-boxes", "benchmark-boxes")
@@ -98,14 +109,14 @@ class PaperProtocol:
         ),
     )
     focus: str | None = None
-    published = PUBLISHED
+    published: Mapping[str, float] = PUBLISHED
     given = ""
 
-    def extra(self, specs: Sequence[ModelSpec]) -> tuple[ModelSpec, ...]:
-        """The models of `tripwatt.evaluation.paper_studies`."""
-        return study_models([spec.name for spec in specs])
+    def beside(self, prepared: Prepared[None], specs: Sequence[ModelSpec], seed: int) -> list[Comparison]:
+        """What `tripwatt.evaluation.paper_studies` compares."""
+        return study_comparisons(prepared.hold_outs[0], [spec.name for spec in specs], seed)
 
-    def prepare(self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice) -> Prepared:
+    def prepare(self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice) -> Prepared[None]:
         """Each set of trips under leave-one-trip-out, and the main set under leave-one-day-out."""
         if test_fleet is not None:
             raise InvalidInput(
@@ -121,35 +132,25 @@ class PaperProtocol:
         return Prepared(hold_outs, fleet, None, audited, cars, (*map(message, fleet.notes), *given, *notes))
 
     def assemble(
-        self, prepared: Prepared, results: Sequence[FoldResult], specs: Sequence[ModelSpec], seed: int
+        self, prepared: Prepared[None], main: Sequence[Comparison], beside: Sequence[Comparison], seed: int
     ) -> EvaluationRun:
         """Errors of the totals, predictions along the trips, battery signals, and the inside of the correctors."""
-        hold_outs = prepared.hold_outs
-        predictions = _predictions(hold_outs, results, specs)
-        frames = [
-            fold_frame(h, {name: rows[h.table.last_rows] for name, rows in predictions[i].items()}, specs)
-            for i, h in enumerate(hold_outs)
-        ]
-        summaries = [
-            summary_of(h, frames[i], [r for r in results if r.evaluation == i], specs, seed)
-            for i, h in enumerate(hold_outs)
-        ]
+        first, table = main[0], main[0].hold_out.table
+        methods = {spec.name: spec.method for spec in first.specs}
+        models = {name: m.make(seed) for name, m in methods.items() if isinstance(m, TableMethod)}
         weathers = {t.context.weather for t in prepared.fleet.trips if t.context.weather is not None}
-        own = {spec.name: spec.make(seed) for spec in specs if isinstance(spec, TableModel)}
-        inside = insight(hold_outs[0].table, own, weathers=sorted(weathers))
-        main = [r for r in results if r.evaluation == 0]
-        found: dict[str, Any] = {
-            **about_run(self.name, prepared, specs, seed),
-            "evaluations": summaries,
+        inside = insight(table, models, weathers=sorted(weathers))
+        content: dict[str, Any] = {
+            **about_run(self.name, prepared, first, seed),
+            "evaluations": [comparison.summary(seed) for comparison in main],
             "table2": _table2(inside.gamm),
-            "studies": studies(hold_outs[0], main, specs, seed),
-            "paired": paired_summary(hold_outs[0], frames[0], specs, seed),
+            "studies": studies(first, beside, seed),
         }
         return EvaluationRun(
-            results=found,
-            folds=pd.concat(frames, ignore_index=True),
-            series=_series(hold_outs[0].table, predictions[0]),
-            signals=_signals(hold_outs[0].table.trips, prepared.cars["physics"]),
+            results=content,
+            folds=pd.concat([comparison.frame for comparison in main], ignore_index=True),
+            series=_series(table, {spec.name: first.along_wh(spec.name) for spec in first.specs}),
+            signals=_signals(table.trips, prepared.cars["physics"]),
             learning_curves=inside.learning_curves,
             importances=inside.importances,
             gamm=inside.gamm,
@@ -176,36 +177,37 @@ def _table2(gamm: GammInsight | None) -> list[dict[str, Any]]:
     ]
 
 
-def _hold_outs(fleet: Fleet, audited: Audit, cars: Mapping[str, Vehicle]) -> tuple[list[HoldOut], list[str]]:
+def _hold_outs(
+    fleet: Fleet, audited: Audit, cars: Mapping[str, Vehicle]
+) -> tuple[list[HoldOut[None]], list[str]]:
     usable, notes = _usable(fleet.trips)
     sets: dict[str, Sequence[Trip]] = {
         "reference": fleet.reference_trips(),
         "audited": audited.trips,
         "all": usable,
     }
-    found: list[HoldOut] = []
+    hold_outs: list[HoldOut[None]] = []
     for name, trips in sets.items():
         if not trips:
             if name == "reference" and fleet.reference is not None:
                 notes.append(f"none of the reference trips of the data set {fleet.name!r} is here")
             continue
         table = build_table(trips, cars)
-        found.append(HoldOut(LEAVE_ONE_TRIP_OUT, name, table, np.arange(len(table), dtype=np.int64)))
-    if not found or max(len(h.table) for h in found) < MIN_FOLDS:
+        hold_outs.append(HoldOut.from_folds(LEAVE_ONE_TRIP_OUT, name, table, None, np.arange(len(table))))
+    if not hold_outs or max(len(h.table) for h in hold_outs) < MIN_FOLDS:
         got = f"{len(audited.trips)} of {len(fleet.trips)}"
         fault = Fault(
             "too few trips after the audit", fleet.name, got, f"at least {MIN_FOLDS} with measured energy"
         )
         raise InvalidInput(fault)
-    main = found[0]
-    days = [t.context.day for t in main.table.trips]
-    if any(day is None for day in days) or len(set(days)) < MIN_FOLDS:
-        notes.append("leave-one-day-out left out: the dates of the trips are unknown or fewer than three")
+    main = hold_outs[0]
+    days = days_of(main.table.trips)
+    if days is None:
+        notes.append(WITHOUT_DAYS)
     else:
-        _, folds = np.unique(np.array([str(day) for day in days]), return_inverse=True)
-        found.append(HoldOut(LEAVE_ONE_DAY_OUT, main.trips, main.table, folds.astype(np.int64)))
+        hold_outs.append(HoldOut.from_folds(LEAVE_ONE_DAY_OUT, main.trips, main.table, None, days))
     notes.extend(main.table.notes)
-    return found, notes
+    return hold_outs, notes
 
 
 def _usable(trips: Sequence[Trip]) -> tuple[list[Trip], list[str]]:
@@ -220,20 +222,6 @@ def _usable(trips: Sequence[Trip]) -> tuple[list[Trip], list[str]]:
         else:
             usable.append(trip)
     return usable, notes
-
-
-def _predictions(
-    hold_outs: Sequence[HoldOut], fold_results: Sequence[FoldResult], specs: Sequence[ModelSpec]
-) -> list[dict[str, FloatArray]]:
-    predictions = [
-        {spec.name: np.full(len(e.table.observed_wh), np.nan) for spec in specs} for e in hold_outs
-    ]
-    names = {spec.name for spec in specs}
-    for result in (r for r in fold_results if r.model in names):
-        hold_out = hold_outs[result.evaluation]
-        rows = hold_out.table.rows_of(np.flatnonzero(hold_out.folds == result.fold))
-        predictions[result.evaluation][result.model][rows] = result.predicted_wh
-    return predictions
 
 
 def _series(table: TripTable, predictions: Mapping[str, FloatArray]) -> dict[str, pd.DataFrame]:

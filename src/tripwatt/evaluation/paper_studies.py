@@ -7,20 +7,20 @@ errors of the GAMM, choices among them inside the fold, and the error by the num
 from __future__ import annotations
 
 import functools
-import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.evaluation.hold_outs import LEAVE_ONE_TRIP_OUT, HoldOut
+from tripwatt.evaluation.comparison import Comparison, median_times
+from tripwatt.evaluation.hold_outs import HoldOut, random_draws
 from tripwatt.evaluation.metrics import absolute_percentage_error, summarise_errors
-from tripwatt.evaluation.protocol import FoldResult, ModelSpec
-from tripwatt.evaluation.table_models import REFERENCE, TableModel
-from tripwatt.hybrid import EnergyModel, PhysicsOnly, TripTable
+from tripwatt.evaluation.table_models import physics, table_model
+from tripwatt.evaluation.tasks import FoldResult, ModelSpec
+from tripwatt.hybrid import EnergyModel, TripTable
 from tripwatt.paper import correctors
 from tripwatt.vehicles import Vehicle, load_vehicle
 
@@ -91,35 +91,15 @@ NEAREST: Final = "physics-brochure"
 """The form whose error on the reference trips is nearest to that of the paper's simulation; the correctors run on it."""
 
 
-@dataclass(frozen=True, slots=True)
-class StudyModel(TableModel):
-    """A model that runs on the reference trips, where their simulation is known."""
-
-    def folds(self, hold_out: HoldOut) -> frozenset[int]:
-        """All folds of the reference trips, none of other sets."""
-        known = self.simulation is None or self.simulation in hold_out.table.simulated_wh
-        return hold_out.fold_numbers if known and _is_reference(hold_out) else frozenset()
+def _studied(name: str, title: str, make: Callable[..., EnergyModel], **settings: Any) -> ModelSpec:
+    """A model with settings of `make`, on its simulation or on that of the correctors."""
+    simulation = settings.get("simulation", correctors.SIMULATION)
+    return table_model(name, title, functools.partial(make, **settings), simulation)
 
 
-def _is_reference(hold_out: HoldOut) -> bool:
-    return hold_out.scheme == LEAVE_ONE_TRIP_OUT and hold_out.trips == REFERENCE
-
-
-def _physics(seed: int, *, simulation: str) -> EnergyModel:
-    return PhysicsOnly(simulation)
-
-
-SIMULATIONS: Final = tuple(
-    StudyModel(form.name, form.title, functools.partial(_physics, simulation=form.name), form.name)
-    for form in FORMS
-)
+SIMULATIONS: Final = tuple(_studied(form.name, form.title, physics, simulation=form.name) for form in FORMS)
 ON_NEAREST: Final = tuple(
-    StudyModel(
-        f"{name}-brochure",
-        f"{title} on {NEAREST}",
-        functools.partial(make, simulation=NEAREST),
-        NEAREST,
-    )
+    _studied(f"{name}-brochure", f"{title} on {NEAREST}", make, simulation=NEAREST)
     for name, title, make in (
         ("gamm", "GAMM with Student's t errors", correctors.gamm),
         ("forest", "clustered forest", correctors.forest),
@@ -127,21 +107,16 @@ ON_NEAREST: Final = tuple(
     )
 )
 CORRELATIONS: Final = tuple(
-    StudyModel(
+    _studied(
         f"boosting-{kind}",
         f"clustered boosting, working correlation {kind}",
-        functools.partial(correctors.boosting, correlation=kind),
-        correctors.SIMULATION,
+        correctors.boosting,
+        correlation=kind,
     )
     for kind in ("exchangeable", "ar1")
 )
 GAMM_ERRORS: Final = (
-    StudyModel(
-        "gamm-ar1",
-        "GAMM with normal AR(1) errors within a trip",
-        functools.partial(correctors.gamm, errors="ar1"),
-        correctors.SIMULATION,
-    ),
+    _studied("gamm-ar1", "GAMM with normal AR(1) errors within a trip", correctors.gamm, errors="ar1"),
 )
 
 CHOICES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
@@ -163,81 +138,46 @@ SIZES: Final = (3, 6, 12, 24, 48)
 """Numbers of training trips of the learning curve."""
 DRAWS: Final = 4
 """Random draws of training trips of each number."""
-CURVE: Final = "trips-needed"
 CURVE_MODELS: Final = ("boosting", "boosting-only")
+CURVE: Final = (
+    table_model("boosting", "", correctors.boosting, correctors.SIMULATION),
+    table_model("boosting-only", "", correctors.boosting_without_physics),
+)
+"""The hybrid and the data-driven boosting, whose errors are compared by the number of training trips."""
 CURVE_BOOTSTRAP: Final = 2000
-
-
-@dataclass(frozen=True, slots=True)
-class TripsNeeded:
-    """Errors of the hybrid and of the data-driven boosting by the number of training trips."""
-
-    name: str = CURVE
-    title: str = "error by the number of training trips"
-    simulation: str | None = None
-
-    def folds(self, hold_out: HoldOut) -> frozenset[int]:
-        """Numbers of the draws: draw x 1000 + size; a size needs as many trips again to be scored."""
-        if not _is_reference(hold_out):
-            return frozenset()
-        sizes = [size for size in SIZES if size + MIN_SCORED <= len(hold_out.table)]
-        return frozenset(draw * 1000 + size for draw in range(DRAWS) for size in sizes)
-
-    def tasks(
-        self, index: int, hold_out: HoldOut, folds: Sequence[int], seed: int
-    ) -> Iterator[TripsNeededTask]:
-        """One task for each draw; a smaller training set is part of the larger one of the same draw."""
-        table = hold_out.table.without_samples()
-        for fold in folds:
-            yield TripsNeededTask(index, table, fold, seed)
-
-
 MIN_SCORED: Final = 5
 """Trips that are left to score."""
 
 
-@dataclass(frozen=True)
-class TripsNeededTask:
-    """One random draw of training trips; both models are scored on all others."""
-
-    evaluation: int
-    table: TripTable
-    fold: int
-    seed: int
-    rank: int = 2
-
-    @property
-    def members(self) -> tuple[int, ...]:
-        """The one result of the task."""
-        return (self.fold,)
-
-    def run(self) -> list[FoldResult]:
-        """APE of each model over the trips that were not drawn."""
-        draw, size = divmod(self.fold, 1000)
-        order = np.random.default_rng((self.seed, draw)).permutation(len(self.table))
-        train, test = np.sort(order[:size]), np.sort(order[size:])
-        known, held_out = self.table.take(train), self.table.take(test)
-        observed = held_out.observed_wh[held_out.last_rows]
-        extra: dict[str, Any] = {"trips": test}
-        began = time.perf_counter()
-        for name, make in zip(
-            CURVE_MODELS, (correctors.boosting, correctors.boosting_without_physics), strict=True
-        ):
-            predicted = make(self.seed).fit(known).predict(held_out)[held_out.last_rows]
-            extra[name] = absolute_percentage_error(observed, predicted)
-        spent = time.perf_counter() - began
-        return [FoldResult(self.evaluation, CURVE, self.fold, observed, spent, 0.0, extra)]
-
-
 def study_models(names: Sequence[str]) -> tuple[ModelSpec, ...]:
     """The models beside the table, where the models that they vary are in the table."""
-    found: list[ModelSpec] = []
+    models: list[ModelSpec] = []
     if correctors.SIMULATION in names:
-        found += SIMULATIONS
-        found += [model for model in ON_NEAREST if model.name.removesuffix("-brochure") in names]
-    found += CORRELATIONS if "boosting" in names else ()
-    found += GAMM_ERRORS if "gamm" in names else ()
-    return (*found, TripsNeeded()) if set(CURVE_MODELS) <= set(names) else tuple(found)
+        models += SIMULATIONS
+        models += [model for model in ON_NEAREST if model.name.removesuffix("-brochure") in names]
+    models += CORRELATIONS if "boosting" in names else ()
+    models += GAMM_ERRORS if "gamm" in names else ()
+    return tuple(models)
+
+
+def study_comparisons(hold_out: HoldOut[None], names: Sequence[str], seed: int) -> list[Comparison]:
+    """What runs beside the table: models on the reference trips where their simulation is known, and the learning curve.
+
+    Parameters
+    ----------
+    hold_out : HoldOut
+        The main one; nothing runs on other trips than the reference trips.
+    names : sequence of str
+        Models of the table.
+    seed : int
+    """
+    if not hold_out.is_reference:
+        return []
+    known = {None, *hold_out.table.simulated_wh}
+    models = tuple(model for model in study_models(names) if model.simulation in known)
+    comparisons = [Comparison(hold_out, models)]
+    draws = random_draws(hold_out, SIZES, DRAWS, MIN_SCORED, seed)
+    return [*comparisons, Comparison(draws, CURVE)] if set(CURVE_MODELS) <= set(names) else comparisons
 
 
 def simulation_forms(car: str, overrides: Mapping[str, float | str] | None) -> dict[str, Vehicle]:
@@ -247,19 +187,15 @@ def simulation_forms(car: str, overrides: Mapping[str, float | str] | None) -> d
     return {form.name: load_vehicle(car, "paper", {**(overrides or {}), **form.overrides}) for form in FORMS}
 
 
-def studies(
-    hold_out: HoldOut, results: Sequence[FoldResult], specs: Sequence[ModelSpec], seed: int
-) -> dict[str, Any]:
+def studies(main: Comparison, beside: Sequence[Comparison], seed: int) -> dict[str, Any]:
     """Scores of everything beside the table; empty where the studies did not run.
 
     Parameters
     ----------
-    hold_out : HoldOut
-        The main one.
-    results : sequence of FoldResult
-        Of the main hold-out, those of the table's models included.
-    specs : sequence of ModelSpec
-        Models of the table.
+    main : Comparison
+        The models of the table on the main hold-out.
+    beside : sequence of Comparison
+        From `study_comparisons`.
     seed : int
 
     Returns
@@ -268,13 +204,13 @@ def studies(
         `trips, n_trips, models` (name -> title, simulation, scores, share of trips improved over that simulation),
         `choices` (name -> model -> number of folds) and `trips_needed`.
     """
-    if not _is_reference(hold_out):
+    if not beside:
         return {}
-    all_specs = {spec.name: spec for spec in (*specs, *study_models([spec.name for spec in specs]))}
+    table, (varied, *curve) = main.hold_out.table, beside
+    all_specs = {spec.name: spec for spec in (*main.specs, *varied.specs)}
     by_model: dict[str, dict[int, FoldResult]] = {}
-    for result in results:
-        by_model.setdefault(result.model, {})[result.fold] = result
-    curve = list(by_model.pop(CURVE, {}).values())
+    for result in (*main.results, *varied.results):
+        by_model.setdefault(result.model, {})[result.split.number] = result
     chosen = {}
     for name, candidates in CHOICES.items():
         if all(candidate in by_model for candidate in candidates):
@@ -283,12 +219,15 @@ def studies(
     for name, folds in by_model.items():
         first = all_specs[CHOICES[name][0] if name in CHOICES else name]
         title = CHOSEN_TITLES.get(name, first.title)
-        models[name] = {"title": title} | _scores(hold_out, folds, first.simulation, seed)
-    found: dict[str, Any] = {"trips": hold_out.trips, "n_trips": len(hold_out.scored), "models": models}
-    found["nearest"] = NEAREST
-    found["choices"] = chosen
-    found["trips_needed"] = trips_needed(curve, len(hold_out.table), seed) if curve else None
-    return found
+        models[name] = {"title": title} | _scores(table, folds, first.simulation, seed)
+    return {
+        "trips": main.hold_out.trips,
+        "n_trips": len(table),
+        "models": models,
+        "nearest": NEAREST,
+        "choices": chosen,
+        "trips_needed": trips_needed(curve[0], seed) if curve else None,
+    }
 
 
 def chosen_folds(
@@ -298,25 +237,24 @@ def chosen_folds(
 
     The time of a fit is that of all candidates: all of them are fitted for the choice.
     """
-    found, count = {}, {next(iter(c.values())).model: 0 for c in candidates}
+    taken, count = {}, {next(iter(c.values())).model: 0 for c in candidates}
     for fold in candidates[0]:
         options = [c[fold] for c in candidates]
-        errors = [float(option.extra["inner_error"]) for option in options]
+        errors = [option.inner_error for option in options]
         best = options[int(np.nanargmin(errors))] if np.isfinite(errors).any() else options[0]
         count[best.model] += 1
         fit_s = sum(option.fit_s for option in options)
-        found[fold] = FoldResult(best.evaluation, name, fold, best.predicted_wh, fit_s, best.predict_ms)
-    return found, count
+        taken[fold] = replace(best, model=name, fit_s=fit_s)
+    return taken, count
 
 
 def _scores(
-    hold_out: HoldOut, folds: Mapping[int, FoldResult], simulation: str | None, seed: int
+    table: TripTable, folds: Mapping[int, FoldResult], simulation: str | None, seed: int
 ) -> dict[str, Any]:
-    table = hold_out.table
     last = table.last_rows
     predicted = np.full(len(table.observed_wh), np.nan)
-    for fold, result in folds.items():
-        predicted[table.rows_of(np.flatnonzero(hold_out.folds == fold))] = result.predicted_wh
+    for result in folds.values():
+        predicted[table.rows_of(result.split.test)] = result.predicted_wh
     observed, ours = table.observed_wh[last], predicted[last]
     simulated = absolute_percentage_error(observed, table.simulated(simulation)[last])
     improved = np.mean(absolute_percentage_error(observed, ours) < simulated)
@@ -324,20 +262,17 @@ def _scores(
     return asdict(summarise_errors(observed, ours, seed)) | {
         "simulation": simulation,
         "improved_share": None if own else float(improved),
-        "fit_s": float(np.median([result.fit_s for result in folds.values()])),
-        "predict_ms": float(np.median([result.predict_ms for result in folds.values()])),
+        **median_times(list(folds.values())),
     }
 
 
-def trips_needed(results: Sequence[FoldResult], n_trips: int, seed: int) -> dict[str, Any]:
+def trips_needed(draws: Comparison, seed: int) -> dict[str, Any]:
     """The learning curve, and the number of trips at which the hybrid reaches the other's error with the most trips.
 
     Parameters
     ----------
-    results : sequence of FoldResult
-        Of `TripsNeeded`.
-    n_trips : int
-        Trips of the data set.
+    draws : Comparison
+        Of `CURVE` on random draws of the trips.
     seed : int
         Of the bootstrap over draws and trips.
 
@@ -347,24 +282,27 @@ def trips_needed(results: Sequence[FoldResult], n_trips: int, seed: int) -> dict
         `curve` (`n_trips, draws`, mean error by model), `crossing` and its 95 % interval `crossing_ci95` (None where
         the curve does not reach the error).
     """
-    sizes = np.unique([result.fold % 1000 for result in results])
-    draws = np.unique([result.fold // 1000 for result in results])
-    errors = np.full((len(CURVE_MODELS), len(sizes), len(draws), n_trips), np.nan)
-    for result in results:
-        draw, size = divmod(result.fold, 1000)
-        place = np.searchsorted(sizes, size), np.searchsorted(draws, draw), result.extra["trips"]
-        for m, name in enumerate(CURVE_MODELS):
-            errors[(m, *place)] = result.extra[name]
-    means = _weighted(errors, np.ones(len(draws)), np.ones(n_trips))
+    table, splits = draws.hold_out.table, draws.hold_out.splits
+    n_trips, observed = len(table), table.observed_wh[table.last_rows]
+    sizes, n_draws = (
+        np.unique([len(split.train) for split in splits]),
+        1 + max(split.draw for split in splits),
+    )
+    errors = np.full((len(CURVE_MODELS), len(sizes), n_draws, n_trips), np.nan)
+    for result in draws.results:
+        split, model = result.split, CURVE_MODELS.index(result.model)
+        place = model, np.searchsorted(sizes, len(split.train)), split.draw, split.test
+        errors[place] = absolute_percentage_error(observed[split.test], result.energies_wh(table))
+    means = _weighted(errors, np.ones(n_draws), np.ones(n_trips))
     rng = np.random.default_rng(seed)
-    found = []
+    crossings = []
     for _ in range(CURVE_BOOTSTRAP):
-        drawn = np.bincount(rng.integers(0, len(draws), len(draws)), minlength=len(draws))
+        drawn = np.bincount(rng.integers(0, n_draws, n_draws), minlength=n_draws)
         trips = np.bincount(rng.integers(0, n_trips, n_trips), minlength=n_trips)
-        found.append(crossing(sizes, _weighted(errors, drawn, trips)))
-    low, high = np.quantile(found, [0.025, 0.975], method="nearest")
+        crossings.append(crossing(sizes, _weighted(errors, drawn, trips)))
+    low, high = np.quantile(crossings, [0.025, 0.975], method="nearest")
     curve = [
-        {"n_trips": int(size), "draws": len(draws)}
+        {"n_trips": int(size), "draws": n_draws}
         | {name: float(means[m, i]) for m, name in enumerate(CURVE_MODELS)}
         for i, size in enumerate(sizes)
     ]

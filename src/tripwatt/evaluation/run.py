@@ -10,10 +10,12 @@ from types import MappingProxyType
 from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.evaluation.comparison import Comparison
 from tripwatt.evaluation.folds import Execution, run_folds
 from tripwatt.evaluation.forecast_protocol import ForecastProtocol
+from tripwatt.evaluation.hold_outs import CarChoice
 from tripwatt.evaluation.paper_protocol import PaperProtocol
-from tripwatt.evaluation.protocol import CarChoice, EvaluationProtocol, choose_models
+from tripwatt.evaluation.protocol import EvaluationProtocol, choose_models
 from tripwatt.evaluation.results import EvaluationRun
 from tripwatt.trips import Fleet
 
@@ -105,6 +107,6 @@ def evaluate(
     chosen = find_protocol(protocol) if isinstance(protocol, str) else protocol
     specs = choose_models(chosen, models)
     prepared = chosen.prepare(fleet, test_fleet, CarChoice(vehicle, overrides))
-    results = run_folds(prepared.hold_outs, specs, chosen.extra(specs), seed, execution or Execution())
-    run: EvaluationRun = chosen.assemble(prepared, results, specs, seed)
-    return run
+    main = [Comparison(hold_out, specs) for hold_out in prepared.hold_outs]
+    done = run_folds([*main, *chosen.beside(prepared, specs, seed)], seed, execution or Execution())
+    return chosen.assemble(prepared, done[: len(main)], done[len(main) :], seed)

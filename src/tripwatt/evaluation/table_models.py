@@ -1,221 +1,84 @@
-"""Models of the cumulative energy along a trip, one refit for each fold or all folds at once."""
+"""Models of the cumulative energy along a trip, and the baselines that every protocol has."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-
-import numpy as np
+from functools import partial
+from typing import Any
 
 from tripwatt.arrays import IntArray
 from tripwatt.evaluation.hold_outs import HoldOut
-from tripwatt.evaluation.protocol import FoldResult
+from tripwatt.evaluation.tasks import Fitted, Method, ModelSpec, Together
 from tripwatt.hybrid import EnergyModel, EnergyRegression, PhysicsOnly, TripTable
 from tripwatt.paper import HybridModel
-
-FOLDS_PER_TASK = 4
-
-REFERENCE = "reference"
-"""The set of trips on which a protocol compares settings inside the folds."""
 
 FOUR = ("distance_km", "duration_h", "cold_h", "hot_h")
 SIX = (*FOUR, "cubed_speed", "acceleration_work")
 
 
 @dataclass(frozen=True, slots=True)
-class TableModel:
-    """A model of cumulative energy in a protocol.
+class TableMethod(Method[TripTable]):
+    """A model of cumulative energy.
 
     Attributes
     ----------
-    name, title : str
     make : callable
         A fresh, unfitted model from a seed.
-    simulation : str or None
-        Name of the simulated energy that the model corrects.
     """
 
-    name: str
-    title: str
     make: Callable[[int], EnergyModel]
-    simulation: str | None = None
 
-    def folds(self, hold_out: HoldOut) -> frozenset[int]:
-        """All of them."""
-        return hold_out.fold_numbers
+    def fit(self, data: TripTable, train: IntArray, seed: int) -> Fitted:
+        """Fit to the rows of some trips; predictions are at every row of others."""
+        model = self.make(seed).fit(data.take(train))
+        return Fitted(lambda test: model.predict(data.take(test)))
 
-    def tasks(self, index: int, hold_out: HoldOut, folds: Sequence[int], seed: int) -> Iterator[TableTask]:
-        """One task for a model that is quick or gives all folds at once, else one for a few folds."""
+    def shares_folds(self, seed: int) -> bool:
+        """Whether the corrector does."""
         model = self.make(seed)
-        slow = isinstance(model, HybridModel) and not model.shares_folds
-        size = FOLDS_PER_TASK if slow else max(len(folds), 1)
-        table = hold_out.table.without_samples()
-        for start in range(0, len(folds), size):
-            members = tuple(folds[start : start + size])
-            yield TableTask(index, self, table, hold_out.folds, members, seed, hold_out.trips == REFERENCE)
+        return isinstance(model, HybridModel) and model.shares_folds
+
+    def together(self, data: TripTable, folds: IntArray, seed: int, *, compares: bool) -> Together:
+        """Predict every row."""
+        model = self.make(seed)
+        assert isinstance(model, HybridModel)
+        predicted = model.predict_held_out(data, folds)
+        inner = model.inner_errors(data, folds, seed) if compares else None
+        return Together(lambda test: predicted[data.rows_of(test)], inner)
+
+    def needed(self, hold_out: HoldOut[Any], scored: IntArray) -> TripTable:
+        """The table without the samples of its trips."""
+        return hold_out.table.without_samples()
 
 
-@dataclass(frozen=True)
-class TableTask:
-    """Some folds of a model of cumulative energy."""
-
-    evaluation: int
-    spec: TableModel
-    table: TripTable
-    folds: IntArray
-    members: tuple[int, ...]
-    seed: int
-    compares: bool = False
-    """Whether the errors inside the folds are wanted, by which settings can be compared."""
-
-    @property
-    def rank(self) -> int:
-        """Tasks of many folds first."""
-        return -len(self.members)
-
-    def run(self) -> list[FoldResult]:
-        """Predictions at every row of the trips of each fold."""
-        model = self.spec.make(self.seed)
-        if isinstance(model, HybridModel) and model.shares_folds:
-            return self._run_together(model)
-        return [self._run_fold(fold) for fold in self.members]
-
-    def _run_fold(self, fold: int) -> FoldResult:
-        model = self.spec.make(self.seed)
-        test = np.flatnonzero(self.folds == fold)
-        started = time.perf_counter()
-        model.fit(self.table.take(np.flatnonzero(self.folds != fold)))
-        fitted = time.perf_counter()
-        predicted = model.predict(self.table.take(test))
-        each_ms = 1000.0 * (time.perf_counter() - fitted) / len(test)
-        return FoldResult(self.evaluation, self.spec.name, fold, predicted, fitted - started, each_ms)
-
-    def _run_together(self, model: HybridModel) -> list[FoldResult]:
-        """All folds at once; the times are those of one plain fit."""
-        predicted = model.predict_held_out(self.table, self.folds)
-        inner = model.inner_errors(self.table, self.folds, self.seed) if self.compares else None
-        numbers = np.unique(self.folds)
-        started = time.perf_counter()
-        plain = self.spec.make(self.seed).fit(self.table)
-        fitted = time.perf_counter()
-        plain.predict(self.table)
-        each_ms = 1000.0 * (time.perf_counter() - fitted) / len(self.table)
-        return [
-            FoldResult(
-                self.evaluation,
-                self.spec.name,
-                fold,
-                predicted[self.table.rows_of(np.flatnonzero(self.folds == fold))],
-                fitted - started,
-                each_ms,
-                {} if inner is None else {"inner_error": inner[np.searchsorted(numbers, fold)]},
-            )
-            for fold in self.members
-        ]
+def table_model(
+    name: str, title: str, make: Callable[[int], EnergyModel], simulation: str | None = None
+) -> ModelSpec:
+    """A model of cumulative energy from a function that makes it from a seed."""
+    return ModelSpec(name, title, TableMethod(make), simulation)
 
 
-@dataclass(frozen=True, slots=True)
-class TotalModel:
-    """A `TableModel` in a protocol that scores totals alone: its predictions are the energies of the trips."""
-
-    model: TableModel
-
-    @property
-    def name(self) -> str:
-        """Of the model."""
-        return self.model.name
-
-    @property
-    def title(self) -> str:
-        """Of the model."""
-        return self.model.title
-
-    @property
-    def simulation(self) -> str | None:
-        """Of the model."""
-        return self.model.simulation
-
-    def folds(self, hold_out: HoldOut) -> frozenset[int]:
-        """All of them."""
-        return hold_out.fold_numbers
-
-    def tasks(self, index: int, hold_out: HoldOut, folds: Sequence[int], seed: int) -> Iterator[TotalTask]:
-        """One task."""
-        if folds:
-            table = hold_out.table.without_samples()
-            yield TotalTask(TableTask(index, self.model, table, hold_out.folds, tuple(folds), seed))
+def regression(seed: int, *, sums: tuple[str, ...], simulation: str | None = None) -> EnergyModel:
+    """Regression on sums along the trip; it draws no random numbers."""
+    return EnergyRegression(sums, simulation=simulation)
 
 
-@dataclass(frozen=True)
-class TotalTask:
-    """A `TableTask` of which the last row of each trip counts."""
-
-    task: TableTask
-    rank: int = 3
-
-    @property
-    def evaluation(self) -> int:
-        """Number of the hold-out."""
-        return self.task.evaluation
-
-    @property
-    def members(self) -> tuple[int, ...]:
-        """Numbers of the folds."""
-        return self.task.members
-
-    def run(self) -> list[FoldResult]:
-        """Energies of the trips of each fold."""
-        task, found = self.task, []
-        for result in task.run():
-            trips = np.flatnonzero(task.folds == result.fold)
-            last = np.cumsum(np.diff(task.table.offsets)[trips]) - 1
-            found.append(
-                FoldResult(
-                    result.evaluation,
-                    result.model,
-                    result.fold,
-                    result.predicted_wh[last],
-                    result.fit_s,
-                    result.predict_ms,
-                )
-            )
-        return found
+def physics(seed: int, *, simulation: str) -> EnergyModel:
+    """A simulation alone; it draws no random numbers."""
+    return PhysicsOnly(simulation)
 
 
-def constant(seed: int = 0) -> EnergyModel:
-    """Constant energy per distance."""
-    return EnergyRegression(("distance_km",))
-
-
-def linear4(seed: int = 0) -> EnergyModel:
-    """Regression on distance, time, cold and hot hours."""
-    return EnergyRegression(FOUR)
-
-
-def linear6(seed: int = 0) -> EnergyModel:
-    """The same with sums for air drag and acceleration."""
-    return EnergyRegression(SIX)
-
-
-def physics_paper(seed: int = 0) -> EnergyModel:
-    """The simulation as in the paper."""
-    return PhysicsOnly("physics-paper")
-
-
-def physics(seed: int = 0) -> EnergyModel:
-    """The simulation with the default preset."""
-    return PhysicsOnly("physics")
-
-
-def physics4(seed: int = 0) -> EnergyModel:
-    """Regression on the default simulation in place of distance."""
-    return EnergyRegression(FOUR[1:], simulation="physics")
-
-
-CONSTANT = TableModel("constant", "constant energy per km", constant)
-LINEAR4 = TableModel("linear4", "regression, 4 coefficients", linear4)
-LINEAR6 = TableModel("linear6", "regression, 6 coefficients", linear6)
-PHYSICS_PAPER = TableModel("physics-paper", "physics as in the paper", physics_paper, "physics-paper")
-PHYSICS = TableModel("physics", "physics, default preset", physics, "physics")
-PHYSICS4 = TableModel("physics4", "default physics + 4 coefficients", physics4, "physics")
+CONSTANT = table_model("constant", "constant energy per km", partial(regression, sums=FOUR[:1]))
+LINEAR4 = table_model("linear4", "regression, 4 coefficients", partial(regression, sums=FOUR))
+LINEAR6 = table_model("linear6", "regression, 6 coefficients", partial(regression, sums=SIX))
+PHYSICS_PAPER = table_model(
+    "physics-paper", "physics as in the paper", partial(physics, simulation="physics-paper"), "physics-paper"
+)
+PHYSICS = table_model("physics", "physics, default preset", partial(physics, simulation="physics"), "physics")
+PHYSICS4 = table_model(
+    "physics4",
+    "default physics + 4 coefficients",
+    partial(regression, sums=FOUR[1:], simulation="physics"),
+    "physics",
+)
