@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, Self
 
 MOST_FAULTS: Final = 50
 """Faults of one kind that are listed one by one; the others are counted."""
@@ -181,6 +181,17 @@ class InvalidInput(TripwattError):
     def __init__(self, faults: Iterable[Fault] | Fault) -> None:
         self.faults: tuple[Fault, ...] = (faults,) if isinstance(faults, Fault) else tuple(faults)
         super().__init__("\n".join(map(str, self.faults)))
+
+    @classmethod
+    def of(cls, what: str, where: str, got: str = "", allowed: str = "", fix: str = "") -> Self:
+        """The error of a single fault; the arguments are those of `Fault`.
+
+        Examples
+        --------
+        >>> print(InvalidInput.of("no trips", "data/", "0 CSV files"))
+        no trips: data/: got 0 CSV files
+        """
+        return cls(Fault(what, where, got, allowed, fix))
 
     def __reduce__(self) -> tuple[type[InvalidInput], tuple[tuple[Fault, ...]]]:
         return (type(self), (self.faults,))  # survives the way back from a worker process

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.errors import InvalidInput, excerpt
 from tripwatt.routes.links import FASTEST_LINK_M_S
 from tripwatt.routes.points import (
     a_list,
@@ -91,7 +91,7 @@ def track_from_geojson(document: Any, where: str) -> Track:
     lines: list[tuple[FloatArray, float, list[str]]] = []
     skipped = _collect(an_object(document, where), {}, where, lines, 0)
     if not lines:
-        raise InvalidInput(Fault("no line", where, "no LineString", "a GeoJSON document with a LineString"))
+        raise InvalidInput.of("no line", where, "no LineString", "a GeoJSON document with a LineString")
     points = np.concatenate([line[0] for line in lines])
     require_on_earth(points[:, 0], points[:, 1], where)
     # the piece that joins two lines has the speed of the second one
@@ -111,7 +111,7 @@ def _collect(
 ) -> int:
     """Append the lines below a GeoJSON object; the number of geometries that are no lines."""
     if depth > DEEPEST:
-        raise InvalidInput(Fault("nested too deeply", where, f"{depth} levels", f"at most {DEEPEST}"))
+        raise InvalidInput.of("nested too deeply", where, f"{depth} levels", f"at most {DEEPEST}")
     kind = node.get("type")
     if kind in ("FeatureCollection", "GeometryCollection"):
         key = "features" if kind == "FeatureCollection" else "geometries"
@@ -140,7 +140,7 @@ def _collect(
     elif kind in ("Point", "MultiPoint", "Polygon", "MultiPolygon"):
         return 1
     else:
-        raise InvalidInput(Fault("not GeoJSON", f"{where}, type", excerpt(kind), "a GeoJSON type"))
+        raise InvalidInput.of("not GeoJSON", f"{where}, type", excerpt(kind), "a GeoJSON type")
     found = [coordinates(part, f"{where}, coordinates") for part in parts]
     texts = _texts(properties, sum(map(len, found)), where)
     speed = _speed(properties, where)
@@ -160,18 +160,13 @@ def _texts(properties: dict[str, Any], number: int, where: str) -> list[str]:
         t for part in a_list(times, f"{where}, times") for t in (part if isinstance(part, list) else [part])
     ]
     if len(flat) != number:
-        raise InvalidInput(
-            Fault(
-                "times and points differ in number",
-                where,
-                f"{len(flat)} times",
-                f"{number}, one for each point",
-            )
+        raise InvalidInput.of(
+            "times and points differ in number", where, f"{len(flat)} times", f"{number}, one for each point"
         )
     wrong = next((t for t in flat if not isinstance(t, str | None)), None)
     if wrong is not None:
-        raise InvalidInput(
-            Fault("invalid time", where, excerpt(wrong, 40), "ISO 8601, such as 2026-05-01T08:00:00Z")
+        raise InvalidInput.of(
+            "invalid time", where, excerpt(wrong, 40), "ISO 8601, such as 2026-05-01T08:00:00Z"
         )
     return [t or "" for t in flat]
 
@@ -181,7 +176,7 @@ def _speed(properties: dict[str, Any], where: str) -> float:
         value = a_number(properties["speed_m_s"], f"{where}, speed_m_s")
         if not 0 < value <= FASTEST_LINK_M_S:
             allowed = f"more than 0, at most {FASTEST_LINK_M_S:g} m/s"
-            raise InvalidInput(Fault("speed out of range", f"{where}, speed_m_s", f"{value:g}", allowed))
+            raise InvalidInput.of("speed out of range", f"{where}, speed_m_s", f"{value:g}", allowed)
         return value
     road = properties.get("highway")
     return ROAD_SPEED_M_S.get(road, math.nan) if isinstance(road, str) else math.nan

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.routes.links import first_of
 from tripwatt.routes.points import MOST_POINTS, content
 from tripwatt.routes.tracks import Track, times_of
@@ -68,8 +68,8 @@ def read_gpx(source: bytes | str | Path, *, where: str | None = None) -> Track:
     )
     candidates = [p for kind in ("trk", "rte") for p in reading.points[kind] if len(p) >= 2]
     if not candidates:
-        raise InvalidInput(
-            Fault("no track", name, "no trk or rte with two points", "a GPX document with a track or a route")
+        raise InvalidInput.of(
+            "no track", name, "no trk or rte with two points", "a GPX document with a track or a route"
         )
     flags = () if len(candidates) == 1 else (first_of("tracks and routes", len(candidates)),)
     chosen = candidates[0]
@@ -87,8 +87,8 @@ def _start(reading: _Reading, tag: str, attributes: Mapping[str, str], name: str
     elif tag in ("trkpt", "rtept"):
         reading.number += 1
         if reading.number > MOST_POINTS:
-            raise InvalidInput(
-                Fault("too many points", name, f"more than {MOST_POINTS}", f"at most {MOST_POINTS}")
+            raise InvalidInput.of(
+                "too many points", name, f"more than {MOST_POINTS}", f"at most {MOST_POINTS}"
             )
         reading.current = {"lat": attributes.get("lat", ""), "lon": attributes.get("lon", "")}
 
@@ -121,5 +121,5 @@ def _number(text: str, where: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise InvalidInput(Fault("not a number", where, repr(text[:40]), "a finite number"))
+        raise InvalidInput.of("not a number", where, repr(text[:40]), "a finite number")
     return value

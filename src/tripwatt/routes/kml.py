@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.routes.links import first_of
 from tripwatt.routes.points import MOST_POINTS, content
 from tripwatt.routes.tracks import Track, times_of
@@ -68,7 +68,7 @@ class _Reading:
         self.number += 1
         if self.number > MOST_POINTS:
             allowed = f"at most {MOST_POINTS}"
-            raise InvalidInput(Fault("too many points", self.name, f"more than {MOST_POINTS}", allowed))
+            raise InvalidInput.of("too many points", self.name, f"more than {MOST_POINTS}", allowed)
         try:
             values = [float(text) for text in numbers]
         except ValueError:
@@ -76,7 +76,7 @@ class _Reading:
         if len(values) not in (2, 3) or not all(map(math.isfinite, values)):
             where, got = f"{self.name}, point {self.number}", repr(",".join(numbers)[:60])
             allowed = "longitude, latitude and optionally altitude"
-            raise InvalidInput(Fault("not coordinates", where, got, allowed))
+            raise InvalidInput.of("not coordinates", where, got, allowed)
         return values[1], values[0], values[2] if len(values) == 3 else math.nan
 
 
@@ -115,13 +115,11 @@ def read_kml(source: bytes | str | Path, *, where: str | None = None) -> Track:
     found = [line for line in (*reading.tracks, *reading.lines) if len(line.points) >= 2]
     if not found:
         got = f"{reading.number} points"
-        raise InvalidInput(
-            Fault("no track in the file", name, got, "a LineString or a gx:Track of two points")
-        )
+        raise InvalidInput.of("no track in the file", name, got, "a LineString or a gx:Track of two points")
     chosen = found[0]
     if chosen.times and len(chosen.times) != len(chosen.points):
         got = f"{len(chosen.times)} times, {len(chosen.points)} points"
-        raise InvalidInput(Fault("times and points differ in number", name, got, "a time for each point"))
+        raise InvalidInput.of("times and points differ in number", name, got, "a time for each point")
     places = np.array(chosen.points, dtype=np.float64)
     height = places[:, 2]
     if not (height != 0.0).any():

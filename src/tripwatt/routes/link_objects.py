@@ -143,7 +143,7 @@ def columns_one_by_one(links: Sequence[Mapping[str, float | None]]) -> dict[str,
         faults.append(Fault("too many links", "links", f"more than {MOST_LINKS}", f"at most {MOST_LINKS}"))
     raise_faults(first_faults(faults, "links"))
     if not rows:
-        raise InvalidInput(Fault("no links", "links", "0", "at least one link"))
+        raise InvalidInput.of("no links", "links", "0", "at least one link")
     return {name: np.array([row.get(name, np.nan) for row in rows]) for name in LINK_KEYS}
 
 
@@ -245,8 +245,8 @@ def _elevation(
         height = np.column_stack((start, end)).ravel()
         if np.isfinite(grade).any():
             message = "grade on some links and elevation on others"
-            raise InvalidInput(
-                Fault("grade and elevation mixed", "links", message, "the same one of the two on all links")
+            raise InvalidInput.of(
+                "grade and elevation mixed", "links", message, "the same one of the two on all links"
             )
         there = np.isfinite(height)
         flags = () if there.all() else (Flag("elevation_interpolated", "links"),)

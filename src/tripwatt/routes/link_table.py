@@ -77,7 +77,7 @@ def route_from_table(data: bytes, where: str = "links") -> LinkRoute:
         filled = (row for row in itertools.islice(reader, 1, None) if any(cell.strip() for cell in row))
         rows = list(itertools.islice(filled, MOST_LINKS + 1))
     except (UnicodeDecodeError, csv.Error) as error:
-        raise InvalidInput(Fault("not a table", where, str(error)[:120], "CSV in UTF-8")) from error
+        raise InvalidInput.of("not a table", where, str(error)[:120], "CSV in UTF-8") from error
     unknown = [name for name in names if name not in LINK_KEYS]
     faults = first_faults(
         [

@@ -46,7 +46,7 @@ def haversine_m(latitude_deg: npt.ArrayLike, longitude_deg: npt.ArrayLike) -> Fl
 def require_on_earth(latitude_deg: FloatArray, longitude_deg: FloatArray, where: str) -> None:
     """Raise `InvalidInput` for coordinates that no place has and for too many of them."""
     if len(latitude_deg) > MOST_POINTS:
-        raise InvalidInput(Fault("too many points", where, f"{len(latitude_deg)}", f"at most {MOST_POINTS}"))
+        raise InvalidInput.of("too many points", where, f"{len(latitude_deg)}", f"at most {MOST_POINTS}")
     faults = []
     for name, values, limit in (("latitude", latitude_deg, 90.0), ("longitude", longitude_deg, 180.0)):
         bad = np.flatnonzero(~(np.abs(values) <= limit))
@@ -81,7 +81,7 @@ def content(source: bytes | str | Path, where: str | None = None) -> tuple[bytes
         data, name = read_file(path, MOST_BYTES), where or path.name
         size = len(data)
     if size > MOST_BYTES:
-        raise InvalidInput(Fault("file too large", name, f"{size} bytes", f"at most {MOST_BYTES} bytes"))
+        raise InvalidInput.of("file too large", name, f"{size} bytes", f"at most {MOST_BYTES} bytes")
     return data, name
 
 
@@ -100,24 +100,24 @@ def parse_json(data: bytes, where: str) -> Any:
     try:
         return json.loads(data, parse_constant=refuse)
     except RecursionError as error:
-        raise InvalidInput(Fault("not JSON", where, "nested too deeply", "a route")) from error
+        raise InvalidInput.of("not JSON", where, "nested too deeply", "a route") from error
     except ValueError as error:
-        raise InvalidInput(Fault("not JSON", where, str(error)[:120], "a JSON document in UTF-8")) from error
+        raise InvalidInput.of("not JSON", where, str(error)[:120], "a JSON document in UTF-8") from error
 
 
 def an_object(value: Any, where: str) -> dict[str, Any]:
     """`value` if it is a JSON object, else `InvalidInput`."""
     if not isinstance(value, dict):
-        raise InvalidInput(Fault("not an object", where, _excerpt(value), "a JSON object"))
+        raise InvalidInput.of("not an object", where, _excerpt(value), "a JSON object")
     return value
 
 
 def a_list(value: Any, where: str, *, least: int = 0) -> list[Any]:
     """`value` if it is a JSON array of at least `least` entries, else `InvalidInput`."""
     if not isinstance(value, list):
-        raise InvalidInput(Fault("not a list", where, _excerpt(value), "a JSON array"))
+        raise InvalidInput.of("not a list", where, _excerpt(value), "a JSON array")
     if len(value) < least:
-        raise InvalidInput(Fault("too few entries", where, f"{len(value)}", f"at least {least}"))
+        raise InvalidInput.of("too few entries", where, f"{len(value)}", f"at least {least}")
     return value
 
 
@@ -129,7 +129,7 @@ def a_number(value: Any, where: str, *, least: float = -math.inf) -> float:
         number = math.inf
     if not (math.isfinite(number) and number >= least):
         allowed = "a finite number" if least == -math.inf else f"a finite number, {least:g} or more"
-        raise InvalidInput(Fault("not a number", where, _excerpt(value), allowed))
+        raise InvalidInput.of("not a number", where, _excerpt(value), allowed)
     return number
 
 
@@ -151,7 +151,7 @@ def coordinates(value: Any, where: str) -> FloatArray:
     """
     positions = a_list(value, where, least=2)
     if len(positions) > MOST_POINTS:
-        raise InvalidInput(Fault("too many points", where, f"{len(positions)}", f"at most {MOST_POINTS}"))
+        raise InvalidInput.of("too many points", where, f"{len(positions)}", f"at most {MOST_POINTS}")
     points = np.full((len(positions), 3), np.nan)
     for k, position in enumerate(positions):
         place = f"{where}[{k}]"

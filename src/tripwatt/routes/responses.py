@@ -71,8 +71,8 @@ class _Pieces:
 
     def route(self, where: str, heights: tuple[FloatArray, FloatArray] | None, *flags: Flag) -> LinkRoute:
         if not self.length_m:
-            raise InvalidInput(
-                Fault("no route", where, "no step with a length and a duration", "a route with steps")
+            raise InvalidInput.of(
+                "no route", where, "no step with a length and a duration", "a route with steps"
             )
         self.length_m[-1] += self.left_m
         self.time_s[-1] += self.left_s
@@ -123,9 +123,7 @@ def route_from_osrm(response: Mapping[str, Any], where: str = "OSRM response") -
         When it is not one, or OSRM found no route.
     """
     if response.get("code", "Ok") != "Ok":
-        raise InvalidInput(
-            Fault("the router found no route", where, excerpt(response.get("code")), "code Ok")
-        )
+        raise InvalidInput.of("the router found no route", where, excerpt(response.get("code")), "code Ok")
     route, flags = _first(response.get("routes"), f"{where}, routes")
     pieces = _Pieces()
     for k, entry in enumerate(a_list(route.get("legs"), f"{where}, legs", least=1)):
@@ -137,13 +135,12 @@ def route_from_osrm(response: Mapping[str, Any], where: str = "OSRM response") -
             length = numbers(annotation["distance"], f"{place}, annotation, distance", least=0.0)
             time = numbers(annotation["duration"], f"{place}, annotation, duration", least=0.0)
             if len(length) != len(time):
-                fault = Fault(
+                raise InvalidInput.of(
                     "annotations of different lengths",
                     place,
                     f"{len(length)} and {len(time)}",
                     "one duration for each distance",
                 )
-                raise InvalidInput(fault)
             total = float(time.sum())
             longer = max(duration, total) / (total or math.inf)
             for metres, seconds in zip(length.tolist(), time.tolist(), strict=True):
@@ -184,14 +181,12 @@ def route_from_valhalla(response: Mapping[str, Any], where: str = "Valhalla resp
     """
     trip = an_object(response.get("trip"), f"{where}, trip")
     if trip.get("status", 0) != 0:
-        raise InvalidInput(
-            Fault("the router found no route", where, excerpt(trip.get("status_message"), 80), "status 0")
+        raise InvalidInput.of(
+            "the router found no route", where, excerpt(trip.get("status_message"), 80), "status 0"
         )
     units = trip.get("units", "kilometers")
     if units not in ("kilometers", "miles"):
-        raise InvalidInput(
-            Fault("unknown unit", f"{where}, units", excerpt(units, 40), "kilometers or miles")
-        )
+        raise InvalidInput.of("unknown unit", f"{where}, units", excerpt(units, 40), "kilometers or miles")
     metres, height_unit = (1000.0, 1.0) if units == "kilometers" else (M_PER_MILE, M_PER_FOOT)
     pieces, places, heights, driven, complete = _Pieces(), [], [], 0.0, True
     for k, entry in enumerate(a_list(trip.get("legs"), f"{where}, legs", least=1)):
@@ -227,9 +222,7 @@ def route_from_openrouteservice(
         When it is not one, or an error.
     """
     if "error" in response:
-        raise InvalidInput(
-            Fault("the router found no route", where, excerpt(response["error"], 120), "routes")
-        )
+        raise InvalidInput.of("the router found no route", where, excerpt(response["error"], 120), "routes")
     heights = None
     metres = _openrouteservice_unit(response, where)
     if "features" in response:
@@ -258,10 +251,9 @@ def _openrouteservice_unit(response: Mapping[str, Any], where: str) -> float:
     query = metadata.get("query") if isinstance(metadata, dict) else None
     units = query.get("units", "m") if isinstance(query, dict) else "m"
     if not isinstance(units, str) or units.lower() not in ORS_UNITS_M:
-        fault = Fault(
+        raise InvalidInput.of(
             "unknown unit", f"{where}, metadata, query, units", excerpt(units, 40), ", ".join(ORS_UNITS_M)
         )
-        raise InvalidInput(fault)
     return ORS_UNITS_M[units.lower()]
 
 
@@ -274,9 +266,7 @@ def route_from_graphhopper(response: Mapping[str, Any], where: str = "GraphHoppe
         When it is not one, or an error.
     """
     if "paths" not in response and "message" in response:
-        raise InvalidInput(
-            Fault("the router found no route", where, excerpt(response["message"], 120), "paths")
-        )
+        raise InvalidInput.of("the router found no route", where, excerpt(response["message"], 120), "paths")
     path, flags = _first(response.get("paths"), f"{where}, paths")
     points = _graphhopper_points(path, where)
     given = path.get("details")
@@ -336,13 +326,8 @@ def _intervals(value: Any, points: int, where: str) -> list[tuple[int, int, floa
         parts = a_list(entry, place, least=3)
         start, end = (a_number(p, place, least=0.0) for p in parts[:2])
         if not (start == int(start) and end == int(end) and start <= end < points):
-            raise InvalidInput(
-                Fault(
-                    "point index out of range",
-                    place,
-                    f"{start:g} to {end:g}",
-                    f"0 to {points - 1}, ascending",
-                )
+            raise InvalidInput.of(
+                "point index out of range", place, f"{start:g} to {end:g}", f"0 to {points - 1}, ascending"
             )
         found.append(
             (int(start), int(end), a_number(parts[2] if parts[2] is not None else 0.0, place, least=0.0))
@@ -431,7 +416,7 @@ def _route_from(response: dict[str, Any], router: str | None, name: str) -> Link
     kind = router or router_of(response)
     if kind is None or kind not in ROUTERS:
         got = repr(router) if router else f"an object with {sorted(response)[:6]}"
-        raise InvalidInput(Fault("unknown router", name, got[:120], ", ".join(ROUTERS)))
+        raise InvalidInput.of("unknown router", name, got[:120], ", ".join(ROUTERS))
     return ROUTERS[kind](response, f"{name} ({kind})")
 
 
@@ -502,7 +487,7 @@ def parse_route(source: bytes | str | Path, *, where: str | None = None) -> Link
         return read_kml(data, where=name) if root_of(data) == "kml" else read_gpx(data, where=name)
     if head.startswith(ZIP):
         fix = "unpack it, for example with unzip, and give the file doc.kml"
-        raise InvalidInput(Fault("packed file", name, "a ZIP archive, such as KMZ", "KML", fix))
+        raise InvalidInput.of("packed file", name, "a ZIP archive, such as KMZ", "KML", fix)
     if is_links_table(data):
         return route_from_table(data, name)
     document = parse_json(data, name)
@@ -516,5 +501,5 @@ def parse_route(source: bytes | str | Path, *, where: str | None = None) -> Link
     if router_of(response) is None:
         got = f"an object with {sorted(response)[:6]}"
         allowed = f"GPX, KML, GeoJSON, a response of {', '.join(ROUTERS)}, or links with {', '.join(sorted(LINK_KEYS))}"
-        raise InvalidInput(Fault("unknown format", name, got[:120], allowed))
+        raise InvalidInput.of("unknown format", name, got[:120], allowed)
     return _route_from(response, None, name)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final, Protocol
 
-from tripwatt.errors import Fault, InvalidInput, RemoteError
+from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.routes.places import TWIN_M, Place, read_coordinates, without_twins
 from tripwatt.routes.points import a_list, a_number, an_object
 from tripwatt.routes.routers import split_kind
@@ -124,7 +124,7 @@ def _text_number(value: Any, where: str) -> float:
     try:
         return a_number(float(value), where)
     except (TypeError, ValueError) as error:
-        raise InvalidInput(Fault("not a number", where, repr(value)[:40], "a number")) from error
+        raise InvalidInput.of("not a number", where, repr(value)[:40], "a number") from error
 
 
 SEARCH_KINDS: Final[Mapping[str, Callable[[str], PlaceSearch]]] = MappingProxyType(
@@ -169,10 +169,10 @@ def find_place(text: str, search: PlaceSearch | None, where: str, covers: str = 
     if place is not None:
         return place
     if not text.strip():
-        raise InvalidInput(Fault("no place", where, "an empty text", "a name, or latitude and longitude"))
+        raise InvalidInput.of("no place", where, "an empty text", "a name, or latitude and longitude")
     if search is None:
         fix = "give latitude and longitude, build a map, or name a search for places by its URL"
-        raise InvalidInput(Fault("names of places are not known", where, text[:60], "47.141, 9.521", fix))
+        raise InvalidInput.of("names of places are not known", where, text[:60], "47.141, 9.521", fix)
     found = search.search(text, limit=MOST_ASKED)
     whole = [place for place in found if place.is_called(text)]
     others = [place for place in whole if place.kind == whole[0].kind and place.distance_m(whole[0]) > TWIN_M]
@@ -182,7 +182,7 @@ def find_place(text: str, search: PlaceSearch | None, where: str, covers: str = 
     candidates = [whole[0], *others] if whole else [*found] or _similar(text, search)
     allowed = "the whole name of a place, street or house of the map, or latitude and longitude"
     fix = "; ".join(part for part in (did_you_mean(candidates), covers) if part)
-    raise InvalidInput(Fault(what, where, text[:60], allowed, fix))
+    raise InvalidInput.of(what, where, text[:60], allowed, fix)
 
 
 def did_you_mean(places: Sequence[Place]) -> str:

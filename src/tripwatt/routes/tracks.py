@@ -89,7 +89,7 @@ class Track:
 
     def __post_init__(self) -> None:
         if len(self.latitude_deg) < 2:
-            raise InvalidInput(Fault("too few points", "track", f"{len(self.latitude_deg)}", "at least 2"))
+            raise InvalidInput.of("too few points", "track", f"{len(self.latitude_deg)}", "at least 2")
         require_on_earth(self.latitude_deg, self.longitude_deg, "track")
         faults = []
         if self.time_s is not None:
@@ -193,19 +193,16 @@ def times_of(texts: list[str], where: str) -> tuple[FloatArray | None, dt.dateti
         try:
             moment = dt.datetime.fromisoformat(text)
         except ValueError as error:
-            fault = Fault(
+            raise InvalidInput.of(
                 "invalid time",
                 f"{where}, point {k + 1}",
                 repr(text[:40]),
                 "ISO 8601, such as 2026-05-01T08:00:00Z",
-            )
-            raise InvalidInput(fault) from error
+            ) from error
         moment = moment if moment.tzinfo is not None else moment.replace(tzinfo=dt.UTC)
         if not EARLIEST_YEAR <= moment.year <= LATEST_YEAR:
             allowed = f"{EARLIEST_YEAR} to {LATEST_YEAR}"
-            raise InvalidInput(
-                Fault("invalid time", f"{where}, point {k + 1}", f"year {moment.year}", allowed)
-            )
+            raise InvalidInput.of("invalid time", f"{where}, point {k + 1}", f"year {moment.year}", allowed)
         first = first or moment
         values[k] = moment.timestamp()
     known = np.flatnonzero(np.isfinite(values))
@@ -250,17 +247,15 @@ def route_from_track(track: Track, speed_m_s: float | None = None) -> LinkRoute:
     else:
         if speed_m_s is not None and not (is_number(speed_m_s) and 0 < speed_m_s <= FASTEST_LINK_M_S):
             allowed = f"more than 0, at most {FASTEST_LINK_M_S:g} m/s"
-            raise InvalidInput(Fault("speed out of range", "speed_m_s", excerpt(speed_m_s), allowed))
+            raise InvalidInput.of("speed out of range", "speed_m_s", excerpt(speed_m_s), allowed)
         unknown = np.isnan(track.piece_speed_m_s)
         if unknown.any() and speed_m_s is None:
-            raise InvalidInput(
-                Fault(
-                    "speed is missing",
-                    "track",
-                    f"{int(unknown.sum())} pieces without time and speed",
-                    "a mean speed for the track",
-                    "give speed_m_s",
-                )
+            raise InvalidInput.of(
+                "speed is missing",
+                "track",
+                f"{int(unknown.sum())} pieces without time and speed",
+                "a mean speed for the track",
+                "give speed_m_s",
             )
         if speed_m_s is not None and unknown.any():
             flags = (*flags, Flag("speed_assumed", "track", speed_m_s, "m_s"))
@@ -288,7 +283,7 @@ def _moving_gaps(time_s: FloatArray, driven_m: FloatArray) -> tuple[Flag, ...]:
     if share > MOST_IN_GAPS:
         got = f"{share:.0%} of the way in gaps of up to {step[gaps].max():g} s"
         allowed = f"at most {MOST_IN_GAPS:.0%} in gaps over {SHORTEST_GAP_S:g} s"
-        raise InvalidInput(Fault("gaps in the track", "track", got, allowed, "give the whole track"))
+        raise InvalidInput.of("gaps in the track", "track", got, allowed, "give the whole track")
     return (Flag("gap_bridged", "speed_m_s", float(step[gaps].sum()), "s"),)
 
 
@@ -346,7 +341,7 @@ def plan_from_track(
     np.float64(11.12)
     """
     if track.time_s is None:
-        raise InvalidInput(Fault("no times", "track", "points without time", "a track with times"))
+        raise InvalidInput.of("no times", "track", "points without time", "a track with times")
     keep = np.concatenate(([True], np.diff(track.time_s) > 0))
     # of points with one time the last place counts
     last = np.append(np.flatnonzero(keep)[1:], len(track)) - 1
@@ -355,7 +350,7 @@ def plan_from_track(
     finest = max(span / MOST_SAMPLES, 1e-3)
     if not finest <= step_s <= MOST_TRAVEL_TIME_S:
         allowed = f"{finest:g} to {MOST_TRAVEL_TIME_S:g} s"
-        raise InvalidInput(Fault("step out of range", "step_s", f"{step_s}", allowed))
+        raise InvalidInput.of("step out of range", "step_s", f"{step_s}", allowed)
     time = np.arange(max(math.ceil(span / step_s - 1e-9), 1) + 1, dtype=np.float64) * step_s
     before, after = np.maximum(time - WINDOW_S, 0.0), np.minimum(time + WINDOW_S, span)
     after = np.maximum(after, before + 1e-9)
@@ -364,13 +359,8 @@ def plan_from_track(
     fast = np.flatnonzero(speed > FASTEST_LINK_M_S)
     if len(fast):
         got = f"{speed[fast[0]] / M_S_PER_KM_H:.0f} km/h at {time[fast[0]]:g} s"
-        raise InvalidInput(
-            Fault(
-                "implausible jump of the track",
-                "track",
-                got,
-                f"at most {FASTEST_LINK_M_S / M_S_PER_KM_H:g} km/h",
-            )
+        raise InvalidInput.of(
+            "implausible jump of the track", "track", got, f"at most {FASTEST_LINK_M_S / M_S_PER_KM_H:g} km/h"
         )
     position, height, flags = track.elevation()
     columns = {"time_s": time, "speed_m_s": speed}

@@ -12,7 +12,7 @@ from typing import Any, Final, Protocol
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput, RemoteError
+from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.routes.places import Place
 from tripwatt.routes.points import a_list, a_number, an_object
 from tripwatt.routes.routers.road import Road
@@ -180,11 +180,11 @@ class WeatherServer:
         answer = self.client.get_json("/v1/forecast", query)
         try:
             if isinstance(answer, dict) and answer.get("error"):
-                raise InvalidInput(Fault("no weather", self.client.host, str(answer.get("reason"))[:120]))
+                raise InvalidInput.of("no weather", self.client.host, str(answer.get("reason"))[:120])
             tables = answer if isinstance(answer, list) else [answer]
             if len(tables) != len(keys):
-                raise InvalidInput(
-                    Fault("weather of other places", self.client.host, f"{len(tables)}", f"{len(keys)}")
+                raise InvalidInput.of(
+                    "weather of other places", self.client.host, f"{len(tables)}", f"{len(keys)}"
                 )
             return [
                 _weather(table, key[2], self.client.host) for table, key in zip(tables, keys, strict=True)
@@ -205,7 +205,7 @@ def _weather(table: Any, hour: dt.datetime, where: str) -> Weather:
     times = a_list(hourly.get("time"), f"{where}, hourly, time", least=1)
     wanted = f"{hour:%Y-%m-%dT%H:%M}"
     if wanted not in times:
-        raise InvalidInput(Fault("no weather for this hour", where, wanted, f"{times[0]} to {times[-1]}"))
+        raise InvalidInput.of("no weather for this hour", where, wanted, f"{times[0]} to {times[-1]}")
     k = times.index(wanted)
     value = {}
     for name in HOURLY:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import urlsplit
 
-from tripwatt.errors import Fault, InvalidInput, RemoteError, install
+from tripwatt.errors import InvalidInput, RemoteError, install
 from tripwatt.routes.points import parse_json
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def require_url(url: str, where: str) -> str:
     if not sound or parts.username or parts.password or parts.query or parts.fragment:
         got = url.rpartition("@")[2][:60]  # no password in a message
         allowed = "http://HOST[:PORT][/PATH] or https://..., without user name and query"
-        raise InvalidInput(Fault("not the URL of a server", where, got, allowed))
+        raise InvalidInput.of("not the URL of a server", where, got, allowed)
     return url.rstrip("/")
 
 
@@ -141,18 +141,16 @@ class WebClient:
                 break
             self.pause(wait_s)
         got = f"status {found.status}" if isinstance(found, Answer) else found
-        raise RemoteError(
-            Fault(f"{self.what} does not respond", self.host, got, "", "check the URL, or try again later")
+        raise RemoteError.of(
+            f"{self.what} does not respond", self.host, got, "", "check the URL, or try again later"
         )
 
     def _accepted(self, answer: Answer) -> Answer:
         if answer.status in (401, 403):
             fix = f"set {self.key_variable} to a valid key" if self.key_variable else "use another server"
-            raise RemoteError(
-                Fault(f"{self.what} refuses access", self.host, f"status {answer.status}", "", fix)
-            )
+            raise RemoteError.of(f"{self.what} refuses access", self.host, f"status {answer.status}", "", fix)
         if answer.status >= 500 and not answer.body.lstrip().startswith(b"{"):
-            raise RemoteError(Fault(f"{self.what} failed", self.host, f"status {answer.status}"))
+            raise RemoteError.of(f"{self.what} failed", self.host, f"status {answer.status}")
         return answer
 
     def _attempt(
@@ -188,8 +186,7 @@ class WebClient:
         for part in response.iter_bytes():
             size += len(part)
             if size > MOST_ANSWER_BYTES:
-                fault = Fault("answer too large", self.host, f"more than {MOST_ANSWER_BYTES} bytes")
-                raise RemoteError(fault)
+                raise RemoteError.of("answer too large", self.host, f"more than {MOST_ANSWER_BYTES} bytes")
             if time.monotonic() > deadline:
                 raise httpx.ReadTimeout("slow answer", request=request)
             parts.append(part)
@@ -199,13 +196,11 @@ class WebClient:
         try:
             return parse_json(answer.body, self.host)
         except InvalidInput as error:
-            raise RemoteError(
-                Fault(
-                    f"{self.what} gives no JSON",
-                    self.host,
-                    f"status {answer.status}, {len(answer.body)} bytes",
-                    "JSON",
-                )
+            raise RemoteError.of(
+                f"{self.what} gives no JSON",
+                self.host,
+                f"status {answer.status}, {len(answer.body)} bytes",
+                "JSON",
             ) from error
 
     @property
@@ -236,5 +231,5 @@ def _httpx() -> Any:
     try:
         import httpx  # an extra, and slow to import
     except ImportError as error:
-        raise InvalidInput(Fault("missing package", "a server by URL", str(error), fix=EXTRA)) from error
+        raise InvalidInput.of("missing package", "a server by URL", str(error), fix=EXTRA) from error
     return httpx

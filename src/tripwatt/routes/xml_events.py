@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 from xml.parsers import expat
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 
 DEEPEST_XML: Final = 64
 ROOT_BYTES: Final = 65_536
@@ -62,17 +62,17 @@ def read_events(
 
     def refuse(*_: object) -> None:
         allowed = f"{format_name} without a document type declaration"
-        raise InvalidInput(Fault("XML with a document type declaration", name, "<!DOCTYPE ...>", allowed))
+        raise InvalidInput.of("XML with a document type declaration", name, "<!DOCTYPE ...>", allowed)
 
     def start(tag: str, attributes: Mapping[str, str]) -> None:
         nonlocal depth
         tag = local_name(tag)
         if depth == 0 and tag != root:
-            raise InvalidInput(Fault(f"not {format_name}", name, f"<{tag[:40]}>", f"<{root}>"))
+            raise InvalidInput.of(f"not {format_name}", name, f"<{tag[:40]}>", f"<{root}>")
         depth += 1
         if depth > DEEPEST_XML:
             got, allowed = f"{depth} levels", f"at most {DEEPEST_XML}"
-            raise InvalidInput(Fault("XML nested too deeply", name, got, allowed))
+            raise InvalidInput.of("XML nested too deeply", name, got, allowed)
         on_start(tag, attributes)
 
     def end(tag: str) -> None:
@@ -90,7 +90,7 @@ def read_events(
         parser.Parse(data, True)
     except (expat.ExpatError, ValueError, LookupError) as error:  # the latter two for encodings
         allowed = f"a {format_name} document"
-        raise InvalidInput(Fault("not well-formed XML", name, str(error)[:120], allowed)) from error
+        raise InvalidInput.of("not well-formed XML", name, str(error)[:120], allowed) from error
 
 
 def root_of(data: bytes) -> str:

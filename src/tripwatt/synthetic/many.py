@@ -112,8 +112,8 @@ class FleetPlan:
         )
         if not self.car_models or len(self.car_models) > self.vehicles:
             got = f"{len(self.car_models)} for {self.vehicles} vehicles"
-            raise InvalidInput(
-                Fault("wrong number of car models", "car_models", got, "1 to the number of vehicles")
+            raise InvalidInput.of(
+                "wrong number of car models", "car_models", got, "1 to the number of vehicles"
             )
 
     def vehicles_of(self, model: int) -> range:

@@ -267,7 +267,7 @@ def _joined(parts: Sequence[Edges]) -> Edges:
     if not sound.all() or not len(sound) or not edges.length_m.sum() > 0 or not edges.time_s.sum() > 0:
         bad = np.flatnonzero(~sound)
         where = f"edge {bad[0] + 1}" if len(bad) else "edges"
-        raise InvalidInput(Fault("impossible edge of the road", where, "", "length and time above 0"))
+        raise InvalidInput.of("impossible edge of the road", where, "", "length and time above 0")
     return edges
 
 
@@ -303,8 +303,6 @@ def _require_near(points: FloatArray, stops: Sequence[Place]) -> None:
 def require_stops(stops: Sequence[Place]) -> None:
     """Raise `InvalidInput` for a journey without two different places."""
     if len(stops) < 2:
-        raise InvalidInput(Fault("too few places", "stops", f"{len(stops)}", "a start and a destination"))
+        raise InvalidInput.of("too few places", "stops", f"{len(stops)}", "a start and a destination")
     if all(stops[0].distance_m(place) < 1.0 for place in stops):
-        raise InvalidInput(
-            Fault("no way to drive", "stops", f"{stops[0].title} only", "two different places")
-        )
+        raise InvalidInput.of("no way to drive", "stops", f"{stops[0].title} only", "two different places")

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput, RemoteError
+from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.routes.places import Place
 from tripwatt.routes.points import a_list, a_number, an_object, coordinates, haversine_m, numbers
 from tripwatt.routes.routers.road import MOST_ROUTES, Edges, Road, RoadParts, require_stops
@@ -67,7 +67,7 @@ class OsrmRouter(_ServerRouter):
         if isinstance(code, str) and code in NO_ROUTE:
             raise no_road(stops, str(answer.get("message") or code))
         if code != "Ok":
-            raise RemoteError(Fault("the router failed", self.client.host, repr(code)[:60], "code Ok"))
+            raise RemoteError.of("the router failed", self.client.host, repr(code)[:60], "code Ok")
         return _roads(answer.get("routes"), stops, self.name, osrm_leg)
 
 
@@ -92,20 +92,13 @@ def _annotated(annotation: Mapping[str, Any], duration_s: float, where: str) -> 
     length = numbers(annotation.get("distance"), f"{where}, annotation, distance", least=0.0)
     time = numbers(annotation.get("duration"), f"{where}, annotation, duration", least=0.0)
     if len(length) != len(time) or not len(time):
-        raise InvalidInput(
-            Fault(
-                "annotations of different lengths",
-                where,
-                f"{len(length)} and {len(time)}",
-                "one for each edge",
-            )
+        raise InvalidInput.of(
+            "annotations of different lengths", where, f"{len(length)} and {len(time)}", "one for each edge"
         )
     if annotation.get("speed") is not None:
         speed = numbers(annotation["speed"], f"{where}, annotation, speed", least=0.0)
         if len(speed) != len(time):
-            raise InvalidInput(
-                Fault("annotations of different lengths", where, f"{len(speed)}", f"{len(time)}")
-            )
+            raise InvalidInput.of("annotations of different lengths", where, f"{len(speed)}", f"{len(time)}")
     else:
         speed = np.divide(length, time, out=np.full(len(time), np.nan), where=time > 0)
     speed = np.where(speed > 0.0, speed, np.nan)
@@ -207,8 +200,8 @@ def _entries(details: Mapping[str, Any], name: str, points: int, where: str) -> 
         start, end, value = a_list(entry, place, least=3)[:3]
         first, last = a_number(start, place, least=0.0), a_number(end, place, least=0.0)
         if first != int(first) or last != int(last) or not first <= last < points:
-            raise InvalidInput(
-                Fault("point index out of range", place, f"{first:g} to {last:g}", f"0 to {points - 1}")
+            raise InvalidInput.of(
+                "point index out of range", place, f"{first:g} to {last:g}", f"0 to {points - 1}"
             )
         rows.append((int(first), int(last), value))
     return rows
@@ -222,8 +215,8 @@ def _intervals(
         for s, e, v in _entries(details, name, points, where)
     ]
     if not rows or any(a[1] != b[0] for a, b in itertools.pairwise(rows)):
-        raise InvalidInput(
-            Fault("incomplete path details", f"{where}, details, {name}", f"{len(rows)}", "one for each edge")
+        raise InvalidInput.of(
+            "incomplete path details", f"{where}, details, {name}", f"{len(rows)}", "one for each edge"
         )
     return rows
 
@@ -302,7 +295,7 @@ def an_object_of(value: Any, where: str) -> dict[str, Any]:
 def no_road(stops: Sequence[Place], got: str) -> InvalidInput:
     """The error of places that no road connects."""
     title = " to ".join(place.title for place in stops)
-    return InvalidInput(Fault("no road found", title, got[:120], "places that a road connects"))
+    return InvalidInput.of("no road found", title, got[:120], "places that a road connects")
 
 
 def _roads(value: Any, stops: Sequence[Place], where: str, legs: Any) -> tuple[Road, ...]:

@@ -16,7 +16,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput, RemoteError
+from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.routes.places import Place
 from tripwatt.routes.points import a_list, a_number, an_object, haversine_m
 from tripwatt.routes.polyline import decode_polyline
@@ -175,9 +175,7 @@ class ValhallaRouter:
                 leg = an_object(entry, f"route, legs[{k}]")
                 shape = leg.get("shape")
                 if not isinstance(shape, str):
-                    raise InvalidInput(
-                        Fault("no line", f"route, legs[{k}]", repr(shape)[:40], "an encoded line")
-                    )
+                    raise InvalidInput.of("no line", f"route, legs[{k}]", repr(shape)[:40], "an encoded line")
                 points = decode_polyline(shape, f"route, legs[{k}], shape", precision=1e6)
                 asked = [partial(self._edge_document, shape, stops), partial(self._height_document, shape)]
                 edge_document, heights = self._together(asked)
@@ -235,16 +233,16 @@ class ValhallaRouter:
         code, got = answer.get("error_code"), str(answer.get("error"))[:120]
         title = " to ".join(place.title for place in stops)
         if isinstance(code, int) and code in NOT_ON_MAP:
-            raise InvalidInput(Fault("place outside of the map", title, got, "places near a road of the map"))
-        raise InvalidInput(Fault("no road found", title, got, "places that a road connects"))
+            raise InvalidInput.of("place outside of the map", title, got, "places near a road of the map")
+        raise InvalidInput.of("no road found", title, got, "places that a road connects")
 
 
 def _edges(answer: dict[str, Any], shape: str, points: FloatArray) -> tuple[Edges, FloatArray]:
     """Edges of a line, and the ranges of distance [m] under a roof or on a bridge, shape (ranges, 2)."""
     entries = a_list(answer.get("edges"), "trace_attributes, edges", least=1)
     if len(entries) > MOST_EDGES:
-        raise InvalidInput(
-            Fault("too many edges", "trace_attributes", f"{len(entries)}", f"at most {MOST_EDGES}")
+        raise InvalidInput.of(
+            "too many edges", "trace_attributes", f"{len(entries)}", f"at most {MOST_EDGES}"
         )
     own = answer.get("shape")
     if isinstance(own, str) and own != shape:  # its line may have a point more than that of the route
@@ -294,16 +292,12 @@ class _EdgeTable:
         begin = _indices(rows, "begin_shape_index", n_points)
         end = _indices(rows, "end_shape_index", n_points)
         if (np.diff(begin) < 0).any() or (end < begin).any() or (begin[1:] != end[:-1]).any():
-            raise InvalidInput(
-                Fault("edges out of order", "trace_attributes, edges", "", "indices that rise")
-            )
+            raise InvalidInput.of("edges out of order", "trace_attributes, edges", "", "indices that rise")
         elapsed = np.array(
             [a_number(n.get("elapsed_time"), f"edges[{k}]", least=0.0) for k, n in enumerate(nodes)]
         )
         if (np.diff(elapsed) < 0).any():
-            raise InvalidInput(
-                Fault("time decreases", "trace_attributes, elapsed_time", "", "times that rise")
-            )
+            raise InvalidInput.of("time decreases", "trace_attributes, elapsed_time", "", "times that rise")
         limits = [row.get("speed_limit") for row in rows]
         return cls(
             begin,
@@ -333,9 +327,7 @@ def _limit(value: Any, where: str) -> float:
 def _indices(rows: list[dict[str, Any]], key: str, n_points: int) -> Any:
     values = np.array([a_number(row.get(key), f"edges[{k}], {key}", least=0.0) for k, row in enumerate(rows)])
     if (values != np.floor(values)).any() or values.max() >= n_points:
-        raise InvalidInput(
-            Fault("point index out of range", key, f"{values.max():g}", f"0 to {n_points - 1}")
-        )
+        raise InvalidInput.of("point index out of range", key, f"{values.max():g}", f"0 to {n_points - 1}")
     return values.astype(np.int64)
 
 
