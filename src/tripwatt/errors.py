@@ -7,7 +7,7 @@ one `InvalidInput`, so that a user mends a file once.
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from dataclasses import dataclass
 from importlib.util import find_spec
 from types import MappingProxyType
@@ -150,6 +150,17 @@ def _is_there(module: str) -> bool:
         return True
 
 
+def and_more(bad: Sized, what: str = "rows") -> str:
+    """What a message adds to the first of several wrong values; empty for a single one.
+
+    Examples
+    --------
+    >>> and_more([4, 7, 9]), and_more([4])
+    (' (and 2 more rows)', '')
+    """
+    return f" (and {len(bad) - 1} more {what})" if len(bad) > 1 else ""
+
+
 def first_faults(faults: Sequence[Fault], where: str, most: int = MOST_FAULTS) -> list[Fault]:
     """The first faults, and one more with the number of those that are left out.
 
@@ -195,6 +206,32 @@ class InvalidInput(TripwattError):
 
     def __reduce__(self) -> tuple[type[InvalidInput], tuple[tuple[Fault, ...]]]:
         return (type(self), (self.faults,))  # survives the way back from a worker process
+
+
+def raise_faults(faults: Iterable[Fault]) -> None:
+    """Raise `InvalidInput` with all faults when there is one.
+
+    Parameters
+    ----------
+    faults : iterable of Fault
+        What is wrong; it is exhausted before the error is raised.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault, in their order.
+
+    Examples
+    --------
+    >>> raise_faults([])
+    >>> raise_faults([Fault("no trips", "data/")])
+    Traceback (most recent call last):
+        ...
+    tripwatt.errors.InvalidInput: no trips: data/
+    """
+    listed = tuple(faults)
+    if listed:
+        raise InvalidInput(listed)
 
 
 class RemoteError(InvalidInput):
