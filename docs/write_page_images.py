@@ -21,12 +21,12 @@ ROOT: Final = Path(__file__).resolve().parent.parent
 IMAGES: Final = ROOT / "docs" / "images"
 sys.path.insert(0, str(ROOT))
 
+from benchmarks.many_vehicles import FleetPlan, many_vehicles  # noqa: E402
 from benchmarks.page import MAP_SHOWN, SHOWN, browsing, choose_place, context_of  # noqa: E402
 from tests.live.messages import abrp_messages, measured  # noqa: E402
 from tests.support.service_process import serving  # noqa: E402
 
 from tripwatt.synthetic import example_trip  # noqa: E402
-from tripwatt.synthetic.many import FleetPlan, many_vehicles  # noqa: E402
 
 SETTLE_MS: Final = 700
 MOMENTS: Final = 40
