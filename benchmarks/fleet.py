@@ -61,8 +61,8 @@ def worker_figures() -> tuple[float, float]:
 
 def add_blocks(place: str, plan: Any, blocks: list[tuple[int, int]]) -> int:
     """Make and add some blocks; runs on a worker."""
+    from benchmarks.many_vehicles import block_of_logs
     from tripwatt.store import open_store
-    from tripwatt.synthetic.many import block_of_logs
 
     store = open_store(place)
     return sum(
@@ -84,10 +84,10 @@ def filled(place: str, plan: Any, executor: Any, workers: int) -> None:
 
 def scale_once(trips: int, workers: int) -> dict[str, float]:
     """CPU and wall time and memory of adding and fitting one synthetic fleet."""
+    from benchmarks.many_vehicles import FleetPlan
     from tripwatt.fleet.mapping import map_store, tasks_of
     from tripwatt.fleet.model import fit_fleet
     from tripwatt.store import open_store
-    from tripwatt.synthetic.many import FleetPlan
 
     plan = FleetPlan(trips, vehicles=min(200, max(8, trips // 10)))
     folder = tempfile.mkdtemp()
@@ -140,10 +140,10 @@ def scale(small: int, large: int, workers: int) -> Iterator[Bar]:
 
 def fitted(trips: int, vehicles: int, models: int = 4, days: float = 3.65) -> tuple[Any, Any, Any, str]:
     """Plan, store, model and folder of a synthetic fleet, in this process."""
+    from benchmarks.many_vehicles import CAR_MODELS, FleetPlan
     from tripwatt.fleet.executors import InProcess
     from tripwatt.fleet.model import fit_fleet
     from tripwatt.store import open_store
-    from tripwatt.synthetic.many import CAR_MODELS, FleetPlan
 
     plan = FleetPlan(trips, vehicles=vehicles, car_models=CAR_MODELS[:models], days_between=days)
     folder = tempfile.mkdtemp()
@@ -161,8 +161,8 @@ def rows_of(store: Any, folder: str) -> Any:
 
 def truth(trips: int = 1200, vehicles: int = 60) -> Iterator[Bar]:
     """Twenty trips a vehicle by default."""
+    from benchmarks.many_vehicles import vehicle_truth
     from tripwatt.fleet.evaluation import evaluate_rows
-    from tripwatt.synthetic.many import vehicle_truth
     from tripwatt.trips import Trip
 
     how = f"{COMMAND} truth"
@@ -204,7 +204,7 @@ def truth(trips: int = 1200, vehicles: int = 60) -> Iterator[Bar]:
             row["pooled"] / best,
             1.0,
         )
-    from tripwatt.synthetic.many import FleetPlan, many_vehicles
+    from benchmarks.many_vehicles import FleetPlan, many_vehicles
 
     later = FleetPlan(
         trips + 4 * vehicles, vehicles, plan.car_models, plan.seed, plan.minutes, plan.days_between
@@ -244,11 +244,11 @@ def own_energy_wh(plan: Any, truth_: Any, rows: Any) -> float:
 
 
 def update(trips: int = 5000, vehicles: int = 100) -> Iterator[Bar]:
+    from benchmarks.many_vehicles import FleetPlan, many_vehicles
     from tripwatt.fleet.executors import InProcess
     from tripwatt.fleet.hierarchy import posterior
     from tripwatt.fleet.model import update_fleet
     from tripwatt.fleet.statistics import Sums
-    from tripwatt.synthetic.many import FleetPlan, many_vehicles
 
     how = f"{COMMAND} update"
     began = cpu_s()
@@ -377,9 +377,9 @@ def synthetic_rows(trips: int, vehicles: int) -> Any:
     """Rows of a synthetic fleet without a store."""
     import pyarrow as pa
 
+    from benchmarks.many_vehicles import FleetPlan, many_vehicles
     from tripwatt.fleet.mapping import row_of, segments_of
     from tripwatt.fleet.statistics import ROWS, TripRows
-    from tripwatt.synthetic.many import FleetPlan, many_vehicles
     from tripwatt.trips import Trip
 
     plan = FleetPlan(trips, vehicles=vehicles)
@@ -447,10 +447,10 @@ def real(data: Path) -> Iterator[Bar]:
 
 def same(trips: int = 160, vehicles: int = 16) -> Iterator[Bar]:
     """One process, two processes of a cluster, and a cluster one of whose workers is killed."""
+    from benchmarks.many_vehicles import CAR_MODELS, FleetPlan, many_vehicles
     from tripwatt.fleet.executors import InProcess
     from tripwatt.fleet.model import fit_fleet
     from tripwatt.store import open_store
-    from tripwatt.synthetic.many import CAR_MODELS, FleetPlan, many_vehicles
     from tripwatt.trips import Trip
 
     how = f"{COMMAND} same"

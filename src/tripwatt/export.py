@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.routes import plan_from_links, route_from_links
 from tripwatt.trips import Departure, Flag, Plan, table_of
@@ -147,13 +147,11 @@ def consumption_curve(
         levels.append(level)
     if not speeds:
         where = f"{vehicle.name} at {LOWEST_KM_H} km/h"
-        raise InvalidInput(
-            Fault(
-                "car cannot hold the speed",
-                where,
-                "; ".join(map(message, flags)),
-                "a car that can hold the speed",
-            )
+        raise InvalidInput.of(
+            "car cannot hold the speed",
+            where,
+            "; ".join(map(message, flags)),
+            "a car that can hold the speed",
         )
     mass = vehicle.body.test_mass_kg + (departure.payload_mass_kg or 0.0)
     reference = REFERENCE_KM_H * M_S_PER_KM_H
@@ -364,7 +362,7 @@ def export_curve(
     ['ref_consumption']
     """
     if service not in EXPORTS:
-        raise InvalidInput(Fault("unknown service", "service", repr(service), ", ".join(EXPORTS)))
+        raise InvalidInput.of("unknown service", "service", repr(service), ", ".join(EXPORTS))
     curve = consumption_curve(
         vehicle,
         departure,

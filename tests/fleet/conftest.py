@@ -6,10 +6,11 @@ import pytest
 @pytest.fixture(scope="session")
 def fleet(tmp_path_factory):
     pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
+    from benchmarks.many_vehicles import CAR_MODELS, FleetPlan, block_of_logs
+
     from tripwatt.fleet.executors import InProcess
     from tripwatt.fleet.model import Sampling, fit_fleet
     from tripwatt.store import create_store
-    from tripwatt.synthetic.many import CAR_MODELS, FleetPlan, block_of_logs
 
     folder = tmp_path_factory.mktemp("fleet")
     plan = FleetPlan(48, vehicles=8, car_models=CAR_MODELS[:2], minutes=6.0)

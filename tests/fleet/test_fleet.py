@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from benchmarks.many_vehicles import FleetPlan, many_vehicles
 
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.corrector import FleetCorrector, FleetTrees, choose_rounds
@@ -40,7 +41,6 @@ from tripwatt.fleet.model import (
 from tripwatt.fleet.statistics import ROWS, Sums, TripRows
 from tripwatt.fleet.storage import load_fleet, save_fleet
 from tripwatt.hybrid import segment_trips
-from tripwatt.synthetic.many import FleetPlan, many_vehicles
 from tripwatt.trips import Trip
 from tripwatt.vehicles import load_vehicle
 

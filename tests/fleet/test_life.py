@@ -10,6 +10,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from benchmarks.many_vehicles import many_vehicles
 
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.batch import _name, forecast_batch, schema_of
@@ -30,7 +31,6 @@ from tripwatt.fleet.registry import Comparison, FollowedModel, Registry, compare
 from tripwatt.fleet.report import report_page
 from tripwatt.fleet.statistics import NUMBERS, ROWS, Sums, TripRows
 from tripwatt.fleet.storage import save_fleet
-from tripwatt.synthetic.many import many_vehicles
 from tripwatt.trips import Departure, Trip, plan_from_trip
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")

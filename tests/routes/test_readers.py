@@ -351,13 +351,13 @@ def test_broken_routes_are_refused(name):
 def test_missing_and_too_large_files(tmp_path, monkeypatch):
     with pytest.raises(InvalidInput, match="cannot read"):
         parse_route(tmp_path / "none.gpx")
-    monkeypatch.setattr("tripwatt.routes.points.MOST_BYTES", 10)
+    monkeypatch.setattr("tripwatt.routes.documents.MOST_BYTES", 10)
     with pytest.raises(InvalidInput, match="too large"):
         parse_route(b"[" + b" " * 20)
 
 
 def test_too_many_points(monkeypatch):
-    monkeypatch.setattr("tripwatt.routes.gpx.MOST_POINTS", 50)
+    monkeypatch.setattr("tripwatt.routes.xml_events.MOST_POINTS", 50)
     with pytest.raises(InvalidInput, match="too many points"):
         read_gpx(gpx(drive(SPEED)))
 

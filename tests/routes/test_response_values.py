@@ -92,7 +92,7 @@ def test_faults_of_an_osrm_response():
     assert faults_of(osrm, code="NoRoute")[0].got == "'NoRoute'"
     (fault,) = faults_of(osrm, {"duration": 1.0, "distance": 1.0}, leg(1.0, [1.0, 2.0], [1.0]))
     assert (fault.what, fault.got) == ("annotations of different lengths", "2 and 1")
-    assert fault.where == "OSRM response, legs[1]"
+    assert fault.where == "OSRM response, routes[0], legs[1]"
     assert faults_of(osrm)[0].what == "too few entries"
     assert faults_of(route_from_osrm, {"routes": []})[0].what == "too few entries"
 

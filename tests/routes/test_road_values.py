@@ -89,7 +89,7 @@ def made(*legs, stops=None):
     for leg in legs:
         parts.add(*leg)
     first, last = legs[0][1][0], legs[-1][1][-1]
-    return parts.road(stops or [Place(*first), Place(*last)], "x")
+    return parts.road(stops or [Place(*first), Place(*last)])
 
 
 def test_the_way_that_a_car_looks():

@@ -11,6 +11,7 @@ from tripwatt.routes import (
     LinkRoute,
     LinkStyle,
     calibrate_style,
+    documents,
     join_routes,
     link_objects,
     links,
@@ -21,24 +22,16 @@ from tripwatt.routes import (
     road_work,
     route_from_links,
 )
+from tripwatt.routes.answers import intervals, speeds_at_points
 from tripwatt.routes.calibrate import LINK_LENGTHS_M
-from tripwatt.routes.link_objects import columns_at_once
+from tripwatt.routes.documents import Node, content
+from tripwatt.routes.link_objects import columns_of_links
 from tripwatt.routes.links import _limits, _moving_speeds, _stops, _stretches
-from tripwatt.routes.points import (
-    a_list,
-    a_number,
-    an_object,
-    content,
-    coordinates,
-    haversine_m,
-    require_on_earth,
-)
+from tripwatt.routes.points import haversine_m, require_on_earth
 from tripwatt.routes.polyline import decode_polyline
 from tripwatt.routes.responses import (
-    _graphhopper_speeds,
-    _heights,
-    _intervals,
-    _Pieces,
+    Pieces,
+    heights_of,
     route_from_graphhopper,
     route_from_openrouteservice,
     route_from_osrm,
@@ -349,31 +342,45 @@ LINK = {"length_m": 100.0, "speed_m_s": 10.0}
 )
 def test_a_link_is_sound_or_refused(change, sound):
     given = [LINK, {**LINK, **change}]
+    columns, faults = columns_of_links(given)
+    assert len(columns["length_m"]) == 2
+    assert bool(faults) != (sound or change.get("travel_time_s") == 0.5)
     if sound:
-        assert columns_at_once(given) is not None
-        assert len(link_objects.columns_one_by_one(given)["length_m"]) == 2
+        assert len(route_from_links(given)) == 2
         return
-    if change.get("travel_time_s") != 0.5:
-        assert columns_at_once(given) is None
     with pytest.raises(InvalidInput):
         route_from_links(given)
 
 
+def faults_of_links(links):
+    with pytest.raises(InvalidInput) as caught:
+        route_from_links(links)
+    return [str(fault) for fault in caught.value.faults]
+
+
+def test_three_alike_faults_are_named_and_more_are_counted():
+    found = faults_of_links([LINK, *[{**LINK, "colour": 1.0}] * 3])
+    assert [
+        f"unknown key: link {k}: got 'colour'" in text for k, text in zip((2, 3, 4), found, strict=True)
+    ] == [True] * 3
+    (counted,) = faults_of_links([LINK, *[{**LINK, "colour": 1.0}] * 4])
+    assert "link 2: got 'colour' (and 3 more links);" in counted
+    found = faults_of_links([{**LINK, "colour": 1.0, "length_m": -1.0}] * 50)
+    assert [text.partition(":")[0] for text in found] == ["unknown key", "link out of range"]
+
+
 def test_fifty_faults_are_named_and_the_rest_counted():
     def faults(n):
-        with pytest.raises(InvalidInput) as caught:
-            route_from_links([{**LINK, "colour": 1.0}] * n)
-        return caught.value.faults
+        return faults_of_links([{**LINK, **{f"c{k}": 1.0 for k in range(n)}}])
 
     assert len(faults(50)) == 50
-    assert (len(faults(51)), faults(51)[-1].got) == (51, "1 more")
-    assert (len(faults(53)), faults(53)[-1].got) == (51, "3 more")
+    assert (len(faults(51)), faults(51)[-1].partition(";")[0]) == (51, "unknown key: links: got 1 more")
+    assert (len(faults(53)), faults(53)[-1].partition(";")[0]) == (51, "unknown key: links: got 3 more")
 
 
 def test_too_many_links_are_refused_before_they_are_read(monkeypatch):
     monkeypatch.setattr(link_objects, "MOST_LINKS", 3)
     assert len(route_from_links([LINK] * 3)) == 3
-    assert len(link_objects.columns_one_by_one([LINK] * 3)["length_m"]) == 3
     with pytest.raises(InvalidInput, match="too many links"):
         route_from_links(LINK for _ in range(4))
     with pytest.raises(InvalidInput, match="no links"):
@@ -468,9 +475,9 @@ def test_places_on_earth():
 
 
 def test_the_most_bytes_and_points_of_a_route(monkeypatch, tmp_path):
-    assert points.MOST_BYTES == 64 * 2**20
+    assert documents.MOST_BYTES == 64 * 2**20
     assert points.MOST_POINTS == 500_000
-    monkeypatch.setattr(points, "MOST_BYTES", 4)
+    monkeypatch.setattr(documents, "MOST_BYTES", 4)
     (tmp_path / "four").write_bytes(b"1234")
     (tmp_path / "five").write_bytes(b"12345")
     assert content(b"1234") == (b"1234", "route")
@@ -481,30 +488,30 @@ def test_the_most_bytes_and_points_of_a_route(monkeypatch, tmp_path):
 
 
 def test_numbers_and_lists_of_json():
-    assert a_number(2, "t", least=2.0) == 2.0
+    assert Node(2, "t").number(least=2.0) == 2.0
     for value in (1.9, True, "2", None, float("inf"), 10**400):
         with pytest.raises(InvalidInput, match="2 or more"):
-            a_number(value, "t", least=2.0)
+            Node(value, "t").number(least=2.0)
     with pytest.raises(InvalidInput, match="a number without end"):
-        a_list(10**18 + 1, "t")
+        Node(10**18 + 1, "t").entries()
     with pytest.raises(InvalidInput, match=f"got {10**18};"):
-        a_list(10**18, "t")
-    assert a_list([1], "t", least=1) == [1]
+        Node(10**18, "t").entries()
+    assert [entry.value for entry in Node([1], "t").entries(least=1)] == [1]
     with pytest.raises(InvalidInput, match="too few entries"):
-        a_list([], "t", least=1)
-    assert an_object({}, "t") == {}
+        Node([], "t").entries(least=1)
+    assert Node({}, "t").members() == {}
 
 
 def test_positions_of_geojson():
-    found = coordinates([[11.0, 48.0], [12.0, 49.0, None], [13.0, 50.0, 500.0]], "t")
+    found = Node([[11.0, 48.0], [12.0, 49.0, None], [13.0, 50.0, 500.0]], "t").coordinates()
     np.testing.assert_array_equal(found, [[48.0, 11.0, NO], [49.0, 12.0, NO], [50.0, 13.0, 500.0]])
     for wrong in ([[11.0, 48.0]], [[11.0], [12.0, 49.0]]):
         with pytest.raises(InvalidInput, match="at least 2"):
-            coordinates(wrong, "t")
+            Node(wrong, "t").coordinates()
 
 
 def test_pieces_without_length_or_time_go_to_the_next():
-    pieces = _Pieces()
+    pieces = Pieces()
     for length, time in ((0.0, 5.0), (100.0, 10.0), (30.0, 0.0), (0.005, 1.0), (64.0, 9.0), (2.0, 0.0)):
         pieces.add(length, time)
     made = pieces.route("t", (np.array([0.0, 1.0, 4.0]), np.array([5.0, 6.0, 7.0])), Flag("a", "b"))
@@ -515,7 +522,7 @@ def test_pieces_without_length_or_time_go_to_the_next():
 
 
 def test_time_after_the_last_piece_belongs_to_it():
-    pieces = _Pieces()
+    pieces = Pieces()
     pieces.add(100.0, 10.0)
     pieces.add(0.0, 4.0)
     made = pieces.route("t", None)
@@ -524,7 +531,7 @@ def test_time_after_the_last_piece_belongs_to_it():
 
 
 def test_a_piece_has_a_centimetre_and_some_time():
-    pieces = _Pieces()
+    pieces = Pieces()
     pieces.add(0.01, 1.0, 8.0)
     pieces.add(0.009, 1.0, 9.0)
     pieces.add(5.0, 2.0, 7.0)
@@ -533,18 +540,18 @@ def test_a_piece_has_a_centimetre_and_some_time():
     assert pieces.moving_m_s == [8.0, 7.0]
     assert (pieces.left_m, pieces.left_s) == (0.0, 0.0)
     with pytest.raises(InvalidInput, match="no route"):
-        _Pieces().route("t", None)
+        Pieces().route("t", None)
 
 
 def test_heights_of_points():
     at = np.array([[0.0, 0.0, 500.0], [0.0, 1.0, NO], [0.0, 3.0, 530.0], [0.0, 4.0, NO]])
-    position, height = _heights(at)
+    position, height = heights_of(at)
     degree = np.pi / 180.0 * 6_371_008.8
     np.testing.assert_allclose(position, degree * np.array([0.0, 1.0, 3.0, 4.0]), rtol=1e-9)
     np.testing.assert_allclose(height, [500.0, 510.0, 530.0, 530.0], rtol=1e-9)
-    assert _heights(at[:, :2]) is None
-    assert _heights(np.full((2, 3), NO)) is None
-    assert _heights(np.array([[0.0, 0.0, 5.0], [0.0, 0.0, 6.0]])) is None
+    assert heights_of(at[:, :2]) is None
+    assert heights_of(np.full((2, 3), NO)) is None
+    assert heights_of(np.array([[0.0, 0.0, 5.0], [0.0, 0.0, 6.0]])) is None
 
 
 def leg_of(duration, distances, durations):
@@ -612,19 +619,20 @@ def test_details_of_graphhopper():
 
 
 def test_intervals_of_points():
-    assert _intervals([[0, 2, 5.0], [2, 2, None]], 3, "t") == [(0, 2, 5.0), (2, 2, 0.0)]
+    found = intervals(Node([[0, 2, 5.0], [2, 2, None]], "t"), 3)
+    assert [(start, end, value.value) for start, end, value in found] == [(0, 2, 5.0), (2, 2, None)]
     for wrong in ([0, 3, 5.0], [2, 1, 5.0], [0.5, 1, 5.0], [0, 1.5, 5.0]):
         with pytest.raises(InvalidInput, match="point index out of range"):
-            _intervals([wrong], 3, "t")
+            [v.number(least=0.0) for _, _, v in intervals(Node([wrong], "t"), 3)]
     for wrong in ([0, 1], [-1, 1, 5.0], [0, 1, -5.0]):
         with pytest.raises(InvalidInput):
-            _intervals([wrong], 3, "t")
+            [v.number(least=0.0) for _, _, v in intervals(Node([wrong], "t"), 3)]
 
 
 def test_speeds_of_intervals():
-    found = _graphhopper_speeds([[0, 2, 36.0], [2, 2, 72.0], [3, 4, 0.0]], 5, "t")
+    found = speeds_at_points(Node([[0, 2, 36.0], [2, 2, 72.0], [3, 4, 0.0]], "t"), 5)
     np.testing.assert_allclose(found, [10.0, 10.0, 20.0, NO, NO], **EXACT)
-    assert np.isnan(_graphhopper_speeds(None, 2, "t")).all()
+    assert np.isnan(speeds_at_points(Node(None, "t"), 2)).all()
 
 
 @pytest.mark.parametrize(

@@ -8,16 +8,10 @@ import pytest
 from tests.support.roads import body_of, client, graphhopper, openrouteservice, osrm
 
 from tripwatt.errors import InvalidInput, RemoteError
+from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place
-from tripwatt.routes.routers.servers import (
-    GraphHopperRouter,
-    OpenRouteServiceRouter,
-    OsrmRouter,
-    graphhopper_path,
-    no_road,
-    openrouteservice_feature,
-    osrm_leg,
-)
+from tripwatt.routes.routers.road import no_road
+from tripwatt.routes.routers.servers import GraphHopperRouter, OpenRouteServiceRouter, OsrmRouter
 
 NO = math.nan
 EXACT = {"rtol": 1e-9, "atol": 1e-9}
@@ -25,6 +19,18 @@ DEGREE_M = 6_371_008.8 * math.pi / 180.0
 """A degree of longitude on the equator."""
 
 A, MIDDLE, B = Place(47.0, 9.0), Place(47.0, 9.05), Place(47.0, 9.1)
+
+
+def osrm_leg(route):
+    return OsrmRouter.parts(Node(route, "x"))
+
+
+def graphhopper_path(path):
+    return GraphHopperRouter.parts(Node(path, "x"))
+
+
+def openrouteservice_feature(feature):
+    return OpenRouteServiceRouter.parts(Node(feature, "x"))
 
 
 def asked(kind, document, stops=(A, B), **more):
@@ -122,7 +128,7 @@ EQUATOR = {"type": "LineString", "coordinates": [[0.0, 0.0], [0.01, 0.0]]}
 
 def osrm_edges(*legs):
     """Length, time and speed of each edge."""
-    parts = osrm_leg({"legs": list(legs), "geometry": EQUATOR}, "x")
+    parts = osrm_leg({"legs": list(legs), "geometry": EQUATOR})
     assert parts.heights == [None]
     assert parts.points[0].tolist() == [[0.0, 0.0], [0.0, 0.01]]
     (edges,) = parts.edges
@@ -206,8 +212,7 @@ def test_intervals_of_graphhopper_are_edges_on_the_scale_of_the_path():
             average_speed=[[0, 1, 0.0], [1, 3, 36.0]],
             max_speed=[[0, 1, 0.0], [1, 1, 0.9], [2, 3, None]],
             road_class=[[0, 1, "primary"], [2, 2, None], [2, 3, "service"]],
-        ),
-        "x",
+        )
     )
     (edges,) = found.edges
     np.testing.assert_allclose(edges.length_m, [200.0, 400.0, 0.0, 200.0], rtol=1e-9, atol=1e-6)
@@ -225,7 +230,7 @@ def test_intervals_of_graphhopper_are_edges_on_the_scale_of_the_path():
 def test_a_speed_and_a_limit_of_one_point_count_there_alone():
     details = {"time": [[0, 1, 9000], [1, 1, 9000], [1, 2, 9000], [2, 3, 9000]]}
     speeds = {"average_speed": [[0, 3, 36.0], [1, 1, 0.9]], "max_speed": [[1, 2, 90.0]]}
-    (edges,) = graphhopper_path(path(line(0.0, 0.01, 0.02, 0.03), 300.0, **details, **speeds), "x").edges
+    (edges,) = graphhopper_path(path(line(0.0, 0.01, 0.02, 0.03), 300.0, **details, **speeds)).edges
     np.testing.assert_allclose(edges.speed_m_s, [10.0, 0.25, 0.25, 10.0], **EXACT)
     np.testing.assert_allclose(edges.limit_m_s, [NO, 25.0, 25.0, NO], **EXACT)
     assert edges.road_class == ("",) * 4
@@ -234,11 +239,9 @@ def test_a_speed_and_a_limit_of_one_point_count_there_alone():
 def test_a_class_that_is_empty_ends_the_class_before():
     classes = [[0, 1, "primary"], [1, 2, ""], [2, 3, "motorway"]]
     times = [[0, 1, 9], [1, 2, 9], [2, 3, 9]]
-    found = graphhopper_path(
-        path(line(0.0, 0.01, 0.02, 0.03), 9.0, time=times, road_class=classes[::-1]), "x"
-    )
+    found = graphhopper_path(path(line(0.0, 0.01, 0.02, 0.03), 9.0, time=times, road_class=classes[::-1]))
     assert found.edges[0].road_class == ("primary", "", "motorway")
-    later = graphhopper_path(path(line(0.0, 0.01, 0.02), 9.0, time=times[:2], road_class=classes[1:2]), "x")
+    later = graphhopper_path(path(line(0.0, 0.01, 0.02), 9.0, time=times[:2], road_class=classes[1:2]))
     assert later.edges[0].road_class == ("", "")
 
 
@@ -255,14 +258,14 @@ def test_a_class_that_is_empty_ends_the_class_before():
 def test_the_line_of_a_road_has_its_length(degrees, distance, positions):
     """Also where points repeat, and below a metre."""
     points, n = line(*degrees, heights=[1.0] * len(degrees)), len(degrees)
-    ((found, _),) = graphhopper_path(path(points, distance, time=[[0, n - 1, 9000]]), "x").heights
+    ((found, _),) = graphhopper_path(path(points, distance, time=[[0, n - 1, 9000]])).heights
     np.testing.assert_allclose(found, positions, **EXACT)
     half = {"distance": distance / 2.0, "duration": 4.0}
     feature = {
         "geometry": {"coordinates": points},
         "properties": {"segments": [half, {"steps": [half, {"distance": 0, "duration": 0.5}]}]},
     }
-    made = openrouteservice_feature(feature, "x")
+    made = openrouteservice_feature(feature)
     np.testing.assert_allclose(made.heights[0][0], positions, **EXACT)
     assert made.edges[0].length_m.tolist() == [distance / 2.0, distance / 2.0, 0.0]
     assert made.edges[0].time_s.tolist() == [4.0, 4.0, 0.5]
@@ -284,12 +287,12 @@ def test_a_line_that_is_one_point_is_no_road():
 def test_one_height_is_enough():
     for heights, known in (([None, None], None), ([None, 8.0], [8.0])):
         points = line(0.0, 0.01, heights=heights)
-        (found,) = graphhopper_path(path(points, 9.0, time=[[0, 1, 9]]), "x").heights
+        (found,) = graphhopper_path(path(points, 9.0, time=[[0, 1, 9]])).heights
         feature = {
             "geometry": {"coordinates": points},
             "properties": {"segments": [{"distance": 9.0, "duration": 1.0}]},
         }
-        (other,) = openrouteservice_feature(feature, "x").heights
+        (other,) = openrouteservice_feature(feature).heights
         assert (found if found is None else found[1].tolist()) == known
         assert (other if other is None else other[1].tolist()) == known
 
@@ -318,18 +321,18 @@ def test_one_height_is_enough():
 def test_intervals_of_graphhopper_follow_each_other(times, what):
     given = path(line(0.0, 0.01, 0.02), 9.0, time=times)
     if what is None:
-        assert len(graphhopper_path(given, "x").edges[0].length_m) == len(times)
+        assert len(graphhopper_path(given).edges[0].length_m) == len(times)
         return
     with pytest.raises(InvalidInput, match=what):
-        graphhopper_path(given, "x")
+        graphhopper_path(given)
 
 
 @pytest.mark.parametrize("name", ["average_speed", "max_speed"])
 def test_speeds_of_graphhopper_are_not_negative(name):
     with pytest.raises(InvalidInput, match="0 or more"):
-        graphhopper_path(path(line(0.0, 0.01), 9.0, time=[[0, 1, 5]], **{name: [[0, 1, -0.1]]}), "x")
+        graphhopper_path(path(line(0.0, 0.01), 9.0, time=[[0, 1, 5]], **{name: [[0, 1, -0.1]]}))
     with pytest.raises(InvalidInput, match="0 or more"):
-        graphhopper_path(path(line(0.0, 0.01), -0.1, time=[[0, 1, 5]]), "x")
+        graphhopper_path(path(line(0.0, 0.01), -0.1, time=[[0, 1, 5]]))
 
 
 def test_a_road_has_legs_or_segments():
@@ -337,4 +340,4 @@ def test_a_road_has_legs_or_segments():
         osrm_edges()
     feature = {"geometry": {"coordinates": line(0.0, 0.01)}, "properties": {"segments": []}}
     with pytest.raises(InvalidInput, match="segments: got 0; allowed: at least 1"):
-        openrouteservice_feature(feature, "x")
+        openrouteservice_feature(feature)

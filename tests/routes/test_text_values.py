@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes import kml as kml_module
 from tripwatt.routes import points, read_geojson, read_gpx, read_kml, xml_events
-from tripwatt.routes.points import a_list, a_number, an_object, coordinates, numbers, parse_json
+from tripwatt.routes.documents import Node, parse_json
 from tripwatt.routes.xml_events import root_of
 
 NO = math.nan
@@ -19,6 +18,18 @@ def faults_of(read, *args, **more):
     with pytest.raises(InvalidInput) as caught:
         read(*args, **more)
     return caught.value.faults
+
+
+def coordinates(value, where):
+    return Node(value, where).coordinates()
+
+
+def numbers(value, where, **more):
+    return Node(value, where).numbers(**more)
+
+
+def a_number(value, where, **more):
+    return Node(value, where).number(**more)
 
 
 # GPX
@@ -86,7 +97,7 @@ def test_points_of_kml_are_cut_in_messages():
 
 
 def test_the_most_points_of_kml(monkeypatch):
-    monkeypatch.setattr(kml_module, "MOST_POINTS", 2)
+    monkeypatch.setattr(xml_events, "MOST_POINTS", 2)
     assert len(read_kml(kml("1,2 1,3"))) == 2
     assert faults_of(read_kml, kml("1,2 1,3 1,4"))[0].got == "more than 2"
 
@@ -209,7 +220,7 @@ def test_lines_keep_their_own_times():
 def test_positions_have_a_height_or_more():
     found = coordinates([[1, 2, 3, 4], [1, 2]], "t")
     np.testing.assert_array_equal(found, [[2.0, 1.0, 3.0], [2.0, 1.0, NO]])
-    for wrong, where in (([[1, 2], [1, "x"]], r"t[1]"), ([[1, 2], [1, 2, "x"]], r"t[1]")):
+    for wrong, where in (([[1, 2], [1, "x"]], "t[1][1]"), ([[1, 2], [1, 2, "x"]], "t[1][2]")):
         assert faults_of(coordinates, wrong, "t")[0].where == where
 
 
@@ -228,9 +239,9 @@ def test_lists_of_numbers():
     assert faults_of(a_number, NO, "t")[0].allowed == "a finite number"
     assert faults_of(a_number, -(10**19), "t", least=0)[0].got == "a number without end"
     assert faults_of(a_number, "x", "t", least=0)[0].allowed == "a finite number, 0 or more"
-    assert faults_of(an_object, [1, 2, 3], "t")[0].got == "a list of 3"
-    assert faults_of(a_list, {"a": 1, "b": 2}, "t")[0].got == "an object of 2"
-    assert faults_of(a_list, True, "t")[0].got == "True"
+    assert faults_of(Node([1, 2, 3], "t").members)[0].got == "a list of 3"
+    assert faults_of(Node({"a": 1, "b": 2}, "t").entries)[0].got == "an object of 2"
+    assert faults_of(Node(True, "t").entries)[0].got == "True"
 
 
 def test_what_is_no_json_is_cut_in_messages():

@@ -4,10 +4,7 @@ import datetime as dt
 
 import numpy as np
 import pytest
-
-from tripwatt.auditing import audit
-from tripwatt.errors import InvalidInput
-from tripwatt.synthetic.many import (
+from benchmarks.many_vehicles import (
     AGEING_PER_YEAR,
     BLOCK,
     CAR_MODELS,
@@ -20,6 +17,9 @@ from tripwatt.synthetic.many import (
     many_vehicles,
     vehicle_truth,
 )
+
+from tripwatt.auditing import audit
+from tripwatt.errors import InvalidInput
 from tripwatt.trips import observed_energy
 from tripwatt.vehicles import load_vehicle
 

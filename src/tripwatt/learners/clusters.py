@@ -104,9 +104,7 @@ class Clusters:
         codes, labels = pd.factorize(pd.Series(values.ravel()), sort=True)
         if (codes < 0).any():
             rows = np.flatnonzero(codes < 0)
-            raise InvalidInput(
-                Fault("missing group label", f"row {rows[0]}", f"{rows.size} missing", "a label")
-            )
+            raise InvalidInput.of("missing group label", f"row {rows[0]}", f"{rows.size} missing", "a label")
         return cls(np.asarray(labels), codes.astype(np.int64))
 
     @property

@@ -138,7 +138,7 @@ class AdditiveGP:
         self._check(X)
         codes, labels = pd.factorize(np.asarray(groups))
         if len(labels) < 3:
-            raise InvalidInput(Fault("too few groups", "groups", str(len(labels)), "at least 3"))
+            raise InvalidInput.of("too few groups", "groups", str(len(labels)), "at least 3")
         w = np.ones(len(X)) if weight is None else np.asarray(weight, dtype=np.float64)
         self._learn_columns(X)
         features, self.slices_ = self._features(X)

@@ -72,9 +72,9 @@ class TreeTable:
         """
         trees = [_fields(block) for block in text.split("\nTree=")[1 : n_trees + 1]]
         if len(trees) < n_trees:
-            raise InvalidInput(Fault("too few trees", "LightGBM text", str(len(trees)), str(n_trees)))
+            raise InvalidInput.of("too few trees", "LightGBM text", str(len(trees)), str(n_trees))
         if any(int(t.get("num_cat", "0")) or int(t.get("is_linear", "0")) for t in trees):
-            raise InvalidInput(Fault("trees cannot be stored", "LightGBM text", "levels", "numeric splits"))
+            raise InvalidInput.of("trees cannot be stored", "LightGBM text", "levels", "numeric splits")
         splits = max([1, *(len(t.get("split_feature", "").split()) for t in trees)])
         arrays: dict[str, npt.NDArray[Any]] = {}
         sources = ("split_feature", "threshold", "decision_type", "left_child", "right_child")

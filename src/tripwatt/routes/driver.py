@@ -143,7 +143,7 @@ def draw_dwell(
     if wrong.any():
         first = int(np.flatnonzero(wrong)[0])
         where = f"stop_probability, link {first + 1}"
-        raise InvalidInput(Fault("not a probability", where, f"{probability[first]}", "0 to 1"))
+        raise InvalidInput.of("not a probability", where, f"{probability[first]}", "0 to 1")
     stops = rng.random(probability.shape) < probability
     extra_s = rng.exponential(1.0, probability.shape) * max(style.dwell_mean_s - minimum_s, 0.0)
     return np.where(stops, minimum_s + extra_s, 0.0)

@@ -212,11 +212,11 @@ def links_of_trip(trip: Recorded, length_m: float = 250.0) -> LinkRoute:
     array([25., 35.])
     """
     if not (math.isfinite(length_m) and length_m > 0):
-        raise InvalidInput(Fault("length out of range", "length_m", f"{length_m}", "more than 0 m"))
+        raise InvalidInput.of("length out of range", "length_m", f"{length_m}", "more than 0 m")
     time, speed = trip.array("time_s"), trip.array("speed_m_s")
     driven = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
     if not driven[-1] > 0:
-        raise InvalidInput(Fault("trip without distance", trip.trip_id, f"{driven[-1]:g} m", "more than 0 m"))
+        raise InvalidInput.of("trip without distance", trip.trip_id, f"{driven[-1]:g} m", "more than 0 m")
     number = max(1, round(driven[-1] / length_m))
     border = np.append(np.arange(number) * length_m, driven[-1])
     moves = np.concatenate(([True], np.diff(driven) > 0))
@@ -279,7 +279,7 @@ def plan_from_links(
     """
     finest = max(route.duration_s / MOST_SAMPLES, 1e-3)
     if not (math.isfinite(step_s) and step_s >= finest):
-        raise InvalidInput(Fault("step out of range", "step_s", f"{step_s}", f"{finest:g} s or more"))
+        raise InvalidInput.of("step out of range", "step_s", f"{step_s}", f"{finest:g} s or more")
     route = _uncut(route)
     first = _stretches(route)
     length, time = np.add.reduceat(route.length_m, first), np.add.reduceat(route.travel_time_s, first)

@@ -7,16 +7,16 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput, RemoteError
+from tripwatt.errors import InvalidInput
+from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place
-from tripwatt.routes.points import a_list, a_number, an_object
 from tripwatt.routes.routers.road import Road
-from tripwatt.routes.web import WebClient, require_url
+from tripwatt.routes.web import WebClient, as_remote, require_url
 from tripwatt.trips import Plan, PlanWeather, raise_faults
 from tripwatt.trips.schema import scalar_faults
 from tripwatt.units import DRY_AIR_GAS_CONSTANT_J_KG_K, SECONDS_PER_HOUR, ZERO_CELSIUS_K
@@ -178,19 +178,14 @@ class WeatherServer:
             "end_hour": f"{last:%Y-%m-%dT%H:%M}",
         }
         answer = self.client.get_json("/v1/forecast", query)
-        try:
+        host = self.client.host
+        with as_remote():
             if isinstance(answer, dict) and answer.get("error"):
-                raise InvalidInput(Fault("no weather", self.client.host, str(answer.get("reason"))[:120]))
+                raise InvalidInput.of("no weather", host, str(answer.get("reason"))[:120])
             tables = answer if isinstance(answer, list) else [answer]
             if len(tables) != len(keys):
-                raise InvalidInput(
-                    Fault("weather of other places", self.client.host, f"{len(tables)}", f"{len(keys)}")
-                )
-            return [
-                _weather(table, key[2], self.client.host) for table, key in zip(tables, keys, strict=True)
-            ]
-        except InvalidInput as error:
-            raise RemoteError(error.faults) from error
+                raise InvalidInput.of("weather of other places", host, f"{len(tables)}", f"{len(keys)}")
+            return [_weather(Node(table, host), key[2]) for table, key in zip(tables, keys, strict=True)]
 
 
 def _cell(place: Place, when: dt.datetime) -> tuple[int, int, dt.datetime]:
@@ -200,26 +195,18 @@ def _cell(place: Place, when: dt.datetime) -> tuple[int, int, dt.datetime]:
     return round(place.latitude_deg / CELL_DEG), round(place.longitude_deg / CELL_DEG), hour
 
 
-def _weather(table: Any, hour: dt.datetime, where: str) -> Weather:
-    hourly = an_object(an_object(table, where).get("hourly"), f"{where}, hourly")
-    times = a_list(hourly.get("time"), f"{where}, hourly, time", least=1)
-    wanted = f"{hour:%Y-%m-%dT%H:%M}"
+def _weather(table: Node, hour: dt.datetime) -> Weather:
+    hourly, wanted = table["hourly"], f"{hour:%Y-%m-%dT%H:%M}"
+    times = [time.value for time in hourly["time"].entries(least=1)]
     if wanted not in times:
-        raise InvalidInput(Fault("no weather for this hour", where, wanted, f"{times[0]} to {times[-1]}"))
+        allowed = f"{times[0]} to {times[-1]}"
+        raise InvalidInput.of("no weather for this hour", table.where, wanted, allowed)
     k = times.index(wanted)
-    value = {}
-    for name in HOURLY:
-        column = a_list(hourly.get(name), f"{where}, hourly, {name}", least=k + 1)
-        value[name] = a_number(column[k], f"{where}, hourly, {name}")
-    ahead = (hour - dt.datetime.now(dt.UTC)).total_seconds() / SECONDS_PER_HOUR
-    return Weather(
-        value["temperature_2m"],
-        value["wind_speed_10m"],
-        value["wind_direction_10m"] % 360.0,
-        value["precipitation"],
-        100.0 * value["surface_pressure"],
-        max(ahead, 0.0),
+    temperature, rain, pressure, wind, wind_from = (
+        hourly[name].entries(least=k + 1)[k].number() for name in HOURLY
     )
+    ahead = (hour - dt.datetime.now(dt.UTC)).total_seconds() / SECONDS_PER_HOUR
+    return Weather(temperature, wind, wind_from % 360.0, rain, 100.0 * pressure, max(ahead, 0.0))
 
 
 def weather_along(

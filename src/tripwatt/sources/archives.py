@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.files import read_file, require_small_content
 from tripwatt.sources.columnar import MOST_ROWS, SUFFIXES
 from tripwatt.sources.delimited import MOST_COLUMNS
@@ -95,7 +95,7 @@ def unpack(path: Path | str, folder: Path, *, content: bytes | None = None) -> l
         raise
     if not found:
         allowed = f"a file {', '.join((*SUFFIXES, WORKBOOK))}, or an archive {ARCHIVE} of them"
-        raise InvalidInput(Fault("no trips", f"{place}", f"no table in {place.name}", allowed))
+        raise InvalidInput.of("no trips", f"{place}", f"no table in {place.name}", allowed)
     return found
 
 
@@ -180,7 +180,7 @@ def _from_archive(place: Path, data: bytes, folder: Path) -> Iterator[Path]:
         ]
         if len(tables) > MOST_FILES:
             got = f"{len(tables)} tables"
-            raise InvalidInput(Fault("too many files", f"{place}", got, f"at most {MOST_FILES}"))
+            raise InvalidInput.of("too many files", f"{place}", got, f"at most {MOST_FILES}")
         for entry in tables:
             member = archive.read(entry)
             if entry.filename.lower().endswith(WORKBOOK):
@@ -191,8 +191,8 @@ def _from_archive(place: Path, data: bytes, folder: Path) -> Iterator[Path]:
         if isinstance(error, InvalidInput):
             raise
         got = f"{error}"[:160]
-        raise InvalidInput(
-            Fault("unreadable archive", f"{place}", got, "a ZIP archive without a password")
+        raise InvalidInput.of(
+            "unreadable archive", f"{place}", got, "a ZIP archive without a password"
         ) from error
 
 
@@ -210,7 +210,7 @@ def _from_workbook(place: Path, data: bytes, folder: Path) -> Iterator[Path]:
         raise
     except Exception as error:  # openpyxl documents no error types: a damaged archive raises a dozen kinds
         got = f"{type(error).__name__}: {error}"[:160]
-        raise InvalidInput(Fault("unreadable sheet", f"{place}", got, "an .xlsx workbook")) from error
+        raise InvalidInput.of("unreadable sheet", f"{place}", got, "an .xlsx workbook") from error
     tables = [(title, table) for title, table in sheets if len(table) > 1]
     for title, table in tables:
         text = io.StringIO()

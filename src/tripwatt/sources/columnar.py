@@ -107,7 +107,7 @@ class ParquetTable:
         )
         if size > MOST_CONTENT_BYTES:
             where, got = f"{self.path} column {name!r}", f"{size} bytes when inflated"
-            raise InvalidInput(Fault("column too large", where, got, f"at most {MOST_CONTENT_BYTES} bytes"))
+            raise InvalidInput.of("column too large", where, got, f"at most {MOST_CONTENT_BYTES} bytes")
         try:
             # text stays a dictionary, so that a long text in every row is held once
             table = self.file.read(columns=[name], use_threads=False)
@@ -176,7 +176,7 @@ def _open_parquet(path: Path) -> ParquetTable:
     if rows > most_rows or columns > MOST_COLUMNS:
         got = f"{rows} rows of {columns} columns in {len(content)} bytes"
         allowed = f"at most {most_rows} rows of {MOST_COLUMNS} columns"
-        raise InvalidInput(Fault("Parquet file too large", f"{path}", got, allowed))
+        raise InvalidInput.of("Parquet file too large", f"{path}", got, allowed)
     return ParquetTable(path, file)
 
 
@@ -195,12 +195,12 @@ def table_files(path: Path) -> list[Path]:
     """
     allowed = f"a file or a folder of files {', '.join(SUFFIXES)}"
     if not path.exists():
-        raise InvalidInput(Fault("no such file or folder", f"{path}", "", allowed))
+        raise InvalidInput.of("no such file or folder", f"{path}", "", allowed)
     if path.is_file():
         return [path]
     visible = (p for p in path.iterdir() if p.is_file() and not p.name.startswith("."))
     files = sorted(p for p in visible if p.suffix.lower() in SUFFIXES)
     files = [p for p in files if p.suffix.lower() != PROSE] or files
     if not files:
-        raise InvalidInput(Fault("no trips", f"{path}", "no table", allowed))
+        raise InvalidInput.of("no trips", f"{path}", "no table", allowed)
     return files

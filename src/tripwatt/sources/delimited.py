@@ -114,16 +114,16 @@ def open_delimited(path: Path, content: bytes | None = None) -> Delimited:
     header = data[offset : end if end >= 0 else len(data)]
     if len(header) > MOST_HEADER_BYTES:
         got = f"a first line of {len(header)} bytes"
-        raise InvalidInput(Fault("header too long", f"{path}", got, f"at most {MOST_HEADER_BYTES} bytes"))
+        raise InvalidInput.of("header too long", f"{path}", got, f"at most {MOST_HEADER_BYTES} bytes")
     text = _decode(header).strip("\r\n")
     delimiter = max(DELIMITERS, key=text.count)
     if text.count(delimiter) >= MOST_COLUMNS:
         got = f"{text.count(delimiter) + 1} columns"
-        raise InvalidInput(Fault("too many columns", f"{path}", got, f"at most {MOST_COLUMNS}"))
+        raise InvalidInput.of("too many columns", f"{path}", got, f"at most {MOST_COLUMNS}")
     cells = tuple(cell.strip() for cell in _fields(text, delimiter))
     if end < 0 or not data[end:].strip():
-        raise InvalidInput(
-            Fault("no samples", f"{path}", f"a header of {len(cells)} columns without rows below", "rows")
+        raise InvalidInput.of(
+            "no samples", f"{path}", f"a header of {len(cells)} columns without rows below", "rows"
         )
     data = data[: end + 1] + _without_headers(data[end + 1 :], header.strip(b"\r"), delimiter)
     return Delimited(path, cells, delimiter, data, end + 1, line)
@@ -145,8 +145,8 @@ def _text_bytes(path: Path, data: bytes) -> bytes:
             raise InvalidInput(_not_text(path, "damaged UTF-16")) from error
     data = data.removeprefix(b"\xef\xbb\xbf")
     if not data.strip():
-        raise InvalidInput(
-            Fault("empty file", f"{path}", f"{len(data)} bytes", "a header and rows", "fetch the file again")
+        raise InvalidInput.of(
+            "empty file", f"{path}", f"{len(data)} bytes", "a header and rows", "fetch the file again"
         )
     if b"\0" in data[:65536]:
         raise InvalidInput(_not_text(path, "zero bytes"))

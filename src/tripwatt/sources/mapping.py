@@ -243,7 +243,7 @@ def parse_tables(text: str, source: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InvalidInput(Fault("not a TOML file", source, str(error)[:200], "TOML 1.0")) from error
+        raise InvalidInput.of("not a TOML file", source, str(error)[:200], "TOML 1.0") from error
 
 
 def mapping_from_tables(tables: Mapping[str, Any], source: str) -> ColumnMapping:

@@ -94,8 +94,8 @@ def read_table(
     trips = [trip for its_trips, _ in read for trip in its_trips]
     raise_faults([*_twice(path, files, [its for its, _ in read]), *_wrong_sign(trips, checked)])
     if not trips:
-        raise InvalidInput(
-            Fault("no trips", f"{path}", f"{len(files)} files without a trip", "at least one trip")
+        raise InvalidInput.of(
+            "no trips", f"{path}", f"{len(files)} files without a trip", "at least one trip"
         )
     notes = [note for _, its_notes in read for note in its_notes]
     return Fleet("table", tuple(trips), (*_fleet_notes(trips, checked), *notes))
@@ -130,14 +130,12 @@ def _mapping_for(mapping: Path | str | ColumnMapping | None, first: Path) -> Col
         return load_mapping(mapping)
     names = [n for n in open_table(first).names if n in COLUMNS]
     if not {"time_s", "speed_m_s"} <= set(names):
-        raise InvalidInput(
-            Fault(
-                "no mapping",
-                "--mapping",
-                f"columns {', '.join(map(repr, open_table(first).names[:8]))}",
-                "a mapping, or columns with canonical names such as time_s, speed_m_s, voltage_v, current_a",
-                f"run `tripwatt mapping suggest {first}` to get a proposal",
-            )
+        raise InvalidInput.of(
+            "no mapping",
+            "--mapping",
+            f"columns {', '.join(map(repr, open_table(first).names[:8]))}",
+            "a mapping, or columns with canonical names such as time_s, speed_m_s, voltage_v, current_a",
+            f"run `tripwatt mapping suggest {first}` to get a proposal",
         )
     return parse_mapping("[columns]\n" + "\n".join(f'{n} = {{ column = "{n}" }}' for n in names), f"{first}")
 
@@ -218,7 +216,7 @@ def _stamps(table: TableFile, entry: MappedColumn) -> tuple[FloatArray, list[dt.
         place = f"{table.path} row {table.row(int(bad[0]))} column {entry.column!r}"
         got = repr(texts[int(bad[0])][:40]) + (f" (and {len(bad) - 1} more rows)" if len(bad) > 1 else "")
         fix = "" if entry.format else 'give the format in the mapping: format = "%d.%m.%Y %H:%M:%S"'
-        raise InvalidInput(Fault("invalid time", place, got, allowed, fix))
+        raise InvalidInput.of("invalid time", place, got, allowed, fix)
     seconds = (stamps - pd.Timestamp(0, tz="UTC")).dt.total_seconds()
     values = np.asarray(seconds, dtype=np.float64)
     if clock_only:
@@ -236,7 +234,7 @@ def _require_one_kind_of_zone(table: TableFile, entry: MappedColumn, texts: pd.S
         place = f"{table.path} row {table.row(first)} column {entry.column!r}"
         allowed = "the same in every row"
         got = f"{texts[first][:40]!r}, {'with' if zoned[first] else 'without'} a time zone unlike the rows before"
-        raise InvalidInput(Fault("times with and without time zone", place, got, allowed))
+        raise InvalidInput.of("times with and without time zone", place, got, allowed)
 
 
 def _from_epoch(seconds: float) -> dt.datetime | None:
@@ -251,7 +249,7 @@ def _read_long(
 ) -> tuple[list[Log], list[Flag]]:
     """A file with a row for each value: the signals side by side on the union of their times."""
     if mapping.long_name is None or mapping.long_value is None:  # the mapping's check saw to it
-        raise InvalidInput(Fault("missing key", f"{mapping.source} [long]", "", "name and value"))
+        raise InvalidInput.of("missing key", f"{mapping.source} [long]", "", "name and value")
     signals = np.array(table.texts(mapping.long_name), dtype=object)
     (raw_time,) = table.numbers([entries["time_s"].column])
     texts = table.texts(mapping.long_value)

@@ -175,16 +175,16 @@ def trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:
     allowed = "a folder with TripA*.csv and TripB*.csv"
     get_it = "run `tripwatt fetch tum` for the source of the data"
     if not folder.exists():
-        raise InvalidInput(Fault("no such folder", f"{folder}", "", allowed, get_it))
+        raise InvalidInput.of("no such folder", f"{folder}", "", allowed, get_it)
     if not folder.is_dir():
-        raise InvalidInput(
-            Fault("not a folder", f"{folder}", "a file", allowed, f"give the folder: {folder.parent}")
+        raise InvalidInput.of(
+            "not a folder", f"{folder}", "a file", allowed, f"give the folder: {folder.parent}"
         )
     try:
         csv_files = sorted(p for p in folder.iterdir() if p.suffix.lower() == ".csv" and p.is_file())
     except OSError as error:
-        raise InvalidInput(
-            Fault("cannot read the folder", f"{folder}", error.strerror or str(error), allowed)
+        raise InvalidInput.of(
+            "cannot read the folder", f"{folder}", error.strerror or str(error), allowed
         ) from error
     files: dict[str, Path] = {}
     faults: list[Fault] = []

@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.files import read_file, require_small_content
 from tripwatt.sources.delimited import column_key
 from tripwatt.trips import Context, Flag
@@ -106,7 +106,7 @@ def _sheet_rows(path: Path) -> list[Mapping[str, object]]:
         raise
     except Exception as error:  # openpyxl documents no error types: a damaged archive raises a dozen kinds
         got = f"{type(error).__name__}: {error}"[:160]
-        raise InvalidInput(Fault("unreadable sheet", f"{path}", got, "an .xlsx workbook", fix)) from error
+        raise InvalidInput.of("unreadable sheet", f"{path}", got, "an .xlsx workbook", fix) from error
     for table in tables:
         for number, cells in enumerate(table[:10]):
             names = [re.sub(r"\s*\[.*", "", column_key(_text(cell))) for cell in cells]
@@ -115,14 +115,12 @@ def _sheet_rows(path: Path) -> list[Mapping[str, object]]:
                     {name: cell for name, cell in zip(names, row, strict=False) if name}
                     for row in table[number + 1 :]
                 ]
-    raise InvalidInput(
-        Fault(
-            "missing column",
-            f"{path}",
-            "no header with a column 'Trip'",
-            "one row per trip under the heading 'Trip'",
-            fix,
-        )
+    raise InvalidInput.of(
+        "missing column",
+        f"{path}",
+        "no header with a column 'Trip'",
+        "one row per trip under the heading 'Trip'",
+        fix,
     )
 
 

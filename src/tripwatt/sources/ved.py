@@ -110,7 +110,7 @@ def read_ved(folder: Path | str, *, n_jobs: int | None = None) -> Fleet:
     trips, notes = _trips(weeks, with_engine)
     if not trips:
         got = f"{len(files)} weekly files, no trip of an electric car"
-        raise InvalidInput(Fault("no trips", f"{folder}", got, "trips with a traction battery and no engine"))
+        raise InvalidInput.of("no trips", f"{folder}", got, "trips with a traction battery and no engine")
     notes.append(Flag("no_elevation", "VED"))
     return Fleet("ved", tuple(trips), tuple(notes), None, CITATION)
 
@@ -119,12 +119,12 @@ def _week_files(folder: Path) -> list[Path]:
     allowed = "a folder with VED_*_week.csv"
     fix = "download the data from https://github.com/gsoh/VED and unpack them"
     if not folder.exists():
-        raise InvalidInput(Fault("no such folder", f"{folder}", "", allowed, fix))
+        raise InvalidInput.of("no such folder", f"{folder}", "", allowed, fix)
     if not folder.is_dir():
-        raise InvalidInput(Fault("not a folder", f"{folder}", "a file", allowed, f"give {folder.parent}"))
+        raise InvalidInput.of("not a folder", f"{folder}", "a file", allowed, f"give {folder.parent}")
     files = sorted(p for p in folder.iterdir() if _WEEK_FILE.fullmatch(p.name))
     if not files:
-        raise InvalidInput(Fault("no trips", f"{folder}", "no weekly file", allowed, fix))
+        raise InvalidInput.of("no trips", f"{folder}", "no weekly file", allowed, fix)
     return files
 
 

@@ -136,8 +136,8 @@ def faulty_fleet(
     """
     raise_faults(number_faults("n_trips", n_trips, Column("", 0, MOST_TRIPS, ""), whole=True))
     if n_trips < FEWEST_TRIPS:
-        raise InvalidInput(
-            Fault("too few trips for the faults", "n_trips", f"{n_trips}", f"{FEWEST_TRIPS} or more")
+        raise InvalidInput.of(
+            "too few trips for the faults", "n_trips", f"{n_trips}", f"{FEWEST_TRIPS} or more"
         )
     sound = synthetic_world(n_trips, seed, step_s=step_s)[0]
     trips, faults = plant_faults(sound.trips, seed)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final
@@ -16,8 +16,8 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import IntArray
-from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.errors import Fault, and_more, excerpt
+from tripwatt.errors import raise_faults as raise_faults
 
 
 @dataclass(frozen=True, slots=True)
@@ -356,51 +356,21 @@ def value_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
         place = f"{where}, column {name!r}, row "
         missing = np.flatnonzero(~np.isfinite(values)) if name in REQUIRED_COLUMNS else np.empty(0, np.int64)
         if len(missing):
-            got = f"{values[missing[0]]}{_and_more(missing)}"
+            got = f"{values[missing[0]]}{and_more(missing)}"
             yield Fault("missing value", f"{place}{missing[0] + 1}", got, "a finite number")
         outside = np.flatnonzero((values < column.minimum) | (values > column.maximum))
         if len(outside):
             unit = "" if column.unit == "1" else f" {column.unit}"
-            got = f"{values[outside[0]]:g}{unit}{_and_more(outside)}"
+            got = f"{values[outside[0]]:g}{unit}{and_more(outside)}"
             yield Fault("value out of range", f"{place}{outside[0] + 1}", got, column.allowed)
     time = np.asarray(samples["time_s"], dtype=np.float64)
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
         row = int(back[0]) + 1
-        got = f"{time[row]:g} s after {time[row - 1]:g} s{_and_more(back)}"
+        got = f"{time[row]:g} s after {time[row - 1]:g} s{and_more(back)}"
         yield Fault(
             "time does not increase", f"{where}, column 'time_s', row {row + 1}", got, "increasing times"
         )
-
-
-def _and_more(rows: IntArray) -> str:
-    return f" (and {len(rows) - 1} more rows)" if len(rows) > 1 else ""
-
-
-def raise_faults(faults: Iterable[Fault]) -> None:
-    """Raise `InvalidInput` with all faults when there is one.
-
-    Parameters
-    ----------
-    faults : iterable of Fault
-        What was found; it is exhausted before the error is raised.
-
-    Raises
-    ------
-    InvalidInput
-        With every fault, in their order.
-
-    Examples
-    --------
-    >>> raise_faults([])
-    >>> raise_faults(scalar_faults({"soc": 2.0}))
-    Traceback (most recent call last):
-        ...
-    tripwatt.errors.InvalidInput: value out of range: soc: got 2; allowed: 0 to 1; give a fraction, 0.9 for 90 %
-    """
-    found = tuple(faults)
-    if found:
-        raise InvalidInput(found)
 
 
 def validate_samples(samples: pd.DataFrame, where: str) -> None:

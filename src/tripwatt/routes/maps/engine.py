@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput, RemoteError, install
+from tripwatt.errors import InvalidInput, RemoteError, install
 from tripwatt.routes.routers.valhalla import ValhallaRouter
 
 FOLDER_VARIABLE: Final = "TRIPWATT_VALHALLA"
@@ -47,7 +47,7 @@ def require_valhalla() -> Path:
     """
     found = valhalla_folder()
     if found is None:
-        raise InvalidInput(Fault("missing package", "pyvalhalla", "not installed", fix=INSTALL))
+        raise InvalidInput.of("missing package", "pyvalhalla", "not installed", fix=INSTALL)
     return found
 
 
@@ -94,7 +94,7 @@ def _defaults(package: Path) -> dict[str, Any]:
     path = package / "valhalla_build_config.py"
     spec = importlib.util.spec_from_file_location("tripwatt_valhalla_defaults", path)
     if spec is None or spec.loader is None:
-        raise InvalidInput(Fault("damaged installation", str(path), "no configuration", fix=INSTALL))
+        raise InvalidInput.of("damaged installation", str(path), "no configuration", fix=INSTALL)
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # its dataclasses look themselves up
     try:
@@ -131,7 +131,7 @@ def build_tiles(folder: Path, extract: Path) -> None:
         )
     except OSError as error:
         got = f"{program.name}: {error.strerror or error}"
-        raise InvalidInput(Fault("cannot run Valhalla", str(program), got, "an executable file")) from error
+        raise InvalidInput.of("cannot run Valhalla", str(program), got, "an executable file") from error
     finally:
         config.unlink(missing_ok=True)
     if done.returncode != 0 or not any((folder / "tiles").rglob("*.gph")):
@@ -139,8 +139,8 @@ def build_tiles(folder: Path, extract: Path) -> None:
             line for line in (done.stdout + done.stderr).splitlines() if "ERROR" in line or "FATAL" in line
         ]
         got = lines[-1][-120:] if lines else f"exit code {done.returncode}, no tiles"
-        raise InvalidInput(
-            Fault("cannot build the map", extract.name, got, "an OpenStreetMap extract with roads")
+        raise InvalidInput.of(
+            "cannot build the map", extract.name, got, "an OpenStreetMap extract with roads"
         )
 
 
@@ -155,7 +155,7 @@ def router_in_process(folder: Path) -> ValhallaRouter:
     try:
         import valhalla
     except ImportError as error:
-        raise InvalidInput(Fault("missing package", "pyvalhalla", str(error)[:80], fix=INSTALL)) from error
+        raise InvalidInput.of("missing package", "pyvalhalla", str(error)[:80], fix=INSTALL) from error
     actor = valhalla.Actor({**configuration(folder), "logging": {"type": ""}})
 
     def ask(action: str, request: dict[str, Any]) -> Any:
@@ -164,7 +164,7 @@ def router_in_process(folder: Path) -> ValhallaRouter:
         except valhalla.ValhallaError as error:
             return {"error": str(error), "error_code": error.code}
         except RuntimeError as error:
-            raise RemoteError(Fault("the router failed", action, str(error)[:120])) from error
+            raise RemoteError.of("the router failed", action, str(error)[:120]) from error
 
     def tile(request: dict[str, Any]) -> bytes:
         try:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.routes.maps.stations import ASSUMED_POWER_W, Station
 from tripwatt.routes.web import EXTRA
 
@@ -85,8 +85,8 @@ def read_objects(path: Path, *, settlements_only: bool = False) -> Iterator[Name
             yield from _read(found)
     except (RuntimeError, OSError) as error:
         got = str(error)[:120]
-        raise InvalidInput(
-            Fault("cannot read the extract", path.name, got, "an OpenStreetMap extract")
+        raise InvalidInput.of(
+            "cannot read the extract", path.name, got, "an OpenStreetMap extract"
         ) from error
 
 
@@ -173,5 +173,5 @@ def _osmium() -> Any:
         import osmium  # an extra
         import osmium.filter
     except ImportError as error:
-        raise InvalidInput(Fault("missing package", "tripwatt map build", str(error), fix=EXTRA)) from error
+        raise InvalidInput.of("missing package", "tripwatt map build", str(error), fix=EXTRA) from error
     return osmium

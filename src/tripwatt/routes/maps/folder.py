@@ -64,13 +64,13 @@ def open_map(folder: Path | str) -> MapFolder:
         info = json.loads((folder / INFO_NAME).read_text("utf-8"))
     except (OSError, ValueError) as error:
         fix = "build one with tripwatt map build REGION.osm.pbf"
-        raise InvalidInput(
-            Fault("no map", str(folder), type(error).__name__, "a folder with a map", fix)
+        raise InvalidInput.of(
+            "no map", str(folder), type(error).__name__, "a folder with a map", fix
         ) from error
     if not isinstance(info, dict) or info.get("format") != FORMAT:
         got = f"format {info.get('format')!r}" if isinstance(info, dict) else "no object"
         fix = "build the map again with tripwatt map build"
-        raise InvalidInput(Fault("map of another release", str(folder), got[:60], f"format {FORMAT}", fix))
+        raise InvalidInput.of("map of another release", str(folder), got[:60], f"format {FORMAT}", fix)
     return MapFolder(folder, info)
 
 

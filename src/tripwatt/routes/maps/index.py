@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.routes.maps.extract import KINDS, Named
 from tripwatt.routes.maps.stations import Station
 from tripwatt.routes.places import SPELLINGS, WORD, Place, without_twins
@@ -176,7 +176,7 @@ class PlaceIndex:
             self.database.execute("SELECT count(*) FROM stations").fetchone()
         except sqlite3.Error as error:
             fix = "build the map again with tripwatt map build"
-            raise InvalidInput(Fault("no index of places", str(path), str(error)[:80], fix=fix)) from error
+            raise InvalidInput.of("no index of places", str(path), str(error)[:80], fix=fix) from error
 
     def search(self, text: str, *, limit: int = 10) -> tuple[Place, ...]:
         """Places whose name begins with the words of a text, the most important first.

@@ -75,14 +75,14 @@ def read_stations(path: Path | str) -> tuple[Station, ...]:
     try:
         table = pd.read_csv(path, nrows=MOST_STATIONS + 1)
     except (OSError, ValueError) as error:
-        raise InvalidInput(
-            Fault("cannot read the stations", str(path), str(error)[:80], "a CSV table")
+        raise InvalidInput.of(
+            "cannot read the stations", str(path), str(error)[:80], "a CSV table"
         ) from error
     missing = [name for name in COLUMNS if name not in table.columns]
     if missing:
-        raise InvalidInput(Fault("missing column", path.name, ", ".join(missing), ", ".join(COLUMNS)))
+        raise InvalidInput.of("missing column", path.name, ", ".join(missing), ", ".join(COLUMNS))
     if len(table) > MOST_STATIONS:
-        raise InvalidInput(Fault("too many stations", path.name, f"{len(table)}", f"at most {MOST_STATIONS}"))
+        raise InvalidInput.of("too many stations", path.name, f"{len(table)}", f"at most {MOST_STATIONS}")
     bounds = {"latitude_deg": (-90.0, 90.0), "longitude_deg": (-180.0, 180.0), "power_kw": (1.0, 1500.0)}
     faults = []
     for column, (low, high) in bounds.items():

@@ -1,7 +1,7 @@
 """A synthetic fleet of many vehicles with a known truth, made in blocks of trips as arrays: hundreds of trips a second.
 
 Nothing here is measured. Car models are those of the library; of each vehicle the truth differs from its car model in
-rolling resistance, air drag, heat loss of the cabin and base load, and each car model from its book values. Drivers
+rolling resistance, air drag, heat loss of the cabin and base load, and each car model from its published values. Drivers
 differ in their set-point and in how much they take; batteries age; seasons change. `vehicle_truth` has all of
 it. A trip depends on the seed, its car model and its place in the order of the model alone, so that any block can be
 made anywhere, and a longer fleet begins with the shorter one.
@@ -52,7 +52,7 @@ MODELS, VEHICLES, BLOCKS = 20, 21, 22  # purposes of streams, after those of `sc
 
 MODEL_SD: Final = np.array([0.08, 0.06, 0.15, 0.2])
 VEHICLE_SD: Final = np.array([0.08, 0.05, 0.15, 0.25])
-"""Relative deviations of rolling resistance, air drag, heat loss and base load: of a model from its book values, of a
+"""Relative deviations of rolling resistance, air drag, heat loss and base load: of a model from its published values, of a
 vehicle from its model."""
 
 TRIP_SD: Final = 0.03
@@ -112,8 +112,8 @@ class FleetPlan:
         )
         if not self.car_models or len(self.car_models) > self.vehicles:
             got = f"{len(self.car_models)} for {self.vehicles} vehicles"
-            raise InvalidInput(
-                Fault("wrong number of car models", "car_models", got, "1 to the number of vehicles")
+            raise InvalidInput.of(
+                "wrong number of car models", "car_models", got, "1 to the number of vehicles"
             )
 
     def vehicles_of(self, model: int) -> range:
@@ -143,7 +143,7 @@ class VehicleTruth:
     ----------
     vehicle_id, car_model : str
     shares : tuple of 4 floats
-        Relative deviations from the book values: rolling resistance, air drag, heat loss, base load; those of the car
+        Relative deviations from the published values: rolling resistance, air drag, heat loss, base load; those of the car
         model and the vehicle's own together.
     own : tuple of 4 floats
         The vehicle's own part.
