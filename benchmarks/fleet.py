@@ -162,7 +162,7 @@ def rows_of(store: Any, folder: str) -> Any:
 def truth(trips: int = 1200, vehicles: int = 60) -> Iterator[Bar]:
     """Twenty trips a vehicle by default."""
     from benchmarks.many_vehicles import vehicle_truth
-    from tripwatt.fleet.evaluation import evaluate_rows
+    from tripwatt.evaluation.fleets import evaluate_rows
     from tripwatt.trips import Trip
 
     how = f"{COMMAND} truth"
@@ -246,9 +246,8 @@ def own_energy_wh(plan: Any, truth_: Any, rows: Any) -> float:
 def update(trips: int = 5000, vehicles: int = 100) -> Iterator[Bar]:
     from benchmarks.many_vehicles import FleetPlan, many_vehicles
     from tripwatt.fleet.executors import InProcess
-    from tripwatt.fleet.hierarchy import posterior
     from tripwatt.fleet.model import update_fleet
-    from tripwatt.fleet.statistics import Sums
+    from tripwatt.hybrid.groups import group_posterior
 
     how = f"{COMMAND} update"
     began = cpu_s()
@@ -268,7 +267,7 @@ def update(trips: int = 5000, vehicles: int = 100) -> Iterator[Bar]:
     updated, rows = update_fleet(model, store, f"{folder}/w", InProcess())
     night = cpu_s() - began
     yield at_most(f"a night of {len(rows)} trips, share of the cost of all {trips}", how, night / whole, 0.03)
-    full = posterior(Sums.from_rows(rows_of(store, folder)), model.posterior.scales)
+    full = group_posterior(rows_of(store, folder).sums, model.posterior.scales)
     worst = float(np.abs(full.mean - updated.posterior.mean).max() / np.abs(full.mean).max())
     yield at_most("weights of the update against those of all trips, relative", how, worst, 1e-10)
     shutil.rmtree(folder, ignore_errors=True)
@@ -332,8 +331,8 @@ def peers(trips: int = 2000, vehicles: int = 100) -> Iterator[Bar]:
     """The mixed model of statsmodels on the same rows: random intercepts by vehicle for each of a few features."""
     import statsmodels.api as sm
 
-    from tripwatt.fleet.hierarchy import fit_scales, posterior
-    from tripwatt.fleet.statistics import Sums
+    from tripwatt.fleet.features import START
+    from tripwatt.hybrid.groups import fit_scales, group_posterior
 
     how = f"{COMMAND} peers"
     rows = synthetic_rows(trips, vehicles)
@@ -341,8 +340,8 @@ def peers(trips: int = 2000, vehicles: int = 100) -> Iterator[Bar]:
     held = np.arange(len(rows)) % 10 == 0
     train, test = rows.where(~held), rows.where(held)
     began = time.process_time()
-    sums = Sums.from_rows(train)
-    found = posterior(sums, fit_scales(sums))
+    sums = train.sums
+    found = group_posterior(sums, fit_scales(sums, START))
     ours_s = time.process_time() - began
     from tripwatt.fleet.model import predict_rows
 
@@ -365,8 +364,8 @@ def peers(trips: int = 2000, vehicles: int = 100) -> Iterator[Bar]:
     began = time.process_time()
     names = sorted(set(train.texts("vehicle_id").tolist()))
     for name in names:
-        its = Sums.from_rows(train.where(train.texts("vehicle_id") == name))
-        posterior(its, fit_scales(its))
+        its = train.where(train.texts("vehicle_id") == name).sums
+        group_posterior(its, fit_scales(its, START))
     single_s = time.process_time() - began
     yield shown(
         f"the pooled fit against {len(names)} single fits", how, f"{single_s / ours_s:.1f} x faster", ""
@@ -400,10 +399,10 @@ def synthetic_rows(trips: int, vehicles: int) -> Any:
 
 def real(data: Path) -> Iterator[Bar]:
     """The i3 of the TUM set and the Leafs of the VED set as one fleet, by their own trips and together."""
-    from tripwatt.fleet.evaluation import _error
+    from tripwatt.evaluation.fleets import _error
     from tripwatt.fleet.executors import InProcess
-    from tripwatt.fleet.hierarchy import fit_scales, posterior
-    from tripwatt.fleet.statistics import Sums
+    from tripwatt.fleet.features import START
+    from tripwatt.hybrid.groups import fit_scales, group_posterior
     from tripwatt.store import add_files, create_store
 
     how = f"{COMMAND} real"
@@ -416,21 +415,21 @@ def real(data: Path) -> Iterator[Bar]:
     add_files(store, data / "ved", car_model="nissan_leaf_24", dataset="ved")
     rows = rows_of(store, folder)
     ids = rows.texts("vehicle_id")
-    sums = Sums.from_rows(rows)
-    scales = fit_scales(sums)
+    sums = rows.sums
+    scales = fit_scales(sums, START)
     fold = np.random.default_rng(0).permutation(len(rows)) % 10
     for vehicle in sorted(set(ids.tolist())):
         its = ids == vehicle
         errors = {"pooled": [], "own": []}  # type: dict[str, list[float]]
-        only = fit_scales(Sums.from_rows(rows.where(its)))
+        only = fit_scales(rows.where(its).sums, START)
         for k in range(10):
             held = its & (fold == k)
             if not held.any():
                 continue
             test = rows.where(held)
             observed = test.numbers("observed_wh")
-            pooled = posterior(sums - Sums.from_rows(test), scales)
-            own = posterior(Sums.from_rows(rows.where(its & ~held)), only) if (its & ~held).any() else None
+            pooled = group_posterior(sums - test.sums, scales)
+            own = group_posterior(rows.where(its & ~held).sums, only) if (its & ~held).any() else None
             errors["pooled"] += [_error(pooled, test, observed)] * len(test)
             if own is not None:
                 errors["own"] += [_error(own, test, observed)] * len(test)

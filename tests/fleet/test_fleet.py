@@ -18,7 +18,6 @@ from tripwatt.errors import InvalidInput
 from tripwatt.fleet.corrector import FleetCorrector, FleetTrees, choose_rounds
 from tripwatt.fleet.executors import AHEAD, InProcess, executor_for, map_bounded
 from tripwatt.fleet.features import FEATURES, SCALES, segment_features, trip_features, trip_variance_wh2
-from tripwatt.fleet.hierarchy import posterior
 from tripwatt.fleet.mapping import (
     SampledTrips,
     drives_of,
@@ -34,13 +33,13 @@ from tripwatt.fleet.model import (
     fit_fleet,
     held_out_correctors,
     predict_rows,
-    sums_of_trips,
     update_fleet,
     without_vehicle,
 )
-from tripwatt.fleet.statistics import ROWS, Sums, TripRows
+from tripwatt.fleet.statistics import ROWS, TripRows
 from tripwatt.fleet.storage import load_fleet, save_fleet
 from tripwatt.hybrid import segment_trips
+from tripwatt.hybrid.groups import group_posterior
 from tripwatt.trips import Trip
 from tripwatt.vehicles import load_vehicle
 
@@ -105,8 +104,8 @@ def test_the_map_sums_every_sound_drive_up_once(fleet):
 def test_sums_do_not_depend_on_the_parts(fleet):
     _, store, model, folder = fleet
     rows = read_rows(map_store(tasks_of(store, store.trip_rows(), folder / "rows"), InProcess(), 1))
-    whole = Sums.from_rows(rows)
-    X, y, w = rows.X, rows.residual_wh, rows.weight
+    whole = rows.sums
+    X, y, w = rows.X, rows.residual_wh, 1.0 / rows.numbers("variance_wh2")
     assert whole.xx.sum(axis=0) == pytest.approx(X.T @ (X * w[:, None]), rel=1e-10)
     assert whole.xy.sum(axis=0) == pytest.approx(X.T @ (y * w), rel=1e-8, abs=1e-8)
     assert whole.yy.sum() == pytest.approx(y @ (y * w), rel=1e-12)
@@ -114,11 +113,11 @@ def test_sums_do_not_depend_on_the_parts(fleet):
     assert whole.count.sum() == len(rows)
     assert all(np.array_equal(getattr(whole, n), getattr(model.sums, n)) for n in ("xx", "xy", "yy", "count"))
     half = np.arange(len(rows)) % 3 == 0
-    merged = Sums.from_rows(rows.where(half)) + Sums.from_rows(rows.where(~half))
+    merged = rows.where(half).sums + rows.where(~half).sums
     for name in ("xx", "xy", "yy"):
         scale = np.abs(getattr(whole, name)).max()
         assert np.abs(getattr(merged, name) - getattr(whole, name)).max() < 1e-10 * scale
-    assert Sums.from_rows(rows.where(np.zeros(len(rows), dtype=bool))).groups == ()
+    assert rows.where(np.zeros(len(rows), dtype=bool)).sums.groups == ()
 
 
 def test_processes_of_this_machine_are_an_executor():
@@ -148,7 +147,7 @@ def test_dask_with_a_killed_worker_gives_the_same_rows(fleet):
             assert workers == 2
             rows = read_rows(map_store(tasks, executor, workers, kill))
     assert done[-1] == len(tasks)
-    assert np.array_equal(Sums.from_rows(rows).xx, model.sums.xx)
+    assert np.array_equal(rows.sums.xx, model.sums.xx)
 
 
 DRIVER = """
@@ -179,7 +178,7 @@ def test_a_killed_driver_goes_on_where_it_was(fleet):
     rows = read_rows(map_store(tasks, InProcess(), 1, lambda done, total: seen.append(done)))
     assert {path: Path(path).stat().st_mtime_ns for path in first} == before
     assert len(seen) <= len(tasks) - 2  # progress is of what was left
-    assert np.array_equal(Sums.from_rows(rows).xx, model.sums.xx)
+    assert np.array_equal(rows.sums.xx, model.sums.xx)
     assert not [
         p for p in out.iterdir() if p.name.startswith(".") and p.stat().st_mtime_ns > max(before.values())
     ]
@@ -246,7 +245,7 @@ def test_an_update_is_the_fit_of_all_trips(fleet, tmp_path):
     assert updated.trees is model.trees
     assert updated.uncertainty is model.uncertainty
     everything = read_rows(map_store(tasks_of(copy, copy.trip_rows(), tmp_path / "all"), InProcess(), 1))
-    full = posterior(Sums.from_rows(everything), model.posterior.scales)
+    full = group_posterior(everything.sums, model.posterior.scales)
     assert np.abs(full.mean - updated.posterior.mean).max() < 1e-10 * np.abs(full.mean).max()
     assert (
         np.abs(full.covariance - updated.posterior.covariance).max() < 1e-10 * np.abs(full.covariance).max()
@@ -307,16 +306,14 @@ def test_held_out_trips_are_out_of_the_whole_posterior(fleet):
     kept = everything.where(
         [d not in np.array(sample.digests)[folds == 0] for d in everything.texts("digest")]
     )
-    left = posterior(Sums.from_rows(kept), model.posterior.scales)
+    left = group_posterior(kept.sums, model.posterior.scales)
     car_model, vehicle, driver = sample.groups[0]
     mean, _ = left.weights(car_model, vehicle, driver)
     assert found[0].mean == pytest.approx(mean, rel=1e-7, abs=1e-9)
-    y = sample.table.totals_wh(sample.table.residual_w)
-    X, n = trip_features(sample.table), trip_variance_wh2(sample.table)
-    by_hand = sums_of_trips(sample.groups, X, y, n, np.arange(18))
+    sums = sample.sums(np.arange(18))
     picked = everything.where([d in chosen for d in everything.texts("digest")])
-    assert by_hand.xx == pytest.approx(Sums.from_rows(picked).xx, rel=1e-9)
-    assert by_hand.log_variance == pytest.approx(Sums.from_rows(picked).log_variance, rel=1e-9)
+    assert sums.xx == pytest.approx(picked.sums.xx, rel=1e-9)
+    assert sums.log_variance == pytest.approx(picked.sums.log_variance, rel=1e-9)
     energy, sd = predict_rows(model.posterior, everything)
     i = 5
     key = [everything.texts(name)[i] for name in ("car_model", "vehicle_id", "driver")]

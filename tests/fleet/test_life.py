@@ -13,24 +13,17 @@ import pytest
 from benchmarks.many_vehicles import many_vehicles
 
 from tripwatt.errors import InvalidInput
+from tripwatt.evaluation.fleets import LENGTHS, FleetEvaluation, classes, evaluate_rows
 from tripwatt.fleet.batch import _name, forecast_batch, schema_of
-from tripwatt.fleet.evaluation import (
-    LENGTHS,
-    FleetEvaluation,
-    change_point,
-    classes,
-    drift,
-    evaluate_rows,
-    sisters,
-)
+from tripwatt.fleet.deviations import change_point, drift, sisters
 from tripwatt.fleet.executors import InProcess
-from tripwatt.fleet.hierarchy import posterior
 from tripwatt.fleet.life import refit_fleet
 from tripwatt.fleet.mapping import SampledTrips, map_store, read_rows, sample_of, tasks_of
 from tripwatt.fleet.registry import Comparison, FollowedModel, Registry, compare, predict_sample, unseen
-from tripwatt.fleet.report import report_page
-from tripwatt.fleet.statistics import NUMBERS, ROWS, Sums, TripRows
+from tripwatt.fleet.statistics import NUMBERS, ROWS, TripRows
 from tripwatt.fleet.storage import save_fleet
+from tripwatt.hybrid.groups import group_posterior
+from tripwatt.report.fleets import report_page
 from tripwatt.trips import Departure, Trip, plan_from_trip
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
@@ -337,18 +330,17 @@ def test_evaluation_holds_out_what_it_scores():
     assert (own["pooled"] <= own[["own_only", "fleet_only"]].min(axis=1) * 1.02).all()
     assert own.loc[3, "pooled"] < own.loc[0, "pooled"]
     # by hand: the forecast of a vehicle without its trips
-    sums = Sums.from_rows(rows)
-    from tripwatt.fleet.hierarchy import fit_scales
+    sums = rows.sums
+    from tripwatt.fleet.features import START
+    from tripwatt.hybrid.groups import fit_scales
 
-    scales = fit_scales(sums)
+    scales = fit_scales(sums, START)
     again = evaluate_rows(rows, scales)
     its = rows.texts("vehicle_id") == "v05"
     vehicles = sorted(set(rows.texts("vehicle_id").tolist()))
     fold = np.random.default_rng(0).permutation(12) % 10
     together = [v for v, f in zip(vehicles, fold, strict=True) if f == fold[5]]
-    left = posterior(
-        Sums.from_rows(rows.where([v not in together for v in rows.texts("vehicle_id")])), scales
-    )
+    left = group_posterior(rows.where([v not in together for v in rows.texts("vehicle_id")]).sums, scales)
     expected = rows.numbers("simulated_wh")[its] + rows.X[its] @ left.weights("m2", "v05")[0]
     frame = again.trips[(again.trips["protocol"] == "new vehicles") & (again.trips["vehicle_id"] == "v05")]
     assert frame["predicted_wh"].to_numpy() == pytest.approx(expected, rel=1e-9)
@@ -389,10 +381,11 @@ def test_vehicles_that_take_more_are_found_with_the_day_of_the_change():
     late = thirsty & (frame["started_at"] >= "2024-11")
     frame.loc[late, "observed_wh"] *= 1.12
     rows = TripRows.join([pa.Table.from_pandas(frame, schema=ROWS, preserve_index=False)])
-    sums = Sums.from_rows(rows)
-    from tripwatt.fleet.hierarchy import fit_scales
+    sums = rows.sums
+    from tripwatt.fleet.features import START
+    from tripwatt.hybrid.groups import fit_scales
 
-    found = sisters(posterior(sums, fit_scales(sums)), rows).set_index("vehicle_id")
+    found = sisters(group_posterior(sums, fit_scales(sums, START)), rows).set_index("vehicle_id")
     assert found.loc["v04", "since"][:7] == "2024-11"
     assert found.loc["v04", "change"] == pytest.approx(0.12, abs=0.02)
     assert found["since"].drop("v04").isna().all()

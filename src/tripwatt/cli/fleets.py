@@ -167,7 +167,7 @@ def update(
     Only the new trips are read. The sums of the linear part are those of a fit on all trips; trees, residual process and
     scores stay as they are until the next refit.
     """
-    from tripwatt.fleet.evaluation import drift
+    from tripwatt.fleet.deviations import drift
     from tripwatt.fleet.model import update_fleet
 
     source, target = opened(store, options), _registry(registry)
@@ -382,20 +382,21 @@ def evaluate(
     The page shows errors by car model, temperature, length and number of own trips, the calibration by vehicle, and which
     vehicles take more than others of their car model, and since when.
     """
-    from tripwatt.fleet.evaluation import evaluate_rows, sisters
-    from tripwatt.fleet.hierarchy import fit_scales, posterior
+    from tripwatt.evaluation.fleets import evaluate_rows
+    from tripwatt.fleet.deviations import sisters
+    from tripwatt.fleet.features import START
     from tripwatt.fleet.mapping import map_store, read_rows, tasks_of
-    from tripwatt.fleet.report import report_page
-    from tripwatt.fleet.statistics import Sums
+    from tripwatt.hybrid.groups import fit_scales, group_posterior
+    from tripwatt.report.fleets import report_page
 
     source = opened(store, options)
     with progress(console()) as advance, _running(jobs, cluster) as (executor, workers):
         tasks = tasks_of(source, source.trip_rows(), work)
         rows = read_rows(map_store(tasks, executor, workers, advance))
-    sums = Sums.from_rows(rows)
-    scales = fit_scales(sums)
+    sums = rows.sums
+    scales = fit_scales(sums, START)
     found = evaluate_rows(rows, scales)
-    vehicles = sisters(posterior(sums, scales), rows)
+    vehicles = sisters(group_posterior(sums, scales), rows)
     write_text(report_page(f"Fleet {store}", found, vehicles), out)
     if as_json:
         frame = vehicles.astype(object).where(vehicles.notna(), None)

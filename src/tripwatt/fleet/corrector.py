@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NoReturn
 
@@ -157,7 +156,9 @@ class FleetCorrector:
     trees: FleetTrees = FleetTrees()
 
     @classmethod
-    def from_weights(cls, mean: FloatArray, covariance: FloatArray, trees: FleetTrees) -> FleetCorrector:
+    def from_weights(
+        cls, mean: FloatArray, covariance: FloatArray, trees: FleetTrees = FleetTrees()
+    ) -> FleetCorrector:
         """From the posterior of the vehicle's weights."""
         values, vectors = eigen(0.5 * (covariance + covariance.T))
         return cls(mean, vectors * np.sqrt(np.maximum(values, 0.0)), trees)
@@ -191,11 +192,3 @@ class FleetCorrector:
     def predict_climate(self, table: SegmentTable) -> FloatArray | None:
         """None: climate control and driving are corrected jointly."""
         return None
-
-
-def rows_by_group(groups: Sequence[tuple[str, str, str]]) -> dict[tuple[str, str, str], list[int]]:
-    """Numbers of the trips of each group, in order."""
-    found: dict[tuple[str, str, str], list[int]] = {}
-    for i, group in enumerate(groups):
-        found.setdefault(group, []).append(i)
-    return found

@@ -22,6 +22,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from tripwatt.arrays import IntArray
 from tripwatt.auditing import audit
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.fleet.executors import map_bounded
@@ -29,6 +30,7 @@ from tripwatt.fleet.features import FEATURES, trip_features, trip_variance_wh2
 from tripwatt.fleet.statistics import NO_DRIVER, ROWS, TripRows
 from tripwatt.hybrid import SegmentTable, segment_table
 from tripwatt.hybrid.energy_errors import unknown_climb_wh
+from tripwatt.hybrid.groups import Sums
 from tripwatt.physics import simulate_trip
 from tripwatt.store import TripStore, read_file
 from tripwatt.store.delta import DeltaFolder
@@ -332,6 +334,12 @@ class SampledTrips:
 
     def __len__(self) -> int:
         return len(self.groups)
+
+    def sums(self, members: IntArray) -> Sums:
+        """Sums of some of the drives, in their order."""
+        table = self.table
+        values = (trip_features(table), table.totals_wh(table.residual_w), trip_variance_wh2(table))
+        return Sums.from_trips([self.groups[i] for i in members], *(value[members] for value in values))
 
     @classmethod
     def read(cls, paths: Iterable[str]) -> SampledTrips:

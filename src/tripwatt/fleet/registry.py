@@ -18,7 +18,7 @@ import os
 import threading
 import uuid
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -26,11 +26,9 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.fleet.features import trip_features, trip_variance_wh2
-from tripwatt.fleet.hierarchy import posterior
+from tripwatt.fleet.features import trip_features
 from tripwatt.fleet.mapping import SampledTrips
-from tripwatt.fleet.model import FleetModel, sums_of_trips
-from tripwatt.fleet.statistics import NO_DRIVER
+from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.storage import load_fleet, save_fleet
 
 BOOTSTRAP: Final = 2000
@@ -79,9 +77,8 @@ def predict_sample(model: FleetModel, sample: SampledTrips) -> FloatArray:
     correction = model.trees.predict(table)
     linear = trip_features(table)
     energy = table.totals_wh(table.simulated_w + correction)
-    for i, (car_model, vehicle_id, driver) in enumerate(sample.groups):
-        weights, _ = model.posterior.weights(car_model, vehicle_id, None if driver == NO_DRIVER else driver)
-        energy[i] += float(linear[i] @ weights)
+    for i, group in enumerate(sample.groups):
+        energy[i] += float(linear[i] @ model.posterior.weights(*group)[0])
     return energy
 
 
@@ -90,10 +87,7 @@ def unseen(model: FleetModel, sample: SampledTrips) -> FleetModel:
     seen = np.array([i for i, d in enumerate(sample.digests) if d in model.digests], dtype=np.int64)
     if not len(seen):
         return model
-    y = sample.table.totals_wh(sample.table.residual_w)
-    its = sums_of_trips(sample.groups, trip_features(sample.table), y, trip_variance_wh2(sample.table), seen)
-    sums = model.sums - its
-    return replace(model, sums=sums, posterior=posterior(sums, model.posterior.scales))
+    return model.with_sums(model.sums - sample.sums(seen))
 
 
 def compare(champion: FleetModel, challenger: FleetModel, sample: SampledTrips, seed: int = 0) -> Comparison:

@@ -13,10 +13,9 @@ import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.fleet.corrector import FleetTrees
-from tripwatt.fleet.hierarchy import Posterior
 from tripwatt.fleet.model import FleetModel
-from tripwatt.fleet.statistics import Sums
 from tripwatt.hybrid.familiarity import Range
+from tripwatt.hybrid.groups import GroupPosterior, Sums
 from tripwatt.modelfile import read_model, write_model
 from tripwatt.uncertainty import ChargeScale, ConformalScores, UncertaintyModel
 from tripwatt.uncertainty.process import ResidualProcess
@@ -125,7 +124,7 @@ def _model(parts: Mapping[str, Any]) -> FleetModel:
     )
     return FleetModel(
         Sums.from_arrays(parts["sums.npz"]),
-        Posterior.from_arrays(parts["posterior.npz"]),
+        GroupPosterior.from_arrays(parts["posterior.npz"]),
         FleetTrees(values["trees"]),
         uncertainty,
         scores,

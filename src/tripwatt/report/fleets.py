@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import pandas as pd
 
-from tripwatt.fleet.evaluation import FleetEvaluation
+from tripwatt.evaluation.fleets import FleetEvaluation
 
 _STYLE: Final = """
 body { font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 60rem; padding: 0 1rem; color: #1b1b1b; background: #fff }

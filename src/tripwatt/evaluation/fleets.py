@@ -15,12 +15,13 @@ import pandas as pd
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.fleet.hierarchy import Posterior, Scales, fit_scales, posterior
+from tripwatt.fleet.deviations import LEVEL, with_errors
+from tripwatt.fleet.features import START
 from tripwatt.fleet.model import predict_rows
-from tripwatt.fleet.statistics import Sums, TripRows
+from tripwatt.fleet.statistics import TripRows
+from tripwatt.hybrid.groups import GroupPosterior, Scales, Sums, fit_scales, group_posterior
 from tripwatt.uncertainty import ConformalScores
 
-LEVEL: Final = 0.9
 NEWEST_SHARE: Final = 0.2
 VEHICLE_FOLDS: Final = 10
 OWN_TRIPS: Final = (0, 1, 3, 10, 30)
@@ -34,9 +35,6 @@ TEMPERATURES: Final = (
     (20.0, np.inf, "above 20 °C"),
 )
 LENGTHS: Final = ((0.0, 10e3, "below 10 km"), (10e3, 25e3, "10 to 25 km"), (25e3, np.inf, "above 25 km"))
-
-CHANGE_Z: Final = 4.0
-"""A vehicle's consumption counts as changed where its means before and after differ by this many standard errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +102,8 @@ def evaluate_rows(rows: TripRows, scales: Scales | None = None) -> FleetEvaluati
     vehicles = sorted(set(rows.texts("vehicle_id").tolist()))
     if len(vehicles) < 2:
         raise InvalidInput(Fault("too few vehicles", "fleet", f"{len(vehicles)}", "at least 2"))
-    whole = Sums.from_rows(rows)
-    scales = scales or fit_scales(whole)
+    whole = rows.sums
+    scales = scales or fit_scales(whole, START)
     code = np.searchsorted(vehicles, rows.texts("vehicle_id"))
     fold = np.random.default_rng(0).permutation(len(vehicles))[code] % VEHICLE_FOLDS
     models = rows.texts("car_model")
@@ -129,10 +127,10 @@ def _later(rows: TripRows, fold: IntArray) -> pd.DataFrame | None:
     late = known & (started >= cut)
     if not late.any() or late.all():
         return None
-    train = Sums.from_rows(rows.where(~late))
+    train = rows.where(~late).sums
     test = rows.where(late)
-    found = posterior(train, fit_scales(train))
-    energy, sd = _predicted(found, test)
+    found = group_posterior(train, fit_scales(train, START))
+    energy, sd = with_errors(found, test)
     return _frame(test, energy, sd, fold[late], "later trips")
 
 
@@ -143,20 +141,14 @@ def _left_out(
     for k in np.unique(part):
         held = part == k
         test = rows.where(held)
-        found = posterior(_nonempty(whole - Sums.from_rows(test)), scales)
-        energy[held], sd[held] = _predicted(found, test)
+        found = group_posterior(_nonempty(whole - test.sums), scales)
+        energy[held], sd[held] = with_errors(found, test)
     return _frame(rows, energy, sd, fold, protocol)
 
 
 def _nonempty(sums: Sums) -> Sums:
     """Without groups that have no trip left, which would still be known by name."""
     return sums.take(np.flatnonzero(sums.count > 0.5).tolist())
-
-
-def _predicted(found: Posterior, rows: TripRows) -> tuple[FloatArray, FloatArray]:
-    """Energy [Wh] and its standard deviation with the trip's own error [Wh]."""
-    energy, sd = predict_rows(found, rows)
-    return energy, np.hypot(sd, np.sqrt(found.scales.noise * rows.numbers("variance_wh2")))
 
 
 def _frame(rows: TripRows, energy: FloatArray, sd: FloatArray, fold: IntArray, protocol: str) -> pd.DataFrame:
@@ -210,17 +202,17 @@ def own_trips(rows: TripRows, whole: Sums, scales: Scales, most_vehicles: int = 
             continue
         test = rows.where(_mask(len(rows), index[max(fitting) : max(fitting) + 10]))
         observed = test.numbers("observed_wh")
-        others = _nonempty(whole - Sums.from_rows(rows.where(_mask(len(rows), index))))
+        others = _nonempty(whole - rows.where(_mask(len(rows), index)).sums)
         for k in fitting:
-            known = Sums.from_rows(rows.where(_mask(len(rows), index[:k])))
+            known = rows.where(_mask(len(rows), index[:k])).sums
             pooled = _error(
-                posterior(others + known, scales) if others.groups else posterior(known, scales),
+                group_posterior(others + known, scales) if others.groups else group_posterior(known, scales),
                 test,
                 observed,
             )
-            own = _error(posterior(known, scales), test, observed) if k else _physics(test, observed)
+            own = _error(group_posterior(known, scales), test, observed) if k else _physics(test, observed)
             fleet = (
-                _error(posterior(others, scales), test, observed)
+                _error(group_posterior(others, scales), test, observed)
                 if others.groups
                 else _physics(test, observed)
             )
@@ -235,121 +227,9 @@ def _mask(n: int, index: IntArray) -> BoolArray:
     return found
 
 
-def _error(found: Posterior, rows: TripRows, observed: FloatArray) -> float:
-    return float(np.mean(np.abs(predict_rows(found, rows)[0] - observed) / np.abs(observed)))
+def _error(posterior: GroupPosterior, rows: TripRows, observed: FloatArray) -> float:
+    return float(np.mean(np.abs(predict_rows(posterior, rows)[0] - observed) / np.abs(observed)))
 
 
 def _physics(rows: TripRows, observed: FloatArray) -> float:
     return float(np.mean(np.abs(rows.numbers("simulated_wh") - observed) / np.abs(observed)))
-
-
-def sisters(found: Posterior, rows: TripRows) -> pd.DataFrame:
-    """How much more each vehicle takes than its car model on the usual trip of its model, and since when.
-
-    Parameters
-    ----------
-    found : Posterior
-    rows : TripRows
-
-    Returns
-    -------
-    DataFrame
-        `vehicle_id`, `car_model`, `trips`, `share` more [1] with its standard deviation `sd`, and where the means before
-        and after a day differ by `CHANGE_Z` standard errors, that day `since` and the `change` [1].
-    """
-    models, ids = rows.texts("car_model"), rows.texts("vehicle_id")
-    observed, X = rows.numbers("observed_wh"), rows.X
-    energy = rows.numbers("simulated_wh").copy()
-    for name in sorted(set(models.tolist())):
-        its = models == name
-        energy[its] += X[its] @ found.weights(name)[0]
-    relative = (observed - energy) / np.maximum(np.abs(energy), 1.0)
-    started = rows.texts("started_at")
-    table = []
-    for vehicle in sorted(set(ids.tolist())):
-        index = np.flatnonzero(ids == vehicle)
-        name = str(models[index[0]])
-        its_model = models == name
-        usual, mean_wh = X[its_model].mean(axis=0), float(energy[its_model].mean())
-        mean, covariance = found.weights(name, vehicle)
-        base, _ = found.weights(name)
-        order = index[np.argsort([f"{started[i]}" for i in index], kind="stable")]
-        since, change = change_point(relative[order])
-        table.append(
-            (
-                vehicle,
-                name,
-                len(index),
-                float(usual @ (mean - base)) / mean_wh,
-                float(np.sqrt(usual @ covariance @ usual)) / mean_wh,
-                None if since is None else str(started[order[since]] or "")[:10],
-                change,
-            )
-        )
-    columns = ["vehicle_id", "car_model", "trips", "share", "sd", "since", "change"]
-    return pd.DataFrame(table, columns=columns).sort_values("share", ascending=False, ignore_index=True)
-
-
-def change_point(values: FloatArray, least: int = 8) -> tuple[int | None, float]:
-    """Where the mean of a sequence changes, and by how much; None where it does not beyond chance. O(values).
-
-    The place with the largest difference of means in standard errors, with the variance within both parts.
-
-    Examples
-    --------
-    >>> change_point(np.array([0.0, 0.1] * 10 + [1.0, 1.1] * 10))
-    (20, 1.0)
-    >>> change_point(np.array([0.0, 0.1] * 20))[0] is None
-    True
-    """
-    n = len(values)
-    if n < 2 * least:
-        return None, 0.0
-    k = np.arange(least, n - least + 1)
-    total, squares = np.cumsum(values), np.cumsum(values**2)
-    before, after = total[k - 1] / k, (total[-1] - total[k - 1]) / (n - k)
-    within = (squares[-1] - k * before**2 - (n - k) * after**2) / (n - 2)
-    error = np.sqrt(np.maximum(within, 1e-12) * (1.0 / k + 1.0 / (n - k)))
-    best = int(np.argmax(np.abs(after - before) / error))
-    change = float(after[best] - before[best])
-    if abs(change) < CHANGE_Z * error[best]:
-        return None, 0.0
-    return int(k[best]), round(change, 12)
-
-
-def drift(found: Posterior, rows: TripRows, level: float = LEVEL) -> dict[str, Any]:
-    """How new trips compare with their forecasts, of the fleet and of each vehicle, by the linear part.
-
-    Parameters
-    ----------
-    found : Posterior
-        Of the model before it saw the trips.
-    rows : TripRows
-    level : float
-        Of the coverage, for errors with a normal distribution.
-
-    Returns
-    -------
-    dict
-        `trips`, mean relative error `bias` [1], `coverage` [1], and `vehicles`: those whose mean standardised error is
-        beyond 3 standard errors, with `trips`, `bias` and `z`.
-    """
-    from scipy.special import ndtri
-
-    energy, sd = _predicted(found, rows)
-    observed = rows.numbers("observed_wh")
-    z = (observed - energy) / sd
-    relative = (observed - energy) / np.maximum(np.abs(energy), 1.0)
-    ids = rows.texts("vehicle_id")
-    vehicles = {}
-    for vehicle in sorted(set(ids.tolist())):
-        its = ids == vehicle
-        score = float(z[its].mean() * np.sqrt(its.sum()))
-        if abs(score) > 3.0:
-            vehicles[vehicle] = {"trips": int(its.sum()), "bias": float(relative[its].mean()), "z": score}
-    return {
-        "trips": len(rows),
-        "bias": float(relative.mean()),
-        "coverage": float(np.mean(np.abs(z) <= ndtri(0.5 + 0.5 * level))),
-        "vehicles": vehicles,
-    }

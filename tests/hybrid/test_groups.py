@@ -1,24 +1,27 @@
-"""The mixed model of a fleet against its dense form: one Gaussian of all trips."""
+"""The posterior of groups against its dense form, one Gaussian of all trips, and against the form for few trips."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
 from tripwatt.errors import InvalidInput
-from tripwatt.fleet.hierarchy import (
-    FLEET_SD,
-    Posterior,
+from tripwatt.hybrid.groups import (
+    ROOT_SD,
+    GroupPosterior,
     Scales,
+    Sums,
     Tree,
     fit_scales,
+    group_posterior,
     log_likelihood,
     log_likelihood_gradient,
-    posterior,
 )
-from tripwatt.fleet.statistics import Sums
+from tripwatt.hybrid.levels import Level, Mixture
 
 SPLIT = np.array([0, 0, 1])
-SCALES = Scales(((0.7, 0.4), (0.5, 0.9), (0.3, 0.2)), 1.7)
+SCALES = Scales(((0.7, 0.4), (0.5, 0.9), (0.3, 0.2)), 1.7, (0, 0, 1))
 GROUPS = (
     ("a", "v1", ""),
     ("a", "v1", "Ada"),
@@ -56,7 +59,7 @@ def dense_covariance(group, X, Z, other):
         for j, h in enumerate(other):
             a = [GROUPS[g][0], GROUPS[g][:2], GROUPS[g]]
             b = [GROUPS[h][0], GROUPS[h][:2], GROUPS[h]]
-            v = np.full(3, FLEET_SD**2)
+            v = np.full(3, ROOT_SD**2)
             for level in range(3):
                 if a[level] == b[level] and not (level == 2 and GROUPS[g][2] == ""):
                     v = v + np.array(SCALES.sds[level])[SPLIT] ** 2
@@ -69,8 +72,8 @@ def test_likelihood_and_posterior_are_those_of_one_gaussian():
     sums = sums_of(group, X, y, n)
     K = dense_covariance(group, X, X, group) + SCALES.noise * np.diag(n)
     dense = multivariate_normal(np.zeros(len(y)), K).logpdf(y)
-    assert log_likelihood(sums, SCALES, SPLIT) == pytest.approx(dense, rel=1e-10)
-    found = posterior(sums, SCALES, SPLIT)
+    assert log_likelihood(sums, SCALES) == pytest.approx(dense, rel=1e-10)
+    found = group_posterior(sums, SCALES)
     for g, names in enumerate(GROUPS):
         if names[2] == "" and names[1] == "v1":
             continue  # a trip of v1 without a driver: its drivers' variance is checked below
@@ -86,7 +89,7 @@ def test_likelihood_and_posterior_are_those_of_one_gaussian():
 
 def test_new_groups_take_the_weights_of_those_around_them():
     group, X, y, n = trips()
-    found = posterior(sums_of(group, X, y, n), SCALES, SPLIT)
+    found = group_posterior(sums_of(group, X, y, n), SCALES)
     model_mean, model_cov = found.weights("a")
     new_mean, new_cov = found.weights("a", "new")
     assert new_mean.tolist() == model_mean.tolist()
@@ -102,13 +105,13 @@ def test_new_groups_take_the_weights_of_those_around_them():
     assert known.tolist() == found.covariance[found.tree.names.index(("a", "v2", "Bob"))].tolist()
     assert found.weights("a", "v2", "Eve")[0].tolist() == found.weights("a", "v2")[0].tolist()
     assert found.weights(None, "v2")[0].tolist() == found.mean[0].tolist()
-    assert found.knows("a", "v1")
-    assert not found.knows("a", "v3")
+    assert ("a", "v1") in found.tree.names
+    assert ("a", "v3") not in found.tree.names
 
 
 def test_without_drivers_no_driver_adds_to_the_variance():
     group, X, y, n = trips(count=(3, 2))
-    found = posterior(sums_of(group, X, y, n, (("a", "v1", ""), ("a", "v2", ""))), SCALES, SPLIT)
+    found = group_posterior(sums_of(group, X, y, n, (("a", "v1", ""), ("a", "v2", ""))), SCALES)
     node = found.tree.names.index(("a", "v1"))
     assert found.weights("a", "v1")[1].tolist() == found.covariance[node].tolist()
 
@@ -125,9 +128,7 @@ def test_sums_merge_and_a_group_without_trips_changes_nothing():
         assert getattr(left, name) == pytest.approx(getattr(parts[0], name), rel=1e-10, abs=1e-12)
     with_empty = whole + sums_of(group[:0], X[:0], y[:0], n[:0], (("z", "v9", ""),))
     assert len(with_empty.groups) == 5
-    assert log_likelihood(with_empty, SCALES, SPLIT) == pytest.approx(
-        log_likelihood(whole, SCALES, SPLIT), rel=1e-12
-    )
+    assert log_likelihood(with_empty, SCALES) == pytest.approx(log_likelihood(whole, SCALES), rel=1e-12)
     assert whole.take([2]).groups == (GROUPS[2],)
     assert whole.take([2]).xy.tolist() == [whole.xy[2].tolist()]
     again = Sums.from_arrays(whole.to_arrays())
@@ -152,15 +153,13 @@ def test_the_gradient_is_that_of_the_likelihood(seed):
 
     def scales(logs):
         sds = np.exp(logs[:6]).reshape(3, 2)
-        return Scales(tuple(tuple(row) for row in sds.tolist()), float(np.exp(logs[6])))
+        return Scales(tuple(tuple(row) for row in sds.tolist()), float(np.exp(logs[6])), (0, 0, 1))
 
-    value, gradient = log_likelihood_gradient(Tree.from_groups(sums.groups), sums, scales(logs), SPLIT)
-    assert value == pytest.approx(log_likelihood(sums, scales(logs), SPLIT), rel=1e-12)
+    value, gradient = log_likelihood_gradient(Tree.from_groups(sums.groups), sums, scales(logs))
+    assert value == pytest.approx(log_likelihood(sums, scales(logs)), rel=1e-12)
     step = 1e-5
     for k, slope in enumerate(gradient):
-        up, down = (
-            log_likelihood(sums, scales(logs + sign * step * np.eye(7)[k]), SPLIT) for sign in (1, -1)
-        )
+        up, down = (log_likelihood(sums, scales(logs + sign * step * np.eye(7)[k])) for sign in (1, -1))
         assert slope == pytest.approx((up - down) / (2.0 * step), rel=1e-5, abs=1e-7)
 
 
@@ -175,23 +174,71 @@ def test_scales_are_found_where_the_likelihood_is_largest():
     own = np.array([models[g[0]] + true["vehicle"] * rng.normal(size=3) for g in groups])
     y = np.einsum("ip,ip->i", X, own[group]) + np.sqrt(true["noise"] * n) * rng.normal(size=1440)
     sums = sums_of(group, X, y, n, groups)
-    found = fit_scales(sums, SPLIT)
+    usual = Scales(((0.5, 0.5), (0.5, 0.5), (0.3, 0.3)), 1.0, (0, 0, 1))
+    found = fit_scales(sums, usual)
     assert found.noise == pytest.approx(0.5, rel=0.1)
     assert found.sds[1] == pytest.approx((0.25, 0.25), rel=0.25)
     assert 0.3 < found.sds[0][0] < 1.2
-    best = log_likelihood(sums, found, SPLIT)
+    best = log_likelihood(sums, found)
     for factor in (0.8, 1.25):
-        assert log_likelihood(sums, Scales(found.sds, found.noise * factor), SPLIT) < best - 1.0
-    assert fit_scales(sums, SPLIT, found).noise == pytest.approx(found.noise, rel=1e-3)
+        assert log_likelihood(sums, replace(found, noise=found.noise * factor)) < best - 1.0
+    assert usual.with_logs(found.logs).sds[1] == pytest.approx(found.sds[1], rel=1e-12)
     with pytest.raises(InvalidInput, match="no trips"):
-        fit_scales(Sums.empty(3), SPLIT)
+        fit_scales(Sums.empty(3), usual)
 
 
 def test_a_posterior_comes_back_from_its_arrays():
     group, X, y, n = trips()
-    found = posterior(sums_of(group, X, y, n), SCALES, SPLIT)
-    again = Posterior.from_arrays(found.to_arrays())
+    found = group_posterior(sums_of(group, X, y, n), SCALES)
+    again = GroupPosterior.from_arrays(found.to_arrays())
     for names in (("a",), ("a", "v2", "Bob"), ("b", "v3"), ("c",)):
         for ours, theirs in zip(found.weights(*names), again.weights(*names), strict=True):
             assert ours.tolist() == theirs.tolist()
     assert again.scales == found.scales
+
+
+def test_sums_are_those_of_the_trips_of_each_group():
+    group, X, y, n = trips()
+    by_hand = sums_of(group, X, y, n)
+    made = Sums.from_trips([GROUPS[g] for g in group], X, y, n)
+    assert made.groups == by_hand.groups
+    for name in ("count", "log_variance", "xx", "xy", "yy"):
+        assert getattr(made, name) == pytest.approx(getattr(by_hand, name), rel=1e-12)
+
+
+@pytest.mark.parametrize("node", [(), ("a",), ("a", "v2"), ("a", "v2", "Bob"), ("b", "v3")])
+def test_groups_and_levels_give_one_posterior(node):
+    """Each node of the tree is a level of the trips below it; the weights of a group are the sum of the levels around it."""
+    group, X, y, n = trips()
+    posterior = group_posterior(sums_of(group, X, y, n), SCALES)
+    names = posterior.tree.names
+    paths = [tuple(name for name in GROUPS[g] if name) for g in group]
+    inside = [np.array([path[: len(name)] == name for path in paths], dtype=float) for name in names]
+    levels = tuple(
+        Level(X * its[:, None], SCALES.variances(len(name))) for name, its in zip(names, inside, strict=True)
+    )
+    given = Mixture(levels, np.ones((1, len(levels))), np.array([SCALES.noise]), n, np.zeros(len(n)), y)
+    mean, covariance = given.posterior()
+    around = [float(node[: len(name)] == name) for name in names]
+    total = np.kron(around, np.eye(3))
+    i = names.index(node)
+    assert posterior.mean[i] == pytest.approx(total @ mean, rel=1e-9, abs=1e-12)
+    assert posterior.covariance[i] == pytest.approx(total @ covariance @ total.T, rel=1e-8, abs=1e-10)
+
+
+def test_a_tree_has_as_many_levels_as_its_scales():
+    """Cars below what all cars share: two levels, for several donors with a spread."""
+    rng = np.random.default_rng(8)
+    cars = [(f"car {i // 20:02d}",) for i in range(400)]
+    X, n = rng.normal(size=(400, 2)), np.full(400, 0.5)
+    own = np.repeat([1.0, -0.5] + 0.4 * rng.normal(size=(20, 2)), 20, axis=0)
+    y = (X * own).sum(axis=1) + np.sqrt(0.5) * rng.normal(size=400)
+    sums = Sums.from_trips(cars, X, y, n)
+    scales = fit_scales(sums, Scales(((1.0,),), 1.0, (0, 0)))
+    assert scales.sds[0][0] == pytest.approx(0.4, rel=0.3)
+    posterior = group_posterior(sums, scales)
+    mean, covariance = posterior.weights("a new car")
+    assert mean == pytest.approx([1.0, -0.5], abs=0.3)
+    assert np.sqrt(np.diag(covariance)) == pytest.approx([scales.sds[0][0]] * 2, rel=0.2)
+    again = GroupPosterior.from_arrays(posterior.to_arrays())
+    assert again.weights("car 03")[0].tolist() == posterior.weights("car 03")[0].tolist()

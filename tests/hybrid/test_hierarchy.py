@@ -206,7 +206,6 @@ class TestMembers:
         assert own.sizes == [1, 2, 1]
         assert own.weights.tolist() == WEIGHTS.tolist()
         assert own.variances.tolist() == VARIANCES.tolist()
-        assert own.covariance == pytest.approx(COVARIANCE, **EXACT)
         assert own.shape.tolist() == [0.5, 0.0, 1.0, -1.0]
         assert own.features(rows()).tolist() == FEATURES.tolist()
         assert own.predict(rows()) == pytest.approx(FEATURES @ WEIGHTS, **EXACT)
@@ -260,6 +259,14 @@ class TestTransfer:
         assert found.residual_wh == pytest.approx([4 * 0.5 - 6.0, 18.0, 2.0 + 2.0], **EXACT)
         assert np.isnan(TRANSFER.evidence(rows(False), physical, np.ones(3)).residual_wh).all()
         assert found.take([2]).residual_wh == pytest.approx([4.0], **EXACT)
+
+    def test_levels(self) -> None:
+        """In common by corrector, own and lost by stage, parameters; their priors are those of the dense form at scales of 1."""
+        given = TRANSFER.given(evidence())
+        covariance = block_diag(*(level.covariance_times(np.eye(len(level.usual))) for level in given.levels))
+        widths = np.diag([0.01, 0.16])
+        dense_form = block_diag(COVARIANCE, np.diag(VARIANCES), np.diag(VARIANCES), widths)
+        assert covariance == pytest.approx(dense_form, **EXACT)
 
     @pytest.mark.parametrize("mode", ["both", "effects", "parameters"])
     def test_posterior(self, mode: str) -> None:
