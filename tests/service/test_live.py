@@ -605,7 +605,8 @@ def test_silent_cars_are_looked_for_while_the_service_runs(
 
     async def run() -> None:
         watch = asyncio.ensure_future(cars.watch())
-        await asyncio.sleep(0)
+        while not car.logs():
+            await asyncio.sleep(0.01)
         watch.cancel()
 
     asyncio.run(run())
