@@ -14,6 +14,7 @@ import pandas as pd
 import pytest
 from tests.live.brokers import MOSQUITTO, Sent, broker, replay
 from tests.live.messages import NOON_S, abrp_messages, measured
+from tests.support.service_process import serving
 
 pytest.importorskip("aiomqtt", reason="the extra tripwatt[live] is not installed")
 
@@ -22,10 +23,11 @@ import aiomqtt
 import tripwatt as tw
 from tripwatt.cli.on_road import sentence
 from tripwatt.errors import InvalidInput
-from tripwatt.live import Broker, Follower, RoadCar, TopicJoiner, following, open_road_car
+from tripwatt.live import Broker, Follower, RoadCar, TopicJoiner, following, issue_token, open_road_car
 from tripwatt.live.discovery import SENSORS, discovery
 from tripwatt.live.folder import finished_names, forecasts_of
 from tripwatt.live.live_trip import SILENCE_S
+from tripwatt.service.live_schemas import LiveResponse
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import plan_from_samples
 
@@ -194,34 +196,68 @@ def test_a_broker_that_is_killed_costs_no_message_that_comes_after_it(
 
 @needs_broker
 def test_the_command_prints_a_line_for_new_messages(drive: pd.DataFrame, tmp_path: Path) -> None:
-    (tmp_path / "route.json").write_text(json.dumps([{"length_m": 9000.0, "speed_m_s": 14.0}]))
+    (tmp_path / "route.json").write_text(json.dumps(LINKS))
     with broker(tmp_path) as (where, _):
-        command = [sys.executable, "-m", "tripwatt.cli", "live", f"{tmp_path / 'leaf'}"]
-        command += ["--mqtt", f"mqtt://127.0.0.1:{where.port}", "--source", "abrp", "--topic", "leaf/tlm"]
-        command += ["--plan", f"{tmp_path / 'route.json'}", "--every", "0.2", "--json"]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-
-            async def send() -> None:
-                await subscribed(where)
-                async with aiomqtt.Client(where.host, where.port) as client:
-                    for message in abrp_messages(drive):
-                        await client.publish("leaf/tlm", json.dumps(message), qos=1)
-
-            asyncio.run(send())
-            assert process.stdout is not None
-            for line in process.stdout:
-                found = json.loads(line)
-                if found["messages"]["new"] == len(drive):
-                    break
-            process.terminate()
-            process.stdout.read()
-    plan = tw.read_route([{"length_m": 9000.0, "speed_m_s": 14.0}])
+        found = printed_by_the_command(tmp_path, where, list(abrp_messages(drive)))
+    plan = tw.read_route(LINKS)
     with open_road_car(tmp_path / "leaf") as car:
-        own = car.update(tw.load_model().forecast(plan, car.departure()))
+        assert car.plan is not None, "it is kept for the next start of the command"
+        own = car.update(MODEL.forecast(plan, car.departure()))
     assert found["forecast"]["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)
-    assert sentence(found).startswith(
+    assert sentence(found).startswith(  # type: ignore[arg-type]
         f"leaf: {found['trip']['distance_m'] / 1000.0:.1f} km driven, 300 messages, "
     )
+
+
+@needs_broker
+def test_mqtt_and_http_give_equal_documents(drive: pd.DataFrame, tmp_path: Path) -> None:
+    """The same plan and the same messages, over a broker to the command and over HTTP to the service."""
+    pytest.importorskip("fastapi", reason="the extra tripwatt[service] is not installed")
+    (tmp_path / "route.json").write_text(json.dumps(LINKS))
+    (tmp_path / "logs").mkdir()
+    messages = list(abrp_messages(drive))
+    token = issue_token(tmp_path / "cars" / "leaf")
+    with serving(tmp_path / "logs", "--workers", "1", "--cars", f"{tmp_path / 'cars'}") as service:
+        assert service.client.put("/v1/live/leaf/plan", json={"links": LINKS}).status_code == 200
+        for message in messages:
+            sent = service.client.post("/v1/telemetry", json={"token": token, "tlm": message})
+            assert sent.status_code == 200, sent.text
+        over_http = service.client.get("/v1/live/leaf").json()
+    LiveResponse.model_validate(over_http)
+    with broker(tmp_path) as (where, _):
+        over_mqtt = printed_by_the_command(tmp_path, where, messages)
+    for document in (over_http, over_mqtt):
+        assert document.pop("seconds_since_message") >= 0.0
+    assert over_mqtt == over_http
+    assert over_mqtt["forecast"]["distance_m"] == pytest.approx(9000.0, rel=1e-3)
+
+
+def printed_by_the_command(folder: Path, where: Broker, messages: list[dict[str, Any]]) -> dict[str, Any]:
+    """The last line that `tripwatt live --json` prints of some messages."""
+    command = [sys.executable, "-m", "tripwatt.cli", "live", f"{folder / 'leaf'}"]
+    command += ["--mqtt", f"mqtt://127.0.0.1:{where.port}", "--source", "abrp", "--topic", "leaf/tlm"]
+    command += ["--plan", f"{folder / 'route.json'}", "--every", "0.2", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+
+        async def send() -> None:
+            await subscribed(where)
+            async with aiomqtt.Client(where.host, where.port) as client:
+                for message in messages:
+                    await client.publish("leaf/tlm", json.dumps(message), qos=1)
+
+        asyncio.run(send())
+        assert process.stdout is not None
+        assert process.stderr is not None
+        document: dict[str, Any] = {}
+        for line in process.stdout:
+            document = json.loads(line)
+            if document["messages"]["new"] == len(messages):
+                break
+        process.terminate()
+        process.stdout.read()
+        said = process.stderr.read()
+    assert "waiting for messages of leaf/tlm at 127.0.0.1; the trip is forecast on its plan" in said
+    return document
 
 
 @needs_broker
