@@ -32,7 +32,7 @@ from tools.command import run
 
 import tripwatt as tw
 from tripwatt.forecasting import Forecast
-from tripwatt.live import issue_token, open_live_car
+from tripwatt.live import issue_token, open_road_car
 from tripwatt.sources.tum import REFERENCE_TRIPS
 from tripwatt.trips import COLUMNS, Trip, plan_from_samples
 
@@ -185,7 +185,7 @@ def on_the_way(drive: Drive, at_departure: Forecast, *, bad: bool) -> list[bool]
     took = drive.trip.observed_energy_wh
     assert took is not None
     found = []
-    with tempfile.TemporaryDirectory() as place, open_live_car(Path(place) / "car") as car:
+    with tempfile.TemporaryDirectory() as place, open_road_car(Path(place) / "car") as car:
         car.set_plan({}, NOON_S)
         marks = [int(share * len(sent)) for share in SHARES]
         for k, sample in enumerate(sent, start=1):

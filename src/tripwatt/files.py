@@ -169,6 +169,15 @@ def write_file(path: Path, write: Callable[[Path], None]) -> None:
         partial.replace(path)
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a file of text in UTF-8, whole or not at all: see `write_file`."""
+
+    def write(partial: Path) -> None:
+        partial.write_text(text, encoding="utf-8")
+
+    write_file(path, write)
+
+
 def replace_folder(out: Path, write: Callable[[Path], None]) -> None:
     """Write a folder, whole or not at all: `write` fills another name beside it, which then takes its place.
 

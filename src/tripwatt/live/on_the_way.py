@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from tripwatt.errors import InvalidInput
-from tripwatt.files import read_text_file, write_file
+from tripwatt.files import read_text_file, write_text
 
 EVERY_S: Final = 120.0
 """Time between two forecasts of a trip that are kept [s]."""
@@ -96,12 +96,9 @@ def write_forecasts(path: Path, start_s: float, made: tuple[MadeForecast, ...]) 
     OSError
         When they cannot be written; the file is as before.
     """
-    text = json.dumps({"start_s": start_s, "forecasts": [asdict(forecast) for forecast in made]}) + "\n"
-
-    def write(part: Path) -> None:
-        part.write_text(text, encoding="utf-8")
-
-    write_file(path, write)
+    write_text(
+        path, json.dumps({"start_s": start_s, "forecasts": [asdict(forecast) for forecast in made]}) + "\n"
+    )
 
 
 def read_forecasts(path: Path) -> tuple[MadeForecast, ...]:
@@ -113,9 +110,8 @@ def _read(path: Path) -> tuple[float | None, tuple[MadeForecast, ...]]:
     if not path.is_file():
         return None, ()
     try:
-        found: Mapping[str, Any] = json.loads(read_text_file(path, MOST_BYTES))
-        made = tuple(_forecast(row) for row in found["forecasts"])
-        return float(found["start_s"]), made
+        document: Mapping[str, Any] = json.loads(read_text_file(path, MOST_BYTES))
+        return float(document["start_s"]), tuple(_forecast(row) for row in document["forecasts"])
     except (InvalidInput, ValueError, KeyError, TypeError, AttributeError):
         return None, ()
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Final
 
 from tripwatt.errors import InvalidInput
-from tripwatt.files import read_text_file, write_file
-from tripwatt.live.live_car import finished_logs, finished_names, log_name
+from tripwatt.files import read_text_file, write_text
+from tripwatt.live.folder import finished_logs, finished_names, log_name
 from tripwatt.live.own_car import LIVE, Learned, is_car, open_car
 from tripwatt.trips import Log
 
@@ -82,12 +82,7 @@ def learn_finished(folder: Path | str, *, progress: Callable[[int, int], None] |
         except InvalidInput as error:  # somebody changed the file: the other trips count
             unreadable.append(f"{log_name(own.name, name)}: {error}")
     done = own.add(logs, progress=progress)
-    text = json.dumps({"trips": names}) + "\n"
-
-    def write(made: Path) -> None:
-        made.write_text(text, encoding="utf-8")
-
-    write_file(own.folder / LIVE / TAUGHT, write)
+    write_text(own.folder / LIVE / TAUGHT, json.dumps({"trips": names}) + "\n")
     known = done.known + len(names) - len(new)
     return Learned(done.added, known, done.entries, (*done.left_out, *unreadable))
 

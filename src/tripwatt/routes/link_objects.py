@@ -5,11 +5,12 @@ from __future__ import annotations
 import itertools
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import NoneType
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.errors import (
@@ -101,6 +102,39 @@ def route_of_columns(columns: Mapping[str, FloatArray]) -> LinkRoute:
         flags,
         limit if np.isfinite(limit).any() else None,
     )
+
+
+def route_with_elevation(
+    route: LinkRoute, position_m: npt.ArrayLike, elevation_m: npt.ArrayLike
+) -> LinkRoute:
+    """A route with heights [m] at distances from its start [m], both of shape (heights,), in place of what is known of them."""
+    flags = tuple(flag for flag in route.flags if flag != FLAT_ROAD)
+    position, height = (np.asarray(values, dtype=np.float64) for values in (position_m, elevation_m))
+    return replace(route, elevation_position_m=position, elevation_m=height, flags=flags)
+
+
+def fields_of_route(route: LinkRoute) -> dict[str, Any]:
+    """A route as `links` and `elevation` of a request, the inverse of `route_from_links` and `route_with_elevation`.
+
+    Examples
+    --------
+    >>> fields_of_route(route_from_links([{"length_m": 100.0, "speed_m_s": 10.0}]))
+    {'links': [{'length_m': 100.0, 'travel_time_s': 10.0}], 'elevation': None}
+    """
+    columns = {
+        "length_m": route.length_m,
+        "travel_time_s": route.travel_time_s,
+        "stop_s": route.stop_s,
+        "moving_speed_m_s": route.moving_speed_m_s,
+    }
+    if route.speed_limit_m_s is not None:
+        columns["speed_limit_m_s"] = route.speed_limit_m_s
+    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+    links = [{n: v for n, v in zip(columns, row, strict=True) if v == v} for row in rows]
+    if route.elevation_m is None or route.elevation_position_m is None:
+        return {"links": links, "elevation": None}
+    position_m, elevation_m = route.elevation_position_m.tolist(), route.elevation_m.tolist()
+    return {"links": links, "elevation": {"position_m": position_m, "elevation_m": elevation_m}}
 
 
 @dataclass(slots=True)

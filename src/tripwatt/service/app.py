@@ -151,7 +151,7 @@ def create_app(settings: Settings | None = None, log: Log = lambda **record: Non
     settings = settings or Settings()
     api = Api(settings, log)
     packed = GZipMiddleware(api.app, minimum_size=MIN_GZIP_BYTES, compresslevel=GZIP_LEVEL)
-    return ServiceMiddleware(packed, settings, api.metrics, log, api.live.end_streams)
+    return ServiceMiddleware(packed, settings, api.metrics, log)
 
 
 class Api:

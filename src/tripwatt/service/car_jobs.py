@@ -21,14 +21,14 @@ from tripwatt.live import (
     OwnCar,
     create_car,
     forget_car,
+    has_token,
     is_car,
-    is_live_car,
     issue_token,
     learn_finished,
     open_car,
 )
 from tripwatt.live.diary import CAUSE
-from tripwatt.live.live_car import VALID_NAME, forecasts_of
+from tripwatt.live.folder import VALID_NAME, forecasts_of
 from tripwatt.live.own_car import UPLOADS
 from tripwatt.physics.battery import open_circuit_voltage
 from tripwatt.service.car_schemas import LogsRequest, plain
@@ -362,5 +362,5 @@ def _summary(own: OwnCar, about: Mapping[str, Any]) -> dict[str, Any]:
         "title": own.vehicle.title,
         "trips": about["trips"],
         "in_diary": about["in_diary"],
-        "has_token": is_live_car(own.folder),
+        "has_token": has_token(own.folder),
     }

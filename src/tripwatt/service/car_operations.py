@@ -150,7 +150,7 @@ class CarOperations:
         require_accepts(request, JSON)
         self._require_idle(car)
         with contextlib.suppress(Problem):
-            self.live().drop(car)
+            await self.live().drop(car)
         response = await self._job(request, {"kind": "forget car", "car": car})
         self.learning.pop(car, None)
         return response
@@ -160,7 +160,7 @@ class CarOperations:
         require_accepts(request, JSON)
         response = await self._job(request, {"kind": "car token", "car": car})
         if response.status_code == 200:
-            self.live().open(self._folder() / car)
+            await self.live().follow(self._folder() / car)
         return response
 
     async def put_file(self, request: Request, car: CarName, upload: UploadName, file: FileName) -> Response:

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from tripwatt.live.live_car import VALID_NAME
+from tripwatt.live.folder import VALID_NAME
 from tripwatt.service.schemas import ProblemFault, ResponseModel, VehicleFigures
 from tripwatt.sources.mapping import UNITS
 

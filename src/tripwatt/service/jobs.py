@@ -26,6 +26,7 @@ from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.population.cars import for_car
 from tripwatt.routes import (
     Track,
+    fields_of_route,
     is_links_table,
     parse_route,
     plan_from_route,
@@ -35,7 +36,7 @@ from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.car_schemas import LogsRequest, NewCarRequest
 from tripwatt.service.journey_schemas import PlanRequest, ReachRequest
 from tripwatt.service.journeys import JourneyJobs
-from tripwatt.service.library import columns_of, described, examples, fields_of, vehicles
+from tripwatt.service.library import described, examples, vehicles
 from tripwatt.service.schemas import (
     Elevation,
     ForecastRequest,
@@ -63,6 +64,7 @@ from tripwatt.trips import (
     time_faults,
 )
 from tripwatt.trips.messages import flag_to_dict, leave_in_words
+from tripwatt.trips.samples import columns_of
 from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_names
 
 MOST_TRANSFERRED: Final = 64
@@ -221,6 +223,16 @@ class Jobs:
 
         return forecast
 
+    def model_of(self, document: Mapping[str, Any]) -> ForecastModel:
+        """The model of a request for its car.
+
+        Raises
+        ------
+        InvalidInput
+            When there is no such model or car.
+        """
+        return self._model(document)()
+
     def _model(self, document: Mapping[str, Any]) -> Callable[[], ForecastModel]:
         """What gives the model of a request for its car; model and car are checked here, and transferred there."""
         name, vehicle = document.get("model"), document.get("vehicle")
@@ -324,7 +336,7 @@ class Jobs:
             )
         require_duration(route.duration_s, "upload", self.limits)
         plan = plan_from_route(route)
-        return self._route_response(plan.samples, plan.flags) | fields_of(route)
+        return self._route_response(plan.samples, plan.flags) | fields_of_route(route)
 
     def _route_response(self, samples: pd.DataFrame, flags: tuple[Flag, ...] = ()) -> dict[str, Any]:
         """The response to an upload, without links."""

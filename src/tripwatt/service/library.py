@@ -6,52 +6,17 @@ from functools import cache
 from typing import Any, Final
 
 import numpy as np
-import pandas as pd
 
 from tripwatt.certification import certified_interval
 from tripwatt.forecasting import load_model
 from tripwatt.physics.battery import open_circuit_voltage
-from tripwatt.routes import LinkRoute
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import ASKED
+from tripwatt.trips.samples import columns_of
 from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_names
 
 EXAMPLE_COUNT: Final = 6
 EXAMPLE_CAR: Final = "bmw_i3_60ah"
-
-
-def links_of(route: LinkRoute) -> list[dict[str, float]]:
-    """Return a route as the `links` of a request, without its elevation."""
-    columns = {
-        "length_m": route.length_m,
-        "travel_time_s": route.travel_time_s,
-        "stop_s": route.stop_s,
-        "moving_speed_m_s": route.moving_speed_m_s,
-    }
-    if route.speed_limit_m_s is not None:
-        columns["speed_limit_m_s"] = route.speed_limit_m_s
-    names = list(columns)
-    rows = zip(*(columns[name].tolist() for name in names), strict=True)
-    return [{n: v for n, v in zip(names, row, strict=True) if v == v} for row in rows]
-
-
-def fields_of(route: LinkRoute) -> dict[str, Any]:
-    """Return a route as the fields `links` and `elevation` of a request."""
-    if route.elevation_m is None or route.elevation_position_m is None:
-        return {"links": links_of(route), "elevation": None}
-    elevation = {
-        "position_m": route.elevation_position_m.tolist(),
-        "elevation_m": route.elevation_m.tolist(),
-    }
-    return {"links": links_of(route), "elevation": elevation}
-
-
-def columns_of(samples: pd.DataFrame) -> dict[str, list[float | None]]:
-    """Return a table as the `samples` of a request; a missing value is None."""
-    return {
-        name: [None if v != v else v for v in np.asarray(samples[name], dtype=np.float64).tolist()]
-        for name in samples.columns
-    }
 
 
 @cache

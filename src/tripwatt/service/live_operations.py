@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
-from contextlib import asynccontextmanager
+from collections.abc import Awaitable, Callable, Mapping
+from contextlib import AbstractAsyncContextManager
 from typing import Annotated, Any, Final
 from urllib.parse import parse_qsl
 
@@ -18,9 +17,9 @@ from starlette.responses import Response
 
 from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.live import sample_from_abrp
-from tripwatt.live.live_car import VALID_NAME
+from tripwatt.live.folder import VALID_NAME
 from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S
-from tripwatt.service.live import EventResponse, LiveCars
+from tripwatt.service.live import LiveCars
 from tripwatt.service.openapi import EVENTS, FORM, JSON
 from tripwatt.service.pool import WorkerPool
 from tripwatt.service.problems import Problem, invalid_input, refusal
@@ -59,31 +58,11 @@ class LiveOperations:
         self, settings: Settings, pool: WorkerPool, read_body: ReadBody, log: Callable[..., None]
     ) -> None:
         self.read_body = read_body
-        self._cars = (
-            None
-            if settings.cars is None
-            else LiveCars(settings.cars, pool, settings.limits, log, settings.keep_days)
-        )
+        self._cars = None if settings.cars is None else LiveCars(settings, pool, log)
 
-    @asynccontextmanager
-    async def running(self) -> AsyncIterator[None]:
+    def running(self) -> AbstractAsyncContextManager[None]:
         """Watch the cars while the service runs."""
-        if self._cars is None:
-            yield
-            return
-        watch = asyncio.ensure_future(self._cars.watch())
-        try:
-            yield
-        finally:
-            watch.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await watch
-            self._cars.close()
-
-    def end_streams(self) -> None:
-        """End all streams of events."""
-        if self._cars is not None:
-            self._cars.end_streams()
+        return contextlib.nullcontext() if self._cars is None else self._cars.running()
 
     @property
     def cars(self) -> LiveCars:
@@ -103,17 +82,17 @@ class LiveOperations:
         cars = self.cars
         body = await self.read_body(request, (JSON, FORM), MOST_MESSAGE_BYTES)
         message = message_of(body, media_type(request))
-        vehicle = cars.by_token(given_token(message, request))
+        car = cars.by_token(given_token(message, request))
         try:
             sample = sample_from_abrp(telemetry_of(message))
         except InvalidInput as error:
             raise invalid_input(error.faults) from error
-        return _json(cars.take(vehicle, sample))
+        return _json(await cars.take(car, sample))
 
     async def list_live(self, request: Request) -> Response:
         """List the cars on the road: those with a token."""
         require_accepts(request, JSON)
-        return _json(self.cars.list())
+        return _json(self.cars.summary())
 
     async def get_live(self, request: Request, vehicle: Name) -> Response:
         """Return the state of a car on the road and the latest forecast of its trip."""
@@ -122,12 +101,12 @@ class LiveOperations:
 
     async def put_plan(self, request: Request, vehicle: Name) -> Response:
         """Give the plan of the trip that a car is on, or of its next one; it is kept until that trip has ended."""
-        found = self.cars.by_name(vehicle)
+        car = self.cars.by_name(vehicle)
         plan = _parsed(await self.read_body(request, (JSON,)))
         _require_departure(plan)
-        result = await self.cars.set_plan(found, plan)
+        result = await self.cars.set_plan(car, plan)
         if result.status == 200:
-            return _json(await self.cars.document(found))
+            return _json(await self.cars.document(car))
         return refusal(result.status, result.content, request_id(request))
 
     async def get_need(
@@ -149,26 +128,23 @@ class LiveOperations:
         """Return what the next trip of a car needs: energy at a quantile, charge to leave with, energy to charge."""
         require_accepts(request, JSON)
         given = {"reserve": reserve, "ambient_temperature_degc": ambient_temperature_degc}
-        found = await self.cars.need(
+        needed = await self.cars.need(
             self.cars.by_name(vehicle),
             probability,
             time.time() if departure_utc is None else departure_utc,
             {name: value for name, value in given.items() if value is not None},
         )
-        return (
-            _json(found)
-            if isinstance(found, dict)
-            else refusal(found.status, found.content, request_id(request))
-        )
+        if isinstance(needed, dict):
+            return _json(needed)
+        return refusal(needed.status, needed.content, request_id(request))
 
     async def get_events(self, request: Request, vehicle: Name) -> Response:
         """Stream the state of a car on the road and the forecasts of its trip as server-sent events."""
         require_accepts(request, EVENTS)
-        found = self.cars.by_name(vehicle)
+        car = self.cars.by_name(vehicle)
         if request.scope.get("was_head"):
             return Response(media_type=EVENTS)  # a stream without a body would never end
-        self.cars.listen()
-        return EventResponse(self.cars.events(found), self.cars.leave)
+        return self.cars.stream(car)
 
 
 def message_of(body: bytes, kind: str) -> dict[str, Any]:
@@ -212,23 +188,23 @@ def telemetry_of(message: Mapping[str, Any]) -> Any:
     Problem
         `not-json` for a text that is none.
     """
-    found = message.get("tlm", message if "utc" in message else None)
-    if not isinstance(found, str):
-        return found
+    given = message.get("tlm", message if "utc" in message else None)
+    if not isinstance(given, str):
+        return given
     try:
-        return orjson.loads(found)
+        return orjson.loads(given)
     except orjson.JSONDecodeError as error:
         raise Problem("not-json", f"tlm: {error}") from error
 
 
 def _parsed(body: bytes) -> dict[str, Any]:
     try:
-        found = orjson.loads(body)
+        document = orjson.loads(body)
     except orjson.JSONDecodeError as error:
         raise Problem("not-json", str(error)) from error
-    if not isinstance(found, dict):
-        raise invalid_input([Fault("not an object", "body", excerpt(found), "an object")])
-    return found
+    if not isinstance(document, dict):
+        raise invalid_input([Fault("not an object", "body", excerpt(document), "an object")])
+    return document
 
 
 def _require_departure(plan: Mapping[str, Any]) -> None:

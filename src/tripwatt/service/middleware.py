@@ -120,8 +120,6 @@ class ServiceMiddleware:
     metrics : Metrics
     log : callable
         Called with one record of the access log as keywords.
-    end_streams : callable
-        Ends responses that would never end by themselves; the server calls it at its shutdown.
     """
 
     def __init__(
@@ -130,10 +128,8 @@ class ServiceMiddleware:
         settings: Settings,
         metrics: Metrics,
         log: Callable[..., None],
-        end_streams: Callable[[], None] = lambda: None,
     ) -> None:
         self.app, self.settings, self.metrics, self.log = app, settings, metrics, log
-        self.end_streams = end_streams
         self.token = settings.token.encode()
         limits = settings.limits
         self.buckets = TokenBuckets(limits.rate_per_s, limits.burst) if limits.rate_per_s > 0 else None

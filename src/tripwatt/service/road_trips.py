@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from tripwatt.live import has_news, is_car
-from tripwatt.live.live_car import TRIPS
+from tripwatt.live.folder import TRIPS
 from tripwatt.live.own_car import LIVE
 
 CHECK_S: Final = 5.0

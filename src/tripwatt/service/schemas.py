@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
-from dataclasses import replace
 from types import NoneType
 from typing import Annotated, Any, Final, Literal, TypeVar
 
@@ -15,8 +14,7 @@ from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import MOST_HINTS, Fault, InvalidInput, excerpt
-from tripwatt.routes import LinkRoute, route_from_links
-from tripwatt.routes.links import FLAT_ROAD
+from tripwatt.routes import LinkRoute, route_from_links, route_with_elevation
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import LEAST_SAMPLES, canonical_samples
 from tripwatt.trips import COLUMNS, DEPARTURE_BOUNDS, LINK_COLUMNS, QUANTITIES, Column
@@ -589,8 +587,7 @@ def parse_links(links: Any, elevation: Elevation | None, limits: Limits) -> Link
         )
     if faults:
         raise InvalidInput(faults)
-    flags = tuple(flag for flag in route.flags if flag != FLAT_ROAD)
-    return replace(route, elevation_position_m=position_m, elevation_m=elevation_m, flags=flags)
+    return route_with_elevation(route, position_m, elevation_m)
 
 
 def require_duration(duration_s: float, where: str, limits: Limits) -> None:

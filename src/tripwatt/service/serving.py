@@ -124,10 +124,6 @@ def serve(settings: Settings, on_start: Callable[[str], None] = lambda url: None
             if self.started:
                 on_start(url_of(listener))
 
-        async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-            app.end_streams()
-            await super().shutdown(sockets)
-
     require_safe(settings)
     app = create_app(settings, log_json)
     with open_socket(settings) as listener:

@@ -40,6 +40,20 @@ def table_of(columns: Mapping[str, FloatArray]) -> pd.DataFrame:
     return pd.DataFrame(np.array(list(columns.values()), dtype=np.float64).T, columns=names)
 
 
+def columns_of(samples: pd.DataFrame) -> dict[str, list[float | None]]:
+    """The columns of a table as JSON has them; a missing value is None.
+
+    Examples
+    --------
+    >>> columns_of(pd.DataFrame({"time_s": [0, 1], "soc": [0.5, np.nan]}))
+    {'time_s': [0.0, 1.0], 'soc': [0.5, None]}
+    """
+    return {
+        name: [None if v != v else v for v in np.asarray(samples[name], dtype=np.float64).tolist()]
+        for name in samples.columns
+    }
+
+
 @lru_cache(maxsize=64)
 def _names(columns: tuple[str, ...]) -> pd.Index:
     return pd.Index(columns, dtype=object)  # a string index is slow to look up
