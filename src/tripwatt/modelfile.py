@@ -19,7 +19,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -33,7 +32,9 @@ Part = Arrays | Mapping[str, Any]
 """Arrays for a part named `*.npz`, plain JSON values for one named `*.json`."""
 
 FORMAT: Final = "tripwatt model"
-FORMAT_VERSION: Final = 1
+FORMAT_VERSION: Final = 2
+READABLE: Final = (1, 2)
+"""Versions that are read. A version that was ever released stays here; what its parts mean is told by who wrote them."""
 METADATA: Final = "metadata.json"
 _SUFFIXES: Final = (".npz", ".json")
 _BLANK: Final = "0" * 64
@@ -118,7 +119,7 @@ def read_model(folder: Path | str) -> ModelFile:
 
     def read(path: Path) -> ModelFile:
         metadata = _read_metadata(path)
-        return _READERS[int(metadata["format_version"])](path, metadata)
+        return ModelFile(metadata, _read_parts(path, metadata["parts"]))
 
     return _while_replaced(read, Path(folder))
 
@@ -191,9 +192,9 @@ def _read_metadata(path: Path) -> dict[str, Any]:
         found = document.get("format") if isinstance(document, dict) else type(document).__name__
         raise InvalidInput(Fault("no model", f"{path / METADATA}, format", excerpt(found), repr(FORMAT)))
     version = document.get("format_version")
-    if not isinstance(version, int) or version not in _READERS:
+    if not isinstance(version, int) or version not in READABLE:
         fix = "update tripwatt" if isinstance(version, int) and version > FORMAT_VERSION else ""
-        known = ", ".join(map(str, sorted(_READERS)))
+        known = ", ".join(map(str, READABLE))
         place = f"{path / METADATA}, format_version"
         raise InvalidInput(Fault("unknown model format", place, excerpt(version), known, fix))
     digest = str(document.get("sha256"))
@@ -245,15 +246,15 @@ def require_place(folder: Path) -> None:
         raise InvalidInput(Fault("cannot write the model", "--out", got, "a writable folder"))
 
 
-def _read_version_1(path: Path, metadata: Mapping[str, Any]) -> ModelFile:
+def _read_parts(path: Path, listed: Mapping[str, Any]) -> dict[str, Part]:
     parts: dict[str, Part] = {}
     faults = []
     content = {  # read in one go, so that a model that is replaced all the time is whole for long enough
         name: _bytes(path / name) if Path(name).name == name and Path(name).suffix in _SUFFIXES else None
-        for name in metadata["parts"]
+        for name in listed
     }
     for name, raw in content.items():
-        about, place = metadata["parts"][name], path / name
+        about, place = listed[name], path / name
         if raw is None:
             faults.append(
                 Fault(
@@ -277,7 +278,7 @@ def _read_version_1(path: Path, metadata: Mapping[str, Any]) -> ModelFile:
             faults.append(_damage_fault(place, str(error)[:120], "arrays without pickled objects, or JSON"))
     if faults:
         raise InvalidInput(faults)
-    return ModelFile(metadata, parts)
+    return parts
 
 
 _DAMAGE: Final = (
@@ -295,12 +296,6 @@ _DAMAGE: Final = (
     SyntaxError,
 )
 """What NumPy and zipfile raise for damaged archives and headers."""
-
-
-_READERS: Final[Mapping[int, Callable[[Path, Mapping[str, Any]], ModelFile]]] = MappingProxyType(
-    {1: _read_version_1}
-)
-"""Version of the format -> its reader. A version that was ever released stays here."""
 
 
 def _damage_fault(place: Path, got: str, allowed: str) -> Fault:

@@ -2,25 +2,27 @@
 
 import dataclasses
 import json
-import re
+import shutil
 import subprocess
 import sys
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from tests.support.cars import some_cars
 
+import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model
-from tripwatt.forecasting.storage import model_folder, vehicle_of_part, vehicle_part
+from tripwatt.forecasting.storage import model_folder, model_of_parts, upgrade_model
 from tripwatt.forecasting.training import data_digest, train_model
 from tripwatt.hybrid import segment_trips
+from tripwatt.hybrid.car_corrector import HierarchicalCorrector
 from tripwatt.modelfile import read_model
 from tripwatt.synthetic import synthetic_fleet
-from tripwatt.trips import Fleet
-from tripwatt.vehicles import load_vehicle
+from tripwatt.trips import Flag, Fleet
+from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_document, vehicle_from_document
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +58,13 @@ def test_round_trip_is_identical(corrector: str, fleet, car, table, tmp_path: Pa
         assert load_metadata(tmp_path / "again")["parts"][name] == part
 
 
+def test_flags_of_a_model_come_back(car, table, tmp_path: Path) -> None:
+    flags = (Flag("soc_assumed", "soc", 0.8, "1"), Flag("route_error_unknown", "links"), Flag("x", "y", "text"))
+    model = ForecastModel(car, "linear").fit_segments(table)
+    save_model(dataclasses.replace(model, flags=flags), tmp_path / "model")
+    assert load_model(tmp_path / "model").flags == flags
+
+
 def test_what_cannot_be_stored_is_refused(car, table, tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match="not fitted"):
         save_model(ForecastModel(car), tmp_path / "model")
@@ -66,13 +75,17 @@ def test_what_cannot_be_stored_is_refused(car, table, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+def again(car: Vehicle) -> Vehicle:
+    document = json.loads(json.dumps(vehicle_document(car)))
+    return dataclasses.replace(vehicle_from_document(document, car.name, "test"), preset=car.preset)
+
+
 @pytest.mark.parametrize("name", some_cars(20))
 def test_every_car_comes_back(name: str) -> None:
     for preset in ("default", "paper"):
         car = load_vehicle(name, preset)
-        part = json.loads(json.dumps(vehicle_part(car)))
-        assert vehicle_of_part(part) == car
-        assert vehicle_of_part(part).entries == car.entries
+        assert again(car) == car
+        assert again(car).entries == car.entries
 
 
 def test_a_car_changed_after_loading_comes_back_as_changed(car) -> None:
@@ -82,25 +95,115 @@ def test_a_car_changed_after_loading_comes_back_as_changed(car) -> None:
         battery=dataclasses.replace(car.battery, capacity_ah=55.5),
         climate=None,
     )
-    again = vehicle_of_part(json.loads(json.dumps(vehicle_part(changed))))
-    assert again == changed
-    assert "changed" not in again.entries["auxiliaries.base_load_w"].source
-    assert again.entries["auxiliaries.base_load_w"].source == "set after the car was loaded"
-    assert again.entries["auxiliaries.base_load_w"].licence == "user"
+    assert again(changed) == changed
+    assert again(changed).entries["auxiliaries.base_load_w"].source == "set after the car was loaded"
+    assert again(changed).entries["auxiliaries.base_load_w"].licence == "user"
+    assert again(changed).entries["body.driver_mass_kg"] == car.entries["body.driver_mass_kg"]
     bolt = load_vehicle("chevrolet_bolt")  # its capacity is on the displayed scale
     lighter = dataclasses.replace(bolt, body=dataclasses.replace(bolt.body, curb_mass_kg=1500.0))
-    assert vehicle_of_part(vehicle_part(lighter)) == lighter
+    assert again(lighter) == lighter
+    wider = dataclasses.replace(bolt, battery=dataclasses.replace(bolt.battery, displayed_full_soc=0.98))
+    assert again(wider) == wider
 
 
-def test_a_car_stored_before_licences_were_recorded_loads(car) -> None:
-    text = (resources.files("tripwatt") / "models/bmw_i3_tum/vehicle.json").read_text("utf-8")
-    stored = json.loads(
-        re.sub(r'"licence": "[^"]*",?', "", re.sub(r',\s*"licence": "[^"]*"(?=\s*\})', "", text))
+OLD = Path(__file__).parents[1] / "fixtures" / "model_0_2_0"
+"""Models that tripwatt 0.2.0 wrote, of every kind of corrector, and what it forecast with them."""
+
+
+def forecasts(folder: Path) -> dict:
+    model = load_model(folder)
+    links = [
+        {"length_m": 9000.0, "speed_m_s": 15.0, "grade": 0.01},
+        {"length_m": 6000.0, "speed_m_s": 25.0},
+    ]
+    seen = {"time_s": [0.0, 100.0, 200.0, 300.0], "observed_energy_wh": [0.0, 200.0, 420.0, 610.0]}
+    departure = tw.Departure(soc=0.8, ambient_temperature_degc=4.0)
+    before = model.forecast(tw.read_route(links), departure)
+    after = before.update_since_departure(pd.DataFrame(seen).assign(speed_m_s=15.0))
+    documents = {"before": before.to_dict(0.1, 0.95), "on_the_way": after.to_dict()}
+    return json.loads(json.dumps(documents))
+
+
+def numbers(document: object, place: str = "") -> dict[str, object]:
+    if isinstance(document, dict | list):
+        inner = document.items() if isinstance(document, dict) else enumerate(document)
+        return {k: v for key, value in inner for k, v in numbers(value, f"{place}.{key}").items()}
+    return {place: document}
+
+
+@pytest.mark.parametrize("name", ["split", "adapted"])
+def test_a_model_of_0_2_0_forecasts_as_it_did_and_is_upgraded(name: str, tmp_path: Path) -> None:
+    place = tmp_path / "model"
+    shutil.copytree(OLD / name, place)
+    then, before = json.loads((OLD / f"{name}.json").read_text()), forecasts(place)
+    for moment, document in then.items():
+        found = numbers(before[moment])
+        for key, value in numbers(document).items():
+            assert found[key] == (pytest.approx(value, rel=1e-9) if isinstance(value, float) else value), key
+    about = load_metadata(place)
+    assert (about["format_version"], upgrade_model(place), upgrade_model(place)) == (1, True, False)
+    upgraded = load_metadata(place)
+    assert upgraded["format_version"] == 2
+    assert sorted(f.name for f in place.iterdir()) == ["metadata.json", "model.json", "model.npz"]
+    for kept in ("provenance", "evaluation", "model"):
+        assert upgraded[kept] == about[kept]
+    assert forecasts(place) == before
+    old_names = (
+        "block_s",
+        "apart",
+        "whole",
+        "gain",
+        "route_doubt",
+        "elsewhere",
+        "kriging",
+        "channels",
+        "familiar",
     )
-    assert "licence" not in json.dumps(stored)
-    assert {entry.licence for entry in vehicle_of_part(stored).entries.values()} == {"not-stated"}
-    again = vehicle_of_part(json.loads(json.dumps(vehicle_part(car))))
-    assert again.entries["battery.displayed_full_soc"].licence == "CC-BY-4.0"
+    text = (place / "model.json").read_text()
+    assert [name for name in old_names if f'"{name}"' in text] == []
+
+
+def test_a_model_of_0_1_lacks_parts_and_forecasts(tmp_path: Path) -> None:
+    """Its entries have no licence, its errors of power no course, and its process keeps the ranges of its columns."""
+    stored = read_model(OLD / "split")
+    parts = {name: dict(part) for name, part in stored.parts.items()}
+    values = json.loads(json.dumps(parts["model.json"]))
+    for key in ("course", "least_share", "charge", "free_flow", "route_doubt", "elsewhere"):
+        values.pop(key)
+    values["gain"].pop("off")
+    values["fitted"]["climate"].pop("familiar")
+    values["corrector"] = "channels"
+    car = json.loads(json.dumps(parts["vehicle.json"]))
+    car.pop("anchor")
+    for section in car["document"].values():
+        for entry in section.values():
+            entry.pop("licence")
+    model = model_of_parts({**parts, "model.json": values, "vehicle.json": car}, version=1)
+    assert model.corrector == "split"
+    assert {entry.licence for entry in model.vehicle.entries.values()} == {"not-stated"}
+    assert model.uncertainty_ is not None
+    assert model.uncertainty_.route is None
+    assert model.uncertainty_.scale.course.hours(2.0) == 2.0
+    newer = load_model(OLD / "split")
+    plan = tw.read_route([{"length_m": 9000.0, "speed_m_s": 15.0, "grade": 0.0}])
+    assert model.forecast(plan).energy_wh == pytest.approx(newer.forecast(plan).energy_wh, rel=1e-12)
+
+
+def test_a_car_of_0_1_has_one_share_of_the_correction_for_all_stages() -> None:
+    parts = {name: dict(part) for name, part in read_model(OLD / "adapted").parts.items()}
+    values = json.loads(json.dumps(parts["model.json"]))
+    del values["fitted"]["shares"]
+    values["fitted"]["share"] = 0.3
+    corrector = model_of_parts({**parts, "model.json": values}, version=1).corrector_
+    assert isinstance(corrector, HierarchicalCorrector)
+    assert corrector.shares == (0.3, 0.3)
+
+
+def test_a_model_of_an_older_format_that_is_damaged_is_refused(tmp_path: Path) -> None:
+    parts = {name: dict(part) for name, part in read_model(OLD / "split").parts.items()}
+    del parts["model.json"]["gain"]
+    with pytest.raises(InvalidInput, match="KeyError: 'gain'"):
+        model_of_parts(parts, version=1)
 
 
 def test_a_model_with_other_blocks_says_why_it_is_refused(
@@ -109,7 +212,7 @@ def test_a_model_with_other_blocks_says_why_it_is_refused(
     monkeypatch.setattr("tripwatt.forecasting.storage.SEGMENT_S", 10.0)
     save_model(ForecastModel(car, "linear").fit_segments(table), tmp_path / "model")
     monkeypatch.undo()
-    with pytest.raises(InvalidInput, match="block_s"):
+    with pytest.raises(InvalidInput, match="segment_s"):
         load_model(tmp_path / "model")
 
 

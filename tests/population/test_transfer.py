@@ -19,8 +19,9 @@ from tripwatt.hybrid import SegmentTable, identify_trips, power_corrector, segme
 from tripwatt.hybrid.car_corrector import HierarchicalCorrector
 from tripwatt.hybrid.hierarchy import CarTransfer, Evidence, Members, grid, term_scales
 from tripwatt.hybrid.parameters import PARAMETERS, changed, sensitivities
+from tripwatt.hybrid.power import PowerCorrector
 from tripwatt.hybrid.split import SplitCorrector
-from tripwatt.hybrid.stored import corrector_of_parts, corrector_parts
+from tripwatt.hybrid.stored import new_converter, parts_tree, structured, tree_parts
 from tripwatt.physics import simulate_trip
 from tripwatt.population import adapt_model, adaptation, adapting
 from tripwatt.population.adapting import weighted_quantiles
@@ -415,19 +416,16 @@ def test_a_car_without_trips_starts_from_the_donor() -> None:
 
 
 def test_a_transferred_corrector_comes_back_from_its_parts() -> None:
-    """The shares of climate and drive in their order; a model of version 0.1 has one share for both."""
+    """The shares of climate and drive in their order."""
     base = replace(load_model(), donor_=None)
     made = without_trips(base, load_vehicle("nissan_leaf_24")).corrector_
     assert isinstance(made, HierarchicalCorrector)
     assert made.shares == pytest.approx((0.5, 0.5))
-    about, parts = corrector_parts(replace(made, shares=(0.25, 0.75)), "own")
-    back = corrector_of_parts(about, parts)
+    converter = new_converter()
+    values = converter.unstructure(replace(made, shares=(0.25, 0.75)), PowerCorrector)
+    back = structured(parts_tree(tree_parts(values)), PowerCorrector, converter, "a corrector")
     assert isinstance(back, HierarchicalCorrector)
     assert back.shares == (0.25, 0.75)
-    one = {name: value for name, value in about.items() if name != "shares"} | {"share": 0.3}
-    older = corrector_of_parts(one, parts)
-    assert isinstance(older, HierarchicalCorrector)
-    assert older.shares == (0.3, 0.3)
 
 
 def test_the_source_of_an_evaluation_has_its_identified_car() -> None:

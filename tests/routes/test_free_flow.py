@@ -188,7 +188,7 @@ def test_a_fitted_model_knows_the_error_of_free_flow_times_and_keeps_it(fitted, 
         10,
     )
     assert again.factors.factor.tolist() == free.factors.factor.tolist()
-    assert json.loads((tmp_path / "m" / "model.json").read_text())["free_flow"]["trips"] == 10
+    assert json.loads((tmp_path / "m" / "model.json").read_text())["uncertainty_"]["free_flow"]["trips"] == 10
     assert len(trips) == 10
 
 

@@ -20,6 +20,7 @@ def add_commands(app: typer.Typer) -> None:
         epilog=examples(
             ("tripwatt inspect", "describe the bundled model"),
             ("tripwatt inspect my-model --json", "print all metadata of your model"),
+            ("tripwatt inspect my-model --upgrade", "write a model of an older format in that of today"),
         )
     )(inspect)
 
@@ -33,11 +34,19 @@ def inspect(
             show_default=False,
         ),
     ] = None,
+    upgrade: Annotated[
+        bool,
+        typer.Option(
+            "--upgrade", help="First write a model of an older format in that of today; its forecasts stay."
+        ),
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Show the inputs, the provenance and the scores of a model, and verify its checksums."""
-    from tripwatt.forecasting import load_metadata
+    from tripwatt.forecasting import load_metadata, model_folder, upgrade_model
 
+    if upgrade:
+        upgrade_model(model_folder(model))
     about = load_metadata(model)
     if as_json:
         print_json(about)

@@ -6,7 +6,7 @@ last bit: the same comparisons, the same values, added in the same order.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final, Self
 
@@ -38,6 +38,12 @@ class TreeTable:
     left, right : ndarray of int, shape (trees, splits)
         Next split, or ``-1 - leaf``.
     leaf_value : ndarray, shape (trees, leaves)
+
+    Raises
+    ------
+    InvalidInput
+        When the arrays do not make trees: of another shape or type, not finite, or with a split that does not lead to a later
+        split or a leaf of its tree, so that a row might never reach a leaf.
     """
 
     split_feature: IntArray
@@ -46,6 +52,11 @@ class TreeTable:
     left: IntArray
     right: IntArray
     leaf_value: FloatArray
+
+    def __post_init__(self) -> None:
+        faults = list(self._faults())
+        if faults:
+            raise InvalidInput(faults)
 
     def __len__(self) -> int:
         return len(self.leaf_value)
@@ -80,25 +91,6 @@ class TreeTable:
             arrays["leaf_value"][row, : len(values)] = [float(v) for v in values]
         return cls(**arrays)
 
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Self:
-        """Reverse of `to_arrays`.
-
-        Raises
-        ------
-        InvalidInput
-            When the arrays do not make trees: missing, of another shape or type, not finite, or with a split that does
-            not lead to a later split or a leaf of its tree, so that a row might never reach a leaf.
-        """
-        missing = [name for name in _FIELDS if name not in arrays]
-        if missing:
-            raise InvalidInput([Fault("missing array of the trees", "trees", name) for name in missing])
-        found = cls(**{name: arrays[name] for name in _FIELDS})
-        faults = list(found._faults())
-        if faults:
-            raise InvalidInput(faults)
-        return found
-
     def _faults(self) -> Iterator[Fault]:
         """Every reason why the arrays are no trees. O(splits)."""
         shape = self.split_feature.shape
@@ -126,10 +118,6 @@ class TreeTable:
                     yield Fault("split leads back", f"trees, {name}", "a cycle", "a later split or a leaf")
             elif name == "split_feature" and (values < 0).any():
                 yield Fault("wrong column of a split", f"trees, {name}", f"{values.min()}", "0 or more")
-
-    def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
-        """The fields by name."""
-        return {name: getattr(self, name) for name in _FIELDS}
 
     def sum(self, X: FloatArray) -> FloatArray:
         """Sum of all trees, shape (rows,), for rows of shape (rows, columns). O(trees x rows x depth)."""

@@ -28,7 +28,7 @@ from tripwatt.vehicles.parts import (
 )
 from tripwatt.vehicles.table import describe_vehicle, render_parameters
 from tripwatt.vehicles.without import names_data, without_data
-from tripwatt.vehicles.writing import render_vehicle
+from tripwatt.vehicles.writing import render_vehicle, vehicle_document
 
 __all__ = [
     "ALIASES",
@@ -56,6 +56,7 @@ __all__ = [
     "render_parameters",
     "render_vehicle",
     "require_vehicle",
+    "vehicle_document",
     "vehicle_from_document",
     "vehicle_names",
     "vehicle_titles",

@@ -68,7 +68,7 @@ ANCHORS: Final = ("book", "road_load", "certification", "class", "road")
 """What a car's values were held against: nothing; its certified consumption with a measured coast-down, or without one;
 nothing of its own, because its values are those of a class; or values carried from a test to the road already."""
 
-ENTRY_KEYS: Final = ("value", "unit", "source", "estimated", "scale", "licence")
+ENTRY_KEYS: Final = ("value", "unit", "source", "estimated", "scale", "licence", "published")
 SCALES: Final = ("soc", "displayed_soc")
 
 
@@ -564,8 +564,9 @@ def _entry(section: str, key: str, raw: object, where: str, faults: list[Fault])
         )
     if not scaled and "scale" in raw:
         faults.append(Fault("scale has no effect", place, excerpt(raw["scale"]), "no scale"))
-    if "value" in raw:
-        faults.extend(_value_faults(field, raw["value"], place))
+    for word in ("value", "published"):
+        if word in raw:
+            faults.extend(_value_faults(field, raw[word], place))
     if len(faults) > before or "licence" not in raw:  # the file's missing licences are one fault
         return None
     return Entry(
@@ -575,6 +576,7 @@ def _entry(section: str, key: str, raw: object, where: str, faults: list[Fault])
         str(raw.get("estimated", "")),
         str(raw.get("scale", "")),
         str(raw["licence"]),
+        _as_value(raw["published"]) if "published" in raw else None,
     )
 
 

@@ -1,10 +1,74 @@
-"""The text of a car's TOML with all its values, as it is: nothing is taken over from other files."""
+"""A car with all its values as a document or its text: nothing is taken over from other files."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
+from collections.abc import Mapping
+from typing import Any
 
-from tripwatt.vehicles.loading import SECTIONS, Entry, Vehicle
+from tripwatt.vehicles.loading import SECTIONS, Entry, Vehicle, vehicle_from_document
+
+
+def vehicle_document(vehicle: Vehicle) -> dict[str, Any]:
+    """A car as the document from which `vehicle_from_document` makes the same car, with the source of every value.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        A car with its entries; of a value that was replaced after the car was loaded, the source says so.
+
+    Returns
+    -------
+    dict
+        As parsed from TOML: numbers, texts and lists.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle("vw_id3")
+    >>> vehicle_from_document(vehicle_document(car), "vw_id3", "example") == car
+    True
+    """
+    document = _document(vehicle, vehicle.entries)
+    loaded = vehicle_from_document(document, vehicle.name, "vehicle")
+    if dataclasses.replace(loaded, preset=vehicle.preset) == vehicle:
+        return document
+    return _document(vehicle, {**vehicle.entries, **_replaced(vehicle, loaded)})
+
+
+def _document(vehicle: Vehicle, entries: Mapping[str, Entry]) -> dict[str, Any]:
+    document: dict[str, Any] = {"name": vehicle.title, "anchor": vehicle.anchor}
+    for key, entry in entries.items():
+        section, _, name = key.partition(".")
+        if getattr(vehicle, section) is not None:
+            document.setdefault(section, {})[name] = {
+                key: list(value) if isinstance(value, tuple) else value
+                for key, value in dataclasses.asdict(entry).items()
+                if value not in ("", None) or key == "unit"
+            }
+    return document
+
+
+def _replaced(vehicle: Vehicle, loaded: Vehicle) -> dict[str, Entry]:
+    """Entries of the values that are not those of the car as it was loaded."""
+    entries = {}
+    for section in SECTIONS:
+        part, before = getattr(vehicle, section), getattr(loaded, section)
+        for field in dataclasses.fields(part) if part != before and part is not None else ():
+            key, value = f"{section}.{field.name}", getattr(part, field.name)
+            old = vehicle.entries.get(key)
+            rescaled = old is not None and old.scale == "displayed_soc"  # by the other values of the battery
+            if value is None or (value == getattr(before, field.name, None) and not rescaled):
+                continue
+            entries[key] = Entry(
+                value,
+                field.metadata["unit"],
+                "set after the car was loaded",
+                scale="soc" if field.metadata.get("scaled") else "",
+                licence="user",
+            )
+    return entries
 
 
 def render_vehicle(vehicle: Vehicle) -> str:
