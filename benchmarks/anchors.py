@@ -15,11 +15,12 @@ from typing import Final
 
 import numpy as np
 from tools.command import run
+from tools.data.anchoring import certified_figures, most_probable
 from tools.docs import pages
 
 from tripwatt.arrays import FloatArray
-from tripwatt.certification.anchoring import LOSSES, ROAD_LOAD, anchored, errors, scaled
-from tripwatt.certification.consumption import CertifiedFigure, certified_figures
+from tripwatt.certification.anchoring import ROAD_LOAD, anchored, errors, scaled
+from tripwatt.certification.consumption import CertifiedFigure
 from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_from_document, vehicle_names
 from tripwatt.vehicles.anchors import CLASS, Anchor, anchors
 from tripwatt.vehicles.catalogue import catalogue
@@ -107,10 +108,10 @@ def compute() -> tuple[dict[str, Anchor], list[Outcome]]:
     for name in names:
         if not figures[name] or level_of(name) != "road_load":
             continue
-        done = anchored(cars[name], figures[name], LOSSES)
+        done = most_probable(cars[name], figures[name])
         found[name] = done.anchor("road_load")
         outcomes[name] = outcome(name, cars[name], done.vehicle, found[name], figures[name])
-        common.append(anchored(cars[name], figures[name], (CLASS_LOSS,)).factor)
+        common.append(anchored(cars[name], figures[name], CLASS_LOSS).factor)
         misses.append(found[name].before)
     middle = float(np.median(common))
     efficiency = scaled(cars["vw_id4_pro"], CLASS_LOSS, middle).drivetrain.gearbox_efficiency
@@ -120,7 +121,7 @@ def compute() -> tuple[dict[str, Anchor], list[Outcome]]:
         if not figures[name] or level_of(name) == "road_load":
             continue
         own = scaled(cars[name], CLASS_LOSS, middle)
-        done = anchored(own, figures[name], (ROAD_LOAD,))
+        done = anchored(own, figures[name], ROAD_LOAD)
         before = errors(cars[name], figures[name])
         road = done.anchor("certification")
         found[name] = Anchor("certification", ROAD_LOAD, road.entries, float(before.mean()))

@@ -21,7 +21,7 @@ from tripwatt.hybrid import segment_trips
 from tripwatt.hybrid.car_corrector import HierarchicalCorrector
 from tripwatt.modelfile import read_model
 from tripwatt.synthetic import synthetic_fleet
-from tripwatt.trips import Fleet
+from tripwatt.trips import Flag, Fleet
 from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_document, vehicle_from_document
 
 
@@ -56,6 +56,13 @@ def test_round_trip_is_identical(corrector: str, fleet, car, table, tmp_path: Pa
     save_model(again, tmp_path / "again")
     for name, part in read_model(tmp_path / "model").metadata["parts"].items():
         assert load_metadata(tmp_path / "again")["parts"][name] == part
+
+
+def test_flags_of_a_model_come_back(car, table, tmp_path: Path) -> None:
+    flags = (Flag("soc_assumed", "soc", 0.8, "1"), Flag("route_error_unknown", "links"), Flag("x", "y", "text"))
+    model = ForecastModel(car, "linear").fit_segments(table)
+    save_model(dataclasses.replace(model, flags=flags), tmp_path / "model")
+    assert load_model(tmp_path / "model").flags == flags
 
 
 def test_what_cannot_be_stored_is_refused(car, table, tmp_path: Path) -> None:

@@ -309,7 +309,7 @@ def _certified(car: Vehicle, wh_per_km: float, procedure: str) -> list[Certified
 
 def _meeting(car: Vehicle, document: Mapping[str, Any], wh_per_km: float, procedure: str) -> Vehicle:
     """The car with the road load that meets a consumption."""
-    done = anchored(car, _certified(car, wh_per_km, procedure), (ROAD_LOAD,))
+    done = anchored(car, _certified(car, wh_per_km, procedure))
     left = float(done.after.mean())
     if abs(left) > REPEAT_SD:
         possible = wh_per_km / 10.0 * (1.0 + left)

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeVar, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeVar, get_args, get_origin
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +25,6 @@ from tripwatt.hybrid.split import SplitCorrector
 from tripwatt.learners.gp import KernelTerm
 from tripwatt.learners.treetable import TreeTable
 from tripwatt.modelfile import Part
-from tripwatt.trips import Flag
 
 if TYPE_CHECKING:
     from cattrs import Converter
@@ -141,11 +140,12 @@ KINDS: Final[Mapping[str, type]] = MappingProxyType(
 def new_converter() -> Converter:
     """A converter of correctors, arrays and strict plain values; the rooms above add the hooks of their own classes."""
     from cattrs import Converter  # slow to import
+    from cattrs.strategies import configure_union_passthrough
 
     converter = Converter(forbid_extra_keys=True)
     for kind, types in {float: (float, int), int: (int,), str: (str,), bool: (bool,)}.items():
         converter.register_structure_hook(kind, _strict(kind, types))
-    converter.register_structure_hook_func(lambda kind: kind == get_type_hints(Flag)["value"], _flag_value)
+    configure_union_passthrough(float | str | None, converter)
     converter.register_structure_hook_func(_is_array, _array)
     converter.register_unstructure_hook_func(_is_array, lambda array: array)
     converter.register_unstructure_hook(GPCorrector, lambda gp: _gp_values(gp, converter))
@@ -168,13 +168,6 @@ def _strict(kind: type[T], types: tuple[type, ...]) -> Callable[[Any, Any], T]:
         return kind(value)  # type: ignore[call-arg]
 
     return value_of
-
-
-def _flag_value(value: Any, _: Any) -> float | str | None:
-    """What a flag names or measures."""
-    if value is not None and (isinstance(value, bool) or not isinstance(value, float | int | str)):
-        raise TypeError(f"got {excerpt(value)}, neither a number nor a text")
-    return float(value) if isinstance(value, int) else value
 
 
 def _is_array(kind: Any) -> bool:
