@@ -10,7 +10,8 @@ from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.files import read_text_file, write_text
-from tripwatt.live.folder import LIVE, live_folder
+from tripwatt.live.folder import live_folder
+from tripwatt.live.own_car import LIVE
 
 TOKEN: Final = "token.json"
 MOST_BYTES: Final = 1 << 12

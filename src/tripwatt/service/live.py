@@ -251,9 +251,15 @@ class LiveCars:
         """The cars, as `LiveCarsResponse`."""
         now_s = time.time()
         rows = (car.about(now_s) for _, car in sorted(self.cars.items()))
-        names = ("vehicle", "seconds_since_message")
         return {
-            "vehicles": [{**{n: row[n] for n in names}, "on_trip": row["trip"] is not None} for row in rows]
+            "vehicles": [
+                {
+                    "vehicle": row["vehicle"],
+                    "seconds_since_message": row["seconds_since_message"],
+                    "on_trip": row["trip"] is not None,
+                }
+                for row in rows
+            ]
         }
 
     def stream(self, car: RoadCar) -> EventSourceResponse:
