@@ -134,4 +134,4 @@ def example() -> str:
 if __name__ == "__main__":
     PAGE.write_text(render(), encoding="utf-8")
     pages.renew(ROOT / "README.md", "example", example())
-    pages.renew("forecast.md", "departure", departure())
+    pages.renew("reference/forecast.md", "departure", departure())
