@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid import SegmentTable
 from tripwatt.hybrid.car_corrector import HierarchicalCorrector, _factor
-from tripwatt.hybrid.familiarity import FADING, Familiarity
+from tripwatt.hybrid.familiarity import FADING, Familiarity, Range
 from tripwatt.hybrid.hierarchy import (
     OWN_SCALES,
     CarTransfer,
@@ -45,7 +45,9 @@ def process(terms, whiteners, weights, factor, variances, ranges, sds, columns, 
         sds_=sds,
         features=lambda features: (features[columns].to_numpy(), np.ones(len(columns))),
     )
-    seen = Familiarity.from_dict({name: [*ranges[name], sds[name]] for name in ranges if name in FADING})
+    seen = Familiarity(
+        {name: Range(*ranges[name], sds[name]) for name in ranges if name in FADING}
+    )
     predict = lambda own: own.features[columns].to_numpy() @ np.array(weights)  # noqa: E731
     return SimpleNamespace(terms=terms, model=model, shape=np.array(shape), predict=predict, familiarity=seen)
 
