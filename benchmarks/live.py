@@ -1,4 +1,6 @@
-"""Cars on the road: python -m benchmarks.live [--data FOLDER] [--trips N] [--cars N] [--seconds S].
+"""Cars on the road: python -m benchmarks.live [message] [--trips N] [--cars N] [--seconds S].
+
+With `message` alone: milliseconds that a message costs in this process after an hour of a trip, from its JSON to that of the answer.
 
 TUM trips at 1 Hz are sent to a running service, each by a car of its own. Printed are the largest difference of the last
 forecasts to `update` on the same samples, the same after the service was killed in the middle of all trips, the same over a broker
@@ -10,6 +12,7 @@ the lag of many cars that send every 2 s.
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import random
 import signal
@@ -18,12 +21,14 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
 import httpx
 import numpy as np
 import pandas as pd
+import typer
 from tests.live.brokers import MOSQUITTO, Sent, replay
 from tests.live.messages import NOON_S, abrp_messages, measured, over_a_bad_connection, samples_of
 from tests.support.service_process import Service, serving
@@ -32,14 +37,25 @@ from tools.command import run
 
 import tripwatt as tw
 from tripwatt.forecasting import Forecast
-from tripwatt.live import issue_token, open_road_car
+from tripwatt.live import TopicJoiner, issue_token, open_road_car
 from tripwatt.sources.tum import REFERENCE_TRIPS
+from tripwatt.synthetic import example_trip
 from tripwatt.trips import COLUMNS, Trip, plan_from_samples
 
 FOLDS = 5
 SHARES = (0.25, 0.5, 0.75)
 AT_ONCE = 16
 PERIOD_S = 2.0
+HOUR_S = 3600
+MESSAGES = 60
+MOST_MS = 3.0
+
+
+class Part(StrEnum):
+    """What is measured."""
+
+    ALL = "all"
+    MESSAGE = "message"
 
 
 @dataclass(frozen=True)
@@ -265,8 +281,39 @@ async def _load(service: Service, tokens: Sequence[str], seconds: float) -> tupl
     return lags, memory
 
 
+def one_message(links: list[dict[str, float]], text: str) -> Row:
+    """Cost of one message after an hour of a trip, the best of many: read, ordered, forecast, and answered as JSON."""
+    once = measured(example_trip())
+    rounds = -(-(HOUR_S + MESSAGES) // len(once))
+    parts = [once.assign(time_s=once["time_s"] + k * len(once)) for k in range(rounds)]
+    table = pd.concat(parts, ignore_index=True).iloc[: HOUR_S + MESSAGES]
+    table["displayed_soc"] = np.linspace(0.9, 0.55, len(table))
+    messages = [json.dumps(message).encode() for message in abrp_messages(table)]
+    joiner, model, times = TopicJoiner("abrp", "car"), tw.load_model(), []
+    with tempfile.TemporaryDirectory() as place, open_road_car(Path(place) / "car", lambda _: model) as car:
+        car.set_plan({"links": links})
+        for k, message in enumerate(messages):
+            start = time.perf_counter()
+            sample = joiner.take("car", message, NOON_S + k)
+            assert sample is not None
+            car.add(sample)
+            if k >= HOUR_S:
+                answer = json.dumps(car.document(NOON_S + k))
+                times.append(time.perf_counter() - start)
+                assert json.loads(answer)["forecast"]["measured_until_s"] > HOUR_S / 2
+    return Row(f"a message after 1 h, {text}: best of {MESSAGES} [ms]", 1000.0 * min(times), 0.0, MOST_MS)
+
+
+def message_rows() -> Iterator[Row]:
+    """Costs of a message on a road of known and of unknown heights."""
+    link = {"length_m": 250.0, "speed_m_s": 13.0}
+    yield one_message([{**link, "grade": 0.0}] * 260, "heights known")
+    yield one_message([link] * 260, "heights unknown")
+
+
 def rows(data: Path, most: int, cars: int, seconds: float) -> Iterator[Row]:
     """All rows."""
+    yield from message_rows()
     known = [t for t in tw.read_trips(data, "tum") if t.trip_id in REFERENCE_TRIPS and t.observed_energy_wh]
     drives = [Drive.of(trip) for trip in known]
     for killed, text in ((False, "difference to update"), (True, "difference after kill -9")):
@@ -279,10 +326,15 @@ def rows(data: Path, most: int, cars: int, seconds: float) -> Iterator[Row]:
     yield from many_cars(cars, seconds)
 
 
-def main(trips: int = len(REFERENCE_TRIPS), cars: int = 200, seconds: float = 600.0) -> int:
+def main(
+    part: Part = typer.Argument(Part.ALL, help="message: its cost alone"),
+    trips: int = len(REFERENCE_TRIPS),
+    cars: int = 200,
+    seconds: float = 600.0,
+) -> int:
     """Send so many trips to a service; print the rows, 1 when a bound is missed."""
     met = True
-    for row in rows(DATA / "tum", trips, cars, seconds):
+    for row in message_rows() if part is Part.MESSAGE else rows(DATA / "tum", trips, cars, seconds):
         inside = row.least <= row.value <= row.most
         met &= inside
         print(f"{'yes' if inside else 'NO':3} {row.value:12.6g}  {row.text}", flush=True)
