@@ -9,7 +9,18 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import BoolArray, FloatArray
-from tripwatt.auditing.findings import MEASURED, Cut, Finding, array, has, runs, whole
+from tripwatt.auditing.findings import (
+    MEASURED,
+    Change,
+    Cut,
+    Finding,
+    array,
+    between,
+    blanking,
+    has,
+    runs,
+    whole,
+)
 from tripwatt.trips.messages import signal_name
 from tripwatt.units import M_S_PER_KM_H
 
@@ -123,9 +134,7 @@ def frozen_sensor_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Find
             if np.ptp(speed[first : last + 1]) > SPEED_CHANGE_M_S:
                 what = f"{signal_name(name)} stays at {values[first]:g} for {lasted:.1f} s while the speed changes"
                 long = name == "current_a" and lasted > FROZEN_SHARE * (time[-1] - time[0])
-                yield Finding(
-                    trip_id, float(time[first]), float(time[last]), what, "set aside" if long else "noted"
-                )
+                yield between(samples, trip_id, first, last, what, "set aside" if long else "noted")
     power = array(samples, "voltage_v") * array(samples, "current_a")
     with np.errstate(invalid="ignore"):
         standing = (speed < STANDSTILL_M_S) & (power > STANDING_POWER_W)
@@ -134,7 +143,7 @@ def frozen_sensor_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Find
         if lasted >= STANDING_POWER_S and last - first >= FEWEST_SAMPLES:
             mean = float(np.mean(power[first:last])) / 1000.0
             what = f"the battery delivers {mean:.1f} kW for {lasted:.1f} s at standstill: the speed is frozen"
-            yield Finding(trip_id, float(time[first]), float(time[last - 1]), what, "set aside")
+            yield between(samples, trip_id, first, last - 1, what, "set aside")
 
 
 def filled_gaps(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
@@ -157,7 +166,7 @@ def filled_gaps(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
             continue
         if _are_lines(time[first : last + 1], [x[first : last + 1] for x in signals], tolerances):
             what = f"speed, voltage and current are straight lines for {lasted:.1f} s: a filled gap"
-            yield Finding(trip_id, float(time[first]), float(time[last]), what, "set aside")
+            yield between(samples, trip_id, first, last, what, "set aside")
 
 
 def _are_lines(time: FloatArray, signals: list[FloatArray], tolerances: list[float]) -> bool:
@@ -210,10 +219,9 @@ def charging_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
             yield Cut(start, max(start, stop), what)
 
 
-def blank_stuck_heater(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
+@blanking
+def blank_stuck_heater(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
     """A heater signal that stands at one value, and pulses that no heater can make."""
-    findings: list[Finding] = []
-    blanked: dict[str, FloatArray] = {}
     time = array(samples, "time_s")
     for name in ("heating_power_w", "requested_heating_power_w"):
         if not has(samples, name):
@@ -223,17 +231,14 @@ def blank_stuck_heater(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFram
         stuck = _stuck_at(samples, values, pulses) if name == "heating_power_w" else None
         if stuck is not None:
             what = f"{signal_name(name)} stays at {stuck[0]:g} W in {stuck[1]:.0%} of the samples: all its values are removed"
-            findings.append(whole(samples, trip_id, what, "noted"))
-            blanked[name] = np.full(len(values), np.nan)
+            yield name, np.full(len(values), np.nan), whole(samples, trip_id, what, "noted")
         elif len(pulses) >= FEWEST_PULSES:
-            mended = values.copy()
-            for first, last in pulses:
-                mended[first:last] = np.nan
             what = f"{signal_name(name)} jumps up and back by more than {PULSE_W:g} W {len(pulses)} times: these values are removed"
-            span = float(time[pulses[0][0]]), float(time[pulses[-1][1] - 1])
-            findings.append(Finding(trip_id, *span, what, "noted"))
-            blanked[name] = mended
-    return (samples.assign(**blanked) if blanked else samples), findings
+            finding = between(samples, trip_id, pulses[0][0], pulses[-1][1] - 1, what, "noted")
+            removed = np.concatenate([np.arange(first, last) for first, last in pulses])
+            kept = values.copy()
+            kept[removed] = np.nan
+            yield name, kept, finding
 
 
 def _stuck_at(
@@ -250,26 +255,24 @@ def _stuck_at(
     if mode < STUCK_W or share < STUCK_SHARE or len(known) < FEWEST_SAMPLES:
         return None
     requested = array(samples, "requested_heating_power_w")
-    contradicted = False
-    if np.isfinite(requested).any():
-        contradicted = float(np.nanmedian(np.abs(requested - mode))) > 0.5 * mode
-    long = float(samples["time_s"].iloc[-1] - samples["time_s"].iloc[0]) >= STUCK_S and mode < float(
-        levels[-1]
-    )
+    known_request = bool(np.isfinite(requested).any())
+    contradicted = known_request and float(np.nanmedian(np.abs(requested - mode))) > 0.5 * mode
+    lasts_s = float(samples["time_s"].iloc[-1] - samples["time_s"].iloc[0])
+    long = lasts_s >= STUCK_S and mode < float(levels[-1])
     return (mode, share) if contradicted or pulses or long else None
 
 
 def _pulses(time: FloatArray, values: FloatArray) -> list[tuple[int, int]]:
     """Short runs that stand more than `PULSE_W` above the samples before and after them."""
     step = np.diff(values)
-    found: list[tuple[int, int]] = []
+    pulses: list[tuple[int, int]] = []
     for edge in np.flatnonzero(step > 0.5 * PULSE_W):
         first = int(edge) + 1
-        if found and first < found[-1][1]:
+        if pulses and first < pulses[-1][1]:
             continue
         base = values[edge]
         end = int(np.searchsorted(time, time[first] + PULSE_S, side="right"))
         low = np.flatnonzero(values[first:end] <= base + 0.25 * PULSE_W)
         if len(low) and np.max(values[first : first + low[0]]) > base + PULSE_W:
-            found.append((first, first + int(low[0])))
-    return found
+            pulses.append((first, first + int(low[0])))
+    return pulses

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
-from tripwatt.auditing.findings import Cut, Finding, array, whole
+from tripwatt.auditing.findings import Cut, Finding, array, between, whole
 
 STRAY_SHARE: Final = 0.01
 """Up to this share of samples with a falling stamp are strays and go; more means that the clock was set back."""
@@ -98,8 +98,6 @@ def gap_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
         return
     gaps = np.flatnonzero((step > SHORTEST_GAP_S) & (step > 5.0 * float(np.median(step))))
     if len(gaps):
-        what = (
-            f"{len(gaps)} gaps of up to {step[gaps].max():.1f} s, {step[gaps].sum():.1f} s in all, "
-            "filled by linear interpolation"
-        )
-        yield Finding(trip_id, float(time[gaps[0]]), float(time[gaps[-1] + 1]), what, "noted")
+        longest, total = f"{step[gaps].max():.1f} s", f"{step[gaps].sum():.1f} s in all"
+        what = f"{len(gaps)} gaps of up to {longest}, {total}, filled by linear interpolation"
+        yield between(samples, trip_id, int(gaps[0]), int(gaps[-1]) + 1, what, "noted")

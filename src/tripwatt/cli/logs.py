@@ -123,7 +123,7 @@ def fetch(
         print_json({"where": where}) if as_json else typer.echo(where)
         return
     report = check_folder(folder, dataset)
-    print_json(report.as_dict()) if as_json else typer.echo(report.text())
+    print_json(report.as_dict()) if as_json else typer.echo(str(report))
     if not report.complete:
         raise typer.Exit(1)
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -20,6 +22,9 @@ from tripwatt.trips import raise_faults
 
 if TYPE_CHECKING:
     import pyarrow.parquet as pq
+
+Item = TypeVar("Item")
+Read = TypeVar("Read")
 
 SUFFIXES: Final = (".csv", ".tsv", ".txt", ".parquet")
 MOST_ROWS: Final = 500_000
@@ -204,3 +209,37 @@ def table_files(path: Path) -> list[Path]:
     if not files:
         raise InvalidInput.of("no trips", f"{path}", "no table", allowed)
     return files
+
+
+def read_all(
+    read: Callable[[Item], Read], items: Iterable[Item], n_jobs: int | None = None
+) -> tuple[list[Read], list[InvalidInput]]:
+    """What was read of each item, and the errors of those that cannot be read, each in their order.
+
+    Parameters
+    ----------
+    read : callable
+    items : iterable
+        What it reads, such as paths.
+    n_jobs : int, optional
+        Threads; as many as there are processors by default.
+    """
+
+    def one(item: Item) -> Read | InvalidInput:
+        try:
+            return read(item)
+        except InvalidInput as error:
+            return error
+
+    with ThreadPoolExecutor(n_jobs or os.cpu_count() or 1) as pool:
+        results = list(pool.map(one, items))
+    errors = [result for result in results if isinstance(result, InvalidInput)]
+    return [result for result in results if not isinstance(result, InvalidInput)], errors
+
+
+def require_folder(folder: Path, allowed: str, fix: str) -> None:
+    """Raise `InvalidInput` for a path that is no folder; `fix` tells where its files come from."""
+    if not folder.exists():
+        raise InvalidInput.of("no such folder", f"{folder}", "", allowed, fix)
+    if not folder.is_dir():
+        raise InvalidInput.of("not a folder", f"{folder}", "a file", allowed, f"give {folder.parent}")
