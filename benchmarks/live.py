@@ -23,7 +23,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import httpx
 import numpy as np
@@ -327,7 +327,7 @@ def rows(data: Path, most: int, cars: int, seconds: float) -> Iterator[Row]:
 
 
 def main(
-    part: Part = typer.Argument(Part.ALL, help="message: its cost alone"),
+    part: Annotated[Part, typer.Argument(help="message: its cost alone")] = Part.ALL,
     trips: int = len(REFERENCE_TRIPS),
     cars: int = 200,
     seconds: float = 600.0,

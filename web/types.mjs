@@ -22,7 +22,15 @@ function slim(node, key = "") {
   if (key === "properties" || key === "schemas") {
     return Object.fromEntries(entries.map(([name, part]) => [name, slim(part)]));
   }
-  const left = new Set(["title", "description", "summary", "examples", "default", ...(node.properties ? ["oneOf"] : [])]);
+  const left = new Set([
+    "title",
+    "description",
+    "summary",
+    "example",
+    "examples",
+    "default",
+    ...(node.properties ? ["oneOf"] : []),
+  ]);
   return Object.fromEntries(
     entries
       .filter(([name]) => !left.has(name) && !(key === "responses" && name !== "200"))

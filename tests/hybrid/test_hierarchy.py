@@ -45,9 +45,7 @@ def process(terms, whiteners, weights, factor, variances, ranges, sds, columns, 
         sds_=sds,
         features=lambda features: (features[columns].to_numpy(), np.ones(len(columns))),
     )
-    seen = Familiarity(
-        {name: Range(*ranges[name], sds[name]) for name in ranges if name in FADING}
-    )
+    seen = Familiarity({name: Range(*ranges[name], sds[name]) for name in ranges if name in FADING})
     predict = lambda own: own.features[columns].to_numpy() @ np.array(weights)  # noqa: E731
     return SimpleNamespace(terms=terms, model=model, shape=np.array(shape), predict=predict, familiarity=seen)
 

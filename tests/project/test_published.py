@@ -211,7 +211,9 @@ def test_page_of_the_command_line_is_complete_and_up_to_date() -> None:
 
 
 def test_table_of_the_departure_is_up_to_date() -> None:
-    assert of_page("reference/forecast.md", "departure") == write_cli.departure(), "python -m tools.docs.write_cli"
+    assert of_page("reference/forecast.md", "departure") == write_cli.departure(), (
+        "python -m tools.docs.write_cli"
+    )
 
 
 def test_every_command_teaches_with_examples_that_exist() -> None:

@@ -23,8 +23,10 @@ pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
 import tripwatt as tw
 from tripwatt.live import open_car
+from tripwatt.service.answering import Answering
 from tripwatt.service.car_jobs import CarJobs, uploaded
 from tripwatt.service.car_operations import CarOperations
+from tripwatt.service.metrics import Metrics
 from tripwatt.service.pool import WorkerPool
 from tripwatt.service.problems import Problem
 from tripwatt.service.settings import Limits, Settings
@@ -336,13 +338,8 @@ def test_without_a_folder_there_are_no_cars() -> None:
 def operations(folder: Path, **limits: int) -> CarOperations:
     settings = Settings(cars=folder, limits=Limits(**limits))  # type: ignore[arg-type]
     pool = WorkerPool(settings, lambda event, **more: None)
-
-    async def no_body(*_: Any, **__: Any) -> bytes:
-        raise AssertionError
-
-    return CarOperations.from_settings(
-        settings, pool, lambda: pytest.fail("no car sends"), no_body, pool.log_event
-    )
+    answering = Answering(settings, pool, Metrics())
+    return CarOperations(answering, lambda: pytest.fail("no car sends"), pool.log_event)
 
 
 def test_what_waits_to_be_learned_has_a_bound_and_expires(tmp_path: Path) -> None:

@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 
 from tripwatt.physics.battery import open_circuit_voltage
+from tripwatt.service import library
 from tripwatt.service.library import (
     described,
+    example_summaries,
     examples,
     usable_energy_wh,
     vehicles,
 )
+from tripwatt.service.problems import Problem
 from tripwatt.vehicles import load_vehicle, vehicle_names
 
 
@@ -47,6 +50,16 @@ def test_a_car_is_described_with_its_certified_interval() -> None:
     found = described(car)
     assert (found["title"], found["test_mass_kg"]) == (car.title, car.body.test_mass_kg)
     assert found["wltp_low_kwh_per_100km"] < found["wltp_kwh_per_100km"] < found["wltp_high_kwh_per_100km"]
+
+
+def test_an_example_without_its_samples() -> None:
+    summaries = example_summaries()["examples"]
+    assert [row["trip"] for row in summaries] == list(examples())
+    assert {frozenset(library.example(row["trip"])) - frozenset(row) for row in summaries} == {
+        frozenset({"request", "observed"})
+    }
+    with pytest.raises(Problem, match="unknown example"):
+        library.example("none")
 
 
 def test_six_examples_begin_with_the_charge_that_is_shown() -> None:

@@ -437,7 +437,7 @@ def test_the_token_of_the_service_is_for_readers_and_that_of_a_car_for_its_messa
 def test_an_unknown_car_is_not_found(served: Served) -> None:
     for path, method in (("", "GET"), ("/plan", "PUT"), ("/events", "GET")):
         found = served(f"/v1/live/none{path}", method, json={"links": LINKS} if method == "PUT" else None)
-        assert (found.status_code, found.json()["type"]) == (404, "/problems/not-found")
+        assert (found.status_code, found.json()["type"]) == (404, "/problems/no-such-car")
         found = served(f"/v1/live/..%2Fleaf{path}", method)
         assert found.status_code in (404, 422)
 

@@ -40,6 +40,7 @@ from tripwatt.live.usual import LONGER, usual_departure
 from tripwatt.trips import Context, Departure, Log
 from tripwatt.trips.columns import require_fraction
 from tripwatt.trips.departure import FIRST_S
+from tripwatt.trips.samples import Sampled
 
 JOURNAL: Final = "journal.ndjson"
 

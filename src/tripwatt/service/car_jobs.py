@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from cachetools import LRUCache
 
 from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
@@ -56,7 +57,7 @@ SHOWN_FINDINGS: Final = 40
 SHOWN_TRIPS: Final = 200
 SHOWN_REASONS: Final = 20
 MOST_KEPT_MODELS: Final = 16
-"""Models of cars that a worker keeps in memory; the oldest goes first."""
+"""Models of cars that a worker keeps in memory; the one that was used least recently goes first."""
 
 HALF_CHARGED: Final = 0.5
 """State of charge whose open-circuit voltage stands for the battery's nominal voltage."""
@@ -70,12 +71,14 @@ class CarJobs:
     ----------
     folder : Path or None
         None for a service without cars.
-    models : dict
+    models : LRUCache
         Models in memory, by name: what they were read from, and the model.
     """
 
     folder: Path | None = None
-    models: dict[str, tuple[tuple[int, ...], ForecastModel]] = field(default_factory=dict)
+    models: LRUCache[str, tuple[tuple[int, ...], ForecastModel]] = field(
+        default_factory=lambda: LRUCache(MOST_KEPT_MODELS)
+    )
 
     def names(self) -> list[str]:
         """Names of the cars."""
@@ -89,12 +92,12 @@ class CarJobs:
         Raises
         ------
         Problem
-            `no-live` for a service without cars, `not-found` for what cannot be a name.
+            `no-live` for a service without cars, `no-such-car` for what cannot be a name.
         """
         if self.folder is None:
             raise Problem("no-live", "start the service with --cars")
         if VALID_NAME.fullmatch(name) is None:
-            raise Problem("not-found", "no such car")
+            raise Problem("no-such-car")
         return self.folder / name
 
     def car(self, name: str) -> OwnCar:
@@ -103,11 +106,11 @@ class CarJobs:
         Raises
         ------
         Problem
-            `not-found`.
+            `no-such-car`.
         """
         place = self.place(name)
         if not is_car(place):
-            raise Problem("not-found", "no such car")
+            raise Problem("no-such-car")
         return open_car(place)
 
     def model(self, name: str) -> tuple[str, ForecastModel] | None:
@@ -118,9 +121,6 @@ class CarJobs:
         state = own.state()
         kept = self.models.get(name)
         if kept is None or kept[0] != state:
-            self.models.pop(name, None)
-            while len(self.models) >= MOST_KEPT_MODELS:
-                del self.models[next(iter(self.models))]
             self.models[name] = kept = state, own.model()
         return f"{name}@{state}", kept[1]
 

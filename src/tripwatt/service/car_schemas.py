@@ -219,7 +219,7 @@ class CarsResponse(ResponseModel):
 
 
 class TokenResponse(ResponseModel):
-    """A token with which a car sends its messages."""
+    """A token with which a car sends its messages; it cannot be shown again."""
 
     token: str
 

@@ -13,6 +13,7 @@ from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 import pandas as pd
+from cachetools import LRUCache
 from pydantic import ValidationError
 
 from tripwatt.certification import describe_car
@@ -36,7 +37,7 @@ from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.car_schemas import LogsRequest, NewCarRequest
 from tripwatt.service.journey_schemas import PlanRequest, ReachRequest
 from tripwatt.service.journeys import JourneyJobs
-from tripwatt.service.library import described, examples, vehicles
+from tripwatt.service.library import described, example, example_summaries, vehicles
 from tripwatt.service.schemas import (
     Elevation,
     ForecastRequest,
@@ -66,8 +67,10 @@ from tripwatt.trips.messages import flag_to_dict, leave_in_words
 from tripwatt.trips.samples import columns_of
 from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_names
 
+Forecasting = TypeVar("Forecasting", bound=ForecastRequest)
+
 MOST_TRANSFERRED: Final = 64
-"""Models on other cars that a worker keeps; the oldest goes first."""
+"""Models on other cars that a worker keeps; the one that was used least recently goes first."""
 
 ROUTE_FIRST_BYTES: Final = (b"<", b"{", b"[", b"\xff", b"\xfe")
 """First bytes of XML, JSON and UTF-16."""
@@ -84,7 +87,7 @@ class Jobs:
     limits : Limits
     journeys : JourneyJobs
         The atlas of the service.
-    transferred : dict
+    transferred : LRUCache
         Models transferred to other cars, made when first used, by model and car.
     cars : CarJobs
         Cars whose models requests may name as well.
@@ -93,7 +96,9 @@ class Jobs:
     models: Mapping[str, ForecastModel]
     limits: Limits
     journeys: JourneyJobs = field(default_factory=JourneyJobs)
-    transferred: dict[tuple[str, str], ForecastModel] = field(default_factory=dict)
+    transferred: LRUCache[tuple[str, str | None], ForecastModel] = field(
+        default_factory=lambda: LRUCache(MOST_TRANSFERRED)
+    )
     cars: CarJobs = field(default_factory=CarJobs)
 
     @classmethod
@@ -147,35 +152,22 @@ class Jobs:
 
     def forecast(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `ForecastRequest`."""
-        document = parse_json(body)
-        with collected_faults() as check:
-            request = check(lambda: check_request(document, ForecastRequest))
-            forecast = self._checked(document, check)
-        return require_finite(forecast(request).to_dict(request.reserve, request.probability))
+        request, forecast = self._forecast(body, ForecastRequest)
+        return require_finite(forecast.to_dict(request.reserve, request.probability))
 
     def update(self, body: bytes) -> dict[str, Any]:
         """Return the response to an `UpdateRequest`."""
-        document = parse_json(body)
-        with collected_faults() as check:
-            request = check(lambda: check_request(document, UpdateRequest))
-            forecast = self._checked(document, check)
-            if isinstance(document, dict) and "observed" in document:
-                observed = check(lambda: parse_observed(document["observed"], self.limits))
-        found = forecast(request).update(observed)
-        return require_finite(found.to_dict(request.reserve, request.probability))
+        request, forecast = self._forecast(body, UpdateRequest)
+        return require_finite(forecast.to_dict(request.reserve, request.probability))
 
     def need(self, body: bytes, probability: float) -> dict[str, Any]:
         """Return what a `ForecastRequest` needs with a probability: energy, and displayed charge to leave with."""
-        document = parse_json(body)
-        with collected_faults() as check:
-            request = check(lambda: check_request(document, ForecastRequest))
-            forecast = self._checked(document, check)
-        found = forecast(request)
+        request, forecast = self._forecast(body, ForecastRequest)
         needed = {
-            "expected_wh": found.energy_wh,
-            "energy_wh": found.quantile(probability),
-            "soc_needed": found.soc_needed(request.reserve, probability),
-            "wh_per_display": found.charge.wh_per_display,
+            "expected_wh": forecast.energy_wh,
+            "energy_wh": forecast.quantile(probability),
+            "soc_needed": forecast.soc_needed(request.reserve, probability),
+            "wh_per_display": forecast.charge.wh_per_display,
         }
         if not all(map(math.isfinite, needed.values())):
             raise _no_forecast()
@@ -201,25 +193,24 @@ class Jobs:
             model = check(lambda: self._model(document if isinstance(document, dict) else {}))
         return request, model()
 
-    def _checked(self, document: Any, check: Check) -> Callable[[ForecastRequest], Forecast]:
-        """Check the trip, the model and the car of a request, whatever else is wrong with it.
+    def _forecast(self, body: bytes, kind: type[Forecasting]) -> tuple[Forecasting, Forecast]:
+        """The request of a body and its forecast, updated with the samples that the request observed.
 
-        Returns
-        -------
-        callable
-            Makes the forecast of the request.
+        Trip, model and car are checked whatever else is wrong with the request.
         """
-        plan = model = None
-        if isinstance(document, dict):
-            plan = check(lambda: self._plan(document))
-            model = check(lambda: self._model(document))
-
-        def forecast(request: ForecastRequest) -> Forecast:
-            assert plan is not None
-            assert model is not None
-            return model().forecast(replace(plan, trip_id=request.trip), departure_of(request))
-
-        return forecast
+        document = parse_json(body)
+        plan = model = observed = None
+        with collected_faults() as check:
+            request = check(lambda: check_request(document, kind))
+            if isinstance(document, dict):
+                plan = check(lambda: self._plan(document))
+                model = check(lambda: self._model(document))
+                if "observed" in kind.model_fields and "observed" in document:
+                    observed = check(lambda: parse_observed(document["observed"], self.limits))
+        assert plan is not None
+        assert model is not None
+        forecast = model().forecast(replace(plan, trip_id=request.trip), departure_of(request))
+        return request, forecast if observed is None else forecast.update(observed)
 
     def model_of(self, document: Mapping[str, Any]) -> ForecastModel:
         """The model of a request for its car.
@@ -235,49 +226,38 @@ class Jobs:
         """What gives the model of a request for its car; model and car are checked here, and transferred there."""
         name, vehicle = document.get("model"), document.get("vehicle")
         name = next(iter(self.models)) if name is None else name
-        faults = []
         label, fitted = name, self.models.get(name) if isinstance(name, str) else None
+        faults: list[Fault] = []
         if isinstance(name, str) and fitted is None:
             label, fitted = self.cars.model(name) or (name, None)
             if fitted is None:
                 faults.append(_unknown("model", name, [*self.models, *self.cars.names()]))
         # only names of the library, never a path of a file
-        if isinstance(vehicle, str) and vehicle not in (
-            *vehicle_names(),
-            *(m.vehicle.name for m in (*self.models.values(), fitted) if m is not None),
-        ):
+        measured = (model.vehicle.name for model in (*self.models.values(), fitted) if model is not None)
+        if isinstance(vehicle, str) and vehicle not in (*vehicle_names(), *measured):
             try:
                 require_vehicle(vehicle)
             except InvalidInput as error:
                 faults += error.faults
-        if faults or not isinstance(name, str) or not isinstance(vehicle, str | None):
+        if faults or fitted is None or not isinstance(vehicle, str | None):
             raise InvalidInput(faults)  # another type is a fault of its field
-        assert fitted is not None
-        model = fitted
         figures = document.get("vehicle_figures")
         if vehicle is not None and figures is not None:
-            got = "both"
-            raise InvalidInput(Fault("no single car", "vehicle, vehicle_figures", got, "one of the two"))
-        known = None if figures is None else _figures(figures)
-        if vehicle is None and known is None:
-            return lambda: model
-        key = (f"{label}", vehicle or "" if known is None else known.model_dump_json())
+            raise _no_single_car("both")
+        if vehicle is None and figures is None:
+            return lambda: fitted
+        described = None if figures is None else _figures(figures)
+        key = label, vehicle if described is None else described.model_dump_json()
         kept = self.transferred.get(key)
         if kept is not None:
             return lambda: kept
-        car = vehicle if known is None else describe(known)
-        return lambda: self._transfer(key, model, car)
+        car = vehicle if described is None else describe(described)
 
-    def _transfer(
-        self, key: tuple[str, str], model: ForecastModel, car: Vehicle | str | None
-    ) -> ForecastModel:
-        """The model transferred to another car, which is kept for the next request."""
-        while len(self.transferred) >= MOST_TRANSFERRED:
-            del self.transferred[next(iter(self.transferred))]
-        own = for_car(model, car)
-        if own is not model:
-            self.transferred[key] = own
-        return own
+        def transferred() -> ForecastModel:
+            own = self.transferred[key] = for_car(fitted, car)
+            return own
+
+        return transferred
 
     def describe(self, body: bytes) -> dict[str, Any]:
         """Return the response to `VehicleFigures`."""
@@ -292,8 +272,7 @@ class Jobs:
                 Fault("name is taken", "name", got, "another name: a model of the service has it")
             )
         if (request.vehicle is None) == (request.vehicle_figures is None):
-            got = "neither" if request.vehicle is None else "both"
-            raise InvalidInput(Fault("no single car", "vehicle, vehicle_figures", got, "one of the two"))
+            raise _no_single_car("neither" if request.vehicle is None else "both")
         if request.vehicle_figures is not None:
             return self.cars.create(request.name, describe(request.vehicle_figures))
         require_vehicle(request.vehicle or "")
@@ -412,6 +391,10 @@ def collected_faults() -> Iterator[Check]:
         raise InvalidInput(dict.fromkeys(check.faults))
 
 
+def _no_single_car(got: str) -> InvalidInput:
+    return InvalidInput(Fault("no single car", "vehicle, vehicle_figures", got, "one of the two"))
+
+
 def _unknown(what: str, name: str, known: Sequence[str]) -> Fault:
     near = difflib.get_close_matches(name[:60], known, n=1)
     fix = f"did you mean {near[0]}?" if near else ""
@@ -449,7 +432,8 @@ JOB_KINDS: Final[Mapping[str, Callable[[Jobs, Mapping[str, Any], bytes], dict[st
             "view": lambda jobs, job, body: jobs.journeys.view(job["bounds_deg"], job["limit"]),
             "vehicles": lambda jobs, job, body: jobs.vehicles(job.get("search")),
             "describe": lambda jobs, job, body: jobs.describe(body),
-            "examples": lambda jobs, job, body: examples(),
+            "examples": lambda jobs, job, body: example_summaries(),
+            "example": lambda jobs, job, body: example(job["trip"]),
             "cars": lambda jobs, job, body: jobs.cars.list(),
             "car": lambda jobs, job, body: jobs.cars.show(job["car"]),
             "new car": lambda jobs, job, body: jobs.new_car(body),

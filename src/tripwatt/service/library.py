@@ -10,6 +10,8 @@ import numpy as np
 from tripwatt.certification import certified_interval
 from tripwatt.forecasting import load_model
 from tripwatt.physics.battery import open_circuit_voltage
+from tripwatt.service.problems import Problem
+from tripwatt.service.schemas import ExampleSummary
 from tripwatt.synthetic import synthetic_fleet
 from tripwatt.trips import ASKED
 from tripwatt.trips.samples import columns_of
@@ -91,3 +93,22 @@ def examples() -> dict[str, dict[str, Any]]:
             "observed": columns_of(trip.samples[measured]),
         }
     return found
+
+
+def example_summaries() -> dict[str, Any]:
+    """Return the examples without their samples."""
+    fields = ExampleSummary.model_fields
+    return {"examples": [{name: example[name] for name in fields} for example in examples().values()]}
+
+
+def example(trip: str) -> dict[str, Any]:
+    """Return an example by its name.
+
+    Raises
+    ------
+    Problem
+        `not-found`.
+    """
+    if trip not in examples():
+        raise Problem("not-found", "unknown example")
+    return examples()[trip]

@@ -119,10 +119,10 @@ class LiveCars:
         Raises
         ------
         Problem
-            `not-found`.
+            `no-such-car`.
         """
         if name not in self.cars:
-            raise Problem("not-found", "no such car")
+            raise Problem("no-such-car")
         return self.cars[name]
 
     def by_token(self, token: str) -> RoadCar:
@@ -225,11 +225,11 @@ class LiveCars:
         Raises
         ------
         Problem
-            `not-found` without a plan and a usual trip.
+            `no-plan` without a plan and a usual trip.
         """
         plan = await self.run(car.plan_at, departure_s)
         if plan is None:
-            raise Problem("not-found", "no plan, and no earlier trip at this time of day")
+            raise Problem("no-plan", "no plan, and no earlier trip at this time of day")
         soc = (await self.run(car.departure)).soc if car.trip is None else None
         request = self._by_own_model(car.name, {**plan.request, **known})
         result = await self.pool.run({"kind": "need", "probability": probability}, orjson.dumps(request))

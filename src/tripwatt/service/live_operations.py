@@ -20,7 +20,22 @@ from tripwatt.live import sample_from_abrp
 from tripwatt.live.folder import VALID_NAME
 from tripwatt.live.telemetry import FIRST_TIME_S, LAST_TIME_S
 from tripwatt.service.live import LiveCars
-from tripwatt.service.openapi import EVENTS, FORM, JSON
+from tripwatt.service.live_schemas import (
+    LiveCarsResponse,
+    LivePlanRequest,
+    LiveResponse,
+    NeedResponse,
+    TelemetryRequest,
+    TelemetryResponse,
+)
+from tripwatt.service.openapi import (
+    BODY_PROBLEMS,
+    COMMON_PROBLEMS,
+    EVENTS,
+    FORM,
+    JSON,
+    operation,
+)
 from tripwatt.service.pool import WorkerPool
 from tripwatt.service.problems import Problem, invalid_input, refusal
 from tripwatt.service.receiving import media_type, request_id, require_accepts
@@ -30,6 +45,10 @@ MOST_MESSAGE_BYTES: Final = 65_536
 """Largest message of a car; those of senders have less than 2 kB."""
 
 MOST_FORM_FIELDS: Final = 20
+
+LIVE_EVENTS: Final = {
+    "schema": {"type": "string", "description": "events `live`; the data of each is a LiveResponse"}
+}
 
 ReadBody = Callable[..., Awaitable[bytes]]
 NAME: Final = {"pattern": f"^{VALID_NAME.pattern}$", "description": "name of the car's folder"}
@@ -77,6 +96,14 @@ class LiveOperations:
             raise Problem("no-live", "start the service with --cars")
         return self._cars
 
+    @operation(
+        "POST /v1/telemetry",
+        "live",
+        TelemetryResponse,
+        {JSON: TelemetryRequest, FORM: TelemetryRequest},
+        only=(*COMMON_PROBLEMS, *BODY_PROBLEMS, "busy", "no-live"),
+        more={"security": [{"car": []}, {}]},  # or the token is part of the message
+    )
     async def telemetry(self, request: Request) -> Response:
         """Take a message of a car in the format of A Better Routeplanner's live data."""
         cars = self.cars
@@ -89,16 +116,19 @@ class LiveOperations:
             raise invalid_input(error.faults) from error
         return _json(await cars.take(car, sample))
 
+    @operation("GET /v1/live", "live", LiveCarsResponse, only=(*COMMON_PROBLEMS, "not-acceptable", "no-live"))
     async def list_live(self, request: Request) -> Response:
         """List the cars on the road: those with a token."""
         require_accepts(request, JSON)
         return _json(self.cars.summary())
 
+    @operation("GET /v1/live/{vehicle}", "live", LiveResponse)
     async def get_live(self, request: Request, vehicle: Name) -> Response:
         """Return the state of a car on the road and the latest forecast of its trip."""
         require_accepts(request, JSON)
         return _json(await self.cars.document(self.cars.by_name(vehicle)))
 
+    @operation("PUT /v1/live/{vehicle}/plan", "live", LiveResponse, LivePlanRequest)
     async def put_plan(self, request: Request, vehicle: Name) -> Response:
         """Give the plan of the trip that a car is on, or of its next one; it is kept until that trip has ended."""
         car = self.cars.by_name(vehicle)
@@ -109,6 +139,7 @@ class LiveOperations:
             return _json(await self.cars.document(car))
         return refusal(result.status, result.content, request_id(request))
 
+    @operation("GET /v1/need", "live", NeedResponse, also=("no-plan",))
     async def get_need(
         self,
         request: Request,
@@ -138,6 +169,12 @@ class LiveOperations:
             return _json(needed)
         return refusal(needed.status, needed.content, request_id(request))
 
+    @operation(
+        "GET /v1/live/{vehicle}/events",
+        "live",
+        {EVENTS: LIVE_EVENTS},
+        description="A stream of server-sent events",
+    )
     async def get_events(self, request: Request, vehicle: Name) -> Response:
         """Stream the state of a car on the road and the forecasts of its trip as server-sent events."""
         require_accepts(request, EVENTS)

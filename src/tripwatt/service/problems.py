@@ -24,6 +24,8 @@ TITLES: Final[Mapping[str, tuple[int, str]]] = {
     "host-not-served": (400, "The host is not served"),
     "token-needed": (401, "A token is required"),
     "not-found": (404, "The resource does not exist"),
+    "no-such-car": (404, "The car does not exist"),
+    "no-plan": (404, "The car has no plan"),
     "method-not-allowed": (405, "The method is not allowed"),
     "not-acceptable": (406, "The accepted formats are not available"),
     "body-late": (408, "The body did not arrive in time"),

@@ -547,6 +547,8 @@ export const de: Text = {
       "host-not-served": "Der Dienst bedient diesen Hostnamen nicht",
       "token-needed": "Token erforderlich",
       "not-found": "Nicht gefunden",
+      "no-such-car": "Der Dienst hat kein solches Auto",
+      "no-plan": "Das Auto hat keinen Plan",
       "method-not-allowed": "Methode nicht erlaubt",
       "not-acceptable": "Kein akzeptiertes Antwortformat verfügbar",
       "body-late": "Die Übertragung dauerte zu lange",

@@ -546,6 +546,8 @@ export const en = {
       "host-not-served": "The service does not serve this host name",
       "token-needed": "A token is required",
       "not-found": "Not found",
+      "no-such-car": "The service has no such car",
+      "no-plan": "The car has no plan",
       "method-not-allowed": "Method not allowed",
       "not-acceptable": "No accepted response format is available",
       "body-late": "The upload took too long",
