@@ -112,7 +112,7 @@ def _free_flow(values: Mapping[str, Any] | None) -> dict[str, Any] | None:
 
 def _vehicle(part: Mapping[str, Any]) -> dict[str, Any]:
     """Cars were first stored without licences and anchors."""
-    about = {"name": part["title"], "licence": "not-stated", "anchor": part.get("anchor", "book")}
+    about = {"name": part["title"], "licence": "not-stated", "anchor": part.get("anchor", "published")}
     return {"name": part["name"], "preset": part["preset"], "document": {**part["document"], **about}}
 
 

@@ -18,7 +18,6 @@ import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from importlib import resources
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,7 +26,7 @@ from tripwatt.files import MOST_TEXT_BYTES, read_text_file
 from tripwatt.vehicles.anchors import anchored_document
 from tripwatt.vehicles.catalogue import catalogue, class_values, table_names
 from tripwatt.vehicles.charging import charging_section
-from tripwatt.vehicles.inheriting import inherit
+from tripwatt.vehicles.inheriting import bundled_text, data_folder, inherit
 from tripwatt.vehicles.licences import licence_faults, with_licences
 from tripwatt.vehicles.overriding import spelled_out
 from tripwatt.vehicles.parts import (
@@ -64,7 +63,7 @@ SECTIONS: Final[Mapping[str, type]] = types.MappingProxyType(
 OPTIONAL_SECTIONS: Final[frozenset[str]] = frozenset({"tyres", "climate", "charging"})
 """Parts that a car may lack."""
 
-ANCHORS: Final = ("book", "road_load", "certification", "class", "road")
+ANCHORS: Final = ("published", "road_load", "certification", "class", "road")
 """What a car's values were held against: nothing; its certified consumption with a measured coast-down, or without one;
 nothing of its own, because its values are those of a class; or values carried from a test to the road already."""
 
@@ -165,12 +164,8 @@ class Vehicle:
     auxiliaries: Auxiliaries
     climate: Climate | None
     entries: Mapping[str, Entry] = dataclasses.field(repr=False, compare=False, hash=False)
-    anchor: str = "book"
+    anchor: str = "published"
     charging: Charging | None = None
-
-
-def _data_folder() -> Any:
-    return resources.files("tripwatt.vehicles") / "data"
 
 
 @cache
@@ -188,7 +183,7 @@ def vehicle_names() -> tuple[str, ...]:
 @cache
 def file_names() -> tuple[str, ...]:
     """Names of the cars that have a TOML of their own, sorted."""
-    return tuple(sorted(f.name[:-5] for f in _data_folder().iterdir() if f.name.endswith(".toml")))
+    return tuple(sorted(f.name[:-5] for f in data_folder().iterdir() if f.name.endswith(".toml")))
 
 
 def load_vehicle(
@@ -288,7 +283,7 @@ def vehicle_titles() -> Mapping[str, str]:
     >>> vehicle_titles()["vw_id3"]
     'Volkswagen ID.3 58 kWh'
     """
-    titles = {name: str(tomllib.loads(_bundled_text(name))["name"]) for name in file_names()}
+    titles = {name: str(tomllib.loads(bundled_text(name) or "")["name"]) for name in file_names()}
     titles |= {name: catalogue()[name]["title"][0].value for name in table_names()}
     return types.MappingProxyType({name: titles[name] for name in vehicle_names()})
 
@@ -351,7 +346,7 @@ def library_document(name: str) -> dict[str, Any]:
         One of `vehicle_names()`.
     """
     if name in file_names():
-        return {**tomllib.loads(_bundled_text(name)), **charging_section(name)}
+        return {**tomllib.loads(bundled_text(name) or ""), **charging_section(name)}
     return {**similar_document(figures_of_row(catalogue()[name]), class_values()), **charging_section(name)}
 
 
@@ -362,7 +357,7 @@ def _read(path: Path) -> str:
 @cache
 def _shared_presets() -> dict[str, dict[str, Any]]:
     """Presets that every car has unless its own file overrides them."""
-    files = sorted((_data_folder() / "presets").iterdir(), key=lambda f: str(f.name))
+    files = sorted((data_folder() / "presets").iterdir(), key=lambda f: str(f.name))
     faults: list[Fault] = []
     presets = {
         f.name[:-5]: with_licences(tomllib.loads(f.read_text(encoding="utf-8")), f.name, faults)
@@ -372,11 +367,6 @@ def _shared_presets() -> dict[str, dict[str, Any]]:
     if faults:
         raise InvalidInput(faults)
     return presets
-
-
-@cache
-def _bundled_text(name: str) -> str:
-    return str((_data_folder() / f"{name}.toml").read_text(encoding="utf-8"))
 
 
 def vehicle_from_document(
@@ -434,7 +424,8 @@ def vehicle_from_document(
     left_out = OPTIONAL_SECTIONS - tables.keys() if preset != "default" else frozenset()
     entries = {key: e for key, e in entries.items() if key.partition(".")[0] not in left_out}
     parts: dict[str, Any] = {}
-    anchor = str(document.get("anchor", "book"))
+    anchor = str(document.get("anchor", "published"))
+    anchor = "published" if anchor == "book" else anchor  # its name up to 0.2
     if anchor not in ANCHORS:
         faults.append(_unknown_fault("anchor", f"{where}, anchor", anchor, ANCHORS))
     for section, part in SECTIONS.items():
