@@ -20,9 +20,10 @@ from tripwatt.vehicles import (
 from tripwatt.vehicles.anchors import Anchor, anchors, with_anchor
 from tripwatt.vehicles.catalogue import BODIES, Coastdown, catalogue, class_values, table_names
 from tripwatt.vehicles.licences import LICENCES
-from tripwatt.vehicles.loading import ANCHORS, library_document
+from tripwatt.vehicles.loading import library_document
 from tripwatt.vehicles.similar import CHEMISTRIES
 from tripwatt.vehicles.spreads import loss_sd, road_gain, spreads
+from tripwatt.vehicles.vehicle import ANCHORS
 
 NUMBERS = {
     "test_weight": (2000.0, 9000.0, "lb"),

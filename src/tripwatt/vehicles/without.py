@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Any
 
 from tripwatt.vehicles.inheriting import data_folder
-from tripwatt.vehicles.loading import SECTIONS, Entry, Vehicle
+from tripwatt.vehicles.vehicle import SECTIONS, Entry, Vehicle
 
 
 @cache
