@@ -1,5 +1,6 @@
 """A fleet from its store to its forecasts: the same whoever computes it, resumed after a kill, updated as fitted anew."""
 
+import json
 import os
 import signal
 import subprocess
@@ -12,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from benchmarks.many_vehicles import FleetPlan, many_vehicles
+from benchmarks.many_vehicles import CAR_MODELS, FleetPlan, many_vehicles
 
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.corrector import FleetCorrector, FleetTrees, choose_rounds
@@ -362,14 +363,37 @@ def test_a_stored_model_forecasts_alike(fleet, tmp_path):
     assert again.vehicles() == model.vehicles()
     observed = trip.samples.iloc[:200]
     assert ours.update(observed).energy_wh == theirs.update(observed).energy_wh
-    (tmp_path / "m" / "sums.npz").write_bytes(b"x")
-    with pytest.raises(InvalidInput, match=r"sums\.npz"):
+    (tmp_path / "m" / "fleet.npz").write_bytes(b"x")
+    with pytest.raises(InvalidInput, match=r"fleet\.npz"):
         load_fleet(tmp_path / "m")
     import tripwatt as tw
 
     tw.save_model(tw.load_model(), tmp_path / "one")
     with pytest.raises(InvalidInput, match="no model of a fleet"):
         load_fleet(tmp_path / "one")
+
+
+def test_a_fleet_of_0_2_0_forecasts_as_it_did_and_is_written_anew(tmp_path):
+    """Fitted on 16 trips of 4 vehicles."""
+    old = Path(__file__).parents[1] / "fixtures" / "model_0_2_0"
+    model = load_fleet(old / "fleet")
+    save_fleet(model, tmp_path / "m")
+    trip = Trip.from_log(
+        next(many_vehicles(FleetPlan(16, vehicles=4, car_models=CAR_MODELS[:2], minutes=6.0)))
+    )
+    then = json.loads((old / "fleet.json").read_text())
+    for found in (model, load_fleet(tmp_path / "m")):
+        now = found.forecast(trip, vehicle_id="V00000").to_dict()
+        for name in (
+            "energy_wh",
+            "soc_arrival",
+            "wh_per_display",
+            "quantiles_wh",
+            "soc_quantiles",
+            "by_cause_wh",
+        ):
+            assert now[name] == pytest.approx(then[name], rel=1e-9), name
+    assert load_fleet(tmp_path / "m").digests == model.digests
 
 
 def test_too_few_trips_are_an_error(fleet, tmp_path):

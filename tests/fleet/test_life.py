@@ -77,9 +77,9 @@ def test_versions_are_added_promoted_and_rolled_back(fleet, tmp_path):
     assert len(registry.history()) == 8
     with pytest.raises(InvalidInput, match="unknown version"):
         registry.promote("0009")
-    part = registry.path("0002") / "sums.npz"
+    part = registry.path("0002") / "fleet.npz"
     part.write_bytes(part.read_bytes()[:-1])
-    with pytest.raises(InvalidInput, match=r"sums\.npz"):
+    with pytest.raises(InvalidInput, match=r"fleet\.npz"):
         registry.promote("0002")
     assert registry.current() == "0001"
     (tmp_path / "file").write_text("")

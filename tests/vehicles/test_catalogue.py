@@ -20,9 +20,10 @@ from tripwatt.vehicles import (
 from tripwatt.vehicles.anchors import Anchor, anchors, with_anchor
 from tripwatt.vehicles.catalogue import BODIES, Coastdown, catalogue, class_values, table_names
 from tripwatt.vehicles.licences import LICENCES
-from tripwatt.vehicles.loading import ANCHORS, library_document
+from tripwatt.vehicles.loading import library_document
 from tripwatt.vehicles.similar import CHEMISTRIES
 from tripwatt.vehicles.spreads import loss_sd, road_gain, spreads
+from tripwatt.vehicles.vehicle import ANCHORS
 
 NUMBERS = {
     "test_weight": (2000.0, 9000.0, "lb"),
@@ -195,13 +196,13 @@ def test_a_written_car_is_read_back(name: str, tmp_path) -> None:
 
 
 def test_the_better_a_car_is_known_the_narrower() -> None:
-    assert set(ANCHORS) == {"book", "road_load", "certification", "class", "road"}
+    assert set(ANCHORS) == {"published", "road_load", "certification", "class", "road"}
     levels = [spreads(level) for level in ("road_load", "certification", "class")]
     for name in ("rolling", "air", "drivetrain"):
         values = [level[name] for level in levels]
         assert values == sorted(values)
         assert values[0] < values[2]
-    assert spreads("book") == spreads("road") == road_gain("book") == road_gain("road") == {}
+    assert spreads("published") == spreads("road") == road_gain("published") == road_gain("road") == {}
     # tyres 15 % and the gain's 5 %; trim 5 % and the gain's 5 %; 2 % twice over a share of 13 %
     assert levels[0]["rolling"] == pytest.approx((0.15**2 + 0.05**2) ** 0.5)
     assert levels[0]["air"] == pytest.approx((2 * 0.05**2) ** 0.5)
@@ -239,7 +240,7 @@ def test_the_page_of_the_cars_shows_the_spreads() -> None:
     """The rows of the anchors in docs/reference/vehicles.md, in percent."""
     page = (ROOT / "docs" / "reference" / "vehicles.md").read_text(encoding="utf-8")
     published = {p.name: p.width for p in PARAMETERS}
-    for anchor in ("road_load", "certification", "class", "book"):
+    for anchor in ("road_load", "certification", "class", "published"):
         widths = {**published, **spreads(anchor)}
         shown = " | ".join(f"{100.0 * widths[name]:.0f} %" for name in ("rolling", "air", "drivetrain"))
         assert re.search(rf"^\| `{anchor}` \|.*\| {re.escape(shown)} \|$", page, re.MULTILINE), anchor

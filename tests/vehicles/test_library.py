@@ -28,8 +28,9 @@ from tripwatt.vehicles import (
     without_data,
 )
 from tripwatt.vehicles.inheriting import bundled_bases, inherit
-from tripwatt.vehicles.loading import SECTIONS, file_names
+from tripwatt.vehicles.loading import file_names
 from tripwatt.vehicles.losses import motor_loss
+from tripwatt.vehicles.vehicle import SECTIONS
 
 ASKED_FOR = [
     "bmw_i3_60ah",

@@ -49,7 +49,7 @@ def version_1_tree(parts: Mapping[str, Part]) -> dict[str, Any]:
         "seed": values["seed"],
         "corrector_": _corrector(values["fitted"], parts),
         "uncertainty_": {
-            "process": _with_bounds(_renamed(values["process"])),
+            "process": with_bounds(_renamed(values["process"])),
             "scale": _scale(values),
             "scores": _scores(values),
             "shrinkage": {k: np.array(v, dtype=np.float64) for k, v in _renamed(values["gain"]).items()},
@@ -57,7 +57,7 @@ def version_1_tree(parts: Mapping[str, Part]) -> dict[str, Any]:
             "charge": values.get("charge"),
             "free_flow": _free_flow(values.get("free_flow")),
         },
-        "ranges_": {name: _range(seen) for name, seen in values["ranges"].items()},
+        "ranges_": {name: range_values(seen) for name, seen in values["ranges"].items()},
         "trip_ids_": values["trip_ids"],
     }
     if "elsewhere" in values:
@@ -75,12 +75,14 @@ def _renamed(values: Mapping[str, Any]) -> dict[str, Any]:
     return {_NAMES.get(name, name): value for name, value in values.items()}
 
 
-def _with_bounds(values: Mapping[str, Any]) -> dict[str, Any]:
+def with_bounds(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values with what an empty entry stands for."""
     return {name: _INFINITE.get(name) if value is None else value for name, value in values.items()}
 
 
-def _range(values: Iterable[float | None]) -> dict[str, Any]:
-    return _with_bounds(dict(zip(("low", "high", "sd"), values, strict=True)))
+def range_values(values: Iterable[float | None]) -> dict[str, Any]:
+    """The fields of a `Range` from its values in their order."""
+    return with_bounds(dict(zip(("low", "high", "sd"), values, strict=True)))
 
 
 def _with_arrays(values: Mapping[str, Any] | None, names: Iterable[str]) -> dict[str, Any] | None:
@@ -110,7 +112,7 @@ def _free_flow(values: Mapping[str, Any] | None) -> dict[str, Any] | None:
 
 def _vehicle(part: Mapping[str, Any]) -> dict[str, Any]:
     """Cars were first stored without licences and anchors."""
-    about = {"name": part["title"], "licence": "not-stated", "anchor": part.get("anchor", "book")}
+    about = {"name": part["title"], "licence": "not-stated", "anchor": part.get("anchor", "published")}
     return {"name": part["name"], "preset": part["preset"], "document": {**part["document"], **about}}
 
 
@@ -128,13 +130,13 @@ def _corrector(about: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, 
             "kind": kind,
             "terms": about["parts"],
             "share_column": about["share_column"],
-            "familiarity": {"ranges": {name: _range(values) for name, values in seen.items()}},
+            "familiarity": {"ranges": {name: range_values(values) for name, values in seen.items()}},
             "shape": shape,
             "process": arrays,
         }
     if kind == "trees":
         rest = {name: about[name] for name in ("columns", "start", "rest", "divisor")}
-        seen = {name: _range(values) for name, values in about.get("familiar", {}).items()}
+        seen = {name: range_values(values) for name, values in about.get("familiar", {}).items()}
         return {"kind": kind, "trees": arrays, "familiarity": {"ranges": seen}, **rest}
     base = _members(about["base"], parts)
     shares = about.get("shares") or [about["share"]] * len(base["correctors"])

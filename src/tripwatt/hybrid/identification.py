@@ -38,7 +38,7 @@ from tripwatt.physics.simulate import conditions_at_departure
 from tripwatt.trips import Trip, resample
 from tripwatt.units import GRAVITY_M_S2
 from tripwatt.vehicles import Climate, Vehicle
-from tripwatt.vehicles.loading import Entry
+from tripwatt.vehicles.vehicle import Entry
 
 SEGMENT_S: Final = 30.0
 """Stretches over which work is summed, so that torque and speed need not belong to the same moment."""

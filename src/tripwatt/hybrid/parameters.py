@@ -20,8 +20,8 @@ from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.trips import Plan
 from tripwatt.vehicles import Vehicle
 from tripwatt.vehicles.catalogue import beyond_classes
-from tripwatt.vehicles.loading import Entry
 from tripwatt.vehicles.spreads import CLASS_ANCHORS, road_gain, spreads
+from tripwatt.vehicles.vehicle import Entry
 
 _STEP: Final = 0.02
 """Relative change of a parameter for its finite difference."""

@@ -392,7 +392,7 @@ class VehicleSummary(ResponseModel):
     has_climate: bool = Field(description="whether heating and cooling are simulated")
     anchor: str = Field(
         description="what the values were held against: road_load (measured coast-down and certified consumption), "
-        "certification, class, or book (published values alone)"
+        "certification, class, or published (published values alone)"
     )
     models: list[str] = Field(
         description="models fitted on this car; other models forecast it with much wider intervals"

@@ -5,13 +5,9 @@ from tripwatt.vehicles.extras import with_extras
 from tripwatt.vehicles.importing import import_vehicle
 from tripwatt.vehicles.licences import LICENCES, render_licences
 from tripwatt.vehicles.loading import (
-    ANCHORS,
-    Entry,
-    Vehicle,
     find_vehicles,
     load_vehicle,
     require_vehicle,
-    vehicle_from_document,
     vehicle_names,
     vehicle_titles,
 )
@@ -26,7 +22,9 @@ from tripwatt.vehicles.parts import (
     RoadLoad,
     Tyres,
 )
+from tripwatt.vehicles.reading import vehicle_from_document
 from tripwatt.vehicles.table import describe_vehicle, render_parameters
+from tripwatt.vehicles.vehicle import ANCHORS, Entry, Vehicle
 from tripwatt.vehicles.without import names_data, without_data
 from tripwatt.vehicles.writing import render_vehicle, vehicle_document
 

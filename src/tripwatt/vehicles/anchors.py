@@ -6,13 +6,13 @@ is an entry of a car: its value, and the mean error of the car before it. The ca
 
 from __future__ import annotations
 
-import csv
 import types
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib import resources
 from typing import Any, Final
+
+from tripwatt.vehicles.catalogue import records
 
 CLASS: Final = "*"
 """Name of the rows that hold for cars without certified figures."""
@@ -25,7 +25,7 @@ class Anchor:
     Attributes
     ----------
     level : str
-        One of `tripwatt.vehicles.loading.ANCHORS`.
+        One of `tripwatt.vehicles.ANCHORS`.
     loss : str
         What was changed: "motor", "iron" or "gear" losses, or the "road load".
     entries : mapping of str to (float, str)
@@ -56,9 +56,8 @@ def anchors() -> Mapping[str, Anchor]:
     >>> anchors()["vw_id4_pro"].level
     'road_load'
     """
-    file = resources.files("tripwatt.vehicles") / "data" / "table" / "anchors.csv"
     found: dict[str, Anchor] = {}
-    for row in csv.DictReader(file.read_text(encoding="utf-8").splitlines()):
+    for row in records("anchors.csv"):
         old = found.get(row["car"])
         entries = {} if old is None else dict(old.entries)
         entries[row["entry"]] = (float(row["value"]), row["unit"])

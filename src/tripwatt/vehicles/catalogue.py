@@ -16,10 +16,10 @@ import types
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib import resources
 from typing import Final
 
 from tripwatt.units import GRAVITY_M_S2, KG_PER_LB, M_PER_MILE, N_PER_LBF, SECONDS_PER_HOUR
+from tripwatt.vehicles.inheriting import data_folder
 
 BODIES: Final = ("small", "hatchback", "sedan", "suv", "van", "pickup")
 """Kinds of body, by which the drag area of a car without a coast-down is chosen."""
@@ -89,7 +89,7 @@ Row = Mapping[str, tuple[Cell, ...]]
 
 def records(name: str) -> Iterator[dict[str, str]]:
     """Rows of a file of `data/table`."""
-    file = resources.files("tripwatt.vehicles") / "data" / "table" / name
+    file = data_folder() / "table" / name
     yield from csv.DictReader(file.read_text(encoding="utf-8").splitlines())
 
 

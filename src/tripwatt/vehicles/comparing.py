@@ -10,7 +10,8 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from tripwatt.errors import InvalidInput
-from tripwatt.vehicles.loading import SECTIONS, Value, Vehicle, load_vehicle, vehicle_names
+from tripwatt.vehicles.loading import load_vehicle, vehicle_names
+from tripwatt.vehicles.vehicle import SECTIONS, Value, Vehicle
 
 ROUNDING: Final = 1e-9
 """Relative difference of two numbers that are one value, written and read again."""

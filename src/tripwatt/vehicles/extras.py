@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from tripwatt.trips import EXTRAS
 from tripwatt.vehicles.catalogue import ROAD_LOAD_DENSITY_KG_M3
-from tripwatt.vehicles.loading import Vehicle
+from tripwatt.vehicles.vehicle import Vehicle
 
 
 @dataclass(frozen=True, slots=True)

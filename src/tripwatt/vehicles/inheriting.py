@@ -28,14 +28,19 @@ SCALINGS: Final = ("motor_losses", "cell_resistance")
 """Keys of the table `[scaled]`."""
 
 
+def data_folder() -> Any:
+    """The folder of the files that come with the package."""
+    return resources.files("tripwatt.vehicles") / "data"
+
+
 @cache
-def _bundled_text(name: str) -> str | None:
+def bundled_text(name: str) -> str | None:
     """Text of a shared file or of a bundled car, None when there is neither."""
-    folder = resources.files("tripwatt.vehicles") / "data"
+    folder = data_folder()
     for place in (folder / "shared", folder):
         file = place / f"{name}.toml"
         if file.is_file():
-            return file.read_text(encoding="utf-8")
+            return str(file.read_text(encoding="utf-8"))
     return None
 
 
@@ -43,7 +48,7 @@ def _bundled_text(name: str) -> str | None:
 def _bundled(name: str, depth: int) -> tuple[dict[str, Any], tuple[Fault, ...]]:
     """A bundled file with what it takes over, and its faults. It is read, never changed."""
     found: list[Fault] = []
-    document = _inherit(tomllib.loads(_bundled_text(name) or ""), f"{name}.toml", found, depth)
+    document = _inherit(tomllib.loads(bundled_text(name) or ""), f"{name}.toml", found, depth)
     return document, tuple(found)
 
 
@@ -55,8 +60,7 @@ def bundled_bases() -> tuple[str, ...]:
     >>> "passenger_car" in bundled_bases()
     True
     """
-    folder = resources.files("tripwatt.vehicles") / "data"
-    files = [*folder.iterdir(), *(folder / "shared").iterdir()]
+    files = [*data_folder().iterdir(), *(data_folder() / "shared").iterdir()]
     return tuple(sorted(f.name[:-5] for f in files if f.name.endswith(".toml")))
 
 
@@ -120,7 +124,7 @@ def _names(raw: object, where: str, faults: list[Fault]) -> Sequence[str]:
 
 
 def _base(name: str, place: str, faults: list[Fault], depth: int) -> dict[str, Any]:
-    text = _bundled_text(name)
+    text = bundled_text(name)
     if text is None:
         near = difflib.get_close_matches(name, bundled_bases(), n=1)
         fix = f"did you mean {near[0]!r}?" if near else ""

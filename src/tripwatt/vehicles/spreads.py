@@ -57,7 +57,7 @@ def loss_sd() -> float:
 
 @cache
 def spreads(anchor: str, beyond: float = 0.0) -> Mapping[str, float]:
-    """Relative standard deviation of parameters of a car by what it was held against; empty for "book" and "road".
+    """Relative standard deviation of parameters of a car by what it was held against; empty for "published" and "road".
 
     Parameters
     ----------
@@ -91,4 +91,4 @@ def road_gain(anchor: str) -> Mapping[str, float]:
     return types.MappingProxyType({}) if anchor in _NO_TEST else ROAD_GAIN
 
 
-_NO_TEST: Final = ("book", "road")
+_NO_TEST: Final = ("published", "road")

@@ -6,7 +6,8 @@ import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 
-from tripwatt.vehicles.loading import SECTIONS, Entry, Vehicle, load_vehicle
+from tripwatt.vehicles.loading import load_vehicle
+from tripwatt.vehicles.vehicle import SECTIONS, Entry, Vehicle
 
 
 def describe_vehicle(

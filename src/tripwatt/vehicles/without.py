@@ -6,19 +6,18 @@ import dataclasses
 import tomllib
 from collections.abc import Mapping
 from functools import cache
-from importlib import resources
 from types import MappingProxyType
 from typing import Any
 
-from tripwatt.vehicles.loading import SECTIONS, Entry, Vehicle
+from tripwatt.vehicles.inheriting import data_folder
+from tripwatt.vehicles.vehicle import SECTIONS, Entry, Vehicle
 
 
 @cache
 def _known_without() -> Mapping[str, tuple[str, Mapping[str, Entry]]]:
     """Data set -> its name in sources, and the entries that replace its values."""
-    folder = resources.files("tripwatt.vehicles") / "data" / "without"
     found = {}
-    for file in folder.iterdir():
+    for file in (data_folder() / "without").iterdir():
         document = tomllib.loads(file.read_text(encoding="utf-8"))
         entries = {
             f"{section}.{key}": Entry(**entry)

@@ -7,7 +7,8 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from tripwatt.vehicles.loading import SECTIONS, Entry, Vehicle, vehicle_from_document
+from tripwatt.vehicles.reading import vehicle_from_document
+from tripwatt.vehicles.vehicle import SECTIONS, Entry, Vehicle
 
 
 def vehicle_document(vehicle: Vehicle) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from tripwatt.vehicles.importing.fastsim import from_fastsim_csv, from_fastsim_y
 from tripwatt.vehicles.importing.found import Found
 from tripwatt.vehicles.importing.rendering import vehicle_toml
 from tripwatt.vehicles.importing.sumo import from_sumo
-from tripwatt.vehicles.loading import vehicle_from_document
+from tripwatt.vehicles.reading import vehicle_from_document
 
 LARGEST_FILE_BYTES: Final = 20_000_000
 """Vehicle files are far smaller; larger ones are refused unread."""
