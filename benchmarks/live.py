@@ -293,13 +293,13 @@ def one_message(links: list[dict[str, float]], text: str) -> Row:
     with tempfile.TemporaryDirectory() as place, open_road_car(Path(place) / "car", lambda _: model) as car:
         car.set_plan({"links": links})
         for k, message in enumerate(messages):
-            start = time.perf_counter()
+            start = time.thread_time()
             sample = joiner.take("car", message, NOON_S + k)
             assert sample is not None
             car.add(sample)
             if k >= HOUR_S:
                 answer = json.dumps(car.document(NOON_S + k))
-                times.append(time.perf_counter() - start)
+                times.append(time.thread_time() - start)
                 assert json.loads(answer)["forecast"]["measured_until_s"] > HOUR_S / 2
     return Row(f"a message after 1 h, {text}: best of {MESSAGES} [ms]", 1000.0 * min(times), 0.0, MOST_MS)
 

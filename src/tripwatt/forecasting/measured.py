@@ -14,7 +14,14 @@ from tripwatt.auditing.signals import blank_stuck_heater
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.hybrid.climate_log import CLIMATE_COLUMNS, CLIMATE_IN_ALL
-from tripwatt.trips import Plan, observed_cumulative_energy, raise_faults, structure_faults, value_faults
+from tripwatt.trips import (
+    Plan,
+    observed_cumulative_energy,
+    raise_faults,
+    structure_faults,
+    table_of,
+    value_faults,
+)
 from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.uncertainty import PowerPrior, ResidualPower
 from tripwatt.uncertainty.charge import CAPACITY_SD
@@ -395,7 +402,7 @@ def along_the_plan(samples: pd.DataFrame, plan: Plan) -> pd.DataFrame:
     whole = place == np.floor(place)
     for name, values in states.items():
         found[name] = np.where(whole, values[kept][place.astype(np.int64)], np.nan)
-    return pd.DataFrame(found)
+    return table_of(found)
 
 
 def measured_energy(samples: pd.DataFrame) -> FloatArray | None:
@@ -403,9 +410,11 @@ def measured_energy(samples: pd.DataFrame) -> FloatArray | None:
     energy = observed_cumulative_energy(samples)
     if energy is None:
         return None
-    pair = {"voltage_v", "current_a"} <= set(samples.columns)
-    names = ["voltage_v", "current_a"] if pair else ["observed_energy_wh"]
-    known = np.isfinite(samples[names].to_numpy(dtype=np.float64)).all(axis=1)
+    pair = "voltage_v" in samples and "current_a" in samples
+    names = ("voltage_v", "current_a") if pair else ("observed_energy_wh",)
+    known = np.isfinite([np.asarray(samples[name], dtype=np.float64) for name in names]).all(axis=0)
+    if known.all():
+        return energy
     time, at = samples["time_s"].to_numpy(dtype=np.float64), np.flatnonzero(known)
     if not len(at):
         return None

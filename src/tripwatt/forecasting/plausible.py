@@ -79,8 +79,10 @@ def implausible_faults(samples: pd.DataFrame, drive: ExpectedDrive) -> Iterator[
         )
         allowed = f"at most {most:g} s after the departure"
         yield Fault("measured after the trip", f"{where}, time_s", f"{last:g} s", allowed, fix)
-    yield from _energy_faults(samples, drive, where)
-    yield from _motion_faults(samples, drive, where)
+    cumulative = measured_energy(samples)
+    if cumulative is not None:
+        yield from _energy_faults(cumulative, drive, where)
+        yield from _motion_faults(samples, cumulative, drive, where)
     yield from _charge_faults(samples, drive, where)
 
 
@@ -133,9 +135,8 @@ def battery_wh(drive: ExpectedDrive) -> float:
     return battery.capacity_ah * float(open_circuit_voltage(np.ones(1), battery)[0])
 
 
-def _energy_faults(samples: pd.DataFrame, drive: ExpectedDrive, where: str) -> Iterator[Fault]:
-    cumulative = measured_energy(samples)
-    known = np.empty(0) if cumulative is None else cumulative[np.isfinite(cumulative)]
+def _energy_faults(cumulative: FloatArray, drive: ExpectedDrive, where: str) -> Iterator[Fault]:
+    known = cumulative[np.isfinite(cumulative)]
     most = CAPACITY_MARGIN * battery_wh(drive)
     if len(known) and float(np.ptp(known)) > most:
         got = (
@@ -145,11 +146,12 @@ def _energy_faults(samples: pd.DataFrame, drive: ExpectedDrive, where: str) -> I
         yield Fault("more energy than the battery holds", where, got, f"at most {most / 1000.0:.1f} kWh", fix)
 
 
-def _motion_faults(samples: pd.DataFrame, drive: ExpectedDrive, where: str) -> Iterator[Fault]:
+def _motion_faults(
+    samples: pd.DataFrame, cumulative: FloatArray, drive: ExpectedDrive, where: str
+) -> Iterator[Fault]:
     """The fault of an energy below what rolling, climb and speed take on the road that was driven. O(samples)."""
-    cumulative = measured_energy(samples)
-    known = np.empty(0, np.int64) if cumulative is None else np.flatnonzero(np.isfinite(cumulative))
-    if cumulative is None or len(known) < 2:
+    known = np.flatnonzero(np.isfinite(cumulative))
+    if len(known) < 2:
         return
     time = samples["time_s"].to_numpy(dtype=np.float64)
     plan_s = drive.plan.array("time_s") - drive.plan.array("time_s")[0]

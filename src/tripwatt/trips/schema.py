@@ -92,10 +92,12 @@ def structure_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
 
 def _is_numeric(values: pd.Series[Any]) -> bool:
     """Whether NumPy takes the values as real numbers: neither truth values nor complex ones, and missing ones as NaN."""
+    if isinstance(values.dtype, np.dtype):
+        return values.dtype.kind in "iuf"
     types = pd.api.types
     if not types.is_numeric_dtype(values) or types.is_bool_dtype(values) or types.is_complex_dtype(values):
         return False
-    return isinstance(values.dtype, np.dtype) or not bool(values.isna().any())
+    return not bool(values.isna().any())
 
 
 def value_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
