@@ -31,7 +31,7 @@ from typing import Any, Final
 from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.files import MOST_TEXT_BYTES, read_text_file
 from tripwatt.trips import COLUMNS, raise_faults
-from tripwatt.trips.schema import is_number
+from tripwatt.trips.columns import is_number
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_HOUR, ZERO_CELSIUS_K
 from tripwatt.vehicles import vehicle_names
 
