@@ -15,8 +15,10 @@ from tripwatt.arrays import FloatArray
 from tripwatt.forecasting.expected import ExpectedDrive
 from tripwatt.forecasting.measured import (
     ChargeReading,
+    Columns,
     Measured,
     checked_samples,
+    columns_measured,
     read_measured,
     since_departure,
 )
@@ -254,7 +256,7 @@ class Forecast:
     @property
     def soc_arrival(self) -> float:
         """Displayed state of charge at the end of the trip, 0 to 1; 0 when the battery does not last."""
-        return float(np.clip(self._arrival_band[1][-1], 0.0, 1.0))
+        return float(np.clip(self._expected_charge[-1], 0.0, 1.0))
 
     def soc_quantile(self, p: float) -> float:
         """Quantile of the displayed state of charge at the end of the trip, 0 to 1.
@@ -454,10 +456,13 @@ class Forecast:
 
         0 where the battery holds enough. On the way it counts where the charge is lowest.
         """
-        ahead = np.isfinite(self._least_charge(0.0))
-        lowest = (float(charge[ahead].min()) for charge in reversed(self._arrival_band))
-        least, expected, most = (max(-charge, 0.0) * self.charge.wh_per_display for charge in lowest)
+        least, expected, most = (self._missing_wh(charge) for charge in reversed(self._arrival_band))
         return least, expected, most
+
+    def _missing_wh(self, charge: FloatArray) -> float:
+        """Energy that a displayed charge at the edges of the segments lacks where it is lowest [Wh]."""
+        ahead = np.isfinite(self._least_charge(0.0))
+        return max(-float(charge[ahead].min()), 0.0) * self.charge.wh_per_display
 
     def series(self) -> pd.DataFrame:
         """Along the route, a row at the end of each segment and one at the start.
@@ -613,7 +618,7 @@ class Forecast:
         >>> after.sd_wh < before.sd_wh
         True
         """
-        return self.update_since_departure(since_departure(observed, self.plan))
+        return updated(self, since_departure(columns_measured(observed), self.plan))
 
     @one_blas_thread
     def update_since_departure(self, observed: pd.DataFrame) -> Forecast:
@@ -648,12 +653,7 @@ class Forecast:
         >>> tw.forecast(plan).update_since_departure(seen).measured_until_s > 0.0
         True
         """
-        samples = checked_samples(observed, self.plan)
-        raise_faults(implausible_faults(observed, self.drive))
-        measured, readings = read_measured(samples, self.drive, self.uncertainty.process)
-        posterior, factor = updated_power(self.drive, self.uncertainty, samples, measured, readings)
-        updated = replace(self, posterior=posterior, rest_sd_factor=factor, measured=measured)
-        return with_empty_flag(updated)
+        return updated(self, columns_measured(observed))
 
     @one_blas_thread
     def to_dict(self, reserve: float | None = None, probability: float | None = None) -> dict[str, Any]:
@@ -793,7 +793,13 @@ class Forecast:
     @cached_property
     def _arrival_band(self) -> tuple[FloatArray, ...]:
         """Displayed charge along the way: low end, middle and high end of the 90 % band, each of shape (segments + 1,)."""
-        return tuple(self.soc_along(p) for p in ARRIVAL_BAND)
+        low, _, high = ARRIVAL_BAND
+        return self.soc_along(low), self._expected_charge, self.soc_along(high)
+
+    @cached_property
+    def _expected_charge(self) -> FloatArray:
+        """Middle of the band of the displayed charge along the way, shape (segments + 1,)."""
+        return self.soc_along(ARRIVAL_BAND[1])
 
     @property
     def _ends_s(self) -> FloatArray:
@@ -801,6 +807,16 @@ class Forecast:
 
     def _energy_at(self, time_s: float) -> float:
         return float(np.interp(time_s, self._ends_s, self._cumulative_wh))
+
+
+def updated(forecast: Forecast, observed: Columns) -> Forecast:
+    """A forecast after what was measured so far, timed from the departure: see `Forecast.update_since_departure`."""
+    drive, uncertainty = forecast.drive, forecast.uncertainty
+    samples = checked_samples(observed, forecast.plan)
+    raise_faults(implausible_faults(observed, drive))
+    measured, readings = read_measured(samples, drive, uncertainty.process)
+    posterior, factor = updated_power(drive, uncertainty, samples, measured, readings)
+    return with_empty_flag(replace(forecast, posterior=posterior, rest_sd_factor=factor, measured=measured))
 
 
 def forecast_again(found: Forecast, soc: float, read_s: float) -> Forecast:
@@ -818,7 +834,7 @@ def forecast_again(found: Forecast, soc: float, read_s: float) -> Forecast:
 def with_empty_flag(found: Forecast) -> Forecast:
     """The forecast with the flag of a battery that does not hold what the trip takes, where that is expected."""
     flags = tuple(flag for flag in found.flags if flag.code != "battery_empty")
-    missing = found.missing_wh[1]
+    missing = found._missing_wh(found._expected_charge)
     if missing > 0.0:
         return replace(found, flags=(*flags, Flag("battery_empty", "battery", missing, "wh")))
     # as it is where nothing changes, with what was worked out of it

@@ -6,12 +6,11 @@ from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
-import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault
 from tripwatt.forecasting.expected import LEAST_RESISTANCE, ExpectedDrive
-from tripwatt.forecasting.measured import MOST_STRETCH, WHERE, measured_energy
+from tripwatt.forecasting.measured import MOST_STRETCH, WHERE, Columns, measured_energy
 from tripwatt.physics.battery import internal_resistance, largest_power, open_circuit_voltage
 from tripwatt.units import GRAVITY_M_S2, SECONDS_PER_HOUR
 from tripwatt.vehicles.relations import LEAST_PEAK_EFFICIENCY
@@ -49,12 +48,12 @@ ELEVATION_ERROR_M: Final = 40.0
 """Error of the difference of two heights of a road [m]: a filled gap of a log jumps by half of it."""
 
 
-def implausible_faults(samples: pd.DataFrame, drive: ExpectedDrive) -> Iterator[Fault]:
+def implausible_faults(samples: Columns, drive: ExpectedDrive) -> Iterator[Fault]:
     """Every reason why samples measured on the way are not those of this car on this trip. O(samples + segments).
 
     Parameters
     ----------
-    samples : DataFrame
+    samples : mapping of str to ndarray
         Sound samples, timed from the departure.
     drive : ExpectedDrive
 
@@ -65,7 +64,7 @@ def implausible_faults(samples: pd.DataFrame, drive: ExpectedDrive) -> Iterator[
     that of climb and speed and half of the rolling resistance; less would be recovered from nothing, as with a current of the wrong sign.
     """
     where = WHERE
-    last, planned = float(samples["time_s"].iloc[-1]), drive.plan.duration_s
+    last, planned = float(samples["time_s"][-1]), drive.plan.duration_s
     if drive.plan.link_m is None:
         end = drive.plan.end_s
         most = (planned if end is None else end - drive.plan.start_s) + LATE_S
@@ -147,16 +146,16 @@ def _energy_faults(cumulative: FloatArray, drive: ExpectedDrive, where: str) -> 
 
 
 def _motion_faults(
-    samples: pd.DataFrame, cumulative: FloatArray, drive: ExpectedDrive, where: str
+    samples: Columns, cumulative: FloatArray, drive: ExpectedDrive, where: str
 ) -> Iterator[Fault]:
     """The fault of an energy below what rolling, climb and speed take on the road that was driven. O(samples)."""
     known = np.flatnonzero(np.isfinite(cumulative))
     if len(known) < 2:
         return
-    time = samples["time_s"].to_numpy(dtype=np.float64)
+    time = samples["time_s"]
     plan_s = drive.plan.array("time_s") - drive.plan.array("time_s")[0]
     planned = np.interp(time, plan_s, drive.plan.array("speed_m_s"))
-    speed = samples["speed_m_s"].to_numpy(dtype=np.float64) if "speed_m_s" in samples else planned
+    speed = samples.get("speed_m_s", planned)
     # the road behind a first sample that came late was driven as planned
     start_m = float(np.interp(time[0], drive.edges_s, drive.distance_m))
     driven = start_m + np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
@@ -205,13 +204,12 @@ def _weight_wh_m(drive: ExpectedDrive) -> float:
     return _mass_kg(drive) * GRAVITY_M_S2 / SECONDS_PER_HOUR
 
 
-def _charge_faults(samples: pd.DataFrame, drive: ExpectedDrive, where: str) -> Iterator[Fault]:
+def _charge_faults(samples: Columns, drive: ExpectedDrive, where: str) -> Iterator[Fault]:
     allowed = SOC_MARGIN + _descent_wh(drive) / battery_wh(drive)
     for name in ("soc", "displayed_soc"):
         if name not in samples:
             continue
-        values = samples[name].to_numpy(dtype=np.float64)
-        values = values[np.isfinite(values)]
+        values = samples[name][np.isfinite(samples[name])]
         rise = _largest_rise(values)
         if rise > allowed:
             got = f"a rise of {rise:.0%} on the way"

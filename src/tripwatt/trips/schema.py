@@ -6,12 +6,13 @@ renaming and unit conversion.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, and_more, excerpt
 from tripwatt.trips.columns import COLUMNS, REQUIRED_COLUMNS, raise_faults
 
@@ -52,7 +53,9 @@ def is_sound(samples: pd.DataFrame) -> bool:
     return bool(not outside.any() and np.isfinite(required).all() and (np.diff(time) > 0).all())
 
 
-def structure_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
+def structure_faults(
+    samples: pd.DataFrame, where: str, *, required: Sequence[str] = REQUIRED_COLUMNS
+) -> Iterator[Fault]:
     """Every reason why a table cannot be a trip at all. O(columns).
 
     Parameters
@@ -61,6 +64,8 @@ def structure_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
         One row per sample.
     where : str
         Name of the table in messages.
+    required : sequence of str
+        Columns that have to be there.
 
     Yields
     ------
@@ -72,7 +77,7 @@ def structure_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
     >>> [fault.what for fault in structure_faults(pd.DataFrame({"time_s": [0.0]}), "drive.csv")]
     ['missing column', 'too few samples']
     """
-    for name in REQUIRED_COLUMNS:
+    for name in required:
         if name not in samples.columns:
             yield Fault(
                 "missing column",
@@ -100,12 +105,12 @@ def _is_numeric(values: pd.Series[Any]) -> bool:
     return not bool(values.isna().any())
 
 
-def value_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
+def value_faults(samples: pd.DataFrame | Mapping[str, FloatArray], where: str) -> Iterator[Fault]:
     """Every value that cannot be one, of a table without structure faults. O(samples x columns).
 
     Parameters
     ----------
-    samples : DataFrame
+    samples : DataFrame or mapping of str to ndarray
         One row per sample, for which `structure_faults` finds nothing.
     where : str
         Name of the table in messages.
@@ -120,7 +125,7 @@ def value_faults(samples: pd.DataFrame, where: str) -> Iterator[Fault]:
     >>> [fault.what for fault in value_faults(pd.DataFrame({"time_s": [1.0, 0.0], "speed_m_s": [0.0, np.nan]}), "drive.csv")]
     ['missing value', 'time does not increase']
     """
-    for name in samples.columns:
+    for name in samples:
         if name not in COLUMNS:
             continue
         column = COLUMNS[name]
