@@ -27,7 +27,7 @@ from tripwatt.vehicles import (
     vehicle_names,
     without_data,
 )
-from tripwatt.vehicles.inheriting import bundled_bases, inherit
+from tripwatt.vehicles.inheriting import bundled_bases, bundled_text, inherit
 from tripwatt.vehicles.loading import file_names
 from tripwatt.vehicles.losses import motor_loss
 from tripwatt.vehicles.vehicle import SECTIONS
@@ -100,6 +100,17 @@ def test_scaled_losses_are_the_reference_at_equal_shares() -> None:
     theirs = motor_loss(torque, speed, reference) * torque_ratio * speed_ratio
     mine = motor_loss(torque * torque_ratio, speed * speed_ratio, car)
     np.testing.assert_allclose(mine, theirs, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("section", "key"), [("drivetrain", "motor_max_speed_rad_s"), ("battery", "capacity_ah")]
+)
+def test_a_missing_entry_that_others_are_scaled_by_is_one_fault(section: str, key: str) -> None:
+    document = tomllib.loads(bundled_text("vw_id3"))
+    del document[section][key]
+    with pytest.raises(InvalidInput) as caught:
+        vehicle_from_document(document, "car", "car.toml")
+    assert [(f.what, f.allowed) for f in caught.value.faults] == [("missing entry", f"an entry {key!r}")]
 
 
 def test_scaled_resistance_is_inverse_to_capacity() -> None:

@@ -12,12 +12,11 @@ import pandas as pd
 import pytest
 from tests.support import ROOT
 from tests.support.cars import some_cars
+from tools.docs.write_parameters import render_licences, render_parameters
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.vehicles import (
     load_vehicle,
-    render_licences,
-    render_parameters,
     vehicle_from_document,
     vehicle_names,
 )

@@ -3,7 +3,7 @@
 from tripwatt.vehicles.comparing import Difference, differences, with_differences
 from tripwatt.vehicles.extras import with_extras
 from tripwatt.vehicles.importing import import_vehicle
-from tripwatt.vehicles.licences import LICENCES, render_licences
+from tripwatt.vehicles.licences import LICENCES
 from tripwatt.vehicles.loading import (
     find_vehicles,
     load_vehicle,
@@ -23,10 +23,9 @@ from tripwatt.vehicles.parts import (
     Tyres,
 )
 from tripwatt.vehicles.reading import vehicle_from_document
-from tripwatt.vehicles.table import describe_vehicle, render_parameters
 from tripwatt.vehicles.vehicle import ANCHORS, Entry, Vehicle
 from tripwatt.vehicles.without import names_data, without_data
-from tripwatt.vehicles.writing import render_vehicle, vehicle_document
+from tripwatt.vehicles.writing import describe_vehicle, render_vehicle, vehicle_document
 
 __all__ = [
     "ALIASES",
@@ -50,8 +49,6 @@ __all__ = [
     "load_vehicle",
     "names_data",
     "parse_overrides",
-    "render_licences",
-    "render_parameters",
     "render_vehicle",
     "require_vehicle",
     "vehicle_document",

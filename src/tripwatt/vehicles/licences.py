@@ -41,23 +41,6 @@ JOINT: Final = " AND "
 """Between the licences of an entry that cites several works."""
 
 
-def render_licences() -> str:
-    """Markdown table of the licences and what each means.
-
-    Returns
-    -------
-    str
-        One row per licence, ends with a line break.
-
-    Examples
-    --------
-    >>> print(render_licences().splitlines()[0])
-    | licence | meaning |
-    """
-    rows = [f"| `{name}` | {meaning} |" for name, meaning in LICENCES.items()]
-    return "\n".join(["| licence | meaning |", "|---|---|", *rows]) + "\n"
-
-
 def licence_faults(expression: object, place: str) -> Iterator[Fault]:
     """What is wrong with the licence, or the licences joined by " AND ", that a file names.
 

@@ -98,34 +98,11 @@ def vehicle_from_document(
         _override(entries, key, value, faults)
     left_out = OPTIONAL_SECTIONS - tables.keys() if preset != "default" else frozenset()
     entries = {key: e for key, e in entries.items() if key.partition(".")[0] not in left_out}
-    parts: dict[str, Any] = {}
     anchor = str(document.get("anchor", "published"))
     anchor = "published" if anchor == "book" else anchor  # its name up to 0.2
     if anchor not in ANCHORS:
         faults.append(_unknown_fault("anchor", f"{where}, anchor", anchor, ANCHORS))
-    for section, part in SECTIONS.items():
-        if section in left_out:
-            parts[section] = None
-            continue
-        present = {k.partition(".")[2]: e for k, e in entries.items() if k.startswith(f"{section}.")}
-        if section in OPTIONAL_SECTIONS and section not in tables and not present:
-            parts[section] = None
-            continue
-        missing = [f.name for f in dataclasses.fields(part) if _is_required(f) and f.name not in present]
-        named = tables.get(section, {})
-        faults += [
-            Fault(
-                "missing entry",
-                f"{where}, [{section}]",
-                "nothing",
-                f"an entry {key!r}",
-                _entry_line(section, key),
-            )
-            for key in missing
-            if key not in named  # else its own fault was told
-        ]
-        if not missing:
-            parts[section] = part(**{k: e.value for k, e in present.items()})
+    parts = {section: _part(section, entries, tables.get(section), where, faults) for section in SECTIONS}
     if not faults:
         parts["road_load"] = _with_method(parts["road_load"], where, faults)
         faults += _useless_overrides(parts["road_load"], overrides)
@@ -137,6 +114,31 @@ def vehicle_from_document(
         raise InvalidInput(faults)
     title = str(document.get("name", name))
     return Vehicle(name, title, preset, entries=entries, anchor=anchor, **parts)
+
+
+def _part(
+    section: str,
+    entries: Mapping[str, Entry],
+    table: Mapping[str, Any] | None,
+    where: str,
+    faults: list[Fault],
+) -> Any:
+    """A part from its entries; None for one that the car lacks, or with an entry missing."""
+    fields, values = _fields(section), {}
+    for key in fields:
+        entry = entries.get(f"{section}.{key}")
+        if entry is not None:
+            values[key] = entry.value
+    if table is None and not values and section in OPTIONAL_SECTIONS:
+        return None
+    missing = [k for k, f in fields.items() if f.default is dataclasses.MISSING and k not in values]
+    place = f"{where}, [{section}]"
+    faults += [
+        Fault("missing entry", place, "nothing", f"an entry {key!r}", _entry_line(section, key))
+        for key in missing
+        if key not in (table or ())  # else its own fault was told
+    ]
+    return None if missing else SECTIONS[section](**values)
 
 
 def _preset_tables(
@@ -170,10 +172,6 @@ def _preset_tables(
     return tables
 
 
-def _is_required(field: dataclasses.Field[Any]) -> bool:
-    return field.default is dataclasses.MISSING
-
-
 def _unknown_fault(what: str, where: str, got: str, allowed: Sequence[str] | Mapping[str, Any]) -> Fault:
     near = difflib.get_close_matches(got[:60], list(allowed), n=1)
     return Fault(
@@ -187,6 +185,7 @@ def _unknown_fault(what: str, where: str, got: str, allowed: Sequence[str] | Map
     )
 
 
+@cache
 def _fields(section: str) -> dict[str, dataclasses.Field[Any]]:
     return {f.name: f for f in dataclasses.fields(SECTIONS[section])}
 
@@ -200,6 +199,8 @@ def _entry_line(section: str, key: str) -> str:
 def _entry(section: str, key: str, raw: object, where: str, faults: list[Fault]) -> Entry | None:
     """One checked entry; None when it cannot be used, with the reason in `faults`."""
     place = f"{where}, {section}.{key}"
+    if raw is None:  # an entry that `[scaled]` would compute of one that is missing
+        return None
     field = _fields(section).get(key)
     if field is None:
         faults.append(_unknown_fault("key", place, key, list(_fields(section))))
@@ -281,24 +282,16 @@ def _value_faults(field: dataclasses.Field[Any], value: object, place: str) -> I
 
 
 def _override(entries: dict[str, Entry], key: str, value: float | str, faults: list[Fault]) -> None:
-    section, _, name = key.partition(".")
-    known = section in SECTIONS and name in _fields(section)
-    if not known:
-        allowed = [f"{s}.{f}" for s in SECTIONS for f in _fields(s)]
-        faults.append(_unknown_fault("key", "overrides", key, allowed))
+    known = {f"{section}.{name}": field for section in SECTIONS for name, field in _fields(section).items()}
+    field = known.get(key)
+    if field is None:
+        faults.append(_unknown_fault("key", "overrides", key, known))
         return
-    field = _fields(section)[name]
-    found = list(_value_faults(field, value, f"overrides, {key}"))
-    faults.extend(found)
-    if not found:
-        old = entries.get(key)
-        entries[key] = Entry(
-            _as_value(value),
-            field.metadata["unit"],
-            "given by the caller",
-            scale=old.scale if old else "soc",
-            licence="user",
-        )
+    wrong = list(_value_faults(field, value, f"overrides, {key}"))
+    faults += wrong
+    if not wrong:
+        scale, unit = entries[key].scale if key in entries else "soc", field.metadata["unit"]
+        entries[key] = Entry(_as_value(value), unit, "given by the caller", scale=scale, licence="user")
 
 
 def _useless_overrides(road_load: RoadLoad, overrides: Mapping[str, float | str]) -> Iterator[Fault]:

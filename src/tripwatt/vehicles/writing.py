@@ -1,12 +1,14 @@
-"""A car with all its values as a document or its text: nothing is taken over from other files."""
+"""A car with all its values as a document, its text or a table: nothing is taken over from other files."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
+from tripwatt.vehicles.loading import load_vehicle
 from tripwatt.vehicles.reading import vehicle_from_document
 from tripwatt.vehicles.vehicle import SECTIONS, Entry, Vehicle
 
@@ -116,3 +118,53 @@ def _line(key: str, entry: Entry) -> str:
 
 def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)
+
+
+def describe_vehicle(
+    name_or_path: str | Path, preset: str = "default", overrides: Mapping[str, float | str] | None = None
+) -> tuple[tuple[str, str, str, str, str], ...]:
+    """List all values of a car, in the order of the parts.
+
+    Arguments and errors as in `load_vehicle`.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        Name of a bundled car, or the path of a TOML file.
+    preset : str
+        Name of a preset of that file.
+    overrides : mapping of str to (float or str), optional
+        Values that replace those of the car, by key or short name.
+
+    Returns
+    -------
+    tuple of tuple of str
+        Rows (key, value, unit, source, licence).
+
+    Examples
+    --------
+    >>> describe_vehicle("bmw_i3_60ah", overrides={"mass": 1300.0})[0]
+    ('body.curb_mass_kg', '1300', 'kg', 'given by the caller', 'user')
+    """
+    vehicle = load_vehicle(name_or_path, preset, overrides)
+    keys = [f"{section}.{f.name}" for section, part in SECTIONS.items() for f in dataclasses.fields(part)]
+    return tuple(
+        (
+            key,
+            format_value(entry),
+            entry.unit,
+            f"{entry.source} (estimated: {entry.estimated})" if entry.estimated else entry.source,
+            entry.licence,
+        )
+        for key in keys
+        if (entry := vehicle.entries.get(key)) is not None
+    )
+
+
+def format_value(entry: Entry) -> str:
+    """The value of an entry as text."""
+    if isinstance(entry.value, str):
+        return entry.value
+    if isinstance(entry.value, tuple):
+        return ", ".join(f"{v:.7g}" for v in entry.value)
+    return f"{entry.value:.7g}" + (f" (on the {entry.scale} scale)" if entry.scale else "")
