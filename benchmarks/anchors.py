@@ -7,7 +7,7 @@ after every change of the physics or of the table of cars.
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -18,6 +18,7 @@ from tools.command import run
 from tools.data.anchoring import certified_figures, most_probable
 from tools.docs import pages
 
+from benchmarks.measure import Row
 from tripwatt.arrays import FloatArray
 from tripwatt.certification.anchoring import ROAD_LOAD, anchored, errors, scaled
 from tripwatt.certification.consumption import CertifiedFigure
@@ -59,6 +60,7 @@ BARS: Final = MappingProxyType(
         "largest row of certificates before": 0.08,
     }
 )
+AT_LEAST: Final = ("cars of 2019 or later", "share of rows within 4 % after")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -180,14 +182,14 @@ def figures_of_bars(outcomes: Sequence[Outcome]) -> dict[str, float]:
 
 
 def met(bar: str, figure: float) -> bool:
-    at_least = bar in ("cars of 2019 or later", "share of rows within 4 % after")
-    return figure >= BARS[bar] if at_least else figure <= BARS[bar]
+    """Whether a figure meets its bar."""
+    return figure >= BARS[bar] if bar in AT_LEAST else figure <= BARS[bar]
 
 
-def limit(bar: str) -> str:
-    """The limit of a bar, for people."""
-    sign = ">=" if met(bar, np.inf) else "<="
-    return f"{sign} {BARS[bar]:g}"
+def bars() -> Iterator[Row]:
+    """The bars on the anchors of the package."""
+    for name, figure in figures_of_bars(committed()).items():
+        yield Row(f"library: {name}", figure, **{"least" if name in AT_LEAST else "most": BARS[name]})
 
 
 def render(outcomes: Sequence[Outcome]) -> str:

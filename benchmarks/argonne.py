@@ -6,6 +6,7 @@ TRIPWATT_REFERENCE and TRIPWATT_DATA in CONTRIBUTING.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from tools import DATA, REFERENCE
 from tools.command import run
 from tools.docs import pages
 
+from benchmarks.measure import Row
 from tripwatt.physics import DriveConditions, simulate
 from tripwatt.units import M_PER_MILE
 from tripwatt.vehicles import load_vehicle
@@ -109,6 +111,12 @@ def render_rows(rows: pd.DataFrame) -> str:
     }
     lines += [f"| {name} | {value:.1%} |" for name, value in figures.items()]
     return "\n".join(lines) + "\n"
+
+
+def bars() -> Iterator[Row]:
+    """The bar on warm rows."""
+    worst = summary(argonne_rows(DATA, REFERENCE))["worst_error_21_to_25_degc"]
+    yield Row("moving parts: worst row at 21-25 °C of Argonne's dynamometer", worst, most=0.08)
 
 
 def main(write: bool = False) -> None:

@@ -6,7 +6,7 @@
     truth   deviations of vehicles found again; errors by number of own trips; coverage by car model
     update  one night against the whole fit
     peers   statsmodels MixedLM and single fits on the same rows
-    real    the TUM i3 and the Leafs of the VED set as one fleet (data in --data)
+    real    the TUM i3 and the Leafs of the VED set as one fleet
 
 Prints each bar with its figure, and writes those of `scale` into docs/howto/fleet.md with --write. The synthetic fleet and its seed
 are fixed.
@@ -14,23 +14,27 @@ are fixed.
 
 from __future__ import annotations
 
-import argparse
+import itertools
 import json
+import math
 import os
 import resource
 import shutil
 import signal
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from tools import DATA
+from tools.command import run
 from tools.docs import pages
+from typer import Argument, BadParameter, Option
 
-from benchmarks.bars import Bar, at_least, at_most, missing, shown
+from benchmarks.measure import Row, not_measured, report
 
 COMMAND = "python -m benchmarks.fleet"
 MB = 1.0 / 1024.0
@@ -118,24 +122,23 @@ def scale_once(trips: int, workers: int) -> dict[str, float]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def scale(small: int, large: int, workers: int) -> Iterator[Bar]:
+def scale(small: int, large: int, workers: int) -> Iterator[Row]:
     found = [scale_once(n, workers) for n in (small, large)]
     exponent = float(np.log(found[1]["cpu_s"] / found[0]["cpu_s"]) / np.log(large / small))
-    how = f"{COMMAND} scale --trips {small} {large} --workers {workers}"
     per_trip = found[1]["wall_min"] / large
-    yield shown(
+    yield Row(
         f"20,000 trips on {workers} processes, from {large}",
-        how,
-        f"{20_000 * per_trip:.1f} min",
-        "<= 20 min for 2 processes",
+        20_000 * per_trip,
+        "min",
+        note="≤ 20 for 2 processes",
     )
-    yield at_most(f"exponent of the CPU cost, {small} to {large} trips", how, exponent, 1.05)
-    yield at_most("peak memory of a worker", how, found[1]["worker_mb"] / 1024.0, 1.2, "GB")
-    yield shown("the same at the smaller size", how, f"{found[0]['worker_mb'] / 1024.0:.2f} GB", "flat")
-    yield at_most("from store to statistics", how, found[1]["map_ms"], 15.0, "ms CPU a trip")
-    yield shown("making and adding", how, f"{found[1]['add_ms']:.1f} ms CPU a trip", "")
+    yield Row(f"exponent of the CPU cost, {small} to {large} trips", exponent, most=1.05)
+    yield Row("peak memory of a worker", found[1]["worker_mb"] / 1024.0, "GB", most=1.2)
+    yield Row("the same at the smaller size", found[0]["worker_mb"] / 1024.0, "GB", note="flat")
+    yield Row("from store to statistics", found[1]["map_ms"], "ms CPU a trip", most=15.0)
+    yield Row("making and adding", found[1]["add_ms"], "ms CPU a trip")
     minutes = 1e6 * found[1]["cpu_s"] / large / 16.0 / 60.0
-    yield shown("1e6 trips on 16 cores, on paper", how, f"{minutes:.0f} min", "<= 30 min")
+    yield Row("1e6 trips on 16 cores, on paper", minutes, "min", note="≤ 30")
 
 
 def fitted(trips: int, vehicles: int, models: int = 4, days: float = 3.65) -> tuple[Any, Any, Any, str]:
@@ -159,13 +162,12 @@ def rows_of(store: Any, folder: str) -> Any:
     return read_rows(map_store(tasks_of(store, store.trip_rows(), f"{folder}/rows"), InProcess(), 1))
 
 
-def truth(trips: int = 1200, vehicles: int = 60) -> Iterator[Bar]:
+def truth(trips: int = 1200, vehicles: int = 60) -> Iterator[Row]:
     """Twenty trips a vehicle by default."""
     from benchmarks.many_vehicles import vehicle_truth
     from tripwatt.evaluation.fleets import evaluate_rows
     from tripwatt.trips import Trip
 
-    how = f"{COMMAND} truth"
     plan, store, model, folder = fitted(trips, vehicles, days=18.0)  # a year of 20 trips
     rows = rows_of(store, folder)
     X, models = rows.X, rows.texts("car_model")
@@ -185,24 +187,22 @@ def truth(trips: int = 1200, vehicles: int = 60) -> Iterator[Bar]:
     centred = [[v - np.mean([w for w, n in zip(values, names, strict=True) if own[n].car_model == own[m].car_model])
                 for v, m in zip(values, names, strict=True)] for values in (found, true, together)]  # fmt: skip
     correlation = float(np.corrcoef(centred[0], centred[1])[0, 1])
-    yield at_least(
+    yield Row(
         f"deviations of vehicles at {trips // vehicles} trips, correlation with the truth",
-        how,
         correlation,
-        0.9,
+        least=0.9,
     )
     text = "the same against the vehicle with the drivers of its trips"
-    yield shown(text, how, f"{np.corrcoef(centred[0], centred[2])[0, 1]:.3f}", "")
+    yield Row(text, float(np.corrcoef(centred[0], centred[2])[0, 1]))
     text = "the vehicle against the vehicle with its drivers, both true: what no estimate can part"
-    yield shown(text, how, f"{np.corrcoef(centred[1], centred[2])[0, 1]:.3f}", "")
+    yield Row(text, float(np.corrcoef(centred[1], centred[2])[0, 1]))
     evaluation = evaluate_rows(rows)
     for row in evaluation.own.to_dict("records"):
         best = min(row["own_only"], row["fleet_only"])
-        yield at_most(
+        yield Row(
             f"pooled error at {row['own_trips']:.0f} own trips over the better of own and fleet only",
-            how,
             row["pooled"] / best,
-            1.0,
+            most=1.0,
         )
     from benchmarks.many_vehicles import FleetPlan, many_vehicles
 
@@ -221,10 +221,7 @@ def truth(trips: int = 1200, vehicles: int = 60) -> Iterator[Bar]:
         )
     for name, its in inside.items():
         share = 100.0 * float(np.mean(its))
-        met = 87.0 <= share <= 93.0
-        yield Bar(
-            f"90 % intervals of {name}, {len(its)} later trips", how, f"{share:.1f} %", "87 to 93 %", met
-        )
+        yield Row(f"90 % intervals of {name}, {len(its)} later trips", share, "%", least=87.0, most=93.0)
     shutil.rmtree(folder, ignore_errors=True)
 
 
@@ -243,13 +240,12 @@ def own_energy_wh(plan: Any, truth_: Any, rows: Any) -> float:
     )
 
 
-def update(trips: int = 5000, vehicles: int = 100) -> Iterator[Bar]:
+def update(trips: int = 5000, vehicles: int = 100) -> Iterator[Row]:
     from benchmarks.many_vehicles import FleetPlan, many_vehicles
     from tripwatt.fleet.executors import InProcess
     from tripwatt.fleet.model import update_fleet
     from tripwatt.hybrid.groups import group_posterior
 
-    how = f"{COMMAND} update"
     began = cpu_s()
     plan, store, model, folder = fitted(trips, vehicles)
     whole = cpu_s() - began
@@ -266,14 +262,14 @@ def update(trips: int = 5000, vehicles: int = 100) -> Iterator[Bar]:
         store.add(its, car_model=car_model)
     updated, rows = update_fleet(model, store, f"{folder}/w", InProcess())
     night = cpu_s() - began
-    yield at_most(f"a night of {len(rows)} trips, share of the cost of all {trips}", how, night / whole, 0.03)
+    yield Row(f"a night of {len(rows)} trips, share of the cost of all {trips}", night / whole, most=0.03)
     full = group_posterior(rows_of(store, folder).sums, model.posterior.scales)
     worst = float(np.abs(full.mean - updated.posterior.mean).max() / np.abs(full.mean).max())
-    yield at_most("weights of the update against those of all trips, relative", how, worst, 1e-10)
+    yield Row("weights of the update against those of all trips, relative", worst, most=1e-10)
     shutil.rmtree(folder, ignore_errors=True)
 
 
-def store_bars(rows: int = 1_000_000) -> Iterator[Bar]:
+def store_bars(rows: int = 1_000_000) -> Iterator[Row]:
     """Writers at once, and a long table of trips."""
     import pyarrow as pa
     import pyarrow.dataset as ds
@@ -281,7 +277,6 @@ def store_bars(rows: int = 1_000_000) -> Iterator[Bar]:
     from tripwatt.store import create_store
     from tripwatt.store.rows import TRIPS, bucket_of
 
-    how = f"{COMMAND} store"
     folder = tempfile.mkdtemp()
     store = create_store(f"{folder}/s")
     vehicles = [f"V{k:05d}" for k in range(5000)]
@@ -321,20 +316,19 @@ def store_bars(rows: int = 1_000_000) -> Iterator[Bar]:
     began = time.perf_counter()
     listed = store.rows.read(["vehicle_id", "trip_id", "energy_wh"], ds.field("energy_wh") > 0.0).num_rows
     everything = time.perf_counter() - began
-    yield at_most(f"trips of one vehicle ({len(frame)}) of {rows} rows", how, one, 1.0, "s")
-    yield at_most(f"trips of one day ({len(some)}) of {rows} rows", how, day, 1.0, "s")
-    yield at_most(f"{listed} rows listed, three columns", how, everything, 1.0, "s")
+    yield Row(f"trips of one vehicle ({len(frame)}) of {rows} rows", one, "s", most=1.0)
+    yield Row(f"trips of one day ({len(some)}) of {rows} rows", day, "s", most=1.0)
+    yield Row(f"{listed} rows listed, three columns", everything, "s", most=1.0)
     shutil.rmtree(folder, ignore_errors=True)
 
 
-def peers(trips: int = 2000, vehicles: int = 100) -> Iterator[Bar]:
+def peers(trips: int = 2000, vehicles: int = 100) -> Iterator[Row]:
     """The mixed model of statsmodels on the same rows: random intercepts by vehicle for each of a few features."""
     import statsmodels.api as sm
 
     from tripwatt.fleet.features import START
     from tripwatt.hybrid.groups import fit_scales, group_posterior
 
-    how = f"{COMMAND} peers"
     rows = synthetic_rows(trips, vehicles)
     # every tenth trip is held out
     held = np.arange(len(rows)) % 10 == 0
@@ -359,17 +353,15 @@ def peers(trips: int = 2000, vehicles: int = 100) -> Iterator[Bar]:
         if name in peer.random_effects:
             energy[i] += float(test.X[i, random] @ np.asarray(peer.random_effects[name]))
     theirs = float(np.mean(np.abs(energy - observed) / observed))
-    yield at_most(f"error over that of statsmodels MixedLM ({100 * theirs:.2f} %)", how, ours / theirs, 1.0)
-    yield at_least("times faster than statsmodels MixedLM", how, theirs_s / ours_s, 10.0)
+    yield Row(f"error over that of statsmodels MixedLM ({100 * theirs:.2f} %)", ours / theirs, most=1.0)
+    yield Row("times faster than statsmodels MixedLM", theirs_s / ours_s, least=10.0)
     began = time.process_time()
     names = sorted(set(train.texts("vehicle_id").tolist()))
     for name in names:
         its = train.where(train.texts("vehicle_id") == name).sums
         group_posterior(its, fit_scales(its, START))
     single_s = time.process_time() - began
-    yield shown(
-        f"the pooled fit against {len(names)} single fits", how, f"{single_s / ours_s:.1f} x faster", ""
-    )
+    yield Row(f"the pooled fit against {len(names)} single fits", single_s / ours_s, "x faster")
 
 
 def synthetic_rows(trips: int, vehicles: int) -> Any:
@@ -397,22 +389,20 @@ def synthetic_rows(trips: int, vehicles: int) -> Any:
     return TripRows.join([pa.Table.from_pylist(found, schema=ROWS)])
 
 
-def real(data: Path) -> Iterator[Bar]:
+def real() -> Iterator[Row]:
     """The i3 of the TUM set and the Leafs of the VED set as one fleet, by their own trips and together."""
     from tripwatt.evaluation.fleets import _error
-    from tripwatt.fleet.executors import InProcess
     from tripwatt.fleet.features import START
     from tripwatt.hybrid.groups import fit_scales, group_posterior
     from tripwatt.store import add_files, create_store
 
-    how = f"{COMMAND} real"
-    if not (data / "tum").is_dir() or not (data / "ved").is_dir():
-        yield missing("real cars as one fleet", how, f"no {data}")
+    if not (DATA / "tum").is_dir() or not (DATA / "ved").is_dir():
+        yield not_measured("real cars as one fleet", f"no {DATA}")
         return
     folder = tempfile.mkdtemp()
     store = create_store(f"{folder}/s")
-    add_files(store, data / "tum", car_model="bmw_i3_60ah", vehicle_id="i3", dataset="tum")
-    add_files(store, data / "ved", car_model="nissan_leaf_24", dataset="ved")
+    add_files(store, DATA / "tum", car_model="bmw_i3_60ah", vehicle_id="i3", dataset="tum")
+    add_files(store, DATA / "ved", car_model="nissan_leaf_24", dataset="ved")
     rows = rows_of(store, folder)
     ids = rows.texts("vehicle_id")
     sums = rows.sums
@@ -435,16 +425,11 @@ def real(data: Path) -> Iterator[Bar]:
                 errors["own"] += [_error(own, test, observed)] * len(test)
         pooled_, own_ = (float(np.mean(e)) if e else float("nan") for e in errors.values())
         text = f"{vehicle} ({int(its.sum())} trips): fleet {100 * pooled_:.2f} %, alone {100 * own_:.2f} %"
-        yield (
-            at_most(f"{text}; ratio", how, pooled_ / own_, 1.03)
-            if its.sum() > 10
-            else shown(text, how, f"{pooled_ / own_:.3f}", "")
-        )
+        yield Row(f"{text}; ratio", pooled_ / own_, most=1.03 if its.sum() > 10 else math.inf)
     shutil.rmtree(folder, ignore_errors=True)
-    del InProcess
 
 
-def same(trips: int = 160, vehicles: int = 16) -> Iterator[Bar]:
+def same(trips: int = 160, vehicles: int = 16) -> Iterator[Row]:
     """One process, two processes of a cluster, and a cluster one of whose workers is killed."""
     from benchmarks.many_vehicles import CAR_MODELS, FleetPlan, many_vehicles
     from tripwatt.fleet.executors import InProcess
@@ -452,7 +437,6 @@ def same(trips: int = 160, vehicles: int = 16) -> Iterator[Bar]:
     from tripwatt.store import open_store
     from tripwatt.trips import Trip
 
-    how = f"{COMMAND} same"
     plan = FleetPlan(trips, vehicles=vehicles, car_models=CAR_MODELS[:2])
     folder = tempfile.mkdtemp()
     filled(f"{folder}/s", plan, InProcess(), 1)
@@ -482,7 +466,7 @@ def same(trips: int = 160, vehicles: int = 16) -> Iterator[Bar]:
             )
             for n in ("xx", "xy", "yy")
         )
-        yield at_most(f"sums, {name} against one process, relative", how, sums, 1e-10)
+        yield Row(f"sums, {name} against one process, relative", sums, most=1e-10)
         worst = max(
             abs(
                 first.forecast(t, vehicle_id=t.context.car).energy_wh
@@ -490,50 +474,39 @@ def same(trips: int = 160, vehicles: int = 16) -> Iterator[Bar]:
             )
             for t in logs
         )
-        yield at_most(f"forecasts, {name} against one process", how, worst, 1e-6, "Wh")
+        yield Row(f"forecasts, {name} against one process", worst, "Wh", most=1e-6)
     shutil.rmtree(folder, ignore_errors=True)
 
 
-def write(bars: list[Bar]) -> None:
-    """Put what `scale` printed between the marks of the page."""
-    rows = "\n".join(f"| {bar.text} | {bar.figure} |" for bar in bars)
-    table = f"`{bars[0].measure}` printed:\n\n| what | printed |\n|---|---:|\n{rows}"
-    pages.renew("howto/fleet.md", "costs", table)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(prog=COMMAND)
-    names = ("scale", "same", "store", "truth", "update", "peers", "real")
-    parser.add_argument("what", nargs="*", choices=[*names, []], default=[])
-    parser.add_argument("--trips", nargs=2, type=int, default=(2000, 20_000))
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
-    parser.add_argument("--json", type=Path)
-    parser.add_argument(
-        "--write", action="store_true", help="write the costs of `scale` into docs/howto/fleet.md"
-    )
-    given = parser.parse_args()
-    found = []
-    for name in given.what or names:
-        bars = {
-            "scale": lambda: scale(*given.trips, given.workers),
-            "same": same,
-            "store": store_bars,
-            "truth": truth,
-            "update": update,
-            "peers": peers,
-            "real": lambda: real(given.data),
-        }[name]
-        printed = []
-        for bar in bars():
-            print(f"{bar.text} | {bar.figure} | {bar.required} | {bar.verdict}", flush=True)
-            printed.append(bar)
-        found += [bar.__dict__ for bar in printed]
-        if given.write and name == "scale":
-            write(printed)
-    if given.json is not None:
-        given.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
+def main(
+    what: Annotated[list[str] | None, Argument()] = None,
+    trips: tuple[int, int] = (2000, 20_000),
+    workers: int = 2,
+    json_to: Annotated[Path | None, Option("--json")] = None,
+    write: bool = False,
+) -> int:
+    """Print the parts, all unless some are named; 1 when a bound is missed. `--write` renews the costs of `scale` in the docs."""
+    parts: dict[str, Callable[[], Iterator[Row]]] = {
+        "scale": lambda: scale(*trips, workers),
+        "same": same,
+        "store": store_bars,
+        "truth": truth,
+        "update": update,
+        "peers": peers,
+        "real": real,
+    }
+    if unknown := set(what or ()) - set(parts):
+        raise BadParameter(f"{', '.join(sorted(unknown))}: none of {', '.join(parts)}")
+    measured = {name: list(parts[name]()) for name in what or parts}
+    if write:
+        how = f"{COMMAND} scale --trips {trips[0]} {trips[1]} --workers {workers}"
+        rows = "\n".join(f"| {row.name} | {row.figure} |" for row in measured["scale"])
+        pages.renew("howto/fleet.md", "costs", f"`{how}` printed:\n\n| what | printed |\n|---|---:|\n{rows}")
+    if json_to is not None:
+        document = [vars(row) for rows in measured.values() for row in rows]
+        json_to.write_text(json.dumps(document, indent=1), encoding="utf-8")
+    return report(itertools.chain(*measured.values()))
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

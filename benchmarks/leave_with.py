@@ -20,7 +20,7 @@ from tests.support.service_process import Service, serving
 from tools.command import run
 
 import tripwatt as tw
-from benchmarks.measure import Row
+from benchmarks.measure import Row, report
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.population import for_car
 from tripwatt.trips import Departure, Plan
@@ -40,11 +40,6 @@ PROBABILITIES: Final = (0.5, 0.9, 0.95)
 RESERVE: Final = 0.1
 KNOWN: Final = Departure(ambient_temperature_degc=5.0, cabin_setpoint_degc=21.0)
 
-LARGEST: Final = "charge to leave with: largest difference of the chance to arrive from the one asked for"
-DEPENDS: Final = "charge to leave with: largest difference between plans with other charges"
-UNEXPLAINED: Final = "charge to leave with: answers off by more than 0.01 without a reason"
-ANSWERED: Final = "charge to leave with: questions answered"
-HTTP: Final = "charge to leave with over HTTP, 100 seeded questions: largest difference of the chance"
 WORST: Final = 0.01
 OVER_HTTP: Final = 100
 
@@ -125,32 +120,28 @@ def spread(found: Sequence[Answer]) -> float:
     return max(max(values) - min(values) for values in by_trip.values())
 
 
-def measured(cars: Sequence[str] | None = None) -> list[Row]:
+def rows(cars: Sequence[str] | None = None) -> Iterator[Row]:
     """The rows of the benchmark, over the whole library unless cars are given."""
     found = list(answers(vehicle_names() if cars is None else cars))
     with tempfile.TemporaryDirectory() as scratch, serving(Path(scratch), "--workers", "1") as service:
         asked = list(over_http(service, OVER_HTTP))
-    return [
-        Row(ANSWERED, len(found), ""),
-        *(
-            Row(f"of them: {why}", sum(one.exception == why for one in found), "")
-            for why in ("any charge", "not even full")
-        ),
-        Row(LARGEST, max(one.off for one in found), ""),
-        Row(UNEXPLAINED, sum(one.off > WORST for one in found), ""),
-        Row(DEPENDS, spread(found), ""),
-        Row(HTTP, max(one.off for one in asked), ""),
-    ]
+    text = "charge to leave with"
+    yield Row(f"{text}: questions answered", len(found))
+    for why in ("any charge", "not even full"):
+        yield Row(f"of them: {why}", sum(one.exception == why for one in found))
+    chance = "largest difference of the chance to arrive from the one asked for"
+    yield Row(f"{text}: {chance}", max(one.off for one in found), most=WORST)
+    yield Row(f"{text}: answers off by more without a reason", sum(one.off > WORST for one in found), most=0)
+    yield Row(f"{text}: largest difference between plans with other charges", spread(found), most=0.001)
+    yield Row(
+        f"{text} over HTTP, {OVER_HTTP} seeded questions: {chance}", max(one.off for one in asked), most=WORST
+    )
 
 
 def main(cars: int = 0) -> int:
     """Print the rows of all cars, or of a seeded sample of so many; 1 when a bound is missed."""
     names = sorted(vehicle_names())
-    rows = measured(random.Random(1).sample(names, cars) if cars else names)
-    for row in rows:
-        print(f"{row.name:90s} {row.value:10.5g}")
-    values = {row.name: row.value for row in rows}
-    return 0 if max(values[LARGEST], values[HTTP]) <= WORST and values[UNEXPLAINED] == 0.0 else 1
+    return report(rows(random.Random(1).sample(names, cars) if cars else names))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""Cars on the road: python -m benchmarks.live [message] [--trips N] [--cars N] [--seconds S].
+"""Cars on the road: python -m benchmarks.live [--message] [--trips N] [--cars N] [--seconds S].
 
-With `message` alone: milliseconds that a message costs in this process after an hour of a trip, from its JSON to that of the answer.
+With `--message`: milliseconds that a message costs in this process after an hour of a trip, from its JSON to that of the answer.
 
 TUM trips at 1 Hz are sent to a running service, each by a car of its own. Printed are the largest difference of the last
 forecasts to `update` on the same samples, the same after the service was killed in the middle of all trips, the same over a broker
@@ -21,14 +21,12 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import httpx
 import numpy as np
 import pandas as pd
-import typer
 from tests.live.brokers import MOSQUITTO, Sent, replay
 from tests.live.messages import NOON_S, abrp_messages, measured, over_a_bad_connection, samples_of
 from tests.support.service_process import Service, serving
@@ -36,6 +34,7 @@ from tools import DATA
 from tools.command import run
 
 import tripwatt as tw
+from benchmarks.measure import Row, not_measured, report
 from tripwatt.forecasting import Forecast
 from tripwatt.live import TopicJoiner, issue_token, open_road_car
 from tripwatt.sources.tum import REFERENCE_TRIPS
@@ -49,23 +48,6 @@ PERIOD_S = 2.0
 HOUR_S = 3600
 MESSAGES = 60
 MOST_MS = 3.0
-
-
-class Part(StrEnum):
-    """What is measured."""
-
-    ALL = "all"
-    MESSAGE = "message"
-
-
-@dataclass(frozen=True)
-class Row:
-    """One figure and its bounds."""
-
-    text: str
-    value: float
-    least: float
-    most: float
 
 
 @dataclass(frozen=True)
@@ -164,7 +146,7 @@ def replayed(drives: Sequence[Drive], *, killed: bool) -> list[float]:
 def over_mqtt(drives: Sequence[Drive]) -> Iterator[Row]:
     """Send all drives over a broker, with lost, late and doubled messages, and again with a broker that is killed in the middle."""
     if MOSQUITTO is None:
-        print("no mosquitto: trips over MQTT are not measured", file=sys.stderr)
+        yield not_measured("trips over MQTT", "no mosquitto")
         return
     sent = [Sent.from_table(d.trip.trip_id, d.table, len(d.table)) for d in drives]
     forecasts = {d.trip.trip_id: d.at_departure() for d in drives}
@@ -172,10 +154,10 @@ def over_mqtt(drives: Sequence[Drive]) -> Iterator[Row]:
         with tempfile.TemporaryDirectory() as place:
             found = replay(Path(place), sent, forecasts, killed=killed)
         worst = max(one.difference_wh for one in found)
-        yield Row(f"{text}: difference to update, largest of {len(found)} trips [Wh]", worst, 0.0, 1e-6)
+        yield Row(f"{text}: difference to update, largest of {len(found)} trips", worst, "Wh", most=1e-6)
         for name in ("missing", "twice"):
             number = sum(getattr(one, name) for one in found)
-            yield Row(f"{text}: samples {name} in finished trips", float(number), 0.0, 0.0)
+            yield Row(f"{text}: samples {name} in finished trips", float(number), most=0.0)
 
 
 def covered(trips: Sequence[Trip], drives: Sequence[Drive]) -> tuple[float, float, int]:
@@ -225,15 +207,14 @@ def many_cars(cars: int, seconds: float) -> Iterator[Row]:
             counted = sum(
                 service.client.get(f"/v1/live/car{k}").json()["messages"]["new"] for k in range(cars)
             )
-    yield Row(f"{cars} cars for {seconds:g} s: lag p99 [s]", float(np.percentile(lags, 99)), 0.0, 1.0)
-    yield Row(f"{cars} cars for {seconds:g} s: messages lost", float(len(lags) - counted), 0.0, 0.0)
+    yield Row(f"{cars} cars for {seconds:g} s: lag p99", float(np.percentile(lags, 99)), "s", most=1.0)
+    yield Row(f"{cars} cars for {seconds:g} s: messages lost", float(len(lags) - counted), most=0.0)
     yield Row(
         f"{cars} cars for {seconds:g} s: memory, last fifth over second fifth",
         float(
             np.mean(memory[-len(memory) // 5 :]) / np.mean(memory[len(memory) // 5 : 2 * len(memory) // 5])
         ),
-        0.0,
-        1.1,
+        most=1.1,
     )
 
 
@@ -301,7 +282,7 @@ def one_message(links: list[dict[str, float]], text: str) -> Row:
                 answer = json.dumps(car.document(NOON_S + k))
                 times.append(time.thread_time() - start)
                 assert json.loads(answer)["forecast"]["measured_until_s"] > HOUR_S / 2
-    return Row(f"a message after 1 h, {text}: best of {MESSAGES} [ms]", 1000.0 * min(times), 0.0, MOST_MS)
+    return Row(f"a message after 1 h, {text}: best of {MESSAGES}", 1000.0 * min(times), "ms", most=MOST_MS)
 
 
 def message_rows() -> Iterator[Row]:
@@ -311,34 +292,28 @@ def message_rows() -> Iterator[Row]:
     yield one_message([link] * 260, "heights unknown")
 
 
-def rows(data: Path, most: int, cars: int, seconds: float) -> Iterator[Row]:
+def rows(most: int = len(REFERENCE_TRIPS), cars: int = 200, seconds: float = 600.0) -> Iterator[Row]:
     """All rows."""
     yield from message_rows()
-    known = [t for t in tw.read_trips(data, "tum") if t.trip_id in REFERENCE_TRIPS and t.observed_energy_wh]
+    known = [
+        t for t in tw.read_trips(DATA / "tum", "tum") if t.trip_id in REFERENCE_TRIPS and t.observed_energy_wh
+    ]
     drives = [Drive.of(trip) for trip in known]
     for killed, text in ((False, "difference to update"), (True, "difference after kill -9")):
         found = replayed(drives[:most], killed=killed)
-        yield Row(f"{text}, largest of {len(found)} trips [Wh]", max(found), 0.0, 1e-6)
+        yield Row(f"{text}, largest of {len(found)} trips", max(found), "Wh", most=1e-6)
     yield from over_mqtt(drives[:most])
     bad, sound, number = covered(known, drives)
-    yield Row(f"coverage of 90 % with lost, late and doubled messages, {number} forecasts", bad, 0.85, 1.0)
-    yield Row(f"coverage of 90 % with all messages, {number} forecasts", sound, 0.85, 1.0)
+    yield Row(f"coverage of 90 % with lost, late and doubled messages, {number} forecasts", bad, least=0.85)
+    yield Row(f"coverage of 90 % with all messages, {number} forecasts", sound, least=0.85)
     yield from many_cars(cars, seconds)
 
 
 def main(
-    part: Annotated[Part, typer.Argument(help="message: its cost alone")] = Part.ALL,
-    trips: int = len(REFERENCE_TRIPS),
-    cars: int = 200,
-    seconds: float = 600.0,
+    trips: int = len(REFERENCE_TRIPS), cars: int = 200, seconds: float = 600.0, message: bool = False
 ) -> int:
-    """Send so many trips to a service; print the rows, 1 when a bound is missed."""
-    met = True
-    for row in message_rows() if part is Part.MESSAGE else rows(DATA / "tum", trips, cars, seconds):
-        inside = row.least <= row.value <= row.most
-        met &= inside
-        print(f"{'yes' if inside else 'NO':3} {row.value:12.6g}  {row.text}", flush=True)
-    return 0 if met else 1
+    """Send so many trips to a service; print the rows, 1 when a bound is missed. `--message`: the cost of one alone."""
+    return report(message_rows() if message else rows(trips, cars, seconds))
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -23,6 +23,7 @@ from tools.command import run
 from tools.docs import pages
 
 import tripwatt as tw
+from benchmarks.measure import Row, report
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.physics import grade_from_elevation
@@ -61,28 +62,6 @@ ambient_temperature_degc = { column = "Temperature", unit = "degC" }
 usable_capacity_kwh = 6.1
 """,
 }
-
-
-@dataclass(frozen=True)
-class Row:
-    """One figure and its bounds."""
-
-    text: str
-    value: float
-    least: float = -np.inf
-    most: float = np.inf
-
-    @property
-    def met(self) -> bool:
-        """Whether the figure lies within its bounds."""
-        return self.least <= self.value <= self.most
-
-    @property
-    def line(self) -> str:
-        """As a row of Markdown."""
-        ends = [f"{sign} {end:g}" for sign, end in (("≥", self.least), ("≤", self.most)) if np.isfinite(end)]
-        met = ("yes" if self.met else "no") if ends else ""
-        return f"| {self.text} | {self.value:.3g} | {', '.join(ends)} | {met} |"
 
 
 def trips_of(name: str, data: Path, folder: Path) -> tuple[list[Trip], Vehicle]:
@@ -151,12 +130,12 @@ def coverage_rows(text: str, inside: Sequence[bool], bound: bool = True) -> Iter
     """Coverage of the 90 % interval; of few trips the Clopper-Pearson interval has to contain the level."""
     n, hits = len(inside), int(sum(inside))
     if n >= LARGE:
-        yield Row(f"{text}: 90 % interval covers, of {n}", hits / n, *(COVERS if bound else ()))
+        yield Row(f"{text}: 90 % interval covers, of {n}", hits / n, "", *(COVERS if bound else ()))
         return
     low, high = binomtest(hits, n).proportion_ci(0.95, "exact")
     bounds = (0.0, LEVEL, LEVEL, 1.0) if bound else (0.0, 1.0, 0.0, 1.0)
-    yield Row(f"{text}: covers {hits} of {n}; lower end of Clopper-Pearson's interval", low, *bounds[:2])
-    yield Row(f"{text}: upper end of it", high, *bounds[2:])
+    yield Row(f"{text}: covers {hits} of {n}; lower end of Clopper-Pearson's interval", low, "", *bounds[:2])
+    yield Row(f"{text}: upper end of it", high, "", *bounds[2:])
 
 
 def width(forecast: Forecast) -> float:
@@ -233,7 +212,7 @@ def region_rows(data: Path, folder: Path) -> Iterator[Row]:
         scale = region_scale(trips_of(name, data, folder)[0])
         own = REGION_SCALE_M.get(name)
         bounds = () if own is None else (own - 0.05, own + 0.05)
-        yield Row(f"{name}: scale of the net climb over 10 km [m]", scale, *bounds)
+        yield Row(f"{name}: scale of the net climb over 10 km [m]", scale, "", *bounds)
 
 
 def bounds(only: str | None = None) -> Iterator[Row]:
@@ -252,14 +231,12 @@ def bounds(only: str | None = None) -> Iterator[Row]:
 
 def main(only: Literal["regions", "logs", "routes"] | None = None, write: bool = False) -> int:
     """Print the rows; 1 when a bound is missed. `--write` renews the table of docs/explanation/uncertainty.md."""
-    rows = []
-    for row in bounds(only):
-        rows.append(row)
-        print(f"{'' if row.met else 'MISSED '}{row.text}: {row.value:.4g}", flush=True)
+    rows = list(bounds(only))
+    missed = report(rows)
     if write:
         head = "| What | Figure | Bound | Met |\n|:--|--:|--:|:--|"
-        pages.renew("explanation/uncertainty.md", "climb", "\n".join([head, *(row.line for row in rows)]))
-    return int(not write and not all(row.met for row in rows))
+        pages.renew("explanation/uncertainty.md", "climb", "\n".join([head, *(row.cells for row in rows)]))
+    return int(missed and not write)
 
 
 if __name__ == "__main__":
