@@ -847,12 +847,7 @@ export interface components {
             weather: boolean;
             tiles: boolean;
             stations: number;
-            bounds_deg: [
-                number,
-                number,
-                number,
-                number
-            ] | null;
+            bounds_deg: number[] | null;
             attribution: string;
         };
         MappedColumnDocument: {
@@ -959,10 +954,7 @@ export interface components {
         PolygonDocument: {
             /** @constant */
             type: "Polygon";
-            coordinates: [
-                number,
-                number
-            ][][];
+            coordinates: number[][][];
         };
         ProblemDocument: {
             type: string;
