@@ -86,38 +86,16 @@ class CarJobs:
             return []
         return sorted(place.name for place in self.folder.iterdir() if is_car(place))
 
-    def place(self, name: str) -> Path:
-        """The folder of a car of this name, which may not exist.
-
-        Raises
-        ------
-        Problem
-            `no-live` for a service without cars, `no-such-car` for what cannot be a name.
-        """
-        if self.folder is None:
-            raise Problem("no-live", "start the service with --cars")
-        if VALID_NAME.fullmatch(name) is None:
-            raise Problem("no-such-car")
-        return self.folder / name
-
     def car(self, name: str) -> OwnCar:
-        """The car of this name.
-
-        Raises
-        ------
-        Problem
-            `no-such-car`.
-        """
-        place = self.place(name)
-        if not is_car(place):
-            raise Problem("no-such-car")
-        return open_car(place)
+        """The car of this name; errors are those of `car_folder`."""
+        return open_car(car_folder(self.folder, name))
 
     def model(self, name: str) -> tuple[str, ForecastModel] | None:
         """The model of a car as it is now, with a label that changes when it learns; None where there is no such car."""
-        if self.folder is None or VALID_NAME.fullmatch(name) is None or not is_car(self.folder / name):
+        try:
+            own = self.car(name)
+        except Problem:
             return None
-        own = open_car(self.folder / name)
         state = own.state()
         kept = self.models.get(name)
         if kept is None or kept[0] != state:
@@ -153,7 +131,7 @@ class CarJobs:
 
     def create(self, name: str, vehicle: Vehicle | str) -> dict[str, Any]:
         """Make a car, and return it as `show`."""
-        create_car(self.place(name), vehicle)
+        create_car(named_folder(self.folder, name), vehicle)
         return self.show(name)
 
     def forget(self, name: str) -> dict[str, Any]:
@@ -213,6 +191,47 @@ class CarJobs:
     def learn_finished(self, name: str) -> dict[str, Any]:
         """Learn the trips that a car finished on the road, as `learn`."""
         return _learned(learn_finished(self.car(name).folder))
+
+
+def require_folder(folder: Path | None) -> Path:
+    """The folder of cars.
+
+    Raises
+    ------
+    Problem
+        `no-live` for a service without cars.
+    """
+    if folder is None:
+        raise Problem("no-live", "start the service with --cars")
+    return folder
+
+
+def named_folder(folder: Path | None, name: str) -> Path:
+    """The folder of a car of this name, which may not exist.
+
+    Raises
+    ------
+    Problem
+        `no-live` for a service without cars, `no-such-car` for what cannot be a name.
+    """
+    cars = require_folder(folder)
+    if VALID_NAME.fullmatch(name) is None:
+        raise Problem("no-such-car")
+    return cars / name
+
+
+def car_folder(folder: Path | None, name: str) -> Path:
+    """The folder of the car of this name.
+
+    Raises
+    ------
+    Problem
+        `no-live` for a service without cars, `no-such-car`.
+    """
+    place = named_folder(folder, name)
+    if not is_car(place):
+        raise Problem("no-such-car")
+    return place
 
 
 def uploaded(car: Path, upload: str) -> Path:

@@ -23,7 +23,7 @@ from starlette.responses import Response
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.live.own_car import UPLOADS
 from tripwatt.service.answering import Answering, json_response
-from tripwatt.service.car_jobs import TABLES, read_progress
+from tripwatt.service.car_jobs import TABLES, car_folder, read_progress, require_folder
 from tripwatt.service.car_schemas import (
     NAME_PATTERN,
     CarResponse,
@@ -134,7 +134,7 @@ class CarOperations:
     @operation("POST /v1/cars", "cars", CarResponse, NewCarRequest)
     async def new_car(self, request: Request) -> Response:
         """Make a car that learns from its trips."""
-        self._folder()
+        require_folder(self.settings.cars)
         return _shown(await self.answering.body_job(request, "new car"), None)
 
     @operation("GET /v1/cars/{car}", "cars", CarResponse)
@@ -159,13 +159,13 @@ class CarOperations:
         """Make a token with which a car sends its messages; an earlier one is no longer accepted."""
         response = await self.answering.job(request, "car token", car=car)
         if response.status_code == 200:
-            await self.live().follow(self._folder() / car)
+            await self.live().follow(car_folder(self.settings.cars, car))
         return response
 
     @operation("PUT /v1/cars/{car}/uploads/{upload}/{file}", "cars", UploadResponse, {BYTES: BINARY})
     async def put_file(self, request: Request, car: CarName, upload: UploadName, file: FileName) -> Response:
         """Add a file of logs to an upload: a table, a workbook, or an archive of them."""
-        place = self._car(car) / UPLOADS / upload
+        place = car_folder(self.settings.cars, car) / UPLOADS / upload
         content = await self.answering.read(request, (BYTES,), self.settings.limits.upload_bytes, large=True)
         return json_response(await asyncio.to_thread(self._store, place, file, content))
 
@@ -229,17 +229,6 @@ class CarOperations:
         if found is not None and found.result is None:
             raise Problem("busy", "the car is learning", headers={"Retry-After": "5"})
 
-    def _folder(self) -> Path:
-        if self.settings.cars is None:
-            raise Problem("no-live", "start the service with --cars")
-        return self.settings.cars
-
-    def _car(self, name: str) -> Path:
-        place = self._folder() / name
-        if not (place / "car.json").is_file():
-            raise Problem("no-such-car")
-        return place
-
     def _store(self, place: Path, name: str, content: bytes) -> dict[str, int]:
         """Unpack a file into the tables of an upload; uploads that were left are erased."""
         _expire(place.parent, time.time() - EXPIRES_AFTER_S)
@@ -266,15 +255,9 @@ class CarOperations:
         found = self.learning.get(car)
         if found is None:
             return None
-        nothing: dict[str, Any] = {
-            "added": None,
-            "known": None,
-            "entries": None,
-            "left_out": [],
-            "faults": [],
-        }
+        nothing = dict.fromkeys(("added", "known", "entries")) | {"left_out": [], "faults": []}
         if found.result is None:
-            done, total = read_progress(self._folder() / car, found.upload)
+            done, total = read_progress(require_folder(self.settings.cars) / car, found.upload)
             return {"state": "running", "done": done, "total": total, **nothing}
         document: Mapping[str, Any] = orjson.loads(found.result.content)
         if found.result.status != 200:

@@ -254,7 +254,9 @@ class Jobs:
         car = vehicle if described is None else describe(described)
 
         def transferred() -> ForecastModel:
-            own = self.transferred[key] = for_car(fitted, car)
+            own = for_car(fitted, car)
+            if own is not fitted:
+                self.transferred[key] = own
             return own
 
         return transferred

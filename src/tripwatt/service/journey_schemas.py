@@ -174,7 +174,7 @@ class PolygonDocument(ResponseModel):
     """A polygon of GeoJSON."""
 
     type: Literal["Polygon"]
-    coordinates: list[list[tuple[float, float]]] = Field(description="longitude and latitude [°]")
+    coordinates: list[list[list[float]]] = Field(description="longitude and latitude [°]")
 
 
 class AreaDocument(ResponseModel):
@@ -210,7 +210,5 @@ class MapResponse(ResponseModel):
     weather: bool = Field(description="whether a weather server is asked")
     tiles: bool = Field(description="whether /v1/tiles has the roads as vector tiles")
     stations: int = Field(description="number of charging stations")
-    bounds_deg: tuple[float, float, float, float] | None = Field(
-        description="south, west, north and east of the map"
-    )
+    bounds_deg: list[float] | None = Field(description="south, west, north and east of the map")
     attribution: str

@@ -1,4 +1,4 @@
-/** Documents of the service, written by `types.mjs` from its OpenAPI document. Do not edit. */
+/** Documents of the service, written by `types.mjs` from the OpenAPI document of the service. Do not edit. */
 
 export interface paths {
     "/v1/forecast": {
@@ -113,22 +113,6 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
-    "/v1/map": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get: operations["get_map_v1_map_get"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
     "/v1/map/view": {
         parameters: {
             query?: never;
@@ -155,6 +139,214 @@ export interface paths {
         get: operations["get_tile_v1_tiles__zoom___column___row__get"];
         put?: never;
         post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/map": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_map_v1_map_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/telemetry": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["telemetry_v1_telemetry_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/live": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["list_live_v1_live_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/live/{vehicle}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_live_v1_live__vehicle__get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/live/{vehicle}/plan": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put: operations["put_plan_v1_live__vehicle__plan_put"];
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/live/{vehicle}/events": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_events_v1_live__vehicle__events_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/need": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_need_v1_need_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/cars": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["list_cars_v1_cars_get"];
+        put?: never;
+        post: operations["new_car_v1_cars_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/cars/{car}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get: operations["get_car_v1_cars__car__get"];
+        put?: never;
+        post?: never;
+        delete: operations["forget_car_v1_cars__car__delete"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/cars/{car}/token": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["new_token_v1_cars__car__token_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/cars/{car}/uploads/{upload}/{file}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put: operations["put_file_v1_cars__car__uploads__upload___file__put"];
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/cars/{car}/uploads/{upload}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["read_logs_v1_cars__car__uploads__upload__post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/cars/{car}/uploads/{upload}/learn": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post: operations["learn_v1_cars__car__uploads__upload__learn_post"];
         delete?: never;
         options?: never;
         head?: never;
@@ -273,205 +465,13 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
-    "/v1/telemetry": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get?: never;
-        put?: never;
-        post: operations["telemetry_v1_telemetry_post"];
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/live": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get: operations["list_live_v1_live_get"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/live/{vehicle}": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get: operations["get_live_v1_live__vehicle__get"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/live/{vehicle}/plan": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get?: never;
-        put: operations["put_plan_v1_live__vehicle__plan_put"];
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/need": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get: operations["get_need_v1_need_get"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/live/{vehicle}/events": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get: operations["get_events_v1_live__vehicle__events_get"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/cars": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get: operations["list_cars_v1_cars_get"];
-        put?: never;
-        post: operations["new_car_v1_cars_post"];
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/cars/{car}": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get: operations["get_car_v1_cars__car__get"];
-        put?: never;
-        post?: never;
-        delete: operations["forget_car_v1_cars__car__delete"];
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/cars/{car}/token": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get?: never;
-        put?: never;
-        post: operations["new_token_v1_cars__car__token_post"];
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/cars/{car}/uploads/{upload}/{file}": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get?: never;
-        put: operations["put_file_v1_cars__car__uploads__upload___file__put"];
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/cars/{car}/uploads/{upload}": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get?: never;
-        put?: never;
-        post: operations["read_logs_v1_cars__car__uploads__upload__post"];
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/cars/{car}/uploads/{upload}/learn": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get?: never;
-        put?: never;
-        post: operations["learn_v1_cars__car__uploads__upload__learn_post"];
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
 }
 export type webhooks = Record<string, never>;
 export interface components {
     schemas: {
         AreaDocument: {
             probability: number;
-            polygon: components["schemas"]["PolygonDocument"];
+            polygon: Record<string, unknown>;
         };
         CarResponse: {
             name: string;
@@ -569,7 +569,9 @@ export interface components {
             distance_m: number;
             ambient_temperature_degc: number | null;
             observed_energy_wh: number;
-            request: components["schemas"]["ForecastRequest"];
+            request: {
+                [key: string]: unknown;
+            };
             observed: {
                 [key: string]: (number | null)[];
             };
@@ -599,13 +601,6 @@ export interface components {
             /** @enum {string} */
             consequence: "trimmed" | "split" | "set aside" | "noted";
         };
-        FittedModel: {
-            vehicle: string;
-            vehicle_title: string;
-            trips: number;
-        } & {
-            [key: string]: unknown;
-        };
         FlagDocument: {
             code: string;
             subject: string;
@@ -624,6 +619,19 @@ export interface components {
             model?: string | null;
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            soc?: number | null;
+            ambient_temperature_degc?: number | null;
+            cabin_setpoint_degc?: number | null;
+            cabin_temperature_degc?: number | null;
+            battery_temperature_degc?: number | null;
+            payload_mass_kg?: number | null;
+            climate?: ("auto" | "off" | "heat" | "cool") | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
+            wind_speed_m_s?: number | null;
+            wind_from_deg?: number | null;
+            rain_mm_h?: number | null;
+            pressure_pa?: number | null;
             trip?: string;
             samples?: {
                 time_s: number[];
@@ -646,15 +654,6 @@ export interface components {
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
-            soc?: number | null;
-            ambient_temperature_degc?: number | null;
-            cabin_setpoint_degc?: number | null;
-            cabin_temperature_degc?: number | null;
-            battery_temperature_degc?: number | null;
-            payload_mass_kg?: number | null;
-            climate?: ("auto" | "off" | "heat" | "cool") | null;
-            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
-            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
             reserve?: number;
             probability?: number | null;
         };
@@ -761,6 +760,19 @@ export interface components {
             model?: string | null;
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            soc?: number | null;
+            ambient_temperature_degc?: number | null;
+            cabin_setpoint_degc?: number | null;
+            cabin_temperature_degc?: number | null;
+            battery_temperature_degc?: number | null;
+            payload_mass_kg?: number | null;
+            climate?: ("auto" | "off" | "heat" | "cool") | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
+            wind_speed_m_s?: number | null;
+            wind_from_deg?: number | null;
+            rain_mm_h?: number | null;
+            pressure_pa?: number | null;
             trip?: string;
             samples?: {
                 time_s: number[];
@@ -783,15 +795,6 @@ export interface components {
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
-            soc?: number | null;
-            ambient_temperature_degc?: number | null;
-            cabin_setpoint_degc?: number | null;
-            cabin_temperature_degc?: number | null;
-            battery_temperature_degc?: number | null;
-            payload_mass_kg?: number | null;
-            climate?: ("auto" | "off" | "heat" | "cool") | null;
-            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
-            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
             reserve?: number;
             probability?: number | null;
             departure_utc?: number | null;
@@ -847,12 +850,7 @@ export interface components {
             weather: boolean;
             tiles: boolean;
             stations: number;
-            bounds_deg: [
-                number,
-                number,
-                number,
-                number
-            ] | null;
+            bounds_deg: number[] | null;
             attribution: string;
         };
         MappedColumnDocument: {
@@ -868,7 +866,9 @@ export interface components {
         };
         ModelSummary: {
             name: string;
-            model: components["schemas"]["FittedModel"];
+            model: {
+                [key: string]: unknown;
+            };
             contract: {
                 [key: string]: unknown;
             };
@@ -930,7 +930,12 @@ export interface components {
             climate?: ("auto" | "off" | "heat" | "cool") | null;
             extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
             terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
-            depart?: string | null;
+            wind_speed_m_s?: number | null;
+            wind_from_deg?: number | null;
+            rain_mm_h?: number | null;
+            pressure_pa?: number | null;
+            departure_utc?: string | null;
+            /** @deprecated */
             weather?: components["schemas"]["WeatherRequest"] | null;
             stops: (string | components["schemas"]["PlaceRequest"])[];
             reserve?: number;
@@ -955,14 +960,6 @@ export interface components {
             roads: components["schemas"]["RoadDocument"][];
             flags: components["schemas"]["FlagDocument"][];
             attribution: string;
-        };
-        PolygonDocument: {
-            /** @constant */
-            type: "Polygon";
-            coordinates: [
-                number,
-                number
-            ][][];
         };
         ProblemDocument: {
             type: string;
@@ -993,7 +990,12 @@ export interface components {
             climate?: ("auto" | "off" | "heat" | "cool") | null;
             extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
             terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
-            depart?: string | null;
+            wind_speed_m_s?: number | null;
+            wind_from_deg?: number | null;
+            rain_mm_h?: number | null;
+            pressure_pa?: number | null;
+            departure_utc?: string | null;
+            /** @deprecated */
             weather?: components["schemas"]["WeatherRequest"] | null;
             start: string | components["schemas"]["PlaceRequest"];
             reserve?: number;
@@ -1026,7 +1028,9 @@ export interface components {
             samples: {
                 [key: string]: (number | null)[];
             };
-            links: components["schemas"]["Link"][] | null;
+            links: {
+                [key: string]: number;
+            }[] | null;
             elevation: components["schemas"]["Elevation"] | null;
             duration_s: number;
             distance_m: number;
@@ -1101,6 +1105,19 @@ export interface components {
             model?: string | null;
             vehicle?: string | null;
             vehicle_figures?: components["schemas"]["VehicleFigures"] | null;
+            soc?: number | null;
+            ambient_temperature_degc?: number | null;
+            cabin_setpoint_degc?: number | null;
+            cabin_temperature_degc?: number | null;
+            battery_temperature_degc?: number | null;
+            payload_mass_kg?: number | null;
+            climate?: ("auto" | "off" | "heat" | "cool") | null;
+            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
+            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
+            wind_speed_m_s?: number | null;
+            wind_from_deg?: number | null;
+            rain_mm_h?: number | null;
+            pressure_pa?: number | null;
             trip?: string;
             samples?: {
                 time_s: number[];
@@ -1123,15 +1140,6 @@ export interface components {
             } | null;
             links?: components["schemas"]["Link"][] | null;
             elevation?: components["schemas"]["Elevation"] | null;
-            soc?: number | null;
-            ambient_temperature_degc?: number | null;
-            cabin_setpoint_degc?: number | null;
-            cabin_temperature_degc?: number | null;
-            battery_temperature_degc?: number | null;
-            payload_mass_kg?: number | null;
-            climate?: ("auto" | "off" | "heat" | "cool") | null;
-            extras?: ("winter_tyres" | "roof_box" | "trailer" | "headlights")[] | null;
-            terrain?: ("unknown" | "flat" | "hilly" | "mountains") | null;
             reserve?: number;
             probability?: number | null;
             observed: {
@@ -1215,7 +1223,6 @@ export type ExampleSummary = components['schemas']['ExampleSummary'];
 export type ExamplesResponse = components['schemas']['ExamplesResponse'];
 export type FieldDocument = components['schemas']['FieldDocument'];
 export type FindingDocument = components['schemas']['FindingDocument'];
-export type FittedModel = components['schemas']['FittedModel'];
 export type FlagDocument = components['schemas']['FlagDocument'];
 export type ForecastOnTheWay = components['schemas']['ForecastOnTheWay'];
 export type ForecastRequest = components['schemas']['ForecastRequest'];
@@ -1249,7 +1256,6 @@ export type PlaceRequest = components['schemas']['PlaceRequest'];
 export type PlacesResponse = components['schemas']['PlacesResponse'];
 export type PlanRequest = components['schemas']['PlanRequest'];
 export type PlanResponse = components['schemas']['PlanResponse'];
-export type PolygonDocument = components['schemas']['PolygonDocument'];
 export type ProblemDocument = components['schemas']['ProblemDocument'];
 export type ProblemFault = components['schemas']['ProblemFault'];
 export type ReachRequest = components['schemas']['ReachRequest'];
@@ -1356,9 +1362,9 @@ export interface operations {
         requestBody: {
             content: {
                 "application/gpx+xml": string;
+                "application/vnd.google-earth.kml+xml": string;
                 "application/xml": string;
                 "text/xml": string;
-                "application/vnd.google-earth.kml+xml": string;
                 "text/csv": string;
                 "application/octet-stream": string;
                 "application/geo+json": Record<string, unknown>;
@@ -1444,25 +1450,6 @@ export interface operations {
             };
         };
     };
-    get_map_v1_map_get: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["MapResponse"];
-                };
-            };
-        };
-    };
     get_view_v1_map_view_get: {
         parameters: {
             query: {
@@ -1511,7 +1498,7 @@ export interface operations {
             };
         };
     };
-    get_models_v1_models_get: {
+    get_map_v1_map_get: {
         parameters: {
             query?: never;
             header?: never;
@@ -1525,148 +1512,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["ModelsResponse"];
-                };
-            };
-        };
-    };
-    get_vehicles_v1_vehicles_get: {
-        parameters: {
-            query?: {
-                search?: string | null;
-            };
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["VehiclesResponse"];
-                };
-            };
-        };
-    };
-    describe_v1_vehicles_post: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody: {
-            content: {
-                "application/json": components["schemas"]["VehicleFigures"];
-            };
-        };
-        responses: {
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["DescribedVehicle"];
-                };
-            };
-        };
-    };
-    get_examples_v1_examples_get: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["ExamplesResponse"];
-                };
-            };
-        };
-    };
-    get_example_v1_examples__trip__get: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path: {
-                trip: string;
-            };
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["ExampleResponse"];
-                };
-            };
-        };
-    };
-    healthz_healthz_get: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["HealthResponse"];
-                };
-            };
-        };
-    };
-    readyz_readyz_get: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["HealthResponse"];
-                };
-            };
-        };
-    };
-    get_metrics_metrics_get: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "text/plain": string;
+                    "application/json": components["schemas"]["MapResponse"];
                 };
             };
         };
@@ -1760,6 +1606,27 @@ export interface operations {
             };
         };
     };
+    get_events_v1_live__vehicle__events_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                vehicle: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/event-stream": string;
+                };
+            };
+        };
+    };
     get_need_v1_need_get: {
         parameters: {
             query: {
@@ -1781,27 +1648,6 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["NeedResponse"];
-                };
-            };
-        };
-    };
-    get_events_v1_live__vehicle__events_get: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path: {
-                vehicle: string;
-            };
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "text/event-stream": string;
                 };
             };
         };
@@ -1986,6 +1832,166 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["CarResponse"];
+                };
+            };
+        };
+    };
+    get_models_v1_models_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ModelsResponse"];
+                };
+            };
+        };
+    };
+    get_vehicles_v1_vehicles_get: {
+        parameters: {
+            query?: {
+                search?: string | null;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["VehiclesResponse"];
+                };
+            };
+        };
+    };
+    describe_v1_vehicles_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["VehicleFigures"];
+            };
+        };
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["DescribedVehicle"];
+                };
+            };
+        };
+    };
+    get_examples_v1_examples_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ExamplesResponse"];
+                };
+            };
+        };
+    };
+    get_example_v1_examples__trip__get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                trip: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ExampleResponse"];
+                };
+            };
+        };
+    };
+    healthz_healthz_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["HealthResponse"];
+                };
+            };
+        };
+    };
+    readyz_readyz_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["HealthResponse"];
+                };
+            };
+        };
+    };
+    get_metrics_metrics_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/plain": string;
                 };
             };
         };

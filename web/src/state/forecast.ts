@@ -7,7 +7,7 @@ import type { Forecast, Fault, Journey, LeaveWith, Place, Problem } from "../api
 import { atMotorwaySpeed } from "../model/links";
 import { type Profile, profileFromSamples, withElevationOf } from "../model/profile";
 import { type Car, car } from "./car";
-import { type Conditions, conditions } from "./conditions";
+import { ASKED, type Conditions, conditions } from "./conditions";
 import { answersAreOld, askJourney, chosenRoad, journey, mergedJourney } from "./journey";
 import { forecastRequest, journeyRequest, type Trip, trip } from "./trip";
 
@@ -23,12 +23,12 @@ export type Mode = "plan" | "compare" | "drive";
 
 /** The setting that differs in the second forecast of a comparison, with its value. */
 export interface Other {
-  setting: "setpointDegc" | "ambientDegc" | "payloadKg" | "soc" | "motorwayMS";
+  setting: "cabin_setpoint_degc" | "ambient_temperature_degc" | "payload_mass_kg" | "soc" | "motorwayMS";
   value: number;
 }
 
 export const mode = signal<Mode>("plan");
-export const other = signal<Other>({ setting: "setpointDegc", value: 18 });
+export const other = signal<Other>({ setting: "cabin_setpoint_degc", value: 18 });
 
 /** Forecast at departure. */
 export const departure = signal<Forecast | null>(null);
@@ -199,11 +199,8 @@ export const faults = computed(() => {
 
 const FIELDS = [
   ...Object.values(STOP_FIELDS),
-  "soc",
   "displayed_soc",
-  "ambient_temperature_degc",
-  "cabin_setpoint_degc",
-  "payload_mass_kg",
+  ...ASKED,
   "reserve",
   "model",
   "vehicle",

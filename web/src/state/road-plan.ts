@@ -5,7 +5,7 @@ import { putPlan, RequestFailed } from "../api/client";
 import { atMotorwaySpeed } from "../model/links";
 import { profileFromSamples } from "../model/profile";
 import { linksOfProfile } from "../model/road-links";
-import { conditions } from "./conditions";
+import { conditions, fieldsOf } from "./conditions";
 import { chosenRoad, journey } from "./journey";
 import { followed, live, planFailed } from "./live-drive";
 import { trip } from "./trip";
@@ -24,8 +24,9 @@ export const canPlan = computed(() => road.value !== null);
 
 /** Give the followed car the trip of the page as its plan; charge and temperatures are those that the car sends. */
 export async function planFromPage(): Promise<void> {
-  const { reserve, payloadKg, setpointDegc, climate } = conditions.value;
-  const more = { reserve, payload_mass_kg: payloadKg, cabin_setpoint_degc: setpointDegc, climate };
+  const more = fieldsOf({ ...conditions.value, beforeDeparture: "unknown" }, {});
+  delete more.soc;
+  delete more.ambient_temperature_degc;
   const car = followed.value;
   if (road.value === null || !car) return;
   planFailed.value = false;

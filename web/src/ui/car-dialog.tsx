@@ -7,6 +7,7 @@ import { car, chooseDescribed, chooseVehicle, vehicles } from "../state/car";
 import { ENERGY, POWER, type Quantity } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import { FaultList } from "./faults";
+import { Select } from "./select";
 
 const open = signal(false);
 const faults = signal<Fault[]>([]);
@@ -194,23 +195,21 @@ export function CarDialog() {
             </label>
           );
         })}
-        <label class="field">
-          <span>{words.procedure}</span>
-          <select name="procedure" value={known?.procedure ?? "wltp"}>
-            <option value="wltp">{words.procedures.wltp}</option>
-            <option value="epa">{words.procedures.epa}</option>
-          </select>
-        </label>
-        <label class="field">
-          <span>{words.body}</span>
-          <select name="body" value={known?.body ?? "hatchback"}>
-            {BODIES.map((body) => (
-              <option key={body} value={body}>
-                {words.bodies[body]}
-              </option>
-            ))}
-          </select>
-        </label>
+        <Select
+          name="procedure"
+          label={words.procedure}
+          value={known?.procedure ?? "wltp"}
+          options={[
+            ["wltp", words.procedures.wltp],
+            ["epa", words.procedures.epa],
+          ]}
+        />
+        <Select
+          name="body"
+          label={words.body}
+          value={known?.body ?? "hatchback"}
+          options={BODIES.map((body) => [body, words.bodies[body]])}
+        />
         <label class="tick">
           <input name="heat_pump" type="checkbox" checked={known?.heat_pump ?? false} />
           {words.heatPump}
