@@ -280,7 +280,7 @@ def test_each_vehicle_has_its_own_forecast(fleet):
     table = segment_trips([trip], load_vehicle(plan.car_models[0]))
     trees = model.trees.predict(table)
     assert linear.predict(table) == pytest.approx(segment_features(table) @ weights + trees)
-    factor = linear.uncertainty_factor(table)
+    factor = linear.predict_with_uncertainty(table)[1]
     features = segment_features(table)
     assert factor @ factor.T == pytest.approx(features @ covariance @ features.T, rel=1e-8, abs=1e-6)
     with pytest.raises(InvalidInput, match="unknown vehicle: vehicle_id: got 'new'"):

@@ -24,7 +24,7 @@ from tripwatt.hybrid.hierarchy import (
     term_scales,
 )
 from tripwatt.hybrid.parameters import Parameter
-from tripwatt.hybrid.power import SETTLED_S, EnsembleCorrector, GPCorrector
+from tripwatt.hybrid.power import SETTLED_S, EnsembleCorrector, GPCorrector, PowerCorrector
 from tripwatt.hybrid.split import SplitCorrector
 from tripwatt.learners.gp import KernelTerm
 from tripwatt.vehicles import load_vehicle
@@ -219,12 +219,12 @@ class TestMembers:
     def test_of_a_corrector(self) -> None:
         a, b, c = GPCorrector(()), GPCorrector(()), GPCorrector(())
         assert Members.from_corrector(a).correctors == (a,)
-        assert Members.from_corrector(EnsembleCorrector([a, SimpleNamespace()])).correctors == (a,)
-        split = SplitCorrector(a, EnsembleCorrector([b, SimpleNamespace()]), c, True)
+        assert Members.from_corrector(EnsembleCorrector([a, PowerCorrector()])).correctors == (a,)
+        split = SplitCorrector(a, EnsembleCorrector([b, PowerCorrector()]), c, True)
         assert Members.from_corrector(split).correctors == (a, b)
         assert Members.from_corrector(SplitCorrector(a, b, c, False)).correctors == (c,)
         with pytest.raises(InvalidInput, match="cannot be transferred"):
-            Members.from_corrector(EnsembleCorrector([SimpleNamespace()]))
+            Members.from_corrector(EnsembleCorrector([PowerCorrector()]))
 
     def test_scales(self) -> None:
         """A smooth of speed goes with the mass, 1.5; one of the cabin's temperatures with its heat loss, (30 + 30) / (20 + 10)."""
@@ -393,7 +393,6 @@ class TestCorrector:
         assert mean == pytest.approx(X @ found.mean + shape, **EXACT)
         assert factor == pytest.approx(X @ found.factor, **EXACT)
         assert found.predict(own).tolist() == mean.tolist()
-        assert found.uncertainty_factor(own).tolist() == factor.tolist()
         assert found.outside_factor(own).shape == (5, 0)
         assert found.predict_climate(own) is None
         for refused in (lambda: found.fit(own), found.clone_tuned):

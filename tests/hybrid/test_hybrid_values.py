@@ -472,14 +472,11 @@ class Fixed:
     def predict(self, own):
         return np.full(len(own.hours), self.watts)
 
-    def uncertainty_factor(self, own):
-        return np.full((len(own.hours), 1), self.factor)
-
     def outside_factor(self, own):
         return np.full((len(own.hours), 1), 10.0 * self.factor)
 
     def predict_with_uncertainty(self, own):
-        return self.predict(own), self.uncertainty_factor(own)
+        return self.predict(own), np.full((len(own.hours), 1), self.factor)
 
 
 class TestCorrectors:
@@ -490,7 +487,6 @@ class TestCorrectors:
         mean = EnsembleCorrector(members).fit(self.two)
         assert [m.seen is self.two for m in members] == [True, True]
         assert mean.predict(self.two).tolist() == [25.0, 25.0]
-        assert mean.uncertainty_factor(self.two).tolist() == [[3.0], [3.0]]
         assert mean.outside_factor(self.two).tolist() == [[30.0], [30.0]]
         both = mean.predict_with_uncertainty(self.two)
         assert both[0].tolist() == [25.0, 25.0]
@@ -526,7 +522,6 @@ class TestCorrectors:
             assert climate.seen is drive.seen is None
             assert found.predict(own)[0] == 99.0
             assert found.predict_climate(own) is None
-            assert found.uncertainty_factor(own)[0].tolist() == [4.0]
             assert found.outside_factor(own)[0].tolist() == [40.0]
             assert found.predict_with_uncertainty(own)[1][0].tolist() == [4.0]
             again = found.clone_tuned()
@@ -540,7 +535,6 @@ class TestCorrectors:
         assert joint.seen is None
         assert found.predict(own)[0] == 27.0
         assert found.predict_climate(own)[0] == 20.0
-        assert found.uncertainty_factor(own)[0].tolist() == [1.0, 2.0]
         assert found.outside_factor(own)[0].tolist() == [10.0, 20.0]
         mean, factor = found.predict_with_uncertainty(own)
         assert mean[0] == 27.0
@@ -683,5 +677,5 @@ class TestCorrectors:
         )
         own = table([2], [0.1, 0.1])
         assert stored.predict(own) == pytest.approx(expected, **EXACT)
-        assert stored.uncertainty_factor(own).tolist() == [[0.0], [0.0]]
+        assert stored.predict_with_uncertainty(own)[1].tolist() == [[0.0], [0.0]]
         assert stored.outside_factor(own).shape == (2, 0)

@@ -88,7 +88,9 @@ def test_each_channel_learns_its_own_and_the_parts_add_up(table: SegmentTable):
     assert np.mean(np.abs(driving + 0.15 * test.features["air_w"].to_numpy())) < 0.2 * np.mean(np.abs(truth))
     mean, doubt = corrector.predict_with_uncertainty(test)
     np.testing.assert_allclose(mean, corrector.predict(test))
-    np.testing.assert_allclose(doubt @ doubt.T, (lambda L: L @ L.T)(corrector.uncertainty_factor(test)))
+    np.testing.assert_allclose(
+        doubt @ doubt.T, (lambda L: L @ L.T)(corrector.predict_with_uncertainty(test)[1])
+    )
 
 
 def test_without_enough_logged_climate_one_corrector_learns_both(table: SegmentTable):

@@ -36,9 +36,8 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.hybrid.familiarity import kept_share
 from tripwatt.hybrid.levels import Level, Mixture
 from tripwatt.hybrid.parameters import PARAMETERS, Parameter
-from tripwatt.hybrid.power import EnsembleCorrector, GPCorrector, PowerCorrector
+from tripwatt.hybrid.power import GPCorrector, PowerCorrector
 from tripwatt.hybrid.segments import SegmentTable
-from tripwatt.hybrid.split import SplitCorrector
 from tripwatt.learners.gp import KernelTerm
 from tripwatt.vehicles import Vehicle
 
@@ -113,25 +112,17 @@ class Members:
 
     @classmethod
     def from_corrector(cls, corrector: PowerCorrector) -> Members:
-        """Those of any corrector; the other members have no uncertainty of their own.
+        """Those of any corrector.
 
         Raises
         ------
         InvalidInput
             When there is none.
         """
-        if isinstance(corrector, GPCorrector):
-            return cls((corrector,))
-        inner: tuple[PowerCorrector, ...] = ()
-        if isinstance(corrector, EnsembleCorrector):
-            inner = tuple(m for m in corrector.members if isinstance(m, GPCorrector))
-        elif isinstance(corrector, SplitCorrector):
-            inner = (corrector.climate, corrector.drive) if corrector.split_ else (corrector.joint,)
-        found = tuple(k for member in inner for k in cls.from_corrector(member).correctors)
-        if not found:
+        if not corrector.processes:
             got, allowed = type(corrector).__name__, "linear, gp, ensemble or split"
             raise InvalidInput(Fault("corrector cannot be transferred", "corrector", got, allowed))
-        return cls(found)
+        return cls(corrector.processes)
 
     @property
     def terms(self) -> tuple[KernelTerm, ...]:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeVar, get_args, get_origin
+from typing import TYPE_CHECKING, Any, Final, TypeVar, get_args, get_origin
 
 import numpy as np
 import numpy.typing as npt
@@ -39,7 +39,7 @@ REFIT: Final = "fit the model again with this version of tripwatt"
 
 
 @dataclass(frozen=True, eq=False)
-class StoredTrees:
+class StoredTrees(PowerCorrector):
     """Trees that were fitted once: the boosting's sum or the forest's mean, evaluated without the learner.
 
     Attributes
@@ -90,16 +90,6 @@ class StoredTrees:
             start, rest, divisor = 0.0, float(model.values_[lone, 0].sum()), len(model.position_)
         return cls(trees, corrector.features, start, rest, divisor, corrector.familiarity)
 
-    def fit(self, table: SegmentTable) -> NoReturn:
-        """Not possible: only what prediction needs was stored."""
-        raise InvalidInput(Fault("stored corrector cannot be fitted", "fit", fix="fit a new ForecastModel"))
-
-    def clone_tuned(self) -> NoReturn:
-        """Not possible, as `fit`."""
-        raise InvalidInput(
-            Fault("stored corrector cannot be fitted", "clone_tuned", fix="fit a new ForecastModel")
-        )
-
     def predict(self, table: SegmentTable) -> FloatArray:
         """Residual power [W]."""
         values, names = table.features.to_numpy(dtype=np.float64), table.features.columns.tolist()
@@ -107,22 +97,6 @@ class StoredTrees:
         total = self.trees.sum(X) + self.rest
         power = self.start + total if self.divisor is None else total / self.divisor
         return np.asarray(power * self.familiarity.share(table.features))
-
-    def uncertainty_factor(self, table: SegmentTable) -> FloatArray:
-        """Zeros: trees have no uncertainty of their own."""
-        return np.zeros((len(table.hours), 1))
-
-    def outside_factor(self, table: SegmentTable) -> FloatArray:
-        """No columns: trees fade outside of their range and have no variance of their own."""
-        return np.zeros((len(table.hours), 0))
-
-    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
-        """`predict` and `uncertainty_factor`."""
-        return self.predict(table), self.uncertainty_factor(table)
-
-    def predict_climate(self, table: SegmentTable) -> FloatArray | None:
-        """None: the trees correct climate control and driving jointly."""
-        return None
 
 
 KINDS: Final[Mapping[str, type]] = MappingProxyType(

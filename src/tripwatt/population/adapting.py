@@ -106,45 +106,108 @@ def adaptation(
     """
     require_mode(mode)
     _require_trips(trips)
-    _, own = base.fitted_parts("base")
-    parameters, vehicle = parameters_of(vehicle), on_road(vehicle)
     donor, masked = _donor(base, trips)
-    plans = [plan_from_trip(trip) for trip in trips]
+    parameters, vehicle = parameters_of(vehicle), on_road(vehicle)
     table = segment_trips(trips, vehicle)
-    scales = term_scales(donor.members, base.vehicle, vehicle)
-    transfer = CarTransfer(donor.members, scales, parameters, mode)
-    evidence = transfer.evidence(
-        table, sensitivities(plans, vehicle, table, parameters), donor.variances_wh2(table)
-    )
+    transfer = CarTransfer(donor.members, term_scales(donor.members, base.vehicle, vehicle), parameters, mode)
+    changes_w = sensitivities([plan_from_trip(trip) for trip in trips], vehicle, table, parameters)
+    evidence = transfer.evidence(table, changes_w, donor.variances_wh2(table))
     posterior = transfer.posterior(evidence)
-    found = posterior.parameters([p.name for p in parameters])
-    calibrated = {p.name: found[p.name][0] for p in parameters if p.keys}
+    changes = posterior.parameters([p.name for p in parameters])
+    calibrated = {p.name: changes[p.name][0] for p in parameters if p.keys}
     source = f"calibrated on {len(trips)} trip{'s' if len(trips) > 1 else ''} of the car"
     own_car = changed(vehicle, calibrated, source=source) if mode != "effects" else vehicle
-    corrector = HierarchicalCorrector.from_posterior(transfer, posterior, frozenset(calibrated))
-    observed = table.totals_wh(table.observed_power_w)
-    scores, held_out = _scores(transfer, evidence, posterior, donor.scores, table)
+    model = transferred(base, donor, own_car, transfer, posterior, frozenset(calibrated))
+    assert model.uncertainty_ is not None
+    centre, corrector_variance = transfer.left_out(evidence)
+    observed, error = table.totals_wh(table.observed_power_w), evidence.residual_wh - centre
+    own = error / np.sqrt(evidence.error_wh2(posterior.noise_scale) + corrector_variance)
+    share = _share_of_energy(table, donor.scale, evidence.noise_wh2, posterior.noise_scale)
     uncertainty = replace(
-        own,
-        process=replace(own.process, split=False),
+        model.uncertainty_,
         charge=None if table.charge is None else ChargeScale.from_readings(table.charge, observed),
-        scale=replace(
-            adapted_scale(donor.scale, posterior.noise_scale),
-            least_share=_share_of_energy(table, donor.scale, evidence.noise_wh2, posterior.noise_scale),
-        ),
-        scores=scores,
+        scale=replace(model.uncertainty_.scale, least_share=share),
+        scores=_scores(donor.scores, posterior, own),
     )
-    model = ForecastModel(
-        vehicle=own_car,
-        corrector=TRANSFERRED,
-        seed=base.seed,
-        corrector_=corrector,
+    model = replace(
+        model,
         uncertainty_=uncertainty,
         ranges_=_joined(base.ranges_, training_ranges(table), masked),
         trip_ids_=table.trip_ids,
-        held_out_=held_out,
+        held_out_=tuple(
+            HeldOut(name, float(o), float(o - e), float(s))
+            for name, o, e, s in zip(table.trip_ids, observed, error, own, strict=True)
+        ),
     )
-    return Adaptation(model, posterior, found, masked)
+    return Adaptation(model, posterior, changes, masked)
+
+
+@one_blas_thread
+def without_trips(base: ForecastModel, vehicle: Vehicle) -> ForecastModel:
+    """Put a fitted model on a car without a measured trip.
+
+    It is the adaptation before its first trip: how much of the correction cars share, how far a car is from its published values and how
+    much larger the error may be are as uncertain as before any trip, and all of that is in the interval.
+
+    Parameters
+    ----------
+    base : ForecastModel
+        Fitted, with a corrector that holds a Gaussian process.
+    vehicle : Vehicle
+        The car without trips.
+
+    Returns
+    -------
+    ForecastModel
+        Its intervals contain the uncertainty of the car's published values and of what cars have in common.
+
+    Raises
+    ------
+    InvalidInput
+        When the base cannot be transferred.
+
+    Examples
+    --------
+    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> trips = synthetic_fleet(n_trips=12).trips
+    >>> base = ForecastModel(load_vehicle("bmw_i3_60ah"), corrector="linear").fit(trips[:11])
+    >>> own, other = base.forecast(trips[11]), without_trips(base, load_vehicle("nissan_leaf_24")).forecast(trips[11])
+    >>> bool(other.sd_wh > own.sd_wh)
+    True
+    """
+    donor = base.donor_ or base.as_donor()  # without the cabin, which few of its departures know
+    parameters, vehicle = parameters_of(vehicle), on_road(vehicle)
+    transfer = CarTransfer(donor.members, term_scales(donor.members, base.vehicle, vehicle), parameters)
+    features, nothing = np.empty((0, len(transfer.scales))), np.empty(0)
+    evidence = Evidence(features, features, features, np.empty((0, len(parameters))), nothing, nothing)
+    return transferred(base, donor, vehicle, transfer, transfer.posterior(evidence), frozenset())
+
+
+def transferred(
+    base: ForecastModel,
+    donor: DonorModel,
+    vehicle: Vehicle,
+    transfer: CarTransfer,
+    posterior: Posterior,
+    calibrated: frozenset[str],
+) -> ForecastModel:
+    """A model of another car from the posterior of its correction; of its own trips only the posterior counts."""
+    _, uncertainty = base.fitted_parts("base")
+    return ForecastModel(
+        vehicle=vehicle,
+        corrector=TRANSFERRED,
+        seed=base.seed,
+        corrector_=HierarchicalCorrector.from_posterior(transfer, posterior, calibrated),
+        uncertainty_=replace(
+            uncertainty,
+            process=replace(uncertainty.process, split=False),
+            charge=None,
+            scale=adapted_scale(donor.scale, posterior.noise_scale),
+            scores=_scores(donor.scores, posterior, np.empty(0)),
+        ),
+        ranges_=base.ranges_,
+    )
 
 
 def adapt_model(
@@ -265,39 +328,18 @@ def _share_of_energy(
     return float(np.sqrt(np.mean(square / driven**2)))
 
 
-def _scores(
-    transfer: CarTransfer,
-    evidence: Evidence,
-    posterior: Posterior,
-    base: ConformalScores,
-    table: SegmentTable,
-) -> tuple[ConformalScores, tuple[HeldOut, ...]]:
-    """Standardised errors: the base's, over the posterior of the error's scale, and those of own trips.
+def _scores(base: ConformalScores, posterior: Posterior, own: FloatArray) -> ConformalScores:
+    """Standardised errors: the base's, over the posterior of the error's scale, and those of own trips, each left out in turn.
 
-    Own trips are left out in turn. The base counts as `BASE_TRIPS` of them, so that one trip alone neither narrows
-    nor blows up an interval.
+    The base counts as `BASE_TRIPS` of them, so that one trip alone neither narrows nor blows up an interval.
     """
-    scale = posterior.noise_scale
-    centre, corrector_variance = transfer.left_out(evidence)
-    error = evidence.residual_wh - centre
-    own = error / np.sqrt(evidence.error_wh2(scale) + corrector_variance)
-    noise = np.array([option.noise for option in posterior.options])
-    spread = np.sqrt(noise / scale)
-    usual = base.values / np.sqrt(T_VARIANCE)
-    values = np.concatenate([(usual[:, None] * spread).ravel(), np.abs(own)])
+    spread = np.sqrt([option.noise / posterior.noise_scale for option in posterior.options])
+    usual = base.values[:, None] / np.sqrt(T_VARIANCE) * spread  # as in `adapted_scale`
     share = BASE_TRIPS / (BASE_TRIPS + len(own))
-    weight = np.concatenate(
-        [
-            np.tile(share * posterior.weights / len(base.values), len(base.values)),
-            np.full(len(own), (1.0 - share) / len(own)),
-        ]
-    )
-    observed = table.totals_wh(table.observed_power_w)
-    held_out = tuple(
-        HeldOut(name, float(o), float(o - e), float(s))
-        for name, o, e, s in zip(table.trip_ids, observed, error, own, strict=True)
-    )
-    return ConformalScores.from_errors(weighted_quantiles(values, weight).tolist()), held_out
+    weight = np.tile(share * posterior.weights / len(usual), len(usual))
+    own_weight = np.full(len(own), (1.0 - share) / max(len(own), 1))
+    values = weighted_quantiles(np.append(usual.ravel(), np.abs(own)), np.append(weight, own_weight))
+    return ConformalScores.from_errors(values.tolist())
 
 
 def weighted_quantiles(values: FloatArray, weight: FloatArray) -> FloatArray:
