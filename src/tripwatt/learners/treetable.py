@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 
 _DEFAULT_LEFT, _MISSING = 2, 12
 _ZERO_IS_MISSING, _NAN_IS_MISSING = 4, 8
@@ -91,20 +91,15 @@ class TreeTable:
             not lead to a later split or a leaf of its tree, so that a row might never reach a leaf.
         """
         missing = [name for name in _FIELDS if name not in arrays]
-        if missing:
-            raise InvalidInput([Fault("missing array of the trees", "trees", name) for name in missing])
-        found = cls(**{name: arrays[name] for name in _FIELDS})
-        faults = list(found._faults())
-        if faults:
-            raise InvalidInput(faults)
-        return found
+        raise_faults(Fault("missing array of the trees", "trees", name) for name in missing)
+        table = cls(**{name: arrays[name] for name in _FIELDS})
+        raise_faults(table._faults())
+        return table
 
     def _faults(self) -> Iterator[Fault]:
         """Every reason why the arrays are no trees. O(splits)."""
         shape = self.split_feature.shape
-        if len(shape) != 2 or not (
-            shape[1] <= _MOST_SPLITS and self.split_feature.size <= _MOST_NODES and shape[1] >= 1
-        ):
+        if len(shape) != 2 or not (1 <= shape[1] <= _MOST_SPLITS and self.split_feature.size <= _MOST_NODES):
             yield Fault("wrong shape of trees", "trees, split_feature", f"{shape}", "(trees, splits)")
             return
         for name in _FIELDS:
@@ -120,9 +115,8 @@ class TreeTable:
             elif name in ("left", "right"):
                 # a child that is a split comes later than its parent, so that every path ends
                 own = np.arange(shape[1])
-                if (
-                    (values < -1 - shape[1]) | (values >= shape[1]) | ((values >= 0) & (values <= own))
-                ).any():
+                outside = (values < -1 - shape[1]) | (values >= shape[1])
+                if (outside | ((values >= 0) & (values <= own))).any():
                     yield Fault("split leads back", f"trees, {name}", "a cycle", "a later split or a leaf")
             elif name == "split_feature" and (values < 0).any():
                 yield Fault("wrong column of a split", f"trees, {name}", f"{values.min()}", "0 or more")
@@ -155,9 +149,8 @@ class TreeTable:
         missing = decision & _MISSING
         unknown = np.isnan(value)
         value = np.where(unknown & (missing != _NAN_IS_MISSING), 0.0, value)
-        absent = (unknown & (missing == _NAN_IS_MISSING)) | (
-            (missing == _ZERO_IS_MISSING) & (np.abs(value) <= _ZERO)
-        )
+        zero = (missing == _ZERO_IS_MISSING) & (np.abs(value) <= _ZERO)
+        absent = (unknown & (missing == _NAN_IS_MISSING)) | zero
         return np.where(absent, (decision & _DEFAULT_LEFT) > 0, value <= self.threshold.take(split))
 
 
