@@ -21,7 +21,15 @@ from tools import DATA
 from tools.command import run
 
 import tripwatt as tw
-from tripwatt.journey import Atlas, Drive, JourneyOptions, Place, find_reach, journey_with, open_atlas
+from tripwatt.journey import (
+    Atlas,
+    JourneyOptions,
+    Place,
+    RoadForecaster,
+    find_reach,
+    journey_with,
+    open_atlas,
+)
 from tripwatt.routes import plan_from_links, route_from_links
 from tripwatt.routes.maps import MapFolder, build_map
 from tripwatt.routes.maps.engine import valhalla_folder
@@ -117,13 +125,13 @@ def valhalla() -> Iterator[Row]:
             assert atlas.places is not None
             found = [_best(lambda word=word: atlas.places.search(word)) for word in WORDS]
             yield Row(names[2], statistics.median(found), *bounds[2])
-            drive = Drive(tw.load_model(), tw.Departure(soc=0.1, ambient_temperature_degc=5.0))
+            drive = RoadForecaster(tw.load_model(), tw.Departure(soc=0.1, ambient_temperature_degc=5.0))
             (start,) = atlas.places.search("Vaduz", limit=1)
             yield Row(f"{names[3]} ({how})", _best(lambda: find_reach(drive, start, atlas)), *bounds[3])
 
 
 def _plan_ms(atlas: Atlas) -> float:
-    drive = Drive(tw.load_model(), tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+    drive = RoadForecaster(tw.load_model(), tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
     assert atlas.places is not None
     options, times = JourneyOptions(answers=False), []
     for names in PAIRS:

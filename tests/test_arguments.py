@@ -18,7 +18,7 @@ import tripwatt as tw
 from tripwatt.certification import certified_interval
 from tripwatt.journey import JourneyOptions
 from tripwatt.live import open_road_car
-from tripwatt.trips.schema import require_fraction
+from tripwatt.trips.columns import require_fraction
 
 LINKS = [{"length_m": 5000.0, "speed_m_s": 15.0}]
 TRACK = b'{"type": "LineString", "coordinates": [[9.5, 47.1], [9.52, 47.12], [9.53, 47.13]]}'
@@ -146,7 +146,7 @@ FIELDS: Final[dict[str, tuple[Any, ...]]] = {
     "follows_trip": (1, 0, "yes", "true", [True], 1.0),
     "cabin_logged": (1, 0, "yes", [True], 1.0),
     "terrain": ("alps", "Flat", "", 1, True, ["flat"], b"flat"),
-    "started_at": (
+    "departs_at": (
         "2024-01-05",
         "2024-01-05T08:00",
         dt.date(2024, 1, 5),
@@ -179,9 +179,9 @@ def test_every_field_of_a_departure_is_checked() -> None:
 def test_what_a_departure_takes() -> None:
     when = pd.Timestamp("2024-01-05T08:30")
     found = tw.Departure(
-        season="winter", started_at=when, follows_trip=np.True_, weather="sunny", extras=["roof_box"]
+        season="winter", departs_at=when, follows_trip=np.True_, weather="sunny", extras=["roof_box"]
     )  # type: ignore[arg-type]
-    assert (found.started_at, found.extras) == (when, ("roof_box",))
+    assert (found.departs_at, found.extras) == (when, ("roof_box",))
     with pytest.raises(tw.InvalidInput, match="did you mean 'winter'"):
         tw.Departure(season="wintr")
 

@@ -59,7 +59,11 @@ def test_round_trip_is_identical(corrector: str, fleet, car, table, tmp_path: Pa
 
 
 def test_flags_of_a_model_come_back(car, table, tmp_path: Path) -> None:
-    flags = (Flag("soc_assumed", "soc", 0.8, "1"), Flag("route_error_unknown", "links"), Flag("x", "y", "text"))
+    flags = (
+        Flag("soc_assumed", "soc", 0.8, "1"),
+        Flag("route_error_unknown", "links"),
+        Flag("x", "y", "text"),
+    )
     model = ForecastModel(car, "linear").fit_segments(table)
     save_model(dataclasses.replace(model, flags=flags), tmp_path / "model")
     assert load_model(tmp_path / "model").flags == flags

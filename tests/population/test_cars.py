@@ -12,7 +12,7 @@ from tests.support.command import answered
 
 import tripwatt as tw
 from tripwatt.forecasting import load_model, save_model
-from tripwatt.journey.forecasting import Drive
+from tripwatt.journey.forecasting import RoadForecaster
 from tripwatt.live import Sample, open_road_car
 from tripwatt.population import adaptation, for_car
 from tripwatt.service.car_jobs import CarJobs
@@ -101,7 +101,7 @@ def test_a_request_flags_another_car() -> None:
 
 def test_a_journey_flags_another_car(other: tw.ForecastModel) -> None:
     plan = tw.read_route(LINKS)
-    assert codes(Drive(other, tw.Departure(soc=0.8)).forecast_plan(plan).flags)[0] == FIRST
+    assert codes(RoadForecaster(other, tw.Departure(soc=0.8)).forecast_plan(plan).flags)[0] == FIRST
 
 
 def test_a_car_on_the_road_flags_that_it_has_no_trips(other: tw.ForecastModel, tmp_path: Path) -> None:

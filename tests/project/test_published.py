@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from tests.support import ROOT
 from tools.docs import publish_results, write_cli, write_figures
-from tools.docs.pages import without_parts
+from tools.docs.pages import of_page, without_parts
 
 from tripwatt.vehicles import load_vehicle, names_data
 
@@ -208,6 +208,12 @@ def test_page_of_the_command_line_is_complete_and_up_to_date() -> None:
                 option = parameter.param_type_name == "option"
                 shown = parameter.opts if option else [parameter.metavar or parameter.name.upper()]
                 assert all(word.replace("|", write_cli.BAR) in page for word in shown), f"{name} {shown}"
+
+
+def test_table_of_the_departure_is_up_to_date() -> None:
+    assert of_page("reference/forecast.md", "departure") == write_cli.departure(), (
+        "python -m tools.docs.write_cli"
+    )
 
 
 def test_every_command_teaches_with_examples_that_exist() -> None:

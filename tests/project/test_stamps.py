@@ -57,6 +57,7 @@ FOLLOWS = {
     "docs/explanation/car-model.md": {"parameters"},
     "docs/reference/vehicles.md": {"licences"},
     "docs/howto/fleet.md": {"costs"},
+    "docs/reference/forecast.md": {"departure"},
 }
 OTHERWISE = {"docs/reference/cli.md"}
 """Parts of pages that follow from stamped files or from the code alone, each with a test of its own; times of a machine; and a whole page."""

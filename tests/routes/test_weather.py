@@ -207,7 +207,6 @@ def test_the_weather_is_asked_along_the_road_when_the_car_comes_by():
     assert len(weather) == 3
     assert asked[1][0].latitude_deg == pytest.approx(47.45)
     assert (asked[1][1] - NOON).total_seconds() == pytest.approx(2000.0)
-    assert weather_along(long, Weather(3.0), NOON)[1] == (Weather(3.0),)
 
 
 @pytest.mark.parametrize(

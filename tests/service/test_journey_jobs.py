@@ -14,7 +14,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.journey import Atlas, AtlasSettings, Place
 from tripwatt.service import journeys
 from tripwatt.service.journey_schemas import PlaceRequest, PlanRequest, ReachRequest
-from tripwatt.service.journeys import JourneyJobs, departure_of, place_of, weather_of
+from tripwatt.service.journeys import JourneyJobs, departure_of_journey, place_of
 from tripwatt.service.schemas import check_request
 
 WEST = {"latitude_deg": 47.0, "longitude_deg": 9.0, "name": "Westend"}
@@ -113,17 +113,19 @@ def test_a_stop_is_a_text_or_a_place() -> None:
 
 def test_weather_by_hand_is_handed_on() -> None:
     asked = {"start": "a", "weather": {"temperature_degc": -5.0, "wind_speed_m_s": 3.0, "rain_mm_h": 1.0}}
-    found = weather_of(check_request(asked, ReachRequest))
-    assert found is not None
-    assert (found.temperature_degc, found.wind_speed_m_s, found.rain_mm_h) == (-5.0, 3.0, 1.0)
-    assert weather_of(check_request({"start": "a"}, ReachRequest)) is None
+    old = departure_of_journey(check_request(asked, ReachRequest))
+    fields = {"ambient_temperature_degc": -5.0, "wind_speed_m_s": 3.0, "wind_from_deg": 0.0, "rain_mm_h": 1.0}
+    assert old == departure_of_journey(check_request({"start": "a", **fields}, ReachRequest))
+    assert old.to_dict() == fields
+    assert not departure_of_journey(check_request({"start": "a"}, ReachRequest)).has_weather
 
 
-def test_a_departure_is_handed_on() -> None:
-    asked = {"start": "a", "soc": 0.5, "climate": "off", "depart": "2026-02-01T07:30:00+01:00"}
-    found = departure_of(check_request(asked, ReachRequest))
+@pytest.mark.parametrize("name", ["departure_utc", "depart"])
+def test_a_departure_is_handed_on(name: str) -> None:
+    asked = {"start": "a", "soc": 0.5, "climate": "off", name: "2026-02-01T07:30:00+01:00"}
+    found = departure_of_journey(check_request(asked, ReachRequest))
     assert (found.soc, found.climate, found.payload_mass_kg) == (0.5, "off", None)
-    assert found.started_at == dt.datetime(2026, 2, 1, 6, 30, tzinfo=dt.UTC)
+    assert found.departs_at == dt.datetime(2026, 2, 1, 6, 30, tzinfo=dt.UTC)
 
 
 class Noted:
@@ -147,7 +149,7 @@ def test_a_journey_has_the_options_of_its_request(jobs: JourneyJobs, monkeypatch
     more = {"reserve": 0.2, "alternatives": 2, "round_trip": True, "answers": False, "soc": 0.6}
     request = check_request({"stops": [WEST, EAST], **more}, PlanRequest)
     model: Any = object()
-    assert jobs.plan(request, model, ()) == {"noted": True}
+    assert jobs.plan(request, model) == {"noted": True}
     drive, stops, atlas, options = noted.given
     assert (options.reserve, options.alternatives, options.round_trip, options.answers) == (
         0.2,
@@ -161,7 +163,7 @@ def test_a_journey_has_the_options_of_its_request(jobs: JourneyJobs, monkeypatch
         (47.0, 9.1),
         (47.0, 9.0),
     ]
-    jobs.plan(check_request({"stops": [WEST, EAST]}, PlanRequest), model, ())
+    jobs.plan(check_request({"stops": [WEST, EAST]}, PlanRequest), model)
     assert len(noted.given[1]) == 2
 
 
@@ -173,7 +175,7 @@ def test_the_reach_begins_at_its_start(
     monkeypatch.setattr(journeys, "find_reach", noted)
     model: Any = object()
     request = check_request({"start": start, "reserve": 0.3}, ReachRequest)
-    assert jobs.reach(request, model, ()) == {"noted": True}
+    assert jobs.reach(request, model) == {"noted": True}
     _, place, atlas = noted.given
     assert (place.latitude_deg, place.longitude_deg) == (47.0, 9.0)
     assert (noted.more, atlas is jobs.atlas) == ({"reserve": 0.3}, True)
@@ -193,7 +195,7 @@ def test_weather_by_hand_comes_before_that_of_a_server(
         (ReachRequest, asked.reach, {"start": WEST}),
         (PlanRequest, asked.plan, {"stops": [WEST, EAST]}),
     ):
-        run(check_request(document, kind), model, ())  # type: ignore[type-var, operator]
+        run(check_request(document, kind), model)  # type: ignore[type-var, operator]
         assert noted.given[0].weather is server
-        run(check_request(document | by_hand, kind), model, ())  # type: ignore[type-var, operator]
-        assert noted.given[0].weather.wind_speed_m_s == 3.0
+        run(check_request(document | by_hand, kind), model)  # type: ignore[type-var, operator]
+        assert noted.given[0].departure.wind_speed_m_s == 3.0

@@ -197,7 +197,7 @@ def test_the_schema_has_one_of_two_fields() -> None:
     links = properties_of(ForecastRequest)["links"]["anyOf"][0]
     assert (links["type"], links["minItems"]) == ("array", 1)
     soc = properties_of(ForecastRequest)["soc"]
-    assert soc["description"] == "state of charge that the driver sees [1]"
+    assert soc["description"] == "Displayed state of charge at departure [1]"
 
 
 def test_what_is_no_json_is_said() -> None:

@@ -22,7 +22,7 @@ from tripwatt.certification.consumption import (
 )
 from tripwatt.certification.schedules import schedule
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.trips.schema import Column, number_faults, require_fraction
+from tripwatt.trips.columns import Column, number_faults, require_fraction
 from tripwatt.vehicles import Vehicle, vehicle_from_document
 from tripwatt.vehicles.anchors import CLASS, Anchor, anchors, with_anchor
 from tripwatt.vehicles.catalogue import (

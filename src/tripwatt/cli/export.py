@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.options import SetOption, examples, gather, options_named
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import print_json, print_notes
@@ -16,7 +17,7 @@ from tripwatt.errors import Fault, InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.export import ConsumptionCurve
-    from tripwatt.trips import Plan
+    from tripwatt.trips import Departure, Plan
     from tripwatt.vehicles import Vehicle
 
 ModelOption = Annotated[
@@ -38,26 +39,14 @@ CarOption = Annotated[
         show_default=False,
     ),
 ]
-AmbientOption = Annotated[float, typer.Option(metavar="°C", help="Outside temperature.")]
-SetpointOption = Annotated[
-    float | None,
-    typer.Option(
-        metavar="°C",
-        help="Set-point of the cabin temperature. Default: the usual one of the car.",
-        show_default=False,
-    ),
-]
-PayloadOption = Annotated[
-    float, typer.Option(metavar="KG", help="Mass of passengers and luggage, without the driver.")
-]
-SocOption = Annotated[
-    float, typer.Option("--soc", metavar="0..1", help="Displayed state of charge at departure.")
-]
 OutOption = Annotated[
     Path | None,
     typer.Option("--out", "-o", metavar="FILE", help="Also write the JSON to this file.", show_default=False),
 ]
 QueryOption = Annotated[bool, typer.Option("--query", help="Print a URL query string instead of JSON.")]
+
+USUAL: Final = {"ambient_temperature_degc": 20.0, "payload_mass_kg": 0.0, "soc": 0.8}
+"""What a curve is made for where no option says otherwise."""
 
 SERVICES: Final = {
     "here": "HERE Routing v8: ev[freeFlowSpeedTable], ev[trafficSpeedTable], ascent, descent, auxiliaryConsumption.",
@@ -93,25 +82,17 @@ def add_commands(app: typer.Typer) -> None:
 
 
 def _command(service: str) -> Callable[..., None]:
+    @departure_options(without=("departs_at", "terrain"), default=USUAL)
     def command(
+        departure: DepartureOf,
         model: ModelOption = None,
         vehicle: CarOption = None,
         overrides: SetOption = None,
-        ambient: AmbientOption = 20.0,
-        setpoint: SetpointOption = None,
-        payload: PayloadOption = 0.0,
-        soc: SocOption = 0.8,
         out: OutOption = None,
         query: QueryOption = False,
     ) -> None:
         from tripwatt.export import EXPORTS, render_query
 
-        departure = {
-            "ambient_temperature_degc": ambient,
-            "cabin_setpoint_degc": setpoint,
-            "payload_mass_kg": payload,
-            "soc": soc,
-        }
         curve, notes = _curve(model, vehicle, overrides or [], departure)
         parameters = EXPORTS[service](curve)
         if out is not None:
@@ -123,17 +104,16 @@ def _command(service: str) -> Callable[..., None]:
 
 
 def _curve(
-    model: Path | None, vehicle: str | None, overrides: list[str], departure: dict[str, Any]
+    model: Path | None, vehicle: str | None, overrides: list[str], departure: DepartureOf
 ) -> tuple[ConsumptionCurve, list[str]]:
     from tripwatt.export import consumption_curve
-    from tripwatt.trips import Departure
 
     cars: list[tuple[Vehicle, Callable[[Plan], float] | None, list[str]]] = []
     departures: list[Departure] = []
     with options_named():
         gather(
             lambda: cars.append(_car(model, vehicle, overrides)),
-            lambda: departures.append(Departure(**departure)),
+            lambda: departures.append(departure()),
         )
     car, correction, notes = cars[0]
     return consumption_curve(car, departures[0], correction=correction), notes

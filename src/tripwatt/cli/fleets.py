@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.options import JsonOption, examples, options_named
 from tripwatt.cli.output import write_text
 from tripwatt.cli.printing import console, print_json, print_table, progress
@@ -269,23 +270,18 @@ def roll_back(registry: RegistryArgument, as_json: JsonOption = False) -> None:
     print_json({"in_use": version}) if as_json else typer.echo(f"version {version} is in use")
 
 
+@departure_options(without=("departs_at",))
 def forecast(
     registry: RegistryArgument,
     trip: Annotated[
         Path, typer.Argument(metavar="TRIP", help="A route or a speed trace, as for `tripwatt forecast`.")
     ],
     vehicle_id: Annotated[str, typer.Option("--vehicle-id", metavar="ID", help="The vehicle.")],
+    departure: DepartureOf,
     car_model: CarModelOption = None,
     driver: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="The driver, if trips of his were logged.", show_default=False),
-    ] = None,
-    soc: Annotated[
-        float | None, typer.Option(metavar="X", help="Displayed state of charge, 0 to 1.", show_default=False)
-    ] = None,
-    ambient: Annotated[
-        float | None,
-        typer.Option("--ambient", metavar="T", help="Outside temperature [°C].", show_default=False),
     ] = None,
     reserve: Annotated[
         float, typer.Option(min=0.0, max=1.0, metavar="X", help="Charge to arrive with, 0 to 1.")
@@ -299,8 +295,8 @@ def forecast(
     model = _registry(registry).load()
     plan = tw.read_route(trip)
     with options_named():
-        departure = tw.Departure(soc=soc, ambient_temperature_degc=ambient)
-    found = model.forecast(plan, departure, vehicle_id=vehicle_id, car_model=car_model, driver=driver)
+        known = departure()
+    found = model.forecast(plan, known, vehicle_id=vehicle_id, car_model=car_model, driver=driver)
     low, high = found.interval(0.9)
     if as_json:
         print_json({"vehicle_id": vehicle_id, **found.to_dict(reserve)})

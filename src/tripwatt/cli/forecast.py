@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+from tripwatt.cli.departing import DepartureOf, departure_options
 from tripwatt.cli.options import (
     JsonOption,
-    TerrainOption,
     examples,
     gather,
     model_of,
@@ -67,6 +67,7 @@ def add_commands(app: typer.Typer) -> None:
     )(example)
 
 
+@departure_options(without=("departs_at",))
 def forecast(
     paths: Annotated[
         list[Path],
@@ -80,81 +81,7 @@ def forecast(
             show_default=False,
         ),
     ],
-    soc: Annotated[
-        float | None,
-        typer.Option(
-            "--soc", metavar="0..1", help="Displayed state of charge at departure.", show_default=False
-        ),
-    ] = None,
-    ambient: Annotated[
-        float | None,
-        typer.Option(
-            "--ambient",
-            "--ambient-temperature-degc",
-            metavar="°C",
-            help="Outside temperature.",
-            show_default=False,
-        ),
-    ] = None,
-    setpoint: Annotated[
-        float | None,
-        typer.Option(
-            "--setpoint",
-            "--cabin-setpoint-degc",
-            metavar="°C",
-            help="Set-point of the cabin temperature.",
-            show_default=False,
-        ),
-    ] = None,
-    payload: Annotated[
-        float | None,
-        typer.Option(
-            "--payload",
-            "--payload-mass-kg",
-            metavar="KG",
-            help="Mass of passengers and luggage, without the driver.",
-            show_default=False,
-        ),
-    ] = None,
-    climate: Annotated[
-        str | None,
-        typer.Option(
-            "--climate",
-            metavar="MODE",
-            help="What climate control may do: auto, off, heat (no cooling) or cool (no heating).",
-            show_default=False,
-        ),
-    ] = None,
-    extra: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--extra",
-            metavar="NAME",
-            help="What is fitted to the car or switched on: winter_tyres, roof_box, trailer or headlights. You can repeat the option.",
-            show_default=False,
-        ),
-    ] = None,
-    terrain: TerrainOption = None,
-    battery_temperature: Annotated[
-        float | None,
-        typer.Option(
-            "--battery-temperature",
-            "--battery-temperature-degc",
-            metavar="°C",
-            help="Battery temperature at departure.",
-            show_default=False,
-        ),
-    ] = None,
-    cabin_temperature: Annotated[
-        float | None,
-        typer.Option(
-            "--cabin-temperature",
-            "--cabin-temperature-degc",
-            metavar="°C",
-            help="Cabin temperature at departure.",
-            show_default=False,
-        ),
-    ] = None,
+    departure: DepartureOf,
     vehicle: Annotated[
         str | None,
         typer.Option(
@@ -200,7 +127,6 @@ def forecast(
     """
     from tripwatt.api import read_route
     from tripwatt.population import for_car
-    from tripwatt.trips import Departure
     from tripwatt.units import M_S_PER_KM_H
     from tripwatt.vehicles import load_vehicle
 
@@ -215,23 +141,10 @@ def forecast(
             ),
             lambda: None if observed is None else got.update(observed=_measured(observed)),
             lambda: got.update(car=None if vehicle is None else load_vehicle(vehicle)),
-            lambda: got.update(
-                departure=Departure(
-                    soc=soc,
-                    ambient_temperature_degc=ambient,
-                    cabin_setpoint_degc=setpoint,
-                    cabin_temperature_degc=cabin_temperature,
-                    battery_temperature_degc=battery_temperature,
-                    payload_mass_kg=payload,
-                    climate=climate,
-                    extras=tuple(extra) if extra else None,
-                    terrain=terrain,
-                )
-            ),
+            lambda: got.update(departure=departure()),
         )
         fitted = for_car(got["model"], got["car"])
-    plan, departure = got["plan"], got["departure"]
-    found = fitted.forecast(plan, departure)
+    found = fitted.forecast(got["plan"], got["departure"])
     if observed is not None:
         found = found.update(got["observed"])
     if plot is not None:
@@ -250,7 +163,7 @@ def _model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
 
 
 def _require_options(reserve: float, plot: Path | None) -> None:
-    from tripwatt.trips.schema import QUANTITIES, number_faults
+    from tripwatt.trips.columns import QUANTITIES, number_faults
 
     faults = list(number_faults("--reserve", reserve, QUANTITIES["reserve"]))
     if plot is not None and plot.suffix.lower() not in PLOT_SUFFIXES:
@@ -311,7 +224,8 @@ def _unknown_climb(found: Forecast, reserve: float) -> list[tuple[str, str]]:
 def _show_forecast(found: Forecast, reserve: float) -> None:
     from tripwatt.cli.sentences import chance_to_arrive, forecast_in_words
     from tripwatt.forecasting.plots import CAUSE_NAMES
-    from tripwatt.trips.messages import leave_in_words, period
+    from tripwatt.trips.messages import leave_in_words
+    from tripwatt.trips.showing import period
 
     low, high = found.interval(0.9)
     when = "before departure" if found.measured_until_s <= 0.0 else f"after {period(found.measured_until_s)}"

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import datetime as dt
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tripwatt.cli.options import JsonOption, TerrainOption, examples, gather, options_named
+from tripwatt.cli.departing import DepartureOf, departure_options
+from tripwatt.cli.options import JsonOption, examples, gather, options_named
 from tripwatt.cli.printing import print_json, print_notes, print_table
-from tripwatt.errors import Fault, InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.journey import Journey
@@ -68,14 +66,6 @@ CarOption = Annotated[
         show_default=False,
     ),
 ]
-SocOption = Annotated[
-    float | None,
-    typer.Option("--soc", metavar="0..1", help="Displayed state of charge at departure.", show_default=False),
-]
-AmbientOption = Annotated[
-    float | None,
-    typer.Option("--ambient", metavar="°C", help="Outside temperature.", show_default=False),
-]
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -102,6 +92,7 @@ def add_commands(app: typer.Typer) -> None:
     )(places)
 
 
+@departure_options()
 def plan(
     stops: Annotated[
         list[str],
@@ -109,46 +100,15 @@ def plan(
             metavar="FROM [VIA...] TO", help="Places: names, or latitude and longitude.", show_default=False
         ),
     ],
+    departure: DepartureOf,
     map_: MapOption = "",
-    soc: SocOption = None,
-    depart: Annotated[
-        str | None,
-        typer.Option(
-            metavar="[DATE ]HH:MM",
-            help="Departure, local time; today when there is no date. It counts for the weather. Default: now.",
-            show_default=False,
-        ),
-    ] = None,
-    ambient: AmbientOption = None,
     reserve: Annotated[
         float, typer.Option(metavar="0..1", help="Required state of charge at arrival, as displayed.")
     ] = 0.1,
-    wind: Annotated[
-        str | None,
-        typer.Option(
-            metavar="M/S@DEGREES",
-            help="Wind, and the direction it comes from, clockwise from north: 8@270.",
-            show_default=False,
-        ),
-    ] = None,
-    rain: Annotated[float | None, typer.Option(metavar="MM/H", help="Rain.", show_default=False)] = None,
     round_trip: Annotated[bool, typer.Option("--round-trip", help="Back to the start.")] = False,
     alternatives: Annotated[int, typer.Option(min=0, max=3, metavar="N", help="Other roads to compare.")] = 2,
     vehicle: CarOption = None,
     model: ModelOption = None,
-    payload: Annotated[
-        float | None,
-        typer.Option(
-            metavar="KG", help="Mass of passengers and luggage, without the driver.", show_default=False
-        ),
-    ] = None,
-    climate: Annotated[
-        str | None,
-        typer.Option(
-            metavar="MODE", help="What climate control may do: auto, off, heat or cool.", show_default=False
-        ),
-    ] = None,
-    terrain: TerrainOption = None,
     places_url: PlacesOption = "",
     weather: WeatherOption = "",
     stations: StationsOption = None,
@@ -159,61 +119,41 @@ def plan(
     Nothing leaves this machine unless an option names the URL of a server. Travel times are those of an empty road.
     """
     from tripwatt.journey import AtlasSettings, JourneyOptions, open_atlas, plan_journey
-    from tripwatt.trips import Departure
 
     got: dict[str, Any] = {}
     settings = AtlasSettings(map_, places_url, weather, "" if stations is None else str(stations))
     with options_named():
         gather(
             lambda: got.update(atlas=open_atlas(settings)),
-            lambda: got.update(started_at=_departure_time(depart)),
-            lambda: got.update(weather=_weather_by_hand(wind, rain, ambient)),
-            lambda: got.update(
-                departure=Departure(
-                    soc=soc,
-                    ambient_temperature_degc=ambient,
-                    payload_mass_kg=payload,
-                    climate=climate,
-                    terrain=terrain,
-                )
-            ),
+            lambda: got.update(departure=departure()),
             lambda: got.update(options=JourneyOptions(reserve, alternatives, round_trip)),
         )
-        found = plan_journey(
-            stops,
-            replace(got["departure"], started_at=got["started_at"]),
-            atlas=got["atlas"],
-            model=model,
-            vehicle=vehicle,
-            options=replace(got["options"], weather=got["weather"]),
-        )
+        found = plan_journey(stops, model=model, vehicle=vehicle, **got)
     print_json(found.to_dict()) if as_json else _show(found)
 
 
+@departure_options()
 def reach(
     start: Annotated[str, typer.Argument(metavar="FROM", help="A place: a name, or latitude and longitude.")],
+    departure: DepartureOf,
     map_: MapOption = "",
-    soc: SocOption = None,
-    ambient: AmbientOption = None,
     reserve: Annotated[
         float, typer.Option(min=0.0, max=1.0, metavar="0..1", help="State of charge to keep.")
     ] = 0.0,
-    terrain: TerrainOption = None,
     vehicle: CarOption = None,
     model: ModelOption = None,
     places_url: PlacesOption = "",
     as_json: JsonOption = False,
 ) -> None:
     """Show how far a charge carries in every direction, with 95 % and with 50 %."""
-    from tripwatt.journey import AtlasSettings, Drive, find_reach, open_atlas
+    from tripwatt.journey import AtlasSettings, RoadForecaster, find_reach, open_atlas
     from tripwatt.population import for_car
-    from tripwatt.trips import Departure
 
     with options_named():
         atlas = open_atlas(AtlasSettings(map_, places_url))
-        departure = Departure(soc=soc, ambient_temperature_degc=ambient, terrain=terrain)
+        own = for_car(model, vehicle)
         place = atlas.find(start, "FROM")
-        found = find_reach(Drive(for_car(model, vehicle), departure), place, atlas, reserve=reserve)
+        found = find_reach(RoadForecaster(own, departure()), place, atlas, reserve=reserve)
     if as_json:
         print_json(found.to_dict())
         return
@@ -270,40 +210,9 @@ def _index(named: str) -> Any:
     return open_map(named.partition("@")[0]).index
 
 
-def _departure_time(text: str | None) -> dt.datetime | None:
-    """Departure of a text: a time of today, or a date and a time."""
-    if text is None:
-        return None
-    today = dt.datetime.now().astimezone()
-    try:
-        if len(text) <= 5:
-            clock = dt.time.fromisoformat(text.zfill(5))
-            return today.replace(hour=clock.hour, minute=clock.minute, second=0, microsecond=0)
-        return dt.datetime.fromisoformat(text).astimezone()
-    except ValueError as error:
-        fault = Fault("not a time", "--depart", text[:40], "07:30, or 2026-02-01 07:30")
-        raise InvalidInput(fault) from error
-
-
-def _weather_by_hand(wind: str | None, rain: float | None, ambient: float | None) -> Any:
-    """The weather of options; None without any."""
-    from tripwatt.routes.weather import Weather
-
-    if wind is None and rain is None:
-        return None
-    speed, _, origin = (wind or "0@0").partition("@")
-    try:
-        blows, comes = float(speed), float(origin or "nan") % 360.0
-    except ValueError:
-        blows = comes = float("nan")
-    if wind is not None and not (blows == blows and comes == comes):
-        raise InvalidInput(Fault("not a wind", "--wind", wind[:40], "speed [m/s] and direction: 8@270"))
-    return Weather(ambient, blows, comes, rain or 0.0)
-
-
 def _show(found: Journey) -> None:
     from tripwatt.cli.sentences import chance_to_arrive, journey_in_words
-    from tripwatt.trips.messages import period
+    from tripwatt.trips.showing import period
 
     typer.echo(f"From {' to '.join(place.described for place in found.stops)}.")
     for sentence in journey_in_words(found):

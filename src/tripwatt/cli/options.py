@@ -64,33 +64,8 @@ SetOption = Annotated[
         show_default=False,
     ),
 ]
-TerrainOption = Annotated[
-    str | None,
-    typer.Option(
-        "--terrain",
-        metavar="COUNTRY",
-        help="Country of a road whose heights are unknown: flat, hilly, mountains or unknown. It bounds the climb that the interval "
-        "allows for.",
-        show_default=False,
-    ),
-]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 
-OPTION_OF: Final = {
-    "soc": "--soc",
-    "ambient_temperature_degc": "--ambient",
-    "cabin_setpoint_degc": "--setpoint",
-    "cabin_temperature_degc": "--cabin-temperature",
-    "battery_temperature_degc": "--battery-temperature",
-    "payload_mass_kg": "--payload",
-    "climate": "--climate",
-    "extras": "--extra",
-    "terrain": "--terrain",
-    "speed_m_s": "--speed",
-    "vehicle": "--vehicle",
-    "reserve": "--reserve",
-}
-"""Field of a departure, or argument of the library -> the option that gives it."""
 CARS: Final[Mapping[str, str]] = MappingProxyType(
     {"synthetic": "bmw_i3_60ah", "tum": "bmw_i3_60ah", "ved": "nissan_leaf_24"}
 )
@@ -209,7 +184,13 @@ def options_named() -> Iterator[None]:
     try:
         yield
     except InvalidInput as error:
-        named = [replace(fault, where=OPTION_OF.get(fault.where, fault.where)) for fault in error.faults]
+        from tripwatt.trips.departure import ASKED
+
+        options = {name: field.option for name, field in ASKED.items()} | {
+            name: f"--{name}" for name in ("vehicle", "reserve")
+        }
+        options["speed_m_s"] = "--speed"
+        named = [replace(fault, where=options.get(fault.where, fault.where)) for fault in error.faults]
         raise InvalidInput(named) from error
 
 

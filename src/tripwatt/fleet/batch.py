@@ -24,7 +24,7 @@ from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.storage import load_fleet
 from tripwatt.routes import plan_from_route, route_from_links
 from tripwatt.trips import LINK_COLUMNS, Departure, raise_faults
-from tripwatt.trips.schema import Column, number_faults, scalar_faults
+from tripwatt.trips.columns import Column, number_faults, scalar_faults
 
 QUANTILES: Final = (0.05, 0.5, 0.95)
 TRIPS_AT_ONCE: Final = 200

@@ -25,8 +25,8 @@ from tripwatt.forecasting.update import updated_power
 from tripwatt.parallel import one_blas_thread
 from tripwatt.routes.links import FLAT_ROAD
 from tripwatt.trips import Departure, Flag, Plan, raise_faults
+from tripwatt.trips.columns import require_fraction, require_number
 from tripwatt.trips.messages import flag_to_dict, leave_in_words, message
-from tripwatt.trips.schema import require_fraction, require_number
 from tripwatt.trips.showing import html_table
 from tripwatt.uncertainty import (
     ChargeScale,

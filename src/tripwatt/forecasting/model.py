@@ -7,6 +7,7 @@ totals become the conformal scores. An outer fold takes no part in it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
@@ -26,6 +27,7 @@ from tripwatt.forecasting.ranges import (
     kept_temperatures,
     training_ranges,
     unknown_state_sd_wh,
+    unknown_wind_sd_wh,
 )
 from tripwatt.hybrid import (
     PowerCorrector,
@@ -373,7 +375,10 @@ class ForecastModel:
             uncertainty,
             posterior,
             sd_factor=uncertainty.scale.sd_wh(segments) / float(posterior.energy_wh(segments.hours)[1][-1]),
-            state_sd_wh=unknown_state_sd_wh(self.vehicle, unfamiliar.unknown, float(segments.hours.sum())),
+            state_sd_wh=math.hypot(
+                unknown_state_sd_wh(self.vehicle, unfamiliar.unknown, float(segments.hours.sum())),
+                unknown_wind_sd_wh(self.vehicle, plan),
+            ),
             climbing=None
             if plan.has_road
             else drive.climbing_energy(net_climbs(plan.departure.terrain or "unknown")),
@@ -471,9 +476,12 @@ class ForecastModel:
 
 
 def _assumed(drive: ExpectedDrive) -> list[Flag]:
-    """Flag of a departure without a state of charge."""
+    """Flags of a departure without a state of charge, and of a wind from an unknown side."""
     flags, departure = [], drive.plan.departure
     if departure.bms_soc is None and departure.soc is None:
         start = drive.vehicle.battery.displayed_from_soc(drive.departure_soc)
         flags.append(Flag("soc_assumed", "soc", start, "1"))
+    air = drive.plan.air
+    if air is not None and air.any_side_m_s:
+        flags.append(Flag("wind_direction_unknown", "wind_from_deg", departure.wind_speed_m_s, "m_s"))
     return flags

@@ -37,9 +37,9 @@ from tripwatt.live.own_car import LIVE
 from tripwatt.live.plan import PLAN, LivePlan
 from tripwatt.live.telemetry import Sample
 from tripwatt.live.usual import LONGER, usual_departure
-from tripwatt.trips import Context, Departure, Drive, Log
+from tripwatt.trips import Context, Departure, Log, Sampled
+from tripwatt.trips.columns import require_fraction
 from tripwatt.trips.departure import FIRST_S
-from tripwatt.trips.schema import require_fraction
 
 JOURNAL: Final = "journal.ndjson"
 
@@ -322,7 +322,7 @@ class RoadCar:
             for sample in (*self._finder.before, *self._ordered.waiting):
                 latest |= sample.values
             table = pd.DataFrame([{"time_s": 0.0, "speed_m_s": 0.0, **latest}], dtype="float64")
-        found = Departure.from_drive(Drive(self.name, table), Context())
+        found = Departure.from_first_sample(Sampled(self.name, table), Context())
         departure = replace(found, payload_mass_kg=None, follows_trip=None)
         if (
             trip is not None

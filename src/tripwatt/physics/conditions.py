@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from tripwatt.physics.cabin import UNKNOWN_SUN_W_M2, CabinStart
-from tripwatt.trips import COLUMNS, QUANTITIES, raise_faults
-from tripwatt.trips.departure import climate_faults
+from tripwatt.trips import COLUMNS, FIELDS, QUANTITIES, raise_faults
 from tripwatt.vehicles import Vehicle
 
 UNKNOWN_AMBIENT_DEGC: Final = 20.0
@@ -79,7 +78,7 @@ class DriveConditions:
     on_dynamometer: bool = False
 
     def __post_init__(self) -> None:
-        raise_faults(climate_faults(self.climate))
+        raise_faults(FIELDS["climate"].faults("climate", self.climate))
 
     @property
     def battery_start_degc(self) -> float:

@@ -283,7 +283,7 @@ def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
     >>> bool(run.simulated_energy_wh > 0.0)
     True
     """
-    weather = trip.weather if isinstance(trip, Plan) else None
+    weather = trip.air if isinstance(trip, Plan) else None
     return simulate(
         with_extras(vehicle, trip.departure.extras or ()),
         trip.array("time_s"),

@@ -7,7 +7,7 @@ import math
 import re
 import unicodedata
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.routes.points import EARTH_RADIUS_M, haversine_m
+from tripwatt.trips import Plan
 
 COORDINATES: Final = re.compile(r"^\s*(?:geo:)?(-?\d{1,3}(?:\.\d+)?)\s*[,; ]\s*(-?\d{1,3}(?:\.\d+)?)\s*$")
 """Latitude and longitude as a person writes or pastes them."""
@@ -247,3 +248,43 @@ def bearings_deg(latitude_deg: FloatArray, longitude_deg: FloatArray) -> FloatAr
     east = np.sin(np.diff(lon)) * np.cos(lat[1:])
     north = np.cos(lat[:-1]) * np.sin(lat[1:]) - np.sin(lat[:-1]) * np.cos(lat[1:]) * np.cos(np.diff(lon))
     return np.asarray(np.degrees(np.arctan2(east, north)) % 360.0, dtype=np.float64)
+
+
+def heading_along(
+    latitude_deg: FloatArray, longitude_deg: FloatArray, position_m: FloatArray, at_m: FloatArray
+) -> FloatArray:
+    """Direction of travel along a line at distances from its start, clockwise from north [°], shape of `at_m`.
+
+    Parameters
+    ----------
+    latitude_deg, longitude_deg, position_m : ndarray, shape (points,)
+        The line, and the distance of each point from its start.
+    at_m : ndarray
+        Distances from the start.
+
+    Examples
+    --------
+    >>> line = np.array([0.0, 1.0, 1.0]), np.array([0.0, 0.0, 1.0]), np.array([0.0, 100.0, 200.0])
+    >>> heading_along(*line, np.array([50.0, 150.0])).round(1).tolist()
+    [0.0, 90.0]
+    """
+    if len(position_m) < 2:
+        return np.zeros_like(at_m)
+    heading = bearings_deg(latitude_deg, longitude_deg)
+    piece = np.searchsorted(position_m, at_m, side="right") - 1
+    return np.asarray(heading[np.clip(piece, 0, len(heading) - 1)], dtype=np.float64)
+
+
+def driven_m(plan: Plan, distance_m: float) -> FloatArray:
+    """Distance of each sample of a plan from its start, on the scale of a road of some length, shape (samples,)."""
+    time = plan.array("time_s")
+    driven = np.cumsum(plan.array("speed_m_s") * np.diff(time, prepend=time[0]))
+    return driven * (distance_m / driven[-1]) if driven[-1] > 0.0 else driven
+
+
+def with_heading(
+    plan: Plan, latitude_deg: FloatArray, longitude_deg: FloatArray, position_m: FloatArray, distance_m: float
+) -> Plan:
+    """A plan with its direction of travel, from a line of some length with the position of each point."""
+    along = heading_along(latitude_deg, longitude_deg, position_m, driven_m(plan, distance_m))
+    return replace(plan, heading_deg=along)

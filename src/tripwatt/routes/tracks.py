@@ -20,10 +20,11 @@ from tripwatt.routes.links import (
     SHORTEST_LINK_M,
     LinkRoute,
 )
+from tripwatt.routes.places import heading_along
 from tripwatt.routes.points import haversine_m, require_on_earth
 from tripwatt.trips import COLUMNS, Departure, Flag, Plan, table_of
+from tripwatt.trips.columns import is_number
 from tripwatt.trips.gaps import SHORTEST_GAP_S
-from tripwatt.trips.schema import is_number
 from tripwatt.units import M_S_PER_KM_H
 
 DENSE_STEP_S: Final = 5.0
@@ -349,10 +350,11 @@ def plan_from_track(
             "implausible jump of the track", "track", got, f"at most {FASTEST_LINK_M_S / M_S_PER_KM_H:g} km/h"
         )
     position, height, flags = track.elevation()
-    columns = {"time_s": time, "speed_m_s": speed}
+    columns, at_m = {"time_s": time, "speed_m_s": speed}, np.interp(time, known_s, driven)
     if position is not None and height is not None:
-        columns["elevation_m"] = np.interp(np.interp(time, known_s, driven), position, height)
+        columns["elevation_m"] = np.interp(at_m, position, height)
     flags += _moving_gaps(known_s, driven)
-    departure = Departure(started_at=track.started_at)
+    departure = Departure(departs_at=track.started_at)
     plan = Plan.from_samples(trip_id, table_of(columns), departure, flags=(*track.flags, *flags))
-    return replace(plan, step_s=step_s)
+    heading = heading_along(track.latitude_deg, track.longitude_deg, track.position_m, at_m)
+    return replace(plan, step_s=step_s, heading_deg=heading)

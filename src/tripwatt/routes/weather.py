@@ -14,19 +14,13 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
 from tripwatt.routes.documents import Node
-from tripwatt.routes.places import Place
+from tripwatt.routes.places import Place, driven_m
 from tripwatt.routes.routers.road import Road
 from tripwatt.routes.web import WebClient, as_remote, require_url
 from tripwatt.trips import Plan, PlanWeather, raise_faults
-from tripwatt.trips.schema import scalar_faults
-from tripwatt.units import DRY_AIR_GAS_CONSTANT_J_KG_K, SECONDS_PER_HOUR, ZERO_CELSIUS_K
-
-ROUGHNESS_M: Final = 0.1
-"""Roughness length of open country with hedges and single houses (European Wind Atlas, class 2)."""
-
-CAR_HEIGHT_M: Final = 1.0
-WIND_AT_CAR: Final = math.log(CAR_HEIGHT_M / ROUGHNESS_M) / math.log(10.0 / ROUGHNESS_M)
-"""Wind at the car over that at 10 m, by the logarithmic profile: 0.5."""
+from tripwatt.trips.columns import scalar_faults
+from tripwatt.trips.weather import WIND_AT_CAR, air_density_at
+from tripwatt.units import SECONDS_PER_HOUR
 
 POINT_EVERY_M: Final = 30_000.0
 """Distance of the points of a road at which the weather is asked [m]: a few cells of a weather model."""
@@ -210,16 +204,15 @@ def _weather(table: Node, hour: dt.datetime) -> Weather:
 
 
 def weather_along(
-    road: Road, source: Weather | WeatherSource, leaves: dt.datetime
+    road: Road, source: WeatherSource, departs_at: dt.datetime
 ) -> tuple[FloatArray, tuple[Weather, ...]]:
     """Positions along a road [m] and the weather there when the car comes by.
 
     Parameters
     ----------
     road : Road
-    source : Weather or WeatherSource
-        One weather for the whole road, or what knows it.
-    leaves : datetime
+    source : WeatherSource
+    departs_at : datetime
         Departure.
 
     Raises
@@ -227,13 +220,11 @@ def weather_along(
     RemoteError
         As the source.
     """
-    if isinstance(source, Weather):
-        return np.array([0.0]), (source,)
     number = min(max(round(road.distance_m / POINT_EVERY_M), 1), MOST_POINTS)
     position = (np.arange(number) + 0.5) / number * road.distance_m
     border = np.concatenate(([0.0], np.cumsum(road.links.length_m)))
     passed = np.interp(position, border, np.concatenate(([0.0], np.cumsum(road.links.travel_time_s))))
-    when = [leaves + dt.timedelta(seconds=float(seconds)) for seconds in passed]
+    when = [departs_at + dt.timedelta(seconds=float(seconds)) for seconds in passed]
     return position, source.at([road.place_at(float(at)) for at in position], when)
 
 
@@ -245,13 +236,10 @@ def plan_with_weather(plan: Plan, road: Road, position_m: FloatArray, weather: S
 
     Examples
     --------
-    >>> WIND_AT_CAR
+    >>> plan_with_weather(plan, road, np.array([0.0]), (Weather(10.0, rain_mm_h=0.5),)).weather.rain_mm_h  # doctest: +SKIP
     0.5
     """
-    step = np.diff(plan.array("time_s"), prepend=plan.array("time_s")[0])
-    driven = np.cumsum(plan.array("speed_m_s") * step)
-    if driven[-1] > 0.0:
-        driven *= road.distance_m / driven[-1]
+    driven = driven_m(plan, road.distance_m)
     angle = np.radians([w.wind_from_deg for w in weather])
     speed = np.array([w.wind_speed_m_s for w in weather])
     east = np.interp(driven, position_m, speed * np.sin(angle))
@@ -265,11 +253,9 @@ def plan_with_weather(plan: Plan, road: Road, position_m: FloatArray, weather: S
     ambient = plan.departure.ambient_temperature_degc
     if ambient is None:
         ambient = temperature
-    density = None
-    if pressure is not None and ambient is not None:
-        density = pressure / (DRY_AIR_GAS_CONSTANT_J_KG_K * (ambient + ZERO_CELSIUS_K))
-    rain = float(np.mean([w.rain_mm_h for w in weather]))
     departure = replace(plan.departure, ambient_temperature_degc=ambient)
+    density = air_density_at(replace(departure, pressure_pa=pressure))
+    rain = float(np.mean([w.rain_mm_h for w in weather]))
     return replace(plan, departure=departure, weather=PlanWeather(headwind, density, rain))
 
 

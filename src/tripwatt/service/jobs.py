@@ -44,6 +44,7 @@ from tripwatt.service.schemas import (
     UpdateRequest,
     VehicleFigures,
     check_request,
+    departure_of,
     parse_json,
     parse_links,
     parse_observed,
@@ -54,8 +55,6 @@ from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import canonical_of_text
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import (
-    ASKED,
-    Departure,
     Flag,
     Plan,
     gap_flags,
@@ -218,8 +217,7 @@ class Jobs:
         def forecast(request: ForecastRequest) -> Forecast:
             assert plan is not None
             assert model is not None
-            departure = Departure(**{name: getattr(request, name) for name in ASKED})
-            return model().forecast(replace(plan, trip_id=request.trip), departure)
+            return model().forecast(replace(plan, trip_id=request.trip), departure_of(request))
 
         return forecast
 

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-import datetime as dt
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
+from pydantic import AwareDatetime, Field
 
-from tripwatt.service.schemas import FlagDocument, ForecastResponse, ResponseModel, VehicleFigures
-from tripwatt.trips import COLUMNS, QUANTITIES, Column
+from tripwatt.service.schemas import (
+    CarRequest,
+    DepartureRequest,
+    FlagDocument,
+    ForecastResponse,
+    ResponseModel,
+    StrictModel,
+    asked,
+    bounded,
+)
+from tripwatt.trips import ASKED, COLUMNS, QUANTITIES
 
 
-def _bounded(column: Column, default: Any = None) -> Any:
-    return Field(
-        default, ge=column.minimum, le=column.maximum, description=f"{column.meaning} [{column.unit}]"
-    )
-
-
-class PlaceRequest(BaseModel):
+class PlaceRequest(StrictModel):
     """A place by its coordinates."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
     latitude_deg: float = Field(ge=-90.0, le=90.0)
     longitude_deg: float = Field(ge=-180.0, le=180.0)
@@ -31,71 +31,42 @@ Stop = Annotated[str, Field(min_length=1, max_length=200)] | PlaceRequest
 """A place: its name, latitude and longitude as text, or an object."""
 
 
-class WeatherRequest(BaseModel):
-    """Weather by hand, for the whole journey."""
+class WeatherRequest(StrictModel):
+    """Weather by hand, for the whole journey: the fields of the departure under their old names."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-
-    temperature_degc: float | None = _bounded(COLUMNS["ambient_temperature_degc"])
-    wind_speed_m_s: float = _bounded(QUANTITIES["wind_speed_m_s"], 0.0)
-    wind_from_deg: float = _bounded(QUANTITIES["wind_from_deg"], 0.0)
-    rain_mm_h: float = _bounded(QUANTITIES["rain_mm_h"], 0.0)
-    pressure_pa: float | None = _bounded(QUANTITIES["pressure_pa"])
+    temperature_degc: float | None = bounded(COLUMNS, "ambient_temperature_degc")
+    wind_speed_m_s: float = bounded(QUANTITIES, "wind_speed_m_s", 0.0)
+    wind_from_deg: float = bounded(QUANTITIES, "wind_from_deg", 0.0)
+    rain_mm_h: float = bounded(QUANTITIES, "rain_mm_h", 0.0)
+    pressure_pa: float | None = bounded(QUANTITIES, "pressure_pa")
 
 
-class _Departs(BaseModel):
-    """The car and its state at departure."""
+class _Departs(DepartureRequest, CarRequest):
+    """The car, and what is known at departure."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-
-    model: str | None = Field(None, max_length=100, description="one of /v1/models; default: the first one")
-    vehicle: str | None = Field(
-        None, max_length=100, description="one of /v1/vehicles; default: the car of the model"
+    departs_at: AwareDatetime | None = asked("departs_at", ASKED["departs_at"])[1]
+    weather: WeatherRequest | None = Field(
+        None,
+        json_schema_extra={"deprecated": True},
+        description="old form of wind_speed_m_s, wind_from_deg, rain_mm_h and pressure_pa",
     )
-    vehicle_figures: VehicleFigures | None = Field(
-        None, description="a car of your own in place of `vehicle`"
-    )
-    soc: float | None = _bounded(COLUMNS["displayed_soc"])
-    ambient_temperature_degc: float | None = _bounded(COLUMNS["ambient_temperature_degc"])
-    cabin_setpoint_degc: float | None = _bounded(COLUMNS["cabin_setpoint_degc"])
-    cabin_temperature_degc: float | None = _bounded(COLUMNS["cabin_temperature_degc"])
-    battery_temperature_degc: float | None = _bounded(COLUMNS["battery_temperature_degc"])
-    payload_mass_kg: float | None = _bounded(QUANTITIES["payload_mass_kg"])
-    climate: Literal["auto", "off", "heat", "cool"] | None = Field(
-        None, description="what climate control may do; heat: no cooling, cool: no heating"
-    )
-    extras: list[Literal["winter_tyres", "roof_box", "trailer", "headlights"]] | None = Field(
-        None, max_length=4, description="what is fitted to the car or switched on"
-    )
-    terrain: Literal["unknown", "flat", "hilly", "mountains"] | None = Field(
-        None, description="country of a road whose heights are unknown: how far it may climb"
-    )
-    depart: Annotated[AwareDatetime | None, Field(strict=False)] = Field(
-        None, description="departure, with its time zone; default: now. It counts for the weather."
-    )
-    weather: WeatherRequest | None = None
-
-    @property
-    def started_at(self) -> dt.datetime | None:
-        """Departure."""
-        return self.depart
 
 
 class PlanRequest(_Departs):
-    """A journey: places in their order, the car, and its state at departure."""
+    """A journey: places in their order, the car, and what is known at departure."""
 
     stops: list[Stop] = Field(min_length=2, max_length=20)
-    reserve: float = _bounded(QUANTITIES["reserve"], 0.1)
+    reserve: float = bounded(QUANTITIES, "reserve", 0.1)
     alternatives: int = Field(0, ge=0, le=3, description="other roads beside the fastest")
     round_trip: bool = Field(False, description="back to the start")
     answers: bool = Field(True, description="whether costs, speed and charging are worked out")
 
 
 class ReachRequest(_Departs):
-    """A start, the car, and its state at departure."""
+    """A start, the car, and what is known at departure."""
 
     start: Stop
-    reserve: float = _bounded(QUANTITIES["reserve"], 0.0)
+    reserve: float = bounded(QUANTITIES, "reserve", 0.0)
 
 
 class PlaceDocument(ResponseModel):

@@ -5,19 +5,29 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping
 from types import NoneType
-from typing import Annotated, Any, Final, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeVar
 
 import numpy as np
 import orjson
 import pandas as pd
-from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError, WithJsonSchema
+from pydantic import (
+    AliasChoices,
+    AwareDatetime,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    WithJsonSchema,
+    create_model,
+)
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import MOST_HINTS, Fault, InvalidInput, excerpt
 from tripwatt.routes import LinkRoute, route_from_links, route_with_elevation
 from tripwatt.service.settings import Limits
 from tripwatt.sources.canonical import LEAST_SAMPLES, canonical_samples
-from tripwatt.trips import COLUMNS, DEPARTURE_BOUNDS, LINK_COLUMNS, QUANTITIES, Column
+from tripwatt.trips import ASKED, COLUMNS, LINK_COLUMNS, QUANTITIES, Column, Departure
+from tripwatt.trips import Field as DepartureField
 
 MIN_OBSERVED: Final = 2
 """Fewest measured samples of an update."""
@@ -88,13 +98,12 @@ def _one_of(**fields: str) -> dict[str, Any]:
     }
 
 
-def _field(
+def bounded(
     columns: Mapping[str, Column],
     name: str,
     default: Any = None,
     *,
     positive: bool = False,
-    alias: AliasChoices | None = None,
 ) -> Any:
     """A number with the bounds and the description of its column."""
     column = columns[name]
@@ -103,7 +112,6 @@ def _field(
         gt=0.0 if positive else None,
         ge=None if positive else column.minimum,
         le=column.maximum,
-        validation_alias=alias,
         description=f"{column.meaning} [{column.unit}]",
     )
 
@@ -115,21 +123,25 @@ class Link(BaseModel):
         extra="forbid", json_schema_extra=_one_of(speed_m_s="number", travel_time_s="number")
     )
 
-    length_m: float = _field(LINK_COLUMNS, "length_m", ..., positive=True)
-    speed_m_s: float | None = _field(LINK_COLUMNS, "speed_m_s", positive=True)
-    travel_time_s: float | None = _field(LINK_COLUMNS, "travel_time_s", positive=True)
-    stop_s: float | None = _field(LINK_COLUMNS, "stop_s")
-    moving_speed_m_s: float | None = _field(LINK_COLUMNS, "moving_speed_m_s", positive=True)
-    speed_limit_m_s: float | None = _field(LINK_COLUMNS, "speed_limit_m_s", positive=True)
-    grade: float | None = _field(LINK_COLUMNS, "grade")
-    start_elevation_m: float | None = _field(LINK_COLUMNS, "start_elevation_m")
-    end_elevation_m: float | None = _field(LINK_COLUMNS, "end_elevation_m")
+    length_m: float = bounded(LINK_COLUMNS, "length_m", ..., positive=True)
+    speed_m_s: float | None = bounded(LINK_COLUMNS, "speed_m_s", positive=True)
+    travel_time_s: float | None = bounded(LINK_COLUMNS, "travel_time_s", positive=True)
+    stop_s: float | None = bounded(LINK_COLUMNS, "stop_s")
+    moving_speed_m_s: float | None = bounded(LINK_COLUMNS, "moving_speed_m_s", positive=True)
+    speed_limit_m_s: float | None = bounded(LINK_COLUMNS, "speed_limit_m_s", positive=True)
+    grade: float | None = bounded(LINK_COLUMNS, "grade")
+    start_elevation_m: float | None = bounded(LINK_COLUMNS, "start_elevation_m")
+    end_elevation_m: float | None = bounded(LINK_COLUMNS, "end_elevation_m")
 
 
-class Elevation(BaseModel):
-    """Elevation along a route of links; in a request it replaces grades and elevations of the links."""
+class StrictModel(BaseModel):
+    """Base of documents in requests: no unknown fields, no texts for numbers, no infinities."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Elevation(StrictModel):
+    """Elevation along a route of links; in a request it replaces grades and elevations of the links."""
 
     position_m: list[float] = Field(
         min_length=1, description="distances from the start, never decreasing [m]"
@@ -146,10 +158,8 @@ Links = Annotated[
 """Links of a planned route. `tripwatt.routes.route_from_links` checks them as a table, not one object at a time."""
 
 
-class VehicleFigures(BaseModel):
+class VehicleFigures(StrictModel):
     """A car that the library does not have, by up to six figures; what is missing is that of a usual car of its body."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
     mass_kg: float | None = Field(
         None, ge=400.0, le=6000.0, description="mass ready to drive, nobody inside [kg]"
@@ -173,15 +183,8 @@ class VehicleFigures(BaseModel):
     title: str | None = Field(None, min_length=1, max_length=100, description="name for people")
 
 
-class ForecastRequest(BaseModel):
-    """A trip to forecast: a speed trace (`samples`) or a planned route (`links`), and the state at departure."""
-
-    model_config = ConfigDict(
-        extra="forbid",
-        strict=True,
-        allow_inf_nan=False,
-        json_schema_extra=_one_of(samples="object", links="array"),
-    )
+class CarRequest(StrictModel):
+    """The car of a request."""
 
     model: str | None = Field(None, max_length=100, description="one of /v1/models; default: the first one")
     vehicle: str | None = Field(
@@ -190,26 +193,56 @@ class ForecastRequest(BaseModel):
     vehicle_figures: VehicleFigures | None = Field(
         None, description="a car of your own in place of `vehicle`"
     )
+
+
+def asked(name: str, field: DepartureField) -> tuple[Any, Any]:
+    """Type and schema of a field of the table in a request; its schema also has what a form needs."""
+    kind: Any = Literal[field.choices] if field.choices else float
+    unit, rules = "", dict[str, Any]()
+    if field.column is not None:
+        unit, rules = f" [{field.column.unit}]", {"ge": field.column.minimum, "le": field.column.maximum}
+    elif field.type == "time":
+        kind, unit, rules = AwareDatetime, "; with its time zone", {"strict": False}
+    elif field.several:
+        kind, rules = list[kind], {"max_length": len(field.choices)}
+    if field.wire:
+        rules["alias"] = field.wire[0]
+        rules["validation_alias"] = AliasChoices(*dict.fromkeys((*field.wire, name)))
+    form: dict[str, Any] = {"x-label": field.label, "x-unit": field.unit, "x-option": field.option}
+    described = field.help.removesuffix(".") + unit
+    return kind | None, Field(None, description=described, json_schema_extra=form, **rules)
+
+
+if TYPE_CHECKING:
+
+    class DepartureRequest(StrictModel):
+        """What is known at departure: the fields of `tripwatt.trips.departure.ASKED`."""
+
+else:
+    DepartureRequest = create_model(
+        "DepartureRequest",
+        __base__=StrictModel,
+        __doc__="What is known at departure.",
+        **{name: asked(name, field) for name, field in ASKED.items() if name != "departs_at"},
+    )
+
+
+def departure_of(request: DepartureRequest) -> Departure:
+    """The departure of a request."""
+    known = {name: getattr(request, name) for name in ASKED if name in type(request).model_fields}
+    return Departure(**known)
+
+
+class ForecastRequest(DepartureRequest, CarRequest):
+    """A trip to forecast: a speed trace (`samples`) or a planned route (`links`), and what is known at departure."""
+
+    model_config = ConfigDict(json_schema_extra=_one_of(samples="object", links="array"))
+
     trip: str = Field("trip", min_length=1, max_length=100, description="name of the trip in the response")
     samples: Samples | None = None
     links: Links | None = None
     elevation: Elevation | None = None
-    soc: float | None = _field(COLUMNS, "displayed_soc", alias=AliasChoices("soc", "displayed_soc"))
-    ambient_temperature_degc: float | None = _field(DEPARTURE_BOUNDS, "ambient_temperature_degc")
-    cabin_setpoint_degc: float | None = _field(COLUMNS, "cabin_setpoint_degc")
-    cabin_temperature_degc: float | None = _field(COLUMNS, "cabin_temperature_degc")
-    battery_temperature_degc: float | None = _field(COLUMNS, "battery_temperature_degc")
-    payload_mass_kg: float | None = _field(QUANTITIES, "payload_mass_kg")
-    climate: Literal["auto", "off", "heat", "cool"] | None = Field(
-        None, description="what climate control may do; heat: no cooling, cool: no heating"
-    )
-    extras: list[Literal["winter_tyres", "roof_box", "trailer", "headlights"]] | None = Field(
-        None, max_length=4, description="what is fitted to the car or switched on"
-    )
-    terrain: Literal["unknown", "flat", "hilly", "mountains"] | None = Field(
-        None, description="country of a road whose heights are unknown: how far it may climb"
-    )
-    reserve: float = _field(QUANTITIES, "reserve", 0.1)
+    reserve: float = bounded(QUANTITIES, "reserve", 0.1)
     probability: float | None = Field(
         None,
         ge=0.5,

@@ -24,7 +24,7 @@ from tripwatt.synthetic.scenario import Scenario, draw_scenarios, long_drive
 from tripwatt.synthetic.sensors import log_samples
 from tripwatt.synthetic.world import simulate_truth
 from tripwatt.trips import Context, Flag, Fleet, Trip, raise_faults
-from tripwatt.trips.schema import Column, is_number, number_faults
+from tripwatt.trips.columns import Column, is_number, number_faults
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 __all__ = [

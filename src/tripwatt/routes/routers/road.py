@@ -11,7 +11,7 @@ import numpy as np
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.routes.links import FLAT_ROAD, SHORTEST_LINK_M, LinkRoute, plan_from_links
-from tripwatt.routes.places import Place, bearings_deg
+from tripwatt.routes.places import Place, heading_along, with_heading
 from tripwatt.routes.points import distances_m
 from tripwatt.routes.web import as_remote
 from tripwatt.trips import Plan
@@ -109,15 +109,12 @@ class Road:
 
     def heading_at(self, position_m: FloatArray) -> FloatArray:
         """Direction of travel at distances from the start, clockwise from north [°], shape of `position_m`."""
-        if len(self.position_m) < 2:
-            return np.zeros_like(position_m)
-        heading = bearings_deg(self.latitude_deg, self.longitude_deg)
-        piece = np.searchsorted(self.position_m, position_m, side="right") - 1
-        return np.asarray(heading[np.clip(piece, 0, len(heading) - 1)], dtype=np.float64)
+        return heading_along(self.latitude_deg, self.longitude_deg, self.position_m, position_m)
 
     def plan(self, trip_id: str = "route") -> Plan:
-        """The road as a plan, see `plan_from_links`."""
-        return plan_from_links(self.links, trip_id=trip_id)
+        """The road as a plan with its direction of travel, see `plan_from_links`."""
+        plan = plan_from_links(self.links, trip_id=trip_id)
+        return with_heading(plan, self.latitude_deg, self.longitude_deg, self.position_m, self.distance_m)
 
     def with_links(self, links: LinkRoute) -> Road:
         """The same line with other speeds or times of its links."""
