@@ -136,7 +136,7 @@ def test_all_faults_of_a_route_at_once():
     with pytest.raises(InvalidInput) as caught:
         speed_profile([100.0, -1.0], [10.0, np.nan], dwell_s=[0.0], step_s=0.0)
     where = [f.where for f in caught.value.faults]
-    assert where == ["step_s", "length_m, link 2", "speed_m_s, link 2", "dwell_s"]
+    assert where == ["step_s", "link 2, length_m", "link 2, speed_m_s", "dwell_s"]
     with pytest.raises(InvalidInput, match=r"deceleration_m_s2[\s\S]*speed_share"):
         DriverStyle(deceleration_m_s2=-1.0, speed_share=1.2)
     with pytest.raises(InvalidInput, match="no route"):

@@ -160,7 +160,7 @@ def test_seeds_draw_different_drives_of_the_same_links():
 def test_all_faults_at_once():
     with pytest.raises(InvalidInput) as caught:
         link_profile([100.0, -1.0], [10.0, np.nan], stop_s=[20.0, 0.0], step_s=0.0)
-    assert {f.where.split(",")[0] for f in caught.value.faults} == {
+    assert {f.where.split(", ")[-1] for f in caught.value.faults} == {
         "length_m",
         "travel_time_s",
         "stop_s",

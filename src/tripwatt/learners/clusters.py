@@ -15,7 +15,7 @@ import pandas as pd
 from sklearn.utils.validation import check_consistent_length
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 
 Loss = Literal["squared", "absolute"] | Callable[[FloatArray, FloatArray], float]
 ScoreRows = Literal["all", "last"]
@@ -58,8 +58,7 @@ class Columns:
         """Numbers for levels; a level that was not learned, and a missing one, become NaN."""
         if not isinstance(X, pd.DataFrame):
             return X
-        encoded = {}
-        faults = []
+        encoded, faults = {}, []
         for name in X.columns:
             known = self.levels.get(str(name))
             if known is not None:
@@ -70,8 +69,7 @@ class Columns:
                 encoded[name] = X[name].to_numpy(dtype=float, na_value=np.nan)
             except (TypeError, ValueError):
                 faults.append(Fault("text in a numeric column", f"column {name}", str(X[name].dtype)))
-        if faults:
-            raise InvalidInput(faults)
+        raise_faults(faults)
         return pd.DataFrame(encoded, index=X.index, columns=X.columns)
 
     def categorical_positions(self, names: Sequence[str]) -> list[int]:
@@ -217,11 +215,6 @@ def folds_of(folds: Any, clusters: Clusters) -> tuple[npt.NDArray[Any], IntArray
     fold_of_group = np.zeros(clusters.n_groups, dtype=np.int64)
     fold_of_group[clusters.codes] = by_row.codes
     torn = clusters.labels[np.unique(clusters.codes[fold_of_group[clusters.codes] != by_row.codes])]
-    if torn.size:
-        raise InvalidInput(
-            [
-                Fault("group in two folds", f"group {label}", allowed="one fold for all rows of a group")
-                for label in torn
-            ]
-        )
+    allowed = "one fold for all rows of a group"
+    raise_faults(Fault("group in two folds", f"group {label}", allowed=allowed) for label in torn)
     return by_row.labels, fold_of_group

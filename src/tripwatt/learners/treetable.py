@@ -94,9 +94,7 @@ class TreeTable:
     def _faults(self) -> Iterator[Fault]:
         """Every reason why the arrays are no trees. O(splits)."""
         shape = self.split_feature.shape
-        if len(shape) != 2 or not (
-            shape[1] <= _MOST_SPLITS and self.split_feature.size <= _MOST_NODES and shape[1] >= 1
-        ):
+        if len(shape) != 2 or not (1 <= shape[1] <= _MOST_SPLITS and self.split_feature.size <= _MOST_NODES):
             yield Fault("wrong shape of trees", "trees, split_feature", f"{shape}", "(trees, splits)")
             return
         for name in _FIELDS:
@@ -112,9 +110,8 @@ class TreeTable:
             elif name in ("left", "right"):
                 # a child that is a split comes later than its parent, so that every path ends
                 own = np.arange(shape[1])
-                if (
-                    (values < -1 - shape[1]) | (values >= shape[1]) | ((values >= 0) & (values <= own))
-                ).any():
+                outside = (values < -1 - shape[1]) | (values >= shape[1])
+                if (outside | ((values >= 0) & (values <= own))).any():
                     yield Fault("split leads back", f"trees, {name}", "a cycle", "a later split or a leaf")
             elif name == "split_feature" and (values < 0).any():
                 yield Fault("wrong column of a split", f"trees, {name}", f"{values.min()}", "0 or more")
@@ -143,9 +140,8 @@ class TreeTable:
         missing = decision & _MISSING
         unknown = np.isnan(value)
         value = np.where(unknown & (missing != _NAN_IS_MISSING), 0.0, value)
-        absent = (unknown & (missing == _NAN_IS_MISSING)) | (
-            (missing == _ZERO_IS_MISSING) & (np.abs(value) <= _ZERO)
-        )
+        zero = (missing == _ZERO_IS_MISSING) & (np.abs(value) <= _ZERO)
+        absent = (unknown & (missing == _NAN_IS_MISSING)) | zero
         return np.where(absent, (decision & _DEFAULT_LEFT) > 0, value <= self.threshold.take(split))
 
 

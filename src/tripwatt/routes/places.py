@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, raise_faults
 from tripwatt.routes.points import EARTH_RADIUS_M, haversine_m
 from tripwatt.trips import Plan
 
@@ -64,13 +64,11 @@ class Place:
 
     def __post_init__(self) -> None:
         bounds = {"latitude": (self.latitude_deg, 90.0), "longitude": (self.longitude_deg, 180.0)}
-        faults = [
+        raise_faults(
             Fault("coordinate out of range", name, f"{value:g}°", f"-{most:g}° to {most:g}°")
             for name, (value, most) in bounds.items()
-            if not (math.isfinite(value) and abs(value) <= most)
-        ]
-        if faults:
-            raise InvalidInput(faults)
+            if not abs(value) <= most
+        )
 
     @property
     def title(self) -> str:
@@ -154,11 +152,8 @@ class Place:
         >>> round(Place(0.0, 0.0).distance_m(Place(0.0, 1.0)), 1)
         111195.1
         """
-        latitude, longitude = (
-            (self.latitude_deg, other.latitude_deg),
-            (self.longitude_deg, other.longitude_deg),
-        )
-        return float(haversine_m(latitude, longitude)[0])
+        latitude = self.latitude_deg, other.latitude_deg
+        return float(haversine_m(latitude, (self.longitude_deg, other.longitude_deg))[0])
 
     def moved(self, bearing_deg: float, distance_m: float) -> Place:
         """Find the place at a distance in a direction, on the sphere.
@@ -210,13 +205,13 @@ def without_twins(places: Iterable[Place]) -> tuple[Place, ...]:
     True
     """
     kept: dict[str, list[Place]] = {}
-    found = []
+    single = []
     for place in places:
         same = kept.setdefault(place.name, [])
         if all(other.distance_m(place) > TWIN_M for other in same):
             same.append(place)
-            found.append(place)
-    return tuple(found)
+            single.append(place)
+    return tuple(single)
 
 
 def read_coordinates(text: str) -> Place | None:
@@ -232,8 +227,8 @@ def read_coordinates(text: str) -> Place | None:
     >>> read_coordinates("47.141, 9.5209"), read_coordinates("Vaduz")
     (Place(latitude_deg=47.141, longitude_deg=9.5209, name='', kind=''), None)
     """
-    found = COORDINATES.match(text)
-    return None if found is None else Place(float(found[1]), float(found[2]))
+    match = COORDINATES.match(text)
+    return None if match is None else Place(float(match[1]), float(match[2]))
 
 
 def bearings_deg(latitude_deg: FloatArray, longitude_deg: FloatArray) -> FloatArray:

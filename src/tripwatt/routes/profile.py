@@ -9,8 +9,6 @@ that the delays that reproduce the travel times of all links are found at once.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -18,8 +16,17 @@ import numpy as np
 import numpy.typing as npt
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
-from tripwatt.errors import Fault, InvalidInput
-from tripwatt.routes.driver import DriverStyle, SpeedProfile, draw_dwell, profile_over_time, reachable_speed
+from tripwatt.errors import Fault, raise_faults
+from tripwatt.routes.driver import (
+    DriverStyle,
+    LinkRule,
+    SpeedProfile,
+    draw_dwell,
+    link_column,
+    link_faults,
+    profile_over_time,
+    reachable_speed,
+)
 
 REFERENCE_LENGTH_M: Final = 250.0
 """Length of a link to which `LinkStyle.street_speed_m_s` refers [m]."""
@@ -116,13 +123,11 @@ class LinkStyle:
             "sharpness": (1.0, 50.0),
             "stop_place": (0.1, 0.9),
         }
-        faults = [
+        raise_faults(
             Fault("link style out of range", name, f"{getattr(self, name)}", f"{low:g} to {high:g}")
             for name, (low, high) in bounds.items()
             if not low <= getattr(self, name) <= high
-        ]
-        if faults:
-            raise InvalidInput(faults)
+        )
 
     def free_speed(self, length_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
         """Speed between two disturbances [m/s] on links of a mean speed, shape of `length_m`.
@@ -203,14 +208,12 @@ def link_profile(
     (750.0, True)
     """
     style = style or LinkStyle()
-    length = np.atleast_1d(np.asarray(length_m, dtype=np.float64))
-    time = np.atleast_1d(np.asarray(travel_time_s, dtype=np.float64))
-    stop = _array_or_nan(stop_s, length)
-    moving = _array_or_nan(moving_speed_m_s, length)
-    limit = _array_or_nan(speed_limit_m_s, length)
-    faults = tuple(_link_faults(length, time, stop, moving, limit, step_s))
-    if faults:
-        raise InvalidInput(faults)
+    length, time = link_column(length_m), link_column(travel_time_s)
+    unknown = np.full(length.shape, np.nan)
+    stop, moving, limit = (
+        link_column(values, unknown) for values in (stop_s, moving_speed_m_s, speed_limit_m_s)
+    )
+    raise_faults(link_faults(_rules(length, time, stop, moving, limit), step_s))
     course = _Course.from_links(length, time, stop, moving, limit, style, rng)
     speed, driving_s = course.solve()
     return profile_over_time(
@@ -218,56 +221,25 @@ def link_profile(
     )
 
 
-def _array_or_nan(values: npt.ArrayLike | None, like: FloatArray) -> FloatArray:
-    return (
-        np.full(like.shape, np.nan) if values is None else np.atleast_1d(np.asarray(values, dtype=np.float64))
-    )
-
-
-def _link_faults(
-    length: FloatArray,
-    time: FloatArray,
-    stop: FloatArray,
-    moving: FloatArray,
-    limit: FloatArray,
-    step_s: float,
-) -> Iterator[Fault]:
-    if not (math.isfinite(step_s) and step_s > 0):
-        yield Fault("step out of range", "step_s", f"{step_s}", "more than 0 s")
-    if length.ndim != 1 or not length.size:
-        yield Fault("no route", "length_m", f"shape {length.shape}", "one dimension, at least one link")
-        return
-    rules = (
-        ("length_m", length, np.isfinite(length) & (length > 0), "finite, more than 0 m"),
-        ("travel_time_s", time, np.isfinite(time) & (time > 0), "finite, more than 0 s"),
-        ("stop_s", stop, np.isnan(stop) | (np.isfinite(stop) & (stop >= 0)), "0 s or more, NaN if unknown"),
+def _rules(
+    length: FloatArray, time: FloatArray, stop: FloatArray, moving: FloatArray, limit: FloatArray
+) -> list[LinkRule]:
+    not_whole = stop < time if stop.shape == time.shape else True
+    sound = np.isnan(stop) | (np.isfinite(stop) & (stop >= 0) & not_whole)
+    rules: list[LinkRule] = [
+        (name, values, np.isfinite(values) & (values > 0), f"finite, more than 0 {unit}")
+        for name, values, unit in (("length_m", length, "m"), ("travel_time_s", time, "s"))
+    ]
+    rules.append(("stop_s", stop, sound, "0 s to less than the travel time, NaN if unknown"))
+    return rules + [
         (
-            "moving_speed_m_s",
-            moving,
-            np.isnan(moving) | (np.isfinite(moving) & (moving > 0)),
+            name,
+            values,
+            np.isnan(values) | (np.isfinite(values) & (values > 0)),
             "more than 0 m/s, NaN if unknown",
-        ),
-        (
-            "speed_limit_m_s",
-            limit,
-            np.isnan(limit) | (np.isfinite(limit) & (limit > 0)),
-            "more than 0 m/s, NaN if unknown",
-        ),
-    )
-    for name, values, sound, allowed in rules:
-        if values.shape != length.shape:
-            yield Fault("wrong shape", name, f"shape {values.shape}", f"shape {length.shape} of length_m")
-        elif not sound.all():
-            first = int(np.flatnonzero(~sound)[0])
-            yield Fault("link out of range", f"{name}, link {first + 1}", f"{values[first]}", allowed)
-    if stop.shape == time.shape == length.shape and bool((stop >= time).any()):
-        first = int(np.flatnonzero(stop >= time)[0])
-        yield Fault(
-            "stop takes the whole travel time",
-            f"stop_s, link {first + 1}",
-            f"{stop[first]:g} s",
-            f"less than {time[first]:g} s",
         )
+        for name, values in (("moving_speed_m_s", moving), ("speed_limit_m_s", limit))
+    ]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -318,9 +290,8 @@ class _Course:
         position[ends] = np.cumsum(length)
         dip_link = np.repeat(np.arange(len(length)), dips)
         order = np.arange(len(dip_link)) - np.repeat(np.cumsum(dips) - dips, dips)
-        place = (
-            np.full(len(dip_link), style.stop_place) if rng is None else rng.uniform(0.2, 0.8, len(dip_link))
-        )
+        drawn = None if rng is None else rng.uniform(0.2, 0.8, len(dip_link))
+        place = style.stop_place if drawn is None else drawn
         within = np.rint((order + place) / dips[dip_link] * cells[dip_link]).astype(np.int64)
         dip_node = (ends - cells)[dip_link] + np.clip(within, 2, cells[dip_link] - 2)
         most = np.where(dips > 0, 1.0, MOST_DELAY)
@@ -474,8 +445,8 @@ def _number_of_dips(
     stop_s = free / (2.0 * down) + free / (2.0 * up) * (1.0 + free**2 / (6.0 * half_squared))
     spare = time - length / free
     at_ends = np.zeros(len(length))
-    at_ends[0] += 0.5
-    at_ends[-1] += 0.5
+    for end in (0, -1):
+        at_ends[end] += 0.5
     number = np.rint(spare / (stop_s + style.driver.dwell_mean_s) - at_ends)
     number = np.clip(number, np.where(at_ends > 0, 0, 1), np.maximum(length // SHORTEST_BETWEEN_STOPS_M, 1))
     return np.asarray(np.where(unknown, number, 0), dtype=np.int64)

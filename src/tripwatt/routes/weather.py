@@ -77,11 +77,9 @@ class Weather:
     hours_ahead: float | None = None
 
     def __post_init__(self) -> None:
-        own = {
-            name: getattr(self, name)
-            for name in ("wind_speed_m_s", "wind_from_deg", "rain_mm_h", "pressure_pa")
-        }
-        raise_faults(scalar_faults({"ambient_temperature_degc": self.temperature_degc, **own}))
+        own = ("wind_speed_m_s", "wind_from_deg", "rain_mm_h", "pressure_pa")
+        values = {name: getattr(self, name) for name in own}
+        raise_faults(scalar_faults({"ambient_temperature_degc": self.temperature_degc, **values}))
 
     @property
     def temperature_sd_k(self) -> float:
@@ -135,10 +133,8 @@ class WeatherServer:
         InvalidInput
             When it is no URL.
         """
-        client = WebClient(
-            require_url(url, where), "the weather server", "TRIPWATT_WEATHER_KEY", "query:apikey"
-        )
-        return cls(client)
+        url = require_url(url, where)
+        return cls(WebClient(url, "the weather server", "TRIPWATT_WEATHER_KEY", "query:apikey"))
 
     def at(self, places: Sequence[Place], when: Sequence[dt.datetime]) -> tuple[Weather, ...]:
         """See `WeatherSource.at`. Answers are kept for an hour.
@@ -151,13 +147,12 @@ class WeatherServer:
         keys = [_cell(place, hour) for place, hour in zip(places, when, strict=True)]
         now = time.monotonic()
         missing = [key for key in dict.fromkeys(keys) if self._kept.get(key, (-math.inf,))[0] < now - KEPT_S]
+        if len(self._kept) + len(missing) > MOST_KEPT:
+            self._kept.clear()
+            missing = list(dict.fromkeys(keys))
         if missing:
-            if len(self._kept) + len(missing) > MOST_KEPT:
-                self._kept.clear()
-                missing = list(dict.fromkeys(keys))
-            self._kept.update(
-                {key: (now, weather) for key, weather in zip(missing, self._ask(missing), strict=True)}
-            )
+            asked = zip(missing, self._ask(missing), strict=True)
+            self._kept.update({key: (now, weather) for key, weather in asked})
         return tuple(self._kept[key][1] for key in keys)
 
     def _ask(self, keys: Sequence[tuple[int, int, dt.datetime]]) -> list[Weather]:
@@ -246,13 +241,10 @@ def plan_with_weather(plan: Plan, road: Road, position_m: FloatArray, weather: S
     north = np.interp(driven, position_m, speed * np.cos(angle))
     heading = np.radians(road.heading_at(driven))
     headwind = WIND_AT_CAR * (east * np.sin(heading) + north * np.cos(heading))
-    temperature, pressure = (
-        _mean([w.temperature_degc for w in weather]),
-        _mean([w.pressure_pa for w in weather]),
-    )
+    pressure = _mean([w.pressure_pa for w in weather])
     ambient = plan.departure.ambient_temperature_degc
     if ambient is None:
-        ambient = temperature
+        ambient = _mean([w.temperature_degc for w in weather])
     departure = replace(plan.departure, ambient_temperature_degc=ambient)
     density = air_density_at(replace(departure, pressure_pa=pressure))
     rain = float(np.mean([w.rain_mm_h for w in weather]))

@@ -34,7 +34,7 @@ def valhalla_folder() -> Path | None:
     spec = importlib.util.find_spec("valhalla")
     if spec is not None and spec.origin is not None:
         candidates.append(Path(spec.origin).parent)
-    return next((found for found in candidates if (found / "bin" / "valhalla_build_tiles").is_file()), None)
+    return next((path for path in candidates if (path / "bin" / "valhalla_build_tiles").is_file()), None)
 
 
 def require_valhalla() -> Path:
@@ -45,10 +45,10 @@ def require_valhalla() -> Path:
     InvalidInput
         When Valhalla is not installed.
     """
-    found = valhalla_folder()
-    if found is None:
+    folder = valhalla_folder()
+    if folder is None:
         raise InvalidInput.of("missing package", "pyvalhalla", "not installed", fix=INSTALL)
-    return found
+    return folder
 
 
 def configuration(folder: Path, *, port: int | None = None) -> dict[str, Any]:
@@ -66,27 +66,27 @@ def configuration(folder: Path, *, port: int | None = None) -> dict[str, Any]:
     InvalidInput
         When Valhalla is not installed.
     """
-    found = _defaults(require_valhalla())
+    config = _defaults(require_valhalla())
     here = folder.resolve()
-    found["mjolnir"] |= {
+    config["mjolnir"] |= {
         "tile_dir": str(here / "tiles"),
         **dict.fromkeys(("tile_extract", "traffic_extract", "admin", "timezone", "landmarks"), ""),
         **dict.fromkeys(("transit_dir", "transit_feeds_dir"), ""),
         "concurrency": os.cpu_count() or 1,
     }
-    found["additional_data"]["elevation"] = str(here / "elevation")
-    found["logging"] = {"type": "std_err", "color": False}
-    limits = found["service_limits"]
+    config["additional_data"]["elevation"] = str(here / "elevation")
+    config["logging"] = {"type": "std_err", "color": False}
+    limits = config["service_limits"]
     limits["isochrone"] |= {"max_time_contour": LONGEST_CONTOUR_MIN, "max_distance": FARTHEST_M}
     limits["trace"] |= {"max_distance": FARTHEST_M, "max_shape": 1_000_000}
     limits["skadi"] |= {"max_shape": 1_000_000, "min_resample": 10.0}
     if port is not None:
-        service = found["httpd"]["service"]
+        service = config["httpd"]["service"]
         service |= {"listen": f"tcp://127.0.0.1:{port}", "drain_seconds": 0}
         service |= {name: f"ipc://{here}/{name}.socket" for name in ("loopback", "interrupt")}
         for part in ("loki", "thor", "odin", "meili"):
-            found[part]["service"]["proxy"] = f"ipc://{here}/{part}.socket"
-    return found
+            config[part]["service"]["proxy"] = f"ipc://{here}/{part}.socket"
+    return config
 
 
 def _defaults(package: Path) -> dict[str, Any]:
@@ -126,22 +126,19 @@ def build_tiles(folder: Path, extract: Path) -> None:
     config = folder / "valhalla.json"
     config.write_text(json.dumps(configuration(folder)), "utf-8")
     try:
-        done = subprocess.run(
-            [program, "-c", config, extract], capture_output=True, text=True, errors="replace"
-        )
+        command = [str(program), "-c", str(config), str(extract)]
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace")
     except OSError as error:
         got = f"{program.name}: {error.strerror or error}"
         raise InvalidInput.of("cannot run Valhalla", str(program), got, "an executable file") from error
     finally:
         config.unlink(missing_ok=True)
     if done.returncode != 0 or not any((folder / "tiles").rglob("*.gph")):
-        lines = [
-            line for line in (done.stdout + done.stderr).splitlines() if "ERROR" in line or "FATAL" in line
-        ]
+        output = (done.stdout + done.stderr).splitlines()
+        lines = [line for line in output if "ERROR" in line or "FATAL" in line]
         got = lines[-1][-120:] if lines else f"exit code {done.returncode}, no tiles"
-        raise InvalidInput.of(
-            "cannot build the map", extract.name, got, "an OpenStreetMap extract with roads"
-        )
+        allowed = "an OpenStreetMap extract with roads"
+        raise InvalidInput.of("cannot build the map", extract.name, got, allowed)
 
 
 def router_in_process(folder: Path) -> ValhallaRouter:
