@@ -168,9 +168,9 @@ class Api:
         self.settings = settings
         self.metrics = Metrics()
         self.pool = WorkerPool(settings, log_event)
-        self.metrics.set_pool_gauges(
-            lambda: self.pool.waiting, lambda: self.pool.ready, lambda: self.pool.lost
-        )
+        self.metrics.waiting.set_function(lambda: self.pool.waiting)
+        self.metrics.workers.set_function(lambda: self.pool.ready)
+        self.metrics.lost.set_function(lambda: self.pool.lost)
         self.running_batches = 0
         self.answering = Answering(settings, self.pool, self.metrics)
         self.models = _models_document(settings)
