@@ -249,7 +249,7 @@ class Api:
         speed = speed_m_s if speed_m_s is not None and math.isfinite(speed_m_s) else None
         return await self.answering.job(request, "route", body, speed_m_s=speed)
 
-    @operation("POST /v1/plan", "journeys", PlanResponse, PlanRequest)
+    @operation("POST /v1/journeys", "journeys", PlanResponse, PlanRequest, alias="/v1/plan")
     async def plan(self, request: Request) -> Response:
         """Plan a journey: roads, their forecasts, the charge to leave with, a charging stop."""
         self._require_map()

@@ -17,8 +17,10 @@ from pydantic import (
     ConfigDict,
     Field,
     ValidationError,
+    ValidationInfo,
     WithJsonSchema,
     create_model,
+    field_validator,
 )
 
 from tripwatt.arrays import FloatArray
@@ -134,10 +136,27 @@ class Link(BaseModel):
     end_elevation_m: float | None = bounded(LINK_COLUMNS, "end_elevation_m")
 
 
+def reserved(default: float) -> Any:
+    """The field `reserve`; null is its default."""
+
+    def or_null(schema: dict[str, Any]) -> None:
+        number = {name: schema.pop(name) for name in ("type", "minimum", "maximum")}
+        schema["anyOf"] = [number, {"type": "null"}]
+
+    field = bounded(QUANTITIES, "reserve", default)
+    field.json_schema_extra = or_null
+    return field
+
+
 class StrictModel(BaseModel):
     """Base of documents in requests: no unknown fields, no texts for numbers, no infinities."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+    @field_validator("reserve", mode="before", check_fields=False)
+    @classmethod
+    def _null_is_the_default(cls, value: Any, info: ValidationInfo) -> Any:
+        return cls.model_fields[f"{info.field_name}"].default if value is None else value
 
 
 class Elevation(StrictModel):
@@ -242,7 +261,7 @@ class ForecastRequest(DepartureRequest, CarRequest):
     samples: Samples | None = None
     links: Links | None = None
     elevation: Elevation | None = None
-    reserve: float = bounded(QUANTITIES, "reserve", 0.1)
+    reserve: float = reserved(0.1)
     probability: float | None = Field(
         None,
         ge=0.5,
