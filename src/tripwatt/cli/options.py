@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -206,7 +206,7 @@ def add_command(
         Its docstring has examples below the line `EXAMPLES`.
     name : str, optional
         That of the function when not given.
-    **more : bool
+    **more
         Further arguments of `Typer.command`.
 
     Examples
