@@ -58,7 +58,7 @@ def import_vehicle(path: str | Path, row: str | None = None) -> str:
     }
     reader = readers.get(file.suffix.lower())
     if reader is None:
-        raise InvalidInput(Fault("unknown file format", str(file), file.suffix, ", ".join(readers)))
+        raise InvalidInput.of("unknown file format", str(file), file.suffix, ", ".join(readers))
     text = read_text_file(file, LARGEST_FILE_BYTES, what="file cannot be read", allowed="a text file")
     found = reader(text, str(file), row)
     result = vehicle_toml(found, file.name)
