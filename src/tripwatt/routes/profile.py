@@ -32,7 +32,7 @@ REFERENCE_LENGTH_M: Final = 250.0
 """Length of a link to which `LinkStyle.street_speed_m_s` refers [m]."""
 
 LONGEST_STREET_M: Final = 2000.0
-"""The growth of the street speed with the link's length ends here: twice the longest links that it was found on [m]."""
+"""The growth of the street speed with the link's length ends here: twice the longest links of its fit [m]."""
 
 SPACING_M: Final = 4.0
 """Longest cell of the distance grid [m]."""
@@ -79,7 +79,7 @@ class LinkStyle:
     """How traffic and driver fill a link of which only the mean speed is known.
 
     The defaults of `street_speed_m_s`, `length_exponent` and `comfort` are what `calibrate_style` finds on the electric
-    cars of the Vehicle Energy Dataset, rounded; the other values are a choice. `docs/reference/routes.md` says how.
+    cars of the Vehicle Energy Dataset, rounded; the other values are a choice (method: `docs/reference/routes.md`).
 
     Attributes
     ----------
