@@ -303,7 +303,7 @@ def test_invented_stops_are_25_metres_apart():
 def course(length, time, stop=NO, moving=NO, limit=NO, style=SOFT, rng=None):
     length, time = np.array(length, dtype=float), np.array(time, dtype=float)
     given = (np.broadcast_to(np.asarray(x, dtype=float), length.shape).copy() for x in (stop, moving, limit))
-    return _Course.from_links(length, time, *given, style, rng)
+    return _Course(length, time, *given, style, rng)
 
 
 def test_the_grid_has_cells_of_four_metres_and_twelve_to_a_dip():
