@@ -125,7 +125,7 @@ def value_faults(samples: pd.DataFrame | Mapping[str, FloatArray], where: str) -
     >>> [fault.what for fault in value_faults(pd.DataFrame({"time_s": [1.0, 0.0], "speed_m_s": [0.0, np.nan]}), "drive.csv")]
     ['missing value', 'time does not increase']
     """
-    for name in samples:
+    for name in map(str, samples):
         if name not in COLUMNS:
             continue
         column = COLUMNS[name]
