@@ -105,7 +105,7 @@ def test_a_process_that_is_killed_while_it_learns_counts_no_trip_twice(
 
     place, name = {
         "store": (TripStore, "add"),
-        "model": (own_module.OwnCar, "_keep"),
+        "model": (own_module.Car, "_keep"),
         "note": (learn_finished.__globals__, "write_text"),
     }[killed]
     with monkeypatch.context() as patched:

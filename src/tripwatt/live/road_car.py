@@ -404,7 +404,7 @@ class RoadCar:
         Returns
         -------
         tuple of Log
-            In the order of their departure, as `OwnCar.add` takes them.
+            In the order of their departure, as `Car.add` takes them.
         """
         return finished_logs(self.folder)
 
