@@ -6,7 +6,7 @@ from tripwatt.live.following import Broker, Follower
 from tripwatt.live.live_trip import LiveTrip, TripFinder
 from tripwatt.live.own_car import Car, Learned, create_car, forget_car, is_car, open_car
 from tripwatt.live.plan import LivePlan
-from tripwatt.live.road_car import RoadCar, open_road_car
+from tripwatt.live.road_car import RoadCar
 from tripwatt.live.teaching import has_news, learn_finished
 from tripwatt.live.telemetry import Sample, sample_from_abrp
 from tripwatt.live.tokens import has_token, issue_token
@@ -34,6 +34,5 @@ __all__ = [
     "issue_token",
     "learn_finished",
     "open_car",
-    "open_road_car",
     "sample_from_abrp",
 ]
