@@ -107,7 +107,7 @@ def live(
       tripwatt live cars/my-3 --mqtt mqtt://192.0.2.7 --source teslamate --topic teslamate/cars/1
     """
     require_extras({"live": "tripwatt live"})
-    from tripwatt.live import Broker, Follower, TopicJoiner, is_car, open_road_car
+    from tripwatt.live import Broker, Follower, RoadCar, TopicJoiner, is_car
 
     got: dict[str, Any] = {}
     own = car if is_car(car) else None
@@ -119,7 +119,7 @@ def live(
         lambda: got.update(model=_model(model or own, vehicle)),
     )
     days = math.inf if keep_days is None else keep_days
-    with open_road_car(car, lambda _: got["model"], reserve=reserve, keep_days=days) as opened:
+    with RoadCar(car, lambda _: got["model"], reserve=reserve, keep_days=days) as opened:
         if got["plan"] is not None:
             opened.set_plan(got["plan"])
         _note(waiting(got["joiner"].filter, got["broker"].host, opened.plan is not None))

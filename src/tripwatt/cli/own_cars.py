@@ -14,7 +14,7 @@ from tripwatt.cli.printing import console, print_json, print_notes, print_table,
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from tripwatt.live import Learned, OwnCar
+    from tripwatt.live import Car, Learned
 
 car_app = typer.Typer(
     help="Your own car: its trips, the model that they teach, and its diary. Needs the extra tripwatt[fleet].",
@@ -216,7 +216,7 @@ def forget(car: CarArgument, as_json: JsonOption = False) -> None:
     print_json({"forgotten": f"{car}"}) if as_json else typer.echo(f"{car}: erased")
 
 
-def _show_done(car: Path, own: OwnCar, done: Learned, as_json: bool) -> None:
+def _show_done(car: Path, own: Car, done: Learned, as_json: bool) -> None:
     if as_json:
         print_json({**asdict(done), "car": own.about()})
         return

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import InvalidInput
 from tripwatt.files import read_text_file
 from tripwatt.vehicles.importing.fastsim import from_fastsim_csv, from_fastsim_yaml
 from tripwatt.vehicles.importing.found import Found
