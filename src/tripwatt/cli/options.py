@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -194,7 +194,7 @@ EXAMPLES: Final = "For example:"
 
 
 def add_command(
-    app: typer.Typer, command: Callable[..., None], name: str | None = None, **more: bool
+    app: typer.Typer, command: Callable[..., None], name: str | None = None, **more: Any
 ) -> None:
     r"""Add a command to an application: its help is its docstring, with the examples at the end of the page.
 
