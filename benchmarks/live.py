@@ -36,7 +36,7 @@ from tools.command import run
 import tripwatt as tw
 from benchmarks.measure import Row, not_measured, report
 from tripwatt.forecasting import Forecast
-from tripwatt.live import TopicJoiner, issue_token, open_road_car
+from tripwatt.live import RoadCar, TopicJoiner, issue_token
 from tripwatt.sources.tum import REFERENCE_TRIPS
 from tripwatt.synthetic import example_trip
 from tripwatt.trips import COLUMNS, Trip, plan_from_samples
@@ -183,7 +183,7 @@ def on_the_way(drive: Drive, at_departure: Forecast, *, bad: bool) -> list[bool]
     took = drive.trip.observed_energy_wh
     assert took is not None
     found = []
-    with tempfile.TemporaryDirectory() as place, open_road_car(Path(place) / "car") as car:
+    with tempfile.TemporaryDirectory() as place, RoadCar(Path(place) / "car") as car:
         car.set_plan({}, NOON_S)
         marks = [int(share * len(sent)) for share in SHARES]
         for k, sample in enumerate(sent, start=1):
@@ -271,7 +271,7 @@ def one_message(links: list[dict[str, float]], text: str) -> Row:
     table["displayed_soc"] = np.linspace(0.9, 0.55, len(table))
     messages = [json.dumps(message).encode() for message in abrp_messages(table)]
     joiner, model, times = TopicJoiner("abrp", "car"), tw.load_model(), []
-    with tempfile.TemporaryDirectory() as place, open_road_car(Path(place) / "car", lambda _: model) as car:
+    with tempfile.TemporaryDirectory() as place, RoadCar(Path(place) / "car", lambda _: model) as car:
         car.set_plan({"links": links})
         for k, message in enumerate(messages):
             start = time.thread_time()

@@ -19,7 +19,7 @@ import pandas as pd
 from tests.live.messages import NOON_S, abrp_messages, over_a_bad_connection
 
 from tripwatt.forecasting import Forecast
-from tripwatt.live import Broker, Follower, RoadCar, Sample, TopicJoiner, open_road_car, sample_from_abrp
+from tripwatt.live import Broker, Follower, RoadCar, Sample, TopicJoiner, sample_from_abrp
 from tripwatt.live.live_trip import SILENCE_S
 
 MOSQUITTO: Final = shutil.which("mosquitto") or shutil.which("/usr/sbin/mosquitto")
@@ -111,7 +111,7 @@ async def _replay(
     victim: subprocess.Popen[bytes] | None,
 ) -> list[Replayed]:
     async with AsyncExitStack() as stack:
-        cars = {d.name: stack.enter_context(open_road_car(folder / "cars" / d.name)) for d in drives}
+        cars = {d.name: stack.enter_context(RoadCar(folder / "cars" / d.name)) for d in drives}
         for car in cars.values():
             car.set_plan({}, NOON_S)
         tasks = [

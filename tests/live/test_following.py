@@ -23,7 +23,7 @@ import aiomqtt
 import tripwatt as tw
 from tripwatt.cli.on_road import sentence
 from tripwatt.errors import InvalidInput
-from tripwatt.live import Broker, Follower, RoadCar, TopicJoiner, following, issue_token, open_road_car
+from tripwatt.live import Broker, Follower, RoadCar, TopicJoiner, following, issue_token
 from tripwatt.live.discovery import SENSORS, discovery
 from tripwatt.live.folder import finished_names, forecasts_of
 from tripwatt.live.live_trip import SILENCE_S
@@ -59,7 +59,7 @@ def request() -> dict[str, Any]:
 
 
 def opened(folder: Path) -> RoadCar:
-    return open_road_car(folder, lambda _: MODEL)
+    return RoadCar(folder, lambda _: MODEL)
 
 
 async def publish(where: Broker, rows: pd.DataFrame) -> None:
@@ -200,7 +200,7 @@ def test_the_command_prints_a_line_for_new_messages(drive: pd.DataFrame, tmp_pat
     with broker(tmp_path) as (where, _):
         found = printed_by_the_command(tmp_path, where, list(abrp_messages(drive)))
     plan = tw.read_route(LINKS)
-    with open_road_car(tmp_path / "leaf") as car:
+    with RoadCar(tmp_path / "leaf") as car:
         assert car.plan is not None, "it is kept for the next start of the command"
         own = car.update(MODEL.forecast(plan, car.departure()))
     assert found["forecast"]["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)

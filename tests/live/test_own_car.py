@@ -15,7 +15,7 @@ pytest.importorskip("deltalake", reason="the extra tripwatt[fleet] is not instal
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
-from tripwatt.live import Diary, OwnCar, Score, create_car, forget_car, is_car, issue_token, open_car
+from tripwatt.live import Car, Diary, Score, create_car, forget_car, is_car, issue_token, open_car
 from tripwatt.live import own_car as module
 from tripwatt.population import for_car
 from tripwatt.synthetic import synthetic_fleet
@@ -44,14 +44,14 @@ def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def learned(logs: tuple[Log, ...], base: Path, tmp_path_factory: pytest.TempPathFactory) -> OwnCar:
+def learned(logs: tuple[Log, ...], base: Path, tmp_path_factory: pytest.TempPathFactory) -> Car:
     car = create_car(tmp_path_factory.mktemp("cars") / "leaf", "nissan_leaf_24", base=base)
     assert car.add(Fleet("first", logs[:4])) == module.Learned(added=4, known=0, entries=4)
     return car
 
 
 def test_each_forecast_is_of_a_model_that_has_not_seen_the_trip(
-    learned: OwnCar, logs: tuple[Log, ...], base: Path, tmp_path: Path
+    learned: Car, logs: tuple[Log, ...], base: Path, tmp_path: Path
 ) -> None:
     table = learned.diary.table
     assert table["trip_id"].tolist() == [log.trip_id for log in logs[:4]]
@@ -74,7 +74,7 @@ def test_each_forecast_is_of_a_model_that_has_not_seen_the_trip(
 
 
 def test_the_last_model_has_learned_every_trip_and_forecasts_like_one_adapted_to_them(
-    learned: OwnCar, logs: tuple[Log, ...], base: Path
+    learned: Car, logs: tuple[Log, ...], base: Path
 ) -> None:
     from tripwatt.api import adapt
 
@@ -89,7 +89,7 @@ def test_the_last_model_has_learned_every_trip_and_forecasts_like_one_adapted_to
 
 
 def test_trips_are_learned_by_departure_once_and_later_ones_go_on(
-    logs: tuple[Log, ...], learned: OwnCar, base: Path, tmp_path: Path
+    logs: tuple[Log, ...], learned: Car, base: Path, tmp_path: Path
 ) -> None:
     car = create_car(tmp_path / "leaf", "nissan_leaf_24", base=base)
     seen: list[tuple[int, int]] = []
@@ -173,7 +173,7 @@ def test_scores_by_hand() -> None:
     assert f"{nothing!r}" == "<Diary without a trip>"
 
 
-def test_causes_of_a_diary_add_up(learned: OwnCar) -> None:
+def test_causes_of_a_diary_add_up(learned: Car) -> None:
     diary = learned.diary
     assert sum(diary.by_cause_wh().values()) == pytest.approx(diary.table["energy_wh"].sum())
     assert (diary.table["low_wh"] < diary.table["forecast_wh"]).all()
@@ -186,13 +186,13 @@ def test_how_often_a_model_learns_again(
     """With a third of the trips new it learns after 1, 2, 3, 4 and 6 trips, and at the end."""
     monkeypatch.setattr(module, "AGAIN", 1 / 3)
     counts: list[int] = []
-    adapted = OwnCar._adapted
+    adapted = Car._adapted
 
-    def counting(self: OwnCar, base: tw.ForecastModel, trips: list[tw.Trip]):  # type: ignore[no-untyped-def]
+    def counting(self: Car, base: tw.ForecastModel, trips: list[tw.Trip]):  # type: ignore[no-untyped-def]
         counts.append(len(trips))
         return adapted(self, base, trips)
 
-    monkeypatch.setattr(OwnCar, "_adapted", counting)
+    monkeypatch.setattr(Car, "_adapted", counting)
     car = create_car(tmp_path / "car", "nissan_leaf_24", base=base)
     car.add(logs)
     assert counts == [1, 2, 3, 4, 6]
@@ -200,7 +200,7 @@ def test_how_often_a_model_learns_again(
 
 
 def test_a_crash_between_store_and_model_is_caught_up(
-    logs: tuple[Log, ...], learned: OwnCar, base: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    logs: tuple[Log, ...], learned: Car, base: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     car = create_car(tmp_path / "leaf", "nissan_leaf_24", base=base)
     with monkeypatch.context() as patch:
@@ -208,7 +208,7 @@ def test_a_crash_between_store_and_model_is_caught_up(
         def crash(*_: object) -> None:
             raise KeyboardInterrupt
 
-        patch.setattr(OwnCar, "_keep", crash)
+        patch.setattr(Car, "_keep", crash)
         with pytest.raises(KeyboardInterrupt):
             car.add(logs[:4])
     assert len(car.diary) == 0
@@ -233,7 +233,7 @@ def test_a_described_car_keeps_its_description(tmp_path: Path) -> None:
 
 
 def test_what_is_no_car_is_refused_and_files_of_others_stay(
-    learned: OwnCar, logs: tuple[Log, ...], tmp_path: Path
+    learned: Car, logs: tuple[Log, ...], tmp_path: Path
 ) -> None:
     with pytest.raises(InvalidInput, match=r"not a car.*no such folder"):
         open_car(tmp_path / "nowhere")

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from tests.live.messages import NOON_S, abrp_messages, measured
 
-from tripwatt.live import create_car, forget_car, issue_token, open_road_car, sample_from_abrp
+from tripwatt.live import RoadCar, create_car, forget_car, issue_token, sample_from_abrp
 from tripwatt.live.folder import finished_names
 from tripwatt.live.live_trip import SILENCE_S
 from tripwatt.synthetic import example_trip
@@ -26,7 +26,7 @@ def content(folder: Path) -> bytes:
 
 def drive(folder: Path, start_s: float, *, ended: bool = True, keep_days: float = math.inf) -> None:
     table = measured(example_trip()).iloc[:400]
-    with open_road_car(folder, keep_days=keep_days) as car:
+    with RoadCar(folder, keep_days=keep_days) as car:
         for message in abrp_messages(table, start_s):
             sample = sample_from_abrp({**message, "lat": LATITUDE, "lon": LONGITUDE})
             assert car.add(sample, now_s=sample.time_s) == "new"
@@ -50,7 +50,7 @@ def test_no_coordinate_is_written(tmp_path: Path, ended: bool) -> None:
 def test_the_same_trip_is_found_without_coordinates(tmp_path: Path) -> None:
     found = []
     for name, more in (("with", {"lat": LATITUDE, "lon": LONGITUDE}), ("without", {})):
-        with open_road_car(tmp_path / name) as car:
+        with RoadCar(tmp_path / name) as car:
             for message in abrp_messages(measured(example_trip()).iloc[:400]):
                 car.add(sample_from_abrp({**message, **more}), now_s=NOON_S + 500.0)
             found.append(car.observed())
@@ -62,10 +62,10 @@ def test_trips_are_erased_after_the_days_that_were_asked_for(tmp_path: Path) -> 
     folder = tmp_path / "leaf"
     for days in (0, 5, 9):
         drive(folder, NOON_S + days * DAY_S)
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         assert len(car.logs()) == 3
         assert car.erase_old(NOON_S + 1000.0 * DAY_S) == 0
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         car.keep_days = 7.0
         assert car.erase_old(NOON_S + 10.0 * DAY_S) == 1
         left = finished_names(folder)
@@ -77,14 +77,14 @@ def test_trips_are_erased_after_the_days_that_were_asked_for(tmp_path: Path) -> 
         car.received_s = None
         car.end_when_silent(NOON_S + 13.0 * DAY_S)  # asked for every hour by those who follow a car
         assert len(car.logs()) == 1
-    with open_road_car(folder, keep_days=30.0) as car:  # today is years later
+    with RoadCar(folder, keep_days=30.0) as car:  # today is years later
         assert car.logs() == ()
     assert list((folder / "live" / "trips").iterdir()) == []
 
 
 def test_samples_of_a_silent_car_are_erased_and_those_of_a_trip_stay(tmp_path: Path) -> None:
     parked = {"utc": NOON_S, "speed": 0, "soc": 61.0, "is_parked": 1}
-    with open_road_car(tmp_path / "parked", keep_days=7.0) as car:
+    with RoadCar(tmp_path / "parked", keep_days=7.0) as car:
         car.add(sample_from_abrp(parked), now_s=NOON_S)
         car.erase_old(NOON_S + 6.0 * DAY_S)
         assert b"0.61" in content(tmp_path / "parked")
@@ -92,7 +92,7 @@ def test_samples_of_a_silent_car_are_erased_and_those_of_a_trip_stay(tmp_path: P
         assert b"0.61" not in content(tmp_path / "parked")
         assert car.add(sample_from_abrp(parked), now_s=NOON_S + 8.0 * DAY_S) != "new"
     drive(tmp_path / "leaf", NOON_S, ended=False)
-    with open_road_car(tmp_path / "leaf") as car:
+    with RoadCar(tmp_path / "leaf") as car:
         assert car.trip is not None
         car.keep_days = 7.0
         car.erase_old(NOON_S + 3000.0 * DAY_S)
@@ -106,7 +106,7 @@ def test_nothing_is_left_of_a_forgotten_car(tmp_path: Path, ended: bool) -> None
     create_car(folder, "nissan_leaf_24")
     issue_token(folder)
     drive(folder, NOON_S, ended=ended)
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         car.set_plan({"points": [[LATITUDE, LONGITUDE]]}, NOON_S)
     assert f"{LATITUDE}".encode() in content(tmp_path)  # of the plan, while it is needed
     forget_car(folder)

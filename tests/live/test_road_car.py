@@ -27,7 +27,6 @@ from tripwatt.live import (
     TopicJoiner,
     has_token,
     issue_token,
-    open_road_car,
     sample_from_abrp,
 )
 from tripwatt.live import folder as folder_module
@@ -79,7 +78,7 @@ def same(one: Forecast, other: Forecast) -> None:
 def test_the_forecast_is_that_of_update_at_every_moment(
     drive: pd.DataFrame, forecast: Forecast, folder: Path
 ) -> None:
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         assert car.update(forecast) is forecast, "before the trip it is the forecast at departure"
         for k, sample in enumerate(samples_of(drive), start=1):
             car.add(sample, now_s=NOW_S)
@@ -93,7 +92,7 @@ def test_the_forecast_is_that_of_update_at_every_moment(
 def test_messages_of_abrp_give_the_same_forecast(
     drive: pd.DataFrame, forecast: Forecast, folder: Path
 ) -> None:
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         for message in abrp_messages(drive):
             car.add(sample_from_abrp(json.loads(json.dumps(message))), now_s=NOW_S)
         same(car.update(forecast), forecast.update(on_the_clock(drive)))
@@ -104,7 +103,7 @@ def test_late_and_doubled_messages_change_nothing(
     drive: pd.DataFrame, forecast: Forecast, folder: Path, seed: int
 ) -> None:
     sent = over_a_bad_connection(samples_of(drive), seed, late_s=LATE_S - 1.0)
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         car.set_plan({}, NOON_S)
         arrivals = fed(car, sent)
         left = sorted({sample.time_s - NOON_S for sample in sent})
@@ -120,10 +119,10 @@ def test_a_restart_at_any_moment_loses_and_doubles_nothing(
     samples = samples_of(drive)
     sent = over_a_bad_connection(samples, 7)
     for k in range(0, len(sent), 100):
-        with open_road_car(folder) as car:
+        with RoadCar(folder) as car:
             fed(car, sent[max(0, k - 20) : k + 100])
     other = folder.with_name("other")
-    with open_road_car(folder) as car, open_road_car(other) as straight:
+    with RoadCar(folder) as car, RoadCar(other) as straight:
         fed(straight, sent)
         pd.testing.assert_frame_equal(car.observed(), straight.observed())
         same(car.update(forecast), straight.update(forecast))
@@ -136,7 +135,7 @@ def ended(car: RoadCar, after_s: float) -> None:
 
 def test_a_finished_trip_is_a_log_and_leaves_no_samples_behind(drive: pd.DataFrame, folder: Path) -> None:
     moving = int(np.flatnonzero(drive["speed_m_s"] >= 1.0)[-1])
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         car.set_plan({"any": "thing"}, NOON_S)
         fed(car, samples_of(drive))
         lines = len((folder / "live" / "journal.ndjson").read_bytes().splitlines())
@@ -158,12 +157,12 @@ def test_a_trip_that_ends_twice_is_one_trip(
     drive: pd.DataFrame, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The process is killed between writing the trip and shortening the journal."""
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         fed(car, samples_of(drive))
         with monkeypatch.context() as patch:
             patch.setattr(car._journal, "rewrite", lambda *_: None)
             ended(car, 600.0)
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         assert len(car.logs()) == 1
         assert car.trip is None
         assert fed(car, samples_of(drive)[-20:]) == ["late"] * 20, (
@@ -177,7 +176,7 @@ def test_a_trip_that_cannot_be_written_is_written_later(
     def full(*_: object) -> None:
         raise OSError("no space left on device")
 
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         fed(car, samples_of(drive))
         with monkeypatch.context() as patch:
             patch.setattr(folder_module, "write_file", full)
@@ -189,24 +188,24 @@ def test_a_trip_that_cannot_be_written_is_written_later(
 
 
 def test_silence_by_our_clock_ends_a_trip(drive: pd.DataFrame, folder: Path) -> None:
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         assert not car.end_when_silent(NOW_S)
         fed(car, samples_of(drive))
         assert not car.end_when_silent(NOW_S + SILENCE_S - 1.0)
         assert car.end_when_silent(NOW_S + SILENCE_S)
         assert not car.end_when_silent(NOW_S + SILENCE_S)
         assert len(car.logs()) == 1
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         assert fed(car, samples_of(drive)[-3:]) == ["late", "late", "doubled"]
         assert car.trip is None
 
 
 def test_a_car_is_not_silent_while_nobody_listened(drive: pd.DataFrame, folder: Path) -> None:
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         fed(car, samples_of(drive))
     opened_s = time.time()
     os.utime(folder / "live" / "journal.ndjson", (NOW_S, NOW_S))
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         assert car.received_s == NOW_S
         assert not car.end_when_silent(opened_s + SILENCE_S - 1.0)
         assert car.trip is not None
@@ -214,7 +213,7 @@ def test_a_car_is_not_silent_while_nobody_listened(drive: pd.DataFrame, folder: 
 
 
 def test_a_car_that_is_moved_a_little_is_on_no_trip(folder: Path) -> None:
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         car.set_plan({"to": "work"})
         fed(car, [Sample(NOON_S + k, {"speed_m_s": 2.0 if k < 50 else 0.0}) for k in range(400)])
         assert (car.trip, car.logs()) == (None, ())
@@ -223,7 +222,7 @@ def test_a_car_that_is_moved_a_little_is_on_no_trip(folder: Path) -> None:
 
 def test_the_usual_trip_is_that_of_this_time_of_day(drive: pd.DataFrame, folder: Path) -> None:
     day_s = 86_400.0
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         assert car.usual_trip() is None
         fed(car, samples_of(drive))
         assert car.usual_trip() is None, "a trip is not its own"
@@ -250,12 +249,12 @@ def test_the_usual_trip_is_that_of_this_time_of_day(drive: pd.DataFrame, folder:
 
 def test_a_plan_stays_until_its_trip_has_ended(drive: pd.DataFrame, folder: Path) -> None:
     samples = samples_of(drive)
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         car.set_plan({"to": "work"}, departure_s=NOON_S + 5.0)
         fed(car, samples)
         assert car.observed()["time_s"].iloc[0] == 0.0
         assert len(car.observed()) == len(drive) - 5
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         assert car.plan == LivePlan({"to": "work"}, NOON_S + 5.0, None)
         fed(car, [Sample(NOON_S + 600.0 + k, {"speed_m_s": 0.0}) for k in range(int(STANDING_S) - 100)])
         car.set_plan({"to": "home"})
@@ -264,12 +263,12 @@ def test_a_plan_stays_until_its_trip_has_ended(drive: pd.DataFrame, folder: Path
         assert car.plan is not None, "a plan that was given after the arrival is that of the next trip"
         assert car.plan.request == {"to": "home"}
         car.set_plan(None)
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         assert car.plan is None
 
 
 def test_the_departure_is_what_the_first_samples_show(drive: pd.DataFrame, folder: Path) -> None:
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         assert car.departure() == tw.Departure()
         car.add(Sample(NOON_S - 900.0, {"displayed_soc": 0.9, "ambient_temperature_degc": 3.0}), now_s=NOW_S)
         assert car.departure() == tw.Departure(soc=0.9, ambient_temperature_degc=3.0)
@@ -279,7 +278,7 @@ def test_the_departure_is_what_the_first_samples_show(drive: pd.DataFrame, folde
 
 
 def test_a_standing_car_needs_no_more_memory_or_disk_however_long_it_stands(folder: Path) -> None:
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         for k in range(5000):
             car.add(Sample(NOON_S + k, {"speed_m_s": 0.0}), now_s=NOW_S)
         assert len(car._finder.before) <= 181
@@ -289,7 +288,7 @@ def test_a_standing_car_needs_no_more_memory_or_disk_however_long_it_stands(fold
 
 
 def test_a_time_ahead_of_our_clock_is_refused(folder: Path) -> None:
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         assert car.add(Sample(NOON_S + 120.0), now_s=NOON_S) == "new"
         with pytest.raises(InvalidInput, match="121 s ahead"):
             car.add(Sample(NOON_S + 121.0), now_s=NOON_S)
@@ -298,28 +297,28 @@ def test_a_time_ahead_of_our_clock_is_refused(folder: Path) -> None:
 
 
 def test_one_process_has_a_car_open(folder: Path) -> None:
-    with open_road_car(folder), pytest.raises(InvalidInput, match="another run"):
-        open_road_car(folder)
-    open_road_car(folder).close()
+    with RoadCar(folder), pytest.raises(InvalidInput, match="another run"):
+        RoadCar(folder)
+    RoadCar(folder).close()
 
 
 @pytest.mark.parametrize("name", ["a b", ".hidden", "-x", "ü", "x" * 65])
 def test_a_name_is_part_of_a_path_and_of_a_url(tmp_path: Path, name: str) -> None:
     with pytest.raises(InvalidInput, match="name cannot be used"):
-        open_road_car(tmp_path / name)
+        RoadCar(tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_that_cannot_be_made_or_a_damaged_plan_is_refused(folder: Path) -> None:
     folder.write_text("")
     with pytest.raises(InvalidInput, match="cannot write the folder"):
-        open_road_car(folder)
+        RoadCar(folder)
     other = folder.with_name("other")
     (other / "live").mkdir(parents=True)
     for content in ("{", "{}", "[]"):
         (other / "live" / "plan.json").write_text(content)
         with pytest.raises(InvalidInput, match="damaged file"):
-            open_road_car(other)
+            RoadCar(other)
 
 
 def test_a_token_is_that_of_one_car_and_is_not_stored(folder: Path) -> None:
@@ -346,7 +345,7 @@ def test_a_document_is_that_of_update_for_every_message(
     drive: pd.DataFrame, forecast: Forecast, folder: Path
 ) -> None:
     """What is kept of the departure and of the trip changes no figure: to 1e-9, after each of the messages."""
-    with open_road_car(folder, lambda _: MODEL, reserve=0.2) as car:
+    with RoadCar(folder, lambda _: MODEL, reserve=0.2) as car:
         car.set_plan(request_of_samples(example_trip().iloc[:700]), NOON_S)
         for k, sample in enumerate(samples_of(drive), start=1):
             car.add(sample, now_s=NOW_S)
@@ -375,7 +374,7 @@ def test_a_document_is_that_of_update_for_every_message(
 
 
 def test_a_forecast_is_of_what_is_known_of_the_departure(folder: Path) -> None:
-    with open_road_car(folder, lambda _: MODEL) as car:
+    with RoadCar(folder, lambda _: MODEL) as car:
         assert car.at_departure() is None
         car.set_plan({"links": LINKS, "soc": 0.5})
         unknown = car.at_departure()
@@ -389,7 +388,7 @@ def test_a_forecast_is_of_what_is_known_of_the_departure(folder: Path) -> None:
 
 
 def test_what_cannot_be_of_the_trip_leaves_the_forecast_at_departure(folder: Path) -> None:
-    with open_road_car(folder, lambda _: MODEL) as car:
+    with RoadCar(folder, lambda _: MODEL) as car:
         car.set_plan({"links": LINKS})
         for k in range(60):
             car.add(Sample(NOON_S + k, {"speed_m_s": 10.0, "displayed_soc": 0.3 if k < 50 else 0.9}))
@@ -405,7 +404,7 @@ def test_a_plan_that_cannot_be_forecast_is_a_fault(folder: Path, monkeypatch: py
         raise InvalidInput(Fault("no such road", "plan"))
 
     monkeypatch.setattr(type(MODEL), "forecast", refuse)
-    with open_road_car(folder, lambda _: MODEL) as car:
+    with RoadCar(folder, lambda _: MODEL) as car:
         for request, what in (({"links": LINKS}, "no such road"), ({"to": "work"}, "no road")):
             car.set_plan(request)
             found = car.document(NOON_S)
@@ -414,7 +413,7 @@ def test_a_plan_that_cannot_be_forecast_is_a_fault(folder: Path, monkeypatch: py
 
 
 def test_the_plan_of_a_trip_that_has_ended_is_not_used_again(drive: pd.DataFrame, folder: Path) -> None:
-    with open_road_car(folder, lambda _: MODEL) as car:
+    with RoadCar(folder, lambda _: MODEL) as car:
         car.set_plan(request_of_samples(example_trip()))
         fed(car, samples_of(drive))
         assert car.document(NOW_S)["forecast"] is not None
@@ -424,17 +423,17 @@ def test_the_plan_of_a_trip_that_has_ended_is_not_used_again(drive: pd.DataFrame
 
 
 def test_a_plan_outlives_a_restart_with_its_figures(drive: pd.DataFrame, folder: Path) -> None:
-    with open_road_car(folder, lambda _: MODEL) as car:
+    with RoadCar(folder, lambda _: MODEL) as car:
         car.set_plan({"links": LINKS, "reserve": 0.3})
         fed(car, samples_of(drive.iloc[:200]))
         before = car.document(NOW_S)
-    with open_road_car(folder, lambda _: MODEL) as car:
+    with RoadCar(folder, lambda _: MODEL) as car:
         after = car.document(NOW_S)
         assert (after["plan"], after["forecast"]) == ("given", before["forecast"])
 
 
 def test_without_a_plan_the_road_is_that_of_the_usual_trip(drive: pd.DataFrame, folder: Path) -> None:
-    with open_road_car(folder, lambda _: MODEL) as car:
+    with RoadCar(folder, lambda _: MODEL) as car:
         fed(car, samples_of(drive))
         found = car.document(NOW_S)
         assert (found["plan"], found["usual_trip"], found["forecast"], found["faults"]) == (
@@ -462,7 +461,7 @@ def test_the_charge_of_ovms_is_the_one_that_is_shown(folder: Path) -> None:
         joiner.take(f"ovms/me/leaf/metric/{metric}", text.encode(), NOON_S)
     sample = joiner.flush()
     assert sample is not None
-    with open_road_car(folder, lambda _: MODEL) as car:
+    with RoadCar(folder, lambda _: MODEL) as car:
         car.add(sample)
         car.set_plan({"links": [{"length_m": 100.0, "speed_m_s": 10.0}]})
         found = car.document(NOON_S)
@@ -476,9 +475,9 @@ KILLED = """
 import sys
 from pathlib import Path
 from tests.live.messages import measured, samples_of
-from tripwatt.live import open_road_car
+from tripwatt.live import RoadCar
 from tripwatt.synthetic import example_trip
-car = open_road_car(sys.argv[1])
+car = RoadCar(sys.argv[1])
 for sample in samples_of(measured(example_trip())):
     sys.stdin.readline()
     car.add(sample)
@@ -497,7 +496,7 @@ def test_a_killed_process_loses_nothing_that_it_acknowledged(folder: Path) -> No
             last = max(float(process.stdout.readline()) for _ in range(number - 30))
             os.kill(process.pid, signal.SIGKILL)
             last = max([last, *map(float, process.stdout.read().splitlines())])
-        with open_road_car(folder) as car:
+        with RoadCar(folder) as car:
             observed = car.observed()
             assert int(last - NOON_S) + 1 <= len(observed) <= number
             assert observed["time_s"].tolist() == [float(k) for k in range(len(observed))]
@@ -509,7 +508,7 @@ def test_trips_of_the_tum_set_end_with_the_forecast_of_update(data_dir: Path, tm
     for trip in (trip for trip in tw.audit(fleet).trips if trip.trip_id in REPLAYED):
         table, at_departure = measured(trip.samples), model.forecast(trip)
         table = table.assign(time_s=table["time_s"] - at_departure.plan.start_s)
-        with open_road_car(tmp_path / trip.trip_id) as car:
+        with RoadCar(tmp_path / trip.trip_id) as car:
             fed(car, samples_of(table, NOON_S + float(table["time_s"].iloc[0])))
             car.set_plan({}, NOON_S)
             same(car.update(at_departure), at_departure.update_since_departure(table))

@@ -17,7 +17,7 @@ pytest.importorskip("deltalake", reason="the extra tripwatt[fleet] is not instal
 import tripwatt as tw
 from tripwatt.cli import app
 from tripwatt.errors import InvalidInput
-from tripwatt.live import RoadCar, create_car, has_news, learn_finished, open_car, open_road_car
+from tripwatt.live import RoadCar, create_car, has_news, learn_finished, open_car
 from tripwatt.live import own_car as own_module
 from tripwatt.live.folder import FORECASTS, finished_names, forecasts_of
 from tripwatt.live.live_trip import STANDING_S
@@ -65,7 +65,7 @@ def made(energy_wh: float, low_wh: float, high_wh: float) -> Any:
 
 
 def test_a_finished_trip_is_forecast_then_learned_and_counts_once(folder: Path) -> None:
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         assert not has_news(folder)
         drive(car, 0)
         assert has_news(folder)
@@ -94,7 +94,7 @@ def test_a_process_that_is_killed_while_it_learns_counts_no_trip_twice(
     folder: Path, monkeypatch: pytest.MonkeyPatch, killed: str
 ) -> None:
     """Killed before the store has the trip, before model and diary have it, and before it is noted as done."""
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         drive(car, 0)
 
     class Killed(BaseException):
@@ -105,7 +105,7 @@ def test_a_process_that_is_killed_while_it_learns_counts_no_trip_twice(
 
     place, name = {
         "store": (TripStore, "add"),
-        "model": (own_module.OwnCar, "_keep"),
+        "model": (own_module.Car, "_keep"),
         "note": (learn_finished.__globals__, "write_text"),
     }[killed]
     with monkeypatch.context() as patched:
@@ -123,7 +123,7 @@ def test_a_process_that_is_killed_while_it_learns_counts_no_trip_twice(
 
 
 def test_a_damaged_file_of_a_trip_does_not_hold_up_the_others(folder: Path) -> None:
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         drive(car, 0)
         drive(car, 1)
     first, second = finished_names(folder)
@@ -135,7 +135,7 @@ def test_a_damaged_file_of_a_trip_does_not_hold_up_the_others(folder: Path) -> N
 
 
 def test_a_damaged_note_only_costs_work(folder: Path) -> None:
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         drive(car, 0)
     learn_finished(folder)
     for content in ("{", "[]", '{"trips": 1}'):
@@ -145,7 +145,7 @@ def test_a_damaged_note_only_costs_work(folder: Path) -> None:
 
 
 def test_a_folder_that_is_no_car_has_no_news_and_learns_nothing(tmp_path: Path) -> None:
-    with open_road_car(tmp_path / "zoe") as car:
+    with RoadCar(tmp_path / "zoe") as car:
         drive(car, 0)
         assert len(car.logs()) == 1
     assert not has_news(tmp_path / "zoe")
@@ -154,7 +154,7 @@ def test_a_folder_that_is_no_car_has_no_news_and_learns_nothing(tmp_path: Path) 
 
 
 def test_forecasts_of_the_way_stay_with_their_trip_through_a_restart(folder: Path) -> None:
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         assert not car.keep_forecast(made(1.0, 0.5, 1.5)), "the car is on no trip"
         drive(car, 0, ends=False)
         assert car.trip is not None
@@ -171,7 +171,7 @@ def test_forecasts_of_the_way_stay_with_their_trip_through_a_restart(folder: Pat
     assert [row["energy_wh"] for row in way] == [2000.0, 2100.0]
     assert (way[0]["at_s"], way[0]["distance_m"]) == (0.0, 0.0)
     assert (way[1]["at_s"], way[1]["distance_m"]) == pytest.approx((at_s, distance_m))
-    with open_road_car(folder) as car:  # the trip is found again in the journal
+    with RoadCar(folder) as car:  # the trip is found again in the journal
         assert [asdict(row) for row in car.forecasts] == way
         drive(car, 0)
         assert car.trip is None
@@ -199,7 +199,7 @@ def test_the_forecasts_of_a_trip_have_a_bound_and_a_distance(tmp_path: Path) -> 
 
 
 def test_the_command_learns_what_the_car_finished(folder: Path) -> None:
-    with open_road_car(folder) as car:
+    with RoadCar(folder) as car:
         drive(car, 0)
     for expected in (
         "1 trips added, 0 were known, 1 in the diary",

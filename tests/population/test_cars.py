@@ -13,7 +13,7 @@ from tests.support.command import answered
 import tripwatt as tw
 from tripwatt.forecasting import load_model, save_model
 from tripwatt.journey.forecasting import RoadForecaster
-from tripwatt.live import Sample, open_road_car
+from tripwatt.live import RoadCar, Sample
 from tripwatt.population import adaptation, for_car
 from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.jobs import Jobs
@@ -105,7 +105,7 @@ def test_a_journey_flags_another_car(other: tw.ForecastModel) -> None:
 
 
 def test_a_car_on_the_road_flags_that_it_has_no_trips(other: tw.ForecastModel, tmp_path: Path) -> None:
-    with open_road_car(tmp_path / "live", lambda _: other) as car:
+    with RoadCar(tmp_path / "live", lambda _: other) as car:
         car.add(Sample(1.7e9, {"speed_m_s": 0.0, "displayed_soc": 0.8}))
         car.set_plan({"links": LINKS})
         made = car.at_departure()

@@ -22,7 +22,7 @@ from tests.support.service_schema import conformance
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
-from tripwatt.live import Sample, issue_token, open_road_car
+from tripwatt.live import RoadCar, Sample, issue_token
 from tripwatt.live.live_trip import SILENCE_S
 from tripwatt.routes import links_of_trip, plan_from_links
 from tripwatt.service import app as room
@@ -466,7 +466,7 @@ def test_without_a_folder_of_cars_the_service_follows_none(monkeypatch: pytest.M
 def test_a_folder_that_is_missing_is_refused_and_an_empty_one_is_not(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match="no folder of cars"):
         create_app(Settings(cars=tmp_path / "missing"))
-    open_road_car(tmp_path / "no-token").close()
+    RoadCar(tmp_path / "no-token").close()
     create_app(Settings(cars=tmp_path))
 
 
@@ -612,7 +612,7 @@ def test_silent_cars_are_looked_for_while_the_service_runs(
     asyncio.run(run())
     assert (car.trip, len(car.logs())) == (None, 1)
     cars.close()
-    open_road_car(car.folder).close()
+    RoadCar(car.folder).close()
 
 
 @pytest.fixture(scope="module")

@@ -4,9 +4,9 @@ from tripwatt.live.diary import Diary, Score
 from tripwatt.live.documents import LiveDocument
 from tripwatt.live.following import Broker, Follower
 from tripwatt.live.live_trip import LiveTrip, TripFinder
-from tripwatt.live.own_car import Learned, OwnCar, create_car, forget_car, is_car, open_car
+from tripwatt.live.own_car import Car, Learned, create_car, forget_car, is_car, open_car
 from tripwatt.live.plan import LivePlan
-from tripwatt.live.road_car import RoadCar, open_road_car
+from tripwatt.live.road_car import RoadCar
 from tripwatt.live.teaching import has_news, learn_finished
 from tripwatt.live.telemetry import Sample, sample_from_abrp
 from tripwatt.live.tokens import has_token, issue_token
@@ -14,13 +14,13 @@ from tripwatt.live.topics import TopicJoiner
 
 __all__ = [
     "Broker",
+    "Car",
     "Diary",
     "Follower",
     "Learned",
     "LiveDocument",
     "LivePlan",
     "LiveTrip",
-    "OwnCar",
     "RoadCar",
     "Sample",
     "Score",
@@ -34,6 +34,5 @@ __all__ = [
     "issue_token",
     "learn_finished",
     "open_car",
-    "open_road_car",
     "sample_from_abrp",
 ]

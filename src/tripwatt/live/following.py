@@ -126,8 +126,8 @@ class Follower:
     --------
     >>> import tempfile
     >>> from pathlib import Path
-    >>> from tripwatt.live import open_road_car
-    >>> with tempfile.TemporaryDirectory() as folder, open_road_car(Path(folder, "leaf")) as car:
+    >>> from tripwatt.live import RoadCar
+    >>> with tempfile.TemporaryDirectory() as folder, RoadCar(Path(folder, "leaf")) as car:
     ...     print(Follower(car, TopicJoiner("teslamate", "teslamate/cars/1"), show=print).every_s)
     5.0
     >>> asyncio.run(follower.follow(Broker.from_url("mqtt://127.0.0.1")))  # doctest: +SKIP

@@ -73,7 +73,7 @@ class Learned:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class OwnCar:
+class Car:
     """A car with its trips; made by `create_car`, opened by `open_car`.
 
     Attributes
@@ -207,7 +207,7 @@ class OwnCar:
         }
 
     def __repr__(self) -> str:
-        return f"<OwnCar {self.name}: {self.vehicle.title}, {len(self.diary)} trips in its diary>"
+        return f"<Car {self.name}: {self.vehicle.title}, {len(self.diary)} trips in its diary>"
 
     @property
     def _learned(self) -> Path:
@@ -287,9 +287,7 @@ def _in_order(trips: Iterable[Trip]) -> list[Trip]:
     )
 
 
-def create_car(
-    folder: Path | str, vehicle: Vehicle | str | Path, *, base: Path | str | None = None
-) -> OwnCar:
+def create_car(folder: Path | str, vehicle: Vehicle | str | Path, *, base: Path | str | None = None) -> Car:
     """Make the folder of a car that will learn from its trips.
 
     Parameters
@@ -303,7 +301,7 @@ def create_car(
 
     Returns
     -------
-    OwnCar
+    Car
         Without trips.
 
     Raises
@@ -363,7 +361,7 @@ def is_car(folder: Path | str) -> bool:
     return (Path(folder) / ABOUT).is_file()
 
 
-def open_car(folder: Path | str) -> OwnCar:
+def open_car(folder: Path | str) -> Car:
     """Open the folder of a car that `create_car` or `tripwatt car new` made.
 
     Parameters
@@ -373,7 +371,7 @@ def open_car(folder: Path | str) -> OwnCar:
 
     Returns
     -------
-    OwnCar
+    Car
         With its trips, its model and its diary.
 
     Raises
@@ -410,7 +408,7 @@ def open_car(folder: Path | str) -> OwnCar:
             )
         )
     car = replace(load_vehicle(place / VEHICLE), name=f"{name}")
-    return OwnCar(place.absolute(), car, None if base is None else Path(f"{base}"))
+    return Car(place.absolute(), car, None if base is None else Path(f"{base}"))
 
 
 def forget_car(folder: Path | str) -> None:

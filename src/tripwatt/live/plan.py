@@ -79,9 +79,12 @@ class LivePlan:
         except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
             got = f"{type(error).__name__}: {error}"[:200]
             raise InvalidInput(Fault("no road", "plan", got, "links or samples of a request")) from error
-        known = {name: given[name] for name in ASKED if name in given}
-        if "displayed_soc" in given:
-            known.setdefault("soc", given["displayed_soc"])
+        known = {
+            name: given[wire]
+            for name, field in ASKED.items()
+            for wire in reversed((*field.wire, name))
+            if wire in given and name != "departs_at"
+        }
         return plan.with_departure(Departure(**known))
 
     @classmethod

@@ -61,18 +61,23 @@ ModelOf = Callable[[Mapping[str, Any]], ForecastModel]
 
 
 class RoadCar:
-    """A car that sends samples; made by `open_road_car`. One process at a time has it open.
+    """A car that sends samples: a new folder, or one that may be a car of `create_car` beside. One process at a time has it open.
 
     Parameters
     ----------
-    folder : Path
-        Of the car. Its name is that of the car.
+    folder : Path or str
+        Of the car, whose name is that of the folder.
     model_of : callable, optional
         Request of a plan -> model of its forecast. Without one, trips are kept and not forecast.
     reserve : float
         Displayed state of charge to keep, where the plan has none.
     keep_days : float
-        Days that finished trips, and samples of a car that is silent, stay on disk.
+        Days that finished trips, and samples of a car that is silent, stay on disk; older ones are erased now and every hour.
+
+    Raises
+    ------
+    InvalidInput
+        When its name cannot be one, it cannot be written, its plan is damaged, or another process has it open.
 
     Attributes
     ----------
@@ -88,7 +93,7 @@ class RoadCar:
     Examples
     --------
     >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder, open_road_car(Path(folder, "my-leaf")) as car:
+    >>> with tempfile.TemporaryDirectory() as folder, RoadCar(Path(folder, "my-leaf")) as car:
     ...     print([car.add(Sample(1.7e9 + 10.0 * k, {"speed_m_s": 10.0, "displayed_soc": 0.8})) for k in range(4)])
     ...     print(car.observed().shape, car.departure().soc, car.about(1.7e9 + 60.0)["seconds_since_message"] is None)
     ...     print(car.usual_trip(), car.usual_trip_at(1.7e9))
@@ -106,14 +111,15 @@ class RoadCar:
 
     def __init__(
         self,
-        folder: Path,
+        folder: Path | str,
         model_of: ModelOf | None = None,
         *,
         reserve: float = 0.1,
         keep_days: float = math.inf,
     ) -> None:
         self.reserve = require_fraction("reserve", reserve)
-        self.folder, self.name = folder, folder.name
+        self.folder = Path(folder).absolute()
+        self.name = self.folder.name
         self.model_of, self.keep_days = model_of, keep_days
         self.note: Callable[[str], None] = lambda _: None
         self.counts = {"new": 0, "doubled": 0, "late": 0}
@@ -133,7 +139,7 @@ class RoadCar:
         self._forecast: LiveForecast | None = None
         self._faults: list[dict[str, str]] = []
         with ExitStack() as stack:
-            live = live_folder(folder)
+            live = live_folder(self.folder)
             stack.enter_context(folder_lock(live))
             self._journal = Journal(live / JOURNAL)
             stack.callback(self._journal.close)
@@ -245,7 +251,7 @@ class RoadCar:
         Examples
         --------
         >>> import tempfile
-        >>> with tempfile.TemporaryDirectory() as folder, open_road_car(f"{folder}/leaf", keep_days=90.0) as car:
+        >>> with tempfile.TemporaryDirectory() as folder, RoadCar(f"{folder}/leaf", keep_days=90.0) as car:
         ...     car.erase_old(1.8e9)
         0
         """
@@ -404,7 +410,7 @@ class RoadCar:
         Returns
         -------
         tuple of Log
-            In the order of their departure, as `OwnCar.add` takes them.
+            In the order of their departure, as `Car.add` takes them.
         """
         return finished_logs(self.folder)
 
@@ -551,7 +557,7 @@ class RoadCar:
         Examples
         --------
         >>> import tempfile
-        >>> with tempfile.TemporaryDirectory() as folder, open_road_car(f"{folder}/leaf") as car:
+        >>> with tempfile.TemporaryDirectory() as folder, RoadCar(f"{folder}/leaf") as car:
         ...     car.keep_forecast({"energy_wh": 2000.0, "quantiles_wh": {"0.05": 1800.0, "0.95": 2200.0}})
         False
         """
@@ -611,43 +617,3 @@ class RoadCar:
 def fault_fields(fault: Fault) -> dict[str, str]:
     """The fields of a fault that are not empty."""
     return {name: text for name, text in asdict(fault).items() if text}
-
-
-def open_road_car(
-    folder: Path | str,
-    model_of: ModelOf | None = None,
-    *,
-    reserve: float = 0.1,
-    keep_days: float = math.inf,
-) -> RoadCar:
-    """Open a car that sends samples: a new folder, or one that may be a car of `create_car` beside.
-
-    Parameters
-    ----------
-    folder : Path or str
-        Of the car, whose name is that of the folder.
-    model_of : callable, optional
-        Request of a plan -> model of its forecast. Without one, trips are kept and not forecast.
-    reserve : float
-        Displayed state of charge to keep, where the plan has none.
-    keep_days : float, optional
-        Days that finished trips stay on disk; older ones are erased now and every hour. For ever by default.
-
-    Returns
-    -------
-    RoadCar
-        Locked against other processes until its `close`.
-
-    Raises
-    ------
-    InvalidInput
-        When its name cannot be one, it cannot be written, its plan is damaged, or another process has it open.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder, open_road_car(Path(folder, "my-leaf")) as car:
-    ...     print(car.name, car.trip)
-    my-leaf None
-    """
-    return RoadCar(Path(folder).absolute(), model_of, reserve=reserve, keep_days=keep_days)

@@ -52,7 +52,7 @@ def learn_finished(folder: Path | str, *, progress: Callable[[int, int], None] |
     folder : path
         Of a car with a description; another process may follow it meanwhile.
     progress : callable, optional
-        As of `OwnCar.add`.
+        As of `Car.add`.
 
     Returns
     -------
@@ -62,7 +62,7 @@ def learn_finished(folder: Path | str, *, progress: Callable[[int, int], None] |
     Raises
     ------
     InvalidInput
-        As `open_car` and `OwnCar.add`.
+        As `open_car` and `Car.add`.
 
     Examples
     --------

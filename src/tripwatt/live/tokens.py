@@ -56,7 +56,7 @@ def issue_token(folder: Path | str) -> str:
     Raises
     ------
     InvalidInput
-        As `open_road_car`.
+        As `RoadCar`.
 
     Examples
     --------

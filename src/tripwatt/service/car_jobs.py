@@ -18,8 +18,8 @@ from tripwatt.errors import InvalidInput
 from tripwatt.files import write_file
 from tripwatt.forecasting import ForecastModel
 from tripwatt.live import (
+    Car,
     Learned,
-    OwnCar,
     create_car,
     forget_car,
     has_token,
@@ -86,7 +86,7 @@ class CarJobs:
             return []
         return sorted(place.name for place in self.folder.iterdir() if is_car(place))
 
-    def car(self, name: str) -> OwnCar:
+    def car(self, name: str) -> Car:
         """The car of this name; errors are those of `car_folder`."""
         return open_car(car_folder(self.folder, name))
 
@@ -374,7 +374,7 @@ def _learned(done: Learned) -> dict[str, Any]:
     return {**asdict(done), "left_out": list(done.left_out[:SHOWN_REASONS])}
 
 
-def _summary(own: OwnCar, about: Mapping[str, Any]) -> dict[str, Any]:
+def _summary(own: Car, about: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "name": own.name,
         "vehicle": own.vehicle.name,

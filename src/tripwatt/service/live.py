@@ -21,7 +21,7 @@ from sse_starlette import EventSourceResponse, ServerSentEvent
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting import ForecastModel
-from tripwatt.live import LiveDocument, RoadCar, Sample, has_token, is_car, open_road_car
+from tripwatt.live import LiveDocument, RoadCar, Sample, has_token, is_car
 from tripwatt.live.tokens import digest_of, token_digest
 from tripwatt.service.car_jobs import CarJobs
 from tripwatt.service.jobs import Jobs
@@ -90,7 +90,7 @@ class LiveCars:
         name = place.name
         if name not in self.cars:
             keep_days = self.settings.keep_days
-            car = open_road_car(place, lambda request: self._model(name, request), keep_days=keep_days)
+            car = RoadCar(place, lambda request: self._model(name, request), keep_days=keep_days)
             car.note = lambda text: self.log(event="forecast not stored", vehicle=name, error=text)
             self.cars[name] = car
         self._by_digest = {digest: other for digest, other in self._by_digest.items() if other != name}
